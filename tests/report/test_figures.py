@@ -78,7 +78,11 @@ def draw_small(name, inputs, path):
         patch.setattr(rotation, "PIXELS", 120)
         patch.setattr(berries, "PICTURE_PIXELS", 100)
         patch.setattr(
-            style, "save", lambda *words: saved.append(words[0]) or save(*words)
+            style,
+            "save",
+            lambda figure, *path, **options: (
+                saved.append(figure) or save(figure, *path, **options)
+            ),
         )
         figures.draw(name, inputs_of(name, inputs), path, read_by(name))
     return saved[0]
@@ -325,7 +329,7 @@ def test_a_figure_with_the_calibrated_angle_names_its_line(
     monkeypatch.setattr(
         style,
         "save",
-        lambda figure, *_: without.append(words(figure).replace("\n", " ")),
+        lambda figure, *_, **options: without.append(words(figure).replace("\n", " ")),
     )
     figures.draw(
         name,

@@ -1,7 +1,8 @@
 # A rule for each figure of this study: what it shows and reads, and its caption, stand beside the function that draws it.
 if not PUBLISHED_IS_STORED:
     FIGURES.pop("published")
-# The names in braces of the figures' inputs; the other inputs are files below the folder of results.
+# The names in braces of the figures' inputs, which `repose.report.figures.registry` explains; the other inputs are files
+# below the folder of results.
 PLACES = {
     "answer": answer(),
     "config": config,
@@ -11,8 +12,6 @@ PLACES = {
     "table3": published("table3.csv") or "",
     "trajectory": rules.trajectory.output.trajectory,
 }
-# The other figures take 400.
-MEMORY_MB = {"figure05": 600, "figure07": 650, "figure15": 550}
 
 for name, shown in FIGURES.items():
     path, inputs = drawn(name)[name], placed({**shown.inputs, **shown.optional}, PLACES)
@@ -36,7 +35,7 @@ for name, shown in FIGURES.items():
         benchmark:
             f"{RESULTS}/benchmarks/figures/{name}.tsv"
         resources:
-            **needs(MEMORY_MB.get(name, 400)),
+            **needs(shown.memory_mb),
         params:
             config=CONFIG,
             code=code_hash("report.figures"),

@@ -37,8 +37,11 @@ class StudyView:
         settings = SimpleNamespace()
         for name, value in self.config.items():
             model = fields[name].annotation if name in fields else None
-            is_section = isinstance(model, type) and issubclass(model, BaseModel)
-            if is_section and isinstance(value, Mapping):
+            if (
+                isinstance(value, Mapping)
+                and isinstance(model, type)
+                and issubclass(model, BaseModel)
+            ):
                 value = model.model_construct(**value)
             setattr(settings, name, value)
         return settings

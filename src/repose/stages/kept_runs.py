@@ -20,6 +20,7 @@ from repose.common import attached, ledger, provenance
 from repose.common.errors import InputError
 from repose.common.files import json_text, read_json, read_npz, write_json, write_npz
 from repose.common.ledger import is_own_file
+from repose.common.source_code import code_hash
 from repose.measure.saved_pours import POURS, positions_file, pour_arrays, read_pours
 
 FOLDER = "runs"
@@ -111,7 +112,7 @@ def _measurement_of(pours: Path) -> tuple[Path, dict[str, str]]:
         for path in (pours, positions_file(pours))
     }
     kept = pours.parent / FOLDER / f"{pours.name.removesuffix(POURS)}.json"
-    return kept, files | {"code": provenance.room_hash(*MEASURING)}
+    return kept, files | {"code": code_hash("stages.job")}
 
 
 def read_measurement(pours: Path) -> dict[str, Any] | None:

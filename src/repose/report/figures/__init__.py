@@ -1,6 +1,5 @@
-"""Figures from the workflow's own tables, with the paper's numbers if the paper has a counterpart."""
+"""Figures from the tables of the workflow, with the numbers of the paper if it has any."""
 
-from collections.abc import Mapping
 from pathlib import Path
 
 from repose.common.errors import InputError, require
@@ -10,7 +9,9 @@ from . import (  # noqa: F401  (registers the figures)
     checks,
     discrepancy,
     measuring,
+    noise,
     plane,
+    posterior,
     profiles,
     refinement,
     region,
@@ -18,11 +19,11 @@ from . import (  # noqa: F401  (registers the figures)
     rotation,
     samples,
     search,
+    sensitivity,
     sequential,
     style,
     surrogate,
     testbench,
-    uncertainty,
 )
 from .registry import FIGURES, Config, Drawn, Inputs
 
@@ -32,38 +33,60 @@ def draw(
     inputs: Inputs,
     out_path: str | Path,
     config: Config,
-    known: Mapping[str, Drawn] = FIGURES,
+    known: dict[str, Drawn] = FIGURES,
 ) -> None:
-    """Draw a figure of `known` from `inputs`, paths by name; a PNG also gets the other formats of the configuration."""
-    from repose.config.models import FiguresSettings
+    """Draw a figure and write it; a PNG also gets the other formats of the configuration.
 
-    out_path, files = (
-        Path(out_path),
-        FiguresSettings.model_validate(config.get("figures", {})),
-    )
+    Parameters
+    ----------
+    name : str
+        Name of the figure in `known`.
+    inputs : mapping
+        Paths of the files that it shows, by name.
+    out_path : path
+        File of the figure, which ends in .png, .pdf or .svg.
+    config : mapping
+        The configuration of the study, or the sections that the figure reads.
+    known : dict, optional
+        Figures by name.
+
+    Raises
+    ------
+    InputError
+        For an unknown name or ending, or an input that is missing, unknown or no file.
+    """
+    from repose.config.models import FiguresSettings  # slow to import
+
+    out_path = Path(out_path)
     style.check_ending(out_path)
     require(name in known, "figures", "name", name, ", ".join(known))
-    needed, allowed = tuple(known[name].inputs), tuple(known[name].all_inputs)
+    figure_type = known[name]
+    _check_inputs(name, figure_type, inputs)
+
+    settings = FiguresSettings.model_validate(config.get("figures", {}))
+    other_formats = []
+    if out_path.suffix == ".png":
+        other_formats = [kind for kind in settings.format if kind != "png"]
+    with style.applied():
+        figure = figure_type.draw(inputs, config)
+        style.explain_symbols(figure, config)
+        style.save(
+            figure,
+            out_path,
+            small_run=bool(config.get("small_run", False)),
+            other_formats=other_formats,
+            dpi=settings.dpi,
+        )
+
+
+def _check_inputs(name: str, figure_type: Drawn, inputs: Inputs) -> None:
+    """Raise InputError for an input that is missing, unknown or no file."""
+    needed = tuple(figure_type.inputs)
+    allowed = tuple(figure_type.all_inputs)
+    source = f"figure {name}"
     for key in [*needed, *inputs]:
         if key not in allowed or key not in inputs:
-            raise InputError(
-                f"figure {name}", "inputs", key, f"needs {needed}, may have {allowed}"
-            )
-        require(
-            Path(inputs[key]).is_file(),
-            f"figure {name}",
-            key,
-            str(inputs[key]),
-            "an existing file",
-        )
-    further = (
-        [kind for kind in files.format if kind != "png"]
-        if out_path.suffix == ".png"
-        else []
-    )
-    with style.applied():
-        drawn = known[name].draw(inputs, config)
-        style.explain_symbols(drawn, config)
-        style.save(
-            drawn, out_path, bool(config.get("small_run", False)), further, files.dpi
-        )
+            expected = f"needs {needed}, may have {allowed}"
+            raise InputError(source, "inputs", key, expected)
+        if not Path(inputs[key]).is_file():
+            raise InputError(source, key, str(inputs[key]), "an existing file")

@@ -12,12 +12,13 @@ from repose.common.errors import InputError
 from repose.grain import berry
 from repose.grain.particle import KINDS, Body, Particle
 
-from . import style
-from .registry import Inputs, Shown, figure
+from . import panels, style
+from .registry import SIZES, Inputs, StudyView, figure
 
-PICTURE_PIXELS = 400  # width of a body's picture at the default resolution
+PICTURE_PIXELS = 400  # width of the picture of a grain at the default resolution
 
-AXES = (
+# Column of the table of sizes, label and colour of each axis of a grain.
+GRAIN_AXES = (
     ("long_mm", "long axis", style.BLUE),
     ("major_mm", "major diameter", style.GREEN),
     ("minor_mm", "minor diameter", style.ORANGE),
@@ -27,24 +28,30 @@ RECONSTRUCTED = (
 )
 
 
-@figure("figure02", "Figure 2", {"sizes": "{config[berry][sizes]}"})
-def sizes_and_sphericity(inputs: Inputs, study: Shown) -> Figure:
-    """Draw histograms of the axes and of the sphericity (Eq. 1 and Table 1 of the paper), with normal curves.
+@figure("figure02", "Figure 2", {"sizes": SIZES})
+def sizes_and_sphericity(inputs: Inputs, study: StudyView) -> Figure:
+    """Draw histograms of the axes and of the sphericity of the grains.
 
-    Figure 2. Sizes of the grains, with the normal curves of their means and standard deviations. Where the table
-    of sizes says so in its first line, it is a reconstruction from published statistics and was not measured.
+    The axes are columns of the table of sizes; the sphericity is computed from them
+    (Eq. 1 and Table 1 of the paper).
+
+    Figure 2. Sizes of the grains, with the normal curves of their means and standard
+    deviations. Where the table of sizes says so in its first line, it is a
+    reconstruction from published statistics and was not measured.
     """
     sizes = berry.read_sizes(inputs["sizes"])
-    figure, panels = style.grid(4, 2.1, columns=4, sharey=True)
-    for panel, (column, label, colour) in zip(panels, AXES, strict=False):
-        _histogram(panel, sizes[column].to_numpy(), f"{label} (mm)", colour, "mm")
-    sphericity = 100 * berry.sphericity(
-        *(sizes[column].to_numpy() for column, _, _ in AXES)
-    )
-    _histogram(panels[3], sphericity, "sphericity (%)", style.PURPLE, "%")
-    style.name_panels(panels)
-    panels[0].set_ylabel("number of grains")
-    panels[0].yaxis.set_major_locator(MaxNLocator(integer=True))
+    figure, axes_of_histograms = panels.grid(4, 2.1, columns=4, sharey=True)
+    *size_panels, sphericity_panel = axes_of_histograms
+    lengths = [sizes[column].to_numpy() for column, _, _ in GRAIN_AXES]
+    for panel, length, (_, label, colour) in zip(
+        size_panels, lengths, GRAIN_AXES, strict=True
+    ):
+        _draw_histogram(panel, length, f"{label} (mm)", colour, "mm")
+    sphericity = 100 * berry.sphericity(*lengths)
+    _draw_histogram(sphericity_panel, sphericity, "sphericity (%)", style.PURPLE, "%")
+    style.name_panels(axes_of_histograms)
+    size_panels[0].set_ylabel("number of grains")
+    size_panels[0].yaxis.set_major_locator(MaxNLocator(integer=True))
     style.below(
         figure, "curves: normal distributions of these means and standard deviations"
     )
@@ -53,109 +60,142 @@ def sizes_and_sphericity(inputs: Inputs, study: Shown) -> Figure:
     return figure
 
 
-def _histogram(
+def _draw_histogram(
     panel: Axes, values: np.ndarray, label: str, colour: str, unit: str
 ) -> None:
-    """Draw the histogram of one size with the normal curve of its mean and standard deviation."""
+    """Draw the histogram of a size with the normal curve of its mean and deviation."""
     from scipy import stats  # slow to import
 
-    mean, sd = values.mean(), values.std(ddof=1)
+    mean = values.mean()
+    sd = values.std(ddof=1)
     # Equal grains have one bin, and a curve too narrow to see.
-    sd_shown = max(sd, 1e-3 * mean)
-    ends = min(values.min(), mean - sd_shown), max(values.max(), mean + sd_shown)
-    look = {"color": colour, "alpha": 0.55, "edgecolor": "white", "linewidth": 0.6}
-    counts, edges, _ = panel.hist(values, bins=9, range=ends, **look)
-    x = np.linspace(mean - 3.2 * sd_shown, mean + 3.2 * sd_shown, 200)
-    panel.plot(
-        x,
-        len(values) * (edges[1] - edges[0]) * stats.norm.pdf(x, mean, sd_shown),
-        color=style.BLACK,
+    shown_sd = max(sd, 1e-3 * mean)
+    low = min(values.min(), mean - shown_sd)
+    high = max(values.max(), mean + shown_sd)
+    counts, edges, _ = panel.hist(
+        values,
+        bins=9,
+        range=(low, high),
+        color=colour,
+        alpha=0.55,
+        edgecolor="white",
+        linewidth=0.6,
     )
-    panel.set(xlabel=label, ylim=(0, max(panel.get_ylim()[1], 1.35 * counts.max())))
-    style.note(
-        panel, f"{mean:.2f} ± {sd:.2f} {unit}\nn = {len(values)}", x=0.98, ha="right"
-    )
+    x = np.linspace(mean - 3.2 * shown_sd, mean + 3.2 * shown_sd, 200)
+    bin_width = edges[1] - edges[0]
+    curve = len(values) * bin_width * stats.norm.pdf(x, mean, shown_sd)
+    panel.plot(x, curve, color=style.BLACK)
+    top = max(panel.get_ylim()[1], 1.35 * counts.max())
+    panel.set(xlabel=label, ylim=(0, top))
+    words = f"{mean:.2f} ± {sd:.2f} {unit}\nn = {len(values)}"
+    style.note(panel, words, x=0.98, ha="right")
 
 
-MESH = {"stl": "berry/berry.stl", "particle": "berry/particle.json"}
-
-
-@figure("figure07", "Figure 7", MESH, reads=("berry", "colour"))
-def particle_and_mesh(inputs: Inputs, study: Shown) -> Figure:
-    """Draw the mesh and all particles made from it, side by side on the same scale.
+@figure(
+    "figure07",
+    "Figure 7",
+    {"stl": "berry/berry.stl", "particle": "berry/particle.json"},
+    reads=("berry", "colour"),
+    memory_mb=650,
+)
+def particle_and_mesh(inputs: Inputs, study: StudyView) -> Figure:
+    """Draw the mesh and each kind of particle made from it, on the same scale.
 
     Figure 7. The grain: its mesh, and the particle that the simulator makes of the mesh.
     """
-    # slow to import, and the other figures do without
-    from repose.grain import build
+    # Slow to import, and the other figures do without.
     from repose.grain.mesh import load_mesh
     from repose.report.renderer.render import render_bodies, render_mesh
     from repose.report.renderer.scenery import Setting, look_at
 
-    chosen = Particle.load(inputs["particle"])
+    simulated = Particle.load(inputs["particle"])
     mesh = load_mesh(inputs["stl"])
-    in_m = mesh.copy().apply_scale(1e-3)
-    width = style.pixels(study, PICTURE_PIXELS)
+    mesh_in_m = mesh.copy().apply_scale(1e-3)
+
+    width = style.picture_pixels(study, PICTURE_PIXELS)
     camera: dict[str, Any] = {
         "width": width,
         "height": round(0.78 * width),
         "field_of_view_deg": style.TELEPHOTO_DEG,
+        "elevation_deg": 22.0,
+        "azimuth_deg": -58.0,
     }
-    camera |= {"elevation_deg": 22.0, "azimuth_deg": -58.0}
-    frame_m = 1.05 * np.asarray(in_m.vertices)
-    view = camera | {"frame_m": frame_m, "supersample": 3, "colour": study.colour}
+    frame_m = 1.05 * np.asarray(mesh_in_m.vertices)
+    view = camera | {
+        "frame_m": frame_m,
+        "supersample": 3,
+        "colour": study.settings.colour,
+    }
+
     figure = style.new_figure(style.PAGE, 2.35)
     figure.set_layout_engine("compressed")
-    panels = figure.subplots(1, 4)
-    _caption(panels[0], "a  mesh", chosen.mesh, f"{len(mesh.faces)} triangles")
-    panels[0].imshow(render_mesh(in_m, **view))
+    mesh_panel, *particle_panels = figure.subplots(1, 4)
+    mesh_words = f"{len(mesh.faces)} triangles"
+    _describe(mesh_panel, "a  mesh", simulated.mesh, mesh_words)
+    mesh_panel.imshow(render_mesh(mesh_in_m, **view))
     style.scale_bar(
-        panels[0], look_at(frame_m, **camera), np.zeros(3), max(in_m.extents)
+        mesh_panel, look_at(frame_m, **camera), np.zeros(3), max(mesh_in_m.extents)
     )
-    how = study.berry.spheres, study.berry.surface
-    for panel, kind, letter in zip(panels[1:], KINDS, "bcd", strict=True):
-        poured = kind == chosen.kind
+    for panel, kind, letter in zip(particle_panels, KINDS, "bcd", strict=True):
         try:
-            particle = (
-                chosen
-                if poured
-                else build.make_particle(mesh, chosen.density_kg_m3, kind, *how)
-            )
+            particle = _particle_of_kind(kind, mesh, simulated, study)
         except InputError as error:
-            _caption(
-                panel,
-                f"{letter}  {kind}",
-                None,
-                "\n".join(textwrap.wrap(str(error), 34)),
-            )
+            words = "\n".join(textwrap.wrap(str(error), 34))
+            _describe(panel, f"{letter}  {kind}", None, words)
             continue
-        alone = np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0, 0.0]]), [particle]
-        panel.imshow(render_bodies(*alone, setting=Setting(None), **view))
-        off = f"off by {1e3 * particle.deviation_max_m:.2f} mm at most,\n{1e3 * particle.deviation_rms_m:.3f} mm rms"
-        _caption(
-            panel,
-            f"{letter}  {kind}{' (poured)' * poured}",
-            particle,
-            f"{_parts(particle)}\n{off}",
+        picture = render_bodies(
+            np.zeros((1, 3)),
+            np.array([[1.0, 0.0, 0.0, 0.0]]),
+            [particle],
+            setting=Setting(None),
+            **view,
         )
+        panel.imshow(picture)
+        remark = " (poured)" if kind == simulated.kind else ""
+        words = (
+            f"{_parts_in_words(particle)}\n"
+            f"off by {1e3 * particle.deviation_max_m:.2f} mm at most,\n"
+            f"{1e3 * particle.deviation_rms_m:.3f} mm rms"
+        )
+        _describe(panel, f"{letter}  {kind}{remark}", particle, words)
     return figure
 
 
-def _parts(particle: Particle) -> str:
-    """Say the parts of a particle, in words."""
+def _particle_of_kind(
+    kind: str, mesh: Any, simulated: Particle, study: StudyView
+) -> Particle:
+    """Give the particle of a kind: the simulated one, or another made from the mesh."""
+    from repose.grain import build  # slow to import
+
+    if kind == simulated.kind:
+        return simulated
+    settings = study.settings.berry
+    return build.make_particle(
+        mesh, simulated.density_kg_m3, kind, settings.spheres, settings.surface
+    )
+
+
+def _parts_in_words(particle: Particle) -> str:
+    """Say of which parts a particle consists."""
     if particle.is_clump:
         return f"{len(particle.spheres_m)} spheres"
     count = len(particle.semi_axes_m)
     return "one ellipsoid" if count == 1 else f"sum of {count} ellipsoids"
 
 
-def _caption(panel: Axes, title: str, body: Particle | Body | None, words: str) -> None:
-    """Draw the name, volume, mass, moments and further words on a body."""
+def _describe(
+    panel: Axes, title: str, body: Particle | Body | None, words: str
+) -> None:
+    """Write name, axes, volume, mass and moments of a body, and words, below its picture."""
     panel.axis("off")
     panel.set_title(title, loc="center", fontweight="bold")
     if body is not None:
-        moments = ", ".join(f"{1e9 * value:.1f}" for value in body.inertia_kg_m2)
         axes = " × ".join(f"{1e3 * value:.1f}" for value in body.axes_m)
-        size = f"volume {1e9 * body.volume_m3:.0f} mm³, mass {1e3 * body.mass_kg:.3f} g"
-        words = f"{axes} mm\n{size}\nmoments {moments} g mm²\n{words}"
+        volume = f"{1e9 * body.volume_m3:.0f}"
+        mass = f"{1e3 * body.mass_kg:.3f}"
+        moments = ", ".join(f"{1e9 * value:.1f}" for value in body.inertia_kg_m2)
+        words = (
+            f"{axes} mm\nvolume {volume} mm³, mass {mass} g\n"
+            f"moments {moments} g mm²\n{words}"
+        )
     style.note(panel, words, x=0.5, y=-0.04, ha="center", fontsize=6.5)

@@ -1,4 +1,4 @@
-"""The validation of our solutions (Table 4), and the published solutions in our simulator."""
+"""The check of our solutions (Table 4), and the published solutions in our simulator."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -13,74 +13,93 @@ from repose.calibrate.targets import Target
 from repose.common.files import read_table
 from repose.stages.published import STALE, published_responses
 
-from . import style
-from .registry import Inputs, Shown, figure
+from . import panels, style
+from .registry import (
+    PUBLISHED_HERE,
+    PUBLISHED_SOLUTIONS,
+    Inputs,
+    StudyView,
+    figure,
+)
 
+# Places of two marks of a solution, to the left and to the right of its tick.
+OFFSET = 0.12
 BARS = {"ms": 4.5, "elinewidth": 1, "capsize": 2}
-HERE = BARS | {
+SIMULATED_HERE = BARS | {
     "fmt": "s",
     "color": style.BLUE,
     "label": "simulated here ± standard error over seeds",
 }
-THERE = BARS | {
+SIMULATED_BY_OTHERS = BARS | {
     "fmt": "D",
     "color": style.ORANGE,
     "mfc": "white",
     "label": "published simulation",
 }
-
-
-TABLE_4 = {"table4": "validation/table4.csv"}
+MEASURED_BY_OTHERS = SIMULATED_BY_OTHERS | {
+    "mfc": style.ORANGE,
+    "label": "published measurement",
+}
 
 
 @figure(
     "validation",
     "Table 4, shown",
-    TABLE_4,
-    optional={"published": "{published}"},
+    {"table4": "validation/table4.csv"},
+    optional={"published": PUBLISHED_SOLUTIONS},
     reads=("targets",),
 )
-def validation(inputs: Inputs, study: Shown) -> Figure:
-    """Draw predicted and simulated responses of our solutions, and the published table's.
+def validation(inputs: Inputs, study: StudyView) -> Figure:
+    """Draw predicted and simulated responses of our solutions and of published ones.
 
-    Table 4 as a figure: predicted and simulated responses of the answer, the representative solution, and others,
-    simulated with seeds that no sample of the design had. Published solutions have a P before their number. Bars
-    are one standard error; the band is the measurement, mean and standard deviation.
+    A row of panels for each target: left the solutions of `table4`, right those of the
+    table `published`, if there is one.
+
+    Table 4 as a figure: predicted and simulated responses of the answer, the
+    representative solution, and others, simulated with seeds that no sample of the
+    design had. Published solutions have a P before their number. Bars are one standard
+    error; the band is the measurement, mean and standard deviation.
     """
     targets = study.targets
     simulated = [target.response.simulated for target in targets]
     solutions = read_table(
         inputs["table4"], ("solution", *targets.predicted, *simulated)
     )
-    of_publication = (
-        read_table(inputs["published"], ("solution",))
-        if "published" in inputs
-        else pd.DataFrame()
-    )
-    published = published_responses(of_publication.columns, targets.responses)
-    widths = (1.15, 1) if published else (1,)
+    others = pd.DataFrame()
+    if "published" in inputs:
+        others = read_table(inputs["published"], ("solution",))
+    responses_of_others = published_responses(others.columns, targets.responses)
+
+    widths = (1.15, 1) if responses_of_others else (1,)
     figure = style.new_figure(style.PAGE, 0.6 + 1.9 * len(targets))
-    panels = figure.subplots(
+    axes = figure.subplots(
         len(targets), len(widths), sharey="row", squeeze=False, width_ratios=widths
     )
-    for row, target in zip(panels, targets, strict=True):
-        _predicted_and_simulated(row[0], _in_order(solutions), target, HERE)
-        row[0].set_ylabel(style.response_label(target.response))
-        if target.response in published:
-            _predicted_and_simulated(
-                row[1], _in_order(of_publication, "P"), target, THERE
+    for row, target in zip(axes, targets, strict=True):
+        ours = row[0]
+        _draw_predicted_and_simulated(
+            ours, _sorted_by_name(solutions), target, SIMULATED_HERE
+        )
+        ours.set_ylabel(style.response_label(target.response))
+        if not responses_of_others:
+            continue
+        theirs = row[1]
+        if target.response in responses_of_others:
+            _draw_predicted_and_simulated(
+                theirs, _sorted_by_name(others, "P"), target, SIMULATED_BY_OTHERS
             )
-        elif published:
-            row[1].axis("off")
+        else:
+            theirs.axis("off")
             style.note(
-                row[1], "not published", x=0.5, y=0.5, ha="center", color=style.GREY
+                theirs, "not published", x=0.5, y=0.5, ha="center", color=style.GREY
             )
-    of = ("this run", "solution of this run"), ("published", "published solution (P)")
-    for top, bottom, (title, label) in zip(panels[0], panels[-1], of, strict=False):
-        top.set_title(title, fontweight="bold")
-        bottom.set_xlabel(label)
-    figure.align_xlabels(panels[-1])
-    style.one_legend(panels.ravel(), loc="outside upper center", ncols=3)
+    axes[0, 0].set_title("this run", fontweight="bold")
+    axes[-1, 0].set_xlabel("solution of this run")
+    if responses_of_others:
+        axes[0, 1].set_title("published", fontweight="bold")
+        axes[-1, 1].set_xlabel("published solution (P)")
+    figure.align_xlabels(axes[-1])
+    style.one_legend(axes.ravel(), loc="outside upper center", ncols=3)
     style.below(figure, "numbers: error of the prediction in % of the simulated value")
     return figure
 
@@ -88,42 +107,42 @@ def validation(inputs: Inputs, study: Shown) -> Figure:
 @figure(
     "published",
     "Published solutions here",
-    {"published": "{stored}"},
+    {"published": PUBLISHED_HERE},
     reads=("targets",),
 )
-def published_solutions(inputs: Inputs, study: Shown) -> Figure:
-    """Draw the published responses of the published solutions, and the ones simulated here.
+def published_solutions(inputs: Inputs, study: StudyView) -> Figure:
+    """Draw the responses of published solutions, as published and as simulated here.
 
-    The published parameter sets in this simulator, from the stored table that the configuration names, with what
-    was published of their piles.
+    The published parameter sets in this simulator, from the stored table that the
+    configuration names, with what was published of their piles.
     """
-    table = _in_order(read_table(inputs["published"], ("solution",)), "P")
+    table = _sorted_by_name(read_table(inputs["published"], ("solution",)), "P")
     targets = [target for target in study.targets if target.response.simulated in table]
-    figure, panels = style.grid(len(targets), 2.3, further=0.3)
-    for panel, target in zip(panels, targets, strict=True):
-        _published_and_simulated(panel, table, target)
-    style.name_panels(panels)
-    if table.get("stale", pd.Series(dtype=bool)).any():
-        figure.suptitle(STALE, fontsize=6.8, color=style.RED)
-    style.one_legend(panels, loc="outside lower center", ncols=2)
+    figure, axes = panels.grid(len(targets), 2.3, extra_height=0.3)
+    for panel, target in zip(axes, targets, strict=True):
+        _draw_published_and_simulated(panel, table, target)
+    style.name_panels(axes)
+    if "stale" in table and table["stale"].any():
+        figure.suptitle(STALE, fontsize=style.SMALL_TEXT_PT, color=style.RED)
+    style.one_legend(axes, loc="outside lower center", ncols=2)
     return figure
 
 
-def _published_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -> None:
+def _draw_published_and_simulated(
+    panel: Axes, table: pd.DataFrame, target: Target
+) -> None:
     """Draw one response of the published solutions, as published and as simulated here."""
-    x, response = _measured(panel, table, target), target.response
-    if (column := derived(response.name, "published_simulated")) in table:
-        measured = table.get(
-            derived(response.name, "published_measured"), pd.Series(np.nan, table.index)
-        )
-        panel.errorbar(x - 0.12, table[column], **THERE)
+    response = target.response
+    x = _draw_measurement(panel, table, target)
+    published_column = derived(response.name, "published_simulated")
+    measured_column = derived(response.name, "published_measured")
+    if published_column in table:
+        published = table[published_column]
+        measured = table.get(measured_column, pd.Series(np.nan, table.index))
+        panel.errorbar(x - OFFSET, published, **SIMULATED_BY_OTHERS)
         if measured.notna().any():
-            panel.errorbar(
-                x - 0.12,
-                measured,
-                **THERE | {"mfc": style.ORANGE, "label": "published measurement"},
-            )
-        for place in x[table[column].isna() & measured.isna()]:
+            panel.errorbar(x - OFFSET, measured, **MEASURED_BY_OTHERS)
+        for place in x[published.isna() & measured.isna()]:
             panel.text(
                 place - 0.2,
                 target.value,
@@ -131,27 +150,32 @@ def _published_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -
                 rotation=90,
                 ha="center",
                 va="center",
-                fontsize=6.8,
+                fontsize=style.SMALL_TEXT_PT,
             )
-    panel.errorbar(
-        x + 0.12, table[response.simulated], table[response.error].fillna(0.0), **HERE
-    )
+    simulated = table[response.simulated]
+    error = table[response.error].fillna(0.0)
+    panel.errorbar(x + OFFSET, simulated, error, **SIMULATED_HERE)
     panel.set(ylabel=style.response_label(response), xlabel="published solution (P)")
     panel.margins(y=0.15)
 
 
-def _predicted_and_simulated(
+def _draw_predicted_and_simulated(
     panel: Axes, table: pd.DataFrame, target: Target, marks: Mapping[str, Any]
 ) -> None:
-    """Draw one response of each solution, with the prediction's error in percent of the simulated value."""
-    x, response = _measured(panel, table, target), target.response
-    predicted, simulated = (
-        table[column].to_numpy(float)
-        for column in (response.predicted, response.simulated)
-    )
-    error = table[response.error].fillna(0.0) if response.error in table else None
+    """Draw one response of each solution with the error of its prediction.
+
+    The error is in percent of the simulated value; `marks` is the look of simulated
+    values.
+    """
+    response = target.response
+    x = _draw_measurement(panel, table, target)
+    predicted = table[response.predicted].to_numpy(float)
+    simulated = table[response.simulated].to_numpy(float)
+    error = None
+    if response.error in table:
+        error = table[response.error].fillna(0.0)
     panel.plot(
-        x - 0.12,
+        x - OFFSET,
         predicted,
         "o",
         ms=4.5,
@@ -159,25 +183,29 @@ def _predicted_and_simulated(
         color=style.BLACK,
         label="predicted",
     )
-    panel.errorbar(x + 0.12, simulated, error, **marks)
-    look = {
-        "xytext": (0, -9),
-        "textcoords": "offset points",
-        "ha": "center",
-        "va": "top",
-        "fontsize": 6.3,
-    }
-    for place, before, after in zip(x, predicted, simulated, strict=True):
-        if np.isfinite(after) and after != 0:
-            off = 100 * abs((before - after) / after)
-            panel.annotate(
-                f"{off:.1f}", (place, min(before, after)), color=style.GREY, **look
-            )
+    panel.errorbar(x + OFFSET, simulated, error, **marks)
+    for place, prediction, simulation in zip(x, predicted, simulated, strict=True):
+        if not np.isfinite(simulation) or simulation == 0:
+            continue
+        percent = 100 * abs((prediction - simulation) / simulation)
+        panel.annotate(
+            f"{percent:.1f}",
+            (place, min(prediction, simulation)),
+            xytext=(0, -9),
+            textcoords="offset points",
+            ha="center",
+            va="top",
+            fontsize=6.3,
+            color=style.GREY,
+        )
     panel.margins(y=0.25)
 
 
-def _measured(panel: Axes, table: pd.DataFrame, target: Target) -> np.ndarray:
-    """Draw the measured mean and a band of one standard deviation over the solutions' names, and give their places."""
+def _draw_measurement(panel: Axes, table: pd.DataFrame, target: Target) -> np.ndarray:
+    """Draw the measured mean with its standard deviation, and name the solutions.
+
+    Returns the places (n,) of the solutions on the x axis.
+    """
     words = "measured ± standard deviation of one repetition"
     style.band(panel, target.value - target.sd, target.value + target.sd, words)
     panel.axhline(target.value, color=style.GREEN, lw=0.9, label="measured mean")
@@ -186,25 +214,25 @@ def _measured(panel: Axes, table: pd.DataFrame, target: Target) -> np.ndarray:
     return np.arange(len(table))
 
 
-def _in_order(table: pd.DataFrame, mark: str = "") -> pd.DataFrame:
-    """Give solutions names for an axis, a mark before their numbers: the answer first, then by number, then others."""
-    answer = table.get("role", table["solution"]) == "representative"
+def _sorted_by_name(table: pd.DataFrame, mark: str = "") -> pd.DataFrame:
+    """Add the names of solutions for an axis, with a mark before their numbers.
+
+    The answer comes first, then the others by number, then those without a number.
+    """
+    is_answer = table.get("role", table["solution"]) == "representative"
     names = [
-        _name(str(solution), first, mark)
-        for solution, first in zip(table["solution"], answer, strict=True)
+        _name(str(solution), answer, mark)
+        for solution, answer in zip(table["solution"], is_answer, strict=True)
     ]
-    number = pd.to_numeric(table["solution"], errors="coerce").mask(answer, -1)
-    return table.assign(name=names, number=number).sort_values(
-        "number", kind="stable", ignore_index=True
-    )
+    number = pd.to_numeric(table["solution"], errors="coerce").mask(is_answer, -1)
+    named = table.assign(name=names, number=number)
+    return named.sort_values("number", kind="stable", ignore_index=True)
 
 
-def _name(solution: str, answer: bool, mark: str) -> str:
-    """Name a solution; one of other authors by these and the year, as `yu_2022`."""
-    if answer:
+def _name(solution: str, is_answer: bool, mark: str) -> str:
+    """Name a solution; one of other authors, as `yu_2022`, by these and the year."""
+    if is_answer:
         return f"{mark}{solution.removeprefix('representative')}\n(answer)"
-    return (
-        f"{mark}{solution}"
-        if solution.isdigit()
-        else solution.replace("_", " et al.\n").capitalize()
-    )
+    if solution.isdigit():
+        return f"{mark}{solution}"
+    return solution.replace("_", " et al.\n").capitalize()

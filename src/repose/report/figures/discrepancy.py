@@ -1,13 +1,16 @@
 """Information in the measurements over the size of the simulator's discrepancy."""
 
+import math
+
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from repose.common.files import read_table
+from repose.report.study_view import parameter_ranges
 
-from . import style
-from .registry import OF_POSTERIOR, Inputs, Shown, figure
+from . import panels, style
+from .registry import Inputs, StudyView, figure
 
 COLUMNS = (
     "discrepancy_percent",
@@ -16,108 +19,122 @@ COLUMNS = (
     "information_bits",
     "effective_points",
 )
-BITS = ("discrepancy_percent", "information_bits")
-FEW = 400  # effective points, below which a row is a rough estimate
-PALE = 0.3  # opacity of rough estimates
-ERROR = "assumed error of the simulator"
+FEWEST_POINTS = 400  # effective points, below which a row is a rough estimate
+ROUGH_OPACITY = 0.3
 
 
 @figure(
     "discrepancy",
     "Discrepancy",
     {"discrepancy": "posterior/discrepancy.csv"},
-    **OF_POSTERIOR,
+    reads=("parameters", "targets"),
+    folder="posterior",
+    category="Uncertainty",
 )
-def over_the_discrepancy(inputs: Inputs, study: Shown) -> Figure:
+def over_the_discrepancy(inputs: Inputs, study: StudyView) -> Figure:
     """Draw information and intervals over the discrepancy.
 
-    Information of the measurements on the parameters, over the discrepancy: the error that the simulator has with
-    the best parameters, too. Above the information; below the 95 % interval of each parameter in its range. Where a
-    shape study is given, its spread of plausible models is marked.
+    Rows of the table whose `evidence` is ``stated`` have an assumed discrepancy; the
+    others come from the shape study.
+
+    Information of the measurements on the parameters, over the discrepancy: the error
+    that the simulator has with the best parameters, too. Above the information; below
+    the 95 % interval of each parameter in its range. Where a shape study is given, its
+    spread of plausible models is marked.
     """
-    names = study.space.free
+    names = study.parameters.free
     ends = [f"{name}_{end}" for name in names for end in ("low", "high")]
     table = read_table(inputs["discrepancy"], (*COLUMNS, *ends))
-    stated, of_study = (
-        table[table["evidence"] == "stated"],
-        table[table["evidence"] != "stated"],
-    )
-    rows = -(-len(names) // 3)
+    is_stated = table["evidence"] == "stated"
+    stated, of_shape_study = table[is_stated], table[~is_stated]
+
+    rows = math.ceil(len(names) / 3)
+    heights = [2.3, 1.55 * rows]
     figure = style.new_figure(style.PAGE, 2.3 + 1.55 * rows)
-    above, below = figure.subfigures(2, 1, height_ratios=[2.3, 1.55 * rows])
-    bits = above.subplots()
-    for k, (correlation, own) in enumerate(stated.groupby("discrepancy_correlation")):
-        how = (
-            f"correlation {correlation:g}"
-            if correlation
-            else "independent between targets"
-        )
-        for part, look in (
-            (own, {"alpha": PALE}),
-            (_sure(own), {"label": f"assumed, {how}"}),
-        ):
-            bits.plot(*(part[key] for key in BITS), **style.series(k), **look)
-    bits.plot(
-        *(of_study[key] for key in BITS),
+    above, below = figure.subfigures(2, 1, height_ratios=heights)
+    _draw_information(above.subplots(), stated, of_shape_study)
+
+    axes = panels.panels_in(below, len(names), 3)
+    ranges = parameter_ranges(study.parameters)
+    for panel, name in zip(axes, names, strict=True):
+        _draw_intervals(panel, name, stated, of_shape_study)
+        panel.set(ylabel=style.parameter_label(name), ylim=ranges[name])
+    for panel in axes[max(0, len(names) - 3) :]:
+        panel.set_xlabel("assumed error (%)")
+    title = (
+        "95 % intervals of the parameters, in their ranges; bands: error assumed as "
+        "above"
+    )
+    if len(of_shape_study):
+        title += "; bar: spread of the shape study's models"
+    below.suptitle(title, fontsize=7.5)
+    return figure
+
+
+def _draw_information(
+    panel: Axes, stated: pd.DataFrame, of_shape_study: pd.DataFrame
+) -> None:
+    """Draw the information in bits over the assumed error, a line for each correlation."""
+    x, y = "discrepancy_percent", "information_bits"
+    by_correlation = stated.groupby("discrepancy_correlation")
+    for k, (correlation, rows) in enumerate(by_correlation):
+        words = "independent between targets"
+        if correlation:
+            words = f"correlation {correlation:g}"
+        look = style.series(k)
+        sure = _without_rough_rows(rows)
+        panel.plot(rows[x], rows[y], **look, alpha=ROUGH_OPACITY)
+        panel.plot(sure[x], sure[y], **look, label=f"assumed, {words}")
+    panel.plot(
+        of_shape_study[x],
+        of_shape_study[y],
         "D",
         color=style.RED,
         label="spread of the shape study's models",
     )
-    rough = stated[stated["effective_points"] < FEW]
+    rough = stated[stated["effective_points"] < FEWEST_POINTS]
     if len(rough):
-        words = f"fewer than {FEW} effective points, with pale lines"
-        bits.plot(
-            *(rough[key] for key in BITS), "o", mfc="white", mec=style.GREY, label=words
+        panel.plot(
+            rough[x],
+            rough[y],
+            "o",
+            mfc="white",
+            mec=style.GREY,
+            label=f"fewer than {FEWEST_POINTS} effective points, with pale lines",
         )
-    bits.set(
+    panel.set(
+        xlabel="assumed error of the simulator (% of the target)",
         ylabel="information\n(bits; 1 bit halves the range)",
-        xlabel=f"{ERROR} (% of the target)",
         ylim=(0, None),
     )
-    bits.grid(True)
-    bits.legend()
-    panels = style.panels_in(below, len(names), 3)
-    for panel, name in zip(panels, names, strict=True):
-        _intervals(panel, name, stated, of_study)
-        panel.set(ylabel=style.parameter_label(name), ylim=study.ranges[name])
-    words = "95 % intervals of the parameters, in their ranges; bands: error assumed as above"
-    below.suptitle(
-        words + "; bar: spread of the shape study's models" * bool(len(of_study)),
-        fontsize=7.5,
-    )
-    for panel in panels[max(0, len(names) - 3) :]:
-        panel.set_xlabel("assumed error (%)")
-    return figure
+    panel.grid(True)
+    panel.legend()
 
 
-def _sure(rows: pd.DataFrame) -> pd.DataFrame:
+def _without_rough_rows(rows: pd.DataFrame) -> pd.DataFrame:
     """Empty the rows that are rough estimates."""
-    return rows.where(rows["effective_points"] >= FEW)
+    return rows.where(rows["effective_points"] >= FEWEST_POINTS)
 
 
-def _intervals(
-    panel: Axes, name: str, stated: pd.DataFrame, of_study: pd.DataFrame
+def _draw_intervals(
+    panel: Axes, name: str, stated: pd.DataFrame, of_shape_study: pd.DataFrame
 ) -> None:
-    """Draw the 95 % interval of one parameter: a band for each stated correlation, a bar for the shape study."""
+    """Draw the 95 % interval of one parameter over the assumed error.
+
+    Each correlation has a band, a row of the shape study a bar.
+    """
     ends = [f"{name}_low", f"{name}_high"]
-    for k, (_, own) in enumerate(stated.groupby("discrepancy_correlation")):
+    by_correlation = stated.groupby("discrepancy_correlation")
+    for k, (_, rows) in enumerate(by_correlation):
         look = style.series(k)
-        for part, alpha in ((own, PALE), (_sure(own), 1.0)):
+        sure = _without_rough_rows(rows)
+        for part, opacity in ((rows, ROUGH_OPACITY), (sure, 1.0)):
             x = part["discrepancy_percent"]
+            low, high = part[ends].to_numpy().T
             panel.fill_between(
-                x,
-                *part[ends].to_numpy().T,
-                color=look["color"],
-                alpha=0.15 * alpha,
-                lw=0,
+                x, low, high, color=look["color"], alpha=0.15 * opacity, lw=0
             )
-            panel.plot(x, part[ends], lw=1.1, alpha=alpha, **look)
-    for _, row in of_study.iterrows():
-        panel.plot(
-            2 * [row["discrepancy_percent"]],
-            row[ends],
-            "-_",
-            color=style.RED,
-            lw=1.4,
-            ms=6,
-        )
+            panel.plot(x, part[ends], lw=1.1, alpha=opacity, **look)
+    for _, row in of_shape_study.iterrows():
+        x = row["discrepancy_percent"]
+        panel.plot([x, x], row[ends], "-_", color=style.RED, lw=1.4, ms=6)

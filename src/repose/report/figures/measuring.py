@@ -14,7 +14,7 @@ from repose.measure.saved_pours import first_pour
 from repose.measure.silhouette import Grains
 
 from . import style
-from .registry import MEASURED_PILE, Inputs, Shown, figure, has_pile
+from .registry import MEASURED_PILE, Inputs, StudyView, figure, has_pile
 
 COLOURS = dict(
     zip(
@@ -23,7 +23,11 @@ COLOURS = dict(
         strict=True,
     )
 )
-STYLES = dict(zip(DEFINITIONS, ("-", "-", "-", (0, (4, 2)), (0, (2, 1))), strict=True))
+LINE_STYLES = dict(
+    zip(DEFINITIONS, ("-", "-", "-", (0, (4, 2)), (0, (2, 1))), strict=True)
+)
+# Greys of the silhouette and of the background.
+PILE_GREY, BACKGROUND_GREY = 205, 255
 
 
 @figure(
@@ -33,116 +37,133 @@ STYLES = dict(zip(DEFINITIONS, ("-", "-", "-", (0, (4, 2)), (0, (2, 1))), strict
     reads=("measure",),
     when=has_pile,
 )
-def definitions(inputs: Inputs, study: Shown) -> Figure:
-    """Draw every definition on the first view of a pile (above), and their values in every view (below).
+def definitions(inputs: Inputs, study: StudyView) -> Figure:
+    """Draw every definition on one view of a pile, and its values in all views.
 
-    The definitions of the angle of repose on the pile of the representative solution: their lines in one side view,
-    and the angle that each gives in all views. The study calibrates the definition {measure[response]}; ``repose
-    docs measurement`` compares them.
+    The definitions of the angle of repose on the pile of the representative solution:
+    their lines in one side view, and the angle that each gives in all views. The study
+    calibrates the definition {measure[response]}; ``repose docs measurement`` compares
+    them.
     """
-    settings = pile.MeasureSettings.of(vars(study.measure), read_berry(inputs["berry"]))
-    poured, particle = first_pour(inputs["heap"]), Particle.load(inputs["particle"])
+    settings = pile.MeasureSettings.of(
+        vars(study.settings.measure), read_berry(inputs["berry"])
+    )
+    pour = first_pour(inputs["heap"])
+    particle = Particle.load(inputs["particle"])
     figure = style.new_figure(style.PAGE, 4.4)
     above, below = figure.subplots(2, 1, height_ratios=(1.5, 1))
-    measured = _view(above, side_view(poured, particle, settings), settings)
-    _views(
-        below,
-        pile.measure_pile(Grains.of(poured, particle), settings, poured["in_pile"]),
-        measured,
-    )
+    first_view = _draw_first_view(above, side_view(pour, particle, settings), settings)
+    all_views = pile.measure_pile(Grains.of(pour, particle), settings, pour["in_pile"])
+    _draw_all_views(below, all_views, first_view)
     return figure
 
 
-def _view(
+def _draw_first_view(
     panel: Axes, image: np.ndarray, settings: pile.MeasureSettings
 ) -> pile.Measurement:
-    """Draw the silhouette in mm about its crest with both lines of each definition, and give its measurement."""
+    """Draw a silhouette with both lines of each definition, and give its measurement.
+
+    `image` (H, W) is a grey picture. Lengths are in mm, distances from the crest.
+    """
     scale = settings.mm_per_pixel
-    measured = pile.measure_segmented(
-        segment(image, settings.largest_pile_only, image.shape[0] - 0.5), settings
-    )
+    silhouette = segment(image, settings.largest_pile_only, image.shape[0] - 0.5)
+    measured = pile.measure_segmented(silhouette, settings)
     height, width = image.shape
     crest = measured.top[0]
-    extent = ((-0.5 - crest) * scale, (width - 0.5 - crest) * scale, 0, height * scale)
+    greys = np.where(image < 128, PILE_GREY, BACKGROUND_GREY).astype(np.uint8)
+    left, right = (-0.5 - crest) * scale, (width - 0.5 - crest) * scale
     panel.imshow(
-        np.where(image < 128, 205, 255).astype(np.uint8),
+        greys,
         cmap="gray",
         vmin=0,
         vmax=255,
-        extent=extent,
+        extent=(left, right, 0, height * scale),
     )
-    levels = [(settings.berry_height_mm or 0.0, "one grain")]
-    ends = [
-        end for end in (settings.fit_from, settings.fit_to) if not isinstance(end, str)
-    ]
-    levels += [
-        (end * measured.height_mm, f"{100 * end:.0f} % of the height") for end in ends
-    ]
     for name, angle in measured.angles.items():
-        used = name == settings.response
-        look = {"color": COLOURS[name], "ls": STYLES[name], "lw": 3.0 if used else 1.5}
+        is_calibrated = name == settings.response
+        look = {
+            "color": COLOURS[name],
+            "ls": LINE_STYLES[name],
+            "lw": 3.0 if is_calibrated else 1.5,
+        }
         for line in angle.lines:
-            u, row = np.array(line).T
-            panel.plot((u - crest) * scale, (measured.base_row - row) * scale, **look)
-        words = style.line_in_words(vars(settings), name) + ", used" * used
+            column, row = np.array(line).T
+            panel.plot(
+                (column - crest) * scale, (measured.base_row - row) * scale, **look
+            )
+        words = style.line_in_words(vars(settings), name)
+        if is_calibrated:
+            words += ", used"
         panel.plot([], [], label=f"{angle.aor_deg:.1f}°  {name}: {words}", **look)
-    left, right = panel.get_xlim()
-    lowest = 0.0
-    for z, name in sorted(levels):
-        panel.axhline(z, color=style.GREY, lw=0.6, ls=":", zorder=0.5)
-        lowest = max(
-            z, lowest + 0.11 * measured.height_mm
-        )  # words of near levels stand one above the other
-        panel.text(right, lowest, f" {name}", va="center", fontsize=6.8)
+    _draw_levels(panel, measured.height_mm, settings)
     panel.set(
-        xlim=(left, right),
+        xlabel="distance from the crest (mm)",
+        ylabel="height (mm)",
         ylim=(0, 1.08 * measured.height_mm),
         aspect="equal",
         title="a  one view",
     )
-    panel.set(xlabel="distance from the crest (mm)", ylabel="height (mm)")
     panel.figure.legend(*panel.get_legend_handles_labels(), loc="outside lower left")
     return measured
 
 
-def _views(
-    panel: Axes, everywhere: pile.PileResult, measured: pile.Measurement
+def _draw_levels(panel: Axes, height_mm: float, settings: pile.MeasureSettings) -> None:
+    """Draw the heights between which lines are fitted, and the height of one grain."""
+    levels = [(settings.berry_height_mm or 0.0, "one grain")]
+    for share in (settings.fit_from, settings.fit_to):
+        if not isinstance(share, str):
+            levels.append((share * height_mm, f"{100 * share:.0f} % of the height"))
+    left, right = panel.get_xlim()
+    text_height = 0.0
+    for level, name in sorted(levels):
+        panel.axhline(level, color=style.GREY, lw=0.6, ls=":", zorder=0.5)
+        # The words of near levels stand one above the other.
+        text_height = max(level, text_height + 0.11 * height_mm)
+        panel.text(
+            right, text_height, f" {name}", va="center", fontsize=style.SMALL_TEXT_PT
+        )
+    panel.set_xlim(left, right)
+
+
+def _draw_all_views(
+    panel: Axes, all_views: pile.PileResult, first_view: pile.Measurement
 ) -> None:
     """Draw each definition in every view, its mean, and a ring around the first view."""
     for k, name in enumerate(DEFINITIONS):
-        values = everywhere.aor[name]
+        row = -k
+        colour = COLOURS[name]
+        values = all_views.aor[name]
         panel.plot(
             values,
-            np.full(values.size, -k),
+            np.full(values.size, row),
             "o",
             ms=3.5,
-            color=COLOURS[name],
+            color=colour,
             alpha=0.55,
             mew=0,
         )
-        if (mean := everywhere.mean_deg(name)) is not None:
-            panel.plot(
-                [mean, mean], [-k - 0.32, -k + 0.32], color=COLOURS[name], lw=1.6
-            )
+        mean = all_views.mean_deg(name)
+        if mean is not None:
+            panel.plot([mean, mean], [row - 0.32, row + 0.32], color=colour, lw=1.6)
             panel.text(
                 1.0,
-                -k,
+                row,
                 f"mean {mean:.1f}°",
                 transform=panel.get_yaxis_transform(),
                 va="center",
             )
-        if name in measured.angles:
+        if name in first_view.angles:
             panel.plot(
-                measured.angles[name].aor_deg,
-                -k,
+                first_view.angles[name].aor_deg,
+                row,
                 "o",
                 ms=7,
                 mfc="none",
                 mec=style.BLACK,
                 mew=0.7,
             )
-    panel.set_yticks([-k for k in range(len(DEFINITIONS))], DEFINITIONS)
-    panel.set(ylim=(0.9 - len(DEFINITIONS) - 0.4, 0.9), xlabel="angle of repose (deg)")
-    panel.set_title(
-        f"b  all {everywhere.view_height_mm.size} views, their mean (bar), and view a (ring)"
-    )
+    count = len(DEFINITIONS)
+    panel.set_yticks([-k for k in range(count)], DEFINITIONS)
+    panel.set(ylim=(0.9 - count - 0.4, 0.9), xlabel="angle of repose (deg)")
+    n_views = all_views.view_height_mm.size
+    panel.set_title(f"b  all {n_views} views, their mean (bar), and view a (ring)")

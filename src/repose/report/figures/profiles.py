@@ -1,4 +1,4 @@
-"""Profiles among the targets: heights as measured, as predicted and as simulated, each with its band."""
+"""Profiles among the targets: heights as measured, predicted and simulated."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -10,52 +10,51 @@ from matplotlib.figure import Figure
 from repose.calibrate.profiles import Profile
 from repose.common.files import read_table
 
-from . import style
-from .registry import Inputs, Shown, figure
-
-TABLE_4 = {"table4": "{answer.table4}"}
-NUMBERS = ("predicted", "simulated", "error")
+from . import panels, style
+from .registry import ANSWER_CHECK, Inputs, StudyView, figure
 
 
 @figure(
     "profiles",
     "Profiles",
-    TABLE_4,
+    {"table4": ANSWER_CHECK},
     reads=("targets",),
     when=lambda study: bool(study.targets.profiles),
 )
-def profiles(inputs: Inputs, study: Shown) -> Figure:
+def profiles(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the answer's profile with each measured one.
 
-    Profiles among the targets: the measured heights with their standard deviation, the profile that is predicted
-    for the answer, and the profile that is simulated with fresh seeds, with its standard error. Lines are the
-    smooth profiles of the scores.
+    The scores of a profile are the columns of `table4` for its targets, as predicted
+    and as simulated, with their standard error.
+
+    Profiles among the targets: the measured heights with their standard deviation, the
+    profile that is predicted for the answer, and the profile that is simulated with
+    fresh seeds, with its standard error. Lines are the smooth profiles of the scores.
     """
     targets = study.targets
-    columns = [
-        getattr(one.response, number)
-        for one in targets
-        if one.profile
-        for number in NUMBERS
-    ]
+    scores = [target.response for target in targets if target.profile]
+    columns = []
+    for score in scores:
+        columns += [score.predicted, score.simulated, score.error]
     table = read_table(inputs["table4"], ("role", *columns))
     answer = table[table["role"] == "representative"].iloc[0]
-    figure, panels = style.grid(len(targets.profiles), 2.6)
-    for panel, profile in zip(panels, targets.profiles.values(), strict=True):
-        own = [one for one in targets if one.profile == profile]
-        predicted, simulated, error = (
-            answer[[getattr(one.response, number) for one in own]].to_numpy(float)
-            for number in NUMBERS
-        )
-        half = np.sqrt(
-            profile.basis**2 @ np.square(np.nan_to_num(error))
-        )  # the errors of scores are independent
+
+    figure, axes = panels.grid(len(targets.profiles), 2.6)
+    for panel, profile in zip(axes, targets.profiles.values(), strict=True):
+        of_profile = [target for target in targets if target.profile == profile]
+        responses = [target.response for target in of_profile]
+        predicted = answer[[score.predicted for score in responses]].to_numpy(float)
+        simulated = answer[[score.simulated for score in responses]].to_numpy(float)
+        error = answer[[score.error for score in responses]].to_numpy(float)
+        # The errors of scores are independent.
+        height_error = np.sqrt(profile.basis**2 @ np.square(np.nan_to_num(error)))
         lines = {
             "predicted": (profile.heights(predicted), 0.0),
-            "simulated ± SE": (profile.heights(simulated), half),
+            "simulated ± SE": (profile.heights(simulated), height_error),
         }
-        draw(panel, profile, own[0].sd * np.sqrt(profile.functions), lines)
-    style.name_panels(panels)
+        height_sd = of_profile[0].sd * np.sqrt(profile.functions)
+        draw(panel, profile, height_sd, lines)
+    style.name_panels(axes)
     return figure
 
 
@@ -65,22 +64,37 @@ def draw(
     sd: float,
     lines: Mapping[str, tuple[np.ndarray, Any]],
 ) -> None:
-    """Draw the measured heights with their standard deviation, and lines of heights with half the width of a band."""
-    measured = {
-        "fmt": "o",
-        "ms": 3,
-        "color": style.BLACK,
-        "elinewidth": 0.8,
-        "zorder": 3,
-    }
-    panel.errorbar(profile.x, profile.z, yerr=sd, label="measured ± SD", **measured)
-    for k, (label, (heights, half)) in enumerate(lines.items()):
+    """Draw a measured profile, and lines of heights over the same places.
+
+    Parameters
+    ----------
+    panel
+        The panel to draw in.
+    profile
+        The measured profile.
+    sd
+        Standard deviation of its heights.
+    lines
+        For each label the heights, and half the width of the band about them.
+    """
+    panel.errorbar(
+        profile.x,
+        profile.z,
+        yerr=sd,
+        fmt="o",
+        ms=3,
+        color=style.BLACK,
+        elinewidth=0.8,
+        zorder=3,
+        label="measured ± SD",
+    )
+    for k, (label, (heights, half_width)) in enumerate(lines.items()):
         look = style.series(k)
         panel.plot(profile.x, heights, label=label, **look)
         panel.fill_between(
             profile.x,
-            heights - half,
-            heights + half,
+            heights - half_width,
+            heights + half_width,
             color=look["color"],
             alpha=0.2,
             lw=0,

@@ -13,35 +13,45 @@ from repose.calibrate.responses import derived
 from repose.common.files import read_json, read_table
 
 from . import style
-from .registry import Inputs, Shown, figure
+from .registry import Inputs, StudyView, figure
 
-COLUMNS = ("predicted", "simulated", "se", "target")
-HEIGHTS = [2.6, 1]  # of deviations and standard errors
-
-
-BATCHES, WHY = {"batches": "refined/batches.csv"}, {"summary": "refined/summary.json"}
-READS = ("targets", "refine.tolerance_percent", "refine.standard_error_percent")
+# What the table has of each response, a column each.
+NUMBERS = ("predicted", "simulated", "se", "target")
+HEIGHTS = [2.6, 1]  # of deviations, and of standard errors below them
+OFFSET = 0.06  # of marks to the left and to the right of their round
 
 
 @figure(
-    "approach", "The loop closed", BATCHES, optional=WHY, reads=READS, folder="refined"
+    "approach",
+    "The loop closed",
+    {"batches": "refined/batches.csv"},
+    optional={"summary": "refined/summary.json"},
+    reads=("targets", "refine.tolerance_percent", "refine.standard_error_percent"),
+    folder="refined",
 )
-def approach(inputs: Inputs, study: Shown) -> Figure:
-    """Draw each round's proposal, predicted and simulated, off the target in percent of it; its standard errors.
+def approach(inputs: Inputs, study: StudyView) -> Figure:
+    """Draw how far each round's proposal is off the targets, and its standard errors.
 
-    The loop closed: how far each round's proposal is off its targets, in percent of them. Diamonds are predictions
-    of the refitted surrogate, points are simulated means with one standard error, from fresh seeds; the number of
-    seeds stands next to the mean. A mean inside the band is near enough. Below are the standard errors and their
-    limit. The last round's point is the claim: it was simulated after everything that proposed it.
+    Each response has two panels; `batches` has a row for each round, the summary tells
+    why the rounds ended.
+
+    The loop closed: how far each round's proposal is off its targets, in percent of
+    them. Diamonds are predictions of the refitted surrogate, points are simulated means
+    with one standard error, from fresh seeds; the number of seeds stands next to the
+    mean. A mean inside the band is near enough. Below are the standard errors and their
+    limit. The last round's point is the claim: it was simulated after everything that
+    proposed it.
     """
     responses = study.targets.responses
+    settings = study.settings.refine
     columns = [
-        derived(response.name, what) for response in responses for what in COLUMNS
+        derived(response.name, number) for response in responses for number in NUMBERS
     ]
     rounds = read_table(inputs["batches"], ("round", "n_seeds", "outcome", *columns))
-    section, rows = study.refine, math.ceil(len(responses) / 2)
+
+    rows = math.ceil(len(responses) / 2)
     figure = style.new_figure(style.PAGE, 3.9 * rows)
-    panels = figure.subplots(
+    axes = figure.subplots(
         2 * rows,
         min(2, len(responses)),
         sharex=True,
@@ -49,60 +59,51 @@ def approach(inputs: Inputs, study: Shown) -> Figure:
         squeeze=False,
     )
     for k, response in enumerate(responses):
-        upper, lower = panels[k // 2 * 2 : k // 2 * 2 + 2, k % 2]
+        row, column = divmod(k, 2)
+        upper, lower = axes[2 * row, column], axes[2 * row + 1, column]
         values = {
-            what: rounds[derived(response.name, what)].to_numpy(float)
-            for what in COLUMNS
+            number: rounds[derived(response.name, number)].to_numpy(float)
+            for number in NUMBERS
         }
         colour = style.series(k)["color"]
-        _deviations(upper, rounds, values, section.tolerance_percent, colour)
-        upper.set_title(
-            f"{response.symbol}, target {values['target'][0]:g} {response.unit}"
+        target = values["target"][0]
+        _draw_deviations(upper, rounds, values, settings.tolerance_percent, colour)
+        upper.set_title(f"{response.symbol}, target {target:g} {response.unit}")
+        _draw_standard_errors(
+            lower, rounds, values, settings.standard_error_percent, colour
         )
-        lower.plot(
-            rounds["round"],
-            100 * values["se"] / values["target"],
-            "o-",
-            color=colour,
-            ms=4,
-        )
-        limit = section.standard_error_percent
-        lower.axhline(
-            limit, color=style.GREY, ls="--", lw=0.9, label=f"limit, {limit:g} %"
-        )
-        lower.set(xlabel="round", ylim=(0, None))
-        lower.set_xticks(rounds["round"])
-        if k % 2 == 0:
+        if column == 0:
             upper.set_ylabel("off the target (% of it)")
             lower.set_ylabel("standard error\n(% of the target)")
-    for panel in panels[-2:, 1:].ravel() if len(responses) % 2 else ():
-        panel.axis("off")
+    if len(responses) % 2:
+        for panel in axes[-2:, 1:].ravel():
+            panel.axis("off")
     figure.legend(
-        *panels[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=3
+        *axes[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=3
     )
-    panels[1, 0].legend(loc="lower right")
+    axes[1, 0].legend(loc="lower right")
     if "summary" in inputs:
-        why = read_json(inputs["summary"], ("why",))["why"]
-        figure.suptitle(textwrap.fill(why, 60), fontsize=7.5, x=0.02, ha="left")
+        reason = read_json(inputs["summary"], ("why",))["why"]
+        figure.suptitle(textwrap.fill(reason, 60), fontsize=7.5, x=0.02, ha="left")
     return figure
 
 
-def _deviations(
+def _draw_deviations(
     panel: Axes,
     rounds: pd.DataFrame,
     values: Mapping[str, np.ndarray],
-    tolerance: float,
+    tolerance_percent: float,
     colour: str,
 ) -> None:
-    """Draw one response: its tolerance as a band, hollow diamonds as predicted, means as simulated with errors."""
+    """Draw how far one response is off its target, as predicted and as simulated."""
     place = rounds["round"].to_numpy(float)
-    simulated, predicted = (
-        100 * (values[what] / values["target"] - 1)
-        for what in ("simulated", "predicted")
-    )
-    style.near_enough(panel, tolerance)
+    target = values["target"]
+    simulated = 100 * (values["simulated"] / target - 1)
+    predicted = 100 * (values["predicted"] / target - 1)
+    error = 100 * values["se"] / target
+    style.near_enough(panel, tolerance_percent)
     panel.plot(
-        place - 0.06,
+        place - OFFSET,
         predicted,
         "D",
         ms=4.5,
@@ -112,20 +113,48 @@ def _deviations(
         label="predicted",
         zorder=3,
     )
-    look = {
-        "marker": "o",
-        "ms": 4.5,
-        "lw": 0.9,
-        "elinewidth": 1.1,
-        "capsize": 2.5,
-        "color": colour,
-    }
-    error = 100 * values["se"] / values["target"]
     panel.errorbar(
-        place + 0.06, simulated, error, label="simulated ± standard error", **look
+        place + OFFSET,
+        simulated,
+        error,
+        marker="o",
+        ms=4.5,
+        lw=0.9,
+        elinewidth=1.1,
+        capsize=2.5,
+        color=colour,
+        label="simulated ± standard error",
     )
-    look = {"textcoords": "offset points", "fontsize": 6, "color": style.GREY}
-    for x, y, seeds in zip(place, simulated, rounds["n_seeds"], strict=True):
+    for x, y, n_seeds in zip(place, simulated, rounds["n_seeds"], strict=True):
         if np.isfinite(y):
-            panel.annotate(f"{seeds:g} seeds", (x + 0.06, y), (6, -7), **look)
-    panel.set_xlim(place[0] - 0.4, place[-1] + 0.7)  # with the words at the last point
+            panel.annotate(
+                f"{n_seeds:g} seeds",
+                (x + OFFSET, y),
+                (6, -7),
+                textcoords="offset points",
+                fontsize=6,
+                color=style.GREY,
+            )
+    # The words at the last point need room.
+    panel.set_xlim(place[0] - 0.4, place[-1] + 0.7)
+
+
+def _draw_standard_errors(
+    panel: Axes,
+    rounds: pd.DataFrame,
+    values: Mapping[str, np.ndarray],
+    limit_percent: float,
+    colour: str,
+) -> None:
+    """Draw the standard errors of one response in percent of its target."""
+    percent = 100 * values["se"] / values["target"]
+    panel.plot(rounds["round"], percent, "o-", color=colour, ms=4)
+    panel.axhline(
+        limit_percent,
+        color=style.GREY,
+        ls="--",
+        lw=0.9,
+        label=f"limit, {limit_percent:g} %",
+    )
+    panel.set(xlabel="round", ylim=(0, None))
+    panel.set_xticks(rounds["round"])

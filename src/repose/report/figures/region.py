@@ -1,10 +1,16 @@
-"""The region that the measurements do not exclude, by history matching: its projections on pairs of parameters.
+"""The region that the measurements do not exclude, by history matching.
 
-The form is that of Vernon, Goldstein & Bower 2010, Bayesian Analysis 5, 619: the least implausibility over all other
-parameters on one side of the diagonal, the optical depth on the other.
+The form is that of Vernon, Goldstein & Bower 2010, Bayesian Analysis 5, 619: the least
+implausibility over all other parameters on one side of the diagonal, the optical depth
+on the other.
 """
 
+from typing import NamedTuple
+
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
@@ -13,98 +19,186 @@ from repose.calibrate.parameter_space import ParameterSpace
 from repose.common.files import read_json, read_table
 
 from . import style
-from .registry import OF_POSTERIOR, Inputs, Shown, figure
+from .registry import Inputs, StudyView, figure
 
 COLUMNS = ("x", "y", "x_quantile", "y_quantile", "least_implausibility", "share")
-# Least implausibility below the diagonal: upper end of each band, its colour, its words. From 3 on it is excluded.
-BANDS = {
-    1.0: ("#1B7A5A", "under 1"),
-    2.0: ("#74BE9E", "1 to 2"),
-    3.0: ("#DCEFE4", "2 to 3"),
-    np.inf: (style.RED, "over 3: excluded"),
-}
-LEAST = "below the diagonal: misfit (standard deviations) at the best values of the other parameters"
-DEPTH = "above the diagonal: share of a cell's parameter sets still possible"
+HIGHEST_MISFIT = 1e9  # upper end of the last band
 
 
-INPUTS = {"region": "posterior/region.csv", "summary": "posterior/posterior.json"}
+class Band(NamedTuple):
+    """A band of the misfit below the diagonal."""
+
+    upper_end: float
+    colour: str
+    words: str
 
 
-@figure("region", "Region that is not excluded", INPUTS, **OF_POSTERIOR)
-def not_excluded(inputs: Inputs, study: Shown) -> Figure:
-    """Draw the least misfit below the diagonal, the share of sets still possible above it.
+# From 3 on a parameter set is excluded.
+BANDS = (
+    Band(1.0, "#1B7A5A", "under 1"),
+    Band(2.0, "#74BE9E", "1 to 2"),
+    Band(3.0, "#DCEFE4", "2 to 3"),
+    Band(HIGHEST_MISFIT, style.RED, "over 3: excluded"),
+)
+MISFIT_TITLE = (
+    "below the diagonal: misfit (standard deviations) at the best values of the other "
+    "parameters"
+)
+SHARE_TITLE = "above the diagonal: share of a cell's parameter sets still possible"
 
-    The region of parameters that the measurements do not exclude (history matching), projected on each pair of
-    parameters. Below the diagonal the misfit (minimum implausibility): how many standard deviations the worst
-    response lies from its measurement at the best values of all other parameters. Above it the share of parameter
-    sets still possible (optical depth): those whose misfit is below three.
+
+@figure(
+    "region",
+    "Region that is not excluded",
+    {"region": "posterior/region.csv", "summary": "posterior/posterior.json"},
+    reads=("parameters", "targets"),
+    folder="posterior",
+    category="Uncertainty",
+)
+def not_excluded(inputs: Inputs, study: StudyView) -> Figure:
+    """Draw the least misfit below the diagonal, the share of possible sets above it.
+
+    `region` has a row for each cell of each pair of parameters.
+
+    The region of parameters that the measurements do not exclude (history matching),
+    projected on each pair of parameters. Below the diagonal the misfit (minimum
+    implausibility): how many standard deviations the worst response lies from its
+    measurement at the best values of all other parameters. Above it the share of
+    parameter sets still possible (optical depth): those whose misfit is below three.
     """
     table = read_table(inputs["region"], COLUMNS)
-    share = read_json(inputs["summary"], ("not_implausible_share",))[
-        "not_implausible_share"
-    ]
-    names, edges = study.space.free, _edges(study.space, table["x_quantile"].nunique())
-    last = len(names) - 1
-    colours = ListedColormap([colour for colour, _ in BANDS.values()])
-    least = {
-        "cmap": colours,
-        "norm": BoundaryNorm([0.0, *list(BANDS)[:-1], 1e9], colours.N),
-    }
-    open_share = {"cmap": "Blues", "vmin": 0.0, "vmax": table["share"].max() or 1.0}
+    summary = read_json(inputs["summary"], ("not_implausible_share",))
+    names = study.parameters.free
+    edges = _cell_edges(study.parameters, table["x_quantile"].nunique())
+    largest_share = table["share"].max() or 1.0
+
     figure = style.new_figure(style.PAGE, 1.08 * style.PAGE)
-    panels = figure.subplots(len(names), len(names), squeeze=False)
-    depth = None
-    for (row, column), panel in np.ndenumerate(panels):
+    axes = figure.subplots(len(names), len(names), squeeze=False)
+    share_mesh = None
+    for (row, column), panel in np.ndenumerate(axes):
         if row == column:
-            panel.set_axis_off()
-            words = f"{style.parameter_label(names[row])}\n{edges[row][0]:.3g} to {edges[row][-1]:.3g}"
-            panel.text(
-                0.5, 0.5, words, ha="center", va="center", fontsize=8, linespacing=1.6
-            )
+            _name_parameter(panel, names[row], edges[row])
             continue
-        first, second = sorted((row, column))
-        cells = table[(table["x"] == names[first]) & (table["y"] == names[second])]
-        cells = cells.pivot(index="y_quantile", columns="x_quantile")
-        # rows of the picture follow the parameter of the panel's row
-        below = row > column
-        shown = (cells["least_implausibility"] if below else cells["share"].T).to_numpy(
-            float
-        )
-        mesh = panel.pcolormesh(
-            edges[column],
-            edges[row],
-            shown,
-            rasterized=True,
-            **(least if below else open_share),
-        )
-        depth = depth if below else mesh
-        panel.xaxis.set_ticks_position("bottom" if below else "top")
-        panel.yaxis.set_ticks_position("left" if below else "right")
-        panel.tick_params(labelbottom=row == last, labelleft=column == 0)
-        panel.tick_params(
-            labeltop=row == 0, labelright=column == last, length=2, labelsize=6.5
-        )
-        panel.locator_params(nbins=3)
-        panel.spines[:].set_visible(True)
+        cells = _cells_of_pair(table, names, row, column)
+        panel_edges = edges[column], edges[row]
+        if row > column:
+            _draw_misfit(panel, cells["least_implausibility"], *panel_edges)
+        else:
+            # The table has each pair once, with the earlier parameter across.
+            share_mesh = _draw_share(
+                panel, cells["share"].T, *panel_edges, largest_share
+            )
+        _place_ticks(panel, row, column, last=len(names) - 1)
+
     patches = [
-        Patch(facecolor=colour, edgecolor=style.GREY, label=words)
-        for colour, words in BANDS.values()
+        Patch(facecolor=band.colour, edgecolor=style.GREY, label=band.words)
+        for band in BANDS
     ]
     figure.legend(
-        handles=patches, title=LEAST, loc="outside lower center", ncols=len(BANDS)
+        handles=patches,
+        title=MISFIT_TITLE,
+        loc="outside lower center",
+        ncols=len(BANDS),
     )
-    if depth is not None:
+    if share_mesh is not None:
         figure.colorbar(
-            depth, ax=panels, location="bottom", label=DEPTH, aspect=50, pad=0.02
+            share_mesh,
+            ax=axes,
+            location="bottom",
+            label=SHARE_TITLE,
+            aspect=50,
+            pad=0.02,
         )
-    title = f"The measurements leave {100 * share:.3g} % of the searched space open, and exclude the rest"
+    percent = 100 * summary["not_implausible_share"]
+    title = (
+        f"The measurements leave {percent:.3g} % of the searched space open, and "
+        "exclude the rest"
+    )
     figure.suptitle(title, fontsize=9)
     return figure
 
 
-def _edges(space: ParameterSpace, cells: int) -> list[np.ndarray]:
-    """Give the edges of the cells of each free parameter, in its unit."""
-    quantile = np.repeat(
-        np.linspace(0, 1, cells + 1)[:, None], space.dimensions, axis=1
+def _cell_edges(parameters: ParameterSpace, n_cells: int) -> list[np.ndarray]:
+    """Give the edges of the cells of each free parameter, in its unit.
+
+    The cells have equal probabilities in the prior.
+    """
+    quantile = np.linspace(0, 1, n_cells + 1)[:, None]
+    quantiles = np.repeat(quantile, parameters.dimensions, axis=1)
+    width = parameters.high - parameters.low
+    return list((parameters.low + width * parameters.from_prior(quantiles)).T)
+
+
+def _cells_of_pair(
+    table: pd.DataFrame, names: tuple[str, ...], row: int, column: int
+) -> pd.DataFrame:
+    """Give the cells of two parameters: down the later one, across the earlier one."""
+    first, second = sorted((row, column))
+    cells = table[(table["x"] == names[first]) & (table["y"] == names[second])]
+    return cells.pivot(index="y_quantile", columns="x_quantile")
+
+
+def _name_parameter(panel: Axes, name: str, edges: np.ndarray) -> None:
+    """Write the name of a parameter and its range instead of a panel."""
+    panel.set_axis_off()
+    panel.text(
+        0.5,
+        0.5,
+        f"{style.parameter_label(name)}\n{edges[0]:.3g} to {edges[-1]:.3g}",
+        ha="center",
+        va="center",
+        fontsize=8,
+        linespacing=1.6,
     )
-    return list((space.low + (space.high - space.low) * space.from_prior(quantile)).T)
+
+
+def _draw_misfit(
+    panel: Axes, misfit: pd.DataFrame, x_edges: np.ndarray, y_edges: np.ndarray
+) -> None:
+    """Draw the misfit of each cell in the colours of the bands."""
+    colours = ListedColormap([band.colour for band in BANDS])
+    bounds = [0.0, *(band.upper_end for band in BANDS)]
+    panel.pcolormesh(
+        x_edges,
+        y_edges,
+        misfit.to_numpy(float),
+        rasterized=True,
+        cmap=colours,
+        norm=BoundaryNorm(bounds, colours.N),
+    )
+
+
+def _draw_share(
+    panel: Axes,
+    share: pd.DataFrame,
+    x_edges: np.ndarray,
+    y_edges: np.ndarray,
+    largest_share: float,
+) -> QuadMesh:
+    """Draw the share of possible sets in each cell, and give it for a colour bar."""
+    return panel.pcolormesh(
+        x_edges,
+        y_edges,
+        share.to_numpy(float),
+        rasterized=True,
+        cmap="Blues",
+        vmin=0.0,
+        vmax=largest_share,
+    )
+
+
+def _place_ticks(panel: Axes, row: int, column: int, last: int) -> None:
+    """Place ticks away from the diagonal, with numbers at the edges of the square."""
+    is_below = row > column
+    panel.xaxis.set_ticks_position("bottom" if is_below else "top")
+    panel.yaxis.set_ticks_position("left" if is_below else "right")
+    panel.tick_params(
+        labelbottom=row == last,
+        labelleft=column == 0,
+        labeltop=row == 0,
+        labelright=column == last,
+        length=2,
+        labelsize=6.5,
+    )
+    panel.locator_params(nbins=3)
+    panel.spines[:].set_visible(True)

@@ -14,132 +14,155 @@ from repose.bench.parameters import SYMBOLS
 from repose.calibrate.inversion import LEAST_LOSS
 from repose.calibrate.targets import Target
 from repose.common.files import read_json, read_table
+from repose.report.study_view import parameter_ranges
 
-from . import style
-from .registry import Inputs, Shown, figure
+from . import panels, style
+from .registry import PUBLISHED_INTERVALS, Inputs, StudyView, figure
 
-SIGHT = "points lie at different heights for sight only"
-LOSS = (
+HEIGHTS_WORDS = "points lie at different heights for sight only"
+LEAST_LOSS_WORDS = (
     "the answer may lie apart: it has the least expected loss, where its error counts"
 )
-FOUND = {"feasible": "miga/feasible.csv", "summary": "miga/summary.json"}
-READS = ("parameters", "targets", "miga.answer")
+GOLDEN_FRACTION = 0.6180339887
+HISTORY_COLUMNS = (
+    "generation",
+    "mean_objective",
+    "best_objective",
+    "feasible_found",
+)
 
 
-@figure("figure14", "Figure 14", FOUND, optional={"published": "{table3}"}, reads=READS)
-def feasible_solutions(inputs: Inputs, study: Shown) -> Figure:
-    """Draw the solutions' parameters in their ranges (Table 3 of the paper), and their predicted responses.
+@figure(
+    "figure14",
+    "Figure 14",
+    {"feasible": "miga/feasible.csv", "summary": "miga/summary.json"},
+    optional={"published": PUBLISHED_INTERVALS},
+    reads=("parameters", "targets", "miga.answer"),
+)
+def feasible_solutions(inputs: Inputs, study: StudyView) -> Figure:
+    """Draw the parameters of the solutions in their ranges, and their responses.
 
-    Figure 14. Solutions that the search met, in their ranges, and their predicted responses. Of all feasible points
-    met, the best {miga[solutions]} are kept that lie at least {miga[distance]} apart in parameters normalised to
-    [-1, 1]. Where none was feasible the nearest ones are shown, and the figure says so.
+    `feasible` has a row for each solution with its parameters and predicted responses;
+    `published` has intervals of the parameters (Table 3 of the paper).
+
+    Figure 14. Solutions that the search met, in their ranges, and their predicted
+    responses. Of all feasible points met, the best {miga[solutions]} are kept that lie
+    at least {miga[distance]} apart in parameters normalised to [-1, 1]. Where none was
+    feasible the nearest ones are shown, and the figure says so.
     """
-    targets, published = study.targets, None
+    targets = study.targets
     solutions = read_table(
         inputs["feasible"], ("feasible", "representative", *targets.predicted)
     )
     summary = read_json(inputs["summary"], ("feasible",))
+    published = None
     if "published" in inputs:
-        published = read_table(
-            inputs["published"], ("parameter", "low", "high")
-        ).set_index("parameter")
-    figure = style.new_figure(
-        style.PAGE, max(0.9 + 0.42 * study.space.dimensions, 0.3 + 0.95 * len(targets))
-    )
+        published = read_table(inputs["published"], ("parameter", "low", "high"))
+        published = published.set_index("parameter")
+
+    height_of_strips = 0.9 + 0.42 * study.parameters.dimensions
+    height_of_responses = 0.3 + 0.95 * len(targets)
+    figure = style.new_figure(style.PAGE, max(height_of_strips, height_of_responses))
     places = figure.add_gridspec(len(targets), 2, width_ratios=(1.7, 1))
     left = figure.add_subplot(places[:, 0])
-    _parameter_strips(left, solutions, study, published)
+    _draw_parameter_strips(left, solutions, study, published)
     for k, target in enumerate(targets):
         panel = figure.add_subplot(places[k, 1])
-        _response_strip(panel, solutions, target)
+        _draw_response_strip(panel, solutions, target)
         panel.set_title(style.letter(k + 1), fontweight="bold")
-    by_loss = study.config.get("miga", {}).get("answer") == LEAST_LOSS
-    style.below(figure, f"{SIGHT}; {LOSS}" if by_loss else SIGHT)
-    _title(figure, left, solutions, summary)
+
+    words = HEIGHTS_WORDS
+    if study.config.get("miga", {}).get("answer") == LEAST_LOSS:
+        words = f"{HEIGHTS_WORDS}; {LEAST_LOSS_WORDS}"
+    style.below(figure, words)
+    _write_title(figure, left, solutions, summary)
     return figure
 
 
-def _title(
+def _write_title(
     figure: Figure, left: Axes, solutions: pd.DataFrame, summary: Mapping[str, Any]
 ) -> None:
-    """Draw the number of solutions shown, and whether they are feasible."""
+    """Write how many solutions are shown, and whether they are feasible."""
     if summary["feasible"]:
-        shown = int(_true(solutions["feasible"]).sum())
-        others = (
-            f" and the {len(solutions) - shown} nearest others"
-            if shown < len(solutions)
-            else ""
-        )
-        left.set_title(
-            f"a   {shown} feasible solutions{others}",
-            fontweight="bold",
-            color=style.BLACK,
-        )
+        n_feasible = int(_as_boolean(solutions["feasible"]).sum())
+        others = ""
+        if n_feasible < len(solutions):
+            others = f" and the {len(solutions) - n_feasible} nearest others"
+        title = f"a   {n_feasible} feasible solutions{others}"
+        left.set_title(title, fontweight="bold", color=style.BLACK)
         return
-    text = f"a   no set is predicted inside all ranges: the {len(solutions)} nearest are shown"
-    left.set_title(text, fontweight="bold", color=style.RED)
-    words = re.sub(
-        "|".join(SYMBOLS), lambda name: SYMBOLS[name[0]], summary.get("message", "")
+    title = (
+        f"a   no set is predicted inside all ranges: the {len(solutions)} nearest are "
+        "shown"
     )
-    figure.supxlabel(words, fontsize=6.8, color=style.RED, wrap=True)
+    left.set_title(title, fontweight="bold", color=style.RED)
+    # The message has the names of parameters, the figure their symbols.
+    message = summary.get("message", "")
+    message = re.sub("|".join(SYMBOLS), lambda match: SYMBOLS[match[0]], message)
+    figure.supxlabel(message, fontsize=style.SMALL_TEXT_PT, color=style.RED, wrap=True)
 
 
-def _jitter(count: int) -> np.ndarray:
-    """Give fixed sideways places for points, the same in each figure."""
-    return (np.arange(count) * 0.6180339887 % 1.0) - 0.5
+def _scattered(count: int) -> np.ndarray:
+    """Give places (count,) from -0.5 to 0.5, scattered alike in each figure."""
+    return (np.arange(count) * GOLDEN_FRACTION % 1.0) - 0.5
 
 
-def _true(column: pd.Series) -> np.ndarray:
-    """Give a column of true and false, in any spelling, as a boolean array."""
+def _as_boolean(column: pd.Series) -> np.ndarray:
+    """Read a column of true and false, in any spelling, as a boolean array."""
     return column.astype(str).str.lower().eq("true").to_numpy()
 
 
-def _parameter_strips(
-    panel: Axes, solutions: pd.DataFrame, study: Shown, published: pd.DataFrame | None
+def _draw_parameter_strips(
+    panel: Axes,
+    solutions: pd.DataFrame,
+    study: StudyView,
+    published: pd.DataFrame | None,
 ) -> None:
-    """Draw a strip for each parameter that is searched, its range from left to right."""
-    names = study.space.free
-    for row, name in enumerate(names):
-        low, high = study.ranges[name]
-        position = (solutions[name].to_numpy() - low) / (high - low)
+    """Draw a strip for each free parameter, its range from left to right."""
+    names = study.parameters.free
+    is_answer = _as_boolean(solutions["representative"])
+    for row, (name, (low, high)) in enumerate(
+        parameter_ranges(study.parameters).items()
+    ):
         y = len(names) - 1 - row
-        hidden = "" if row == 0 else "_"  # a label of the legend stands there once
-        _strip(panel, y, position, _true(solutions["representative"]), hidden)
+        place = (solutions[name].to_numpy() - low) / (high - low)
+        # The first strip names the marks in the legend.
+        hidden = "" if row == 0 else "_"
+        _draw_strip(panel, y, place, is_answer, hidden)
         if published is not None:
-            ends = (
-                published.loc[name, ["low", "high"]].astype(float).to_numpy() - low
-            ) / (high - low)
-            label = f"{hidden}published interval"
+            ends = published.loc[name, ["low", "high"]].astype(float).to_numpy()
             panel.plot(
-                ends,
-                [y - 0.27] * 2,
+                (ends - low) / (high - low),
+                [y - 0.27, y - 0.27],
                 "-|",
                 color=style.ORANGE,
                 lw=2.4,
                 ms=5,
-                label=label,
+                label=f"{hidden}published interval",
             )
-        for end, value, side in ((-0.01, low, "left"), (1.01, high, "right")):
+        for x, value, alignment in ((-0.01, low, "left"), (1.01, high, "right")):
             panel.text(
-                end,
+                x,
                 y - 0.42,
                 f"{value:g}",
                 fontsize=6,
-                ha=side,
+                ha=alignment,
                 va="top",
                 color=style.GREY,
             )
-        width = 100 * (position.max() - position.min())
-        panel.text(1.03, y, f"{width:.0f} %", fontsize=6.8, va="center")
+        percent = 100 * (place.max() - place.min())
+        panel.text(
+            1.03, y, f"{percent:.0f} %", fontsize=style.SMALL_TEXT_PT, va="center"
+        )
     panel.text(
         1.03,
         len(names) - 0.55,
         "share of\nits range",
-        fontsize=6.8,
+        fontsize=style.SMALL_TEXT_PT,
         va="bottom",
         color=style.GREY,
     )
-    style.strips(panel, names)
+    panels.label_strips(panel, names)
     panel.set(xlim=(-0.02, 1.13), ylim=(-1.15, len(names) - 0.4))
     panel.legend(
         loc="lower center",
@@ -150,72 +173,85 @@ def _parameter_strips(
     )
 
 
-def _strip(
-    panel: Axes, y: float, position: np.ndarray, marked: np.ndarray, hidden: str
+def _draw_strip(
+    panel: Axes, y: float, place: np.ndarray, is_answer: np.ndarray, hidden: str
 ) -> None:
-    """Draw the range of one parameter with all solutions, their interval, and the representative one."""
-    panel.barh(y, 1, height=0.62, color="#EEF0F2", zorder=0)
-    width = position.max() - position.min()
+    """Draw the range of one parameter with its solutions, their interval, the answer.
+
+    `place` are the values as shares of the range. Labels that begin with `hidden`, an
+    underscore, are left out of the legend.
+    """
+    middle = y + 0.03
+    panel.barh(y, 1, height=0.62, color=style.STRIP_COLOUR, zorder=0)
     panel.barh(
-        y + 0.03,
-        width,
-        left=position.min(),
+        middle,
+        place.max() - place.min(),
+        left=place.min(),
         height=0.40,
         color=style.SKY,
         alpha=0.35,
         zorder=1,
     )
-    look = {"s": 5, "color": style.BLUE, "alpha": 0.7, "lw": 0, "zorder": 2}
-    others = position[~marked]
+    others = place[~is_answer]
     panel.scatter(
         others,
-        y + 0.03 + 0.34 * _jitter(len(others)),
+        middle + 0.34 * _scattered(len(others)),
+        s=5,
+        color=style.BLUE,
+        alpha=0.7,
+        lw=0,
+        zorder=2,
         label=f"{hidden}solutions",
-        **look,
     )
-    if marked.any():
-        label = f"{hidden}representative, the answer"
+    if is_answer.any():
         panel.plot(
-            position[marked],
-            np.full(marked.sum(), y + 0.03),
+            place[is_answer],
+            np.full(is_answer.sum(), middle),
             "D",
-            label=label,
+            label=f"{hidden}representative, the answer",
             **style.ANSWER,
         )
 
 
-def _response_strip(panel: Axes, solutions: pd.DataFrame, target: Target) -> None:
-    """Draw the predictions of one response from left to right, with its range and its aim."""
-    values, marked = (
-        solutions[target.response.predicted].to_numpy(),
-        _true(solutions["representative"]),
-    )
+def _draw_response_strip(panel: Axes, solutions: pd.DataFrame, target: Target) -> None:
+    """Draw the predictions of one response from left to right, with its range and aim."""
+    unit = target.response.unit
+    values = solutions[target.response.predicted].to_numpy()
+    is_answer = _as_boolean(solutions["representative"])
+    n_others = (~is_answer).sum()
     panel.axvspan(target.low, target.high, color=style.GREEN, alpha=0.2, lw=0)
     panel.axvline(target.aim, color=style.GREEN, lw=1.2, ls="--")
     panel.scatter(
-        values[~marked],
-        0.6 * _jitter((~marked).sum()),
+        values[~is_answer],
+        0.6 * _scattered(n_others),
         s=7,
         color=style.BLUE,
         alpha=0.7,
         lw=0,
         zorder=2,
     )
-    panel.plot(values[marked], np.zeros(marked.sum()), "D", **style.ANSWER)
-    low, high = min(target.low, values.min()), max(target.high, values.max())
+    panel.plot(values[is_answer], np.zeros(is_answer.sum()), "D", **style.ANSWER)
+
+    low = min(target.low, values.min())
+    high = max(target.high, values.max())
     room = 0.04 * (high - low)
     panel.set(xlim=(low - room, high + room), ylim=(-0.5, 0.5), yticks=[])
     panel.set_xlabel(style.response_label(target.response, "predicted"))
     panel.spines["left"].set_visible(False)
-    unit, look = target.response.unit, {"fontsize": 6.8, "color": style.GREEN}
     panel.text(
         target.low,
         0.46,
         f" target range\n {target.low:g} to {target.high:g} {unit}",
         va="top",
-        **look,
+        fontsize=style.SMALL_TEXT_PT,
+        color=style.GREEN,
     )
-    panel.set_title(f"line: aim {target.aim:g} {unit}", loc="right", **look)
+    panel.set_title(
+        f"line: aim {target.aim:g} {unit}",
+        loc="right",
+        fontsize=style.SMALL_TEXT_PT,
+        color=style.GREEN,
+    )
 
 
 @figure(
@@ -224,36 +260,52 @@ def _response_strip(panel: Axes, solutions: pd.DataFrame, target: Target) -> Non
     {"history": "miga/history.csv"},
     reads=("miga",),
 )
-def convergence(inputs: Inputs, study: Shown) -> Figure:
-    """Draw the objective of the best and the mean individual, and feasible solutions met, over the generations.
+def convergence(inputs: Inputs, study: StudyView) -> Figure:
+    """Draw the objective and the feasible solutions met over the generations.
 
-    Course of the search: best and mean objective (Eq. 11) over {miga[rounds]} rounds of {miga[generations]}
-    generations.
+    `history` has a row for some generations, with the objective of the best and of the
+    mean individual.
+
+    Course of the search: best and mean objective (Eq. 11) over {miga[rounds]} rounds of
+    {miga[generations]} generations.
     """
-    columns = ("generation", "mean_objective", "best_objective", "feasible_found")
-    generation, mean, best, found = (
-        read_table(inputs["history"], columns)[list(columns)].to_numpy().T
+    history = read_table(inputs["history"], HISTORY_COLUMNS)
+    generation = history["generation"].to_numpy()
+    n_found = history["feasible_found"].to_numpy()
+    n_found_at_end = int(n_found.max())
+
+    # The panel of the solutions is left out if there are none.
+    height_ratios = [1.6, 1] if n_found_at_end else [1.6]
+    figure = style.new_figure(style.COLUMN, 1.2 + len(height_ratios))
+    axes = panels.panels_in(
+        figure, len(height_ratios), 1, sharex=True, height_ratios=height_ratios
     )
-    met = int(found.max())
-    heights = [1.6, 1] if met else [1.6]
-    figure = style.new_figure(style.COLUMN, 1.2 + len(heights))
-    top, *below = style.panels_in(
-        figure, len(heights), 1, sharex=True, height_ratios=heights
-    )
-    top.plot(generation, mean, color=style.SKY, label="mean of all islands")
-    top.plot(generation, best, color=style.BLUE, label="best so far")
-    top.set_ylabel("objective F (dimensionless)")
-    least, most = min(best.min(), mean.min()), max(best.max(), mean.max())
-    if least > 0 and most > 10 * least:  # else no power of ten has a tick
-        top.set_yscale("log")
-    figure.legend(*top.get_legend_handles_labels(), loc="outside upper center", ncols=2)
-    for panel in below:
-        panel.plot(generation, found, color=style.GREEN)
-        panel.set(ylabel="feasible\nsolutions met", ylim=(0, 1.05 * met))
-        panel.yaxis.set_major_locator(MaxNLocator(4, integer=True))
-    if not met:
-        top.set_title("no feasible solution was met", color=style.RED)
-    (below or [top])[-1].set_xlabel("generation")
+    _draw_objective(axes[0], history)
+    if n_found_at_end:
+        axes[1].plot(generation, n_found, color=style.GREEN)
+        axes[1].set(ylabel="feasible\nsolutions met", ylim=(0, 1.05 * n_found_at_end))
+        axes[1].yaxis.set_major_locator(MaxNLocator(4, integer=True))
+    else:
+        axes[0].set_title("no feasible solution was met", color=style.RED)
+    axes[-1].set_xlabel("generation")
     if generation[-1] > 200:
-        top.set_xscale("log")
+        axes[0].set_xscale("log")
     return figure
+
+
+def _draw_objective(panel: Axes, history: pd.DataFrame) -> None:
+    """Draw the objective of the best and of the mean individual."""
+    generation = history["generation"].to_numpy()
+    mean = history["mean_objective"].to_numpy()
+    best = history["best_objective"].to_numpy()
+    panel.plot(generation, mean, color=style.SKY, label="mean of all islands")
+    panel.plot(generation, best, color=style.BLUE, label="best so far")
+    panel.set_ylabel("objective F (dimensionless)")
+    lowest = min(best.min(), mean.min())
+    highest = max(best.max(), mean.max())
+    # Over less than a power of ten a logarithmic axis would have no tick.
+    if lowest > 0 and highest > 10 * lowest:
+        panel.set_yscale("log")
+    panel.figure.legend(
+        *panel.get_legend_handles_labels(), loc="outside upper center", ncols=2
+    )

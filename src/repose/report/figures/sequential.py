@@ -1,108 +1,136 @@
-"""The answer of the sequential strategy over the pours: its probability and its responses."""
+"""The answer of the sequential strategy over the pours: probability and responses."""
 
 from typing import Any
 
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from repose.calibrate.targets import Target
 from repose.common.files import read_table
 
-from . import style
-from .registry import Inputs, Shown, figure
-
-INPUTS = {"batches": "sequential/batches.csv", "check": "sequential/check.csv"}
-OF_STRATEGY: dict[str, Any] = {"folder": "sequential", "category": "Sequential"}
-READS = ("targets", "sequential.tolerance_percent", "sequential.probability")
+from . import panels, style
+from .registry import Inputs, StudyView, figure
 
 
 @figure(
     "sequential",
     "Probability and prediction by pours",
-    INPUTS,
-    reads=READS,
-    **OF_STRATEGY,
+    {"batches": "sequential/batches.csv", "check": "sequential/check.csv"},
+    reads=("targets", "sequential.tolerance_percent", "sequential.probability"),
+    folder="sequential",
+    category="Sequential",
 )
-def sequential(inputs: Inputs, study: Shown) -> Figure:
-    """Draw probability and predicted responses of the best point after each batch, and the check.
+def sequential(inputs: Inputs, study: StudyView) -> Figure:
+    """Draw probability and predicted responses after each batch, and the check.
 
-    How the answer became certain. Left the probability that the best point meets all targets within the tolerance,
-    after each batch of pours; dotted, the most that the pours left can make of it; squares, the probability that
-    any parameter set meets them. Beside it: the responses predicted at the best point, with one standard error, in
-    percent off the target; the band is the tolerance. The filled point at the end is the answer simulated again
-    with fresh seeds, with the standard error of its mean. It took no part in finding the answer.
+    `batches` has a row for each batch of pours, `check` a row for each response.
+
+    How the answer became certain. Left the probability that the best point meets all
+    targets within the tolerance, after each batch of pours; dotted, the most that the
+    pours left can make of it; squares, the probability that any parameter set meets
+    them. Beside it: the responses predicted at the best point, with one standard error,
+    in percent off the target; the band is the tolerance. The filled point at the end is
+    the answer simulated again with fresh seeds, with the standard error of its mean. It
+    took no part in finding the answer.
     """
-    targets, section = study.targets, study.sequential
-    columns = [f"{name}_{what}" for name in targets.names for what in ("mean", "error")]
+    targets = study.targets
+    settings = study.settings.sequential
+    columns = [
+        f"{name}_{number}" for name in targets.names for number in ("mean", "error")
+    ]
     batches = read_table(
         inputs["batches"], ("pours", "probability", "reachable", "in_reach", *columns)
     )
-    check = read_table(
-        inputs["check"], ("response", "simulated", "simulated_error")
-    ).set_index("response")
-    figure, panels = style.grid(1 + len(targets), 2.2, columns=3, further=0.4)
-    _probability(panels[0], batches, section)
-    after = float(batches["pours"].iloc[-1]) * 1.06
-    for panel, target in zip(panels[1:], targets, strict=True):
-        off = 100 / target.whole * (batches[f"{target.name}_mean"] - target.aim)
-        style.off_target(panel, target, section.tolerance_percent, "pours")
-        look = {
-            "fmt": "D",
-            "ms": 4,
-            "mfc": "white",
-            "color": style.BLACK,
-            "label": "predicted ± standard error",
-        }
-        panel.errorbar(
-            batches["pours"],
-            off,
-            100 / target.whole * batches[f"{target.name}_error"],
-            **look,
-        )
-        simulated, spread = check.loc[
-            target.name, ["simulated", "simulated_error"]
-        ].astype(float)
-        look = {
-            "fmt": "o",
-            "ms": 5,
-            "color": style.RED,
-            "label": "the answer, simulated again ± standard error",
-        }
-        panel.errorbar(
-            [after],
-            [target.off_percent(simulated)],
-            [100 * spread / target.whole],
-            **look,
-        )
-    style.one_legend(panels, loc="outside lower center", ncols=3)
+    check = read_table(inputs["check"], ("response", "simulated", "simulated_error"))
+    check = check.set_index("response")
+
+    figure, axes = panels.grid(1 + len(targets), 2.2, columns=3, extra_height=0.4)
+    _draw_probability(axes[0], batches, settings)
+    for panel, target in zip(axes[1:], targets, strict=True):
+        style.off_target(panel, target, settings.tolerance_percent, "pours")
+        _draw_predictions(panel, batches, target)
+        _draw_check(panel, check, target, x=1.06 * float(batches["pours"].iloc[-1]))
+    style.one_legend(axes, loc="outside lower center", ncols=3)
+
     reached = batches["probability"].iloc[-1]
-    verdict = "reached" if reached >= section.probability else "NOT reached"
-    words = f"{verdict}: all targets met with probability {reached:.2f}; asked for is {section.probability:g}"
-    figure.suptitle(words, fontsize=7.5)
+    verdict = "reached" if reached >= settings.probability else "NOT reached"
+    title = (
+        f"{verdict}: all targets met with probability {reached:.2f}; asked for is "
+        f"{settings.probability:g}"
+    )
+    figure.suptitle(title, fontsize=7.5)
     return figure
 
 
-def _probability(panel: Axes, batches: Any, section: Any) -> None:
-    """Draw the probability after each batch, the one that the remaining pours can reach, and the required one."""
-    for name, look, size, colour, label in (
-        ("probability", "o-", 4, style.BLUE, "probability of the best point"),
-        (
-            "reachable",
-            ":",
-            4,
-            style.GREY,
-            "the most that the pours left can make of it",
-        ),
-        ("in_reach", "s-", 3, style.ORANGE, "probability that any set meets them"),
-    ):
-        panel.plot(
-            batches["pours"], batches[name], look, ms=size, color=colour, label=label
-        )
+def _draw_probability(panel: Axes, batches: pd.DataFrame, settings: Any) -> None:
+    """Draw the probability of meeting the targets after each batch.
+
+    Besides the one of the best point these are the one that the pours left can reach,
+    and the one that any parameter set has. `settings` is the section `sequential`.
+    """
+    pours = batches["pours"]
+    panel.plot(
+        pours,
+        batches["probability"],
+        "o-",
+        ms=4,
+        color=style.BLUE,
+        label="probability of the best point",
+    )
+    panel.plot(
+        pours,
+        batches["reachable"],
+        ":",
+        ms=4,
+        color=style.GREY,
+        label="the most that the pours left can make of it",
+    )
+    panel.plot(
+        pours,
+        batches["in_reach"],
+        "s-",
+        ms=3,
+        color=style.ORANGE,
+        label="probability that any set meets them",
+    )
     panel.axhline(
-        section.probability,
+        settings.probability,
         color=style.RED,
         ls="--",
         lw=0.9,
         label="probability asked for",
     )
     panel.set(xlabel="pours", ylabel="probability", ylim=(-0.03, 1.02))
-    panel.set_title(f"All targets within {section.tolerance_percent:g} %")
+    panel.set_title(f"All targets within {settings.tolerance_percent:g} %")
+
+
+def _draw_predictions(panel: Axes, batches: pd.DataFrame, target: Target) -> None:
+    """Draw how far the predicted response is off its target after each batch."""
+    mean = batches[f"{target.name}_mean"]
+    error = batches[f"{target.name}_error"]
+    panel.errorbar(
+        batches["pours"],
+        100 / target.whole * (mean - target.aim),
+        100 / target.whole * error,
+        fmt="D",
+        ms=4,
+        mfc="white",
+        color=style.BLACK,
+        label="predicted ± standard error",
+    )
+
+
+def _draw_check(panel: Axes, check: pd.DataFrame, target: Target, x: float) -> None:
+    """Draw at a place how far the response of the answer is off, as simulated again."""
+    row = check.loc[target.name, ["simulated", "simulated_error"]].astype(float)
+    simulated, error = row
+    panel.errorbar(
+        [x],
+        [target.off_percent(simulated)],
+        [100 * error / target.whole],
+        fmt="o",
+        ms=5,
+        color=style.RED,
+        label="the answer, simulated again ± standard error",
+    )

@@ -17,97 +17,125 @@ from repose.measure.saved_piles import side_view
 from repose.measure.saved_pours import first_pour
 from repose.measure.silhouette import Grains, outlines
 
-from . import style
-from .registry import MEASURED_PILE, PILE, Inputs, Shown, figure, has_pile
+from . import panels, style
+from .registry import (
+    MEASURED_PILE,
+    PILE,
+    POUR_TRAJECTORY,
+    Inputs,
+    StudyView,
+    figure,
+    has_pile,
+)
 
-Place = tuple[float, float]
+Place = tuple[float, float]  # x and y in the units of a panel
 
-LINE = "#D7191C"
-PILE_PIXELS = 1300
-SNAPSHOT_S = 9.0
+LEVEL_COLOUR = "#D7191C"
+PLATE_COLOUR = "#C9CED3"
+PILE_PIXELS = 1300  # width of the picture of a pile at the default resolution
+SNAPSHOT_S = 9.0  # time of the pour in Figure 8
+DIMENSION_FONT_SIZE = 6.5
 
 
-@figure("figure05", "Figure 5", PILE, reads=("funnel", "colour"), when=has_pile)
-def simulated_pile(inputs: Inputs, study: Shown) -> Figure:
-    """Draw a shaded picture of the first pour of the file, the counterpart of the paper's photograph.
+# --- The pile and its measurement -----------------------------------------------------
 
-    Figure 5. Pile of the representative solution, simulated: the counterpart of the photographed pile.
+
+@figure(
+    "figure05",
+    "Figure 5",
+    PILE,
+    reads=("funnel", "colour"),
+    when=has_pile,
+    memory_mb=600,
+)
+def simulated_pile(inputs: Inputs, study: StudyView) -> Figure:
+    """Draw a shaded picture of the first pour of the file.
+
+    Figure 5. Pile of the representative solution, simulated: the counterpart of the
+    photographed pile.
     """
-    from repose.report.renderer.render import (
-        render_pile,  # slow to import, and the other figures here do without
-    )
+    # Slow to import, and the other figures here do without.
+    from repose.report.renderer.render import render_pile
     from repose.report.renderer.scenery import boxes, look_at
 
-    poured, particle = first_pour(inputs["heap"]), Particle.load(inputs["particle"])
-    centres, quaternions, in_pile = (
-        poured[name] for name in ("position", "quaternion", "in_pile")
+    pour = first_pour(inputs["heap"])
+    particle = Particle.load(inputs["particle"])
+    centres = pour["position"]
+    is_in_pile = pour["in_pile"]
+    scales = pour.get("scale", np.ones(len(centres))).astype(float)
+
+    centres_of_pile = centres[is_in_pile].astype(float)
+    largest_radius_m = particle.bounding_radius_m * scales.max(initial=0.0)
+    frame_m = boxes(centres_of_pile, largest_radius_m)
+    width = style.picture_pixels(study, PILE_PIXELS)
+    view: dict[str, Any] = {"width": width, "height": width // 2, "azimuth_deg": 20.0}
+    picture = render_pile(
+        centres,
+        pour["quaternion"],
+        particle,
+        frame_m=frame_m,
+        scales=scales,
+        colour=study.settings.colour,
+        **view,
     )
-    scales = poured.get("scale", np.ones(len(centres))).astype(float)
-    near = centres[in_pile].astype(float)
-    frame = boxes(near, particle.bounding_radius_m * scales.max(initial=0.0))
-    width = style.pixels(study, PILE_PIXELS)
-    size: dict[str, Any] = {"width": width, "height": width // 2, "azimuth_deg": 20.0}
-    look: dict[str, Any] = {"frame_m": frame, "scales": scales, "colour": study.colour}
+
     figure = style.new_figure(style.PAGE, style.PAGE / 2)
     figure.get_layout_engine().set(w_pad=0, h_pad=0)
     panel = figure.subplots()
-    panel.imshow(
-        render_pile(centres, quaternions, particle, **size, **look), aspect="auto"
-    )
+    panel.imshow(picture, aspect="auto")
     panel.axis("off")
-    style.note(
-        panel,
-        f"{len(centres)} grains poured, {in_pile.sum()} in the pile",
-        x=0.02,
-        y=0.96,
-        fontsize=8,
-    )
-    axis = np.array([*near[:, :2].mean(axis=0), 0.0])
+    words = f"{len(centres)} grains poured, {is_in_pile.sum()} in the pile"
+    style.note(panel, words, x=0.02, y=0.96, fontsize=8)
+    axis_m = np.array([*centres_of_pile[:, :2].mean(axis=0), 0.0])
     style.scale_bar(
-        panel, look_at(frame, **size), axis, np.ptp(near[:, 0]), " at the pile's axis"
+        panel,
+        look_at(frame_m, **view),
+        axis_m,
+        np.ptp(centres_of_pile[:, 0]),
+        " at the pile's axis",
     )
     return figure
 
 
 @figure("figure06", "Figure 6", MEASURED_PILE, reads=("measure",), when=has_pile)
-def measurement(inputs: Inputs, study: Shown) -> Figure:
+def measurement(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the steps of the measurement (section 2.3 of the paper).
 
-    Figure 6. Measurement of that pile in one side view: grey picture, threshold, edge, and boundary (yellow) with
-    the Height (blue), the line of the left flank (red) and of the right one (green), each with its angle. The title
-    names the line. The tables take the mean over {measure[views]} view(s).
+    Figure 6. Measurement of that pile in one side view: grey picture, threshold, edge,
+    and boundary (yellow) with the Height (blue), the line of the left flank (red) and of
+    the right one (green), each with its angle. The title names the line. The tables take
+    the mean over {measure[views]} view(s).
     """
-    settings = pile.MeasureSettings.of(vars(study.measure), read_berry(inputs["berry"]))
-    image = side_view(
-        first_pour(inputs["heap"]), Particle.load(inputs["particle"]), settings
+    settings = pile.MeasureSettings.of(
+        vars(study.settings.measure), read_berry(inputs["berry"])
     )
-    steps = drawing.process_panels(
-        image, settings.mm_per_pixel, settings, base_row=image.shape[0] - 0.5
-    )
-    measured = pile.measure_image(
-        image, settings.mm_per_pixel, settings, base_row=image.shape[0] - 0.5
-    )
+    particle = Particle.load(inputs["particle"])
+    image = side_view(first_pour(inputs["heap"]), particle, settings)
+    scale = settings.mm_per_pixel
+    base_row = image.shape[0] - 0.5
+    steps = drawing.process_panels(image, scale, settings, base_row=base_row)
+    measured = pile.measure_image(image, scale, settings, base_row=base_row)
+
     figure = style.new_figure(style.PAGE, 3.6)
-    panels = figure.subplot_mosaic("abc;ddd", height_ratios=(1, 2.2))
-    ends_mm = [settings.mm_per_pixel * end for end in image.shape[::-1]]
-    look = {
-        "cmap": "gray",
-        "vmin": 0,
-        "vmax": 255,
-        "extent": (0, ends_mm[0], 0, ends_mm[1]),
-    }
+    axes = figure.subplot_mosaic("abc;ddd", height_ratios=(1, 2.2))
+    rows, columns = image.shape
+    width_mm, height_mm = scale * columns, scale * rows
     for (letter, panel), (title, picture) in zip(
-        panels.items(), steps.items(), strict=True
+        axes.items(), steps.items(), strict=True
     ):
+        if picture.ndim == 3:
+            picture = picture[..., ::-1]  # OpenCV has blue, green, red
         panel.imshow(
-            picture[..., ::-1] if picture.ndim == 3 else picture, **look
-        )  # OpenCV uses BGR
-        panel.set(
-            title=f"{letter}  {title}",
-            xlabel="x (mm)",
-            ylabel="z (mm)" if letter in "ad" else "",
+            picture,
+            cmap="gray",
+            vmin=0,
+            vmax=255,
+            extent=(0, width_mm, 0, height_mm),
         )
-    _name_lines(panels["d"], measured, settings, ends_mm[1])
+        panel.set(title=f"{letter}  {title}", xlabel="x (mm)")
+        if letter in "ad":
+            panel.set_ylabel("z (mm)")
+    _name_lines(axes["d"], measured, settings, height_mm)
     return figure
 
 
@@ -115,77 +143,76 @@ def _name_lines(
     panel: Axes,
     measured: pile.Measurement,
     settings: pile.MeasureSettings,
-    top_mm: float,
+    height_mm: float,
 ) -> None:
-    """Draw the angle of each side beside its line, and above them their mean with the line in words."""
+    """Write the angle of each flank beside its line, and the mean above them.
+
+    `height_mm` is the height of the picture.
+    """
     angle = measured.angles[settings.response]
-    sides = (
+    scale = settings.mm_per_pixel
+    flanks = (
         ("left", angle.left_deg, drawing.RED, "right", -12),
         ("right", angle.right_deg, drawing.GREEN, "left", 12),
     )
-    for (name, side_deg, colour, ha, away), line in zip(
-        sides, angle.lines, strict=True
+    for (name, flank_deg, bgr, alignment, offset), line in zip(
+        flanks, angle.lines, strict=True
     ):
-        u, row = np.mean(line, axis=0)
-        place = (
-            u * settings.mm_per_pixel,
-            top_mm - (row + 0.5) * settings.mm_per_pixel,
+        column, row = np.mean(line, axis=0)
+        panel.annotate(
+            f"{name} {flank_deg:.1f}°",
+            (column * scale, height_mm - (row + 0.5) * scale),
+            (offset, 12),
+            textcoords="offset points",
+            ha=alignment,
+            fontweight="bold",
+            color=[value / 255 for value in reversed(bgr)],
         )
-        look = {"textcoords": "offset points", "ha": ha, "fontweight": "bold"}
-        rgb = [value / 255 for value in reversed(colour)]
-        panel.annotate(f"{name} {side_deg:.1f}°", place, (away, 12), color=rgb, **look)
     panel.set_title(f"d  boundary, Height {measured.height_mm:.1f} mm")
+    line_words = style.line_in_words(vars(settings))
     panel.set_title(
-        f"angle of this view {angle.aor_deg:.1f}°, {style.line_in_words(vars(settings))}",
-        loc="right",
+        f"angle of this view {angle.aor_deg:.1f}°, {line_words}", loc="right"
     )
 
 
-POUR = {"trajectory": "{trajectory}", "particle": "berry/particle.json"}
+# --- The test bench -------------------------------------------------------------------
 
 
 @figure(
-    "figure08", "Figure 8", {}, optional=POUR, reads=("funnel", "colour"), when=has_pile
+    "figure08",
+    "Figure 8",
+    {},
+    optional={"trajectory": POUR_TRAJECTORY, "particle": "berry/particle.json"},
+    reads=("funnel", "colour"),
+    when=has_pile,
 )
-def apparatus(inputs: Inputs, study: Shown) -> Figure:
+def apparatus(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the test bench from the side, in mm, with the grains of a pour if given.
 
-    Figure 8. Virtual test bench to scale, halfway through the pour: the place where grains are made, funnel and plate.
-    """
-    from repose.report.renderer.scenery import funnel_walls
+    `trajectory` has the places of the grains over the time.
 
-    funnel = study.funnel
-    walls = funnel_walls(funnel.funnel)
-    top, half_inlet = 1e3 * walls[-1].z_high_m, funnel.inlet_diameter_mm / 2
-    factory = top + funnel.factory_height_mm
-    half_view, low, high = max(half_inlet + 75, 190), -34, factory + 34
+    Figure 8. Virtual test bench to scale, halfway through the pour: the place where
+    grains are made, funnel and plate.
+    """
+    from repose.report.renderer.scenery import funnel_walls  # slow to import
+
+    settings = study.settings.funnel
+    walls = funnel_walls(settings.funnel)
+    top = 1e3 * walls[-1].z_high_m
+    half_inlet = settings.inlet_diameter_mm / 2
+    factory = top + settings.factory_height_mm
+    half_view = max(half_inlet + 75, 190)
+    low, high = -34, factory + 34
+
     width = 1.3 * style.COLUMN
-    figure, (panel,) = style.grid(
-        1, (width - 0.5) * (high - low) / (2 * half_view) + 0.55, width=width
-    )
+    height = (width - 0.5) * (high - low) / (2 * half_view) + 0.55
+    figure, (panel,) = panels.grid(1, height, width=width)
     if {"trajectory", "particle"} <= inputs.keys():
-        _grains(panel, inputs, study.colour)
-    for wall in walls:
-        for side in (-1, 1):
-            radii = [side * 1e3 * wall.r_low_m, side * 1e3 * wall.r_high_m]
-            panel.plot(
-                radii,
-                [1e3 * wall.z_low_m, 1e3 * wall.z_high_m],
-                color=style.BLACK,
-                lw=1.6,
-                zorder=3,
-            )
-    for side in (-1, 1):
-        centre = (
-            side * (funnel.outlet_diameter_mm / 2 + funnel.rim_radius_mm),
-            funnel.outlet_height_mm,
-        )
-        panel.add_patch(
-            Circle(centre, funnel.rim_radius_mm, color=style.BLACK, zorder=3)
-        )
-    half_plate = min(funnel.plate_diameter_mm / 2, half_view)
+        _draw_grains(panel, inputs, study.settings.colour)
+    _draw_funnel(panel, walls, settings)
+    half_plate = min(settings.plate_diameter_mm / 2, half_view)
     panel.fill_between(
-        [-half_plate, half_plate], -7, 0, color="#C9CED3", lw=0, zorder=2
+        [-half_plate, half_plate], -7, 0, color=PLATE_COLOUR, lw=0, zorder=2
     )
     panel.set(
         xlim=(-half_view, half_view),
@@ -193,133 +220,179 @@ def apparatus(inputs: Inputs, study: Shown) -> Figure:
         aspect="equal",
         xticks=np.arange(-150, 151, 50),
     )
-    _levels(panel, funnel, factory, half_view)
-    _dimensions(panel, funnel, top, half_inlet)
+    _draw_levels(panel, settings, factory, half_view)
+    _draw_dimensions(panel, settings, top, half_inlet)
     panel.set(xlabel="x (mm)", ylabel="z (mm)")
     return figure
 
 
-def _levels(panel: Axes, funnel: Any, factory: float, half_view: float) -> None:
-    """Draw the three red lines: factory, outlet and plate."""
-    levels = {
-        "grains are made here": factory,
-        "funnel outlet": funnel.outlet_height_mm,
-        "": 0.0,
-    }
-    for name, z in levels.items():
-        panel.axhline(z, color=LINE, lw=0.9, zorder=4)
-        panel.text(
-            half_view - 3,
-            z + 2,
-            name,
-            color=LINE,
-            ha="right",
-            va="bottom",
-            fontsize=6.8,
-        )
-    half_factory = funnel.factory_diameter_mm / 2
-    panel.plot(
-        [-half_factory, half_factory], [factory, factory], color=LINE, lw=2.6, zorder=4
-    )
-
-
-def dimension(
-    panel: Axes, start: Place, end: Place, text: str, place: Place, **options: Any
-) -> None:
-    """Draw a measured arrow from start to end with its number at a place; `options` go to its text."""
-    look = {
-        "arrowstyle": "<->",
-        "lw": 0.8,
-        "shrinkA": 0,
-        "shrinkB": 0,
-        "mutation_scale": 7,
-    }
-    panel.annotate(
-        "", start, xytext=end, arrowprops=look | {"color": style.BLUE}, zorder=5
-    )
-    box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.85}
-    panel.text(
-        *place,
-        text,
-        color=style.BLUE,
-        fontsize=6.5,
-        zorder=5,
-        bbox=box,
-        **{"ha": "center"} | options,
-    )
-
-
-def _dimensions(panel: Axes, funnel: Any, top: float, half_inlet: float) -> None:
-    """Draw measured arrows with their numbers: diameters across, heights at the left."""
-    half_outlet, outlet = funnel.outlet_diameter_mm / 2, funnel.outlet_height_mm
-    over, below, side = (
-        top + funnel.factory_height_mm + 14,
-        outlet - 11,
-        -half_inlet - 32,
-    )
-    at = (0, over + 4), (half_outlet + 4, below)
-    dimension(
-        panel,
-        (-half_inlet, over),
-        (half_inlet, over),
-        f"inlet {2 * half_inlet:g}",
-        at[0],
-        va="bottom",
-    )
-    ends = (-half_outlet, below), (half_outlet, below)
-    dimension(panel, *ends, f"{2 * half_outlet:g}", at[1], ha="left", va="center")
-    for low, high, text in (
-        (0, outlet, f"{outlet:g}"),
-        (outlet, top, f"{top - outlet:.0f}"),
-    ):
-        middle = (side - 4, (low + high) / 2)
-        dimension(
-            panel, (side, low), (side, high), text, middle, ha="right", va="center"
-        )
-    look = {"color": style.BLUE, "fontsize": 6.5}
-    words = f"{funnel.cone_angle_deg:g}° from horizontal"
-    panel.text(
-        (half_outlet + half_inlet) / 2 + 9, (outlet + top) / 2 - 8, words, **look
-    )
-    wider = (
-        ", wider than this view"
-        if funnel.plate_diameter_mm > np.ptp(panel.get_xlim())
-        else ""
-    )
-    panel.text(
-        0,
-        -11,
-        f"plate diameter {funnel.plate_diameter_mm:g}{wider}",
-        ha="center",
-        va="top",
-        **look,
-    )
-
-
-def _grains(panel: Axes, inputs: Inputs, colour: str) -> None:
-    """Draw the side view of the grains during a pour, each with its true outline, the nearest drawn last."""
+def _draw_grains(panel: Axes, inputs: Inputs, colour: str) -> None:
+    """Draw the side view of the grains during a pour, each with its true outline."""
     particle = Particle.load(inputs["particle"])
     record = read_npz(
         inputs["trajectory"],
         ("time_s", "position", "quaternion"),
         "the trajectory of a pour",
     )
-    frame = int(np.argmin(np.abs(record["time_s"] - SNAPSHOT_S)))
+    times_s = record["time_s"]
+    frame = int(np.argmin(np.abs(times_s - SNAPSHOT_S)))
     grains = Grains(
         record["position"][frame],
         record["quaternion"][frame],
         particle,
         record.get("scale", 1.0),
     )
-    here = np.isfinite(grains.centres_m).all(axis=1)
-    order = np.flatnonzero(here)[np.argsort(-grains.centres_m[here, 1])]
-    outline = outlines(grains[order], [0.0])[0]  # seen along y, x points right
-    look = {
-        "facecolors": colour,
-        "edgecolors": style.BLACK,
-        "linewidths": 0.25,
-        "zorder": 2.5,
+    is_there = np.isfinite(grains.centres_m).all(axis=1)
+    # The nearest are drawn last; the view is along y, and x points right.
+    depth = -grains.centres_m[is_there, 1]
+    order = np.flatnonzero(is_there)[np.argsort(depth)]
+    outlines_m = outlines(grains[order], [0.0])[0]
+    panel.add_collection(
+        PolyCollection(
+            1e3 * outlines_m,
+            facecolors=colour,
+            edgecolors=style.BLACK,
+            linewidths=0.25,
+            zorder=2.5,
+        )
+    )
+    title = (
+        f"simulated pour at {times_s[frame]:.3g} s, {is_there.sum()} of "
+        f"{len(is_there)} grains; lengths in mm"
+    )
+    panel.set_title(title, fontsize=7)
+
+
+def _draw_funnel(panel: Axes, walls: Any, settings: Any) -> None:
+    """Draw the walls of the funnel on both sides, and its rounded rim.
+
+    `settings` is the section `funnel`.
+    """
+    for wall in walls:
+        heights = [1e3 * wall.z_low_m, 1e3 * wall.z_high_m]
+        for side in (-1, 1):
+            radii = [side * 1e3 * wall.r_low_m, side * 1e3 * wall.r_high_m]
+            panel.plot(radii, heights, color=style.BLACK, lw=1.6, zorder=3)
+    rim_radius = settings.rim_radius_mm
+    for side in (-1, 1):
+        x = side * (settings.outlet_diameter_mm / 2 + rim_radius)
+        centre = (x, settings.outlet_height_mm)
+        panel.add_patch(Circle(centre, rim_radius, color=style.BLACK, zorder=3))
+
+
+def _draw_levels(panel: Axes, settings: Any, factory: float, half_view: float) -> None:
+    """Draw lines at the place where grains are made, at the outlet and at the plate."""
+    levels = {
+        "grains are made here": factory,
+        "funnel outlet": settings.outlet_height_mm,
+        "": 0.0,
     }
-    panel.add_collection(PolyCollection(1e3 * outline, **look))
-    words = f"simulated pour at {record['time_s'][frame]:.3g} s, {here.sum()} of {len(here)} grains; lengths in mm"
-    panel.set_title(words, fontsize=7)
+    for name, level in levels.items():
+        panel.axhline(level, color=LEVEL_COLOUR, lw=0.9, zorder=4)
+        panel.text(
+            half_view - 3,
+            level + 2,
+            name,
+            color=LEVEL_COLOUR,
+            ha="right",
+            va="bottom",
+            fontsize=style.SMALL_TEXT_PT,
+        )
+    half_factory = settings.factory_diameter_mm / 2
+    panel.plot(
+        [-half_factory, half_factory],
+        [factory, factory],
+        color=LEVEL_COLOUR,
+        lw=2.6,
+        zorder=4,
+    )
+
+
+def _draw_dimensions(panel: Axes, settings: Any, top: float, half_inlet: float) -> None:
+    """Draw measured arrows: diameters across, heights at the left.
+
+    `settings` is the section `funnel`, `top` the height of the inlet.
+    """
+    outlet = settings.outlet_height_mm
+    half_outlet = settings.outlet_diameter_mm / 2
+    over_inlet = top + settings.factory_height_mm + 14
+    under_outlet = outlet - 11
+    dimension(
+        panel,
+        start=(-half_inlet, over_inlet),
+        end=(half_inlet, over_inlet),
+        text=f"inlet {2 * half_inlet:g}",
+        place=(0, over_inlet + 4),
+        va="bottom",
+    )
+    dimension(
+        panel,
+        start=(-half_outlet, under_outlet),
+        end=(half_outlet, under_outlet),
+        text=f"{2 * half_outlet:g}",
+        place=(half_outlet + 4, under_outlet),
+        ha="left",
+        va="center",
+    )
+    left = -half_inlet - 32
+    for low, high, text in (
+        (0, outlet, f"{outlet:g}"),
+        (outlet, top, f"{top - outlet:.0f}"),
+    ):
+        dimension(
+            panel,
+            start=(left, low),
+            end=(left, high),
+            text=text,
+            place=(left - 4, (low + high) / 2),
+            ha="right",
+            va="center",
+        )
+
+    panel.text(
+        (half_outlet + half_inlet) / 2 + 9,
+        (outlet + top) / 2 - 8,
+        f"{settings.cone_angle_deg:g}° from horizontal",
+        color=style.BLUE,
+        fontsize=DIMENSION_FONT_SIZE,
+    )
+    plate = settings.plate_diameter_mm
+    remark = ""
+    if plate > np.ptp(panel.get_xlim()):
+        remark = ", wider than this view"
+    panel.text(
+        0,
+        -11,
+        f"plate diameter {plate:g}{remark}",
+        ha="center",
+        va="top",
+        color=style.BLUE,
+        fontsize=DIMENSION_FONT_SIZE,
+    )
+
+
+def dimension(
+    panel: Axes, start: Place, end: Place, text: str, place: Place, **options: Any
+) -> None:
+    """Draw a measured arrow with its number at a place; `options` go to its text."""
+    arrow = {
+        "arrowstyle": "<->",
+        "lw": 0.8,
+        "shrinkA": 0,
+        "shrinkB": 0,
+        "mutation_scale": 7,
+        "color": style.BLUE,
+    }
+    panel.annotate("", start, xytext=end, arrowprops=arrow, zorder=5)
+    box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.85}
+    x, y = place
+    panel.text(
+        x,
+        y,
+        text,
+        color=style.BLUE,
+        fontsize=DIMENSION_FONT_SIZE,
+        zorder=5,
+        bbox=box,
+        **({"ha": "center"} | options),
+    )

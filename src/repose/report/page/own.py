@@ -7,7 +7,6 @@ from datetime import date
 from repose.calibrate.answer import WITHIN
 from repose.calibrate.calibration import Calibration
 from repose.common import provenance
-from repose.common.files import path_of
 from repose.report.figures import own, style
 from repose.report.page import captions, page
 from repose.report.page.study import Results

@@ -9,6 +9,7 @@ import pandas as pd
 
 from repose.bench.parameters import LABELS
 from repose.calibrate.answer import nearness
+from repose.calibrate.card import held, with_remark
 from repose.calibrate.designs.latin_hypercube import METHODS
 from repose.calibrate.runs import error_of
 from repose.calibrate.targets import Target
@@ -23,7 +24,7 @@ from repose.report.page.study import Results
 from repose.report.page.tables import FoldedTable, Table, folded_table
 from repose.report.page.templates import cell_text
 from repose.report.page.verdict import Verdict, checks_of, percent_text, verdict_of
-from repose.stages import card
+from repose.stages.card import read as read_card
 
 
 @dataclass(frozen=True)
@@ -91,7 +92,7 @@ def impossible_targets(files: Mapping[str, str]) -> list[str]:
     if "card" not in files:
         return []
     sentences = []
-    for test in card.read(files["card"])["tests"]:
+    for test in read_card(files["card"])["tests"]:
         if "reach" in test and not test["reach"]["possible"]:
             sentences.append(test["reach"]["sentence"])
     return sentences
@@ -140,10 +141,10 @@ def _parameter_row(study: Results, name: str, value: float) -> list[str]:
 
     if study.posterior is None:
         interval_cells = []
-        interval = card.held(parameters, name, value, value, value)
+        interval = held(parameters, name, value, value, value)
     else:
         row = study.posterior.loc[name]
-        interval = card.held(
+        interval = held(
             parameters,
             name,
             value,
@@ -158,7 +159,7 @@ def _parameter_row(study: Results, name: str, value: float) -> list[str]:
     searched = f"{parameters.low[index]:.3g} to {parameters.high[index]:.3g}"
     values_of_sets = study.solutions[name]
     sets_found = f"{values_of_sets.min():.3g} to {values_of_sets.max():.3g}"
-    meaning = card.with_remark(label, interval)
+    meaning = with_remark(label, interval)
     return [name, meaning, f"{value:.4g}", *interval_cells, searched, sets_found]
 
 

@@ -1,0 +1,130 @@
+"""The noise floor: how far runs of the same parameters scatter."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from repose.calibrate.targets import Target
+from repose.common.files import read_json, read_table
+
+from . import style
+from .registry import Inputs, StudyView, figure
+
+SEED_TICKS = (1, 2, 4, 8, 16, 32, 64)
+PERCENT_TICKS = (0.5, 1, 2, 5)
+
+
+@figure(
+    "noise",
+    "Noise floor",
+    {"runs": "runs.csv", "seeds": "noise/seeds.csv", "noise": "noise/noise.json"},
+    reads=("parameters", "targets"),
+    folder="noise",
+    category="Uncertainty",
+)
+def noise_floor(inputs: Inputs, study: StudyView) -> Figure:
+    """Draw runs about the mean of their sample, and what a number of seeds buys.
+
+    `runs` has a row for each run, `seeds` the standard error and the reachable R2 for
+    each number of seeds, `noise` the standard deviations of each response.
+
+    Runs of the same parameters and runs of others, and the standard error that a number
+    of seeds buys. ``noise.json`` has the correlation of the responses within samples.
+    """
+    targets = study.targets
+    runs = read_table(inputs["runs"], ("sample", "status", *targets.names))
+    seeds = read_table(inputs["seeds"])
+    deviations = read_json(inputs["noise"], ("responses",))["responses"]
+
+    # A panel for each response, two in a row, and two panels over the seeds below them.
+    # A number stands for a panel; one that stands twice takes two places.
+    n_targets = len(targets)
+    rows = [[k, min(k + 1, n_targets - 1)] for k in range(0, n_targets, 2)]
+    figure = style.new_figure(style.PAGE, 2.15 + 2.45 * len(rows))
+    panels = figure.subplot_mosaic(
+        [*rows, [-2, -1]], height_ratios=[1.15] * len(rows) + [1]
+    )
+    *of_responses, error_panel, r2_panel = panels.values()
+
+    for k, (panel, target) in enumerate(zip(of_responses, targets, strict=True)):
+        name = target.name
+        good = runs[(runs["status"] == "ok") & runs[name].notna()]
+        look = style.series(k)
+        _draw_runs(panel, good, name, look["color"])
+        panel.set(
+            xlabel="samples, in order of their mean (line)",
+            ylabel=style.response_label(target.response),
+        )
+        _write_deviations(panel, target.response.unit, deviations[name])
+        _draw_standard_error(error_panel, seeds, target, look)
+        _draw_reachable_r2(r2_panel, seeds, target, look)
+    _finish_panels_over_seeds(error_panel, r2_panel)
+    style.name_panels([*of_responses, error_panel, r2_panel])
+    error_panel.legend()
+    r2_panel.legend(
+        loc="lower right",
+        title="band: 95 % interval",
+        title_fontsize=style.SMALL_TEXT_PT,
+    )
+    return figure
+
+
+def _draw_runs(panel: Axes, runs: pd.DataFrame, column: str, colour: str) -> None:
+    """Draw the runs of each sample, the samples in order of their means."""
+    means = runs.groupby("sample")[column].mean().sort_values()
+    place = pd.Series(np.arange(len(means)), index=means.index)
+    panel.scatter(
+        runs["sample"].map(place), runs[column], s=2.5, color=colour, alpha=0.45, lw=0
+    )
+    panel.plot(place, means, color=style.BLACK, lw=1.2)
+
+
+def _write_deviations(panel: Axes, unit: str, numbers: Mapping[str, float]) -> None:
+    """Write the standard deviations of a response above its runs."""
+    lines = (
+        f"standard deviation within samples {numbers['sd_within']:.2f} {unit}",
+        f"between samples {numbers['sd_between']:.2f} {unit}",
+        f"intraclass correlation {numbers['icc']:.2f} "
+        f"({numbers['icc_low']:.2f}–{numbers['icc_high']:.2f})",
+    )
+    bottom, top = panel.get_ylim()
+    panel.set_ylim(bottom, top + 0.2 * (top - bottom))
+    style.note(panel, "\n".join(lines), y=0.99)
+
+
+def _draw_standard_error(
+    panel: Axes, seeds: pd.DataFrame, target: Target, look: Mapping[str, str]
+) -> None:
+    """Draw the standard error of the mean of one response over the number of seeds."""
+    response = target.response
+    percent = seeds[f"{response.quantity}_se_percent"]
+    panel.plot(seeds["seeds"], percent, label=response.symbol, **look)
+
+
+def _draw_reachable_r2(
+    panel: Axes, seeds: pd.DataFrame, target: Target, look: Mapping[str, str]
+) -> None:
+    """Draw the R2 that a perfect predictor reaches over the number of seeds."""
+    response = target.response
+    column = f"{response.quantity}_reachable_r2"
+    low, high = seeds[f"{column}_low"], seeds[f"{column}_high"]
+    colour = look["color"]
+    panel.fill_between(seeds["seeds"], low, high, color=colour, alpha=0.2, lw=0)
+    panel.plot(seeds["seeds"], seeds[column], label=response.symbol, **look)
+
+
+def _finish_panels_over_seeds(error_panel: Axes, r2_panel: Axes) -> None:
+    """Set scales, ticks and labels of the panels over the number of seeds."""
+    error_panel.set(ylabel="standard error of a mean\n(% of the target)", yscale="log")
+    error_panel.set_yticks(PERCENT_TICKS, [f"{value:g}" for value in PERCENT_TICKS])
+    r2_panel.set(
+        ylabel="R² of a perfect predictor\non means over the seeds", ylim=(None, 1)
+    )
+    for panel in (error_panel, r2_panel):
+        panel.set(xlabel="seeds per sample", xscale="log")
+        panel.set_xticks(SEED_TICKS, SEED_TICKS)
+        panel.minorticks_off()
+        panel.grid(True)

@@ -1,0 +1,140 @@
+"""Panels of a figure: grids, and panels for each parameter or each pair of parameters."""
+
+import math
+from collections.abc import Sequence
+from itertools import product
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, FigureBase
+
+from repose.bench.parameters import SYMBOLS
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.targets import Target, Targets
+from repose.report.study_view import parameter_ranges
+
+from .style import PAGE, new_figure, parameter_label, response_label
+
+
+def grid(
+    count: int,
+    row_height: float,
+    columns: int = 2,
+    extra_height: float = 0.0,
+    width: float = PAGE,
+    **options: Any,
+) -> tuple[Figure, list[Axes]]:
+    """Make a figure with `count` panels in rows of a height in inches.
+
+    `extra_height` is added to the rows; `options` go to matplotlib's `subplots`.
+    """
+    rows = math.ceil(count / min(columns, count))
+    figure = new_figure(width, extra_height + row_height * rows)
+    return figure, panels_in(figure, count, columns, **options)
+
+
+def panels_in(
+    figure: FigureBase, count: int, columns: int = 2, **options: Any
+) -> list[Axes]:
+    """Add `count` panels to an empty figure; the other places of the grid stay empty."""
+    columns = min(columns, count)
+    rows = math.ceil(count / columns)
+    panels = figure.subplots(rows, columns, squeeze=False, **options).ravel()
+    for panel in panels[count:]:
+        panel.axis("off")
+    return list(panels[:count])
+
+
+class ParameterPanel(NamedTuple):
+    """A panel of one response over one parameter."""
+
+    axes: Axes
+    target: Target
+    parameter: str
+
+
+def panels_over_parameters(
+    targets: Targets, parameters: ParameterSpace, row_height: float
+) -> tuple[Figure, list[ParameterPanel]]:
+    """Make a figure with a row for each target and a column for each free parameter."""
+    free = parameters.free
+    ranges = parameter_ranges(parameters)
+    figure = new_figure(PAGE, 0.5 + row_height * len(targets))
+    panels = figure.subplots(
+        len(targets), len(free), sharex="col", sharey="row", squeeze=False
+    )
+    for panel, target in zip(panels[:, 0], targets, strict=True):
+        panel.set_ylabel(response_label(target.response))
+    for panel, name in zip(panels[-1], free, strict=True):
+        panel.set_xlabel(parameter_label(name), fontsize=8.5)
+        panel.set_xlim(ranges[name])
+    return figure, [
+        ParameterPanel(panel, target, name)
+        for panel, (target, name) in zip(
+            panels.flat, product(targets, free), strict=True
+        )
+    ]
+
+
+class PairPanel(NamedTuple):
+    """A panel of two parameters; on the diagonal they are the same."""
+
+    axes: Axes
+    across: str
+    down: str
+
+
+def panels_of_pairs(figure: FigureBase, parameters: ParameterSpace) -> list[PairPanel]:
+    """Add a square of panels to an empty figure, one for each pair of free parameters.
+
+    The panels lie on the diagonal and below it.
+    """
+    names = parameters.free
+    square = figure.subplots(len(names), len(names), sharex="col", squeeze=False)
+    panels = []
+    for (row, column), axes in np.ndenumerate(square):
+        if column > row:
+            axes.axis("off")
+        else:
+            panels.append(PairPanel(axes, across=names[column], down=names[row]))
+    return panels
+
+
+def finish_pairs(
+    panels: Sequence[PairPanel], parameters: ParameterSpace, margin: float = 0.0
+) -> None:
+    """Set ends, ticks and labels of the axes of pairs, after the panels were drawn.
+
+    `margin` is a share of the range to each side.
+    """
+    names = parameters.free
+    ends = {}
+    for name, (low, high) in parameter_ranges(parameters).items():
+        room = margin * (high - low)
+        ends[name] = low - room, high + room
+    for axes, across, down in panels:
+        is_diagonal = across == down
+        is_first_column = across == names[0]
+        has_y_axis = is_first_column and not is_diagonal
+        axes.set_xlim(ends[across])
+        axes.tick_params(labelsize=6, labelleft=has_y_axis)
+        if is_diagonal:
+            axes.set_yticks([])
+            axes.spines["left"].set_visible(False)
+        else:
+            axes.set_ylim(ends[down])
+        if down == names[-1]:
+            axes.set_xlabel(parameter_label(across), fontsize=8.5)
+        if has_y_axis:
+            axes.set_ylabel(parameter_label(down), fontsize=8.5)
+
+
+def label_strips(panel: Axes, names: Sequence[str]) -> None:
+    """Label a panel with a strip for each parameter from the top, its range 0 to 1."""
+    symbols = [SYMBOLS.get(name, name) for name in reversed(names)]
+    panel.set_yticks(range(len(names)), symbols, fontsize=9)
+    panel.set_xticks([0, 0.25, 0.5, 0.75, 1.0])
+    panel.set_xlabel("place in the parameter's range (dimensionless)")
+    panel.spines["left"].set_visible(False)
+    panel.tick_params(axis="y", length=0)

@@ -1,0 +1,449 @@
+"""The posterior of the parameters: its draws in pairs, and credible intervals."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, FigureBase
+from matplotlib.lines import Line2D
+from matplotlib.patches import Rectangle
+
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.targets import Targets
+from repose.common.files import read_json, read_table
+from repose.report.study_view import parameter_ranges
+
+from . import panels, style
+from .registry import PUBLISHED_HERE, Inputs, StudyView, figure
+
+if TYPE_CHECKING:
+    from repose.calibrate.uncertainty.posterior import Posterior
+
+Range = tuple[float, float]
+
+CREDIBLE_SHARES = (0.95, 0.5)  # of the posterior inside a contour
+CONTOUR_COLOURS = ("#BCD9EC", "#6FAED6")
+CELLS = 25  # of a range, of histograms and contours
+SMOOTHING = (0.25, 0.5, 0.25)
+SEARCH_SOLUTIONS = "solutions of the search"
+CREDIBLE_COLUMNS = ["credible_low", "credible_high"]
+SEARCH_COLUMNS = ["miga_low", "miga_high"]
+PUBLISHED_COLUMNS = ["published_low", "published_high"]
+# Intervals of a parameter: their columns, place above the middle, colour and label.
+INTERVALS = (
+    (CREDIBLE_COLUMNS, 0.22, style.BLUE, "posterior, 95 % and median"),
+    (SEARCH_COLUMNS, 0.0, style.RED, SEARCH_SOLUTIONS),
+    (PUBLISHED_COLUMNS, -0.22, style.ORANGE, "published interval"),
+)
+# Published sets have a marker for each source.
+PUBLISHED_MARKERS = ("D", "^", "s", "v")
+PUBLISHED_LOOK: dict[str, Any] = {
+    "s": 22,
+    "facecolor": "none",
+    "edgecolor": style.ORANGE,
+    "linewidth": 1.2,
+}
+
+
+class PublishedSets(NamedTuple):
+    """Published parameter sets of one source and one wall."""
+
+    marker: str
+    source: str
+    wall: str  # empty if it is the wall of the study
+    table: pd.DataFrame
+
+
+class CornerData(NamedTuple):
+    """What a figure of the posterior in pairs shows."""
+
+    posterior: "Posterior"
+    sets: pd.DataFrame  # parameter sets that are marked
+    sets_label: str
+    published_sets: Sequence[PublishedSets] = ()
+
+
+# --- The draws in pairs ---------------------------------------------------------------
+
+
+@figure(
+    "corner",
+    "Posterior",
+    {
+        "draws": "posterior/draws.csv",
+        "posterior": "posterior/posterior.csv",
+        "summary": "posterior/posterior.json",
+        "feasible": "miga/feasible.csv",
+    },
+    if_there={"stored": PUBLISHED_HERE},
+    reads=("parameters", "targets"),
+    folder="posterior",
+    category="Uncertainty",
+)
+def corner(inputs: Inputs, study: StudyView) -> Figure:
+    """Draw the draws of the posterior, alone and in pairs, with solutions.
+
+    `draws` has a parameter set in each row, `posterior` a parameter, `feasible` a
+    solution, `stored` a published set.
+
+    The free parameters given the physical measurements: draws of the posterior, with
+    the feasible solutions of the search. A parameter whose draws fill its range is not
+    determined by the targets. Published parameter sets are marked; one of another wall
+    stands in the panels of two grain-grain parameters alone.
+    """
+    from repose.calibrate.uncertainty.posterior import Posterior  # slow to import
+
+    names = study.parameters.names
+    posterior = Posterior(
+        parameters=read_table(inputs["posterior"], ("parameter",)),
+        draws=read_table(inputs["draws"], names),
+        summary=read_json(inputs["summary"], ("predicted",)),
+    )
+    published_sets: list[PublishedSets] = []
+    if "stored" in inputs:
+        published_sets = _published_sets(read_table(inputs["stored"]), names)
+    data = CornerData(
+        posterior=posterior,
+        sets=read_table(inputs["feasible"], names),
+        sets_label=SEARCH_SOLUTIONS,
+        published_sets=published_sets,
+    )
+    figure = style.new_figure(style.PAGE, style.PAGE)
+    draw_corner(figure, study.parameters, study.targets, data)
+    return figure
+
+
+def _published_sets(table: pd.DataFrame, names: Iterable[str]) -> list[PublishedSets]:
+    """Split published sets by source and wall; none if the table lacks a column."""
+    if not {"source", "wall", *names} <= set(table):
+        return []
+    table["wall"] = table["wall"].fillna("").astype(str)
+    by_source = table.groupby(["source", "wall"])
+    # Sources beyond the last marker are left out.
+    return [
+        PublishedSets(marker, source, wall, rows)
+        for marker, ((source, wall), rows) in zip(
+            PUBLISHED_MARKERS, by_source, strict=False
+        )
+    ]
+
+
+def draw_corner(
+    figure: FigureBase, parameters: ParameterSpace, targets: Targets, data: CornerData
+) -> None:
+    """Draw a posterior in an empty figure: each free parameter, and each pair."""
+    draws = data.posterior.draws
+    table = data.posterior.parameters.set_index("parameter")
+    has_published_intervals = "published_low" in table
+    ranges = parameter_ranges(parameters)
+    pair_panels = panels.panels_of_pairs(figure, parameters)
+    for panel, across, down in pair_panels:
+        if across == down:
+            _draw_marginal(panel, draws[across], parameters, table.loc[across])
+            continue
+        _draw_contours(panel, draws[across], draws[down], ranges[across], ranges[down])
+        panel.scatter(
+            data.sets[across], data.sets[down], s=5, color=style.RED, lw=0, zorder=4
+        )
+        if has_published_intervals:
+            _draw_published_box(panel, table.loc[across], table.loc[down])
+        is_pair_of_grains = across.endswith("_gg") and down.endswith("_gg")
+        for sets in data.published_sets:
+            if not sets.wall or is_pair_of_grains:
+                panel.scatter(
+                    sets.table[across],
+                    sets.table[down],
+                    marker=sets.marker,
+                    zorder=6,
+                    **PUBLISHED_LOOK,
+                )
+    panels.finish_pairs(pair_panels, parameters, margin=0.02)
+    figure.text(
+        0.47,
+        0.975,
+        _account(data.posterior.summary, targets),
+        fontsize=7.5,
+        va="top",
+        linespacing=1.5,
+    )
+    last_panel = pair_panels[-1].axes
+    handles = _legend_handles(
+        last_panel, data, bool(parameters.prior), has_published_intervals
+    )
+    figure.legend(
+        handles=handles, loc="upper left", bbox_to_anchor=(0.63, 0.8), fontsize=7.5
+    )
+
+
+def _draw_marginal(
+    panel: Axes, values: pd.Series, parameters: ParameterSpace, row: pd.Series
+) -> None:
+    """Draw the draws of one parameter with its prior and the published interval.
+
+    `row` is the row of the parameter in the table of the posterior.
+    """
+    name = row.name
+    panel.hist(
+        values,
+        bins=CELLS,
+        range=parameter_ranges(parameters)[name],
+        density=True,
+        color=style.BLUE,
+        alpha=0.35,
+    )
+    prior_values, density = _prior_density(parameters, name)
+    panel.plot(prior_values, density, color=style.GREY, lw=0.9, ls="--")
+    if pd.notna(row.get("published_low")):
+        low, high = row[PUBLISHED_COLUMNS]
+        panel.axvspan(low, high, fill=False, ec=style.BLACK, lw=0.9)
+    panel.set_title(
+        f"{row['information_bits']:.2f} bits", fontsize=6.5, loc="center", pad=2
+    )
+
+
+def _prior_density(
+    parameters: ParameterSpace, name: str
+) -> tuple[np.ndarray, np.ndarray]:
+    """Give values of a free parameter over its range, and the prior's density there."""
+    index = parameters.free.index(name)
+    low, high = parameters.low[index], parameters.high[index]
+    unit = np.linspace(0, 1, 201)
+    values = low + unit * (high - low)
+    points = np.repeat(unit[:, None], parameters.dimensions, axis=1)
+    cumulative = parameters.prior_cdf(points)[:, index]
+    return values, np.gradient(cumulative, values)
+
+
+def _draw_contours(
+    panel: Axes, across: pd.Series, down: pd.Series, x_range: Range, y_range: Range
+) -> None:
+    """Draw the smoothed counts of two parameters' draws, filled to each credible share."""
+    from scipy import ndimage  # slow to import
+
+    counts, x_edges, y_edges = np.histogram2d(
+        across, down, bins=CELLS, range=(x_range, y_range)
+    )
+    # Twice along each axis; the ends are reflected.
+    for axis in (0, 0, 1, 1):
+        counts = ndimage.correlate1d(counts, SMOOTHING, axis)
+    # The outermost cells are drawn out to the bounds, where the prior ends.
+    x = (x_edges[:-1] + x_edges[1:]) / 2
+    y = (y_edges[:-1] + y_edges[1:]) / 2
+    x[0], x[-1] = x_range
+    y[0], y[-1] = y_range
+    panel.contourf(
+        x, y, counts.T, levels=_credible_levels(counts), colors=CONTOUR_COLOURS
+    )
+
+
+def _credible_levels(counts: np.ndarray) -> list[float]:
+    """Find the counts above which each credible share of the draws lies, in rising order.
+
+    The last level is just above the highest count.
+    """
+    ordered = np.sort(counts.ravel())[::-1]
+    share_inside = np.cumsum(ordered) / ordered.sum()
+    outer, inner = (
+        ordered[min(int(np.searchsorted(share_inside, share)), ordered.size - 1)]
+        for share in CREDIBLE_SHARES
+    )
+    # Levels have to rise, also where a single cell has most of the draws.
+    return [outer, max(inner, outer * (1 + 1e-9)), ordered[0] * (1 + 1e-6)]
+
+
+def _draw_published_box(panel: Axes, across: pd.Series, down: pd.Series) -> None:
+    """Draw the published intervals of two parameters as a box, if both have one.
+
+    The arguments are rows of the table of the posterior.
+    """
+    if pd.isna(across["published_low"]) or pd.isna(down["published_low"]):
+        return
+    x_low, x_high = across[PUBLISHED_COLUMNS].astype(float)
+    y_low, y_high = down[PUBLISHED_COLUMNS].astype(float)
+    box = Rectangle(
+        (x_low, y_low),
+        x_high - x_low,
+        y_high - y_low,
+        fill=False,
+        ec=style.BLACK,
+        lw=1.1,
+        zorder=5,
+    )
+    panel.add_patch(box)
+
+
+def _account(summary: Mapping[str, Any], targets: Targets) -> str:
+    """Say what the posterior predicts, and how far its draws can be relied on."""
+    lines = []
+    for response in targets.responses:
+        predicted = summary["predicted"][response.name]
+        lines.append(
+            f"predicted {response.symbol} {predicted['mean']:.1f} {response.unit} "
+            f"({predicted['low']:.1f}–{predicted['high']:.1f})"
+        )
+    distance = summary["misfit"]["squared_distance"] ** 0.5
+    thin_percent = 100 * summary["thin_share"]
+    r_hat = summary["largest_r_hat"]
+    n_effective = summary["least_effective_draws"]
+    lines += [
+        f"best draw {distance:.2f} standard deviations from the targets",
+        f"{thin_percent:.0f} % of the draws lie where samples are thin",
+        f"R-hat ≤ {r_hat:.3f}, effective draws ≥ {n_effective:.0f}",
+        "above each histogram: information of the measurements",
+    ]
+    if summary["thin_share"] > 0.5:
+        lines.append("EXTRAPOLATED")
+    if not summary["converged"]:
+        lines.append("NOT CONVERGED")
+    return "\n".join(lines)
+
+
+def _legend_handles(
+    panel: Axes, data: CornerData, has_prior: bool, has_published_intervals: bool
+) -> list[Artist]:
+    """Make an entry of the legend for everything that the figure shows.
+
+    `panel` is any panel, for empty marks.
+    """
+    unit_box = {"xy": (0, 0), "width": 1, "height": 1}
+    handles: list[Artist] = [
+        Rectangle(
+            **unit_box,
+            color=style.BLUE,
+            alpha=0.35,
+            lw=0,
+            label="posterior: 50 and 95 % of it",
+        ),
+        Line2D(
+            [],
+            [],
+            color=style.GREY,
+            ls="--",
+            lw=0.9,
+            label="prior" if has_prior else "uniform prior",
+        ),
+        Line2D(
+            [],
+            [],
+            marker="o",
+            ls="",
+            ms=3.5,
+            color=style.RED,
+            label=data.sets_label,
+        ),
+    ]
+    if has_published_intervals:
+        handles.append(
+            Rectangle(
+                **unit_box,
+                fill=False,
+                ec=style.BLACK,
+                lw=1.1,
+                label="published intervals",
+            )
+        )
+    for sets in data.published_sets:
+        label = sets.source.partition(",")[0]
+        if sets.wall:
+            label += f" (wall: {sets.wall})"
+        handles.append(
+            panel.scatter([], [], marker=sets.marker, label=label, **PUBLISHED_LOOK)
+        )
+    return handles
+
+
+# --- Credible intervals ---------------------------------------------------------------
+
+
+@figure(
+    "intervals",
+    "Credible intervals",
+    {"posterior": "posterior/posterior.csv"},
+    reads=("parameters", "targets"),
+    folder="posterior",
+    category="Uncertainty",
+)
+def intervals(inputs: Inputs, study: StudyView) -> Figure:
+    """Draw credible intervals in the parameters' ranges.
+
+    Credible intervals of the free parameters with the published intervals and the
+    intervals of the feasible solutions. All are shown as parts of the parameter's range.
+    """
+    table = read_table(inputs["posterior"], ("parameter", "credible_low", "miga_low"))
+    figure = style.new_figure(style.PAGE, 3.3)
+    draw_intervals(figure.subplots(), table)
+    return figure
+
+
+def draw_intervals(panel: Axes, table: pd.DataFrame) -> None:
+    """Draw the intervals of posterior.csv, a strip for each parameter.
+
+    A column `answer` has values that are marked.
+    """
+    n_parameters = len(table)
+    for row_number, row in table.iterrows():
+        is_first = row_number == 0
+        y = n_parameters - 1 - row_number
+        _draw_interval_strip(panel, row, y, is_first)
+    panel.text(
+        1.03,
+        n_parameters - 0.45,
+        "width / prior's,\ninformation",
+        fontsize=6.3,
+        va="bottom",
+        color=style.GREY,
+    )
+    panels.label_strips(panel, table["parameter"].tolist())
+    panel.set(xlim=(-0.03, 1.17), ylim=(-1.2, n_parameters - 0.35))
+    panel.legend(loc="lower center", ncols=3, bbox_to_anchor=(0.43, -0.02))
+
+
+def _draw_interval_strip(panel: Axes, row: pd.Series, y: float, is_first: bool) -> None:
+    """Draw the intervals of one parameter; the first strip names them in the legend."""
+    low = row["low"]
+    width = row["high"] - low
+    panel.barh(y, 1, height=0.8, color=style.STRIP_COLOUR, zorder=0)
+    for columns, offset, colour, label in INTERVALS:
+        ends = row.reindex(columns).dropna().astype(float).to_numpy()
+        x = (ends - low) / width
+        panel.plot(
+            x,
+            [y + offset] * len(x),
+            "-|",
+            color=colour,
+            lw=3,
+            ms=7,
+            label=label if is_first and len(x) else None,
+        )
+    panel.plot(
+        [(row["median"] - low) / width],
+        [y + 0.22],
+        "o",
+        ms=4.5,
+        color="white",
+        mec=style.BLUE,
+        zorder=5,
+    )
+    if "answer" in row:
+        panel.plot(
+            [(row["answer"] - low) / width],
+            [y],
+            "D",
+            label="the answer" if is_first else "_the answer",
+            **style.ANSWER,
+        )
+    words = f"{100 * row['width_ratio']:.0f} %   {row['information_bits']:.2f} bits"
+    panel.text(1.03, y, words, fontsize=style.SMALL_TEXT_PT, va="center")
+    for x, value in ((0, row["low"]), (1, row["high"])):
+        panel.text(
+            x,
+            y - 0.47,
+            f"{value:g}",
+            fontsize=6,
+            ha="center",
+            va="center",
+            color=style.GREY,
+        )

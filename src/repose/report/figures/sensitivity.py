@@ -1,0 +1,121 @@
+"""Sensitivity of the responses: Sobol indices and main effects of the parameters."""
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from repose.bench.parameters import SYMBOLS
+from repose.common.files import read_table
+
+from . import panels, style
+from .registry import Inputs, StudyView, figure
+
+
+@figure(
+    "sobol",
+    "Sobol indices",
+    {"sobol": "sensitivity/sobol.csv"},
+    reads=("parameters", "targets"),
+    folder="sensitivity",
+    category="Uncertainty",
+)
+def sobol_indices(inputs: Inputs, study: StudyView) -> Figure:
+    """Draw a pair of bars for each parameter, in a panel for each response.
+
+    First-order and total Sobol indices of each response of the surrogate, with 95 %
+    bootstrap intervals.
+    """
+    targets = study.targets
+    table = read_table(inputs["sobol"], ("response", "parameter", "first", "total"))
+    figure, axes = panels.grid(len(targets), 2.4, sharey=True)
+    for k, (panel, target) in enumerate(zip(axes, targets, strict=True)):
+        of_target = table[table["response"] == target.name].set_index("parameter")
+        _draw_indices(panel, of_target)
+        title = f"{style.letter(k)}   {target.response.symbol}"
+        panel.set_title(title, fontweight="bold")
+        if k % 2 == 0:
+            panel.set_ylabel("share of the variance (–)")
+    axes[0].legend(loc="upper left")
+    return figure
+
+
+def _draw_indices(panel: Axes, table: pd.DataFrame) -> None:
+    """Draw the indices of one response with their intervals, a row for each parameter."""
+    place = np.arange(len(table))
+    for column, offset, colour, label in (
+        ("first", -0.2, style.BLUE, "first order"),
+        ("total", 0.2, style.ORANGE, "total"),
+    ):
+        index = table[column]
+        below = index - table[f"{column}_low"]
+        above = table[f"{column}_high"] - index
+        panel.bar(
+            place + offset,
+            index,
+            0.38,
+            yerr=np.abs([below, above]),
+            color=colour,
+            label=label,
+            ecolor=style.BLACK,
+            error_kw={"lw": 0.8},
+            capsize=2,
+        )
+    panel.axhline(0, color=style.BLACK, lw=0.6)
+    panel.set_xticks(place, [SYMBOLS[name] for name in table.index], fontsize=9)
+    panel.margins(y=0.15)
+    total = table["first"].sum()
+    words = f"first orders sum to {total:.2f}\nbars: 95 % intervals"
+    style.note(panel, words, x=0.97, ha="right")
+
+
+@figure(
+    "main_effects",
+    "Main effects",
+    {
+        "sobol": "sensitivity/sobol.csv",
+        "effects": "sensitivity/main_effects.csv",
+        "dataset": "dataset.csv",
+    },
+    reads=("parameters", "targets"),
+    folder="sensitivity",
+    category="Uncertainty",
+)
+def main_effects(inputs: Inputs, study: StudyView) -> Figure:
+    """Draw the mean response along each free parameter, on the simulated points.
+
+    `effects` has the mean of the surrogate at values of each parameter, `dataset` the
+    samples, `sobol` the indices.
+
+    Each response over each free parameter: the mean of the surrogate over the other
+    parameters. Points are the simulated samples. The goji berry's angle falls with the
+    friction between berries: such piles pack more loosely, and the same berries need a
+    wider foot (``repose docs uncertainty``, Sensitivity).
+    """
+    targets = study.targets
+    parameters = study.parameters
+    effects = read_table(inputs["effects"], ("parameter", "value", *targets.names))
+    samples = read_table(
+        inputs["dataset"], (*parameters.names, "status", *targets.names)
+    )
+    samples = samples[samples["status"] == "ok"]
+    sobol = read_table(inputs["sobol"], ("response", "parameter", "first"))
+    first_order = sobol.set_index(["response", "parameter"])["first"]
+
+    figure, parameter_panels = panels.panels_over_parameters(targets, parameters, 1.4)
+    for panel, target, name in parameter_panels:
+        panel.scatter(
+            samples[name], samples[target.name], s=4, color=style.GREY, alpha=0.6, lw=0
+        )
+        curve = effects[effects["parameter"] == name]
+        panel.plot(curve["value"], curve[target.name], color=style.BLUE, lw=1.8)
+        percent = 100 * max(first_order.loc[(target.name, name)], 0.0)
+        panel.set_title(
+            f"{percent:.0f} %", fontsize=style.SMALL_TEXT_PT, loc="right", pad=2
+        )
+    words = (
+        "points: samples; line: mean of the surrogate over the other parameters; %: "
+        "first-order share of the variance"
+    )
+    style.below(figure, words)
+    return figure
