@@ -9,7 +9,7 @@ from typing import Any, Literal
 from repose.common import places, provenance
 from repose.common.errors import BAD_INPUT, InputError, print_fault
 from repose.common.lock import joined_folder
-from repose.config import stands_on
+from repose.config import dependencies
 from repose.config.pipeline import PipelineConfig
 from research import settings
 
@@ -97,7 +97,7 @@ class Script:
 
 def _settings(config, apparatus):
     """Both configurations, with files by their content."""
-    return stands_on.settings_of(config | settings.of(config), "research")
+    return dependencies.settings_of(config | settings.of(config), "research")
 
 
 def _files(args: argparse.Namespace) -> Iterator[Path]:

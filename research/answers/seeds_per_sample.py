@@ -26,7 +26,7 @@ from repose.calibrate.seeds import pour_seeds
 from repose.common import attached, provenance
 from repose.common.errors import InputError
 from repose.common.files import read_table, write_json, write_table
-from repose.config import stands_on
+from repose.config import dependencies
 from repose.stages import dataset
 from repose.stages.job import run_once
 from repose.stages.parameter_sets import read_samples
@@ -67,9 +67,13 @@ def table_of(step):
 
 def runs_depend_on(config, apparatus):
     """Settings of a measured pour."""
-    own = stands_on.settings_of(config, "heap") | stands_on.settings_of(config, "berry")
-    points = stands_on.sections(settings.of(config), "pool.seed", "pool.fresh_samples")
-    return own | points | stands_on.sections(config, "parameters")
+    own = dependencies.settings_of(config, "heap") | dependencies.settings_of(
+        config, "berry"
+    )
+    points = dependencies.sections(
+        settings.of(config), "pool.seed", "pool.fresh_samples"
+    )
+    return own | points | dependencies.sections(config, "parameters")
 
 
 class Rows:

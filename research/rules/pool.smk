@@ -54,7 +54,9 @@ use rule pour as pool_pour with:
     params:
         purpose=lambda wildcards: STREAMS[wildcards.points],
         seeds=lambda wildcards: STUDIES["pool"][POOL_SETS[wildcards.points][2]],
-        depends=lambda wildcards: stands_on.pouring(config, apparatus(wildcards))
+        settings=lambda wildcards: dependencies.simulating(
+            config, apparatus(wildcards)
+        )
         | depending("parameters", "pool.seed"),
     message:
         "Pouring point {wildcards.sample} of the set {wildcards.points}"

@@ -18,7 +18,7 @@ rule seeds_per_sample:
     params:
         config=CONFIG,
         folder=folder,
-        depends=stands_on.pouring(config)
+        settings=dependencies.simulating(config)
         | depending("berry", "parameters", "measure", "targets", "pool")
         | depending("surrogate", "network", "miga")
         | {"engine": engine_hash()},

@@ -1,6 +1,6 @@
 """Particle, tension, filling and definition of the angle beside the published piles."""
 
-from repose.config import stands_on
+from repose.config import dependencies
 from research.script import Script, option
 from research.shape import shape_cells, shape_study
 
@@ -12,14 +12,16 @@ script = Script("shape", __doc__)
 
 def depends_on(config, apparatus):
     """List the settings that a cell depends on; `config` is its own, without other cells' settings."""
-    found = stands_on.pouring(config) | stands_on.pouring(config, "cylinder")
-    found |= stands_on.sections(config, "measure", "targets") | stands_on.measuring(
+    found = dependencies.simulating(config) | dependencies.simulating(
         config, "cylinder"
     )
+    found |= dependencies.sections(
+        config, "measure", "targets"
+    ) | dependencies.measuring(config, "cylinder")
     return (
         found
-        | stands_on.settings_of(config, "berry")
-        | stands_on.settings_of(config, "published_solutions")
+        | dependencies.settings_of(config, "berry")
+        | dependencies.settings_of(config, "published_solutions")
     )
 
 

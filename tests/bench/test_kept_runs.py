@@ -13,7 +13,7 @@ from repose.bench import Scene, bench
 from repose.bench.bench_test import Run
 from repose.bench.parameters import PARAMETERS
 from repose.common import ledger, places, provenance
-from repose.config import stands_on
+from repose.config import dependencies
 from repose.config.pipeline import PipelineConfig
 from repose.stages import kept_runs
 from repose.stages.job import pour_job
@@ -52,7 +52,7 @@ def pours():
         stage = provenance.stage(
             "pour",
             (),
-            lambda one, _: stands_on.settings_of(one, "pour"),
+            lambda one, _: dependencies.settings_of(one, "pour"),
             "funnel",
             "made",
         )

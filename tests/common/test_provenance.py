@@ -11,7 +11,7 @@ from refusals import input_error
 from shared import written
 
 from repose.common import attached, files, places, provenance
-from repose.config import stands_on
+from repose.config import dependencies
 from repose.config.pipeline import PipelineConfig
 
 CONFIG = PipelineConfig.load(places.root() / "config/quick.yaml").config
@@ -43,7 +43,7 @@ def changed(**sections):
 
 def run(verb, paths, write, config=CONFIG, apparatus=None, strategy=None):
     def settings_of(one, bench_test):
-        return stands_on.settings_of(one, verb, bench_test, name=strategy)
+        return dependencies.settings_of(one, verb, bench_test, name=strategy)
 
     runs = {"pour": "made", "measure_runs": "measured"}.get(verb, "")
     with provenance.stage(verb, paths, settings_of, apparatus, runs, strategy):
@@ -114,7 +114,7 @@ def test_a_berrys_sizes_count_by_their_content(tmp_path):
         sizes = written(tmp_path / f"{folder}.csv", text)
         hashes.append(
             provenance.hash_of(
-                stands_on.settings_of(changed(berry={"sizes": str(sizes)}), "berry")
+                dependencies.settings_of(changed(berry={"sizes": str(sizes)}), "berry")
             )
         )
     assert hashes[0] == hashes[1] != hashes[2]
@@ -172,13 +172,13 @@ def test_results_of_other_settings_or_another_engine_are_found(tmp_path, monkeyp
     path, own = pour(tmp_path / "a.json"), tmp_path / "own.json"
     own.write_text("{}")
     paths = [path, own, tmp_path / "missing.json"]
-    assert stands_on.outdated(CONFIG, paths) == []
-    assert stands_on.outdated(changed(network={"hidden": 3}), paths) == []
-    assert stands_on.outdated(changed(simulation={"gravity_m_s2": 1.62}), paths) == [
+    assert dependencies.outdated(CONFIG, paths) == []
+    assert dependencies.outdated(changed(network={"hidden": 3}), paths) == []
+    assert dependencies.outdated(changed(simulation={"gravity_m_s2": 1.62}), paths) == [
         str(path)
     ]
-    monkeypatch.setattr(stands_on, "engine_hash", lambda: "edited")
-    assert stands_on.outdated(CONFIG, paths) == [str(path)]
+    monkeypatch.setattr(dependencies, "engine_hash", lambda: "edited")
+    assert dependencies.outdated(CONFIG, paths) == [str(path)]
 
 
 def test_the_datasets_piles_are_a_studys_own_while_its_settings_and_files_are_theirs(
@@ -186,7 +186,7 @@ def test_the_datasets_piles_are_a_studys_own_while_its_settings_and_files_are_th
 ):
     config = CONFIG | {"results_dir": str(tmp_path)}
     piles, table = tmp_path / "heaps/001.json", tmp_path / "dataset.csv"
-    assert stands_on.own_dataset(config) is None
+    assert dependencies.own_dataset(config) is None
     run("berry", (), lambda: files.write_json(tmp_path / "berry/berry.json", {}))
     poured = pour(tmp_path / "heaps/001.pours.json")
 
@@ -205,31 +205,35 @@ def test_the_datasets_piles_are_a_studys_own_while_its_settings_and_files_are_th
         )
 
     measured()
-    assert stands_on.own_dataset(config) == table
+    assert dependencies.own_dataset(config) == table
     for section in (
         {"berry": {"density_kg_m3": 900.0}},
         {"measure": {"views": 3}},
         {"funnel": {"berries": 7}},
     ):
         assert (
-            stands_on.own_dataset(changed(**section) | {"results_dir": str(tmp_path)})
+            dependencies.own_dataset(
+                changed(**section) | {"results_dir": str(tmp_path)}
+            )
             is None
         ), section
     measured(changed(measure={"views": 3}))
-    assert stands_on.own_dataset(config) is None
+    assert dependencies.own_dataset(config) is None
     measured()
     os.utime(table, (0, 0))  # older than a pile
-    assert stands_on.own_dataset(config) is None
+    assert dependencies.own_dataset(config) is None
     table.write_text("x")
     (tmp_path / "dataset.csv.provenance.json").unlink()
-    assert stands_on.own_dataset(config) is None
+    assert dependencies.own_dataset(config) is None
 
 
 def test_an_outdated_batch_and_what_a_study_no_longer_has(tmp_path):
     path = tmp_path / "proposal.json"
     run("propose", (), lambda: files.write_json(path, {}), strategy="sequential")
-    assert stands_on.outdated(changed(network={"hidden": 3}), [path]) == []
-    assert stands_on.outdated(changed(sequential={"checks": 3}), [path]) == [str(path)]
+    assert dependencies.outdated(changed(network={"hidden": 3}), [path]) == []
+    assert dependencies.outdated(changed(sequential={"checks": 3}), [path]) == [
+        str(path)
+    ]
     paths = [
         tmp_path / "a.json",
         pour(tmp_path / "b.json", apparatus="drum"),
@@ -242,7 +246,7 @@ def test_an_outdated_batch_and_what_a_study_no_longer_has(tmp_path):
         for key, value in changed(sequential={"checks": 3}).items()
         if key != "drum"
     }
-    assert stands_on.outdated(lacking, paths) == [str(paths[2])]
+    assert dependencies.outdated(lacking, paths) == [str(paths[2])]
 
 
 def test_the_processor_type_is_reported_with_what_stands_in_for_another(

@@ -1,4 +1,4 @@
-"""The keys of `stands_on.KEYS` beside those that each stage reads, on made-up runs."""
+"""The keys of `dependencies.KEYS` beside those that each stage reads, on made-up runs."""
 
 import json
 from collections.abc import Mapping
@@ -18,7 +18,7 @@ from repose.calibrate.strategies import strategy
 from repose.cli import TYPED, VERBS, parser
 from repose.common import section
 from repose.common.section import Section
-from repose.config import loader, models, pipeline, stands_on
+from repose.config import dependencies, loader, models, pipeline
 from repose.stages.published import beside
 
 pytestmark = [pytest.mark.slow, pytest.mark.essential]  # every stage is run once
@@ -29,7 +29,7 @@ SEVERAL = (
     "response_surface",
     "refined",
 )  # strategies; here each proposes by a stage of its name
-LISTED = stands_on.KEYS | {name: strategy(name).reads for name in SEVERAL}
+LISTED = dependencies.KEYS | {name: strategy(name).reads for name in SEVERAL}
 SMALL = {
     "surrogate": "gaussian_process", "miga": {"islands": 2, "population": 10, "rounds": 4, "generations": 2},
     "posterior": {"walkers": 32, "steps": 100}, "sensitivity": {"samples": 64, "resamples": 20},
@@ -121,7 +121,7 @@ def note_attributes(patch, keys):
 
     patch.setattr(Section, "__getattribute__", noting)
     patch.setattr(models, "settings_of", plain_of(of_config))
-    patch.setattr(stands_on, "valid_sections", plain_of(valid_sections))
+    patch.setattr(dependencies, "valid_sections", plain_of(valid_sections))
     patch.setattr(pipeline.PipelineConfig, "study", without_noting(of_study))
     patch.setattr(
         section, "refuse", lambda _: None
@@ -133,7 +133,7 @@ def entry_of(key, listed):
     entries = (
         key,
         key.partition(".")[0],
-        stands_on.RESPONSES if key == "targets" else key,
+        dependencies.RESPONSES if key == "targets" else key,
     )
     return next((entry for entry in entries if entry in listed), key)
 
@@ -158,7 +158,7 @@ def keys_read(tmp_path_factory):
             Response, "settings", lambda response, _: settings(response, config)
         )
         patch.setattr(
-            stands_on, "scene", lambda _: ""
+            dependencies, "scene", lambda _: ""
         )  # the hash of the scene stands for its keys
         published = config["validation"]["published"]
         patch.setattr(
@@ -291,5 +291,5 @@ def test_every_stage_of_the_table_is_run_here(keys_read):
 
 @pytest.mark.parametrize("verb", sorted(LISTED.keys() - NOT_RUN))
 def test_a_stage_reads_the_keys_that_are_listed_and_no_others(verb, keys_read):
-    listed = set(LISTED[verb]) - {stands_on.SCENE, stands_on.MEASURED_BY}
+    listed = set(LISTED[verb]) - {dependencies.SCENE, dependencies.MEASURED_BY}
     assert {entry_of(key, listed) for key in keys_read[verb]} == listed

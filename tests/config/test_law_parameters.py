@@ -14,7 +14,7 @@ from repose.calibrate.designs.latin_hypercube import design
 from repose.calibrate.designs.settings import DesignSettings
 from repose.common import faults
 from repose.common.provenance import hash_of
-from repose.config import stands_on
+from repose.config import dependencies
 from repose.config.models import settings_type
 from repose.config.pipeline import PipelineConfig
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
@@ -39,9 +39,9 @@ def test_the_configuration_knows_the_laws_the_card_their_convention_and_twisting
             laws
         )
         config = copy.deepcopy(study("hertz_mindlin").config)
-        before = hash_of(stands_on.settings_of(config, "pour"))
+        before = hash_of(dependencies.settings_of(config, "pour"))
         config["simulation"][key] = "linear_spring" if key == "contact_law" else "epsd"
-        assert hash_of(stands_on.settings_of(config, "pour")) != before
+        assert hash_of(dependencies.settings_of(config, "pour")) != before
     words = described_laws(study("jkr", **COHESION).settings.simulation)
     says(words["normal"], "w = 2 gamma", "3 pi gamma R*")
     for direction in ("tangential", "rolling"):

@@ -8,7 +8,7 @@ from shared import written
 import repose
 from repose.calibrate.answer import Check
 from repose.calibrate.strategies.sequential.goal import Goal
-from repose.config import stands_on
+from repose.config import dependencies
 from repose.config.pipeline import PipelineConfig
 from repose.stages.card_study import described
 
@@ -101,7 +101,7 @@ def test_scores_are_defined_by_abscissae_and_share_and_percents_are_of_the_heigh
     heights, share = study_of(quick, entry), study_of(quick, entry | {"covered": 0.5})
     for what in (
         lambda s: s.definitions,
-        lambda s: stands_on.settings_of(s.config, "measure_runs", "turning"),
+        lambda s: dependencies.settings_of(s.config, "measure_runs", "turning"),
     ):
         assert what(before) == what(heights)
         assert what(before) != what(share)

@@ -8,7 +8,7 @@ from shared import ROOT, check_all, put
 
 from repose.bench import bench, names
 from repose.common.files import write_json, write_text
-from repose.config import results_folder, stands_on
+from repose.config import dependencies, results_folder
 from repose.config.models import named_files
 from repose.config.pipeline import PipelineConfig
 
@@ -183,22 +183,22 @@ def test_a_run_stands_on_what_it_reads_in_any_order_and_not_on_its_measurement(c
         ):
             changed = put(copy.deepcopy(config), f"{section}.{key}", "another")
             is_measurement = (section, key) in (*of_measure, *measured_by)
-            is_same = stands_on.pouring(changed, name) == stands_on.pouring(
+            is_same = dependencies.simulating(changed, name) == dependencies.simulating(
                 config, name
             )
             assert is_same is is_measurement, (section, key)
             if is_measurement:
-                assert stands_on.measuring(changed, name) != stands_on.measuring(
+                assert dependencies.measuring(changed, name) != dependencies.measuring(
                     config, name
                 )
-                assert stands_on.settings_of(changed, "next") != stands_on.settings_of(
-                    config, "next"
-                ), (section, key)
+                assert dependencies.settings_of(
+                    changed, "next"
+                ) != dependencies.settings_of(config, "next"), (section, key)
         other = turned(config)
-        for what in (stands_on.pouring, stands_on.measuring):
+        for what in (dependencies.simulating, dependencies.measuring):
             assert str(what(other, name)) == str(what(config, name))
-        assert str(stands_on.sections(other, "berry", "miga")) == str(
-            stands_on.sections(config, "berry", "miga")
+        assert str(dependencies.sections(other, "berry", "miga")) == str(
+            dependencies.sections(config, "berry", "miga")
         )
 
     check_all(check, [(name, name) for name in names() if name in config])
@@ -224,17 +224,17 @@ def test_results_stand_on_the_content_of_named_files_and_not_on_figures(
     config, tmp_path
 ):
     for verb in ("material_card", "network", "report"):
-        settings = stands_on.settings_of(
+        settings = dependencies.settings_of(
             config | {"figures": {"format": ["png", "pdf"]}}, verb
         )
-        assert settings == stands_on.settings_of(config, verb)
+        assert settings == dependencies.settings_of(config, verb)
 
     def of(key, name, content):
         section, _, last = key.rpartition(".")
         path, changed = tmp_path / name, copy.deepcopy(config)
         path.write_text(content)
         (changed[section] if section else changed)[last] = str(path)
-        return stands_on.settings_of(changed, "report")
+        return dependencies.settings_of(changed, "report")
 
     keys = named_files()
     assert {"photograph", "berry.sizes", "validation.published"} <= set(keys)

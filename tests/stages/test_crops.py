@@ -12,7 +12,7 @@ from repose.cli import STAGES
 from repose.common import places
 from repose.common.files import read_table
 from repose.common.provenance import engine_hash
-from repose.config import loader, stands_on
+from repose.config import dependencies, loader
 from repose.config.pipeline import PipelineConfig
 from repose.stages import card
 from repose.stages.card_study import described
@@ -151,7 +151,10 @@ def test_it_runs_from_sizes_to_card_at_small_size(name, tmp_path, monkeypatch, c
         (row,) = read_table(
             "results/published_sets.csv", ("source", "n_seeds")
         ).to_dict("records")
-        assert (row["engine"], row["scene"]) == (engine_hash(), stands_on.scene(config))
+        assert (row["engine"], row["scene"]) == (
+            engine_hash(),
+            dependencies.scene(config),
+        )
         # runs of other settings than today's are refused
         loader.write_resolved(
             config | {"wall": config["wall"] | {"poisson_ratio": 0.1}}, "other.json"

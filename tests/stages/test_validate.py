@@ -14,7 +14,7 @@ from repose.calibrate.surrogates.support import Support
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
 from repose.common.provenance import engine_hash
-from repose.config import stands_on
+from repose.config import dependencies
 from repose.config.pipeline import PipelineConfig
 from repose.measure.angles import MEAN_KEYS
 from repose.stages import validate
@@ -229,7 +229,7 @@ def test_the_stored_sets_of_the_repository_are_of_todays_engine_and_scene():
     np.testing.assert_allclose(table[list(PARAMETERS)], sets[list(PARAMETERS)])
     assert (set(table["engine"]), set(table["scene"])) == (
         {engine_hash()},
-        {stands_on.scene(config)},
+        {dependencies.scene(config)},
     )
 
 

@@ -15,7 +15,7 @@ from repose.calibrate import strategies
 from repose.bench import names, reach
 from repose.stages import answer as answers
 from repose.stages import validate as checks
-from repose.config import cost, results_folder, stands_on
+from repose.config import cost, results_folder, dependencies
 from repose.config.workflow_run import (
     WorkflowRun,
     check_folder,
@@ -67,8 +67,8 @@ PRODUCTS = [
     *([config["strategy"]] if config["strategy"] != "published" else []),
 ]
 # What a stage reads of the configuration, with the content of files; as it stands there. Their change reruns a rule.
-reads = functools.partial(stands_on.reads, config)
-sections = functools.partial(stands_on.sections, config)
+settings = functools.partial(dependencies.settings_of, config)
+sections = functools.partial(dependencies.sections, config)
 # Ten times the estimate of the longest job, for slower cores and busy ones.
 MINUTES_OF_RUNS = 10 + round(10 * cost.longest_job_s(config) / 60)
 # Folder of each bench test's runs. Wildcard `runs`: one of these.

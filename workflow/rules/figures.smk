@@ -46,7 +46,7 @@ for name, shown in FIGURES.items():
                 for key, path in there.items()
                 if os.path.isfile(path)
             ],
-            depends=sections("small_run", *shown.reads) | RESOLUTION,
+            settings=sections("small_run", *shown.reads) | RESOLUTION,
             caption=shown.caption_of(config),
         message:
             "Drawing {params.figure}"

@@ -110,7 +110,7 @@ rule page:
         code=code_hash("report.page"),
         inputs=[f"--input={name}={path}" for name, path in PAGE.items()],
         tables=[f"--table={title}={path}" for title, path in TABLES.items()],
-        depends=sections("label", "small_run", "parameters", "targets", "design")
+        settings=sections("label", "small_run", "parameters", "targets", "design")
         | {"funnel": config["funnel"] if HAS_PILE else None},
     message:
         "The report: {output}"
@@ -140,8 +140,7 @@ rule card:
         config=CONFIG,
         code=code_hash("stages.card_study", "stages.answer"),
         tables=[f"--{name}={path}" for name, path in (POSTERIOR | OWN_PILES).items()],
-        depends=stands_on.settings_of(config, "material_card")
-        | {"label": config["label"]},
+        settings=settings("material_card") | {"label": config["label"]},
     message:
         "The material card: {output}"
     shell:

@@ -124,11 +124,11 @@ def published_sets(args: argparse.Namespace, study: PipelineConfig) -> None:
     example: results/validation/heaps/1??.json --out results
     """
     from repose.common import provenance
-    from repose.config import stands_on
+    from repose.config import dependencies
     from repose.stages import validate
 
     jobs = [Path(job) for job in args.jobs]
-    outdated = stands_on.outdated(
+    outdated = dependencies.outdated(
         study.config, [*jobs, *(job.with_suffix(".pours.json") for job in jobs)]
     )
     if outdated:
@@ -140,7 +140,7 @@ def published_sets(args: argparse.Namespace, study: PipelineConfig) -> None:
         )
     by = {
         "engine": (provenance.current() or {}).get("engine"),
-        "scene": stands_on.scene(study.config),
+        "scene": dependencies.scene(study.config),
     }
     out = Path(args.out) / "published_sets.csv"
     validate.write_published_sets(
@@ -183,10 +183,10 @@ def validate(args: argparse.Namespace, study: PipelineConfig) -> None:
     example: results/validation/heaps/???.json
     """
     from repose.common.provenance import engine_hash
-    from repose.config import stands_on
+    from repose.config import dependencies
     from repose.stages import validate
 
-    by = {"engine": engine_hash(), "scene": stands_on.scene(study.config)}
+    by = {"engine": engine_hash(), "scene": dependencies.scene(study.config)}
     published = validate.compared_with_published(
         study.settings.validation.published_simulated,
         names=study.parameters.names,

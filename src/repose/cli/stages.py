@@ -35,10 +35,10 @@ def recorded(
     strategy = getattr(args, "strategy", None)
 
     def settings_of(config: Mapping[str, Any], apparatus: str | None) -> Any:
-        from repose.config import stands_on
+        from repose.config import dependencies
 
         berry_is_made = hasattr(args, "particle") and args.particle is None
-        return stands_on.settings_of(
+        return dependencies.settings_of(
             config, args.verb, apparatus, berry_is_made, strategy
         )
 

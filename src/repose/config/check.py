@@ -12,7 +12,7 @@ from repose.calibrate.runs import describe
 from repose.calibrate.strategies import cost as strategies
 from repose.common.errors import InputError
 from repose.common.section import MOST_BERRIES
-from repose.config import advice, computed, cost, loader, stands_on
+from repose.config import advice, computed, cost, dependencies, loader
 from repose.config.pipeline import PipelineConfig
 from repose.stages.job import run_once
 
@@ -48,7 +48,7 @@ def smaller_scene(files: Iterable[str], grains: int) -> Iterator[str]:
 def about(study: PipelineConfig) -> Iterator[str]:
     """Say whether piles can have the targets, then time step and particle, and hints of the bench tests."""
     config, grain, particle = study.config, study.grain, study.particle
-    yield from reach.said(config, particle, stands_on.own_dataset(config))
+    yield from reach.said(config, particle, dependencies.own_dataset(config))
 
     def longest(grain: Mapping[str, Any]) -> "Limit":
         return computed.longest_step(config, particle, grain)

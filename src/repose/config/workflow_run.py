@@ -15,7 +15,7 @@ from typing import IO, Any
 
 from repose.common import usage
 from repose.common.lock import take_folder
-from repose.config import loader, results_folder, stands_on
+from repose.config import dependencies, loader, results_folder
 from repose.config.pipeline import PipelineConfig
 
 FAULT = "repose: error:"  # begins the line in which a stage refuses its input
@@ -83,7 +83,7 @@ def note_on_other_settings(study: PipelineConfig, results: Iterable[str]) -> str
         A sentence, empty if there are no such results.
     """
     existing = [path for path in results if os.path.exists(path)]
-    outdated = stands_on.outdated(study.config, existing)
+    outdated = dependencies.outdated(study.config, existing)
     if not outdated:
         return ""
     others = f" and {len(outdated) - 1} more" if len(outdated) > 1 else ""

@@ -16,7 +16,7 @@ rule dataset:
     params:
         config=CONFIG,
         folder=folder,
-        depends=reads("responses"),
+        settings=settings("dataset"),
         code=code_hash("stages.dataset"),
         jobs=folders_of_jobs,
     message:

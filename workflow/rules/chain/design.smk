@@ -12,7 +12,7 @@ rule design:
     params:
         config=CONFIG,
         folder=folder,
-        depends=reads("parameters", "design"),
+        settings=settings("design"),
         code=code_hash("stages.design"),
     message:
         "Design of the virtual experiments"

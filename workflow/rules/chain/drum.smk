@@ -28,7 +28,7 @@ rule drum_run:
         config=CONFIG,
         folder=folder,
         sample=int(REPRESENTATIVE),
-        depends=stands_on.pouring(config, "drum"),
+        settings=settings("drum"),
         code=engine_hash(),
     message:
         "Turning the drum, seed {wildcards.seed}"
@@ -57,7 +57,7 @@ rule drum:
     params:
         config=CONFIG,
         folder=folder,
-        depends=reads("measure.mm_per_pixel", "drum"),
+        settings=settings("drum_tables"),
         code=code_hash("stages.drum_tables"),
     message:
         "Measuring the drum's runs: tables of angles, first slip, slipping layer"
@@ -81,7 +81,7 @@ rule drum_film:
     params:
         config=CONFIG,
         code=code_hash("report.renderer.film"),
-        depends=sections("drum", "colour", "small_run"),
+        settings=sections("drum", "colour", "small_run"),
     message:
         "Film of the drum"
     shell:

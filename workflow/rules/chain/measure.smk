@@ -22,7 +22,7 @@ rule measure:
     params:
         config=CONFIG,
         code=code_hash("measure.saved_piles", "measure.pile"),
-        depends=sections("measure"),
+        settings=settings("silhouette"),
     message:
         "Measuring the pile in one side view"
     shell:
@@ -68,7 +68,7 @@ rule film:
     params:
         config=CONFIG,
         code=code_hash("report.renderer.film"),
-        depends=sections("funnel", "colour", "small_run"),
+        settings=sections("funnel", "colour", "small_run"),
     message:
         "Film of the pour"
     shell:

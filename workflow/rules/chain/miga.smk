@@ -18,7 +18,7 @@ rule miga:
     params:
         config=CONFIG,
         folder=folder,
-        depends=reads("parameters", "targets", "miga"),
+        settings=settings("miga"),
         code=code_hash("stages.miga"),
     message:
         "Searching the parameters that give the target pile"

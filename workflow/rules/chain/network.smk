@@ -17,7 +17,7 @@ rule network:
     params:
         config=CONFIG,
         folder=folder,
-        depends=reads("responses", "surrogate", "network"),
+        settings=settings("network"),
         code=code_hash("stages.network"),
     message:
         "Training the surrogate"

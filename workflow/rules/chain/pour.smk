@@ -33,7 +33,7 @@ rule pour:
         sample=lambda wildcards: wildcards.sample,
         seeds=lambda wildcards: config[apparatus(wildcards)]["seeds"],
         more=["--keep-runs", "--measure"],
-        depends=lambda wildcards: stands_on.pouring(config, apparatus(wildcards)),
+        settings=lambda wildcards: settings("pour", apparatus(wildcards)),
         code=engine_hash(),
     message:
         "Pouring sample {wildcards.sample}"
@@ -63,7 +63,7 @@ rule measure_runs:
         code=code_hash("stages.job"),
         folder=folder,
         jobs=jobs_to_measure,
-        depends=lambda wildcards: stands_on.measuring(config, apparatus(wildcards)),
+        settings=lambda wildcards: settings("measure_runs", apparatus(wildcards)),
     message:
         "Measuring the runs in {params.folder}"
     shell:

@@ -35,7 +35,7 @@ rule solutions:
     params:
         config=CONFIG,
         folder=folder,
-        depends=reads("parameters", "targets", "validation.solutions"),
+        settings=settings("solutions"),
         code=code_hash("stages.validate"),
     message:
         "Choosing the solutions to simulate again"
@@ -60,7 +60,7 @@ rule published_solutions:
     params:
         config=CONFIG,
         folder=folder,
-        depends=reads("parameters", "validation.published"),
+        settings=settings("published_solutions"),
         code=code_hash("stages.validate"),
     message:
         "Listing the published solutions"
@@ -144,13 +144,7 @@ rule validate:
     params:
         config=CONFIG,
         folder=folder,
-        depends=reads(
-            "parameters",
-            "targets",
-            "measure",
-            "validation.published_simulated",
-            "scene",
-        ),
+        settings=settings("validate"),
         code=code_hash("stages.validate"),
     message:
         "Predicted beside simulated and published"
@@ -178,7 +172,7 @@ rule published_sets:
     params:
         config=CONFIG,
         folder=folder,
-        depends=reads("responses", "parameters", "validation.published", "scene"),
+        settings=settings("published_sets"),
         code=code_hash("stages.validate"),
     message:
         "The published parameter sets in this simulator: {output.table}"

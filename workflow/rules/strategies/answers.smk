@@ -33,7 +33,7 @@ for name in BATCHED:
         params:
             config=CONFIG,
             folder=folder,
-            depends=reads("parameters", "targets", "measure"),
+            settings=settings("conclude"),
             code=code_hash("stages.batches"),
             strategy=name,
             batches=lambda wildcards, input: list(

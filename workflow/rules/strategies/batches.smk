@@ -29,9 +29,7 @@ checkpoint propose:
         batches=lambda wildcards: folders_of_batches(
             wildcards.strategy, int(wildcards.batch)
         ),
-        depends=lambda wildcards: stands_on.settings_of(
-            config, "propose", name=wildcards.strategy
-        ),
+        settings=lambda wildcards: settings("propose", name=wildcards.strategy),
     message:
         "What {wildcards.strategy} simulates after its first batches: batch {wildcards.batch}, or the answer"
     shell:

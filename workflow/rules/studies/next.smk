@@ -16,7 +16,7 @@ rule plausible:
     params:
         config=CONFIG,
         folder=folder,
-        depends=reads("posterior.seed"),
+        settings=settings("plausible"),
         code=code_hash("stages.next_measurement"),
     message:
         "Plausible parameter sets"
@@ -63,9 +63,7 @@ rule next:
     params:
         config=CONFIG,
         folder=folder,
-        depends=reads(
-            "targets", "posterior.discrepancy_percent", "measure", "measured_by"
-        ),
+        settings=settings("next"),
         code=code_hash("stages.next_measurement"),
     message:
         "What to measure next"
