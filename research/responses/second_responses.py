@@ -1,7 +1,7 @@
 """The next measurement to make: how far a further response narrows the posterior of the parameters.
 
 A few numbers do not determine six parameters. For the targets and for each further response r
-(`further_responses.offered`, and those of other bench tests that were run with samples of the design):
+(`offered`, and those of other bench tests that were run with samples of the design):
 
 signal to noise
     sd between samples over the sd of a run about its sample's mean (`repose.calibrate.variance`)

@@ -50,19 +50,19 @@ class MeasureSettings:
 
     @classmethod
     def of(
-        cls, section: Mapping[str, Any], berry: Mapping[str, Any]
+        cls, section: Mapping[str, Any], grain: Mapping[str, Any]
     ) -> "MeasureSettings":
         """Make the settings of the section `measure`.
 
         If the section has no height of a grain, it is the equivalent diameter of the
-        axes in `berry`, if they are there.
+        axes of `grain`, if they are there.
         """
         settings = cls(**section)
         if settings.berry_height_mm is not None:
             return settings
-        if any(berry.get(axis) is None for axis in AXES):
+        if any(grain.get(axis) is None for axis in AXES):
             return settings
-        diameter_mm = math.prod(berry[axis] for axis in AXES) ** (1 / 3)
+        diameter_mm = math.prod(grain[axis] for axis in AXES) ** (1 / 3)
         return replace(settings, berry_height_mm=diameter_mm)
 
 

@@ -313,8 +313,8 @@ def _measure_in_pose(
 ) -> None:
     """Find and measure the pile of a photograph whose camera has a known pose.
 
-    The photograph is completed step by step, so that it shows how far a measurement
-    came which ends with NoFlankError.
+    The photograph is completed step by step: if the measurement ends with NoFlankError,
+    the photograph shows what was found before.
     """
     image = photograph.view
 
@@ -346,26 +346,13 @@ def _measure_in_pose(
         )
     _require_complete(pile.mask, fine.hidden)
 
-    # Remove the perspective, which depends on the angles of both sides
-    angle = _measure_view(photograph, settings).angle
-    x, y, z = pose.position_mm
-    viewpoint = Viewpoint(
-        axis_px=-fine.left_mm / fine.mm_per_pixel,
-        distance_px=math.hypot(x - location.crest_mm, y) / fine.mm_per_pixel,
-        height_px=z / fine.mm_per_pixel,
-    )
-    photograph.view, photograph.pile = remove_perspective(
-        photograph.view,
-        pile,
-        viewpoint,
-        angles_deg=(angle.left_deg, angle.right_deg),
-        pile_height_px=location.height_mm / fine.mm_per_pixel,
-    )
+    _remove_perspective(photograph, pose, location, fine, settings)
 
     # Measure, and look for signs that this is no single heap
     measurement = _measure_view(photograph, settings)
-    photograph.pile = replace(photograph.pile, has_neighbour=has_neighbour)
-    doubts = doubts_of_pile(photograph.pile, measurement, grain_mm, fine.mm_per_pixel)
+    pile = replace(photograph.pile, has_neighbour=has_neighbour)
+    photograph.pile = pile
+    doubts = doubts_of_pile(pile, measurement, grain_mm, fine.mm_per_pixel)
     if faint_share > LARGEST_FAINT_SHARE:
         raise finding.NotPlainError(
             "the pile hardly differs from its background along its boundary: the "
@@ -378,6 +365,34 @@ def _measure_in_pose(
         )
     photograph.measurement = measurement
     photograph.doubts = doubts
+
+
+def _remove_perspective(
+    photograph: Photograph,
+    pose: camera.Pose,
+    location: _Location,
+    fine: camera.SideView,
+    settings: MeasureSettings,
+) -> None:
+    """Redraw view and pile as a camera at the plate's height sees them from far away.
+
+    That depends on the angles of both sides, which are measured first.
+    """
+    assert photograph.pile is not None
+    angle = _measure_view(photograph, settings).angle
+    x, y, z = pose.position_mm
+    viewpoint = Viewpoint(
+        axis_px=-fine.left_mm / fine.mm_per_pixel,
+        distance_px=math.hypot(x - location.crest_mm, y) / fine.mm_per_pixel,
+        height_px=z / fine.mm_per_pixel,
+    )
+    photograph.view, photograph.pile = remove_perspective(
+        photograph.view,
+        photograph.pile,
+        viewpoint,
+        angles_deg=(angle.left_deg, angle.right_deg),
+        pile_height_px=location.height_mm / fine.mm_per_pixel,
+    )
 
 
 def _locate(mask: np.ndarray, view: camera.SideView) -> _Location:
