@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from shared import ROOT
 
 from repose.bench import speed
 from repose.bench.speed import Times
 
-CONFIG = Study.load(ROOT / "config/quick.yaml").config
+CONFIG = PipelineConfig.load(ROOT / "config/quick.yaml").config
 PARAMETERS = {"e_gg": 0.2}
 POURS = {
     "a": [Times(80.0, 9.0), Times(100.0, 12.0), Times(300.0, 10.0)],

@@ -7,13 +7,13 @@ from types import SimpleNamespace
 
 import pytest
 from refusals import input_error
-from repose.config.study import Study
+from repose.config.pipeline import PipelineConfig
 from shared import ROOT, TARGETS
 
 from repose.calibrate.runs import mean_and_error
 from repose.stages import published
 
-QUICK = Study.load(ROOT / "config/quick.yaml")
+QUICK = PipelineConfig.load(ROOT / "config/quick.yaml")
 
 
 @pytest.fixture
