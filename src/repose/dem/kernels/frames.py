@@ -16,35 +16,27 @@ from .jit import inlined, kernel
 from .rows import L, lane_vector, set_vector, vector_at
 from .state import FRAME_ORIGIN, FRAME_ROTATION, PART, SHAPE, SPHERES
 
-
-@inlined
-def rotation_of(frame):
-    """Return the nine numbers of the rotation of a frame, row by row."""
-    xx, xy, xz = vector_at(frame, FRAME_ROTATION)
-    yx, yy, yz = vector_at(frame, FRAME_ROTATION + 3)
-    zx, zy, zz = vector_at(frame, FRAME_ROTATION + 6)
-    return xx, xy, xz, yx, yy, yz, zx, zy, zz
+# Places of the rotation in a frame. XY is the x component of the frame's y axis.
+XX, XY, XZ, YX, YY, YZ, ZX, ZY, ZZ = range(FRAME_ROTATION, FRAME_ROTATION + 9)
 
 
 @inlined
 def into_frame(frame, x, y, z):
     """Return a vector of the world in the axes of a frame."""
-    xx, xy, xz, yx, yy, yz, zx, zy, zz = rotation_of(frame)
     return (
-        xx * x + yx * y + zx * z,
-        xy * x + yy * y + zy * z,
-        xz * x + yz * y + zz * z,
+        frame[XX] * x + frame[YX] * y + frame[ZX] * z,
+        frame[XY] * x + frame[YY] * y + frame[ZY] * z,
+        frame[XZ] * x + frame[YZ] * y + frame[ZZ] * z,
     )
 
 
 @inlined
 def out_of_frame(frame, x, y, z):
     """Return a vector of a frame in world axes."""
-    xx, xy, xz, yx, yy, yz, zx, zy, zz = rotation_of(frame)
     return (
-        xx * x + xy * y + xz * z,
-        yx * x + yy * y + yz * z,
-        zx * x + zy * y + zz * z,
+        frame[XX] * x + frame[XY] * y + frame[XZ] * z,
+        frame[YX] * x + frame[YY] * y + frame[YZ] * z,
+        frame[ZX] * x + frame[ZY] * y + frame[ZZ] * z,
     )
 
 
@@ -168,8 +160,9 @@ def move_walls(walls, dt):
         )
         for axis in range(3):
             motion[st.WALL_PIVOT + axis] += dt * motion[st.WALL_VELOCITY + axis]
-        px, py, pz = vector_at(motion, st.WALL_PIVOT)
-        set_vector(place, 0, px + x, py + y, pz + z)
+        place[0] = motion[st.WALL_PIVOT] + x
+        place[1] = motion[st.WALL_PIVOT + 1] + y
+        place[2] = motion[st.WALL_PIVOT + 2] + z
         if wall < n_planes:
             nx, ny, nz = vector_at(place, st.PLANE_NORMAL)
             nx, ny, nz = rotated_about(angle, ux, uy, uz, nx, ny, nz)

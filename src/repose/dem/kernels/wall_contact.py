@@ -95,26 +95,32 @@ def cone_axes(cone, theta):
 
 
 @inlined
-def cone_slope(row, parts, cone, theta):
-    """Return the first and second derivative of phi at an angle."""
+def cone_overlap(row, parts, cone, theta):
+    """Return phi at an angle, its first and second derivative, and a distance [m].
+
+    The distance is that of the body's outermost point along the line of the cone.
+    """
     cos, sin, nx, ny, nz, ux, uy, uz, wx, wy, wz = cone_axes(cone, theta)
     normal_r = cone[CONE_NORMAL_R]
-    x, y, _z = vector_at(row, POSITION)
+    x, y, z = vector_at(row, POSITION)
     h, along_u, along_w, q_uu, _q_uw, _q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
-    # the body's outermost point along n, seen from above
+    # the body's outermost point along n: c + h n + along_u u + along_w w
     px = x + h * nx + along_u * ux + along_w * wx
     py = y + h * ny + along_u * uy + along_w * wy
+    pz = z + h * nz + along_w * wz
+    value = nx * x + ny * y + nz * z + h - cone[CONE_OFFSET]
     slope = normal_r * (ux * px + uy * py)
     bend = normal_r * normal_r * q_uu - normal_r * (cos * px + sin * py)
-    return slope, bend
+    along = (cos * px + sin * py) * cone[CONE_UP_R] + pz * cone[CONE_UP_Z]
+    return value, slope, bend, along
 
 
 @inlined
 def climb_cone(row, parts, cone, theta):
     """Return theta after one Newton step towards the nearest maximum of phi."""
-    slope, bend = cone_slope(row, parts, cone, theta)
+    _value, slope, bend, _along = cone_overlap(row, parts, cone, theta)
     # where phi is not concave, or nearly flat, a short step uphill
     turn = -slope / bend if bend < -FLAT else math.copysign(UPHILL_TURN, slope)
     return theta + limited_turn(turn)

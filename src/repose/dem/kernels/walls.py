@@ -31,7 +31,7 @@ from .geometry import extent
 from .jit import inlined, kernel
 from .lists import move_contact, put_contact
 from .neighbours import take_place
-from .rows import L, lane_vector, set_vector, vector_at
+from .rows import L, set_vector, vector_at
 from .state import bounding_radius
 from .wall_contact import (
     climb_cone,
@@ -60,6 +60,7 @@ NEXT_LOOK_KNOWN = 0.1
 # Steps of a solver for a contact that is followed from step to step.
 FOLLOWING_STEPS = 2
 FAR = 1e300  # a distance that no body moves [m]
+X, Y, Z = st.POSITION, st.POSITION + 1, st.POSITION + 2  # columns of a body
 
 
 @inlined
@@ -265,18 +266,16 @@ def search_cone(
     body may move before the next search [m].
     """
     cone = walls.cones[wall]
-    normal_r = cone[st.CONE_NORMAL_R]
-    normal_z = cone[st.CONE_NORMAL_Z]
-    x, y, z = vector_at(row, st.POSITION)
     angle = 2.0 * math.pi / st.STARTS
     # The overlap phi at equal angles about the axis.
     for start in range(st.STARTS):
-        nx, ny = normal_r * COSINES[start], normal_r * SINES[start]
+        nx = cone[st.CONE_NORMAL_R] * COSINES[start]
+        ny = cone[st.CONE_NORMAL_R] * SINES[start]
         profile[start] = (
-            nx * x
-            + ny * y
-            + normal_z * z
-            + extent(row, parts, nx, ny, normal_z)
+            nx * row[X]
+            + ny * row[Y]
+            + cone[st.CONE_NORMAL_Z] * row[Z]
+            + extent(row, parts, nx, ny, cone[st.CONE_NORMAL_Z])
             - cone[st.CONE_OFFSET]
         )
     nearest = FAR
@@ -529,7 +528,8 @@ def follow_wall(parts, row, walls, wall, tile, lane, geometry, local_row):
         on_wall = cone_contact(row, parts, cone, theta, geometry)
     else:
         ring = walls.rings[wall - n_cones]
-        nx, ny, nz = lane_vector(tile, st.NORMAL, lane)
+        n = st.NORMAL + lane
+        nx, ny, nz = tile[n], tile[n + L], tile[n + 2 * L]
         if walls.displaced[wall]:
             nx, ny, nz = into_frame(walls.frames[wall], nx, ny, nz)
         for _ in range(FOLLOWING_STEPS):
