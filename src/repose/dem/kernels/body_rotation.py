@@ -67,17 +67,17 @@ def rotated_quaternion(qw, qx, qy, qz, ox, oy, oz, half):
 
 
 @inlined
-def turn_quaternion(c, lane, ox, oy, oz, half, turns):
+def turn_quaternion(c, lane, ox, oy, oz, half, is_turning):
     """Turn a lane's body by `rotated_quaternion`.
 
     A body that does not turn keeps its quaternion to the bit.
     """
     qw, qx, qy, qz = quaternion_of(c, lane)
     hw, hx, hy, hz = rotated_quaternion(qw, qx, qy, qz, ox, oy, oz, half)
-    c[QUATERNION + lane] = hw if turns else qw
-    c[QUATERNION + L + lane] = hx if turns else qx
-    c[QUATERNION + 2 * L + lane] = hy if turns else qy
-    c[QUATERNION + 3 * L + lane] = hz if turns else qz
+    c[QUATERNION + lane] = hw if is_turning else qw
+    c[QUATERNION + L + lane] = hx if is_turning else qx
+    c[QUATERNION + 2 * L + lane] = hy if is_turning else qy
+    c[QUATERNION + 3 * L + lane] = hz if is_turning else qz
 
 
 @inlined
@@ -89,6 +89,7 @@ def write_rotated_diagonal(m, first, c, diagonal):
     """
     for lane in range(L):
         qw, qx, qy, qz = quaternion_of(c, lane)
+        # (read number by number: `lane_vector` changes last bits here, see `jit`)
         a1 = c[diagonal + lane]
         a2 = c[diagonal + L + lane]
         a3 = c[diagonal + 2 * L + lane]
@@ -249,14 +250,14 @@ def resist_lanes(m, c, dt):
         square = lx * lx + ly * ly + lz * lz
         i1, i2, i3 = lane_vector(c, INVERSE_MOMENTS, lane)
         # the lane of an absent body may hold a torque and has no moments
-        turns = (square > budget * budget) & (i1 > 0.0)
-        n += 1 if turns else 0
+        is_turning = (square > budget * budget) & (i1 > 0.0)
+        n += 1 if is_turning else 0
         x, y, z = into_body(c, lane, lx, ly, lz)
         x, y, z = resistance_direction(x, y, z, i1, i2, i3, math.sqrt(square), budget)
         x, y, z = into_world(c, lane, x, y, z)
-        lx = lx - budget * x if turns else 0.0
-        ly = ly - budget * y if turns else 0.0
-        lz = lz - budget * z if turns else 0.0
+        lx = lx - budget * x if is_turning else 0.0
+        ly = ly - budget * y if is_turning else 0.0
+        lz = lz - budget * z if is_turning else 0.0
         write_vector(c, ANGULAR_MOMENTUM, lane, lx, ly, lz)
         ox, oy, oz = inverse_inertia_times(m, lane, lx, ly, lz)
         write_vector(m, OMEGA, lane, ox, oy, oz)
@@ -283,19 +284,19 @@ def resist_in_frame(m, c, dt, fx, fy, fz):
         wx, wy, wz = into_world(c, lane, x, y, z)
         x, y, z = into_body(c, lane, lx - wx, ly - wy, lz - wz)
         square = x * x + y * y + z * z
-        turns = (square > budget * budget) & is_present
+        is_turning = (square > budget * budget) & is_present
         x, y, z = resistance_direction(x, y, z, i1, i2, i3, math.sqrt(square), budget)
         x, y, z = into_world(c, lane, x, y, z)
-        lx = lx - budget * x if turns else wx
-        ly = ly - budget * y if turns else wy
-        lz = lz - budget * z if turns else wz
+        lx = lx - budget * x if is_turning else wx
+        ly = ly - budget * y if is_turning else wy
+        lz = lz - budget * z if is_turning else wz
         write_vector(c, ANGULAR_MOMENTUM, lane, lx, ly, lz)
         ox, oy, oz = inverse_inertia_times(m, lane, lx, ly, lz)
         # a stopped body has the frame's velocity without rounding
-        stays = is_present & (not turns)
-        ox = fx if stays else ox
-        oy = fy if stays else oy
-        oz = fz if stays else oz
+        is_stopped = is_present & (not is_turning)
+        ox = fx if is_stopped else ox
+        oy = fy if is_stopped else oy
+        oz = fz if is_stopped else oz
         write_vector(m, OMEGA, lane, ox, oy, oz)
 
 
@@ -361,14 +362,14 @@ def share_lanes(m, c, dt, parts):
 
 
 @inlined
-def rotate_lanes(m, c, dt, parts, rests, fx, fy, fz):
+def rotate_lanes(m, c, dt, parts, is_resting, fx, fy, fz):
     """Turn the smooth bodies or clumps of a tile by one step.
 
     Where none turned in the last step and none may begin to turn, this costs little.
 
     Parameters
     ----------
-    rests : bool
+    is_resting : bool
         Whether no body of the tile turned in the last step. Then only the first columns
         of the bodies are in the scratch tile.
     fx, fy, fz : float
@@ -379,13 +380,13 @@ def rotate_lanes(m, c, dt, parts, rests, fx, fy, fz):
     bool
         Whether any body turns.
     """
-    framed = fx != 0.0 or fy != 0.0 or fz != 0.0
-    if rests and not framed and count_disturbed(m, dt) == 0:
+    has_frame = fx != 0.0 or fy != 0.0 or fz != 0.0
+    if is_resting and not has_frame and count_disturbed(m, dt) == 0:
         return False
     n_twisted = twist_lanes(m, c, dt)
-    if rests:
+    if is_resting:
         inertia_lanes(m, c)
-    if framed:
+    if has_frame:
         resist_in_frame(m, c, dt, fx, fy, fz)
     elif n_twisted == 0:
         stop_lanes(m, c)
@@ -420,28 +421,28 @@ def turn_spheres(m, c, dt, fx, fy, fz):
         lz = lz + dt * torque_z - moment * fz
         budget = dt * m[BUDGET + lane]
         size = math.sqrt(lx * lx + ly * ly + lz * lz)
-        turns = is_present & (size > budget)
+        is_turning = is_present & (size > budget)
         # the share of it that the resistance leaves
-        left = 1.0 - budget / (size if turns else 1.0)
-        left = left if turns else 0.0
-        lx = alive(left * lx + moment * fx if is_present else 0.0)
-        ly = alive(left * ly + moment * fy if is_present else 0.0)
-        lz = alive(left * lz + moment * fz if is_present else 0.0)
+        kept_share = 1.0 - budget / (size if is_turning else 1.0)
+        kept_share = kept_share if is_turning else 0.0
+        lx = alive(kept_share * lx + moment * fx if is_present else 0.0)
+        ly = alive(kept_share * ly + moment * fy if is_present else 0.0)
+        lz = alive(kept_share * lz + moment * fz if is_present else 0.0)
         ox, oy, oz = alive(inverse * lx), alive(inverse * ly), alive(inverse * lz)
         write_vector(c, ANGULAR_MOMENTUM, lane, lx, ly, lz)
         write_vector(m, OMEGA, lane, ox, oy, oz)
-        rotates = ox * ox + oy * oy + oz * oz > 0.0
-        n += 1 if rotates else 0
-        turn_quaternion(c, lane, ox, oy, oz, 0.5 * dt, rotates)
+        is_turning_now = ox * ox + oy * oy + oz * oz > 0.0
+        n += 1 if is_turning_now else 0
+        turn_quaternion(c, lane, ox, oy, oz, 0.5 * dt, is_turning_now)
         m[ROWS + st.SPHERE_RADIUS * L + lane] = c[st.RADIUS + lane]
     return n
 
 
 @inlined
-def rotate_spheres(m, c, dt, rests, fx, fy, fz):
+def rotate_spheres(m, c, dt, is_resting, fx, fy, fz):
     """Turn the spheres of a tile by one step; see `rotate_lanes`."""
-    framed = fx != 0.0 or fy != 0.0 or fz != 0.0
-    if rests and not framed and count_disturbed(m, dt) == 0:
+    has_frame = fx != 0.0 or fy != 0.0 or fz != 0.0
+    if is_resting and not has_frame and count_disturbed(m, dt) == 0:
         return False
     share_lanes(m, c, dt, st.SPHERES)
-    return turn_spheres(m, c, dt, fx, fy, fz) > 0 or framed
+    return turn_spheres(m, c, dt, fx, fy, fz) > 0 or has_frame

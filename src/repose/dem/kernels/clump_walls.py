@@ -73,9 +73,9 @@ def sphere_on_curved(walls, wall, x, y, z, radius, geometry):
     Returns how far the sphere is beyond the wall's end [m].
     """
     x, y, z = seen_place(walls, wall, x, y, z)
-    beyond = sphere_on_frame_wall(x, y, z, radius, walls, wall, geometry)
+    distance_beyond = sphere_on_frame_wall(x, y, z, radius, walls, wall, geometry)
     contact_to_world(walls, wall, geometry)
-    return beyond
+    return distance_beyond
 
 
 @inlined
@@ -119,7 +119,7 @@ def forget_sphere(contacts, clumps, counts, slot, k):
 
 
 @inlined
-def free_way(gap, beyond, radius, past, sphere, leans):
+def free_way(gap, distance_beyond, radius, past, sphere, is_leaning):
     """Return how far a sphere may move before it can touch a wall [m]; 0.0: it touches.
 
     A sphere that overlaps the surface beyond the wall's end, or with its centre behind
@@ -130,7 +130,7 @@ def free_way(gap, beyond, radius, past, sphere, leans):
     ----------
     gap : float
         Gap to the surface of the wall or of its continuation [m].
-    beyond : float
+    distance_beyond : float
         How far the sphere is beyond the end of the wall [m].
     radius : float
         Radius of the sphere [m].
@@ -138,16 +138,16 @@ def free_way(gap, beyond, radius, past, sphere, leans):
         The spheres of the body that are past the wall, as bits; updated.
     sphere : int
         Number of the sphere.
-    leans : bool
+    is_leaning : bool
         Whether the body touches a wall of this kind.
     """
     if gap > 0.0:
         clear_bit(past, sphere)
         return gap
-    outside = max(beyond, -gap - radius)
-    if outside > 0.0 and not leans:
+    distance_outside = max(distance_beyond, -gap - radius)
+    if distance_outside > 0.0 and not is_leaning:
         set_bit(past, sphere)
-    return -gap if is_set(past, sphere) else max(outside, 0.0)
+    return -gap if is_set(past, sphere) else max(distance_outside, 0.0)
 
 
 @inlined
@@ -201,10 +201,10 @@ def spheres_at_wall(
     """
     nearest = math.inf
     if slot == st.N_CURVED:
-        touching = touching_spheres(contacts.known, i)
+        touching_bits = touching_spheres(contacts.known, i)
     else:
-        touching = np.uint64(0)
-    leans = touching != np.uint64(0)
+        touching_bits = np.uint64(0)
+    is_leaning = touching_bits != np.uint64(0)
     for sphere in range(clumps.sizes[clumps.shape[i]]):
         # views of one word, since bits are set in a row of words
         if is_set(contacts.known[wall, i : i + 1], sphere):
@@ -212,16 +212,20 @@ def spheres_at_wall(
         x, y, z = placed_centre(s, PLACES_A, sphere)
         radius = placed_radius(s, PLACES_A, sphere)
         if slot == st.N_CURVED:
-            beyond = sphere_on_curved(walls, wall, x, y, z, radius, geometry)
+            distance_beyond = sphere_on_curved(walls, wall, x, y, z, radius, geometry)
         else:
-            beyond = sphere_on_plane(x, y, z, radius, walls.planes[wall], geometry)
+            distance_beyond = sphere_on_plane(
+                x, y, z, radius, walls.planes[wall], geometry
+            )
         past = contacts.past[wall, i : i + 1]
-        if (touching >> np.uint64(sphere)) & np.uint64(1) != np.uint64(0):
+        if (touching_bits >> np.uint64(sphere)) & np.uint64(1) != np.uint64(0):
             # the sphere touches another wall, which hands it over
             clear_bit(past, sphere)
-        free = free_way(geometry[cg.GAP], beyond, radius, past, sphere, leans)
-        if free > 0.0:
-            nearest = min(nearest, free)
+        free_distance = free_way(
+            geometry[cg.GAP], distance_beyond, radius, past, sphere, is_leaning
+        )
+        if free_distance > 0.0:
+            nearest = min(nearest, free_distance)
             continue
         k = add_sphere(contacts, counts, slot, clumps, i, wall, sphere, geometry)
         if slot == st.N_PLANE and k >= 0:
@@ -295,7 +299,7 @@ def follow_sphere(
     radius = tile[ct.RADIUS + lane]
     x, y, z = vector_at(row, st.POSITION)
     sphere_row(walls, frame, x + arm_x, y + arm_y, z + arm_z, radius, local_row)
-    lasts = follow_feature(
+    is_lasting = follow_feature(
         local_row,
         radius,
         1,
@@ -310,7 +314,7 @@ def follow_sphere(
         other_geometry,
     )
     shift_arm(geometry, arm_x, arm_y, arm_z)
-    return lasts
+    return is_lasting
 
 
 @inlined
@@ -360,9 +364,9 @@ def spheres_at_mesh(
         x, y, z = placed_centre(s, PLACES_A, sphere)
         radius = placed_radius(s, PLACES_A, sphere)
         sphere_row(walls, frame, x, y, z, radius, local_row)
-        before = counts[st.N_MESHED]
+        n_before = counts[st.N_MESHED]
         number = MOST_SPHERES * i + sphere
-        free = search_mesh(
+        free_distance = search_mesh(
             local_row,
             contacts,
             counts,
@@ -374,9 +378,9 @@ def spheres_at_mesh(
             radius,
             geometry,
         )
-        nearest = min(nearest, free)
+        nearest = min(nearest, free_distance)
         # The search wrote the number of the sphere to `mesh_sphere`; write the body, too.
-        for k in range(before, counts[st.N_MESHED]):
+        for k in range(n_before, counts[st.N_MESHED]):
             meshed.body[k] = i
             write_sphere(meshed, clumps, k, i, sphere)
     return nearest

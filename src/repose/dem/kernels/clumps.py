@@ -96,14 +96,14 @@ def new_clumps(shapes, shape, scale, n_meshed):
     )
 
 
-def new_sphere_pairs(n_contacts, n_entries, most, ghost, n_state):
+def new_sphere_pairs(n_contacts, n_entries, most_spheres, ghost, n_state):
     """Make the empty lists for contacts of spheres and for entries of bodies.
 
     Parameters
     ----------
     n_contacts, n_entries : int
         Room of the lists.
-    most : int
+    most_spheres : int
         Spheres of the largest clump.
     ghost : int
         The absent body, with which unused places are filled.
@@ -116,7 +116,7 @@ def new_sphere_pairs(n_contacts, n_entries, most, ghost, n_state):
         The lists.
     """
     n_contacts = st.whole_tiles(n_contacts)
-    words = -(-most * most // WORD)
+    words = -(-most_spheres * most_spheres // WORD)
     return SpherePairs(
         **st.each("first second", n_contacts, np.uint32, ghost),
         entry=np.zeros(n_contacts, np.uint32),
@@ -273,16 +273,16 @@ def chain_entries(pairs, counts, grid, ghost):
     all links of these bodies are found.
     """
     n_links = pairs_of_moved(grid.near, grid, counts)
-    used = 0
+    n_used = 0
     entry = counts[st.N_NEAR] - 1
-    while used < n_links:
+    while n_used < n_links:
         i = pairs.near_first[np.uint64(entry)]
         j = pairs.near_second[np.uint64(entry)]
         entry -= 1
         if i == ghost:
             continue
-        used = chain_partner(pairs, grid, used, i, j)
-        used = chain_partner(pairs, grid, used, j, i)
+        n_used = chain_partner(pairs, grid, n_used, i, j)
+        n_used = chain_partner(pairs, grid, n_used, j, i)
 
 
 @kernel

@@ -40,10 +40,10 @@ def newton_step(gx, gy, gz, xx, xy, xz, yy, yz, zz, f):
         # T = C + f I is a 2 x 2 matrix in the tangent plane. By Cayley and Hamilton
         # T^-1 g = (tr T g - T g) / det T, so no tangents are needed.
         inverse = 1.0 / determinant
-        along = trace + f
-        sx = inverse * (along * gx - xx * gx - xy * gy - xz * gz)
-        sy = inverse * (along * gy - xy * gx - yy * gy - yz * gz)
-        sz = inverse * (along * gz - xz * gx - yz * gy - zz * gz)
+        gradient_factor = trace + f
+        sx = inverse * (gradient_factor * gx - xx * gx - xy * gy - xz * gz)
+        sy = inverse * (gradient_factor * gy - xy * gx - yy * gy - yz * gz)
+        sz = inverse * (gradient_factor * gz - xz * gx - yz * gy - zz * gz)
     else:
         inverse = 1.0 / trace
         sx, sy, sz = inverse * gx, inverse * gy, inverse * gz

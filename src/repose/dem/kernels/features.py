@@ -177,8 +177,8 @@ def _coplanar_pairs(vertices, faces, edges, edge_faces, normal):
         distance = np.abs(np.einsum("eki,ei->ek", corners, normal[face]))
         height = np.minimum(height, distance.max(axis=1))
     same_side = np.sum(normal[first] * normal[second], axis=1) > 0.0
-    flat = (height < FLAT * size) & same_side
-    return first[flat], second[flat]
+    is_flat = (height < FLAT * size) & same_side
+    return first[is_flat], second[is_flat]
 
 
 def coplanar_groups(vertices, faces, edges, edge_faces):
@@ -198,8 +198,8 @@ def coplanar_groups(vertices, faces, edges, edge_faces):
     normal = _unit(area)
     size = np.linalg.norm(np.ptp(vertices, axis=0))
     first, second = _coplanar_pairs(vertices, faces, edges, edge_faces, normal)
-    joined = coo_array((np.ones(len(first)), (first, second)), shape=(n, n))
-    count, group = csgraph.connected_components(joined, directed=False)
+    coplanar = coo_array((np.ones(len(first)), (first, second)), shape=(n, n))
+    count, group = csgraph.connected_components(coplanar, directed=False)
     # The common plane of a group, and how far its corners are from it.
     common = np.zeros((count, 3))
     np.add.at(common, group, area)
@@ -211,11 +211,11 @@ def coplanar_groups(vertices, faces, edges, edge_faces):
     np.maximum.at(high, group, heights.max(axis=1))
     # A group that is flat only from triangle to triangle, not as a whole, falls apart:
     # each of its triangles becomes a group with a number from `count` on.
-    curved = (high - low > FLAT_GROUP * size)[group]
-    group[curved] = count + np.arange(curved.sum())
-    old, face, group = np.unique(group, return_index=True, return_inverse=True)
+    is_curved = (high - low > FLAT_GROUP * size)[group]
+    group[is_curved] = count + np.arange(is_curved.sum())
+    old_group, face, group = np.unique(group, return_index=True, return_inverse=True)
     normals = np.where(
-        curved[face, None], normal[face], common[np.minimum(old, count - 1)]
+        is_curved[face, None], normal[face], common[np.minimum(old_group, count - 1)]
     )
     return group.ravel(), normals
 
@@ -276,10 +276,10 @@ def _areas_and_sides(corners, faces):
 
 def _keeps_triangles(vertices, faces, displacement):
     """Return whether no triangle turns over when its vertices are displaced."""
-    before = _areas_and_sides(vertices, faces)
-    after = _areas_and_sides(vertices + displacement, faces)
-    projected = np.sum(before * after, axis=1)
-    return bool(np.all(projected > LEAST_SHARE * np.sum(before * before, axis=1)))
+    original = _areas_and_sides(vertices, faces)
+    displaced = _areas_and_sides(vertices + displacement, faces)
+    projected = np.sum(original * displaced, axis=1)
+    return bool(np.all(projected > LEAST_SHARE * np.sum(original * original, axis=1)))
 
 
 def eroded(vertices, faces, steps, radius):
@@ -352,19 +352,19 @@ def _edge_rows(core, edges, edge_faces, group, normals):
     sine = np.sum(cross * along, axis=1)
     cosine = np.sum(first * second, axis=1)
     angle = np.arctan2(np.linalg.norm(cross, axis=1), cosine)
-    rim = (left < 0) | (right < 0)
+    is_rim = (left < 0) | (right < 0)
     # The normal turns inwards from the face on the left. On a rim whose face is on the
     # right it turns the other way.
     turn = _unit(np.cross(-first, along)) * np.where(left >= 0, 1.0, -1.0)[:, None]
-    angle[rim] = np.pi
-    convex = rim | ((group[left] != group[right]) & (sine > 0.0) & (angle > 1e-9))
-    rows = np.zeros((convex.sum(), COLUMNS))
-    rows[:, PLACE : PLACE + 3] = core[edges[:, 0]][convex]
-    rows[:, EDGE_ALONG : EDGE_ALONG + 3] = along[convex]
-    rows[:, EDGE_LENGTH] = length[convex]
-    rows[:, EDGE_NORMAL : EDGE_NORMAL + 3] = first[convex]
-    rows[:, EDGE_TURN : EDGE_TURN + 3] = turn[convex]
-    rows[:, EDGE_ANGLE] = angle[convex]
+    angle[is_rim] = np.pi
+    is_convex = is_rim | ((group[left] != group[right]) & (sine > 0.0) & (angle > 1e-9))
+    rows = np.zeros((is_convex.sum(), COLUMNS))
+    rows[:, PLACE : PLACE + 3] = core[edges[:, 0]][is_convex]
+    rows[:, EDGE_ALONG : EDGE_ALONG + 3] = along[is_convex]
+    rows[:, EDGE_LENGTH] = length[is_convex]
+    rows[:, EDGE_NORMAL : EDGE_NORMAL + 3] = first[is_convex]
+    rows[:, EDGE_TURN : EDGE_TURN + 3] = turn[is_convex]
+    rows[:, EDGE_ANGLE] = angle[is_convex]
     return rows
 
 
@@ -396,7 +396,7 @@ def _convex_vertices(core, edges, pairs, planes):
 
     Returns
     -------
-    chosen : ndarray
+    convex_vertices : ndarray
         Numbers of these vertices.
     owner : ndarray (2 E,)
         Vertices, sorted; one item for each edge at a vertex.
@@ -413,14 +413,16 @@ def _convex_vertices(core, edges, pairs, planes):
     directions = _unit_or_zero(directions)
     for _ in range(PERCEPTRON_STEPS):
         lead, largest = _steepest(directions, owner, rays)
-        bad = np.flatnonzero((lead == largest[owner]) & (lead > -LEAST_CONE))
-        if not len(bad):
+        worst_edges = np.flatnonzero((lead == largest[owner]) & (lead > -LEAST_CONE))
+        if not len(worst_edges):
             break
-        directions[owner[bad]] -= (lead[bad, None] + 1e-3) * rays[bad]
+        directions[owner[worst_edges]] -= (lead[worst_edges, None] + 1e-3) * rays[
+            worst_edges
+        ]
         directions = _unit_or_zero(directions)
     _lead, largest = _steepest(directions, owner, rays)
-    chosen = np.flatnonzero((largest < -LEAST_CONE) & np.isfinite(largest))
-    return chosen, owner, rays
+    convex_vertices = np.flatnonzero((largest < -LEAST_CONE) & np.isfinite(largest))
+    return convex_vertices, owner, rays
 
 
 def _gentle_neighbours(core, faces, group, normals):
@@ -441,16 +443,16 @@ def _gentle_neighbours(core, faces, group, normals):
     first, second = (at_vertex @ at_vertex.T).nonzero()
     outward = normals[group]
     cosine = np.sum(outward[first] * outward[second], axis=1)
-    gentle = (group[first] != group[second]) & (cosine > np.cos(GENTLE))
-    first = first[gentle]
-    second = second[gentle]
+    is_gentle = (group[first] != group[second]) & (cosine > np.cos(GENTLE))
+    first = first[is_gentle]
+    second = second[is_gentle]
     # concave: the middle of the second face is above the plane of the first
     middle = core[faces].mean(axis=1)
     size = np.linalg.norm(np.ptp(core, axis=0))
     height = np.sum((middle[second] - core[faces[first, 0]]) * outward[first], axis=1)
-    concave = height > FLAT * size
-    first = first[concave]
-    second = second[concave]
+    is_concave = height > FLAT * size
+    first = first[is_concave]
+    second = second[is_concave]
     order = np.lexsort((second, first))
     return np.column_stack([first, second])[order]
 
@@ -464,9 +466,9 @@ def _planes_of_core(core, vertices, faces, group, normals, radius):
     depth = np.einsum("fki,fi->fk", (core - vertices)[faces], normals[group]) + radius
     is_bent = np.zeros(len(normals), bool)
     is_bent[group[np.abs(depth).max(axis=1) > SAME_DEPTH * radius]] = True
-    loose = is_bent[group]
-    group = np.where(loose, len(normals) + np.cumsum(loose) - 1, group)
-    normals = np.vstack([normals, _unit(_area_vectors(core, faces[loose]))])
+    is_loose = is_bent[group]
+    group = np.where(is_loose, len(normals) + np.cumsum(is_loose) - 1, group)
+    normals = np.vstack([normals, _unit(_area_vectors(core, faces[is_loose]))])
     return group, normals
 
 
@@ -503,34 +505,34 @@ def split(vertices, faces, radius):
     # The rows of all features.
     face_rows = _face_rows(core, faces, edges, edge_faces, group, normals, radius)
     edge_rows = _edge_rows(core, edges, edge_faces, group, normals)
-    chosen, owner, rays = _convex_vertices(core, edges, pairs, planes)
+    convex_vertices, owner, rays = _convex_vertices(core, edges, pairs, planes)
     n_faces = len(face_rows)
     n_edges = len(edge_rows)
     first_vertex = n_faces + n_edges
-    data = np.zeros((first_vertex + len(chosen), COLUMNS))
+    data = np.zeros((first_vertex + len(convex_vertices), COLUMNS))
     data[:n_faces] = face_rows
     data[n_faces:first_vertex] = edge_rows
-    data[first_vertex:, PLACE : PLACE + 3] = core[chosen]
+    data[first_vertex:, PLACE : PLACE + 3] = core[convex_vertices]
     data[:, RADIUS_COLUMN] = radius
-    kind = np.repeat([FACE, EDGE, VERTEX], [n_faces, n_edges, len(chosen)])
+    kind = np.repeat([FACE, EDGE, VERTEX], [n_faces, n_edges, len(convex_vertices)])
     kind = kind.astype(np.uint8)
 
     # The neighbours of faces, and the edges and normals of vertices.
     span = np.zeros((len(data), 2), np.int64)
     corners = np.zeros((len(data), 2), np.int64)
-    near = _gentle_neighbours(core, faces, group, normals)
-    span[:n_faces] = _ranges(near[:, 0], n_faces)
-    span[first_vertex:] = _ranges(owner, len(core))[chosen]
+    neighbours = _gentle_neighbours(core, faces, group, normals)
+    span[:n_faces] = _ranges(neighbours[:, 0], n_faces)
+    span[first_vertex:] = _ranges(owner, len(core))[convex_vertices]
     groups_at = np.column_stack([faces.ravel(), np.repeat(group, 3)])
     groups_at = np.unique(groups_at, axis=0)
-    corners[first_vertex:] = _ranges(groups_at[:, 0], len(core))[chosen]
+    corners[first_vertex:] = _ranges(groups_at[:, 0], len(core))[convex_vertices]
     box, cells, begin, items = _cells(core, faces, kind, data, radius)
     return Part(
         kind=kind,
         data=data,
         span=span,
         corners=corners,
-        near=near[:, 1].astype(np.int64),
+        near=neighbours[:, 1].astype(np.int64),
         rays=rays,
         normals=-normals[groups_at[:, 1]],
         box=box,
@@ -547,18 +549,18 @@ def _boxes(core, faces, kind, data, radius):
     high = np.zeros((len(kind), 3))
     # a face's wall lies one radius above its triangle
     inward = data[:n_faces, None, FACE_NORMAL : FACE_NORMAL + 3]
-    lifted = core[faces] - radius * inward
-    low[:n_faces] = lifted.min(axis=1)
-    high[:n_faces] = lifted.max(axis=1)
-    for which in (EDGE, VERTEX):
-        rows = data[kind == which]
+    outer_corners = core[faces] - radius * inward
+    low[:n_faces] = outer_corners.min(axis=1)
+    high[:n_faces] = outer_corners.max(axis=1)
+    for feature_kind in (EDGE, VERTEX):
+        rows = data[kind == feature_kind]
         start = rows[:, PLACE : PLACE + 3]
         end = start
-        if which == EDGE:
+        if feature_kind == EDGE:
             length = rows[:, EDGE_LENGTH : EDGE_LENGTH + 1]
             end = start + length * rows[:, EDGE_ALONG : EDGE_ALONG + 3]
-        low[kind == which] = np.minimum(start, end) - radius
-        high[kind == which] = np.maximum(start, end) + radius
+        low[kind == feature_kind] = np.minimum(start, end) - radius
+        high[kind == feature_kind] = np.maximum(start, end) + radius
     return low, high
 
 

@@ -355,8 +355,8 @@ def plane_forces(bodies, flat, clumps, walls, counts, physics, t, ghost):
                 if gap > end_gap(contacts, physics, clumps, ON_WALL, lane):
                     zero_lane(t, lane)
                     # beyond the edge of a disc there is no gap to close
-                    way = gap if gap < tl.BEYOND else 0.0
-                    search_soon(bodies, flat, walls, base + lane, way)
+                    distance_left = gap if gap < tl.BEYOND else 0.0
+                    search_soon(bodies, flat, walls, base + lane, distance_left)
                     if gap == tl.BEYOND:
                         note_past_edge(flat, clumps, base + lane)
                     flat.ended[n_ended] = base + lane
@@ -450,7 +450,7 @@ def curved_geometry(
         )
     arm_x, arm_y, arm_z = sphere_arm(row, contacts, lane)
     x, y, z = vector_at(row, st.POSITION)
-    beyond = sphere_on_curved(
+    distance_beyond = sphere_on_curved(
         walls,
         curved.wall[k],
         x + arm_x,
@@ -463,7 +463,7 @@ def curved_geometry(
     write_lane(t, contacts, lane, geometry)
     return (
         geometry[cg.GAP] > end_gap(contacts, physics, clumps, ON_WALL, lane)
-        or beyond > 0.0
+        or distance_beyond > 0.0
     )
 
 
@@ -583,7 +583,7 @@ def mesh_forces(
         open_unused_lanes(t, lanes)
         for lane in range(lanes):
             k = base + lane
-            touching = mesh_geometry(
+            is_touching = mesh_geometry(
                 bodies,
                 meshed,
                 clumps,
@@ -598,7 +598,7 @@ def mesh_forces(
             )
             write_lane(t, contacts, lane, geometry)
             contacts[st.GAP + lane] = geometry[cg.GAP]
-            if not touching:
+            if not is_touching:
                 meshed.ended[n_ended] = k
                 n_ended += 1
                 t[tl.GAP + lane] = OPEN

@@ -1,8 +1,12 @@
 """The compiler settings of every kernel, and the decorators that apply them.
 
 Of the fast-math flags only `contract` (fused multiply-add) is on. It does not reorder
-sums, so the bits of a result do not depend on how the optimiser inlined the code. Kernels
-allocate nothing, so reference counting is off (`_nrt`): it would cost two atomic
+sums, but of two products in a sum it lets LLVM choose the one that is fused. So the last
+bits of a result may change where an expression is written in another way: a load is moved
+out of a loop, or a vector is read by a function instead of number by number. Compare the
+results of whole simulations after an edit of a kernel (tests/same_bits).
+
+Kernels allocate nothing, so reference counting is off (`_nrt`): it would cost two atomic
 operations for each view of a row.
 """
 

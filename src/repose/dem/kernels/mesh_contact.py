@@ -69,10 +69,10 @@ def ascent_step(gradient_u, gradient_w, q_uu, q_uw, q_ww, f):
     a_ww = q_ww + f
     det = a_uu * a_ww - q_uw * q_uw
     trace = q_uu + q_ww
-    definite = (
+    is_definite = (
         (a_uu > 0.0) and (a_ww > 0.0) and (det > LEAST_DETERMINANT * trace * trace)
     )
-    if definite:
+    if is_definite:
         step_u = (a_ww * gradient_u - q_uw * gradient_w) / det
         step_w = (a_uu * gradient_w - q_uw * gradient_u) / det
     else:
@@ -117,7 +117,7 @@ def face_contact(row, parts, face, geometry):
     )
     arm_x, arm_y, arm_z = arm_of(geometry)
     px, py, pz = x + arm_x, y + arm_y, z + arm_z
-    inside = 1e300
+    inside_distance = 1e300
     for side in range(3):
         first = SIDES + SIDE_COLUMNS * side
         sx, sy, sz = vector_at(face, first)
@@ -125,8 +125,8 @@ def face_contact(row, parts, face, geometry):
         # a point exactly on a side belongs to one of the two faces only
         if depth == 0.0 and face[STRICT + side] > 0.0:
             depth = -1e-300
-        inside = min(inside, depth)
-    return inside
+        inside_distance = min(inside_distance, depth)
+    return inside_distance
 
 
 @inlined
@@ -153,8 +153,10 @@ def edge_support(row, parts, edge, nx, ny, nz, ux, uy, uz):
     dx, dy, dz = px - x, py - y, pz - z
     level = nx * dx + ny * dy + nz * dz - h
     slope = ux * dx + uy * dy + uz * dz - along_u
-    along = along_w - (wx * dx + wy * dy + wz * dz)
-    values = EdgeValues(level - edge[RADIUS_COLUMN], slope, -(level + q_uu), along)
+    place_along = along_w - (wx * dx + wy * dy + wz * dz)
+    values = EdgeValues(
+        level - edge[RADIUS_COLUMN], slope, -(level + q_uu), place_along
+    )
     return values, h, along_u, along_w, q_uu, q_uw, q_ww
 
 
@@ -224,7 +226,7 @@ def solve_edge(row, parts, edge, geometry):
     -------
     angle : float
         Where it is [rad].
-    inside : float
+    inside_distance : float
         How far inside the feature it lies [m]: between the ends of the edge and between
         the normals of its two faces. OUTSIDE where the arc has no maximum.
     best : float
@@ -235,8 +237,8 @@ def solve_edge(row, parts, edge, geometry):
     first = edge_values(row, parts, edge, low)
     last = edge_values(row, parts, edge, high)
     best = max(first.f, last.f)
-    inside = min(first.slope, -last.slope)
-    if inside < -SLACK:
+    inside_distance = min(first.slope, -last.slope)
+    if inside_distance < -SLACK:
         return 0.0, OUTSIDE, best
     # Where f rises at the first normal and falls at the last one, a maximum lies between.
     if first.slope > 0.0 and last.slope < 0.0:
@@ -260,9 +262,11 @@ def solve_edge(row, parts, edge, geometry):
         angle += turn
         if abs(turn) < EDGE_CONVERGED:
             break
-    along = edge_contact(row, parts, edge, angle, geometry)
-    inside = min(inside, min(along, edge[EDGE_LENGTH] - along))
-    return angle, inside, max(best, geometry[cg.GAP])
+    place_along = edge_contact(row, parts, edge, angle, geometry)
+    inside_distance = min(
+        inside_distance, min(place_along, edge[EDGE_LENGTH] - place_along)
+    )
+    return angle, inside_distance, max(best, geometry[cg.GAP])
 
 
 @inlined
@@ -294,13 +298,13 @@ def vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry):
     """
     vertex = meshes.data[feature]
     # The edge to which the normal is nearest.
-    inside = 1e300
+    smallest_sine = 1e300
     ux, uy, uz = 1.0, 0.0, 0.0
     for k in range(meshes.span[feature, 0], meshes.span[feature, 1]):
         rx, ry, rz = vector_at(meshes.rays[k], 0)
         sine = nx * rx + ny * ry + nz * rz
-        if sine < inside:
-            inside = sine
+        if sine < smallest_sine:
+            smallest_sine = sine
             ux, uy, uz = rx, ry, rz
     # The face to whose normal it is nearest.
     nearest = -1.0
@@ -322,14 +326,14 @@ def vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry):
     x, y, z = vector_at(row, POSITION)
     gap = nx * (px - x) + ny * (py - y) + nz * (pz - z) - h - edge_radius
     to_face = math.acos(min(max(nearest, -1.0), 1.0))
-    to_edge = math.asin(min(max(inside, 0.0), 1.0))
+    to_edge = math.asin(min(max(smallest_sine, 0.0), 1.0))
     wall_w = curvature(to_face, edge_radius)
     wall_u = min(wall_w, curvature(to_edge, edge_radius))
     radius = effective_radius(q_uu, q_uw, q_ww, wall_u, wall_w)
     write_contact(
         geometry, nx, ny, nz, gap, radius, h, along_u, along_w, ux, uy, uz, wx, wy, wz
     )
-    return inside
+    return smallest_sine
 
 
 @kernel
@@ -384,16 +388,18 @@ def solve_feature(row, parts, meshes, feature, radius, geometry):
     -------
     angle : float
         Angle about an edge [rad]; 0.0 for other features.
-    inside : float
+    inside_distance : float
         How far inside the feature the contact lies [m]; OUTSIDE where there is none.
-    free : float
+    free_distance : float
         Where positive, a lower bound of the distance from the body to the feature [m].
     """
     data = meshes.data[feature]
     if meshes.kind[feature] == FACE:
-        inside = face_contact(row, parts, data, geometry)
-        free = max(geometry[cg.GAP], -inside / (1.0 + meshes.slide[0]))
-        return 0.0, inside, free
+        inside_distance = face_contact(row, parts, data, geometry)
+        free_distance = max(
+            geometry[cg.GAP], -inside_distance / (1.0 + meshes.slide[0])
+        )
+        return 0.0, inside_distance, free_distance
     is_edge = meshes.kind[feature] == EDGE
     # Leave early where the body's bounding sphere does not reach the feature.
     px, py, pz = vector_at(data, PLACE)
@@ -401,16 +407,17 @@ def solve_feature(row, parts, meshes, feature, radius, geometry):
     x, y, z = px - cx, py - cy, pz - cz
     if is_edge:
         wx, wy, wz = vector_at(data, EDGE_ALONG)
-        along = min(max(-(x * wx + y * wy + z * wz), 0.0), data[EDGE_LENGTH])
-        x, y, z = x + along * wx, y + along * wy, z + along * wz
+        place_along = min(max(-(x * wx + y * wy + z * wz), 0.0), data[EDGE_LENGTH])
+        x, y, z = x + place_along * wx, y + place_along * wy, z + place_along * wz
     distance = math.sqrt(x * x + y * y + z * z) - radius - data[RADIUS_COLUMN]
     geometry[cg.GAP] = distance
     if distance > 0.0:
         return 0.0, OUTSIDE, distance
     if is_edge:
-        angle, inside, best = solve_edge(row, parts, data, geometry)
-        if inside == OUTSIDE:
+        angle, inside_distance, best = solve_edge(row, parts, data, geometry)
+        if inside_distance == OUTSIDE:
             geometry[cg.GAP] = best
-        return angle, inside, best
-    inside = solve_vertex(row, parts, meshes, feature, geometry)
-    return 0.0, inside * radius, geometry[cg.GAP]
+        return angle, inside_distance, best
+    # a sine times the radius is a length that compares with those of other features
+    sine = solve_vertex(row, parts, meshes, feature, geometry)
+    return 0.0, sine * radius, geometry[cg.GAP]

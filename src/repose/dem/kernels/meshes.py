@@ -56,10 +56,10 @@ def are_neighbours(meshes, face, other):
     """Return whether two faces meet in a gentle concave kink."""
     if meshes.kind[face] != FACE:
         return False
-    near = False
+    is_near = False
     for k in range(meshes.span[face, 0], meshes.span[face, 1]):
-        near = near or meshes.near[k] == other
-    return near
+        is_near = is_near or meshes.near[k] == other
+    return is_near
 
 
 @inlined
@@ -133,12 +133,14 @@ def search_feature(
     `radius` is the bounding radius of the body [m]; `geometry` (8,) is overwritten.
     Returns how far the body may move before the next search [m].
     """
-    angle, inside, free = solve_feature(row, parts, meshes, feature, radius, geometry)
+    angle, inside_distance, free_distance = solve_feature(
+        row, parts, meshes, feature, radius, geometry
+    )
     gap = geometry[cg.GAP]
-    if free > 0.0 and gap > 0.0:
-        return free
-    if inside < 0.0:
-        return max(free, NEXT_LOOK_BEYOND * radius)
+    if free_distance > 0.0 and gap > 0.0:
+        return free_distance
+    if inside_distance < 0.0:
+        return max(free_distance, NEXT_LOOK_BEYOND * radius)
     if gap < -DEEPEST_NEW * radius:
         # the body is inside the mesh
         return max(-gap - DEEPEST_NEW * radius, NEXT_LOOK_BEYOND * radius)
@@ -161,10 +163,10 @@ def search_mesh(row, contacts, counts, parts, walls, meshes, mesh, i, radius, ge
     distance = distance_from_box(row, parts, meshes, mesh)
     if distance > 0.0:
         return distance
-    free = MARGIN * radius
-    reach_x = extent(row, parts, 1.0, 0.0, 0.0) + free
-    reach_y = extent(row, parts, 0.0, 1.0, 0.0) + free
-    reach_z = extent(row, parts, 0.0, 0.0, 1.0) + free
+    free_distance = MARGIN * radius
+    reach_x = extent(row, parts, 1.0, 0.0, 0.0) + free_distance
+    reach_y = extent(row, parts, 0.0, 1.0, 0.0) + free_distance
+    reach_z = extent(row, parts, 0.0, 0.0, 1.0) + free_distance
     x, y, z = vector_at(row, st.POSITION)
     block = cells_about(meshes, mesh, x, y, z, reach_x, reach_y, reach_z)
     # A feature lies in several cells. The stamp of this search marks it as seen.
@@ -192,8 +194,8 @@ def search_mesh(row, contacts, counts, parts, walls, meshes, mesh, i, radius, ge
                         radius,
                         geometry,
                     )
-                    free = min(free, feature_free)
-    return free
+                    free_distance = min(free_distance, feature_free)
+    return free_distance
 
 
 @inlined
@@ -212,9 +214,9 @@ def follow_on_feature(row, parts, meshes, tile, lane, feature, nx, ny, nz, geome
         for _ in range(FOLLOWING_STEPS):
             angle = climb_edge(row, parts, data, angle)
         tile[st.AZIMUTH + lane] = angle
-        along = edge_contact(row, parts, data, angle, geometry)
+        place_along = edge_contact(row, parts, data, angle, geometry)
         inside_arc = min(angle, data[EDGE_ANGLE] - angle)
-        inside_ends = min(along, data[EDGE_LENGTH] - along)
+        inside_ends = min(place_along, data[EDGE_LENGTH] - place_along)
         return min(inside_arc, inside_ends)
     for _ in range(FOLLOWING_STEPS):
         _f, step_u, step_w = vertex_step(row, parts, data, nx, ny, nz)
@@ -248,40 +250,44 @@ def hand_over(
         Whether there is such a feature; feature and angle of the contact are its.
     """
     mesh = contacts.wall[k]
-    old = contacts.feature[k]
+    old_feature = contacts.feature[k]
     reach = NEARBY * radius
     x, y, z = vector_at(row, st.POSITION)
     arm_x, arm_y, arm_z = arm_of(geometry)
     px, py, pz = x + arm_x, y + arm_y, z + arm_z
     block = cells_about(meshes, mesh, px, py, pz, reach, reach, reach)
     nx, ny, nz = normal_of(geometry)
-    best = SAME_NORMAL
-    found = False
+    best_cosine = SAME_NORMAL
+    has_feature = False
     for cx in range(block.x0, block.x1 + 1):
         for cy in range(block.y0, block.y1 + 1):
             for cz in range(block.z0, block.z1 + 1):
                 cell = cell_number(meshes, mesh, cx, cy, cz)
                 for item in range(meshes.begin[cell], meshes.begin[cell + 1]):
                     feature = meshes.items[item]
-                    if feature == old:
+                    if feature == old_feature:
                         continue
-                    angle, inside, _free = solve_feature(
+                    angle, inside_distance, _free_distance = solve_feature(
                         row, parts, meshes, feature, radius, other_geometry
                     )
                     gap = other_geometry[cg.GAP]
-                    if inside < -SLACK or gap > end or gap < -DEEPEST_NEW * radius:
+                    if (
+                        inside_distance < -SLACK
+                        or gap > end
+                        or gap < -DEEPEST_NEW * radius
+                    ):
                         continue
                     mx, my, mz = normal_of(other_geometry)
                     cosine = nx * mx + ny * my + nz * mz
-                    if cosine > best and not is_touched(
+                    if cosine > best_cosine and not is_touched(
                         contacts, meshes, n, contacts.body[k], feature, k
                     ):
-                        best = cosine
-                        found = True
+                        best_cosine = cosine
+                        has_feature = True
                         contacts.feature[k] = feature
                         contacts.data[k // L, st.AZIMUTH + k % L] = angle
                         copy_geometry(other_geometry, geometry)
-    return found
+    return has_feature
 
 
 @inlined
@@ -295,8 +301,8 @@ def keep_deepest_face(row, parts, meshes, contacts, k, geometry, other_geometry)
     for m in range(meshes.span[face, 0], meshes.span[face, 1]):
         neighbour = meshes.near[m]
         data = meshes.data[neighbour]
-        inside = face_contact(row, parts, data, other_geometry)
-        if inside >= 0.0 and other_geometry[cg.GAP] < geometry[cg.GAP]:
+        inside_distance = face_contact(row, parts, data, other_geometry)
+        if inside_distance >= 0.0 and other_geometry[cg.GAP] < geometry[cg.GAP]:
             contacts.feature[k] = neighbour
             copy_geometry(other_geometry, geometry)
 
@@ -343,19 +349,19 @@ def follow_feature(
     nx, ny, nz = lane_vector(tile, st.NORMAL, lane)
     if walls.displaced[frame]:
         nx, ny, nz = into_frame(walls.frames[frame], nx, ny, nz)
-    inside = follow_on_feature(
+    inside_distance = follow_on_feature(
         row, parts, meshes, tile, lane, contacts.feature[k], nx, ny, nz, geometry
     )
-    touching = inside >= 0.0
-    if not touching:
-        touching = hand_over(
+    is_touching = inside_distance >= 0.0
+    if not is_touching:
+        is_touching = hand_over(
             row, parts, meshes, contacts, n, k, radius, end, geometry, other_geometry
         )
     is_face = meshes.kind[contacts.feature[k]] == FACE
-    if touching and geometry[cg.GAP] < 0.0 and is_face:
+    if is_touching and geometry[cg.GAP] < 0.0 and is_face:
         keep_deepest_face(row, parts, meshes, contacts, k, geometry, other_geometry)
     contact_to_world(walls, frame, geometry)
-    return touching and geometry[cg.GAP] <= end
+    return is_touching and geometry[cg.GAP] <= end
 
 
 @inlined

@@ -48,14 +48,14 @@ def unlink(grid, i):
     cell = grid.cell[i]
     if cell < 0:
         return
-    before = grid.preceding[i]
-    after = grid.following[i]
-    if before >= 0:
-        grid.following[before] = after
+    previous = grid.preceding[i]
+    following = grid.following[i]
+    if previous >= 0:
+        grid.following[previous] = following
     else:
-        grid.head[cell] = after
-    if after >= 0:
-        grid.preceding[after] = before
+        grid.head[cell] = following
+    if following >= 0:
+        grid.preceding[following] = previous
     grid.cell[i] = -1
 
 
@@ -267,29 +267,29 @@ def drop_near_of_moved(pairs, counts, grid):
     The youngest pairs come first; the loop ends when all pairs of these bodies are found.
     """
     moved = grid.moved
-    left = pairs_of_moved(grid.near, grid, counts)
+    n_left = pairs_of_moved(grid.near, grid, counts)
     k = counts[st.N_NEAR] - 1
-    while left > 0:
+    while n_left > 0:
         u = np.uint64(k)
         n_moved = moved[pairs.near_first[u]] + moved[pairs.near_second[u]]
         if n_moved > 0:
-            left -= n_moved
+            n_left -= n_moved
             drop_near(pairs, counts, grid, k)
         k -= 1
 
 
 @inlined
-def chain_partner(pairs, grid, used, i, j):
+def chain_partner(pairs, grid, n_used, i, j):
     """Add body j to the chain of partners of body i, if i is in `Grid.moved_list`.
 
-    Returns the number of links that are used then; `used` is that number before.
+    Returns the number of links that are used then; `n_used` is that number before.
     """
     if grid.moved[i]:
-        pairs.partner[used] = j
-        pairs.link[used] = grid.chain[i]
-        grid.chain[i] = used
-        used += 1
-    return used
+        pairs.partner[n_used] = j
+        pairs.link[n_used] = grid.chain[i]
+        grid.chain[i] = n_used
+        n_used += 1
+    return n_used
 
 
 @kernel
@@ -300,13 +300,13 @@ def chain_contacts(pairs, counts, grid):
     body, `pairs.link[m]`; `grid.chain` has the first link of each body.
     """
     n_links = pairs_of_moved(grid.touching, grid, counts)
-    used = 0
+    n_used = 0
     k = counts[st.N_PAIRS] - 1
-    while used < n_links:
+    while n_used < n_links:
         i = pairs.first[np.uint64(k)]
         j = pairs.second[np.uint64(k)]
-        used = chain_partner(pairs, grid, used, i, j)
-        used = chain_partner(pairs, grid, used, j, i)
+        n_used = chain_partner(pairs, grid, n_used, i, j)
+        n_used = chain_partner(pairs, grid, n_used, j, i)
         k -= 1
 
 

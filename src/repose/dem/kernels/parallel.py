@@ -128,19 +128,19 @@ def check_block(bodies, pairs, grid, parts, begin, end, due, place, normal):
     first = pairs.near_first
     second = pairs.near_second
     limit = pairs.near_limit
-    found = 0
+    n_found = 0
     k = next_due(bodies.displacement, first, second, limit, begin, end)
     while k < end:
         gap = near_gap(bodies, pairs, grid, parts, k, normal)
         if gap <= 0.0:
-            due[place + found] = k
-            found += 1
+            due[place + n_found] = k
+            n_found += 1
         else:
             limit[k] = (
                 bodies.displacement[first[k]] + bodies.displacement[second[k]] + gap
             )
         k = next_due(bodies.displacement, first, second, limit, k + 1, end)
-    return found
+    return n_found
 
 
 @inlined
@@ -156,15 +156,15 @@ def check_share(bodies, pairs, grid, parts, begin, end, due, normal):
     second = pairs.near_second
     limit = pairs.near_limit
     bits = group_bits(bodies)
-    calm = CALM * grid.lengths[st.SKIN]
-    found = 0
+    calm_path = CALM * grid.lengths[st.SKIN]
+    n_found = 0
     for block_begin in range(begin, end, st.BLOCK):
         block = block_begin // st.BLOCK
         groups = pairs.near_groups[block]
         if paths_of(grid.paths[UP_TO_NOW], groups) < pairs.near_check[block]:
             continue
         block_end = min(block_begin + st.BLOCK, end)
-        found += check_block(
+        n_found += check_block(
             bodies,
             pairs,
             grid,
@@ -172,21 +172,21 @@ def check_share(bodies, pairs, grid, parts, begin, end, due, normal):
             block_begin,
             block_end,
             due,
-            begin + found,
+            begin + n_found,
             normal,
         )
         if pairs.near_check[block] == CHANGED:
             groups = groups_of(first, second, block_begin, block_end, bits)
             pairs.near_groups[block] = groups
         pairs.near_check[block] = DUE
-        if 2.0 * paths_of(grid.paths[LAST_STEP], groups) < calm:
+        if 2.0 * paths_of(grid.paths[LAST_STEP], groups) < calm_path:
             slack = least_slack(
                 bodies.displacement, first, second, limit, block_begin, block_end
             )
             pairs.near_check[block] = (
                 paths_of(grid.paths[UP_TO_NOW], groups) + 0.5 * slack - st.ROUNDING
             )
-    return found
+    return n_found
 
 
 @inlined
@@ -246,9 +246,9 @@ def advance_shared(
     for step in range(steps):
         # Begin the step, unless a list may become too short.
         if is_first:
-            roomy = has_room(pairs, flat, curved, meshed, counts)
-            shared.orders[STOP] = 0 if roomy else 1
-            if roomy:
+            lists_have_room = has_room(pairs, flat, curved, meshed, counts)
+            shared.orders[STOP] = 0 if lists_have_room else 1
+            if lists_have_room:
                 begin_step(
                     bodies,
                     pairs,
@@ -355,5 +355,5 @@ def run_threads(arrays, tiles, shared, steps):
 
     threads = len(tiles[0])
     with ThreadPoolExecutor(threads) as pool:
-        made = list(pool.map(run, range(threads)))
-    return made[0]
+        steps_made = list(pool.map(run, range(threads)))
+    return steps_made[0]

@@ -75,10 +75,10 @@ def count_events(m, motion, displacement, base, exit_height, floor_height):
         reading = displacement[base + lane] + m[PATH + lane]
         displacement[base + lane] = reading
         z = m[HEIGHT + lane]
-        fell = (m[BEFORE + lane] >= exit_height) & (z < exit_height)
+        has_fallen = (m[BEFORE + lane] >= exit_height) & (z < exit_height)
         is_present = m[INVERSE_MASS + lane] > 0.0
-        moved_far = reading >= motion[RELIST + lane]
-        n += 1 if is_present & (moved_far | fell | (z < floor_height)) else 0
+        has_moved_far = reading >= motion[RELIST + lane]
+        n += 1 if is_present & (has_moved_far | has_fallen | (z < floor_height)) else 0
     return n
 
 
@@ -158,25 +158,25 @@ def fetch_next(bodies, tile):
 
     In a large simulation they are not in the cache.
     """
-    following = tile + 2
-    if following >= bodies.resting.shape[0]:
+    next_tile = tile + 2
+    if next_tile >= bodies.resting.shape[0]:
         return
-    turning = bodies.resting[following] == 0
-    base = following * L
+    is_turning = bodies.resting[next_tile] == 0
+    base = next_tile * L
     for k in range(base, base + L):
         prefetch(bodies.rows, k, 0)
-        if turning:
+        if is_turning:
             for column in range(WIDTH, bodies.rows.shape[1], WIDTH):
                 prefetch(bodies.rows, k, column)
     for share in range(bodies.load.shape[0]):
-        if bodies.touched[share, following]:
+        if bodies.touched[share, next_tile]:
             for k in range(base, base + L):
                 prefetch(bodies.load[share], k, 0)
     # of a tile at rest, only the row RELIST is read
-    first = QUATERNION if turning else RELIST
-    last = st.RADIUS + L if turning else INVERSE_MOMENTS
+    first = QUATERNION if is_turning else RELIST
+    last = st.RADIUS + L if is_turning else INVERSE_MOMENTS
     for column in range(first, last, WIDTH):
-        prefetch(bodies.motion, following, column)
+        prefetch(bodies.motion, next_tile, column)
 
 
 @inlined
@@ -225,7 +225,7 @@ def integrate(bodies, counts, physics, m, begin, end):
     for base in range(begin, n, L):
         tile = base // L
         motion = bodies.motion[tile]
-        rests = bodies.resting[tile] == 1
+        is_resting = bodies.resting[tile] == 1
         # Of a tile in which nothing turned, only the first eight columns are read and
         # written: position, velocity, inverse mass.
         n_read = WIDTH if bodies.resting[tile] else columns
@@ -237,11 +237,13 @@ def integrate(bodies, counts, physics, m, begin, end):
             move_only_load(bodies, tile, m)
         move_lanes(m, gx, gy, gz, dt)
         if physics.parts == st.SPHERES:
-            turns = rotate_spheres(m, motion, dt, rests, fx, fy, fz)
+            is_turning = rotate_spheres(m, motion, dt, is_resting, fx, fy, fz)
         else:
-            turns = rotate_lanes(m, motion, dt, physics.parts, rests, fx, fy, fz)
-        n_written = columns if turns else n_read
-        bodies.resting[tile] = 0 if turns else 1
+            is_turning = rotate_lanes(
+                m, motion, dt, physics.parts, is_resting, fx, fy, fz
+            )
+        n_written = columns if is_turning else n_read
+        bodies.resting[tile] = 0 if is_turning else 1
         scatter_rows(bodies, base, m, n_written)
         in_tile = count_events(
             m,

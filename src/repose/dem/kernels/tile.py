@@ -162,18 +162,18 @@ def newton_step(t, c):
         f = nx * x + ny * y + nz * z
         gx, gy, gz = x - f * nx, y - f * ny, z - f * nz
         trace = xx + yy + zz
-        both = area(xx, xy, xz, yy, yz, zz)
+        area_both = area(xx, xy, xz, yy, yz, zz)
         product = t[AREA_A + lane] * t[AREA_B + lane]
-        t[RADIUS + lane] = product * rsqrt(product * both)
+        t[RADIUS + lane] = product * rsqrt(product * area_both)
         # Where T is not definite, the step is g / tr C instead.
-        det = both + f * (trace + f)
-        definite = (trace + 2.0 * f > 0.0) & (det > 1e-3 * trace * trace)
-        inv = 1.0 / (det if definite else trace * trace)
-        along = inv * (trace + f if definite else trace)
-        turned = inv if definite else 0.0
-        sx = along * gx - turned * (xx * gx + xy * gy + xz * gz)
-        sy = along * gy - turned * (xy * gx + yy * gy + yz * gz)
-        sz = along * gz - turned * (xz * gx + yz * gy + zz * gz)
+        det = area_both + f * (trace + f)
+        is_definite = (trace + 2.0 * f > 0.0) & (det > 1e-3 * trace * trace)
+        inv = 1.0 / (det if is_definite else trace * trace)
+        gradient_factor = inv * (trace + f if is_definite else trace)
+        matrix_factor = inv if is_definite else 0.0
+        sx = gradient_factor * gx - matrix_factor * (xx * gx + xy * gy + xz * gz)
+        sy = gradient_factor * gy - matrix_factor * (xy * gx + yy * gy + yz * gz)
+        sz = gradient_factor * gz - matrix_factor * (xz * gx + yz * gy + zz * gz)
         # Cut a long step.
         cut = LARGEST_TURN * rsqrt(sx * sx + sy * sy + sz * sz)
         cut = cut if cut < 1.0 else 1.0
@@ -229,11 +229,11 @@ def sphere_pair_geometry(t, c):
         radius_a = t[A + st.SPHERE_RADIUS * L + lane]
         radius_b = t[B + st.SPHERE_RADIUS * L + lane]
         square = dx * dx + dy * dy + dz * dz
-        apart = square > NEAREST * NEAREST
-        inv = rsqrt(square if apart else 1.0)
-        nx = inv * dx if apart else c[N + lane]
-        ny = inv * dy if apart else c[N + L + lane]
-        nz = inv * dz if apart else c[N + 2 * L + lane]
+        is_apart = square > NEAREST * NEAREST
+        inv = rsqrt(square if is_apart else 1.0)
+        nx = inv * dx if is_apart else c[N + lane]
+        ny = inv * dy if is_apart else c[N + L + lane]
+        nz = inv * dz if is_apart else c[N + 2 * L + lane]
         gap = inv * square - radius_a - radius_b
         write_vector(c, N, lane, nx, ny, nz)
         t[GAP + lane] = gap

@@ -95,32 +95,26 @@ def cone_axes(cone, theta):
 
 
 @inlined
-def cone_overlap(row, parts, cone, theta):
-    """Return phi at an angle, its first and second derivative, and a distance [m].
-
-    The distance is that of the body's outermost point along the line of the cone.
-    """
+def cone_slope(row, parts, cone, theta):
+    """Return the first and second derivative of phi at an angle."""
     cos, sin, nx, ny, nz, ux, uy, uz, wx, wy, wz = cone_axes(cone, theta)
     normal_r = cone[CONE_NORMAL_R]
-    x, y, z = vector_at(row, POSITION)
+    x, y, _z = vector_at(row, POSITION)
     h, along_u, along_w, q_uu, _q_uw, _q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
-    # the body's outermost point along n: c + h n + along_u u + along_w w
+    # the body's outermost point along n, seen from above
     px = x + h * nx + along_u * ux + along_w * wx
     py = y + h * ny + along_u * uy + along_w * wy
-    pz = z + h * nz + along_w * wz
-    value = nx * x + ny * y + nz * z + h - cone[CONE_OFFSET]
     slope = normal_r * (ux * px + uy * py)
     bend = normal_r * normal_r * q_uu - normal_r * (cos * px + sin * py)
-    along = (cos * px + sin * py) * cone[CONE_UP_R] + pz * cone[CONE_UP_Z]
-    return value, slope, bend, along
+    return slope, bend
 
 
 @inlined
 def climb_cone(row, parts, cone, theta):
     """Return theta after one Newton step towards the nearest maximum of phi."""
-    _value, slope, bend, _along = cone_overlap(row, parts, cone, theta)
+    slope, bend = cone_slope(row, parts, cone, theta)
     # where phi is not concave, or nearly flat, a short step uphill
     turn = -slope / bend if bend < -FLAT else math.copysign(UPHILL_TURN, slope)
     return theta + limited_turn(turn)
@@ -149,8 +143,8 @@ def cone_contact(row, parts, cone, theta, geometry):
     # a cone curves towards the body, with the radius distance / n_r along the circle
     wall_u = -cone[CONE_NORMAL_R] / distance
     geometry[RADIUS] = effective_radius(q_uu, q_uw, q_ww, wall_u, 0.0)
-    along = distance * cone[CONE_UP_R] + pz * cone[CONE_UP_Z]
-    return along >= cone[CONE_START] and along <= cone[CONE_END]
+    place_along = distance * cone[CONE_UP_R] + pz * cone[CONE_UP_Z]
+    return place_along >= cone[CONE_START] and place_along <= cone[CONE_END]
 
 
 @inlined
@@ -328,8 +322,8 @@ def sphere_on_cone(x, y, z, radius, cone, geometry):
     write_sphere_contact(
         geometry, normal_r * cos, normal_r * sin, normal_z, gap, effective, radius
     )
-    along = distance * cone[CONE_UP_R] + z * cone[CONE_UP_Z]
-    return max(cone[CONE_START] - along, along - cone[CONE_END])
+    place_along = distance * cone[CONE_UP_R] + z * cone[CONE_UP_Z]
+    return max(cone[CONE_START] - place_along, place_along - cone[CONE_END])
 
 
 @inlined

@@ -85,10 +85,10 @@ def search_walls(
     next_search = math.inf
     for wall in range(walls.planes.shape[0]):
         if reading >= flat.limit[wall, i]:
-            free = find_on_plane(
+            free_distance = find_on_plane(
                 bodies, flat, clumps, walls, counts, parts, wall, i, scratch
             )
-            flat.limit[wall, i] = reading + free
+            flat.limit[wall, i] = reading + free_distance
         next_search = min(next_search, flat.limit[wall, i])
     top = bodies.rows[i, st.POSITION + 2] + bounding_radius(bodies, i)
     if top < lowest:
@@ -97,10 +97,10 @@ def search_walls(
         return next_search
     for wall in range(walls.cones.shape[0] + walls.rings.shape[0]):
         if reading >= curved.limit[wall, i]:
-            free = find_on_curved(
+            free_distance = find_on_curved(
                 bodies, curved, clumps, walls, counts, parts, wall, i, reading, scratch
             )
-            curved.limit[wall, i] = reading + free
+            curved.limit[wall, i] = reading + free_distance
         next_search = min(next_search, curved.limit[wall, i])
     return next_search
 
@@ -225,7 +225,7 @@ def update_meshes(bodies, meshed, clumps, walls, meshes, counts, parts, scratch)
             reading = bodies.displacement[i] + approach
             if reading < meshed.limit[mesh, i] or bodies.presence[i] != st.PRESENT:
                 continue
-            free = find_on_mesh(
+            free_distance = find_on_mesh(
                 bodies, meshed, clumps, walls, meshes, counts, parts, mesh, i, scratch
             )
-            meshed.limit[mesh, i] = reading + free
+            meshed.limit[mesh, i] = reading + free_distance

@@ -198,7 +198,7 @@ def add_if_new(
     on_wall,
     radius,
     deepest,
-    moved,
+    distance_moved,
     geometry,
 ):
     """Add the contact of `geometry` to the list unless it is known or may not begin.
@@ -213,7 +213,7 @@ def add_if_new(
         Bounding radius of the body [m].
     deepest : float
         `contacts.deepest` of the body before this search [m].
-    moved : float
+    distance_moved : float
         How far the body may have moved since it was searched last [m].
     geometry : array (8,)
         Geometry in the frame of the wall; for a new contact its normal is rotated into
@@ -230,7 +230,7 @@ def add_if_new(
         return gap
     if deepest < math.inf:
         deepest = max(deepest, overlap_elsewhere(contacts, n, body, wall))
-    if not on_wall or gap < -min(DEEPEST_NEW * radius, deepest + moved):
+    if not on_wall or gap < -min(DEEPEST_NEW * radius, deepest + distance_moved):
         # the body is past the wall, or stays past it
         if deepest == math.inf and not touches_others(contacts, n, body, -1):
             deepest = 0.0
@@ -255,7 +255,7 @@ def search_cone(
     i,
     radius,
     deepest,
-    moved,
+    distance_moved,
     profile,
     geometry,
 ):
@@ -267,7 +267,8 @@ def search_cone(
     """
     cone = walls.cones[wall]
     angle = 2.0 * math.pi / st.STARTS
-    # The overlap phi at equal angles about the axis.
+    # The overlap phi at equal angles about the axis. (Numbers of `row` and `cone` are read
+    # in the loop: moved out of it, they change last bits, see `jit`.)
     for start in range(st.STARTS):
         nx = cone[st.CONE_NORMAL_R] * COSINES[start]
         ny = cone[st.CONE_NORMAL_R] * SINES[start]
@@ -280,13 +281,13 @@ def search_cone(
         )
     nearest = FAR
     for start in range(st.STARTS):
-        here = profile[start]
+        overlap = profile[start]
         # profile[-1] is the last start: the angles close to a circle
-        if here < profile[start - 1] or here < profile[(start + 1) % st.STARTS]:
+        if overlap < profile[start - 1] or overlap < profile[(start + 1) % st.STARTS]:
             continue
         theta = solve_cone(row, parts, cone, start * angle)
         on_wall = cone_contact(row, parts, cone, theta, geometry)
-        free = add_if_new(
+        free_distance = add_if_new(
             contacts,
             counts,
             walls,
@@ -296,10 +297,10 @@ def search_cone(
             on_wall,
             radius,
             deepest,
-            moved,
+            distance_moved,
             geometry,
         )
-        nearest = min(nearest, free)
+        nearest = min(nearest, free_distance)
     return nearest if nearest < FAR else 0.0
 
 
@@ -314,7 +315,7 @@ def search_ring(
     i,
     radius,
     deepest,
-    moved,
+    distance_moved,
     profile,
     geometry,
 ):
@@ -326,10 +327,10 @@ def search_ring(
     x, y, z = vector_at(row, st.POSITION)
     axial = abs(z - ring[st.RING_HEIGHT])
     radial = abs(math.sqrt(x * x + y * y) - ring[st.RING_RADIUS])
-    clear = math.sqrt(axial * axial + radial * radial)
-    clear = clear - ring[st.RING_EDGE_RADIUS] - radius
-    if clear > 0.0:
-        return clear
+    clearance = math.sqrt(axial * axial + radial * radial)
+    clearance = clearance - ring[st.RING_EDGE_RADIUS] - radius
+    if clearance > 0.0:
+        return clearance
     angle = 2.0 * math.pi / st.STARTS
     # The distance from points of the circle at equal angles about the axis.
     for start in range(st.STARTS):
@@ -337,13 +338,16 @@ def search_ring(
         profile[start] = distance - extent(row, parts, nx, ny, nz)
     nearest = FAR
     for start in range(st.STARTS):
-        here = profile[start]
-        if here > profile[start - 1] or here > profile[(start + 1) % st.STARTS]:
+        distance_here = profile[start]
+        if (
+            distance_here > profile[start - 1]
+            or distance_here > profile[(start + 1) % st.STARTS]
+        ):
             continue
         nx, ny, nz, _distance = towards_ring(row, ring, start)
         theta, nx, ny, nz = solve_ring(row, parts, ring, start * angle, nx, ny, nz)
         is_open = ring_contact(row, parts, ring, theta, nx, ny, nz, geometry)
-        free = add_if_new(
+        free_distance = add_if_new(
             contacts,
             counts,
             walls,
@@ -353,10 +357,10 @@ def search_ring(
             is_open,
             radius,
             deepest,
-            moved,
+            distance_moved,
             geometry,
         )
-        nearest = min(nearest, free)
+        nearest = min(nearest, free_distance)
     return nearest if nearest < FAR else 0.0
 
 
@@ -378,9 +382,9 @@ def search_plane(bodies, contacts, counts, parts, plane, wall, i, geometry):
         contacts.deepest[wall, i] = math.inf
         return gap
     square = max(dx * dx + dy * dy + dz * dz - height * height, 0.0)
-    beyond = math.sqrt(square) - plane[st.PLANE_RADIUS]
+    distance_beyond = math.sqrt(square) - plane[st.PLANE_RADIUS]
     # the centre is beyond the edge of the disc, or behind it: the body is past the wall
-    if beyond > 0.0 or height < 0.0:
+    if distance_beyond > 0.0 or height < 0.0:
         contacts.deepest[wall, i] = 0.0
     if contacts.deepest[wall, i] == 0.0:
         return -gap
@@ -420,13 +424,13 @@ def sphere_row_on_wall(row, walls, wall, geometry):
     """Fill `geometry` for a body that is a sphere; return whether it is on the wall."""
     x, y, z = vector_at(row, st.POSITION)
     radius = row[st.SPHERE_RADIUS]
-    beyond = sphere_on_frame_wall(x, y, z, radius, walls, wall, geometry)
-    return beyond <= 0.0
+    distance_beyond = sphere_on_frame_wall(x, y, z, radius, walls, wall, geometry)
+    return distance_beyond <= 0.0
 
 
 @inlined
 def search_sphere(
-    row, contacts, counts, walls, wall, i, radius, deepest, moved, geometry
+    row, contacts, counts, walls, wall, i, radius, deepest, distance_moved, geometry
 ):
     """Search for the only contact of a sphere with a cone or ring.
 
@@ -436,10 +440,22 @@ def search_sphere(
     on_wall = sphere_row_on_wall(row, walls, wall, geometry)
     if geometry[cg.GAP] > 0.0:
         return geometry[cg.GAP]
-    free = add_if_new(
-        contacts, counts, walls, i, wall, 0.0, on_wall, radius, deepest, moved, geometry
+    free_distance = add_if_new(
+        contacts,
+        counts,
+        walls,
+        i,
+        wall,
+        0.0,
+        on_wall,
+        radius,
+        deepest,
+        distance_moved,
+        geometry,
     )
-    return FAR if is_known(contacts, counts[st.N_CURVED], i, wall, 0.0) else free
+    return (
+        FAR if is_known(contacts, counts[st.N_CURVED], i, wall, 0.0) else free_distance
+    )
 
 
 @inlined
@@ -454,12 +470,21 @@ def search_curved(bodies, curved, walls, counts, parts, wall, i, reading, scratc
     radius = bounding_radius(bodies, i)
     deepest = curved.deepest[wall, i]
     # a body that is past a wall is searched whenever it moved by NEXT_LOOK_BEYOND
-    moved = reading - curved.limit[wall, i] + NEXT_LOOK_BEYOND * radius
+    distance_moved = reading - curved.limit[wall, i] + NEXT_LOOK_BEYOND * radius
     curved.deepest[wall, i] = math.inf
     row = seen_from(walls, wall, bodies.rows[i], parts, scratch.local_row)
     if parts == st.SPHERES:
         return search_sphere(
-            row, curved, counts, walls, wall, i, radius, deepest, moved, geometry
+            row,
+            curved,
+            counts,
+            walls,
+            wall,
+            i,
+            radius,
+            deepest,
+            distance_moved,
+            geometry,
         )
     if wall < walls.cones.shape[0]:
         return search_cone(
@@ -472,7 +497,7 @@ def search_curved(bodies, curved, walls, counts, parts, wall, i, reading, scratc
             i,
             radius,
             deepest,
-            moved,
+            distance_moved,
             profile,
             geometry,
         )
@@ -486,7 +511,7 @@ def search_curved(bodies, curved, walls, counts, parts, wall, i, reading, scratc
         i,
         radius,
         deepest,
-        moved,
+        distance_moved,
         profile,
         geometry,
     )
@@ -528,6 +553,7 @@ def follow_wall(parts, row, walls, wall, tile, lane, geometry, local_row):
         on_wall = cone_contact(row, parts, cone, theta, geometry)
     else:
         ring = walls.rings[wall - n_cones]
+        # (read number by number: `lane_vector` changes last bits here, see `jit`)
         n = st.NORMAL + lane
         nx, ny, nz = tile[n], tile[n + L], tile[n + 2 * L]
         if walls.displaced[wall]:
