@@ -10,6 +10,9 @@ length of a tuple is part of its type, so numba compiles only the branch for the
 the simulation. The geometry of a contact is in `tile`, `walls` and `meshes` for smooth
 bodies, in `clump_tile` and `clump_walls` for spheres.
 
+Names: `c` is a tile of the numbers that contacts keep, `contacts` a list of contacts with
+walls; `flat`, `curved` and `meshed` are these lists for planes, curved walls and meshes.
+
 Reads `Bodies.rows`, the walls and `Physics`. Writes `Bodies.load` and `Bodies.touched`,
 the tiles `data` of the contacts, their `ended` and `gap`, the limits of contacts with
 walls that ended, and `Walls.loads`. Contacts with walls that ended are removed here, pairs
@@ -184,7 +187,7 @@ def pair_forces(bodies, pairs, clumps, counts, physics, t, share, begin, end):
     # A large simulation has several shares and does not fit into the caches.
     large = bodies.load.shape[0] > 1
     for base in range(begin, n, L):
-        contacts = pairs.data[base // L]
+        c = pairs.data[base // L]
         lanes = min(L, n - base)
         if large:
             fetch_contacts(pairs, load, bodies.rows, base)
@@ -196,19 +199,19 @@ def pair_forces(bodies, pairs, clumps, counts, physics, t, share, begin, end):
                 fill_lane_laws(t, lane, physics, kind_a, kind_b)
         gather_bodies(bodies.rows, pairs.first, base, t, tl.A)
         gather_bodies(bodies.rows, pairs.second, base, t, tl.B)
-        pair_geometry(t, contacts, physics.parts, clumps)
-        mass_of_pairs(t, contacts, pairs, physics.parts, clumps, base, lanes)
+        pair_geometry(t, c, physics.parts, clumps)
+        mass_of_pairs(t, c, pairs, physics.parts, clumps, base, lanes)
         # A contact takes the smaller share of its bodies, see `laws.tangential`.
         for lane in range(L):
             t[tl.SHARE + lane] = min(
                 t[tl.A + share_row + lane], t[tl.B + share_row + lane]
             )
-        apply_laws(t, contacts, physics, clumps, OF_PAIR)
+        apply_laws(t, c, physics, clumps, OF_PAIR)
         # Few tiles have a lane with a gap, so the others skip the loop over the lanes.
         if tl.open_lanes(t) > 0:
             for lane in range(lanes):
                 gap = t[tl.GAP + lane]
-                if gap > end_gap(contacts, physics, clumps, OF_PAIR, lane):
+                if gap > end_gap(c, physics, clumps, OF_PAIR, lane):
                     zero_lane(t, lane)
                     pairs.gap[base + lane] = gap
                     pairs.ended[begin + n_ended] = base + lane
@@ -343,16 +346,16 @@ def plane_forces(bodies, flat, clumps, walls, counts, physics, t, ghost):
     large = bodies.load.shape[0] > 1
     n_ended = 0
     for base in range(0, n, L):
-        contacts = flat.data[base // L]
+        c = flat.data[base // L]
         if large and base + L < n:
             fetch_bodies(bodies.rows, bodies.load[0], flat.body, base + L)
         gather_bodies(bodies.rows, flat.body, base, t, tl.A)
-        plane_geometry(t, contacts, physics.parts, clumps)
+        plane_geometry(t, c, physics.parts, clumps)
         wall_forces(bodies, flat, clumps, walls, physics, 0, base, n, t)
         if tl.open_lanes(t) > 0:
             for lane in range(min(L, n - base)):
                 gap = t[tl.GAP + lane]
-                if gap > end_gap(contacts, physics, clumps, ON_WALL, lane):
+                if gap > end_gap(c, physics, clumps, ON_WALL, lane):
                     zero_lane(t, lane)
                     # beyond the edge of a disc there is no gap to close
                     distance_left = gap if gap < tl.BEYOND else 0.0
@@ -428,7 +431,7 @@ def curved_geometry(
 
     `geometry` and `local_row` are scratch. Returns whether the contact ended.
     """
-    contacts = curved.data[k // L]
+    c = curved.data[k // L]
     row = bodies.rows[curved.body[k]]
     if len(clumps) == 0:
         on_wall = follow_wall(
@@ -436,19 +439,19 @@ def curved_geometry(
             row,
             walls,
             curved.wall[k],
-            contacts,
+            c,
             lane,
             geometry,
             local_row,
         )
-        write_lane(t, contacts, lane, geometry)
-        contacts[st.GAP + lane] = geometry[cg.GAP]
+        write_lane(t, c, lane, geometry)
+        c[st.GAP + lane] = geometry[cg.GAP]
         return (
-            geometry[cg.GAP] > end_gap(contacts, physics, clumps, ON_WALL, lane)
+            geometry[cg.GAP] > end_gap(c, physics, clumps, ON_WALL, lane)
             or not on_wall
             or (physics.parts != st.SPHERES and is_double(curved, k))
         )
-    arm_x, arm_y, arm_z = sphere_arm(row, contacts, lane)
+    arm_x, arm_y, arm_z = sphere_arm(row, c, lane)
     x, y, z = vector_at(row, st.POSITION)
     distance_beyond = sphere_on_curved(
         walls,
@@ -456,13 +459,13 @@ def curved_geometry(
         x + arm_x,
         y + arm_y,
         z + arm_z,
-        contacts[ct.RADIUS + lane],
+        c[ct.RADIUS + lane],
         geometry,
     )
     shift_arm(geometry, arm_x, arm_y, arm_z)
-    write_lane(t, contacts, lane, geometry)
+    write_lane(t, c, lane, geometry)
     return (
-        geometry[cg.GAP] > end_gap(contacts, physics, clumps, ON_WALL, lane)
+        geometry[cg.GAP] > end_gap(c, physics, clumps, ON_WALL, lane)
         or distance_beyond > 0.0
     )
 
@@ -480,7 +483,7 @@ def curved_forces(
     n_ended = 0
     for base in range(0, n, L):
         lanes = min(L, n - base)
-        contacts = curved.data[base // L]
+        c = curved.data[base // L]
         gather_bodies(bodies.rows, curved.body, base, t, tl.A)
         open_unused_lanes(t, lanes)
         for lane in range(lanes):
@@ -496,7 +499,7 @@ def curved_forces(
                 t[tl.GAP + lane] = OPEN
         wall_forces(bodies, curved, clumps, walls, physics, first_wall, base, n, t)
         for lane in range(lanes):
-            if t[tl.GAP + lane] > end_gap(contacts, physics, clumps, ON_WALL, lane):
+            if t[tl.GAP + lane] > end_gap(c, physics, clumps, ON_WALL, lane):
                 zero_lane(t, lane)
                 search_soon(bodies, curved, walls, base + lane, 0.0)
         add_wall_forces(bodies, curved, walls, first_wall, base, n, t)
@@ -578,7 +581,7 @@ def mesh_forces(
         spheres_on_meshes(meshed, clumps.mesh_sphere, n)
     for base in range(0, n, L):
         lanes = min(L, n - base)
-        contacts = meshed.data[base // L]
+        c = meshed.data[base // L]
         gather_bodies(bodies.rows, meshed.body, base, t, tl.A)
         open_unused_lanes(t, lanes)
         for lane in range(lanes):
@@ -596,15 +599,15 @@ def mesh_forces(
                 other_geometry,
                 local_row,
             )
-            write_lane(t, contacts, lane, geometry)
-            contacts[st.GAP + lane] = geometry[cg.GAP]
+            write_lane(t, c, lane, geometry)
+            c[st.GAP + lane] = geometry[cg.GAP]
             if not is_touching:
                 meshed.ended[n_ended] = k
                 n_ended += 1
                 t[tl.GAP + lane] = OPEN
         wall_forces(bodies, meshed, clumps, walls, physics, first_wall, base, n, t)
         for lane in range(lanes):
-            if t[tl.GAP + lane] > end_gap(contacts, physics, clumps, ON_WALL, lane):
+            if t[tl.GAP + lane] > end_gap(c, physics, clumps, ON_WALL, lane):
                 zero_lane(t, lane)
                 # search the mesh in the next step
                 k = base + lane
