@@ -41,7 +41,7 @@ def test_sources_are_kept_within_half_a_step_and_spheres_lack_what_others_hide()
         < 0.005
     )
     spheres = np.array([[-3e-3, 0, 0, 5e-3], [3e-3, 0, 0, 5e-3], [0, 0, 0, 1e-3]])
-    points, normals, triangles = scene.body(
+    points, normals, triangles = scene.grain_surface(
         SimpleNamespace(is_clump=True, spheres_m=spheres), 10_000
     )
     distance = (
@@ -62,9 +62,9 @@ def test_sources_are_kept_within_half_a_step_and_spheres_lack_what_others_hide()
 
 @pytest.mark.parametrize(("frames", "count"), [(181, 500), (181, 20_000), (3, 10)])
 def test_frames_hold_both_ends_and_keep_to_the_size(frames, count):
-    shown = scene.frames_shown(np.linspace(0, 18, frames), count)
+    shown = scene.choose_frames(np.linspace(0, 18, frames), count)
     assert (shown[0], shown[-1]) == (0, frames - 1)
-    assert len(shown) * count * scene.BYTES <= scene.MAX_BYTES
+    assert len(shown) * count * scene.BYTES_PER_GRAIN <= scene.MAX_BYTES
     assert len(shown) == min(frames, scene.FRAMES) or count == 20_000
 
 

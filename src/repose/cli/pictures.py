@@ -7,8 +7,9 @@ from repose.cli.options import pairs
 from repose.cli.registry import Option, verb
 from repose.config.pipeline import PipelineConfig
 
-# Frames of the film of a pour; each takes nearly a second to draw.
-FILM, SMALL_FILM = 72, 20
+# Pictures of the film of a pour; each takes nearly a second to draw.
+FILM_FRAMES = 72
+SMALL_FILM_FRAMES = 20
 
 
 @verb(
@@ -29,7 +30,8 @@ def figure(args: argparse.Namespace, study: PipelineConfig) -> None:
     """
     from repose.report import figures
 
-    figures.draw(args.name, pairs(args.input, "--input"), args.out, study.config)
+    inputs = pairs(args.input, "--input")
+    figures.draw(args.name, inputs, args.out, study.config)
 
 
 @verb(
@@ -47,15 +49,26 @@ def film(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.report.renderer import film, scenery
 
     settings: Any = study.settings
-    files = args.trajectory, Particle.load(args.particle), args.out
-    look = {
-        "frames": SMALL_FILM if settings.small_run else FILM,
-        "colour": settings.colour,
-    }
+    particle = Particle.load(args.particle)
+    frames = SMALL_FILM_FRAMES if settings.small_run else FILM_FRAMES
     if args.drum:
-        film.animate_drum(*files, settings.drum, **look)
+        film.animate_drum(
+            args.trajectory,
+            particle,
+            args.out,
+            settings.drum,
+            frames=frames,
+            colour=settings.colour,
+        )
     else:
-        film.animate_pour(*files, scenery.funnel_walls(settings.funnel.funnel), **look)
+        film.animate_pour(
+            args.trajectory,
+            particle,
+            args.out,
+            scenery.funnel_walls(settings.funnel.funnel),
+            frames=frames,
+            colour=settings.colour,
+        )
 
 
 @verb(
@@ -87,5 +100,6 @@ def report(args: argparse.Namespace, study: PipelineConfig) -> None:
     """
     from repose.report.page import page
 
-    files, tables = pairs(args.input, "--input"), pairs(args.table, "--table")
+    files = pairs(args.input, "--input")
+    tables = pairs(args.table, "--table")
     page.write(study.config, args.jobs, files, tables, args.out)

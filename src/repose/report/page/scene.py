@@ -1,12 +1,13 @@
-"""A pour for the page's 3-D view: a body's triangles, and the place of each body at each time, in few bytes.
+"""A pour for the page's 3-D view: the triangles of a grain, and the grains' places.
 
-Positions are whole multiples of 1/65534 of the space of the bodies, orientations whole multiples of 1/127: a grain is
-within 0.02 mm and 1 degree of its true place.
+To take few bytes, positions are whole multiples of 1/65534 of the space of the grains,
+and orientations whole multiples of 1/127: a grain is within 0.02 mm and 1 degree of its
+true place.
 """
 
 import os
 from dataclasses import astuple
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import trimesh
@@ -23,106 +24,140 @@ if TYPE_CHECKING:
 
 FRAMES = 72
 MAX_BYTES = 1_500_000  # of positions and orientations
-BYTES = 10  # of one body in one frame
-ABSENT, STEPS = 65535, 65534
-MAX_TRIANGLES = 600_000  # of all bodies together, for a phone
+BYTES_PER_GRAIN = 10  # in one frame
+STEPS = 65534
+ABSENT = 65535
+ORIENTATION_STEPS = 127
+MAX_TRIANGLES = 600_000  # of all grains together, for a phone
+
+
+class Surface(NamedTuple):
+    """A surface of V points and T triangles."""
+
+    points: np.ndarray  # (V, 3), in mm
+    normals: np.ndarray  # (V, 3)
+    triangles: np.ndarray  # (T, 3) of int
+
+
+class Quantised(NamedTuple):
+    """Positions as whole numbers: a position is low + step * whole."""
+
+    whole: np.ndarray  # (T, N, 3) of uint16, `ABSENT` for an absent grain
+    low: np.ndarray  # (3,)
+    step: np.ndarray  # (3,)
 
 
 def for_page(
     trajectory: str | os.PathLike[str], particle: Particle, section: "FunnelSettings"
 ) -> dict[str, Any]:
-    """Give a pour as plain values by name, lengths in mm; InputError if the trajectory cannot be read.
+    """Give a pour as plain values by name, lengths in mm.
 
-    Names: `body`, `times_s`, `positions` (frames, bodies, 3), 65535 for an absent body, with `low` and `step`, `turns`,
-    quaternions x, y, z, w, `scales` or None, `walls`, rows of z, r below and z, r above, and `plate_mm`, a radius.
-    `trajectory` is as for `repose.report.renderer.film.animate_pour`, `section` the configuration's `funnel`.
+    Parameters
+    ----------
+    trajectory : path
+        As for `repose.report.renderer.film.animate_pour`.
+    particle : Particle
+        The shape of the grains.
+    section : FunnelSettings
+        The section `funnel` of the configuration.
+
+    Returns
+    -------
+    dict
+        `body`, the surface of a grain; `count`, the number of grains; `times_s`;
+        `positions` (frames, grains, 3), as in `Quantised`, with `low` and `step`;
+        `turns` (frames, grains, 4), quaternions x, y, z, w; `scales` or None; `walls`,
+        rows of height and radius of the lower end and of the upper end; `plate_mm`, a
+        radius.
+
+    Raises
+    ------
+    InputError
+        If the trajectory cannot be read.
     """
     record = read_npz(trajectory, KEYS, "the trajectory of a pour")
-    count = record["position"].shape[1]
-    shown = frames_shown(record["time_s"], count)
-    positions, low, step = quantised(1e3 * record["position"][shown].astype(float))
-    turns = np.nan_to_num(
-        np.roll(record["quaternion"][shown].astype(float), -1, axis=2)
-    )
+    times_s = record["time_s"]
+    n_grains = record["position"].shape[1]
+    frames = choose_frames(times_s, n_grains)
+    positions = quantised(1e3 * record["position"][frames].astype(float))
+    # The file has w first; an absent grain has no orientation.
+    quaternions = np.roll(record["quaternion"][frames].astype(float), -1, axis=2)
+    quaternions = np.nan_to_num(quaternions)
     scales = record.get("scale")
     walls = [
         [1e3 * length for length in astuple(wall)[:4]]
         for wall in funnel_walls(section.funnel)
     ]
-    points, normals, triangles = body(particle, MAX_TRIANGLES // max(count, 1))
-    shape = {
-        "points": packed(points, "<f4"),
-        "normals": packed(normals, "<f4"),
-        "triangles": packed(triangles, "<u4"),
-    }
+    surface = grain_surface(particle, MAX_TRIANGLES // max(n_grains, 1))
     return {
-        "body": shape,
-        "count": count,
-        "times_s": record["time_s"][shown].astype(float).round(3).tolist(),
-        "low": low.tolist(),
-        "step": step.tolist(),
-        "positions": packed(positions, "<u2"),
-        "turns": packed(np.rint(127 * turns), "<i1"),
+        "body": {
+            "points": packed(surface.points, "<f4"),
+            "normals": packed(surface.normals, "<f4"),
+            "triangles": packed(surface.triangles, "<u4"),
+        },
+        "count": n_grains,
+        "times_s": times_s[frames].astype(float).round(3).tolist(),
+        "low": positions.low.tolist(),
+        "step": positions.step.tolist(),
+        "positions": packed(positions.whole, "<u2"),
+        "turns": packed(np.rint(ORIENTATION_STEPS * quaternions), "<i1"),
         "scales": None if scales is None else packed(scales, "<f4"),
         "walls": walls,
         "plate_mm": section.plate_diameter_mm / 2,
     }
 
 
-def frames_shown(times_s: np.ndarray, count: int) -> np.ndarray:
-    """Give the numbers of the frames in a page: evenly over the time, with the last one."""
-    most = min(FRAMES, max(2, MAX_BYTES // (BYTES * max(count, 1))), len(times_s))
-    return np.unique(
-        np.searchsorted(times_s, np.linspace(times_s[0], times_s[-1], most))
-    )
+def choose_frames(times_s: np.ndarray, n_grains: int) -> np.ndarray:
+    """Choose the frames of a page: evenly over the time, with the last one.
+
+    Their number is limited by `FRAMES` and `MAX_BYTES`.
+    """
+    bytes_per_frame = BYTES_PER_GRAIN * max(n_grains, 1)
+    n_frames = min(FRAMES, max(2, MAX_BYTES // bytes_per_frame), len(times_s))
+    shown_times_s = np.linspace(times_s[0], times_s[-1], n_frames)
+    return np.unique(np.searchsorted(times_s, shown_times_s))
 
 
-def quantised(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Give positions (T, N, 3) as uint16 `whole`, with `low` and `step` (3,): position = low + step * whole."""
-    there = np.isfinite(positions).all(axis=2)
+def quantised(positions: np.ndarray) -> Quantised:
+    """Write positions (T, N, 3) as whole numbers; NaN stands for an absent grain."""
+    is_there = np.isfinite(positions).all(axis=2)
     whole = np.full(positions.shape, ABSENT, np.uint16)
-    if not there.any():
-        return whole, np.zeros(3), np.ones(3)
-    low, high = positions[there].min(axis=0), positions[there].max(axis=0)
+    if not is_there.any():
+        return Quantised(whole, low=np.zeros(3), step=np.ones(3))
+    low = positions[is_there].min(axis=0)
+    high = positions[is_there].max(axis=0)
     step = np.maximum(high - low, 1e-9) / STEPS
-    whole[there] = np.rint((positions[there] - low) / step)
-    return whole, low, step
+    whole[is_there] = np.rint((positions[is_there] - low) / step)
+    return Quantised(whole, low, step)
 
 
-def body(
-    particle: Particle, most_triangles: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Give one body as points in mm, normals and triangles; of spheres only the visible triangles."""
+def grain_surface(particle: Particle, most_triangles: int) -> Surface:
+    """Give the surface of a grain in few triangles; of spheres only the visible ones."""
     if not particle.is_clump:
-        rings = int(np.clip(np.sqrt(most_triangles / 4), 8, 18))
-        points, normals, triangles = tessellate(particle, rings, 2 * rings)
-        return 1e3 * points, normals, triangles
+        n_rings = int(np.clip(np.sqrt(most_triangles / 4), 8, 18))
+        points, normals, triangles = tessellate(particle, n_rings, 2 * n_rings)
+        return Surface(1e3 * points, normals, triangles)
     spheres = 1e3 * np.asarray(particle.spheres_m, dtype=float)
-    for fineness in (2, 1):
-        parts = _spheres(spheres, trimesh.creation.icosphere(subdivisions=fineness))
-        if len(parts[2]) <= most_triangles:
-            break
-    return parts
+    fine = _visible_surface(spheres, trimesh.creation.icosphere(subdivisions=2))
+    if len(fine.triangles) <= most_triangles:
+        return fine
+    return _visible_surface(spheres, trimesh.creation.icosphere(subdivisions=1))
 
 
-def _spheres(
-    spheres: np.ndarray, ball: trimesh.Trimesh
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Give points, normals and triangles of the spheres (M, 4) that no other sphere contains."""
+def _visible_surface(spheres: np.ndarray, ball: trimesh.Trimesh) -> Surface:
+    """Give the surface of spheres (M, 4) without triangles inside other spheres.
+
+    `ball` is a mesh of the unit sphere.
+    """
     corners = np.asarray(ball.vertices)
-    points = spheres[:, None, :3] + spheres[:, None, 3:] * corners
-    hidden = (
-        np.linalg.norm(points[:, :, None] - spheres[:, :3], axis=3)
-        < spheres[:, 3] * (1 - 1e-9)
-    ).any(axis=2)
-    faces = (
-        len(corners) * np.arange(len(spheres))[:, None, None] + ball.faces
-    ).reshape(-1, 3)
-    used, triangles = np.unique(
-        faces[~hidden.ravel()[faces].all(axis=1)], return_inverse=True
-    )
-    return (
-        points.reshape(-1, 3)[used],
-        np.tile(corners, (len(spheres), 1))[used],
-        triangles.reshape(-1, 3),
-    )
+    centres, radii = spheres[:, :3], spheres[:, 3]
+    points = centres[:, None, :] + radii[:, None, None] * corners
+    distances = np.linalg.norm(points[:, :, None] - centres, axis=3)
+    is_hidden = (distances < radii * (1 - 1e-9)).any(axis=2).ravel()
+    first_corner = len(corners) * np.arange(len(spheres))
+    faces = (first_corner[:, None, None] + ball.faces).reshape(-1, 3)
+    visible_faces = faces[~is_hidden[faces].all(axis=1)]
+    # Leave out the points that no visible triangle has.
+    used, triangles = np.unique(visible_faces, return_inverse=True)
+    normals = np.tile(corners, (len(spheres), 1))
+    return Surface(points.reshape(-1, 3)[used], normals[used], triangles.reshape(-1, 3))

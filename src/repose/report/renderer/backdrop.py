@@ -8,12 +8,17 @@ import numpy as np
 DRUM_TONE = np.array([0.80, 0.82, 0.84])
 RIM_TONE = np.array([0.46, 0.50, 0.54])
 MARK_TONE = np.array([0.16, 0.18, 0.20])
-MARKS, MARK_RAD = 12, 0.035  # around the rim, and half as wide as this
+MARKS = 12  # around the rim
+MARK_HALF_WIDTH_RAD = 0.035
+CIRCLE_POINTS = 72
 
 
 @dataclass(frozen=True)
 class DrumInside:
-    """A cylinder about the y axis, open towards a camera that looks along +y on the axis, closed behind."""
+    """The inside of a drum about the y axis, seen along +y from a place on the axis.
+
+    The drum is open towards the camera and closed at its far end.
+    """
 
     radius_m: float  # inner
     length_m: float
@@ -22,56 +27,95 @@ class DrumInside:
 
     def outline(self) -> np.ndarray:
         """Give points (144, 3) in m that a picture must contain: both rims."""
-        angle = np.linspace(0.0, 2.0 * math.pi, 72, endpoint=False)
-        outer, half = self.radius_m + self.thickness_m, 0.5 * self.length_m
-        return np.concatenate(
-            [
-                np.column_stack(
-                    [outer * np.cos(angle), np.full(72, y), outer * np.sin(angle)]
-                )
-                for y in (-half, half)
-            ]
-        )
+        angle = np.linspace(0.0, 2.0 * math.pi, CIRCLE_POINTS, endpoint=False)
+        outer_radius = self.radius_m + self.thickness_m
+        x = outer_radius * np.cos(angle)
+        z = outer_radius * np.sin(angle)
+        half_length = 0.5 * self.length_m
+        rims = [
+            np.column_stack([x, np.full(CIRCLE_POINTS, y), z])
+            for y in (-half_length, half_length)
+        ]
+        return np.concatenate(rims)
 
     def meet(
         self, eye_m: np.ndarray, rays: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Give depth (H, W) [m] or infinity, and unit normal (H, W, 3) of the drum for rays (H, W, 3) of unit depth."""
-        half = 0.5 * self.length_m
-        front, back = ((y - eye_m[1]) / rays[..., 1] for y in (-half, half))
-        mouth = np.hypot(*((eye_m + front[..., None] * rays)[..., k] for k in (0, 2)))
+        """Find where rays meet the drum.
+
+        Parameters
+        ----------
+        eye_m : array (3,)
+            Place of the camera.
+        rays : array (H, W, 3)
+            Directions of unit depth.
+
+        Returns
+        -------
+        depth : array (H, W)
+            Depth in m, infinite for a ray that passes the drum.
+        normal : array (H, W, 3)
+            Unit normals there.
+        """
+        half_length = 0.5 * self.length_m
+        front_depth = (-half_length - eye_m[1]) / rays[..., 1]
+        back_depth = (half_length - eye_m[1]) / rays[..., 1]
+        at_front = eye_m + front_depth[..., None] * rays
+        radius_at_front = np.hypot(at_front[..., 0], at_front[..., 2])
+        shell_depth = self._shell_depth(eye_m, rays)
+
+        enters = radius_at_front < self.radius_m
+        depth = np.where(enters, np.minimum(shell_depth, back_depth), front_depth)
+        point = eye_m + depth[..., None] * rays
+        normal = np.zeros(rays.shape)
+        on_shell = enters & (shell_depth < back_depth)
+        normal[on_shell] = -point[on_shell] * (1.0, 0.0, 1.0) / self.radius_m
+        normal[~on_shell] = 0.0, -1.0, 0.0
+        is_met = radius_at_front <= self.radius_m + self.thickness_m
+        return np.where(is_met, depth, np.inf), normal
+
+    def _shell_depth(self, eye_m: np.ndarray, rays: np.ndarray) -> np.ndarray:
+        """Find the depth (H, W) at which each ray leaves the endless inner cylinder."""
+        # The root of a quadratic equation a t^2 + 2 b t + c = 0.
         a = rays[..., 0] ** 2 + rays[..., 2] ** 2
         b = rays[..., 0] * eye_m[0] + rays[..., 2] * eye_m[2]
         c = eye_m[0] ** 2 + eye_m[2] ** 2 - self.radius_m**2
+        root = np.sqrt(np.maximum(b * b - a * c, 0.0))
         with np.errstate(divide="ignore", invalid="ignore"):
-            shell = np.where(
-                a > 0.0, (-b + np.sqrt(np.maximum(b * b - a * c, 0.0))) / a, np.inf
-            )
-        depth = np.where(mouth < self.radius_m, np.minimum(shell, back), front)
-        point = eye_m + depth[..., None] * rays
-        normal = np.zeros(rays.shape)
-        on_shell = (mouth < self.radius_m) & (shell < back)
-        normal[on_shell] = -point[on_shell] * (1.0, 0.0, 1.0) / self.radius_m
-        normal[~on_shell] = 0.0, -1.0, 0.0
-        return np.where(
-            mouth <= self.radius_m + self.thickness_m, depth, np.inf
-        ), normal
+            return np.where(a > 0.0, (-b + root) / a, np.inf)
 
     def paint(
         self, place: np.ndarray, normal: np.ndarray, lit: np.ndarray, sky: np.ndarray
     ) -> np.ndarray:
-        """Give colours (M, 3) of places on the drum: red, green and blue, 0 to 1 or a little above."""
+        """Give the colours of places on the drum.
+
+        Parameters
+        ----------
+        place, normal : array (M, 3)
+            Places in m and unit normals there.
+        lit, sky : array (M,)
+            Shares of the light and of the sky that reach them.
+
+        Returns
+        -------
+        array (M, 3)
+            Red, green and blue, 0 to 1 or a little above.
+        """
         tone = (0.62 + 0.38 * lit) * (0.35 + 0.65 * sky) * (0.86 + 0.14 * normal[:, 2])
         colour = DRUM_TONE * 1.1 * tone[:, None]
-        rim = np.hypot(place[:, 0], place[:, 2]) > 0.9999 * self.radius_m
-        rim &= place[:, 1] < -0.4999 * self.length_m
-        colour[rim] = RIM_TONE
-        turn = np.arctan2(place[:, 2], place[:, 0]) - self.turned_rad
-        spacing = 2.0 * math.pi / MARKS
-        marked = np.abs((turn + 0.5 * spacing) % spacing - 0.5 * spacing) < MARK_RAD
-        first = (
-            np.abs((turn + 0.5 * math.pi + math.pi) % (2.0 * math.pi) - math.pi)
-            < 3.0 * MARK_RAD
-        )
-        colour[rim & (marked | first)] = MARK_TONE
+        on_rim = np.hypot(place[:, 0], place[:, 2]) > 0.9999 * self.radius_m
+        on_rim &= place[:, 1] < -0.4999 * self.length_m
+        colour[on_rim] = RIM_TONE
+        angle = np.arctan2(place[:, 2], place[:, 0]) - self.turned_rad
+        colour[on_rim & _is_marked(angle)] = MARK_TONE
         return colour
+
+
+def _is_marked(angle: np.ndarray) -> np.ndarray:
+    """Tell which angles (M,) on the rim have a mark; the first mark is wider."""
+    spacing = 2.0 * math.pi / MARKS
+    to_mark = np.abs((angle + 0.5 * spacing) % spacing - 0.5 * spacing)
+    to_first = np.abs((angle + 0.5 * math.pi + math.pi) % (2.0 * math.pi) - math.pi)
+    on_mark = to_mark < MARK_HALF_WIDTH_RAD
+    on_first = to_first < 3.0 * MARK_HALF_WIDTH_RAD
+    return on_mark | on_first

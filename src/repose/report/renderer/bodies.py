@@ -1,8 +1,8 @@
-"""The bodies of a picture as triangles: each is tessellated by its support points, whose normals are known."""
+"""The bodies of a picture as triangles, with the true normals at their corners."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -11,36 +11,53 @@ from repose.dem.tessellation import tessellate
 
 
 class Drawable(Protocol):
-    """A shape that can be drawn; a shape of spheres also has `spheres_m` (M, 4), centre and radius in m."""
+    """A shape that can be drawn.
+
+    A shape of spheres also has `spheres_m` (M, 4), their centres and radii in m.
+    """
 
     @property
     def bounding_radius_m(self) -> float:
         """Distance of its farthest point from its centre in m."""
 
     def support(self, n: np.ndarray) -> np.ndarray:
-        """Give the support function: distance (...,) in m of the tangent plane with normal `n` from the centre."""
+        """Give the distance (...,) in m of the tangent plane with normal `n`."""
 
     def support_point(self, n: np.ndarray) -> np.ndarray:
-        """Give the farthest points (..., 3) in m of the body in the unit directions `n` of the body's frame."""
+        """Give the farthest points (..., 3) in m in the unit directions `n`."""
 
 
 @dataclass(frozen=True)
 class Bodies:
-    """The N bodies to be drawn, of S shapes with V points and T triangles each."""
+    """N bodies to be drawn, of S shapes with V points and T triangles each.
 
-    normals: np.ndarray  # (S, V, 3), unit normals at the points of each shape
-    triangles: (
-        np.ndarray
-    )  # int (T, 3), numbers of their points, the same for all shapes
-    shape_ids: np.ndarray  # int (N,), number of each body's shape
-    turn: np.ndarray  # (N, 3, 3), rotation, body to world
-    vertices: np.ndarray  # (N, V, 3), points of each body in the world, in m
-    owner: (
-        np.ndarray
-    )  # int (N,), the body to which a part belongs; itself for a body of one part
-    largest_m: (
-        float  # bounding radius of the largest body, or of the first shape without any
-    )
+    A body of spheres is drawn as its spheres, each a part of its own.
+
+    Attributes
+    ----------
+    normals : array (S, V, 3)
+        Unit normals at the points of each shape.
+    triangles : array (T, 3) of int
+        Numbers of their points, the same for all shapes.
+    shape_ids : array (N,) of int
+        Number of the shape of each body or part.
+    turn : array (N, 3, 3)
+        Rotation of each, body to world.
+    vertices : array (N, V, 3)
+        Points of each in the world, in m.
+    owner : array (N,) of int
+        The body to which a part belongs; itself for a body of one part.
+    largest_m : float
+        Bounding radius of the largest body, or of the first shape without any.
+    """
+
+    normals: np.ndarray
+    triangles: np.ndarray
+    shape_ids: np.ndarray
+    turn: np.ndarray
+    vertices: np.ndarray
+    owner: np.ndarray
+    largest_m: float
 
 
 class _Ball:
@@ -55,6 +72,15 @@ class _Ball:
         return n
 
 
+class _Parts(NamedTuple):
+    """Parts of bodies: centres (M, 3) in m, scales, shapes and bodies (M,)."""
+
+    centres: np.ndarray
+    scales: np.ndarray
+    shape_ids: np.ndarray
+    owner: np.ndarray
+
+
 def place_bodies(
     centres: np.ndarray,
     quaternions: np.ndarray,
@@ -62,45 +88,79 @@ def place_bodies(
     shape_ids: np.ndarray,
     scales: np.ndarray,
 ) -> Bodies:
-    """Give the bodies at their places as triangles; each sphere of a body of spheres is a part of its own."""
+    """Give bodies at their places as triangles.
+
+    Parameters
+    ----------
+    centres : array (N, 3)
+        In m.
+    quaternions : array (N, 4)
+        w, x, y, z, body to world.
+    shapes : sequence
+        The S shapes.
+    shape_ids : array (N,) of int
+        Number of the shape of each body.
+    scales : array (N,)
+        Size of each body as a multiple of its shape.
+    """
     turn = rotation_matrices(quaternions)
-    drawn, parts = [*shapes, _Ball()], []
-    for kind, shape in enumerate(shapes):
-        members, spheres = (
-            np.flatnonzero(shape_ids == kind),
-            getattr(shape, "spheres_m", ()),
-        )
-        if not len(spheres):
-            parts.append(
-                (
-                    centres[members],
-                    scales[members],
-                    np.full(len(members), kind),
-                    members,
-                )
+    ball_id = len(shapes)
+    drawn_shapes = [*shapes, _Ball()]
+    parts_of_shapes = []
+    for shape_id, shape in enumerate(shapes):
+        members = np.flatnonzero(shape_ids == shape_id)
+        spheres = np.asarray(getattr(shape, "spheres_m", ()))
+        if len(spheres):
+            drawn_shapes[shape_id] = _Ball()
+            parts = _spheres_of(members, spheres, centres, turn, scales, ball_id)
+        else:
+            parts = _Parts(
+                centres[members],
+                scales[members],
+                np.full(len(members), shape_id),
+                members,
             )
-            continue
-        drawn[kind] = _Ball()
-        own, owner = (
-            np.tile(spheres, (len(members), 1)),
-            np.repeat(members, len(spheres)),
-        )
-        places = centres[owner] + scales[owner, None] * np.einsum(
-            "nij,nj->ni", turn[owner], own[:, :3]
-        )
-        parts.append(
-            (places, scales[owner] * own[:, 3], np.full(len(owner), len(shapes)), owner)
-        )
-    places, sizes, ids, owner = (
-        np.concatenate(column) for column in zip(*parts, strict=True)
-    )
-    tessellated = [tessellate(shape) for shape in drawn]
-    points, normals = (np.array([body[k] for body in tessellated]) for k in range(2))
-    vertices = places[:, None, :] + np.einsum(
-        "nij,nvj->nvi", turn[owner], sizes[:, None, None] * points[ids]
+        parts_of_shapes.append(parts)
+    columns = zip(*parts_of_shapes, strict=True)
+    parts = _Parts(*(np.concatenate(column) for column in columns))
+
+    tessellated = [tessellate(shape) for shape in drawn_shapes]
+    points = np.array([points for points, _, _ in tessellated])
+    normals = np.array([normals for _, normals, _ in tessellated])
+    triangles = tessellated[0][2]
+    turn_of_parts = turn[parts.owner]
+    scaled_points = parts.scales[:, None, None] * points[parts.shape_ids]
+    vertices = parts.centres[:, None, :] + np.einsum(
+        "nij,nvj->nvi", turn_of_parts, scaled_points
     )
     radii = np.array([shape.bounding_radius_m for shape in shapes])
-    largest = float((radii[shape_ids] * scales).max(initial=0.0)) or float(radii[0])
+    largest = float((radii[shape_ids] * scales).max(initial=0.0))
     return Bodies(
-        normals, tessellated[0][2], ids, turn[owner], vertices, owner, largest
+        normals=normals,
+        triangles=triangles,
+        shape_ids=parts.shape_ids,
+        turn=turn_of_parts,
+        vertices=vertices,
+        owner=parts.owner,
+        largest_m=largest or float(radii[0]),
+    )
+
+
+def _spheres_of(
+    members: np.ndarray,
+    spheres: np.ndarray,
+    centres: np.ndarray,
+    turn: np.ndarray,
+    scales: np.ndarray,
+    ball_id: int,
+) -> _Parts:
+    """Give the spheres of the bodies `members` (M,) as parts."""
+    spheres_of_members = np.tile(spheres, (len(members), 1))
+    owner = np.repeat(members, len(spheres))
+    offsets = np.einsum("nij,nj->ni", turn[owner], spheres_of_members[:, :3])
+    return _Parts(
+        centres[owner] + scales[owner, None] * offsets,
+        scales[owner] * spheres_of_members[:, 3],
+        np.full(len(owner), ball_id),
+        owner,
     )

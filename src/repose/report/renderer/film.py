@@ -1,4 +1,4 @@
-"""Short endless animations: a pour seen from the side, the drum seen along its axis, any simulation."""
+"""Short endless animations: a pour, the drum along its axis, any simulation."""
 
 import io
 from collections.abc import Mapping, Sequence
@@ -8,21 +8,27 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from PIL import Image
 
-from repose.common.errors import InputError, require
+from repose.common.errors import InputError
 from repose.common.files import Path_, read_npz, write_bytes
 from repose.dem import Simulation
 from repose.report.renderer.backdrop import DrumInside
 from repose.report.renderer.bodies import Drawable
 from repose.report.renderer.render import render_bodies, render_pile
-from repose.report.renderer.scenery import Frustum, outline, setting_of
+from repose.report.renderer.scenery import Frustum, Setting, outline, setting_of
 
 if TYPE_CHECKING:
     from repose.bench.drum import DrumSettings
 
-LAST_S = 1.6  # the last picture is shown this long
-KEYS = ("time_s", "position", "quaternion")
+KEYS = ("time_s", "position", "quaternion")  # of the file of a trajectory
 FORMATS = {".gif": "GIF", ".webp": "WEBP"}
+LAST_S = 1.6  # the last picture is shown this long
+FRAME_S = 0.08
+DRUM_FRAME_S = 0.12
 MAX_BYTES = 3_000_000
+DRUM_MAX_BYTES = 3_900_000
+# Colours of a GIF, and quality of a WebP, the smaller file later.
+GIF_COLOURS = (128, 96, 64, 48, 32)
+WEBP_QUALITY = (80, 65, 50, 35, 20)
 
 
 def animate_pour(
@@ -33,36 +39,72 @@ def animate_pour(
     frames: int = 72,
     **view: Any,
 ) -> None:
-    """Write an endless animation of a pour as .gif or .webp, in at most `MAX_BYTES`, if need be with fewer colours.
+    """Write an endless animation of a pour, in at most `MAX_BYTES`.
 
-    `trajectory` is an .npz file with time_s (T,), position (T, N, 3) [m], NaN before a grain appears, quaternion (T, N,
-    4) and perhaps scale (N,). The frames are spread evenly over the time. `view` goes to
-    `repose.report.renderer.render.render_bodies`. Raises InputError for a bad trajectory, another ending or a file that stays
-    too large.
+    A file that would be larger gets fewer colours.
+
+    Parameters
+    ----------
+    trajectory : path
+        An .npz file with time_s (T,), position (T, N, 3) in m, NaN before a grain
+        appears, quaternion (T, N, 4) and perhaps scale (N,).
+    particle : Drawable
+        The shape of the grains.
+    out_path : path
+        File that ends in .gif or .webp.
+    walls : sequence of Frustum
+        Walls that are drawn translucent.
+    frames : int
+        Number of pictures, spread evenly over the time.
+    **view
+        Further arguments of `repose.report.renderer.render.render_bodies`.
+
+    Raises
+    ------
+    InputError
+        For a bad trajectory, another ending, or a file that stays too large.
     """
-    out_path, record = (
-        _checked(out_path),
-        read_npz(trajectory, KEYS, "the trajectory of a pour"),
-    )
-    positions, scales = record["position"], _scales(record)
-    resting = positions[-1][np.isfinite(positions[-1]).all(axis=1)].astype(float)
-    reach = particle.bounding_radius_m * float(scales.max(initial=0.0))
-    # Grains that rolled far away may leave the picture; the pile and the funnel may not.
-    away = np.hypot(resting[:, 0], resting[:, 1])
-    frame = outline(resting[away < 2 * np.median(away)], reach, walls)
-    frame = np.concatenate([frame, [[0, 0, frame[:, 2].max() + 2 * reach]]])
+    out_path = _with_known_ending(out_path)
+    record = read_npz(trajectory, KEYS, "the trajectory of a pour")
+    positions = record["position"]
+    scales = _scales(record)
     look: dict[str, Any] = {
         "width": 360,
         "height": 460,
         "elevation_deg": 10.0,
         "azimuth_deg": 20.0,
-    } | view
-    look |= {"walls": walls, "frame_m": frame, "scales": scales}
+    }
+    look |= view
+    look |= {
+        "walls": walls,
+        "frame_m": _frame_of_pour(positions[-1], particle, scales, walls),
+        "scales": scales,
+    }
     pictures = [
         render_pile(positions[k], record["quaternion"][k], particle, **look)
         for k in _spread(record["time_s"], frames)
     ]
-    _write_within(pictures, 0.08, out_path, MAX_BYTES)
+    _write_within(pictures, FRAME_S, out_path, MAX_BYTES)
+
+
+def _frame_of_pour(
+    last_positions: np.ndarray,
+    particle: Drawable,
+    scales: np.ndarray,
+    walls: Sequence[Frustum],
+) -> np.ndarray:
+    """Give the points (M, 3) that the pictures of a pour contain.
+
+    Grains that rolled far away may leave the picture; the pile and the funnel may not.
+    """
+    is_there = np.isfinite(last_positions).all(axis=1)
+    resting = last_positions[is_there].astype(float)
+    radius = particle.bounding_radius_m * float(scales.max(initial=0.0))
+    from_axis = np.hypot(resting[:, 0], resting[:, 1])
+    near = resting[from_axis < 2 * np.median(from_axis)]
+    frame = outline(near, radius, walls)
+    above = [[0, 0, frame[:, 2].max() + 2 * radius]]
+    return np.concatenate([frame, above])
 
 
 def animate(
@@ -72,39 +114,72 @@ def animate(
     pictures: int = 48,
     **view: Any,
 ) -> None:
-    """Write an endless animation of any simulation; `frames` come from `repose.dem.Recorder.frames`.
+    """Write an endless animation of any simulation, in at most `MAX_BYTES`.
 
-    `view` goes to `repose.report.renderer.render.render_bodies`; the default frame_m holds the first and the last frame. Files
-    and errors as of `animate_pour`.
+    Parameters
+    ----------
+    simulation : Simulation
+        The simulation, for its shapes and walls.
+    frames : mapping
+        What `repose.dem.Recorder.frames` returns.
+    out_path : path
+        File that ends in .gif or .webp.
+    pictures : int
+        Number of pictures, spread evenly over the time.
+    **view
+        Further arguments of `repose.report.renderer.render.render_bodies`; the default
+        frame_m holds the first and the last frame.
+
+    Raises
+    ------
+    InputError
+        Without a frame, and as of `animate_pour`.
     """
-    out_path = _checked(out_path)
-    require(len(frames["time_s"]), out_path, "frames", 0, "at least one recorded frame")
-    shapes, times = list(simulation.shapes.values()), frames["time_s"]
-    if "planes" in frames:
-        walls = zip(frames["planes"], frames["wall_frames"], strict=True)
-        settings = [setting_of(simulation, *places) for places in walls]
-    else:  # the walls rest, or turn about their axis
-        settings = len(times) * [setting_of(simulation)]
+    out_path = _with_known_ending(out_path)
+    times = frames["time_s"]
+    if not len(times):
+        raise InputError(out_path, "frames", 0, "at least one recorded frame")
+    shapes = list(simulation.shapes.values())
+    settings = _settings_of(simulation, frames)
     if view.get("frame_m") is None:
-        ends = frames["position"][[0, -1]].reshape(-1, 3)
-        ends = ends[np.isfinite(ends).all(axis=1)].astype(float)
-        reach = max(shape.bounding_radius_m for shape in shapes) * float(
-            frames["scale"].max(initial=0.0)
-        )
-        view["frame_m"] = outline(ends, reach, settings[-1].frusta, settings[-1].panels)
-    shown = frames["shape"], frames["scale"]
+        view["frame_m"] = _frame_of_ends(shapes, frames, settings[-1])
     drawn = [
         render_bodies(
             frames["position"][k],
             frames["quaternion"][k],
             shapes,
-            *shown,
+            frames["shape"],
+            frames["scale"],
             settings[k],
             **view,
         )
         for k in _spread(times, pictures)
     ]
-    _write_within(drawn, 0.08, out_path, MAX_BYTES)
+    _write_within(drawn, FRAME_S, out_path, MAX_BYTES)
+
+
+def _settings_of(
+    simulation: Simulation, frames: Mapping[str, np.ndarray]
+) -> list[Setting]:
+    """Give the walls in each frame."""
+    if "planes" not in frames:
+        # The walls rest, or turn about their axis.
+        return len(frames["time_s"]) * [setting_of(simulation)]
+    walls = zip(frames["planes"], frames["wall_frames"], strict=True)
+    return [
+        setting_of(simulation, planes, wall_frames) for planes, wall_frames in walls
+    ]
+
+
+def _frame_of_ends(
+    shapes: Sequence[Drawable], frames: Mapping[str, np.ndarray], last: Setting
+) -> np.ndarray:
+    """Give points (M, 3) about the bodies of the first and last frame and the walls."""
+    centres = frames["position"][[0, -1]].reshape(-1, 3)
+    centres = centres[np.isfinite(centres).all(axis=1)].astype(float)
+    largest_scale = float(frames["scale"].max(initial=0.0))
+    radius = max(shape.bounding_radius_m for shape in shapes) * largest_scale
+    return outline(centres, radius, last.frusta, last.panels)
 
 
 def animate_drum(
@@ -115,37 +190,37 @@ def animate_drum(
     frames: int = 72,
     **view: Any,
 ) -> None:
-    """Write an endless animation of a turning drum, seen along its axis; the marks on its rim turn with it.
+    """Write an endless animation of a turning drum, seen along its axis.
 
-    `trajectory` and `view` are as for `animate_pour`, with turned_deg (T,) in addition; `section` is the
-    configuration's `drum`.
+    The marks on its rim turn with it. `trajectory` and `view` are as for `animate_pour`,
+    with turned_deg (T,) in addition; `section` is the section `drum` of the
+    configuration.
     """
-    out_path = _checked(out_path)
+    out_path = _with_known_ending(out_path)
     record = read_npz(trajectory, (*KEYS, "turned_deg"), "the trajectory of a drum")
+    turned_rad = np.radians(record["turned_deg"])
     look: dict[str, Any] = {
         "width": 380,
         "elevation_deg": 0.0,
         "azimuth_deg": -90.0,
-    } | view
-    angles_rad, pictures = np.radians(record["turned_deg"]), []
+    }
+    look |= view
+    look["height"] = look["width"]
+    look["scales"] = _scales(record)
+    pictures = []
     for k in _spread(record["time_s"], frames):
-        inside = drum_inside(section, angles_rad[k])
-        look |= {
-            "height": look["width"],
-            "frame_m": inside.outline(),
-            "backdrop": inside,
-            "scales": _scales(record),
-        }
-        pictures.append(
-            render_pile(
-                record["position"][k], record["quaternion"][k], particle, **look
-            )
+        inside = drum_inside(section, turned_rad[k])
+        look["frame_m"] = inside.outline()
+        look["backdrop"] = inside
+        picture = render_pile(
+            record["position"][k], record["quaternion"][k], particle, **look
         )
-    _write_within(pictures, 0.12, out_path, 3_900_000)
+        pictures.append(picture)
+    _write_within(pictures, DRUM_FRAME_S, out_path, DRUM_MAX_BYTES)
 
 
 def drum_inside(section: "DrumSettings", turned_rad: float) -> DrumInside:
-    """Give the drum as a backdrop; `section` is the configuration's `drum`."""
+    """Give the drum as a backdrop; `section` is the section `drum`."""
     thickness_m = 1e-3 * section.wall_thickness_mm
     radius_m = 0.5e-3 * section.outer_diameter_mm - thickness_m
     return DrumInside(
@@ -158,64 +233,80 @@ def _scales(record: Mapping[str, np.ndarray]) -> np.ndarray:
     return record.get("scale", np.ones(record["position"].shape[1]))
 
 
-def _checked(out_path: Path_) -> Path:
+def _with_known_ending(out_path: Path_) -> Path:
     """Give the path; InputError for an ending that cannot be written."""
     out_path = Path(out_path)
-    require(
-        out_path.suffix.lower() in FORMATS,
-        out_path,
-        "ending",
-        out_path.suffix,
-        ".gif or .webp",
-    )
+    if out_path.suffix.lower() not in FORMATS:
+        raise InputError(out_path, "ending", out_path.suffix, ".gif or .webp")
     return out_path
 
 
 def _spread(times: np.ndarray, frames: int) -> np.ndarray:
     """Give the indices of at most this number of frames, evenly over the time."""
-    return np.searchsorted(
-        times, np.linspace(times[0], times[-1], min(frames, len(times)))
-    )
+    shown_times = np.linspace(times[0], times[-1], min(frames, len(times)))
+    return np.searchsorted(times, shown_times)
 
 
 def _write_within(
     pictures: Sequence[np.ndarray], frame_s: float, out_path: Path, max_bytes: int
 ) -> None:
-    """Write RGB pictures with as many colours as max_bytes allows; InputError if even the fewest take more."""
+    """Write pictures with as many colours as a number of bytes allows.
+
+    InputError if even the fewest take more.
+    """
     images = [Image.fromarray(picture) for picture in pictures]
-    shown_ms = [round(1000 * frame_s)] * (len(images) - 1) + [round(1000 * LAST_S)]
+    durations_ms = [round(1000 * frame_s)] * (len(images) - 1) + [round(1000 * LAST_S)]
+    is_webp = FORMATS[out_path.suffix.lower()] == "WEBP"
     content = b""
-    for effort in range(5):
-        content = _encoded(images, shown_ms, FORMATS[out_path.suffix.lower()], effort)
+    for colours, quality in zip(GIF_COLOURS, WEBP_QUALITY, strict=True):
+        if is_webp:
+            content = _encode_webp(images, durations_ms, quality)
+        else:
+            content = _encode_gif(images, durations_ms, colours)
         if len(content) <= max_bytes:
-            return write_bytes(out_path, content)
-    raise InputError(
-        out_path,
-        "max_bytes",
-        max_bytes,
-        f"at least {len(content)} at this size and length",
-    )
+            write_bytes(out_path, content)
+            return
+    allowed = f"at least {len(content)} at this size and length"
+    raise InputError(out_path, "max_bytes", max_bytes, allowed)
 
 
-def _encoded(
-    pictures: Sequence[Image.Image], shown_ms: list[int], kind: str, effort: int
+def _encode_gif(
+    images: Sequence[Image.Image], durations_ms: list[int], colours: int
 ) -> bytes:
-    """Give the pictures as the content of a file, with fewer colours for more `effort` (0 to 4)."""
-    options: dict[str, Any] = {
-        "format": kind,
-        "save_all": True,
-        "duration": shown_ms,
-        "loop": 0,
-    }
+    """Give pictures as the content of a GIF with a number of colours."""
+    # One palette for all frames, that of the last one: parts at rest keep their colours.
+    palette = images[-1].quantize(colours)
+    first, *others = (
+        image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images
+    )
     content = io.BytesIO()
-    if kind == "WEBP":
-        options |= {"quality": 80 - 15 * effort, "method": 4}
-    else:  # One palette for all frames, taken from the last one: parts at rest keep their colours.
-        palette = pictures[-1].quantize((128, 96, 64, 48, 32)[effort])
-        pictures = [
-            picture.quantize(palette=palette, dither=Image.Dither.NONE)
-            for picture in pictures
-        ]
-        options |= {"optimize": False, "disposal": 1}
-    pictures[0].save(content, append_images=pictures[1:], **options)
+    first.save(
+        content,
+        format="GIF",
+        append_images=others,
+        save_all=True,
+        duration=durations_ms,
+        loop=0,
+        optimize=False,
+        disposal=1,
+    )
+    return content.getvalue()
+
+
+def _encode_webp(
+    images: Sequence[Image.Image], durations_ms: list[int], quality: int
+) -> bytes:
+    """Give pictures as the content of a WebP file of a quality."""
+    first, *others = images
+    content = io.BytesIO()
+    first.save(
+        content,
+        format="WEBP",
+        append_images=others,
+        save_all=True,
+        duration=durations_ms,
+        loop=0,
+        quality=quality,
+        method=4,
+    )
     return content.getvalue()

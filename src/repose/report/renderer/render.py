@@ -1,8 +1,10 @@
-"""Shaded pictures of grains, drawn in software: no graphics card, no window, the same picture everywhere.
+"""Shaded pictures of grains, drawn in software.
 
-Every shape is tessellated once by its support points x(n), whose normal is n itself, so the shading is as smooth as the
-body (`bodies`). Triangles go through a z-buffer (`view`). A second z-buffer seen from the light gives soft shadows, and
-the hemisphere above each visible point, sampled in the picture, darkens the gaps of the pile (`shading`).
+They need no graphics card and no window, and are the same everywhere. Every shape is
+tessellated once by its support points x(n), whose normal is n itself, so the shading is
+as smooth as the body (`bodies`). Triangles go through a z-buffer (`view`). A second
+z-buffer seen from the light gives soft shadows, and the hemisphere above each visible
+point, sampled in the picture, darkens the gaps of the pile (`shading`).
 """
 
 from collections.abc import Sequence
@@ -34,11 +36,28 @@ def render_pile(
     backdrop: DrumInside | None = None,
     **view: Any,
 ) -> np.ndarray:
-    """Give a shaded picture (height, width, 3), RGB, of grains of one shape; `view` goes to `render_bodies`.
+    """Draw a shaded picture of grains of one shape.
 
-    `walls` are drawn translucent; a `backdrop` replaces the plate at z = 0.
+    Parameters
+    ----------
+    centres_m, quaternions : array
+        As for `render_bodies`.
+    particle : Drawable
+        The shape of all grains.
+    walls : sequence of Frustum
+        Walls that are drawn translucent.
+    backdrop : DrumInside, optional
+        It takes the place of the plate at z = 0.
+    **view
+        Further arguments of `render_bodies`.
+
+    Returns
+    -------
+    array (height, width, 3) of uint8
+        Red, green and blue.
     """
-    setting = Setting(None if backdrop else 0.0, frusta=tuple(walls), backdrop=backdrop)
+    plate_m = None if backdrop else 0.0
+    setting = Setting(plate_m, frusta=tuple(walls), backdrop=backdrop)
     return render_bodies(centres_m, quaternions, [particle], setting=setting, **view)
 
 
@@ -56,36 +75,71 @@ def render_bodies(
     colour: str = shading.GRAIN,
     **angles: Any,
 ) -> np.ndarray:
-    """Give a shaded picture (height, width, 3), RGB, of bodies of several shapes and sizes; same input, same picture.
+    """Draw a shaded picture of bodies of several shapes and sizes.
 
-    A body with a NaN is not drawn. `quaternions` are w, x, y, z, body to world; `shape_ids` are places in `shapes`, by
-    default the first. The default `setting` is a plate at z = 0. The picture contains the points `frame_m` (M, 3), by
-    default all bodies and walls. `height` is 0.6 of the width by default. `supersample` is the number of rays along
-    each side of a pixel; `colour` (#rrggbb) is of the first shape. `angles` are the camera's: `elevation_deg`,
-    `azimuth_deg` and `field_of_view_deg`, as of `look_at`.
+    The same input gives the same picture.
+
+    Parameters
+    ----------
+    centres_m : array (N, 3)
+        Centres; a body with a NaN is not drawn.
+    quaternions : array (N, 4)
+        w, x, y, z, body to world.
+    shapes : sequence of Drawable
+        The shapes.
+    shape_ids : array (N,) of int, optional
+        Places in `shapes`, by default the first.
+    scales : array (N,), optional
+        Sizes of the bodies as multiples of their shape.
+    setting : Setting, optional
+        By default a plate at z = 0.
+    width, height : int
+        Of the picture in pixels; the height is by default 0.6 of the width.
+    frame_m : array (M, 3), optional
+        Points that the picture contains, by default all bodies and walls.
+    supersample : int
+        Rays along each side of a pixel.
+    colour : str
+        Of the first shape, as #rrggbb.
+    **angles
+        Those of the camera: `elevation_deg`, `azimuth_deg` and `field_of_view_deg`, as
+        of `look_at`.
+
+    Returns
+    -------
+    array (height, width, 3) of uint8
+        Red, green and blue.
     """
     setting = setting or Setting()
     height = height or round(0.6 * width)
     shown = np.flatnonzero(np.isfinite(centres_m).all(axis=1))
     centres = np.asarray(centres_m, float)[shown]
-    kinds = (
-        np.zeros(len(shown), int) if shape_ids is None else np.asarray(shape_ids)[shown]
-    )
-    sizes = np.ones(len(shown)) if scales is None else np.asarray(scales, float)[shown]
+    if shape_ids is None:
+        shown_ids = np.zeros(len(shown), int)
+    else:
+        shown_ids = np.asarray(shape_ids)[shown]
+    if scales is None:
+        shown_scales = np.ones(len(shown))
+    else:
+        shown_scales = np.asarray(scales, float)[shown]
     bodies = place_bodies(
-        centres, np.asarray(quaternions, float)[shown], shapes, kinds, sizes
+        centres,
+        np.asarray(quaternions, float)[shown],
+        shapes,
+        shown_ids,
+        shown_scales,
     )
-    frame = (
-        frame_m
-        if frame_m is not None
-        else outline(centres, bodies.largest_m, setting.frusta, setting.panels)
-    )
-    rays = (width * supersample, height * supersample)
-    camera = look_at(frame, *rays, **angles)
+    if frame_m is None:
+        frame_m = outline(centres, bodies.largest_m, setting.frusta, setting.panels)
+    camera = look_at(frame_m, width * supersample, height * supersample, **angles)
     tints = shading.tints_of(
-        shown[bodies.owner], kinds[bodies.owner], len(centres_m), len(shapes), colour
+        shown[bodies.owner],
+        shown_ids[bodies.owner],
+        len(centres_m),
+        len(shapes),
+        colour,
     )
-    return shading.paint(camera, bodies, tints, frame, setting, supersample)
+    return shading.paint(camera, bodies, tints, frame_m, setting, supersample)
 
 
 def render_mesh(
@@ -93,31 +147,41 @@ def render_mesh(
     frame_m: np.ndarray,
     supersample: int,
     colour: str,
-    **view: Any,
+    width: int,
+    height: int,
+    **angles: Any,
 ) -> np.ndarray:
-    """Give a shaded picture (height, width, 3), RGB, of one mesh in m; `view` are its size and the camera's angles."""
-    view |= {side: view[side] * supersample for side in ("width", "height")}
-    one, vertices = np.zeros(1, int), np.asarray(mesh.vertices)[None]
-    normals, faces = np.asarray(mesh.vertex_normals)[None], np.asarray(mesh.faces)
+    """Draw a shaded picture (height, width, 3) of one mesh in m, alone.
+
+    `angles` are those of the camera, as for `render_bodies`.
+    """
+    first = np.zeros(1, int)
     bodies = Bodies(
-        normals,
-        faces,
-        one,
-        np.eye(3)[None],
-        vertices,
-        one,
-        float(np.linalg.norm(mesh.extents)) / 2,
+        normals=np.asarray(mesh.vertex_normals)[None],
+        triangles=np.asarray(mesh.faces),
+        shape_ids=first,
+        turn=np.eye(3)[None],
+        vertices=np.asarray(mesh.vertices)[None],
+        owner=first,
+        largest_m=float(np.linalg.norm(mesh.extents)) / 2,
     )
-    tints = shading.tints_of(one, one, 1, 1, colour)
-    return shading.paint(
-        look_at(frame_m, **view), bodies, tints, frame_m, Setting(None), supersample
-    )
+    camera = look_at(frame_m, width * supersample, height * supersample, **angles)
+    tints = shading.tints_of(first, first, 1, 1, colour)
+    return shading.paint(camera, bodies, tints, frame_m, Setting(None), supersample)
 
 
 def render_simulation(simulation: Simulation, **view: Any) -> np.ndarray:
-    """Give a shaded picture (height, width, 3), RGB, of a simulation as it is; `view` goes to `render_bodies`."""
+    """Draw a shaded picture (height, width, 3) of a simulation as it is.
+
+    `view` are further arguments of `render_bodies`.
+    """
     centres = np.where(simulation.present[:, None], simulation.positions, np.nan)
-    looks = list(simulation.shapes.values()), simulation.shape_ids, simulation.scales
     return render_bodies(
-        centres, simulation.quaternions, *looks, setting_of(simulation), **view
+        centres,
+        simulation.quaternions,
+        list(simulation.shapes.values()),
+        simulation.shape_ids,
+        simulation.scales,
+        setting_of(simulation),
+        **view,
     )

@@ -1,4 +1,4 @@
-"""Light and colours of a picture: soft shadow, ambient occlusion, grains, plate, walls of glass."""
+"""Light and colours of a picture: shadows, open sky, grains, plate, walls of glass."""
 
 import math
 from collections.abc import Sequence
@@ -16,44 +16,82 @@ from repose.report.renderer.view import View, look
 BACKGROUND = np.array([0.975, 0.977, 0.980])
 PLATE = np.array([0.835, 0.842, 0.850])
 FUNNEL = np.array([0.40, 0.50, 0.58])
-GRAIN = "#cca86b"  # default grain colour
-OTHERS = np.array(
-    [[0.30, 0.42, 0.56], [0.45, 0.52, 0.26], [0.76, 0.125, 0.045]]
-)  # second shape and on
+GRAIN = "#cca86b"  # default colour of the first shape
+# Colours of the second shape and on.
+OTHER_SHAPES = np.array([[0.30, 0.42, 0.56], [0.45, 0.52, 0.26], [0.76, 0.125, 0.045]])
 PANEL_SHARE = 0.93  # of the plate's brightness
-LIGHT = np.array([0.42, -0.38, 0.82]) / np.linalg.norm(
-    [0.42, -0.38, 0.82]
-)  # in the camera's heading, z up
+# Direction towards the light: right of the camera, ahead of it, up.
+LIGHT = np.array([0.42, -0.38, 0.82]) / np.linalg.norm([0.42, -0.38, 0.82])
 LIGHT_PIXELS = 1400  # of the longer side of the depth map seen from the light
+# Lengths as shares of the largest body: radius of the soft edge of a shadow, distance
+# at which a surface begins to shade, radius of the neighbours that hide the sky.
+SOFTNESS_SHARE = 0.35
+BIAS_SHARE = 0.03
+SKY_REACH_SHARE = 1.3
+LIGHT_TAPS = 24
+SKY_TAPS = 20
+RIM_WIDTH_M = 0.0012  # of the ends of a frustum
+
+
+class Band(NamedTuple):
+    """Some rows of a picture: R rows of W pixels."""
+
+    image: np.ndarray  # (R, W, 3), to be painted
+    view: View
+    rays: np.ndarray  # (R, W, 3)
+    lit: np.ndarray  # (R, W), shares of the light
+    sky: np.ndarray  # (R, W), shares of the sky
+
+    def places(self, camera: Camera, mask: np.ndarray) -> np.ndarray:
+        """Give the places (M, 3) in m of the points that the pixels of a mask show."""
+        return camera.eye_m + self.view.depth[mask][:, None] * self.rays[mask]
+
+    def tone(self, mask: np.ndarray) -> np.ndarray:
+        """Give the brightness (M,) of a dull surface in the pixels of a mask."""
+        return (0.52 + 0.48 * self.lit[mask]) * (0.35 + 0.65 * self.sky[mask])
+
+
+class LightMap(NamedTuple):
+    """A depth map seen from the light."""
+
+    heights: np.ndarray  # largest height towards the light in m
+    origin: np.ndarray  # (2,), its corner in m across the light
+    pixel_m: float
+
+
+class ConeSide(NamedTuple):
+    """The far or near side of the endless cone of a frustum, as rays meet it."""
+
+    wall: Frustum
+    distance: np.ndarray  # (H, W), along each ray
+    is_met: np.ndarray  # (H, W)
 
 
 def tints_of(
     body: np.ndarray, shape: np.ndarray, count: int, shapes: int, colour: str = GRAIN
 ) -> np.ndarray:
-    """Give colours (N, 3) of N bodies or parts, red, green, blue, about 0 to 1, slightly different for each body."""
+    """Give the colours of bodies or parts, slightly different for each body.
+
+    Parameters
+    ----------
+    body, shape : array (N,) of int
+        Number of the body of each part, and of its shape.
+    count, shapes : int
+        Numbers of all bodies and of all shapes.
+    colour : str
+        Of the first shape, as #rrggbb.
+
+    Returns
+    -------
+    array (N, 3)
+        Red, green and blue, about 0 to 1.
+    """
     first = [int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)]
-    colours = np.array([first, *(OTHERS[k % len(OTHERS)] for k in range(shapes - 1))])
+    others = [OTHER_SHAPES[k % len(OTHER_SHAPES)] for k in range(shapes - 1)]
+    colours = np.array([first, *others])
     ripeness, shade = np.random.RandomState(2026).uniform(-1, 1, (2, count))
     tint = colours[shape] * (1 + 0.16 * shade[body, None])
     return tint + np.array([0.045, 0.050, 0.004]) * ripeness[body, None]
-
-
-class Seen(NamedTuple):
-    """Some rows of a picture: the image to paint, the content of its pixels, their rays, light and sky."""
-
-    image: np.ndarray  # (R, W, 3)
-    view: View
-    rays: np.ndarray  # (R, W, 3)
-    lit: np.ndarray  # (R, W), shares of the light
-    sky: np.ndarray  # (R, W), and of the sky
-
-    def places(self, camera: Camera, where: np.ndarray) -> np.ndarray:
-        """Give the places (M, 3) in m of the points that some pixels show."""
-        return camera.eye_m + self.view.depth[where][:, None] * self.rays[where]
-
-    def tone(self, where: np.ndarray) -> np.ndarray:
-        """Give the brightness (M,) of a dull surface that some pixels show."""
-        return (0.52 + 0.48 * self.lit[where]) * (0.35 + 0.65 * self.sky[where])
 
 
 def paint(
@@ -64,166 +102,99 @@ def paint(
     setting: Setting,
     supersample: int,
 ) -> np.ndarray:
-    """Give the picture (H / supersample, W / supersample, 3), RGB, of a camera on bodies."""
+    """Paint the picture of a camera on bodies.
+
+    Parameters
+    ----------
+    camera : Camera
+        Its pixels are rays, `supersample` along each side of a pixel of the picture.
+    bodies : Bodies
+        The bodies.
+    tints : array (N, 3)
+        Their colours.
+    frame : array (M, 3)
+        Points in m about which the plate fades out.
+    setting : Setting
+        Walls, plate and backdrop.
+    supersample : int
+        Rays along each side of a pixel.
+
+    Returns
+    -------
+    array (H / supersample, W / supersample, 3) of uint8
+        Red, green and blue.
+    """
     view = look(camera, bodies, setting)
     lit, sky = _light_and_sky(camera, bodies, view)
-    height, width = camera.height // supersample, camera.width // supersample
+    height = camera.height // supersample
+    width = camera.width // supersample
     picture = np.empty((height, width, 3), np.uint8)
     order = _far_to_near(setting.frusta, camera)
     for rows in camera.bands(supersample):
         rays = camera.rays(rows)
         image = np.broadcast_to(BACKGROUND, rays.shape).copy()
-        seen = Seen(image, view.rows(rows), rays, lit[rows], sky[rows])
-        _paint_flat(seen, camera, frame, setting.backdrop)
-        _paint_bodies(seen, camera, tints)
-        _blend_walls(seen, camera, setting.frusta, order)
+        band = Band(image, view.rows(rows), rays, lit[rows], sky[rows])
+        _paint_plate(band, camera, frame)
+        _paint_backdrop(band, camera, setting.backdrop)
+        _paint_panels(band)
+        _paint_bodies(band, camera, tints)
+        _blend_walls(band, camera, setting.frusta, order)
+        # Average the rays of each pixel.
         fine = np.clip(image, 0, 1).reshape(-1, supersample, width, supersample, 3)
-        picture[rows.start // supersample :][: len(fine)] = np.round(
+        first_row = rows.start // supersample
+        picture[first_row : first_row + len(fine)] = np.round(
             255 * fine.mean(axis=(1, 3))
         )
     return picture
 
 
+# --- Light ----------------------------------------------------------------------------
+
+
 def _light_and_sky(
     camera: Camera, bodies: Bodies, view: View
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Give the shares (H, W) of the light and of the sky that reach each visible point; 1 without a point."""
+    """Give the shares (H, W) of the light and of the sky that reach visible points.
+
+    They are 1 in a pixel without a point.
+    """
     if not len(bodies.vertices):
         lit, sky = np.ones((2, *view.depth.shape), np.float32)
         return lit, sky
-    light, lens = (
-        _light_axes(camera),
-        (camera.eye_m, camera.axes, float(camera.focal_px)),
-    )
-    light_map, origin, pixel_m = _light_map(bodies, light)
-    softness, bias, reach = (share * bodies.largest_m for share in (0.35, 0.03, 1.3))
+    kernel_camera = (camera.eye_m, camera.axes, float(camera.focal_px))
+    light_axes = _light_axes(camera)
+    light_map = _light_map(bodies, light_axes)
     lit = raster.lit_fraction(
         view.depth,
         view.normal,
-        lens,
-        light_map,
-        light,
-        origin,
-        pixel_m,
-        softness,
-        bias,
-        24,
+        kernel_camera,
+        light_map.heights,
+        light_axes,
+        light_map.origin,
+        light_map.pixel_m,
+        SOFTNESS_SHARE * bodies.largest_m,
+        BIAS_SHARE * bodies.largest_m,
+        LIGHT_TAPS,
     )
     # Far from all bodies the walls see the whole sky.
-    reach_px = math.ceil(
-        reach * camera.focal_px / view.depth[view.hit].min(initial=np.inf)
+    reach = SKY_REACH_SHARE * bodies.largest_m
+    nearest_m = view.depth[view.hit].min(initial=np.inf)
+    reach_px = math.ceil(reach * camera.focal_px / nearest_m)
+    is_near_body = maximum_filter(view.hit, size=2 * reach_px + 1)
+    sky = raster.openness(
+        view.depth, view.normal, kernel_camera, is_near_body, reach, SKY_TAPS
     )
-    near = maximum_filter(view.hit, size=2 * reach_px + 1)
-    return lit, raster.openness(view.depth, view.normal, lens, near, reach, 20)
-
-
-def _paint_bodies(seen: Seen, camera: Camera, tints: np.ndarray) -> None:
-    """Paint the pixels that show a body: Lambert's law, a waxy highlight and a rim of sky light."""
-    hit, towards = seen.view.hit, _light_axes(camera)[2]
-    colour = np.clip(tints[seen.view.body[hit]], 0, 1)
-    normal, lit, sky = seen.view.normal[hit], seen.lit[hit], seen.sky[hit]
-    sight = seen.rays[hit] / np.linalg.norm(seen.rays[hit], axis=1, keepdims=True)
-    diffuse = np.clip(normal @ towards, 0, 1) * lit
-    half = towards - sight
-    half /= np.linalg.norm(half, axis=1, keepdims=True)
-    shine = np.clip(np.sum(normal * half, axis=1), 0, 1)
-    gloss = (0.42 * shine**60 + 0.085 * shine**9) * lit
-    rim = np.clip(1 + np.sum(normal * sight, axis=1), 0, 1) ** 3 * 0.10
-    ambient = (0.26 + 0.24 * (0.5 + 0.5 * normal[:, 2])) * sky
-    glow = (
-        0.10 * sky
-    )  # light that neighbours throw on each other has their colour and keeps the gaps warm
-    base = colour * (0.93 * diffuse + ambient)[:, None] + colour * glow[:, None]
-    seen.image[hit] = base + (gloss + rim * sky)[:, None]
-
-
-def _paint_flat(
-    seen: Seen, camera: Camera, frame: np.ndarray, backdrop: DrumInside | None
-) -> None:
-    """Paint the plate, which fades out far from the middle, and the panels, the darker the steeper."""
-    view, image = seen.view, seen.image
-    if view.plate.any():
-        low, high = np.min(frame, axis=0)[:2], np.max(frame, axis=0)[:2]
-        away = np.hypot(*(seen.places(camera, view.plate)[:, :2] - (low + high) / 2).T)
-        fade = np.clip((2.6 - 2 * away / np.linalg.norm(high - low)) / 1.6, 0, 1) ** 1.5
-        plate = PLATE * 1.13 * seen.tone(view.plate)[:, None]
-        image[view.plate] = BACKGROUND + fade[:, None] * (plate - BACKGROUND)
-    there = view.behind
-    if backdrop is not None and there.any():
-        image[there] = backdrop.paint(
-            seen.places(camera, there),
-            view.normal[there],
-            seen.lit[there],
-            seen.sky[there],
-        )
-    panels = view.panel
-    steepness = 0.80 + 0.20 * np.clip(view.normal[panels][:, 2], 0, 1)
-    image[panels] = (
-        PLATE * 1.13 * PANEL_SHARE * (seen.tone(panels) * steepness)[:, None]
-    )
-
-
-def _far_to_near(walls: Sequence[Frustum], camera: Camera) -> list[int]:
-    """Give the numbers of the frusta's sides, far ones first, by their median distance along some thousands of rays."""
-    step = max(1, camera.height // 100)
-    rays = camera.rays(slice(None, None, step))[:, ::step]
-    medians = [
-        np.nanmedian(distance)
-        for wall in walls
-        for _, distance, _ in _sides(wall, camera, rays)
-    ]
-    return sorted(range(len(medians)), key=lambda side: -medians[side])
-
-
-def _blend_walls(
-    view: Seen, camera: Camera, walls: Sequence[Frustum], order: Sequence[int]
-) -> None:
-    """Draw translucent frusta over the picture: far sides first, each where no body is in front of it."""
-    image, rays, depth = view.image, view.rays, view.view.depth
-    sides = [side for wall in walls for side in _sides(wall, camera, rays)]
-    for side in order:
-        wall, distance, met = sides[side]
-        turn = np.reshape(wall.frame[3:], (3, 3)).astype(float)
-        light = _light_axes(camera)[2] @ turn
-        where = met & (distance > 0) & (distance < depth)
-        z = (camera.eye_m - wall.frame[:3]) @ turn[:, 2] + distance * (
-            rays @ turn[:, 2]
-        )
-        where &= (z >= wall.z_low_m) & (z <= wall.z_high_m)
-        if not where.any():
-            continue
-        seen, z = rays[where], z[where]
-        point = (camera.eye_m - wall.frame[:3] + distance[where][:, None] * seen) @ turn
-        outward = point / np.hypot(point[:, 0], point[:, 1])[:, None]
-        outward[:, 2] = -wall.slope
-        outward /= math.hypot(1.0, wall.slope)
-        sight = seen @ turn / np.linalg.norm(seen, axis=1, keepdims=True)
-        grazing = 1 - np.abs(np.sum(outward * sight, axis=1))
-        edge = np.minimum(z - wall.z_low_m, wall.z_high_m - z)
-        alpha = np.clip(0.07 + 0.45 * grazing**3 + 0.45 * (edge < 0.0012), 0, 0.75)
-        shine = 0.35 * np.clip(np.abs(outward @ light), 0, 1) ** 12
-        image[where] += alpha[..., None] * (FUNNEL + shine[:, None] - image[where])
-
-
-def _sides(
-    wall: Frustum, camera: Camera, rays: np.ndarray
-) -> list[tuple[Frustum, np.ndarray, np.ndarray]]:
-    """Give far and near side of a frustum's endless cone: distance (H, W) along each ray, mask of the rays that hit."""
-    turn = np.reshape(wall.frame[3:], (3, 3)).astype(float)
-    eye, own_rays = (camera.eye_m - wall.frame[:3]) @ turn, rays @ turn
-    r_eye = wall.r_low_m + wall.slope * (eye[2] - wall.z_low_m)
-    r_step = wall.slope * own_rays[..., 2]
-    a = own_rays[..., 0] ** 2 + own_rays[..., 1] ** 2 - r_step**2
-    b = own_rays[..., 0] * eye[0] + own_rays[..., 1] * eye[1] - r_step * r_eye
-    root = np.sqrt(np.maximum(b * b - a * (eye[0] ** 2 + eye[1] ** 2 - r_eye**2), 0))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return [(wall, (-b + sign * root) / a, root > 0) for sign in (1.0, -1.0)]
+    return lit, sky
 
 
 def _light_axes(camera: Camera) -> np.ndarray:
-    """Give rows: two axes across the light, then towards it; the light turns with the camera."""
+    """Give rows: two axes across the light, then towards it.
+
+    The light turns with the camera.
+    """
     heading = camera.axes[2] * (1.0, 1.0, 0.0)
     length = np.linalg.norm(heading)
+    # A camera that looks down has its heading at the top of the picture.
     heading = heading / length if length > 1e-9 else camera.axes[1]
     towards = (
         LIGHT[0] * camera.axes[0]
@@ -235,18 +206,154 @@ def _light_axes(camera: Camera) -> np.ndarray:
     return np.stack([across, np.cross(towards, across), towards])
 
 
-def _light_map(
-    bodies: Bodies, axes: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Give the depth map seen from the light (largest height towards the light), its origin and pixel size [m]."""
+def _light_map(bodies: Bodies, axes: np.ndarray) -> LightMap:
+    """Draw the depth map seen from the light, whose axes are rows."""
     place = bodies.vertices @ axes.T
     low = place[..., :2].min(axis=(0, 1))
-    pixel_m = float((place[..., :2].max(axis=(0, 1)) - low).max() / LIGHT_PIXELS)
-    x, y = (place[..., 0] - low[0]) / pixel_m, (place[..., 1] - low[1]) / pixel_m
+    extent = place[..., :2].max(axis=(0, 1)) - low
+    pixel_m = float(extent.max() / LIGHT_PIXELS)
+    x = (place[..., 0] - low[0]) / pixel_m
+    y = (place[..., 1] - low[1]) / pixel_m
     shape = (int(y.max()) + 2, int(x.max()) + 2)
-    # its rows count upwards, so what is anticlockwise in a picture is clockwise here
-    return (
-        raster.draw(x, y, place[..., 2], bodies.triangles[:, ::-1], shape)[0],
-        low,
-        pixel_m,
-    )
+    # The rows count upwards, so what is anticlockwise in a picture is clockwise here.
+    clockwise = bodies.triangles[:, ::-1]
+    heights, *_ = raster.draw(x, y, place[..., 2], clockwise, shape)
+    return LightMap(heights, low, pixel_m)
+
+
+# --- Opaque surfaces ------------------------------------------------------------------
+
+
+def _paint_bodies(band: Band, camera: Camera, tints: np.ndarray) -> None:
+    """Paint bodies by Lambert's law, with a waxy highlight and a rim of sky light."""
+    hit = band.view.hit
+    towards_light = _light_axes(camera)[2]
+    colour = np.clip(tints[band.view.body[hit]], 0, 1)
+    normal = band.view.normal[hit]
+    lit = band.lit[hit]
+    sky = band.sky[hit]
+    rays = band.rays[hit]
+    sight = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+
+    diffuse = np.clip(normal @ towards_light, 0, 1) * lit
+    halfway = towards_light - sight
+    halfway /= np.linalg.norm(halfway, axis=1, keepdims=True)
+    shine = np.clip(np.sum(normal * halfway, axis=1), 0, 1)
+    gloss = (0.42 * shine**60 + 0.085 * shine**9) * lit
+    rim = np.clip(1 + np.sum(normal * sight, axis=1), 0, 1) ** 3 * 0.10
+    ambient = (0.26 + 0.24 * (0.5 + 0.5 * normal[:, 2])) * sky
+    # Light that neighbours throw on each other has their colour and keeps gaps warm.
+    glow = 0.10 * sky
+    base = colour * (0.93 * diffuse + ambient)[:, None] + colour * glow[:, None]
+    band.image[hit] = base + (gloss + rim * sky)[:, None]
+
+
+def _paint_plate(band: Band, camera: Camera, frame: np.ndarray) -> None:
+    """Paint the plate, which fades out far from the middle of the frame."""
+    mask = band.view.plate
+    if not mask.any():
+        return
+    low = np.min(frame, axis=0)[:2]
+    high = np.max(frame, axis=0)[:2]
+    from_middle = band.places(camera, mask)[:, :2] - (low + high) / 2
+    distance = np.hypot(from_middle[:, 0], from_middle[:, 1])
+    diagonal = np.linalg.norm(high - low)
+    fade = np.clip((2.6 - 2 * distance / diagonal) / 1.6, 0, 1) ** 1.5
+    plate = PLATE * 1.13 * band.tone(mask)[:, None]
+    band.image[mask] = BACKGROUND + fade[:, None] * (plate - BACKGROUND)
+
+
+def _paint_backdrop(band: Band, camera: Camera, backdrop: DrumInside | None) -> None:
+    """Paint the backdrop, if there is one."""
+    mask = band.view.behind
+    if backdrop is not None and mask.any():
+        band.image[mask] = backdrop.paint(
+            band.places(camera, mask),
+            band.view.normal[mask],
+            band.lit[mask],
+            band.sky[mask],
+        )
+
+
+def _paint_panels(band: Band) -> None:
+    """Paint flat walls, the darker the steeper."""
+    mask = band.view.panel
+    steepness = 0.80 + 0.20 * np.clip(band.view.normal[mask][:, 2], 0, 1)
+    tone = (band.tone(mask) * steepness)[:, None]
+    band.image[mask] = PLATE * 1.13 * PANEL_SHARE * tone
+
+
+# --- Walls of glass -------------------------------------------------------------------
+
+
+def _far_to_near(walls: Sequence[Frustum], camera: Camera) -> list[int]:
+    """Give the numbers of the frusta's sides, far ones first.
+
+    They are sorted by their median distance along some thousands of rays.
+    """
+    step = max(1, camera.height // 100)
+    rays = camera.rays(slice(None, None, step))[:, ::step]
+    medians = [
+        np.nanmedian(side.distance)
+        for wall in walls
+        for side in _cone_sides(wall, camera, rays)
+    ]
+    return sorted(range(len(medians)), key=lambda side: -medians[side])
+
+
+def _cone_sides(wall: Frustum, camera: Camera, rays: np.ndarray) -> list[ConeSide]:
+    """Find where rays (H, W, 3) meet the endless cone of a frustum: far and near side."""
+    turn = np.reshape(wall.frame[3:], (3, 3)).astype(float)
+    eye = (camera.eye_m - wall.frame[:3]) @ turn
+    rays = rays @ turn
+    # The radius of the cone at the height of the eye, and its gain along each ray.
+    radius = wall.r_low_m + wall.slope * (eye[2] - wall.z_low_m)
+    radius_gain = wall.slope * rays[..., 2]
+    # The roots of a quadratic equation a t^2 + 2 b t + c = 0.
+    a = rays[..., 0] ** 2 + rays[..., 1] ** 2 - radius_gain**2
+    b = rays[..., 0] * eye[0] + rays[..., 1] * eye[1] - radius_gain * radius
+    c = eye[0] ** 2 + eye[1] ** 2 - radius**2
+    root = np.sqrt(np.maximum(b * b - a * c, 0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return [
+            ConeSide(wall, distance=(-b + sign * root) / a, is_met=root > 0)
+            for sign in (1.0, -1.0)
+        ]
+
+
+def _blend_walls(
+    band: Band, camera: Camera, walls: Sequence[Frustum], order: Sequence[int]
+) -> None:
+    """Draw translucent frusta over the picture, far sides first."""
+    sides = [side for wall in walls for side in _cone_sides(wall, camera, band.rays)]
+    for number in order:
+        _blend_side(band, camera, sides[number])
+
+
+def _blend_side(band: Band, camera: Camera, side: ConeSide) -> None:
+    """Draw one side of a frustum where no body is in front of it."""
+    wall, distance, is_met = side
+    turn = np.reshape(wall.frame[3:], (3, 3)).astype(float)
+    eye = camera.eye_m - wall.frame[:3]
+    light = _light_axes(camera)[2] @ turn
+    z = eye @ turn[:, 2] + distance * (band.rays @ turn[:, 2])
+    mask = is_met & (distance > 0) & (distance < band.view.depth)
+    mask &= (z >= wall.z_low_m) & (z <= wall.z_high_m)
+    if not mask.any():
+        return
+    rays = band.rays[mask]
+    z = z[mask]
+    # Points and directions in the frame of the wall.
+    point = (eye + distance[mask][:, None] * rays) @ turn
+    outward = point / np.hypot(point[:, 0], point[:, 1])[:, None]
+    outward[:, 2] = -wall.slope
+    outward /= math.hypot(1.0, wall.slope)
+    sight = rays @ turn / np.linalg.norm(rays, axis=1, keepdims=True)
+
+    grazing = 1 - np.abs(np.sum(outward * sight, axis=1))
+    to_end = np.minimum(z - wall.z_low_m, wall.z_high_m - z)
+    is_rim = to_end < RIM_WIDTH_M
+    alpha = np.clip(0.07 + 0.45 * grazing**3 + 0.45 * is_rim, 0, 0.75)
+    shine = 0.35 * np.clip(np.abs(outward @ light), 0, 1) ** 12
+    background = band.image[mask]
+    band.image[mask] += alpha[..., None] * (FUNNEL + shine[:, None] - background)

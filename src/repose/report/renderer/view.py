@@ -1,4 +1,4 @@
-"""Content of each pixel of a picture: a body, a flat wall, the plate, the backdrop or nothing."""
+"""Content of each pixel of a picture: a body, a flat wall, the plate, the backdrop."""
 
 from dataclasses import dataclass, fields
 
@@ -11,7 +11,10 @@ from repose.report.renderer.scenery import Camera, Panel, Setting
 
 @dataclass(frozen=True)
 class View:
-    """Content of each pixel (H, W), in 22 bytes: a body, a flat wall, the plate, the backdrop, or nothing."""
+    """Content of each pixel (H, W): a body, a wall, the plate, the backdrop, or nothing.
+
+    A pixel takes 22 bytes.
+    """
 
     body: np.ndarray  # int32, number of the body or part, -1 if none
     plate: np.ndarray  # bool
@@ -35,80 +38,89 @@ class View:
 
 
 def look(camera: Camera, bodies: Bodies, setting: Setting) -> View:
-    """Give the view of a camera on bodies, from `place_bodies`, in a setting."""
+    """Give the view of a camera on bodies in a setting."""
     shape = (camera.height, camera.width)
-    nearest, body, corner, weights = raster.draw(
-        *camera.project(bodies.vertices), bodies.triangles, shape
-    )
-    plate, behind = np.zeros(shape, bool), np.zeros(shape, bool)
+    x, y, near = camera.project(bodies.vertices)
+    nearest, body, triangle, weights = raster.draw(x, y, near, bodies.triangles, shape)
     view = View(
-        body,
-        plate,
-        behind,
-        np.empty(shape, np.float32),
-        np.zeros((*shape, 3), np.float32),
+        body=body,
+        plate=np.zeros(shape, bool),
+        behind=np.zeros(shape, bool),
+        depth=np.empty(shape, np.float32),
+        normal=np.zeros((*shape, 3), np.float32),
     )
     for rows in camera.bands():
         band = view.rows(rows)
-        _look_at(band, nearest[rows], camera.eye_m, camera.rays(rows), setting)
+        _add_setting(band, nearest[rows], camera.eye_m, camera.rays(rows), setting)
         hit = band.hit
-        band.normal[hit] = _on_bodies(
-            bodies, band.body[hit], corner[rows][hit], weights[rows][hit]
+        band.normal[hit] = _normals_of_bodies(
+            bodies, band.body[hit], triangle[rows][hit], weights[rows][hit]
         )
     return view
 
 
-def _look_at(
+def _add_setting(
     view: View, nearest: np.ndarray, eye: np.ndarray, rays: np.ndarray, setting: Setting
 ) -> None:
-    """Write depth, normal and kind of walls, plate and backdrop; `nearest` is the inverse depth of the bodies."""
+    """Write depth, normal and kind of panels, plate and backdrop into a view of bodies.
+
+    `nearest` (H, W) is the inverse depth of the bodies.
+    """
     view.body[nearest <= 0] = -1  # behind the camera
     depth = np.where(view.hit, 1.0 / nearest, np.inf)
     view.normal[..., 2] = 1.0
+
     for panel in setting.panels:
-        reached = _panel_depths(panel, eye, rays)
-        before = reached < depth
-        depth[before], view.normal[before], view.body[before] = (
-            reached[before],
-            panel.normal,
-            -1,
-        )
+        panel_depth = _panel_depth(panel, eye, rays)
+        is_in_front = panel_depth < depth
+        depth[is_in_front] = panel_depth[is_in_front]
+        view.normal[is_in_front] = panel.normal
+        view.body[is_in_front] = -1
+
     if setting.plate_m is not None:
         with np.errstate(divide="ignore"):
-            to_plate = (setting.plate_m - eye[2]) / rays[..., 2]
-        view.plate[...] = np.isinf(depth) & (to_plate > 0) & np.isfinite(to_plate)
-        depth[view.plate] = to_plate[view.plate]
+            plate_depth = (setting.plate_m - eye[2]) / rays[..., 2]
+        is_met = (plate_depth > 0) & np.isfinite(plate_depth)
+        view.plate[...] = np.isinf(depth) & is_met
+        depth[view.plate] = plate_depth[view.plate]
+
     if setting.backdrop is not None:
-        reached, facing = setting.backdrop.meet(eye, rays)
-        view.behind[...] = np.isinf(depth) & np.isfinite(reached)
-        depth[view.behind], view.normal[view.behind] = (
-            reached[view.behind],
-            facing[view.behind],
-        )
+        backdrop_depth, backdrop_normal = setting.backdrop.meet(eye, rays)
+        view.behind[...] = np.isinf(depth) & np.isfinite(backdrop_depth)
+        depth[view.behind] = backdrop_depth[view.behind]
+        view.normal[view.behind] = backdrop_normal[view.behind]
+
     view.depth[...] = depth
 
 
-def _on_bodies(
+def _normals_of_bodies(
     bodies: Bodies, part: np.ndarray, triangle: np.ndarray, weights: np.ndarray
 ) -> np.ndarray:
-    """Give normals (M, 3) in the world of points on triangles of parts."""
+    """Give normals (M, 3) in the world of points on triangles of parts.
+
+    `weights` (M, 2) are the shares of the second and third corner of the triangle.
+    """
     corners = bodies.triangles[triangle]
-    share = np.column_stack([1 - weights.sum(axis=1), weights])
-    own = np.einsum(
-        "mk,mki->mi", share, bodies.normals[bodies.shape_ids[part][:, None], corners]
-    )
-    own /= np.linalg.norm(own, axis=1, keepdims=True)
-    return np.einsum("mij,mj->mi", bodies.turn[part], own)
+    shares = np.column_stack([1 - weights.sum(axis=1), weights])
+    corner_normals = bodies.normals[bodies.shape_ids[part][:, None], corners]
+    normals = np.einsum("mk,mki->mi", shares, corner_normals)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.einsum("mij,mj->mi", bodies.turn[part], normals)
 
 
-def _panel_depths(panel: Panel, eye: np.ndarray, rays: np.ndarray) -> np.ndarray:
-    """Give depth (H, W) at which each ray meets a panel from its visible side; infinite for a ray that misses it."""
-    normal, corners = panel.normal, panel.corners_m
-    towards = rays @ normal
+def _panel_depth(panel: Panel, eye: np.ndarray, rays: np.ndarray) -> np.ndarray:
+    """Give the depth (H, W) at which each ray meets a panel from its visible side.
+
+    It is infinite for a ray that misses the panel.
+    """
+    normal = panel.normal
+    corners = panel.corners_m
+    next_corners = np.roll(corners, -1, axis=0)
+    along_normal = rays @ normal
     with np.errstate(divide="ignore", invalid="ignore"):
-        depth = ((corners[0] - eye) @ normal) / towards
-        inside = (towards < 0) & (depth > 0)
-        for here, there in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-            outwards = np.cross(there - here, normal)
-            inside &= (eye - here) @ outwards + depth * (rays @ outwards) <= 0
-    return np.where(inside, depth, np.inf)
+        depth = ((corners[0] - eye) @ normal) / along_normal
+        is_inside = (along_normal < 0) & (depth > 0)
+        for corner, next_corner in zip(corners, next_corners, strict=True):
+            outwards = np.cross(next_corner - corner, normal)
+            is_inside &= (eye - corner) @ outwards + depth * (rays @ outwards) <= 0
+    return np.where(is_inside, depth, np.inf)
