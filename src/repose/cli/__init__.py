@@ -41,6 +41,8 @@ STAGE = "stage"
 CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")  # but tab and new line
 EXTRAS = (
     "cv2",
+    "jinja2",
+    "jupyter_threejs_sage",
     "llvmlite",
     "matplotlib",
     "numba",
