@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from repose.config.pipeline import PipelineConfig
 from shared import ROOT
 
 from repose.bench import speed
 from repose.bench.speed import Times
+from repose.config.pipeline import PipelineConfig
 
 CONFIG = PipelineConfig.load(ROOT / "config/quick.yaml").config
 PARAMETERS = {"e_gg": 0.2}

@@ -7,10 +7,10 @@ from types import SimpleNamespace
 
 import pytest
 from refusals import input_error
-from repose.config.pipeline import PipelineConfig
 from shared import ROOT, TARGETS
 
 from repose.calibrate.runs import mean_and_error
+from repose.config.pipeline import PipelineConfig
 from repose.stages import published
 
 QUICK = PipelineConfig.load(ROOT / "config/quick.yaml")

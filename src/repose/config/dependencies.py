@@ -109,8 +109,9 @@ def _of_other_stage(config: Config, stage: str, name: str | None) -> dict[str, A
     """Select the settings of a stage that neither simulates nor measures."""
     if stage in KEYS:
         return sections(config, *KEYS[stage])
-    if name is not None and strategy(name).reads is not None:
-        return sections(config, *strategy(name).reads)
+    keys = None if name is None else strategy(name).reads
+    if keys is not None:
+        return sections(config, *keys)
     return {key: value for key, value in config.items() if key not in WITHOUT_EFFECT}
 
 
