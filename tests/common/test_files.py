@@ -16,18 +16,18 @@ import pytest
 from refusals import input_error, raised
 
 from repose.bench.parameters import FURTHER
-from repose.common import files, ledger, places, tables
-from repose.common.lock import JOBS, joined_folder, take_folder
+from repose.common import files, ledger, lock, places, tables
+from repose.common.lock import joined_folder, take_folder
 
 TABLE = pd.DataFrame(
     {"sample": [1, 2], "aor_deg": [31.25, np.nan], "reason": ["", "stuck, twice"]}
 )
 A_JOB = """
-import fcntl, sys, time
-file = open(sys.argv[1], "a")
-fcntl.flock(file, fcntl.LOCK_SH)
-print("holds it", flush=True)
-time.sleep(0.5)
+import sys, time
+from repose.common.lock import joined_folder
+with joined_folder(sys.argv[1]):
+    print("holds it", flush=True)
+    time.sleep(float(sys.argv[2]))
 """
 
 
@@ -158,26 +158,41 @@ def test_missing_parts_and_half_an_archive_are_reported_with_what_there_should_b
     input_error(r"half\.npz: arrays is", files.read_npz, tmp_path / "half.npz")
 
 
+def started_job(folder, lasts_s):
+    """A job of the folder's workflow that holds it."""
+    words = [sys.executable, "-c", A_JOB, folder, str(lasts_s)]
+    job = subprocess.Popen(words, stdout=subprocess.PIPE)
+    assert job.stdout.readline() == b"holds it\n"
+    return job
+
+
 def test_jobs_of_a_workflow_that_was_killed_are_waited_for(tmp_path, capfd):
-    take_folder(tmp_path).close()
-    with subprocess.Popen(
-        [sys.executable, "-c", A_JOB, tmp_path / JOBS], stdout=subprocess.PIPE
-    ) as job:
-        job.stdout.readline()
+    with take_folder(tmp_path):
+        pass
+    with started_job(tmp_path, 0.5) as job:
         assert job.poll() is None
-        take_folder(tmp_path).close()
-        assert job.wait(timeout=5) == 0
-    assert (
-        "waiting until the jobs of a workflow that was killed have ended"
-        in capfd.readouterr().err
-    )
+        with take_folder(tmp_path):
+            assert job.wait(timeout=5) == 0
+    message = "waiting until the jobs of a workflow that was killed have ended"
+    assert message in capfd.readouterr().err
+
+
+def test_a_job_that_was_killed_holds_nothing_and_leaves_nothing(tmp_path, capfd):
+    with take_folder(tmp_path):
+        pass
+    with started_job(tmp_path, 60) as job:
+        assert len(list(tmp_path.glob(f"{lock.JOB}*"))) == 1
+        job.kill()
+    with take_folder(tmp_path):
+        assert {path.name for path in tmp_path.iterdir()} == {lock.WORKFLOW}
+    assert "waiting" not in capfd.readouterr().err
 
 
 @pytest.mark.parametrize(
     "number", [errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP, errno.EIO]
 )
 def test_a_file_system_without_locks_holds_and_refuses_nothing_and_other_faults_are_reported(
-    tmp_path, monkeypatch, number
+    tmp_path, monkeypatch, number, capfd
 ):
     def flock(_file, _kind):
         raise OSError(number, os.strerror(number))
@@ -186,26 +201,41 @@ def test_a_file_system_without_locks_holds_and_refuses_nothing_and_other_faults_
     if number == errno.EIO:
         raised(OSError, os.strerror(number), take_folder, tmp_path)
         return
-    first = take_folder(tmp_path)
-    take_folder(tmp_path).close()
-    with joined_folder(tmp_path):
-        first.close()
+    with take_folder(tmp_path), take_folder(tmp_path), joined_folder(tmp_path):
+        pass
+    assert capfd.readouterr().err.count("no locks on this system") == 1
 
 
 def test_jobs_share_the_folder_and_a_second_workflow_is_refused_until_the_first_has_ended(
     tmp_path,
 ):
-    take_folder(tmp_path).close()
-    with joined_folder(tmp_path), joined_folder(tmp_path):
+    with take_folder(tmp_path):
+        with joined_folder(tmp_path), joined_folder(tmp_path):
+            pass
+        words = r"workflow is 'process \d+ on .*'; expected one at a time"
+        input_error(words, take_folder, tmp_path)
+    with take_folder(tmp_path):
         pass
-    first = take_folder(tmp_path)
-    input_error(
-        r"workflow is 'process \d+ on .*'; expected one at a time",
-        take_folder,
-        tmp_path,
-    )
-    first.close()
-    take_folder(tmp_path).close()
+
+
+def test_a_folder_without_a_workflow_is_not_held(tmp_path):
+    with joined_folder(tmp_path):
+        pass
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", [lock.WORKFLOW, ".a.csv.lock"])
+def test_a_lock_follows_no_link(tmp_path, name):
+    mine = tmp_path / "mine.txt"
+    mine.write_text("mine")
+    (tmp_path / name).symlink_to(mine)
+
+    def hold():
+        with take_folder(tmp_path), lock.exclusive(tmp_path / "a.csv"):
+            pass
+
+    raised(OSError, "symbolic link", hold)
+    assert mine.read_text() == "mine"
 
 
 @pytest.fixture

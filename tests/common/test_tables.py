@@ -277,7 +277,7 @@ def test_a_row_at_the_end_that_repeats_a_statistic_of_the_others_is_refused(tmp_
     )
 
 
-def test_a_row_of_its_own_is_no_summary(tmp_path):
+def test_a_measurement_near_a_statistic_is_no_summary(tmp_path):
     def check(reader, row):
         rows = cells(MEASURED[reader])
         path = written(tmp_path / "a.csv", joined([*rows, row(rows)]))
@@ -295,24 +295,26 @@ def test_a_row_of_its_own_is_no_summary(tmp_path):
     assert len(read_sizes(written(tmp_path / "a.csv", coarse))) == 5
 
 
-def test_a_design_with_its_centre_or_a_corner_last_is_no_summary(tmp_path):
-    rng = random.Random(1)
-    corners = [(a, b) for a in (0.3, 0.5) for b in (0.01, 0.05)]
-    for last in ((0.4, 0.03), (0.5, 0.05), (0.3, 0.01)):
-        rows = [
-            [str(x) for x in (*point, round(20 + rng.random(), 4))]
-            for point in (*corners, last, last)
-        ]
-        path = written(tmp_path / "a.csv", joined([["mus", "mur", "angle_deg"], *rows]))
-        assert len(read_runs(path, own_study())) == 6
-    header, *_ = cells(SETS)
-    design = [
-        header,
-        *([str(k), *(["0.5"] * 6)] for k in (1, 2)),
-        ["3", *(["0.7"] * 6)],
-    ]
-    design += [["4", *(["0.3"] * 6)], ["5", *(["0.3"] * 6)]]
-    assert len(read_samples(written(tmp_path / "a.csv", joined(design)))) == 5
+def test_a_row_of_a_design_is_no_summary(tmp_path):
+    """Its centre has the mean of all columns, a corner their ends, a repeated row both."""
+    rng = np.random.default_rng(1)
+    low, high = np.full(6, 0.11), np.full(6, 0.97)
+    signs = np.array([[1 if k & 1 << n else -1 for n in range(6)] for k in range(8)])
+    corners = (low + high) / 2 + signs * (high - low) / 2
+    points = [*rng.uniform(low, high, (9, 6))]
+    designs = {
+        "centre": [*corners, -corners[1] + low + high, (low + high) / 2],
+        "corner": [*corners, low],
+        "replicates": [*np.repeat(corners, 2, axis=0), high, high],
+        "repeated": [*points, high, high, low, low],
+    }
+
+    def check(design):
+        rows = [[str(k), *(f"{x:.3f}" for x in row)] for k, row in enumerate(design, 1)]
+        text = joined([["sample", *PARAMETERS], *rows])
+        assert len(read_samples(written(tmp_path / "a.csv", text))) == len(design)
+
+    check_all(check, list(designs.items()))
 
 
 def test_a_text_among_numbers_is_refused_in_every_column(tmp_path):

@@ -43,7 +43,7 @@ def test_a_second_workflow_stops_with_one_message_before_it_writes(project):
     assert done.stderr.splitlines()[-1].endswith(
         "; expected one at a time; wait until it has ended"
     )
-    assert {path.name for path in folder.iterdir()} == {".lock", ".jobs"}
+    assert {path.name for path in folder.iterdir()} == {".lock"}
     snakemake(project, TARGET, *QUICK, status=0)
     assert (folder / "config.json").exists()
 

@@ -1,25 +1,26 @@
 """The record of provenance in a result, by type of file.
 
-A JSON file has it under the key ``provenance``, an .npz file as an array of this name, a PNG as a text of this name in
-its header. Every other file has it in a sidecar, FILE.provenance.json.
+A JSON file has it under the key ``provenance``, an .npz file as an array of this name,
+a PNG as a text of this name. Every other file has it in a sidecar,
+FILE.provenance.json.
 """
 
 import errno
+import io
 import json
-import struct
 import zipfile
 import zlib
 from collections.abc import Mapping
-from contextlib import suppress
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 KEY = "provenance"
-PNG = b"\x89PNG\r\n\x1a\n"
+PNG = b"\x89PNG\r\n\x1a\n"  # the first bytes of a PNG
 SIDECAR = ".provenance.json"
-HEADER = 33  # bytes of a PNG's signature and first chunk
-# A flipped bit may turn on an archive's password or an unknown method, which is a RuntimeError.
+NEEDED = {"verb", "origin", "settings"}
+# A flipped bit may turn on an archive's password or an unknown method, which is a
+# RuntimeError.
 UNREADABLE = (
     OSError,
     EOFError,
@@ -33,7 +34,7 @@ UNREADABLE = (
 
 
 def plain_file(path: str | PathLike) -> Path:
-    """Return the path of a file; OSError if a device or a pipe, which may never end, has it."""
+    """Return the path of a file; OSError for a device or a pipe, which may never end."""
     path = Path(path)
     if path.exists() and not path.is_file() and not path.is_dir():
         raise OSError(errno.EINVAL, "a device or a pipe", str(path))
@@ -41,29 +42,33 @@ def plain_file(path: str | PathLike) -> Path:
 
 
 def in_png(content: bytes, record: Mapping[str, Any]) -> bytes:
-    """Put a record into the header of a PNG."""
-    chunk = b"tEXt" + KEY.encode() + b"\0" + json.dumps(record).encode("ascii")
-    framed = (
-        struct.pack(">I", len(chunk) - 4) + chunk + struct.pack(">I", zlib.crc32(chunk))
-    )
-    return content[:HEADER] + framed + content[HEADER:]
+    """Put a record into a PNG, beside the texts that it has."""
+    from PIL import Image
+    from PIL.PngImagePlugin import PngImageFile, PngInfo
+
+    texts = PngInfo()
+    changed = io.BytesIO()
+    with Image.open(io.BytesIO(content)) as picture:
+        assert isinstance(picture, PngImageFile)
+        for key, text in picture.text.items():
+            texts.add_text(key, text)
+        texts.add_text(KEY, json.dumps(record))
+        picture.save(changed, "PNG", pnginfo=texts, dpi=picture.info.get("dpi"))
+    return changed.getvalue()
 
 
 def read(path: str | PathLike) -> dict[str, Any] | None:
     """Read the record of a file; None if it has none or cannot be read."""
     path = Path(path)
-    of_type = {".json": _from_json, ".npz": _from_npz, ".png": _from_png}.get(
-        path.suffix, _from_sidecar
-    )
+    readers = {".json": _from_json, ".npz": _from_npz, ".png": _from_png}
+    reader = readers.get(path.suffix, _from_sidecar)
     try:
-        record = of_type(path)
+        record = reader(path)
     except UNREADABLE:
         return None
-    return (
-        record
-        if isinstance(record, dict) and {"verb", "origin", "settings"} <= set(record)
-        else None
-    )
+    if not isinstance(record, dict) or not set(record) >= NEEDED:
+        return None
+    return record
 
 
 def _from_sidecar(path: Path) -> Any:
@@ -85,8 +90,8 @@ def _from_npz(path: Path) -> Any:
 def _from_png(path: Path) -> Any:
     from PIL import Image  # not by the processes that pour
 
-    with (
-        suppress(Image.DecompressionBombError),
-        Image.open(path) as picture,
-    ):  # larger than any of ours
-        return json.loads(picture.info[KEY])
+    try:
+        with Image.open(path) as picture:
+            return json.loads(picture.info[KEY])
+    except Image.DecompressionBombError:  # larger than any picture of ours
+        return None

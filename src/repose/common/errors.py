@@ -8,13 +8,14 @@ from repose.dem.errors import MOST_SHOWN, shown
 from repose.dem.errors import InputError as InputError
 from repose.dem.errors import did_you_mean as did_you_mean
 
-BAD_INPUT = 2  # exit status of a verb and of the workflow for a fault of the input
-
-MOST_REPORTED = 30  # or a file of another program would be reported key by key
+# Exit status of a verb and of the workflow for a fault of the input.
+BAD_INPUT = 2
+# A file of another program would be reported key by key.
+MOST_REPORTED = 30
 
 
 class YamlError(InputError):
-    """A fault of a file in YAML: null, true and false are printed as they are written there."""
+    """A fault of a file in YAML, which prints null, true and false as they stand there."""
 
     def __init__(self, source: object, key: str, value: object, allowed: str) -> None:
         super().__init__(source, key, value, allowed)
@@ -23,16 +24,19 @@ class YamlError(InputError):
 
 
 class InputErrors(InputError):
-    """Several faults at once, one a line; `source`, `key`, `value` and `allowed` are those of the first."""
+    """Several faults at once, one a line.
+
+    `source`, `key`, `value` and `allowed` are those of the first.
+    """
 
     def __init__(self, faults: list[InputError]) -> None:
-        self.faults, first = faults, faults[0]
+        first = faults[0]
         super().__init__(first.source, first.key, first.value, first.allowed)
+        self.faults = faults
         lines = [str(fault) for fault in faults[:MOST_REPORTED]]
-        if len(faults) > MOST_REPORTED:
-            lines.append(
-                f"{faults[MOST_REPORTED].source}: {len(faults) - MOST_REPORTED} more faults"
-            )
+        others = faults[MOST_REPORTED:]
+        if others:
+            lines.append(f"{others[0].source}: {len(others)} more faults")
         self.args = ("\n".join(lines),)
 
 
@@ -45,38 +49,45 @@ class NoFlankError(ValueError):
 
 
 def require(
-    holds: object, source: object, key: str, value: object, allowed: str
+    condition: object, source: object, key: str, value: object, allowed: str
 ) -> None:
-    """Raise InputError, as it takes them, unless something holds."""
-    if not holds:
+    """Raise InputError, with the other arguments, unless a condition holds."""
+    if not condition:
         raise InputError(source, key, value, allowed)
 
 
-def require_flank(holds: object, reason: str) -> None:
-    """Raise NoFlankError with a reason unless something holds."""
-    if not holds:
+def require_flank(condition: object, reason: str) -> None:
+    """Raise NoFlankError with a reason unless a condition holds."""
+    if not condition:
         raise NoFlankError(reason)
 
 
 def raise_together(faults: Iterable[InputError]) -> None:
-    """Raise all faults, each once: a single one as itself, several as `InputErrors`; without faults do nothing."""
+    """Raise faults, equal ones once; without faults do nothing.
+
+    A single fault is raised as itself, several as `InputErrors`.
+    """
     distinct = list({str(fault): fault for fault in faults}.values())
+    if len(distinct) == 1:
+        raise distinct[0]
     if distinct:
-        raise distinct[0] if len(distinct) == 1 else InputErrors(distinct)
+        raise InputErrors(distinct)
 
 
 def print_fault(fault: object) -> None:
-    """Print a fault of the input, an exception or its text, on stderr; one line for each fault."""
+    """Print a fault of the input, or its text, on stderr; each of its lines as a fault."""
     for line in str(fault).splitlines():
-        safe = "".join(
-            one if one.isprintable() else repr(one)[1:-1] for one in line
-        )  # no escape code of a file
-        print(f"repose: error: {safe}", file=sys.stderr, flush=True)
+        # A text of a file could hold an escape code of the terminal.
+        characters = [
+            character if character.isprintable() else repr(character)[1:-1]
+            for character in line
+        ]
+        print(f"repose: error: {''.join(characters)}", file=sys.stderr, flush=True)
 
 
 @contextmanager
 def one_message() -> Iterator[None]:
-    """End the program with one message, and as the verbs do, at a fault of the input."""
+    """End the program with one message at a fault of the input, as the verbs do."""
     try:
         yield
     except (InputError, OSError) as error:
@@ -86,10 +97,16 @@ def one_message() -> Iterator[None]:
 
 def _in_yaml(value: object) -> str:
     """Write a value as YAML has it, texts in quotes."""
-    if isinstance(value, list) and not any(
+    if value is None:
+        return "null"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    is_flat_list = isinstance(value, list) and not any(
         isinstance(item, list | dict) for item in value
-    ):
+    )
+    if is_flat_list:
+        assert isinstance(value, list)
         text = f"[{', '.join(map(_in_yaml, value[:MOST_SHOWN]))}]"
-        return text if len(text) <= MOST_SHOWN else shown(value)
-    words = ("null", None), ("true", True), ("false", False)
-    return next((word for word, constant in words if constant is value), shown(value))
+        if len(text) <= MOST_SHOWN:
+            return text
+    return shown(value)

@@ -1,8 +1,9 @@
 """Files: one writer and one reader for each type.
 
-A writer writes in one move, so a file is whole or not there, and adds the record of provenance of the current stage. It
-replaces only files that this program wrote (`repose.common.ledger`). A reader reports every fault of a file as an
-`InputError`, and leaves the record out.
+A writer writes in one move, so a file is whole or not there, and adds the record of
+provenance of the current stage. It replaces only files that this program wrote
+(`repose.common.ledger`). A reader reports every fault of a file as an `InputError`, and
+leaves the record out.
 """
 
 import json
@@ -21,9 +22,11 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Path_ = str | os.PathLike
-UNREADABLE = attached.UNREADABLE
-TURN = "turn"  # column of a record of runs alone: with which proposal a run was told
-KINDS = {
+# What the value of a key must be: a type, or one of several.
+Kind = type | tuple[type, ...]
+# Column that only a record of runs has: with which proposal a run was told.
+TURN = "turn"
+KIND_NAMES = {
     int: "an integer",
     float: "a number",
     str: "a text",
@@ -34,39 +37,39 @@ KINDS = {
 
 def path_of(name: str, path: Any) -> Path:
     """Return an argument as a path; InputError for what is none."""
-    require(
-        isinstance(path, Path_) and str(path), "study", name, path, "the path of a file"
-    )
+    is_path = isinstance(path, Path_) and bool(str(path))
+    require(is_path, "study", name, path, "the path of a file")
     return Path(path)
 
 
+# --- written --------------------------------------------------------------------------
+
+
 def write_text(path: Path_, text: str) -> None:
-    """Write a text as UTF-8, in one move."""
+    """Write a text as UTF-8."""
     write_bytes(path, text.encode())
 
 
 def write_bytes(path: Path_, content: bytes) -> None:
-    """Write bytes, in one move."""
+    """Write bytes; the record goes into a PNG, and into a sidecar of any other file."""
     record = provenance.current()
-    inside = content.startswith(attached.PNG)
-    if record and inside:
-        content = attached.in_png(content, record)
-    write_whole(path, lambda handle: handle.write(content))
-    if record and not inside:
+    if record and content.startswith(attached.PNG):
+        _write(path, attached.in_png(content, record))
+        return
+    _write(path, content)
+    if record:
         text = json.dumps(record, indent=1) + "\n"
-        write_whole(
-            f"{path}{attached.SIDECAR}", lambda handle: handle.write(text.encode())
-        )
+        _write(f"{path}{attached.SIDECAR}", text.encode())
 
 
 def write_json(path: Path_, content: Any, indent: int = 1) -> None:
-    """Write content as JSON, in one move; numbers of numpy are written as plain numbers."""
+    """Write content as JSON; numbers of numpy are written as plain numbers."""
     text = json_text(content, indent) + "\n"
-    write_whole(path, lambda handle: handle.write(text.encode()))
+    _write(path, text.encode())
 
 
 def json_text(content: Any, indent: int = 1) -> str:
-    """Return content as JSON; numbers of numpy become plain numbers."""
+    """Return content as JSON, a mapping with the record of the current stage."""
     record = provenance.current()
     if record and isinstance(content, Mapping):
         content = {**content, attached.KEY: record}
@@ -79,22 +82,32 @@ def write_table(
     float_format: str | None = None,
     index: bool = False,
 ) -> None:
-    """Write a table as CSV, in one move; `float_format` as in ``%.6g`` (None: all digits), `index` as first column."""
-    if TURN not in table and Path(path).is_file():
-        with Path(path).open("rb") as there:
-            is_record = TURN.encode() in there.readline().strip().split(b",")
-        require(
-            not is_record,
-            path,
-            "file",
-            "a record of runs",
-            "another name: the results in it would be lost",
-        )
+    """Write a table as CSV.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    table : pandas.DataFrame
+        The table.
+    float_format : str, optional
+        As in ``%.6g``; None for all digits.
+    index : bool
+        Whether the index is the first column.
+
+    Raises
+    ------
+    InputError
+        If the file is a record of runs, and the table is none.
+    """
+    if TURN not in table and _is_record_of_runs(path):
+        allowed = "another name: the results in it would be lost"
+        raise InputError(path, "file", "a record of runs", allowed)
     write_text(path, table.to_csv(index=index, float_format=float_format))
 
 
 def write_npz(path: Path_, arrays: Mapping[str, Any]) -> None:
-    """Write named arrays as a compressed .npz file, in one move."""
+    """Write named arrays as a compressed .npz file."""
     import numpy as np
 
     record = provenance.current()
@@ -105,51 +118,101 @@ def write_npz(path: Path_, arrays: Mapping[str, Any]) -> None:
 
 
 def write_image(path: Path_, picture: "np.ndarray") -> None:
-    """Write a picture (height, width) or (height, width, 3), uint8, blue first, in the format of the path's suffix."""
+    """Write a picture in the format of the path's suffix.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    picture : ndarray, (height, width) or (height, width, 3)
+        uint8, blue first.
+    """
     import cv2
 
     suffix = Path(path).suffix
     try:
-        done, content = cv2.imencode(suffix, picture)
+        is_encoded, content = cv2.imencode(suffix, picture)
     except cv2.error:
-        done = False
-    require(done, path, "suffix", suffix, "the suffix of a picture, as in .png")
+        is_encoded = False
+    allowed = "the suffix of a picture, as in .png"
+    require(is_encoded, path, "suffix", suffix, allowed)
     write_bytes(path, content.tobytes())
+
+
+def _write(path: Path_, content: bytes) -> None:
+    """Write bytes in one move, without a record."""
+    write_whole(path, lambda handle: handle.write(content))
+
+
+def _is_record_of_runs(path: Path_) -> bool:
+    """Tell whether a file is a record of runs, by its header."""
+    if not Path(path).is_file():
+        return False
+    with Path(path).open("rb") as file:
+        return TURN.encode() in file.readline().strip().split(b",")
+
+
+def _plain(value: Any) -> Any:
+    """Turn a number or array of numpy into Python's own, for JSON."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    raise TypeError(f"{type(value).__name__} cannot be written as JSON")
+
+
+# --- read -----------------------------------------------------------------------------
 
 
 def read_table(
     path: Path_, columns: Iterable[str | Column] = (), what: str = tables.TABLE
 ) -> "pd.DataFrame":
-    """Read a CSV file that has at least these columns; cells of columns of numbers are finite numbers or empty."""
+    """Read a CSV file that has at least these columns.
+
+    Cells of columns of numbers are finite numbers or empty.
+    """
     return tables.read(path, columns, what, tables.is_measured).frame()
 
 
 def read_json(
     path: Path_,
-    keys: Iterable[str] | Mapping[str, type | tuple[type, ...]] = (),
+    keys: Iterable[str] | Mapping[str, Kind] = (),
     what: str = "a JSON file",
 ) -> dict[str, Any]:
-    """Read a JSON file that holds a mapping with at least these keys, of these types if `keys` is a mapping."""
+    """Read a JSON file that holds a mapping.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    keys : iterable of str, or mapping of str to type
+        Keys that it must have, and their types.
+    what : str
+        What the file should be, for messages.
+
+    Returns
+    -------
+    dict
+        Without the record of provenance.
+    """
     try:
         content = json.loads(attached.plain_file(path).read_bytes().decode("utf-8-sig"))
     except OSError as error:
         raise InputError(path, "file", error.strerror, what) from error
-    except (*UNREADABLE, RecursionError) as error:
+    except (*attached.UNREADABLE, RecursionError) as error:
         raise InputError(path, "content", str(error), what) from error
     require(isinstance(content, dict), path, "content", content, what)
     content.pop(attached.KEY, None)
     for key in keys:
-        kinds = keys[key] if isinstance(keys, Mapping) else object
-        if key not in content or not isinstance(content[key], kinds):
-            named = [
-                KINDS.get(kind)
-                for kind in (kinds if isinstance(kinds, tuple) else (kinds,))
-            ]
-            kind = (
-                f"{' or '.join(filter(None, named))} in " if any(named) else "a key of "
-            )
-            raise InputError(path, key, content.get(key), f"{kind}{what}")
+        kind = keys[key] if isinstance(keys, Mapping) else object
+        if key not in content or not isinstance(content[key], kind):
+            raise InputError(path, key, content.get(key), f"{_named(kind)} {what}")
     return content
+
+
+def _named(kind: Kind) -> str:
+    """Name what a key must be, for a message."""
+    kinds = kind if isinstance(kind, tuple) else (kind,)
+    names = [KIND_NAMES[one] for one in kinds if one in KIND_NAMES]
+    return f"{' or '.join(names)} in" if names else "a key of"
 
 
 def read_npz(
@@ -158,22 +221,13 @@ def read_npz(
     """Read all arrays of an .npz file by name; `keys` must be among them."""
     import numpy as np
 
+    # numpy raises a TypeError for a plain .npy array, which cannot be closed.
+    unreadable = (*attached.UNREADABLE, TypeError, MemoryError)
     try:
         with np.load(attached.plain_file(path), allow_pickle=False) as store:
             arrays = {name: store[name] for name in store.files if name != attached.KEY}
-    except (
-        *UNREADABLE,
-        TypeError,
-        MemoryError,
-    ) as error:  # TypeError: a plain .npy array, which cannot be closed
+    except unreadable as error:
         raise InputError(path, "arrays", str(error), what) from error
     for key in keys:
         require(key in arrays, path, key, None, f"an array in {what}")
     return arrays
-
-
-def _plain(value: Any) -> Any:
-    """Turn a number or array of numpy into Python's own."""
-    if hasattr(value, "tolist"):
-        return value.tolist()
-    raise TypeError(f"{type(value).__name__} cannot be written as JSON")

@@ -1,113 +1,138 @@
-"""One workflow at a time in a folder of results.
+"""Locks: one workflow at a time in a folder of results, one writer at a time of a file.
 
-The locks belong to the operating system (flock) and end with the process that holds them, even if it is killed. Some
-file systems of clusters have none: there nothing is held, and nothing is refused.
+The locks belong to the operating system and end with the process that holds them, even
+if it is killed. Some file systems of clusters have none: there nothing is held, and
+nothing is refused.
 """
 
 import errno
+import itertools
 import os
+import platform
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
-from functools import cache, partial
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from functools import cache
 from pathlib import Path
-from typing import IO
 
 from repose.common import usage
 from repose.common.errors import InputError
 
-try:
-    import fcntl
-except ImportError:  # Windows
-    fcntl = None  # type: ignore[assignment]
-LOCK_EX, LOCK_SH, LOCK_NB = (
-    (fcntl.LOCK_EX, fcntl.LOCK_SH, fcntl.LOCK_NB) if fcntl else (0, 0, 0)
-)
-
+# A workflow holds the first of these files in its folder of results. Each of its jobs
+# holds one of its own, whose name begins with the second.
+WORKFLOW = ".lock"
+JOB = ".job-"
 # Errors of a file system without locks.
 NO_LOCKS = (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP)
-WORKFLOW, JOBS = (
-    ".lock",
-    ".jobs",
-)  # a workflow holds the first; its jobs hold the second, together
+
+Held = AbstractContextManager[object]
+_job_numbers = itertools.count()  # a process may run one job within another
 
 
-def take_folder(folder: str | os.PathLike) -> IO[str]:
-    """Lock a folder of results for a workflow, until the returned file is closed or the process ends.
+def take_folder(folder: str | os.PathLike) -> Held:
+    """Lock a folder of results for a workflow.
 
-    If a workflow was killed, wait until its jobs have ended; InputError if another workflow works on the folder.
+    If a workflow was killed, wait until its jobs have ended.
+
+    Parameters
+    ----------
+    folder : path
+        It is made if it is missing.
+
+    Returns
+    -------
+    context manager
+        The lock is held already. It ends with this context, when nothing refers to it
+        any more, or with the process.
+
+    Raises
+    ------
+    InputError
+        If another workflow works on the folder.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    mine = (folder / WORKFLOW).open("a+", encoding="utf-8")
-    if not _locked(mine, LOCK_EX):
-        mine.seek(0)
-        raise InputError(
-            folder,
-            "workflow",
-            mine.read() or "running",
-            "one at a time; wait until it has ended",
-        )
-    with (folder / JOBS).open("a", encoding="utf-8") as jobs:
-        if not _locked(jobs, LOCK_EX):
-            message = f"repose: {folder}: waiting until the jobs of a workflow that was killed have ended"
-            print(message, file=sys.stderr, flush=True)
-            _flock(jobs, LOCK_EX)
-    mine.truncate(0)
-    mine.write(f"process {os.getpid()} on {os.uname().nodename}")
-    mine.flush()
-    return mine
+    path = folder / WORKFLOW
+    held = _try_lock(path)
+    if held is None:
+        holder = path.read_text(encoding="utf-8") or "running"
+        allowed = "one at a time; wait until it has ended"
+        raise InputError(folder, "workflow", holder, allowed)
+    _wait_for_jobs(folder)
+    path.write_text(f"process {os.getpid()} on {platform.node()}", encoding="utf-8")
+    return held
+
+
+def _wait_for_jobs(folder: Path) -> None:
+    """Wait until the jobs of an earlier workflow have ended."""
+    is_told = False
+    for path in sorted(folder.glob(f"{JOB}*")):
+        held = _try_lock(path)
+        if held is None:
+            if not is_told:
+                text = "waiting until the jobs of a workflow that was killed have ended"
+                print(f"repose: {folder}: {text}", file=sys.stderr, flush=True)
+                is_told = True
+            held = _lock(path)
+        with held:
+            path.unlink(missing_ok=True)
 
 
 @contextmanager
 def joined_folder(folder: str | os.PathLike) -> Iterator[None]:
-    """Hold a folder of results for a job, which notes its processor time; a new workflow starts after it has ended."""
-    path = Path(folder) / JOBS
-    if not os.access(path, os.W_OK):
+    """Hold a folder of results for a job of its workflow.
+
+    A new workflow starts after the job has ended. The job notes its processor time. In
+    a folder without a workflow, as of a verb by hand, nothing is held or noted.
+    """
+    folder = Path(folder)
+    if not (folder / WORKFLOW).is_file() or not os.access(folder, os.W_OK):
         yield
         return
-    with path.open("a+", encoding="utf-8") as jobs:
-        _locked(jobs, LOCK_SH)
+    path = folder / f"{JOB}{platform.node()}-{os.getpid()}-{next(_job_numbers)}"
+    with _lock(path):
         try:
             yield
         finally:
             usage.note(folder)
-
-
-SAY_ONCE = cache(partial(print, file=sys.stderr))
+            path.unlink(missing_ok=True)
 
 
 @contextmanager
 def exclusive(path: str | os.PathLike) -> Iterator[None]:
-    """Hold a file against other processes of this program while it is read, changed and written."""
-    with (
-        Path(path)
-        .with_name(f".{Path(path).name}.lock")
-        .open("a+", encoding="utf-8") as file
-    ):
-        if not _flock(file, LOCK_EX):
-            SAY_ONCE(
-                f"repose: {path}: no locks on this system; one process at a time may add to it"
-            )
+    """Hold a file against other processes while it is read, changed and written."""
+    path = Path(path)
+    with _lock(path.with_name(f".{path.name}.lock")):
         yield
 
 
-def _locked(file: IO[str], kind: int) -> bool:
-    """Take a lock, or none where there are none; False if another process holds it."""
+def _try_lock(path: Path) -> Held | None:
+    """Take the lock of a file; None if another process holds it."""
+    from filelock import Timeout
+
     try:
-        _flock(file, kind | LOCK_NB)
-    except BlockingIOError:
-        return False
-    return True
+        return _lock(path, wait=False)
+    except Timeout:
+        return None
 
 
-def _flock(file: IO[str], kind: int) -> bool:
-    """Wait for a lock and take it; False where the system or the disk has none."""
+def _lock(path: Path, wait: bool = True) -> Held:
+    """Take the lock of a file, which is no link."""
+    # Slow to import, which the help of a verb should avoid.
+    from filelock import FileLock
+
+    lock = FileLock(path, blocking=wait, fallback_to_soft=False)
     try:
-        if fcntl is not None:
-            fcntl.flock(file, kind)
+        return lock.acquire()
     except OSError as error:
         if error.errno not in NO_LOCKS:
             raise
-        return False
-    return fcntl is not None
+        _warn_of_no_locks(path.parent)
+        return nullcontext()
+
+
+@cache
+def _warn_of_no_locks(folder: Path) -> None:
+    """Tell once that nothing is held in a folder."""
+    text = "no locks on this system; one process at a time may write here"
+    print(f"repose: {folder}: {text}", file=sys.stderr)

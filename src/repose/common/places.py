@@ -1,4 +1,7 @@
-"""Places of the files that are not Python: the workflow, the default configurations, measured and published tables."""
+"""Places of the files that are not Python.
+
+These are the workflow, the default configurations, measured and published tables.
+"""
 
 import os
 from pathlib import Path
@@ -9,30 +12,37 @@ DEFAULT_CONFIG = "config/config.yaml"
 
 
 def root() -> Path:
-    """Find the folder with Snakefile, workflow, config, profiles and resources: `repose/data`, or the checkout."""
+    """Find the folder with Snakefile, workflow, config, profiles and resources.
+
+    It is `repose/data` of an installation, or the checkout.
+    """
     installed = PACKAGE / "data"
     return installed if installed.is_dir() else PACKAGE.parents[1]
 
 
 def find(path: str | os.PathLike) -> Path:
-    """Return the path if it exists, or else the program's own file or folder of this name, if there is one."""
+    """Return a path, or the program's own file or folder of this name.
+
+    The program's own is taken only if there is none in the working folder.
+    """
     path = Path(path)
-    own = root() / path
-    return own if not path.exists() and own.exists() else path
+    of_program = root() / path
+    if not path.exists() and of_program.exists():
+        return of_program
+    return path
 
 
 def configs() -> list[Path]:
-    """List the default configurations, each over the one before it; a crop in the working folder replaces ours."""
-    method, default, study = (
-        find(METHOD_CONFIG),
-        root() / DEFAULT_CONFIG,
-        Path(DEFAULT_CONFIG),
-    )
+    """List the default configurations, each over the one before it.
+
+    A crop in the working folder (`config.yaml`) replaces ours.
+    """
+    method = find(METHOD_CONFIG)
+    default = root() / DEFAULT_CONFIG
+    study = Path(DEFAULT_CONFIG)
     if study.is_file():
-        return (
-            [method, study]
-            if study.resolve() == default.resolve()
-            else [method, default, study]
-        )
+        if study.resolve() == default.resolve():
+            return [method, study]
+        return [method, default, study]
     crop = Path("config.yaml")
     return [method, crop if crop.is_file() else default]

@@ -1,8 +1,8 @@
 """Provenance: the origin of a result, written with it.
 
-A stage is one verb with its settings and the files that it reads. While it runs, the writers of `repose.common.files` put
-its record into every file; a user's own program has no stage, so its files have no record. docs/howto.md explains the
-entries.
+A stage is one verb with its settings and the files that it reads. While it runs, the
+writers of `repose.common.files` put its record into every file. A user's own program
+has no stage, so its files have no record. docs/howto.md explains the entries.
 """
 
 import hashlib
@@ -21,137 +21,178 @@ from typing import Any, Literal
 
 from repose import __version__
 from repose.common import attached, places
-from repose.common.errors import InputError, require
+from repose.common.errors import InputError
 from repose.common.places import PACKAGE
 from repose.common.source_code import code_hash
 
-# A pour depends on the simulator, the bench tests and the grains.
+Record = Mapping[str, Any]
+Config = Mapping[str, Any]
+# A run depends on the simulator, the bench tests and the grains.
 ENGINE = ("dem", "grain", "bench")
 CPU_INFO = Path("/proc/cpuinfo")
 BUILT_FROM = "commit.txt"  # beside the program's other data; a build writes it
-# With these set, numba compiles and numpy calculates as on another type of processor, with other last bits.
+# With these set, numba compiles and numpy calculates as on another type of processor,
+# with other last bits.
 FORCED_TYPES = ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "OPENBLAS_CORETYPE")
 
 
 @dataclass
 class _Stage:
-    """The current verb, the records of its files, and the choice of its settings from the configuration."""
+    """The stage that runs."""
 
-    about: dict[str, Any]
-    inputs: list[tuple[Path, dict[str, Any] | None]]
-    settings_of: Callable[[Mapping[str, Any], str | None], Any]
-    config: Mapping[str, Any] | None = None
-    record: dict[str, Any] | None = None
-    simulates: bool = False
+    about: dict[str, Any]  # verb, and what else names the stage
+    inputs: list[tuple[Path, Record | None]]  # its files with their records
+    settings_of: Callable[[Config, str | None], Any]  # chooses those that it reads
+    simulates: bool
+    config: Config | None = None
+    record: dict[str, Any] | None = None  # made when the first file is written
 
 
-_stage: ContextVar[_Stage | None] = ContextVar("stage", default=None)
+_current: ContextVar[_Stage | None] = ContextVar("stage", default=None)
 
 
 @contextmanager
 def stage(
     verb: str,
     paths: Iterable[Path],
-    settings_of: Callable[[Mapping[str, Any], str | None], Any],
+    settings_of: Callable[[Config, str | None], Any],
     apparatus: str | None = None,
     runs: Literal["", "made", "measured"] = "",
     strategy: str | None = None,
 ) -> Iterator[None]:
-    """Write the record of a stage with the input files `paths` into every file that is written meanwhile.
+    """Write the record of a stage into every file that is written meanwhile.
 
-    `runs` says whether its results are runs of a bench test that it makes by the simulator, or measures; `apparatus`
-    None is the bench test of the input files. `strategy` is that which a stage of its batches serves.
+    Parameters
+    ----------
+    verb : str
+        Name of the stage.
+    paths : iterable of Path
+        Its input files.
+    settings_of : callable
+        Chooses from a configuration, and the name of a bench test, the settings that
+        the stage reads.
+    apparatus : str, optional
+        The bench test of its runs; by default that of the input files.
+    runs : str
+        Whether its results are runs of a bench test that it makes by the simulator, or
+        measures.
+    strategy : str, optional
+        The strategy whose batches the stage serves.
+
+    Raises
+    ------
+    InputError
+        If the input files do not belong together (`refuse_mixture`).
     """
-    inputs = [(path, attached.read(path)) for path in paths]
+    inputs: list[tuple[Path, Record | None]] = [
+        (path, attached.read(path)) for path in paths
+    ]
     refuse_mixture(inputs)
-    if runs and apparatus is None:
-        named = (record.get("apparatus") for _, record in inputs if record)
-        apparatus = next(filter(None, named), None)
-    about = {"verb": verb} | ({"apparatus": apparatus} if runs else {})
-    about |= {"strategy": strategy} if strategy else {}
-    token = _stage.set(_Stage(about, inputs, settings_of, simulates=runs == "made"))
+    about: dict[str, Any] = {"verb": verb}
+    if runs:
+        about["apparatus"] = apparatus or _first_entry(inputs, "apparatus")
+    if strategy:
+        about["strategy"] = strategy
+    token = _current.set(_Stage(about, inputs, settings_of, simulates=runs == "made"))
     try:
         yield
     finally:
-        _stage.reset(token)
+        _current.reset(token)
 
 
-def note_config(config: Mapping[str, Any]) -> None:
+def note_config(config: Config) -> None:
     """Give the current stage, if there is one, its whole configuration."""
-    running = _stage.get()
+    running = _current.get()
     if running is not None:
-        running.config, running.record = config, None
+        running.config = config
+        running.record = None
 
 
 def current() -> dict[str, Any] | None:
     """Return the record of the current stage; None without one."""
-    running = _stage.get()
-    if running is not None and running.record is None:
+    running = _current.get()
+    if running is None:
+        return None
+    if running.record is None:
         running.record = _record(running)
-    return running.record if running else None
+    return running.record
 
 
 def _record(running: _Stage) -> dict[str, Any]:
     """Make the record of a stage."""
-    engines = [
-        record["engine"]
-        for _, record in running.inputs
-        if record and record.get("engine")
-    ]
-    engine = engine_hash() if running.simulates else next(iter(engines), None)
-    config, seed = running.config, None
-    if config is not None:
-        config, seed = (
-            running.settings_of(config, running.about.get("apparatus")),
-            config["design"]["seed"],
-        )
-    settings = hash_of(config)
-    origins = sorted(
-        {
-            record["origin"] if record else hash_of_file(path)
-            for path, record in running.inputs
-        }
-    )
-    origin = hash_of([running.about, settings, engine, origins])
-    return (
-        running.about
-        | {"settings": settings, "engine": engine, "origin": origin, "seed": seed}
-        | machine()
-    )
+    if running.simulates:
+        engine = engine_hash()
+    else:
+        engine = _first_entry(running.inputs, "engine")
+    chosen = None
+    seed = None
+    if running.config is not None:
+        chosen = running.settings_of(running.config, running.about.get("apparatus"))
+        seed = running.config["design"]["seed"]
+    settings = hash_of(chosen)
+    origins = set()
+    for path, record in running.inputs:
+        origins.add(record["origin"] if record else hash_of_file(path))
+    return {
+        **running.about,
+        "settings": settings,
+        "engine": engine,
+        "origin": hash_of([running.about, settings, engine, sorted(origins)]),
+        "seed": seed,
+        **machine(),
+    }
 
 
-def refuse_mixture(inputs: Iterable[tuple[Path, Mapping[str, Any] | None]]) -> None:
-    """Raise InputError for results of two engines, or runs of two origins; a file without a record goes with any."""
-    engines: dict[str, Path] = {}
-    origins: dict[tuple, tuple[str, Path]] = {}
+def _first_entry(inputs: Iterable[tuple[Path, Record | None]], key: str) -> Any:
+    """Return the first entry of a key among the records of files; None without one."""
+    for _, record in inputs:
+        if record and record.get(key):
+            return record[key]
+    return None
+
+
+def refuse_mixture(inputs: Iterable[tuple[Path, Record | None]]) -> None:
+    """Raise InputError for results that do not belong together.
+
+    These are results of two engines, and runs of a bench test, which become rows of one
+    table, of two origins. A file without a record goes with any.
+
+    Parameters
+    ----------
+    inputs : iterable of (Path, mapping or None)
+        Files with their records.
+    """
+    first_engine: tuple[str, Path] | None = None
+    first_origins: dict[tuple[str, str], tuple[str, Path]] = {}
     for path, record in inputs:
         if record is None:
             continue
         engine = record.get("engine")
-        if engine and engines.setdefault(engine, path) == path and len(engines) > 1:
-            other, where = next(iter(engines.items()))
-            raise InputError(
-                path,
-                "provenance.engine",
-                engine,
-                f"{other}, as in {where}: results of one engine",
-            )
-        if "apparatus" in record:  # runs, which are rows of one table
+        if engine:
+            first_engine = first_engine or (engine, path)
+            other, source = first_engine
+            if engine != other:
+                allowed = f"{other}, as in {source}: results of one engine"
+                raise InputError(path, "provenance.engine", engine, allowed)
+        if "apparatus" in record:
             kind = (record["verb"], record["apparatus"])
-            origin, where = origins.setdefault(kind, (record["origin"], path))
-            allowed = f"{origin}, as in {where}: runs of the same settings, grain and particle"
-            require(
-                origin == record["origin"],
-                path,
-                "provenance.origin",
-                record["origin"],
-                allowed,
-            )
+            origin = record["origin"]
+            other, source = first_origins.setdefault(kind, (origin, path))
+            if origin != other:
+                allowed = (
+                    f"{other}, as in {source}: runs of the same settings, grain and "
+                    "particle"
+                )
+                raise InputError(path, "provenance.origin", origin, allowed)
+
+
+# --- hashes ---------------------------------------------------------------------------
 
 
 def hash_of(content: Any) -> str:
     """Hash content that JSON can hold; 16 hexadecimal digits."""
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
+    text = json.dumps(content, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def hash_of_file(path: str | PathLike) -> str:
@@ -164,23 +205,26 @@ def engine_hash() -> str:
     return code_hash(*ENGINE, follow_imports=False)
 
 
+# --- machine --------------------------------------------------------------------------
+
+
 @cache
 def machine() -> dict[str, str | None]:
-    """Find the versions, the commit (None where it is not known) and the processor type."""
+    """Find the versions, the commit (None where it is not known) and the processor."""
     return {
         "repose": __version__,
         "commit": _commit(),
         "processor": _processor(),
         "python": platform.python_version(),
-        **{name: _version(name) for name in ("numpy", "numba")},
+        "numpy": _version("numpy"),
+        "numba": _version("numba"),
     }
 
 
 def _version(name: str) -> str | None:
     """Tell the version of a library; None where it is not installed."""
-    from importlib import (
-        metadata,
-    )  # slow to import, which the help of a verb should avoid
+    # Slow to import, which the help of a verb should avoid.
+    from importlib import metadata
 
     try:
         return metadata.version(name)
@@ -189,25 +233,27 @@ def _version(name: str) -> str | None:
 
 
 def _commit() -> str | None:
-    """Find the commit of the checkout, or the one that the package was built from; None if neither is known."""
-    root, noted = PACKAGE.parents[1], places.root() / BUILT_FROM
+    """Find the commit of the checkout, or of the build; None if neither is known."""
+    root = PACKAGE.parents[1]
     if not (root / ".git").exists():
-        return (
-            noted.read_text(encoding="utf-8").strip() or None
-            if noted.is_file()
-            else None
-        )
-    words = ["git", "-C", str(root), "rev-parse", "--short=12", "HEAD"]
+        built_from = places.root() / BUILT_FROM
+        if not built_from.is_file():
+            return None
+        return built_from.read_text(encoding="utf-8").strip() or None
+    command = ["git", "-C", str(root), "rev-parse", "--short=12", "HEAD"]
     try:
-        return subprocess.run(
-            words, capture_output=True, text=True, check=True
-        ).stdout.strip()
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
     except (OSError, subprocess.CalledProcessError):
         return None
+    return done.stdout.strip()
 
 
 def _processor() -> str:
-    """Describe the processor: name, family, model, and settings that compile or calculate for another type."""
+    """Describe the processor, and settings that calculate for another type.
+
+    A virtual machine may call several generations by one name, so the family and the
+    model stand behind it.
+    """
     try:
         lines = CPU_INFO.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
@@ -216,21 +262,14 @@ def _processor() -> str:
     for line in lines:
         key, _, value = line.partition(":")
         fields.setdefault(key.strip(), value.strip())
-    name = fields.get("model name") or platform.processor() or platform.machine()
-    # a virtual machine may call several generations by one name
-    numbers = [
-        f"{key.rpartition(' ')[2]} {fields[key]}"
-        for key in ("cpu family", "model")
-        if key in fields
+    parts = [
+        fields.get("model name") or platform.processor() or platform.machine(),
     ]
-    return ", ".join(
-        [
-            name,
-            *numbers,
-            *[
-                f"{key}={os.environ[key]}"
-                for key in FORCED_TYPES
-                if os.environ.get(key)
-            ],
-        ]
-    )
+    if "cpu family" in fields:
+        parts.append(f"family {fields['cpu family']}")
+    if "model" in fields:
+        parts.append(f"model {fields['model']}")
+    for name in FORCED_TYPES:
+        if os.environ.get(name):
+            parts.append(f"{name}={os.environ[name]}")
+    return ", ".join(parts)

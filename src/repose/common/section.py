@@ -6,7 +6,8 @@ A section is a subclass of `Section` with one field a key::
         seeds: int = Field(ge=1, le=100)
         height_mm: float = Field(ge=1, le=1000)
 
-The message about a bad value states the allowed values: the `description` of the field, or its type and bounds.
+The message about a bad value states the allowed values: the `description` of the field,
+or its type and bounds.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -17,44 +18,53 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 from pydantic_core import PydanticCustomError, core_schema
 
 AUTO: Final = "auto"
-ABSENT: Any = None  # default of a key that may be left out, and may not be null
-OF_OTHERS: Any = AUTO  # default of a key of the type `OrAuto`
-Auto = Literal["auto"]  # the number follows from other keys (`repose.config.computed`)
+# Default of a key that may be left out, and may not be null.
+ABSENT: Any = None
+# Default of a key of the type `OrAuto`.
+OF_OTHERS: Any = AUTO
+# The number follows from other keys (`repose.config.computed`).
+Auto = Literal["auto"]
 T = TypeVar("T")
 if TYPE_CHECKING:
+    # For a type checker the key has a number: it has one once `auto` is resolved.
     OrAuto = Annotated[T, AUTO]
 else:
 
     class OrAuto:
-        """The type of a key that may be `auto`; once the configuration is resolved it is the number."""
+        """The type of a key that may be `auto`, as ``OrAuto[float]``."""
 
         def __class_getitem__(cls, value: Any) -> Any:
             return value | Auto
 
 
-Contradictions = Iterator[tuple[str, str]]  # (key, allowed values)
+# Pairs of a key and its allowed values, and the type of the error that holds them.
+Contradictions = Iterator[tuple[str, str]]
+CONTRADICTION = "contradiction"
 
-CONTRADICTION = "contradiction"  # type of the error that holds `Contradictions`
-
-_NO_BRACES = r"^[^{}\x00-\x1f\x7f]+$"  # snakemake takes braces for wildcards
-FILE: Final = object()  # marks the types of keys that name a file
+# Snakemake takes braces for wildcards.
+_NO_BRACES = r"^[^{}\x00-\x1f\x7f]+$"
+# Marks the types of keys that name a file.
+FILE: Final = object()
+_Path = Annotated[str, Field(pattern=_NO_BRACES)]
 Path = Annotated[
     str, Field(pattern=_NO_BRACES, description="a path of a file, without braces"), FILE
 ]
-_Path = Annotated[str, Field(pattern=_NO_BRACES)]
 PathOrNull = Annotated[
     _Path | None, Field(description="a path of a file, without braces, or null"), FILE
 ]
-Seed = Annotated[int, Field(ge=0, le=4294967295)]
-Share = Annotated[float, Field(ge=0, le=1)]
-Percent = Annotated[float, Field(gt=0, le=50)]
-Seeds = Annotated[int, Field(ge=1, le=100)]
 MOST_BERRIES = 20_000
 Berries = Annotated[int, Field(ge=1, le=MOST_BERRIES)]
+Percent = Annotated[float, Field(gt=0, le=50)]
+Seed = Annotated[int, Field(ge=0, le=4294967295)]
+Seeds = Annotated[int, Field(ge=1, le=100)]
+Share = Annotated[float, Field(ge=0, le=1)]
 
 
 class Section(BaseModel):
-    """A section: all keys known, no value converted; 8.0 is not an integer, true not a number; numbers are finite."""
+    """A section: its keys are known, its numbers are finite, and no value is converted.
+
+    So 8.0 is no integer, and true is no number.
+    """
 
     model_config = ConfigDict(
         extra="forbid",
@@ -66,7 +76,10 @@ class Section(BaseModel):
     )
 
     def contradictions(self) -> Contradictions:
-        """Find values, each valid by itself, that contradict each other; the key is relative to this section."""
+        """Find values, each valid by itself, that contradict each other.
+
+        The keys are relative to this section.
+        """
         return iter(())
 
     @model_validator(mode="after")
@@ -76,18 +89,21 @@ class Section(BaseModel):
 
 
 def refuse(contradictions: Iterable[tuple[str, str]]) -> None:
-    """Raise the error by which a validator reports `Contradictions`, if any; the key "" means the whole value."""
+    """Raise the error by which a validator reports contradictions, if there are any.
+
+    The key "" means the value as a whole.
+    """
     pairs = list(contradictions)
     if pairs:
-        raise PydanticCustomError(
-            CONTRADICTION, "values that do not go together", {"found": pairs}
-        )
+        message = "values that do not go together"
+        raise PydanticCustomError(CONTRADICTION, message, {"found": pairs})
 
 
 class OneOf:
-    """The type of a key that takes a name of a registry, as ``Annotated[str, OneOf(names)]``.
+    """The type of a key that takes a name of a registry.
 
-    `names` is called when the first configuration is checked, so that a module with a section loads no registry.
+    It is written ``Annotated[str, OneOf(names)]``. `names` is called when the first
+    configuration is checked, so that a module with a section loads no registry.
     """
 
     def __init__(self, names: Callable[[], Iterable[str]]) -> None:
@@ -96,14 +112,16 @@ class OneOf:
     def __get_pydantic_core_schema__(
         self, source: Any, handler: Any
     ) -> core_schema.CoreSchema:
+        """Make pydantic's schema."""
         return core_schema.literal_schema(list(self.names()))
 
 
 def _rising(numbers: Sequence[float]) -> Sequence[float]:
-    """Check that numbers rise; ValueError if they do not."""
+    """Return numbers that rise; ValueError if they do not."""
     if not all(low < high for low, high in pairwise(numbers)):
         raise ValueError("the numbers do not rise")
     return numbers
 
 
-RISING = AfterValidator(_rising)  # marks a pair whose first number is below its second
+# Marks a pair whose first number is below its second.
+RISING = AfterValidator(_rising)

@@ -12,13 +12,13 @@ import sys
 import unicodedata
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from decimal import Decimal
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from repose.common.attached import plain_file
 from repose.common.errors import InputError, raise_together, require
+from repose.common.summary_rows import find_summary_row
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -35,20 +35,6 @@ NUMBER = re.compile(
 )
 WITH_COMMA = re.compile(r"[+-]?\d*,\d+(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 WITH_POINT = re.compile(r"[+-]?\d*\.\d+(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
-
-# A row is compared with the statistics of at least so many rows above it, ...
-FEWEST_ROWS_ABOVE = 3
-# ... in at least so many columns, ...
-FEWEST_COLUMNS = 3
-# ... in each of which the rows above scatter by so many units of the last digit that
-# the row prints: in coarser columns an ordinary row may equal the rounded mean.
-FEWEST_STEPS = 5.0
-STATISTICS: dict[str, Callable[[np.ndarray], float]] = {
-    "mean": np.mean,
-    "minimum": np.min,
-    "maximum": np.max,
-    "standard deviation": lambda numbers: np.std(numbers, ddof=1),
-}
 
 
 @dataclass(frozen=True)
@@ -233,9 +219,8 @@ def read(
     Raises
     ------
     InputError
-        If the file is no table, lacks a column, or has a cell that its column does not
-        allow; and, if columns are declared, if a row at the end repeats a statistic of
-        the rows above.
+        If the file is no table, lacks a column, has a cell that its column does not
+        allow, or a row at the end that sums up the others (`find_summary_row`).
     """
     table = sheet(path, what)
     columns = list(columns)
@@ -252,9 +237,7 @@ def read(
             words = "a finite number, as most cells of this column"
             checked.append(Column(name, kind, empty=True, words=words))
     values, faults = check(table.text, checked)
-    if declared:
-        faults += _summary_rows(table.text, declared)
-    refuse(path, faults)
+    refuse(path, [*faults, *_summary_faults(table.text, declared)])
 
     for name in table.text:
         cells = values[name] if name in declared else table.text[name].tolist()
@@ -591,79 +574,19 @@ def _truth(cell: Any) -> bool:
     return text == "true"
 
 
-def _summary_rows(cells: "pd.DataFrame", declared: Mapping[str, Column]) -> list[Fault]:
-    """Find a row at the end that is no measurement but a statistic of the rows above.
-
-    Compared are the columns that are declared as numbers or, if none is, all columns
-    of numbers. The row must equal the same statistic in every column that varies: the
-    centre of a design equals the mean of all its parameters, but of no response.
-    """
-    names = [name for name in cells if _is_declared_number(declared.get(name))]
-    if not names:
-        names = [name for name in cells if is_number(cells[name])]
-    n_rows = len(cells)
-    numbers = np.full((n_rows, len(names)), math.nan)
-    for k, name in enumerate(names):
-        numbers[:, k] = [_finite_number(cell) for cell in cells[name].tolist()]
-
-    # Of several such rows at the end the first is found: below it are no measurements.
-    for row in range(max(0, n_rows - len(STATISTICS)), n_rows):
-        last_digits = [_last_digit(cells[name].iat[row]) for name in names]
-        statistic = _statistic_in(numbers[: row + 1], last_digits)
-        if statistic:
-            allowed = (
-                f"a row of its own measurement; this one has the {statistic} of the "
-                "rows above it in each column: leave it out"
-            )
-            return [(row, str(cells.columns[0]), cells.iat[row, 0], allowed)]
-    return []
-
-
-def _is_declared_number(column: Column | None) -> bool:
-    """Tell whether a column is declared as one of numbers."""
-    return column is not None and column.kind in (int, float)
-
-
-def _statistic_in(numbers: np.ndarray, last_digits: Sequence[float]) -> str:
-    """Name the statistic that the last row has of the rows above; empty if there is none.
-
-    Parameters
-    ----------
-    numbers : ndarray, (rows, columns)
-        NaN where a cell holds no number.
-    last_digits : sequence of float
-        Unit of the last digit that the last row prints in each column.
-    """
-    n_columns = 0
-    candidates = list(STATISTICS)
-    for column, last_digit in zip(numbers.T, last_digits, strict=True):
-        value = column[-1]
-        above = column[:-1][np.isfinite(column[:-1])]
-        if not math.isfinite(value) or len(above) < FEWEST_ROWS_ABOVE:
-            continue
-        if np.std(above) < FEWEST_STEPS * last_digit:
-            continue
-        n_columns += 1
-        # Half a digit, and room for the rounding of the statistic itself.
-        tolerance = 0.501 * last_digit
-        candidates = [
-            name
-            for name in candidates
-            if abs(STATISTICS[name](above) - value) <= tolerance
-        ]
-    if n_columns < FEWEST_COLUMNS or not candidates:
-        return ""
-    return candidates[0]
-
-
-def _finite_number(cell: str) -> float:
-    """Read a cell; NaN if it holds no finite number."""
-    number = float(cell) if NUMBER.fullmatch(cell) else math.nan
-    return number if math.isfinite(number) else math.nan
-
-
-def _last_digit(cell: str) -> float:
-    """Return the unit of the last digit of a number as it is written; NaN without one."""
-    if math.isnan(_finite_number(cell)):
-        return math.nan
-    return 10.0 ** int(Decimal(cell.strip()).as_tuple().exponent)
+def _summary_faults(
+    cells: "pd.DataFrame", declared: Mapping[str, Column]
+) -> list[Fault]:
+    """Find a row that sums up others in the columns that are declared as numbers."""
+    numbers = {}
+    for name, column in declared.items():
+        if name in cells and column.kind in (int, float):
+            numbers[name] = cells[name].tolist()
+    found = find_summary_row(numbers)
+    if found is None:
+        return []
+    allowed = (
+        f"a row of its own measurement; this one has the {found.statistic} of the rows "
+        "above it in each column: leave it out"
+    )
+    return [(found.row, str(cells.columns[0]), cells.iat[found.row, 0], allowed)]

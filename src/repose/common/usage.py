@@ -1,59 +1,45 @@
 """Processor time of the jobs of a study: each of their processes notes its own at its end.
 
-Snakemake's benchmark of a job ends at its last look, a half minute before the end of a long one.
+Snakemake's benchmark of a job ends at its last look, a half minute before the end of a
+long one.
 """
 
 import csv
 import os
+import platform
 import time
+from collections import defaultdict
 from collections.abc import Iterable
 from contextlib import suppress
-from itertools import groupby
-from operator import attrgetter
 from pathlib import Path
 from typing import NamedTuple
 
 TABLE = "benchmarks/processes.csv"
-LOG, BENCHMARK = (
-    ("logs", ".log"),
-    ("benchmarks", ".tsv"),
-)  # folder and ending of both files of a job
-LATE_S = 1.0  # a process may end later than its job began by so much less
+# A job has a log and a benchmark of one name in these folders.
+LOGS = "logs"
+BENCHMARKS = "benchmarks"
+# A process may end so much earlier than its job began [s]: clocks of files are coarse.
+CLOCK_TOLERANCE_S = 1.0
 
 
 class Used(NamedTuple):
-    """What a process used; `log` is that of its job, `ancestors` are the processes that started it."""
+    """What a process used."""
 
     ended_s: float
     cpu_s: float
-    log: str
+    log: str  # of its job
     host: str
-    ancestors: str
-
-
-def note(folder: str | os.PathLike) -> None:
-    """Add this process to the table of a folder of results, in one write that no other mixes with."""
-    try:
-        import psutil
-    except ImportError:  # no workflow is installed here
-        return
-    ancestors = " ".join(str(one.pid) for one in psutil.Process().parents())
-    row = Used(time.time(), used_here_s(), _log(), os.uname().nodename, ancestors)
-    table = Path(folder) / TABLE
-    line = ",".join(map(str, row)) + "\n"
-    with suppress(OSError):  # the disk is full: the job itself has its files
-        table.parent.mkdir(exist_ok=True)
-        with table.open("a", encoding="utf-8") as handle:
-            handle.write(line if handle.tell() else f"{','.join(Used._fields)}\n{line}")
+    ancestors: str  # the processes that started it
 
 
 def _ended_children_s() -> float:
     """Add up the processor time of the children of this process that have ended [s]."""
-    with suppress(ImportError):  # Windows, where no workflow runs, has none
+    try:
         import resource
-
-        return sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])
-    return 0.0
+    except ImportError:  # Windows, where no workflow runs
+        return 0.0
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 # Of the commands that a shell ran before it became this process [s].
@@ -65,12 +51,33 @@ def used_here_s() -> float:
     return time.process_time() + _ended_children_s() - EARLIER_S
 
 
+def note(folder: str | os.PathLike) -> None:
+    """Add this process to the table of a folder of results."""
+    try:
+        import psutil
+    except ImportError:  # no workflow is installed here
+        return
+    ancestors = " ".join(str(one.pid) for one in psutil.Process().parents())
+    row = Used(time.time(), used_here_s(), _log(), platform.node(), ancestors)
+    line = ",".join(map(str, row)) + "\n"
+    table = Path(folder) / TABLE
+    # If the disk is full, the job itself has its files.
+    with suppress(OSError):
+        table.parent.mkdir(exist_ok=True)
+        with table.open("a", encoding="utf-8") as handle:
+            is_new = handle.tell() == 0
+            header = ",".join(Used._fields) + "\n"
+            # One write, so that lines of processes that end together do not mix.
+            handle.write(header + line if is_new else line)
+
+
 def _log() -> str:
-    """Find the file that takes this process's errors, where the system names it; empty otherwise."""
-    with suppress(OSError, ValueError):
+    """Find the file that takes this process's errors, if the system names it."""
+    try:
         path = os.path.relpath(os.readlink("/proc/self/fd/2"))
-        return path if path.endswith(LOG[1]) and "," not in path else ""
-    return ""
+    except (OSError, ValueError):
+        return ""
+    return path if path.endswith(".log") and "," not in path else ""
 
 
 def since(folder: str | os.PathLike, began_s: float) -> list[Used]:
@@ -79,32 +86,39 @@ def since(folder: str | os.PathLike, began_s: float) -> list[Used]:
     if not table.is_file():
         return []
     with table.open(encoding="utf-8", newline="") as handle:
-        rows = [row for row in csv.reader(handle) if len(row) == len(Used._fields)][1:]
-    return [
-        Used(float(ended), float(cpu), *others)
-        for ended, cpu, *others in rows
-        if float(ended) >= began_s
-    ]
+        rows = list(csv.reader(handle))[1:]
+    processes = []
+    for row in rows:
+        if len(row) == len(Used._fields):  # a full disk may have cut a line off
+            ended, cpu, *others = row
+            processes.append(Used(float(ended), float(cpu), *others))
+    return [process for process in processes if process.ended_s >= began_s]
 
 
 def correct_benchmarks(folder: str | os.PathLike, used: Iterable[Used]) -> None:
     """Put the processor time of the whole job into snakemake's benchmark of each job."""
-    of_log = attrgetter("log")
-    for log, processes in groupby(sorted(used, key=of_log), of_log):
-        with suppress(
-            ValueError, OSError
-        ):  # of no job, or it failed and has no benchmark
-            path = (
-                Path(folder)
-                / BENCHMARK[0]
-                / Path(log).relative_to(Path(folder) / LOG[0]).with_suffix(BENCHMARK[1])
-            )
-            *rows, last = path.read_text(encoding="utf-8").splitlines()
-            names, values = rows[0].split("\t"), last.split("\t")
-            began_s = path.stat().st_mtime - float(values[names.index("s")]) - LATE_S
-            values[names.index("cpu_time")] = (
-                f"{sum(one.cpu_s for one in processes if one.ended_s >= began_s):.2f}"
-            )
-            path.write_text(
-                "\n".join([*rows, "\t".join(values)]) + "\n", encoding="utf-8"
-            )
+    folder = Path(folder)
+    by_log: dict[str, list[Used]] = defaultdict(list)
+    for process in used:
+        by_log[process.log].append(process)
+    for log, processes in by_log.items():
+        if Path(log).is_relative_to(folder / LOGS):
+            name = Path(log).relative_to(folder / LOGS).with_suffix(".tsv")
+            path = folder / BENCHMARKS / name
+            # A job that failed has no benchmark, or a part of one.
+            with suppress(OSError, ValueError):
+                _correct_benchmark(path, processes)
+
+
+def _correct_benchmark(path: Path, processes: Iterable[Used]) -> None:
+    """Put the processor time of a job's processes into its benchmark."""
+    *rows, last = path.read_text(encoding="utf-8").splitlines()
+    names = rows[0].split("\t")
+    values = last.split("\t")
+    # Processes of an earlier attempt at the job do not count.
+    wall_s = float(values[names.index("s")])
+    began_s = path.stat().st_mtime - wall_s - CLOCK_TOLERANCE_S
+    cpu_s = sum(process.cpu_s for process in processes if process.ended_s >= began_s)
+    values[names.index("cpu_time")] = f"{cpu_s:.2f}"
+    text = "\n".join([*rows, "\t".join(values)]) + "\n"
+    path.write_text(text, encoding="utf-8")

@@ -95,8 +95,6 @@ def pour_job(
     write_npz(out / f"{name}.npz", saved)
     path = out / f"{name}{POURS}"
     write_json(path, about | {"pours": records})
-    if kept:
-        kept.join(seeds)
     return path
 
 

@@ -323,4 +323,3 @@ def test_a_study_needs_no_locks_of_the_system(tmp_path):
         cwd=tmp_path,
     )
     assert done.stdout.strip() == "32"
-    assert "no locks on this system" in done.stderr

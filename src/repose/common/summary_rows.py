@@ -1,0 +1,121 @@
+"""Rows at the end of a measured table that are no measurement but sum up the others.
+
+Spreadsheets have them below the measurements, with labels in any language. They are
+known by their numbers.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from decimal import Decimal
+from typing import NamedTuple
+
+import numpy as np
+
+# A row is compared with the statistics of at least so many rows above it, ...
+FEWEST_ROWS_ABOVE = 3
+# ... in at least so many columns, ...
+FEWEST_COLUMNS = 3
+# ... in each of which the rows above scatter by so many units of the last digit that
+# the row prints: in coarser columns an ordinary row may equal the rounded mean.
+FEWEST_STEPS = 5.0
+STATISTICS: dict[str, Callable[[np.ndarray], float]] = {
+    "mean": np.mean,
+    "minimum": np.min,
+    "maximum": np.max,
+    "standard deviation": lambda numbers: np.std(numbers, ddof=1),
+}
+
+
+class SummaryRow(NamedTuple):
+    """A row that sums up the rows above."""
+
+    row: int
+    statistic: str
+
+
+def find_summary_row(columns: Mapping[str, Sequence[str]]) -> SummaryRow | None:
+    """Find a row at the end that has a statistic of the rows above it.
+
+    Parameters
+    ----------
+    columns : mapping of str to sequence of str
+        The cells of the columns of numbers.
+
+    Returns
+    -------
+    SummaryRow or None
+        The first such row; below it are no measurements. The row equals the same
+        statistic, to the digits that it prints, in every column that varies. A row that
+        repeats a row above is none, and neither is a row of a design, whose columns
+        have few levels: its centre is the mean of all of them, its corners their ends.
+    """
+    cells = list(columns.values())
+    n_rows = len(cells[0]) if cells else 0
+    numbers = np.full((n_rows, len(cells)), math.nan)
+    for k, column in enumerate(cells):
+        numbers[:, k] = [_finite_number(cell) for cell in column]
+    for row in range(max(0, n_rows - len(STATISTICS)), n_rows):
+        last_digits = [_last_digit(column[row]) for column in cells]
+        statistic = _statistic_of(numbers[row], numbers[:row], last_digits)
+        if statistic:
+            return SummaryRow(row, statistic)
+    return None
+
+
+def _statistic_of(
+    row: np.ndarray, above: np.ndarray, last_digits: Sequence[float]
+) -> str:
+    """Name the statistic of the rows above that a row has; empty if there is none.
+
+    Parameters
+    ----------
+    row : ndarray, (columns,)
+        NaN where a cell holds no number.
+    above : ndarray, (rows, columns)
+        The rows above.
+    last_digits : sequence of float
+        Unit of the last digit that the row prints in each column.
+    """
+    compared = [
+        k
+        for k, last_digit in enumerate(last_digits)
+        if math.isfinite(row[k]) and _varies(above[:, k], last_digit)
+    ]
+    if len(compared) < FEWEST_COLUMNS:
+        return ""
+    if (above[:, compared] == row[compared]).all(axis=1).any():
+        return ""
+    for name, statistic in STATISTICS.items():
+        has_statistic = True
+        for k in compared:
+            column = above[:, k]
+            difference = abs(statistic(column[np.isfinite(column)]) - row[k])
+            # Half a digit, and room for the rounding of the statistic itself.
+            has_statistic &= bool(difference <= 0.501 * last_digits[k])
+        if has_statistic:
+            return name
+    return ""
+
+
+def _varies(column: np.ndarray, last_digit: float) -> bool:
+    """Tell whether most numbers of a column differ, by enough units of the last digit."""
+    numbers = column[np.isfinite(column)]
+    if len(numbers) < FEWEST_ROWS_ABOVE or 2 * len(set(numbers)) <= len(numbers):
+        return False
+    return bool(np.std(numbers) >= FEWEST_STEPS * last_digit)
+
+
+def _finite_number(cell: str) -> float:
+    """Read a cell; NaN if it holds no finite number."""
+    try:
+        number = float(cell)
+    except ValueError:
+        return math.nan
+    return number if math.isfinite(number) else math.nan
+
+
+def _last_digit(cell: str) -> float:
+    """Return the unit of the last digit of a number as it is written; NaN without one."""
+    if math.isnan(_finite_number(cell)):
+        return math.nan
+    return 10.0 ** int(Decimal(cell.strip()).as_tuple().exponent)
