@@ -9,9 +9,9 @@ import os
 import sys
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from repose.common import usage
 from repose.common.lock import take_folder
@@ -106,7 +106,7 @@ class WorkflowRun:
         self.study = study
         self.folder = study.settings.results_dir
         self.began_s = _start_of_process_s()
-        self._lock: IO[str] | None = None
+        self._held = ExitStack()  # the folder of results
 
     def begin(self) -> None:
         """Hold the folder of results, and write the configuration that its jobs read.
@@ -118,7 +118,7 @@ class WorkflowRun:
         InputError
             If another run of the workflow holds the folder.
         """
-        self._lock = take_folder(self.folder)
+        self._held.enter_context(take_folder(self.folder))
         loader.write_resolved(self.study.config, Path(self.folder) / loader.RESOLVED)
 
     def made(self, path: str) -> bool:
@@ -145,9 +145,7 @@ class WorkflowRun:
     def end(self) -> None:
         """Print the times of this run, add them to the table of all runs, free the folder."""
         self._report_times()
-        if self._lock is not None:
-            self._lock.close()
-            self._lock = None
+        self._held.close()
 
     def _report_times(self) -> None:
         """Print the times of this run if a job ran, and add them to the table of runs."""
