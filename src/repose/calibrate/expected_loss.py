@@ -1,11 +1,12 @@
-"""The parameter set of least expected loss: predicted near the targets, where the error of the surrogate is small.
+"""The parameter set of least expected loss.
 
-The search (`repose.calibrate.inversion`) takes the least Eq. 11 of the predictions. Thousands of sets have it, and the
-errors of the surrogate differ among them. The loss is Eq. 11 of the true means; its expectation weighs the predicted
-deviations and their errors.
+The search (`repose.calibrate.inversion`) minimises Eq. 11 of the predicted responses.
+Thousands of sets reach the same minimum, but the errors of the surrogate differ among
+them. The loss is Eq. 11 of the true mean responses. Its expectation is small where the
+prediction is near the targets and the error of the surrogate is small, too.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,57 +19,105 @@ from repose.calibrate.search.objective import Preference
 from repose.calibrate.surrogates.base import Surrogate
 from repose.calibrate.targets import Targets
 
-CANDIDATES = 1024  # points of a Sobol sequence, a power of two
-DESCENTS = 6  # from the best of them
-STEP = 1e-4  # of the differences, in ranges
-TINY = 1e-12  # least error of a prediction, so that one can divide by it
+# Points of the Sobol sequence that are compared; a power of two.
+CANDIDATES = 1024
+# Number of the best candidates from which a local search starts.
+DESCENTS = 6
+# Step of the finite differences, as a share of each parameter's range.
+STEP = 1e-4
+# Lower limit of a standard error by which a deviation is divided.
+TINY = 1e-12
 
 
 def expected_loss(surrogate: Surrogate, X: np.ndarray, targets: Targets) -> np.ndarray:
-    """Compute the expected Eq. 11 (n,) at parameter sets X (n, d), for true means normal about their predictions."""
-    error = np.sqrt(np.diagonal(surrogate.covariance(X), axis1=1, axis2=2))
-    off = surrogate.predict(X) - targets.aim
-    z = np.abs(off) / np.maximum(error, TINY)
-    # the mean of a folded normal
-    size = error * np.sqrt(2 / np.pi) * np.exp(-0.5 * z**2) + np.abs(off) * erf(
-        z / np.sqrt(2)
-    )
-    return size @ (targets.weight / (targets.high - targets.low))
+    """Compute the expected Eq. 11 of parameter sets.
+
+    The true mean of each response is taken as normal about its prediction, so that its
+    absolute deviation from the target has a folded normal distribution.
+
+    Parameters
+    ----------
+    surrogate : Surrogate
+        One that knows its errors.
+    X : numpy.ndarray, (n, d)
+        Parameter sets.
+    targets : Targets
+
+    Returns
+    -------
+    numpy.ndarray, (n,)
+    """
+    variance = np.diagonal(surrogate.covariance(X), axis1=1, axis2=2)
+    error = np.sqrt(variance)
+    deviation = surrogate.predict(X) - targets.aim
+    z = np.abs(deviation) / np.maximum(error, TINY)
+    # The mean of the folded normal distribution.
+    density_term = error * np.sqrt(2 / np.pi) * np.exp(-0.5 * z**2)
+    mean_deviation = density_term + np.abs(deviation) * erf(z / np.sqrt(2))
+    return mean_deviation @ (targets.weight / (targets.high - targets.low))
 
 
 def least(
     surrogate: Surrogate, space: ParameterSpace, targets: Targets
 ) -> dict[str, Any]:
-    """Find the parameter set of least expected loss, with the entries of `judged`; of equals the nearest to priors."""
+    """Find the parameter set of least expected loss.
+
+    Where parameters have priors, the set nearest to them is chosen among equals.
+
+    Returns
+    -------
+    dict
+        The parameters and the predicted responses by name, and the entries of `judged`.
+    """
     from scipy.optimize import minimize
     from scipy.stats import qmc
 
+    loss = _loss_with_preference(surrogate, space, targets)
+
+    # Start the local searches from the best points of a space-filling sequence.
+    points = qmc.Sobol(space.dimensions, scramble=False).random(CANDIDATES)
+    starts = points[np.argsort(loss(points))[:DESCENTS]]
+    # The finite differences need a step of room on each side.
+    bounds = [(STEP, 1 - STEP)] * space.dimensions
+    minima = [
+        minimize(
+            _with_gradient, start, args=(loss,), jac=True, method="L-BFGS-B", bounds=bounds
+        )
+        for start in starts
+    ]
+    best = min(minima, key=lambda minimum: minimum.fun)
+
+    X = space.values(best.x[None])
+    parameters = dict(zip(space.names, X[0].tolist(), strict=True))
+    responses = surrogate.predict(X)[0].tolist()
+    predicted = dict(zip(targets.predicted, responses, strict=True))
+    assessment = judged(surrogate, parameters, targets, space.names)
+    return parameters | predicted | assessment
+
+
+def _loss_with_preference(
+    surrogate: Surrogate, space: ParameterSpace, targets: Targets
+) -> Callable[[np.ndarray], np.ndarray]:
+    """Return the function of points (n, d) of the unit cube that is minimised."""
     preference = Preference.of(space)
 
     def loss(unit: np.ndarray) -> np.ndarray:
         expected = expected_loss(surrogate, space.values(unit), targets)
-        return expected if preference is None else expected + preference(2 * unit - 1)
+        if preference is None:
+            return expected
+        return expected + preference(2 * unit - 1)
 
-    def with_gradient(place: np.ndarray) -> tuple[float, np.ndarray]:
-        steps = STEP * np.eye(len(place))
-        near = loss(np.concatenate([place[None], place + steps, place - steps]))
-        forth, back = np.split(near[1:], 2)
-        return near[0], (forth - back) / (2 * STEP)
+    return loss
 
-    points = qmc.Sobol(space.dimensions, scramble=False).random(CANDIDATES)
-    first = points[np.argsort(loss(points))[:DESCENTS]]
-    # differences reach a step beyond the place
-    bounds = [(STEP, 1 - STEP)] * space.dimensions
-    ends = [
-        minimize(with_gradient, place, jac=True, method="L-BFGS-B", bounds=bounds)
-        for place in first
-    ]
-    X = space.values(min(ends, key=lambda end: end.fun).x[None])
-    values = dict(zip(space.names, X[0].tolist(), strict=True))
-    predicted = dict(
-        zip(targets.predicted, surrogate.predict(X)[0].tolist(), strict=True)
-    )
-    return values | predicted | judged(surrogate, values, targets, space.names)
+
+def _with_gradient(
+    point: np.ndarray, loss: Callable[[np.ndarray], np.ndarray]
+) -> tuple[float, np.ndarray]:
+    """Return the loss at a point (d,) and its gradient by central differences."""
+    steps = STEP * np.eye(len(point))
+    losses = loss(np.concatenate([point[None], point + steps, point - steps]))
+    upper, lower = np.split(losses[1:], 2)
+    return losses[0], (upper - lower) / (2 * STEP)
 
 
 def judged(
@@ -77,40 +126,46 @@ def judged(
     targets: Targets,
     names: Sequence[str],
 ) -> dict[str, Any]:
-    """Judge a parameter set by the errors and probabilities of the surrogate.
+    """Assess a parameter set by the errors of the surrogate.
 
     Parameters
     ----------
     surrogate : Surrogate
+        One that knows its errors.
     parameters : mapping
-        The set by name.
+        The parameter set by name.
     targets : Targets
     names : sequence of str
-        Inputs of a surrogate that does not name them itself.
+        Names of the inputs, for a surrogate that does not name them itself.
 
     Returns
     -------
     dict
-        ``predicted_se``: standard errors of the predicted means by response;
+        ``predicted_se``: standard error of the predicted mean of each response;
         ``expected_error_percent``: root of the expected mean square of the relative
-        deviations; ``within``: probability that all means lie within some percent of
-        the aims.
+        deviations from the aims; ``within``: probability that all means lie within
+        some percent of the aims.
     """
-    X = np.array([[parameters[name] for name in surrogate.inputs or names]])
-    mean, covariance, aim = surrogate.predict(X), surrogate.covariance(X), targets.aim
-    error, reach = np.sqrt(np.diagonal(covariance[0])), targets.whole / 100
+    inputs = surrogate.inputs or names
+    X = np.array([[parameters[name] for name in inputs]])
+    mean = surrogate.predict(X)
+    covariance = surrogate.covariance(X)
+    error = np.sqrt(np.diagonal(covariance[0]))
+    aim = targets.aim
+
+    # The expected square of a deviation: the predicted one, and the error's variance.
     square = ((mean[0] - aim) ** 2 + error**2) / targets.whole**2
+    mean_square = np.average(square, weights=targets.weight)
+
+    one_percent = targets.whole / 100
+    probabilities = {}
+    for percent in PERCENT:
+        low = aim - percent * one_percent
+        high = aim + percent * one_percent
+        probability = within(mean, covariance, low, high)
+        probabilities[f"{percent:g} %"] = float(probability[0])
     return {
         "predicted_se": dict(zip(targets.names, error.tolist(), strict=True)),
-        "expected_error_percent": float(
-            100 * np.sqrt(np.average(square, weights=targets.weight))
-        ),
-        "within": {
-            f"{percent:g} %": float(
-                within(mean, covariance, aim - percent * reach, aim + percent * reach)[
-                    0
-                ]
-            )
-            for percent in PERCENT
-        },
+        "expected_error_percent": float(100 * np.sqrt(mean_square)),
+        "within": probabilities,
     }
