@@ -81,7 +81,12 @@ def least(
     bounds = [(STEP, 1 - STEP)] * space.dimensions
     minima = [
         minimize(
-            _with_gradient, start, args=(loss,), jac=True, method="L-BFGS-B", bounds=bounds
+            _with_gradient,
+            start,
+            args=(loss,),
+            jac=True,
+            method="L-BFGS-B",
+            bounds=bounds,
         )
         for start in starts
     ]

@@ -1,4 +1,7 @@
-"""Few pours, each where it informs most: a space-filling start, then batches where the targets are probably met."""
+"""The strategy `sequential`: few runs, each where it is most informative.
+
+It begins with a space-filling start. Batches follow where the targets are probably met.
+"""
 
 from typing import TYPE_CHECKING, Annotated
 
@@ -20,17 +23,22 @@ if TYPE_CHECKING:
 
 
 class SequentialSettings(Section):
-    """Settings of few pours, each where it is most informative; config/README.md explains the keys."""
+    """The section `sequential`; config/README.md explains the keys."""
 
-    start_samples: int = Field(ge=4, le=999)  # all over the ranges
-    seeds: Seeds  # runs of each sample
-    batch: int = Field(ge=1, le=100)  # samples of each batch after the start
-    tolerance_percent: Annotated[float, Field(gt=0, le=50)]  # of each target
-    probability: float = Field(
-        ge=0.05, le=0.99
-    )  # of meeting all targets, at which the pours stop
+    # Samples of the start, all over the ranges.
+    start_samples: int = Field(ge=4, le=999)
+    # Runs of each sample.
+    seeds: Seeds
+    # Samples of each batch after the start.
+    batch: int = Field(ge=1, le=100)
+    # Tolerance of each target.
+    tolerance_percent: Annotated[float, Field(gt=0, le=50)]
+    # Probability of meeting all targets at which the search ends.
+    probability: float = Field(ge=0.05, le=0.99)
+    # The budget of runs.
     most_pours: int = Field(ge=8, le=9999)
-    checks: int = Field(ge=2, le=500)  # runs of the answer
+    # Runs that check the answer.
+    checks: int = Field(ge=2, le=500)
 
 
 @register("sequential")
@@ -60,14 +68,12 @@ class Sequential(Strategy[SequentialSettings]):
     def contradictions(
         self, section: SequentialSettings, free: int, responses: int
     ) -> Contradictions:
-        """Refuse a start beyond its budget or without repeats."""
+        """Refuse a start without repeated runs, or beyond the budget."""
         if section.start_samples * (section.seeds - 1) <= responses:
             yield "seeds", "at least 2: the noise comes from pours of one sample"
         if section.start_samples * section.seeds > section.most_pours:
-            yield (
-                "most_pours",
-                "at least sequential.start_samples times sequential.seeds",
-            )
+            allowed = "at least sequential.start_samples times sequential.seeds"
+            yield "most_pours", allowed
 
     def pours(self, section: SequentialSettings, free: int) -> Pours:
         return (("at most", section.most_pours // section.seeds, section.seeds),)

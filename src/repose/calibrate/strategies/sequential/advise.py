@@ -1,4 +1,7 @@
-"""The next batch of pours, or the answer with its probability: a function of the data alone, without any file."""
+"""The next samples to simulate, or the answer with its probability, from the runs alone.
+
+No function of this module reads or writes a file.
+"""
 
 from collections.abc import Callable
 from functools import partial
@@ -17,42 +20,93 @@ from repose.calibrate.strategies.sequential.kriging import Kriging, Observed
 from repose.calibrate.strategies.sequential.reach import Reach, reach
 from repose.calibrate.targets import Targets
 
-CANDIDATES = 2048  # over the whole ranges
-KEPT, AROUND = 8, 64  # the best of them, and points around each
-STEPS = (0.1, 0.03, 0.01)  # standard deviations of those, in ranges
-SPREAD = 0.1  # of a batch about the answer, standard deviation in ranges
-# Probability that any point meets the targets: below the first half a batch is poured where the draws come nearest;
-# below the second, once pours have followed the start, the search ends.
-IN_DOUBT, OUT_OF_REACH = 0.8, 0.3
-SAME = 1e-9  # nearer points are one, in ranges
-NO_CHANCE = 1e-6  # of the most probable point: below it that is the least certain one, and the nearest is the answer
-LEAST_GAIN = 0.01  # a probability that cannot rise by more has reached the noise bound
+# Points over the whole ranges that are compared first.
+CANDIDATES = 2048
+# The best KEPT points are searched more closely, by AROUND points around each.
+KEPT = 8
+AROUND = 64
+# Standard deviations of the points around the best ones, in ranges: a step each.
+STEPS = (0.1, 0.03, 0.01)
+# Standard deviation of a batch about the answer, in ranges.
+SPREAD = 0.1
+# Probability that any point meets the targets. Below IN_DOUBT half a batch is simulated
+# where the draws of the model come nearest to the targets. Below OUT_OF_REACH the search
+# ends, once batches have followed the start.
+IN_DOUBT = 0.8
+OUT_OF_REACH = 0.3
+# Points with a smaller distance, in ranges, are the same.
+SAME = 1e-9
+# If even the most probable point is less probable than this, it is merely the point of
+# largest error, and the nearest point is the answer instead.
+NO_CHANCE = 1e-6
+# The noise limits a probability that further runs cannot raise by more than this.
+LEAST_GAIN = 0.01
 
 Score = Callable[[np.ndarray], np.ndarray]
-Scored = tuple[
-    np.ndarray, np.ndarray
-]  # points (m, d) of the unit cube, and their scores (m,)
+
+
+class Scored(NamedTuple):
+    """Points of the unit cube with their scores; a higher score is better."""
+
+    points: np.ndarray  # (m, d)
+    scores: np.ndarray  # (m,)
+
+    @property
+    def best(self) -> np.ndarray:
+        """The point (d,) with the highest score."""
+        return self.points[self.scores.argmax()]
+
+
+class Alternatives(NamedTuple):
+    """Further points that are predicted inside all ranges, the best first."""
+
+    points: np.ndarray  # (n, d), of the unit cube
+    mean: np.ndarray  # (n, k), predicted responses
 
 
 class Advice(NamedTuple):
-    """Advice after the pours so far."""
+    """Advice after the runs so far.
 
-    stop: (
-        str | None
-    )  # "probability", "out_of_reach", "budget" or "noise"; None: the pours go on
-    batch: np.ndarray  # (b, d), points to pour next, in the unit cube
-    answer: np.ndarray  # (d,), the most probable point; at the end the nearest, out of reach or without a chance
-    probability: float  # that the answer meets the targets
-    mean: np.ndarray  # (k,), predicted mean responses of the answer
-    error: np.ndarray  # (k,), their standard errors
-    reachable: float  # the highest probability that the remaining pours can give
-    needed: int  # pours at one point that the noise alone requires
+    Attributes
+    ----------
+    stop : str or None
+        Why no more runs are needed: "probability", "out_of_reach", "budget" or "noise".
+        None if there is a further batch.
+    batch : numpy.ndarray, (b, d)
+        Points of the unit cube to simulate next.
+    answer : numpy.ndarray, (d,)
+        The point that meets the targets most probably. At the end it is the nearest
+        point, if the targets are out of reach or have no chance to be met.
+    probability : float
+        That the answer meets the targets.
+    mean, error : numpy.ndarray, (k,)
+        Predicted mean responses of the answer, and their standard errors.
+    reachable : float
+        The highest probability that the remaining runs can give.
+    needed : int
+        Runs at one point that the noise alone requires.
+    reach : Reach
+        Whether any parameter set meets the targets.
+    """
+
+    stop: str | None
+    batch: np.ndarray
+    answer: np.ndarray
+    probability: float
+    mean: np.ndarray
+    error: np.ndarray
+    reachable: float
+    needed: int
     reach: Reach
 
 
 def start(space: ParameterSpace, section: SequentialSettings, seed: int) -> np.ndarray:
-    """Make the points (n, d) of the start in the unit cube: a Latin hypercube, spread as the prior."""
-    return space.from_prior(optimal_lhs(section.start_samples, space.dimensions, seed))
+    """Make the first points (n, d) in the unit cube.
+
+    They are a Latin hypercube, spread as the prior.
+    """
+    points = optimal_lhs(section.start_samples, space.dimensions, seed)
+    return space.from_prior(points)
 
 
 def advise(
@@ -63,138 +117,223 @@ def advise(
     random: Generator,
     noise: np.ndarray | None,
 ) -> Advice:
-    """Choose the next batch, or the answer; ValueError as in `Kriging`.
+    """Choose the next batch, or the answer.
 
-    A proposed point is never nearer to a failed sample than to a good one. `done` counts failed pours too.
+    A proposed point is never nearer to a failed sample than to a good one.
+
+    Parameters
+    ----------
+    observed : Observed
+        The runs so far.
+    goal : Goal
+        The targets within their tolerance.
+    section : SequentialSettings
+    done : int
+        Number of runs so far, with those that failed.
+    random : numpy.random.Generator
+    noise : numpy.ndarray, (k, k), or None
+        Known covariance of a single run; by default the replicates show it.
+
+    Raises
+    ------
+    ValueError
+        If the runs are too few for `Kriging`.
     """
     model = Kriging(observed, noise)
-    points, scores = ranked(model, goal, observed, random)
+    ranking = ranked(model, goal, observed, random)
     attainable = reach(model, goal, random.spawn(1)[0])
-    answer = points[scores.argmax()]
+    answer = ranking.best
     probability = _probability(model, goal, answer)
-    left = max(section.most_pours - done, 0)
-    samples = min(section.batch, left // section.seeds)
-    reachable = max(goal.reachable(model, points, left), probability)
-    stop = None
-    if probability >= section.probability:
-        stop = "probability"
-    elif (
-        attainable.probability < OUT_OF_REACH
-        and done > section.start_samples * section.seeds
-    ):
-        stop = "out_of_reach"
-    elif samples == 0:
-        stop = "budget"
-    elif (
-        reachable < probability + LEAST_GAIN and attainable.probability >= OUT_OF_REACH
-    ):
-        stop = "noise"
-    if stop == "out_of_reach" or (stop and probability < NO_CHANCE):
-        answer = nearest(model, goal, observed, points)
+    runs_left = max(section.most_pours - done, 0)
+    n_samples = min(section.batch, runs_left // section.seeds)
+    reachable = max(goal.reachable(model, ranking.points, runs_left), probability)
+    stop = _reason_to_stop(
+        section,
+        probability=probability,
+        reachable=reachable,
+        attainable=attainable.probability,
+        n_samples=n_samples,
+        is_past_start=done > section.start_samples * section.seeds,
+    )
+
+    # Where the targets are not met, the nearest point is the best answer.
+    has_no_chance = stop is not None and probability < NO_CHANCE
+    if stop == "out_of_reach" or has_no_chance:
+        answer = nearest(model, goal, observed, ranking.points)
         probability = _probability(model, goal, answer)
+
     batch = np.empty((0, len(answer)))
     if stop is None and attainable.probability < IN_DOUBT:
-        batch = _soundest(
-            _new(random.permutation(attainable.points), observed.simulated),
-            observed,
-            -(-samples // 2),
-        )
+        # Half a batch where the draws of the model come nearest to the targets.
+        draws = random.permutation(attainable.points)
+        new_draws = _not_simulated(draws, observed.simulated)
+        half = -(-n_samples // 2)
+        batch = _sound_first(new_draws, observed, half)
     if stop is None and not len(batch):
-        batch = _around(answer, samples, goal, observed, random)
+        batch = _draw_around(answer, n_samples, goal, observed, random)
+
     mean, covariance = model.predict(answer[None])
-    error = np.sqrt(np.diagonal(covariance[0]))
-    needed = goal.needed(model.noise, section.probability)
     return Advice(
-        stop, batch, answer, probability, mean[0], error, reachable, needed, attainable
+        stop=stop,
+        batch=batch,
+        answer=answer,
+        probability=probability,
+        mean=mean[0],
+        error=np.sqrt(np.diagonal(covariance[0])),
+        reachable=reachable,
+        needed=goal.needed(model.noise, section.probability),
+        reach=attainable,
     )
+
+
+def _reason_to_stop(
+    section: SequentialSettings,
+    *,
+    probability: float,
+    reachable: float,
+    attainable: float,
+    n_samples: int,
+    is_past_start: bool,
+) -> str | None:
+    """Return the reason to simulate no further batch; None without one.
+
+    Parameters
+    ----------
+    section : SequentialSettings
+    probability : float
+        That the answer meets the targets.
+    reachable : float
+        The highest probability of it that the remaining runs can give.
+    attainable : float
+        Probability that any parameter set meets the targets.
+    n_samples : int
+        Samples of a further batch that the budget allows.
+    is_past_start : bool
+        Whether batches have followed the start.
+    """
+    if probability >= section.probability:
+        return "probability"
+    if attainable < OUT_OF_REACH and is_past_start:
+        return "out_of_reach"
+    if n_samples == 0:
+        return "budget"
+    if reachable < probability + LEAST_GAIN and attainable >= OUT_OF_REACH:
+        return "noise"
+    return None
 
 
 def nearest(
     model: Kriging, goal: Goal, observed: Observed, points: np.ndarray
 ) -> np.ndarray:
-    """Find the point (d,) of least expected deviation from the targets (Eq. 11 of the paper), without a prior."""
+    """Find the point (d,) of least expected deviation from the targets.
+
+    The deviation is Eq. 11 of the paper, without a prior. The search starts from
+    `points` (m, d).
+    """
 
     def score(unit: np.ndarray) -> np.ndarray:
-        return -goal.expected_deviation(*model.predict(unit))
+        mean, covariance = model.predict(unit)
+        return -goal.expected_deviation(mean, covariance)
 
-    points, scores = _refined(points, score, observed, np.random.default_rng(1))
-    return points[scores.argmax()]
+    return _refined(points, score, observed, np.random.default_rng(1)).best
 
 
 def _probability(model: Kriging, goal: Goal, point: np.ndarray) -> float:
     """Compute the probability that a point meets the targets."""
-    return float(goal.probability(*model.predict(point[None]))[0])
+    mean, covariance = model.predict(point[None])
+    return float(goal.probability(mean, covariance)[0])
 
 
 def _refined(
     points: np.ndarray, score: Score, observed: Observed, random: Generator
 ) -> Scored:
-    """Search ever nearer to the best of the points; return all with their scores, minus infinity for unsound ones."""
+    """Add points ever nearer to the best ones, and score all of them.
 
-    def scored(unit: np.ndarray) -> np.ndarray:
+    The score of an unsound point is minus infinity.
+    """
+
+    def score_sound(unit: np.ndarray) -> np.ndarray:
         return np.where(observed.is_sound(unit), score(unit), -np.inf)
 
-    scores = scored(points)
+    scores = score_sound(points)
     for step in STEPS:
-        near = np.repeat(points[np.argsort(-scores)[:KEPT]], AROUND, axis=0)
-        near = np.clip(near + step * random.standard_normal(near.shape), 0, 1)
-        points, scores = (
-            np.vstack([points, near]),
-            np.concatenate([scores, scored(near)]),
-        )
-    return points, scores
+        best = points[np.argsort(-scores)[:KEPT]]
+        centres = np.repeat(best, AROUND, axis=0)
+        shifts = step * random.standard_normal(centres.shape)
+        near = np.clip(centres + shifts, 0, 1)
+        points = np.vstack([points, near])
+        scores = np.concatenate([scores, score_sound(near)])
+    return Scored(points, scores)
 
 
 def ranked(model: Kriging, goal: Goal, observed: Observed, random: Generator) -> Scored:
-    """Score points over the ranges and ever nearer around the best of them by `Goal.score`.
+    """Score points all over the ranges, and ever nearer to the best of them.
 
-    The score is minus infinity where a failed sample is nearer than a good one.
+    The score is `Goal.score`; it is minus infinity where a failed sample is nearer than
+    a good one.
     """
     from scipy.stats import qmc
 
-    points = goal.space.from_prior(
-        qmc.Sobol(observed.unit.shape[1], rng=random).random(CANDIDATES)
-    )
+    dimensions = observed.unit.shape[1]
+    shares = qmc.Sobol(dimensions, rng=random).random(CANDIDATES)
+    points = goal.space.from_prior(shares)
     return _refined(points, partial(goal.score, model), observed, random)
 
 
 def alternatives(
-    found: Scored, model: Kriging, targets: Targets, section: MigaSettings
-) -> Scored:
-    """Choose of the `ranked` points those inside all ranges and apart from each other, the best first.
+    ranking: Scored, model: Kriging, targets: Targets, section: MigaSettings
+) -> Alternatives:
+    """Choose points that are predicted inside all ranges and apart from each other.
 
-    Return them (n, d) with their predictions (n, k).
+    Parameters
+    ----------
+    ranking : Scored
+        Result of `ranked`.
+    model : Kriging
+    targets : Targets
+    section : MigaSettings
+        Number of the points, and their distance.
     """
-    points, scores = found
-    mean = model.predict(points)[0]
-    inside = ((mean >= targets.low) & (mean <= targets.high)).all(axis=1) & np.isfinite(
-        scores
-    )
-    order = np.argsort(-scores, kind="stable")
-    order = order[inside[order]]
-    kept = order[separated(points[order], section)]
-    return points[kept], mean[kept]
+    mean = model.predict(ranking.points)[0]
+    is_in_ranges = ((mean >= targets.low) & (mean <= targets.high)).all(axis=1)
+    is_suitable = is_in_ranges & np.isfinite(ranking.scores)
+    order = np.argsort(-ranking.scores, kind="stable")
+    order = order[is_suitable[order]]
+    kept = order[separated(ranking.points[order], section)]
+    return Alternatives(ranking.points[kept], mean[kept])
 
 
-def _around(
-    answer: np.ndarray, samples: int, goal: Goal, observed: Observed, random: Generator
+def _draw_around(
+    answer: np.ndarray,
+    n_samples: int,
+    goal: Goal,
+    observed: Observed,
+    random: Generator,
 ) -> np.ndarray:
-    """Draw points about the answer, normal in shares of the prior: there slopes are learned with the mean."""
-    share = goal.space.prior_cdf(answer[None])
-    share = np.clip(
-        share + SPREAD * random.standard_normal((AROUND * samples, len(answer))), 0, 1
-    )
-    return _soundest(goal.space.from_prior(share), observed, samples)
+    """Draw points about the answer, normal in shares of the prior.
+
+    Their distance from the answer lets the model learn slopes as well as the mean.
+    """
+    centre = goal.space.prior_cdf(answer[None])
+    shape = (AROUND * n_samples, len(answer))
+    shares = np.clip(centre + SPREAD * random.standard_normal(shape), 0, 1)
+    return _sound_first(goal.space.from_prior(shares), observed, n_samples)
 
 
-def _soundest(points: np.ndarray, observed: Observed, count: int) -> np.ndarray:
-    """Select the first sound points, then the first others."""
-    return points[np.argsort(~observed.is_sound(points), kind="stable")[:count]]
+def _sound_first(points: np.ndarray, observed: Observed, count: int) -> np.ndarray:
+    """Select `count` points: the first sound ones, then the first of the others."""
+    order = np.argsort(~observed.is_sound(points), kind="stable")
+    return points[order[:count]]
 
 
-def _new(points: np.ndarray, done: np.ndarray) -> np.ndarray:
-    """Select the points (n, d) not among the simulated ones (m, d), each once: many draws end in one corner."""
+def _not_simulated(points: np.ndarray, simulated: np.ndarray) -> np.ndarray:
+    """Select the points (n, d) that are not among the simulated ones (m, d).
+
+    Each is kept once, since many draws end in one corner.
+    """
     from scipy.spatial.distance import cdist
 
-    first = np.argmax(cdist(points, points) < SAME, axis=1) == np.arange(len(points))
-    return points[first & (cdist(points, done) >= SAME).all(axis=1)]
+    first_equal = np.argmax(cdist(points, points) < SAME, axis=1)
+    is_first = first_equal == np.arange(len(points))
+    is_new = (cdist(points, simulated) >= SAME).all(axis=1)
+    return points[is_first & is_new]

@@ -1,4 +1,7 @@
-"""Proposals of the strategy `sequential`: kriging says where the next batch is simulated, and when to stop."""
+"""Proposals of the strategy `sequential`.
+
+Kriging says where the next batch is simulated, and when to stop.
+"""
 
 from collections.abc import Mapping
 from typing import Any
@@ -32,102 +35,166 @@ from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
 
 NEAREST = "the answer is the nearest"
+# A sentence for each reason to stop of `Advice`.
 WHY = {
     "probability": "the answer meets the targets with the requested probability",
     "out_of_reach": f"probably no parameter set meets the targets: {NEAREST}",
     "budget": "the budget of pours is used up",
-    "noise": "the pours that are left cannot make the answer more probable: the noise is too large",
+    "noise": (
+        "the pours that are left cannot make the answer more probable: the noise is "
+        "too large"
+    ),
 }
+# Notes that go into the summary of the answer.
+SUMMARY_NOTES = ("answer", "probability", "stop", "needed", "in_reach", "nearest")
 
 
 def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     """Propose the next batch, or answer if there is a reason to stop."""
-    space, section = study.parameters, study.settings.sequential
     if data.empty:
-        return _start(study, data)
+        return _start(study, data, notes={})
+    space = study.parameters
+    section = study.settings.sequential
     goal = _goal(study)
     observed = observed_of(data, space, study.targets)
     try:
         noise = known_noise(study, observed)
         advice = advise(observed, goal, section, len(data), _random(study, data), noise)
     except (InputError, ValueError) as error:
-        failed, good = len(observed.failed), len(observed.unit)
-        if good >= 2 * failed:  # else what they share may be chance
-            check_responses(data, study.targets)
-        if (
-            good < section.start_samples
-            and len(data) + section.seeds <= section.most_pours
-        ):
-            few = f"{failed} samples failed, and the other {good} are too few for a model: a further start"
-            return _start(study, data, why=few)
-        raise _cause(error, data, study.targets) from None
+        return _start_again(study, data, observed, error)
     notes = _notes(advice, study)
     if advice.stop is None:
-        return Batch(
-            samples_of(space, advice.batch, section.seeds, next_number(data)), notes
-        )
-    return answer(
-        study,
-        data,
-        advice.answer,
-        why=notes["why"],
-        notes=notes | _end(notes, study, data),
-    )
+        samples = samples_of(space, advice.batch, section.seeds, next_number(data))
+        return Batch(samples, notes)
+    final_notes = notes | _notes_of_end(notes, study, data)
+    return answer(study, data, advice.answer, why=notes["why"], notes=final_notes)
 
 
-def _start(study: Study, data: pd.DataFrame, **notes: str) -> Batch:
-    """Sample all over the ranges, at the beginning or where too few samples are good for a model."""
-    space, section = study.parameters, study.settings.sequential
+def _start(study: Study, data: pd.DataFrame, notes: Mapping[str, Any]) -> Batch:
+    """Sample all over the ranges, as far as the budget allows."""
+    space = study.parameters
+    section = study.settings.sequential
     unit = start(space, section, study.settings.design.seed + len(data))
-    unit = unit[: (section.most_pours - len(data)) // section.seeds]
-    return Batch(
-        samples_of(space, unit, section.seeds, 1 if data.empty else next_number(data)),
-        notes,
+    n_samples = (section.most_pours - len(data)) // section.seeds
+    first = 1 if data.empty else next_number(data)
+    samples = samples_of(space, unit[:n_samples], section.seeds, first)
+    return Batch(samples, notes)
+
+
+def _start_again(
+    study: Study, data: pd.DataFrame, observed: Observed, error: ValueError
+) -> Batch:
+    """Sample all over the ranges again, where too few samples are good for a model.
+
+    Raises
+    ------
+    InputError
+        If there are enough good samples, so that the model failed for another reason,
+        or if the budget does not allow a further start.
+    """
+    section = study.settings.sequential
+    n_failed = len(observed.failed)
+    n_good = len(observed.unit)
+    # Among few good samples equal responses may be chance.
+    if n_good >= 2 * n_failed:
+        check_responses(data, study.targets)
+    has_few_samples = n_good < section.start_samples
+    is_in_budget = len(data) + section.seeds <= section.most_pours
+    if not (has_few_samples and is_in_budget):
+        raise _input_error(error, data, study.targets) from None
+    why = (
+        f"{n_failed} samples failed, and the other {n_good} are too few for a model: "
+        "a further start"
     )
+    return _start(study, data, notes={"why": why})
 
 
 def answer(
-    study: Study, data: pd.DataFrame, point: np.ndarray | None = None, **about: Any
+    study: Study,
+    data: pd.DataFrame,
+    point: np.ndarray | None = None,
+    why: str = SO_FAR,
+    notes: Mapping[str, Any] | None = None,
 ) -> Answer:
-    """Answer with the set that meets the targets most probably, the nearest, or a point (d,) of the unit cube."""
-    space, targets, section = study.parameters, study.targets, study.settings.sequential
+    """Give the answer after the runs so far.
+
+    Parameters
+    ----------
+    study : Study
+    data : pandas.DataFrame
+        The runs so far.
+    point : numpy.ndarray, (d,), optional
+        The answer in the unit cube. By default it is the point that meets the targets
+        most probably, or the nearest one if none has a chance to meet them.
+    why : str, optional
+        Why no more runs are needed.
+    notes : mapping, optional
+        Further results, as in `Answer`.
+
+    Raises
+    ------
+    InputError
+        If the runs do not determine a model.
+    """
+    space = study.parameters
+    targets = study.targets
     observed = observed_of(data, space, targets)
     try:
         model = Kriging(observed, known_noise(study, observed))
     except ValueError as error:
-        raise _cause(error, data, targets) from None
+        raise _input_error(error, data, targets) from None
     goal = _goal(study)
-    points, scores = ranked(model, goal, observed, _random(study, data))
-    others, predicted = alternatives(
-        (points, scores), model, targets, study.settings.miga
-    )
-    unit = (points[scores.argmax()] if point is None else point)[None]
-    if point is None and goal.probability(*model.predict(unit))[0] < NO_CHANCE:
-        unit, about = (
-            nearest(model, goal, observed, points)[None],
-            {"why": f"{SO_FAR}; {NEAREST}"} | about,
-        )
+    ranking = ranked(model, goal, observed, _random(study, data))
+    others = alternatives(ranking, model, targets, study.settings.miga)
+    if point is None:
+        point = ranking.best
+        if goal.probability(*model.predict(point[None]))[0] < NO_CHANCE:
+            point = nearest(model, goal, observed, ranking.points)
+            why = f"{why}; {NEAREST}"
+    unit = point[None]
     mean, covariance = model.predict(unit)
-    goals = {
-        column: Goal.of(targets, percent, space) for percent, column in WITHIN.items()
-    }
-    probability = {
-        column: float(goal.probability(mean, covariance)[0])
-        for column, goal in goals.items()
-    }
+    checks = study.settings.sequential.checks
     return Answer(
-        values=space.values(unit)[0], mean=mean[0], covariance=covariance[0],
-        probability=probability | {"inside": float(within(mean, covariance, targets.low, targets.high)[0])},
-        samples=samples_of(space, unit, section.checks, next_number(data)), others=space.values(others),
-        others_mean=predicted, model=SpaceKriging(model, space), **{"why": SO_FAR} | about,
-    )  # fmt: skip
+        values=space.values(unit)[0],
+        mean=mean[0],
+        covariance=covariance[0],
+        probability=_probabilities(mean, covariance, targets, space),
+        samples=samples_of(space, unit, checks, next_number(data)),
+        why=why,
+        others=space.values(others.points),
+        others_mean=others.mean,
+        model=SpaceKriging(model, space),
+        notes={} if notes is None else notes,
+    )
 
 
-def _cause(error: ValueError, data: pd.DataFrame, targets: Targets) -> InputError:
-    """Say why there is no model."""
+def _probabilities(
+    mean: np.ndarray, covariance: np.ndarray, targets: Targets, space: ParameterSpace
+) -> dict[str, float]:
+    """Return the probabilities of `Answer` for a mean (1, k)."""
+    probabilities = {}
+    for percent, column in WITHIN.items():
+        goal = Goal.of(targets, percent, space)
+        probabilities[column] = float(goal.probability(mean, covariance)[0])
+    inside = within(mean, covariance, targets.low, targets.high)
+    probabilities["inside"] = float(inside[0])
+    return probabilities
+
+
+def _input_error(error: ValueError, data: pd.DataFrame, targets: Targets) -> InputError:
+    """Return the error for the user where the runs do not determine a model.
+
+    Raises
+    ------
+    InputError
+        If the responses themselves are unusable, which is the better explanation.
+    """
     check_responses(data, targets)
-    few = InputError("runs", "pours", str(error), "enough for an estimate of the noise")
-    return error if isinstance(error, InputError) else few
+    if isinstance(error, InputError):
+        return error
+    return InputError(
+        "runs", "pours", str(error), "enough for an estimate of the noise"
+    )
 
 
 def observed_of(
@@ -135,18 +202,27 @@ def observed_of(
 ) -> Observed:
     """Arrange the samples and their runs as arrays."""
     names = list(targets.names)
-    number, samples = pd.factorize(data["sample"])
-    run = data[names].notna().any(axis=1).to_numpy()
-    place = data[run].groupby("sample").cumcount().to_numpy()
-    values = np.full((len(samples), int(place.max(initial=0)) + 1, len(names)), np.nan)
-    values[number[run], place] = data.loc[run, names].to_numpy(float)
-    unit = space.unit(data.drop_duplicates("sample")[list(space.names)].to_numpy(float))
-    # as in `repose.calibrate.runs.summarise_runs`: at least half of the runs of each bench test
-    enough = (2 * np.isfinite(values).sum(axis=1) >= np.bincount(number)[:, None]).all(
-        axis=1
-    )
-    good = np.isfinite(values).all(axis=2).any(axis=1) & enough
-    return Observed(unit[good], values[good], unit[~good])
+    sample_index, samples = pd.factorize(data["sample"])
+    n_runs = np.bincount(sample_index)
+
+    # Put the runs with any response into values (samples, runs, responses).
+    has_response = data[names].notna().any(axis=1).to_numpy()
+    run_index = data[has_response].groupby("sample").cumcount().to_numpy()
+    most_runs = int(run_index.max(initial=0)) + 1
+    values = np.full((len(samples), most_runs, len(names)), np.nan)
+    responses = data.loc[has_response, names].to_numpy(float)
+    values[sample_index[has_response], run_index] = responses
+
+    # A sample needs at least half of the runs of each bench test, as in
+    # `repose.calibrate.runs.summarise_runs`.
+    is_finite = np.isfinite(values)
+    has_half = (2 * is_finite.sum(axis=1) >= n_runs[:, None]).all(axis=1)
+    has_complete_run = is_finite.all(axis=2).any(axis=1)
+    is_good = has_complete_run & has_half
+
+    sets = data.drop_duplicates("sample")[list(space.names)]
+    unit = space.unit(sets.to_numpy(float))
+    return Observed(unit[is_good], values[is_good], unit[~is_good])
 
 
 def noise_from(study: Study, observed: Observed) -> Noise:
@@ -155,7 +231,10 @@ def noise_from(study: Study, observed: Observed) -> Noise:
 
 
 def known_noise(study: Study, observed: Observed) -> np.ndarray | None:
-    """Return the covariance (k, k) of a single run; None if the replicates alone give it."""
+    """Return the covariance (k, k) of a single run.
+
+    It is None if the replicates alone show the noise.
+    """
     if study.settings.noise_sd is None:
         return None
     return noise_from(study, observed).covariance
@@ -163,93 +242,99 @@ def known_noise(study: Study, observed: Observed) -> np.ndarray | None:
 
 def _goal(study: Study) -> Goal:
     """Return the targets within the tolerance of the section."""
-    return Goal.of(
-        study.targets, study.settings.sequential.tolerance_percent, study.parameters
-    )
+    tolerance = study.settings.sequential.tolerance_percent
+    return Goal.of(study.targets, tolerance, study.parameters)
 
 
 def _random(study: Study, data: pd.DataFrame) -> np.random.Generator:
-    """Seed the random numbers of a proposal by the number of the last batch, or by the number of runs."""
+    """Make the random numbers of a proposal, the same for the same runs.
+
+    They are seeded by the number of the last batch, or by the number of runs.
+    """
     turn = int(data["batch"].max()) if "batch" in data else len(data)
     return np.random.default_rng([study.settings.design.seed, turn])
 
 
 def _notes(advice: Advice, study: Study) -> dict[str, Any]:
-    """Describe the state after the runs so far; `needed` are the pours that the noise alone asks for."""
+    """Describe the state after the runs so far, as the notes of a proposal."""
     space = study.parameters
-    answer = dict(
-        zip(space.names, space.values(advice.answer[None])[0].tolist(), strict=True)
-    )
-    state: dict[str, Any] = {
+    values = space.values(advice.answer[None])[0].tolist()
+    parameters = dict(zip(space.names, values, strict=True))
+    state = {
         "probability": advice.probability,
         "reachable": advice.reachable,
-    }
-    state |= {
         "in_reach": advice.reach.probability,
         "needed": advice.needed,
         "stop": advice.stop,
     }
-    row = state.copy()
+    predictions = {}
     for name, mean, error in zip(
         study.targets.names, advice.mean, advice.error, strict=True
     ):
-        row |= {f"{name}_mean": float(mean), f"{name}_error": float(error)}
-    why = (
-        WHY[advice.stop]
-        if advice.stop
-        else f"{len(advice.batch)} more samples are poured"
-    )
-    why += (
-        f"; {NEAREST}"
-        if advice.stop in ("budget", "noise") and advice.probability < NO_CHANCE
-        else ""
-    )
-    least = {"deviation": advice.reach.nearest, "error": advice.reach.error}
+        predictions[f"{name}_mean"] = float(mean)
+        predictions[f"{name}_error"] = float(error)
     return {
         **state,
-        "nearest": least,
-        "answer": answer,
-        "row": row | answer,
-        "why": why,
+        "nearest": {
+            "deviation": advice.reach.nearest,
+            "error": advice.reach.error,
+        },
+        "answer": parameters,
+        "row": {**state, **predictions, **parameters},
+        "why": _why(advice),
     }
 
 
-def _end(notes: Mapping[str, Any], study: Study, data: pd.DataFrame) -> dict[str, Any]:
+def _why(advice: Advice) -> str:
+    """Say why the search stops, or how it goes on."""
+    if advice.stop is None:
+        return f"{len(advice.batch)} more samples are poured"
+    why = WHY[advice.stop]
+    has_no_chance = advice.probability < NO_CHANCE
+    # The sentence on targets out of reach says so already.
+    if advice.stop in ("budget", "noise") and has_no_chance:
+        return f"{why}; {NEAREST}"
+    return why
+
+
+def _notes_of_end(
+    notes: Mapping[str, Any], study: Study, data: pd.DataFrame
+) -> dict[str, Any]:
     """Describe the end of the search, for the summary and the report."""
     section = study.settings.sequential
-    kept = ("answer", "probability", "stop", "needed", "in_reach", "nearest")
     tolerance = section.tolerance_percent
+    summary = {name: notes[name] for name in SUMMARY_NOTES}
+    summary["tolerance_percent"] = tolerance
     steps = (
-        f"Start: {section.start_samples} parameter sets all over the ranges, each poured {section.seeds} times.",
-        f"Batches: each about the best point so far; {len(data)} pours in all. They stopped: {notes['why']}.",
-        f"Model: kriging of the samples' means with their known errors. The answer lies within "
-        f"{tolerance:g} % of all targets with probability {notes['probability']:.2f}.",
+        f"Start: {section.start_samples} parameter sets all over the ranges, each "
+        f"poured {section.seeds} times.",
+        f"Batches: each about the best point so far; {len(data)} pours in all. They "
+        f"stopped: {notes['why']}.",
+        "Model: kriging of the samples' means with their known errors. The answer lies "
+        f"within {tolerance:g} % of all targets with probability "
+        f"{notes['probability']:.2f}.",
     )
-    end = {
-        "summary": {name: notes[name] for name in kept}
-        | {"tolerance_percent": tolerance},
-        "steps": steps,
-    }
-    return end | (
-        {"note": _out_of_reach(notes, study.targets)}
-        if notes["stop"] == "out_of_reach"
-        else {}
-    )
+    end: dict[str, Any] = {"summary": summary, "steps": steps}
+    if notes["stop"] == "out_of_reach":
+        end["note"] = _out_of_reach(notes, study.targets)
+    return end
 
 
 def _out_of_reach(notes: Mapping[str, Any], targets: Targets) -> str:
-    """Say in a sentence how near the answer comes."""
-    off = []
+    """Say how near the answer comes to targets that are out of reach."""
+    row = notes["row"]
+    deviations = []
     for target in targets:
-        mean, error = (
-            notes["row"][f"{target.name}_{what}"] for what in ("mean", "error")
+        mean = row[f"{target.name}_mean"]
+        error = row[f"{target.name}_error"]
+        percent = 100 * (mean - target.aim) / target.whole
+        error_percent = abs(100 * error / target.whole)
+        symbol = target.response.symbol
+        deviations.append(
+            f"{percent:+.1f} ± {error_percent:.1f} % off the target of {symbol}"
         )
-        percent, scatter = (
-            100 * (mean - target.aim) / target.whole,
-            100 * error / target.whole,
-        )
-        off.append(
-            f"{percent:+.1f} ± {abs(scatter):.1f} % off the target of {target.response.symbol}"
-        )
-    chance = f"some parameter set meets them with probability {notes['in_reach']:.2f}"
-    return f"The targets are probably out of reach: {chance}. The answer is the nearest: {', '.join(off)}."
+    return (
+        "The targets are probably out of reach: some parameter set meets them with "
+        f"probability {notes['in_reach']:.2f}. The answer is the nearest: "
+        f"{', '.join(deviations)}."
+    )
