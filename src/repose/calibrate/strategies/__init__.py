@@ -1,6 +1,7 @@
-"""Ways to calibrate, each chosen by the configuration's `strategy`: from the runs so far to the next, or to the answer.
+"""Ways to calibrate: each goes from the runs so far to the next runs, or to the answer.
 
-Importing this package registers every strategy (`repose.calibrate.strategies.base`).
+The key `strategy` of the configuration chooses one. Importing this package registers
+every strategy (`repose.calibrate.strategies.base`).
 """
 
 # The line that registers each strategy.

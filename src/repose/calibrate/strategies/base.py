@@ -23,9 +23,11 @@ if TYPE_CHECKING:
     from repose.calibrate.study import Study
     from repose.calibrate.surrogates.base import Predictor
 
-# The section of a strategy; None for one without a section.
+# The type of the section of a strategy; None for one without a section.
 SectionType = TypeVar("SectionType", bound=Section | None)
+# Purpose, number of samples, and runs of each.
 Pours = tuple[tuple[str, int, int], ...]
+# Why an answer is given before the strategy ends.
 SO_FAR = "more runs may give a better answer"
 
 
@@ -36,11 +38,12 @@ class Batch:
     Attributes
     ----------
     samples : pandas.DataFrame
-        `sample` (its number), a column for each parameter, and `seeds`, the number of runs of the sample. Further
-        columns are the strategy's own.
+        `sample` (its number), a column for each parameter, and `seeds`, the number of
+        runs of the sample. A strategy may add columns.
     notes : mapping
-        Further results of the strategy, by name: tables, and what JSON can hold. `why` is a sentence, `row` a
-        mapping, the row of this proposal in the workflow's table of batches.
+        Further results of the strategy, by name: tables, and what JSON can hold. `why`
+        is a sentence; `row` is the row of this proposal in the workflow's table of
+        batches, a mapping.
     """
 
     samples: "pd.DataFrame"
@@ -60,8 +63,8 @@ class Answer:
     covariance : numpy.ndarray, (k, k)
         Of these predictions.
     probability : dict
-        That the simulator's means lie `within_1_percent` and `within_2_percent` of all targets, and `inside` all
-        ranges.
+        That the simulator's means lie `within_1_percent` and `within_2_percent` of all
+        targets, and `inside` all ranges.
     samples : pandas.DataFrame
         The answer as the table of a `Batch`, to simulate it again.
     why : str
@@ -73,11 +76,13 @@ class Answer:
     model : Predictor or None
         The model over the whole ranges; None if the strategy has none.
     notes : mapping
-        As in `Batch`. The workflow writes those that `Strategy.files` names, and puts `summary`, a mapping, into the
-        answer's summary, `steps`, sentences, into the report, and `note`, a sentence, behind the message; `check` is a
-        table in place of the ordinary `check.csv`.
+        As in `Batch`. The workflow writes those that `Strategy.files` names. It puts
+        `summary`, a mapping, into the summary of the answer; `steps`, sentences, into
+        the report; and `note`, a sentence, behind the message. `check` is a table in
+        place of the ordinary `check.csv`.
     simulated : tuple of int
-        Samples of the last batch that simulated the answer already; without any, `samples` are simulated to check it.
+        Samples of the last batch that simulated the answer already. Without any,
+        `samples` are simulated to check it.
     """
 
     values: np.ndarray
@@ -111,11 +116,14 @@ class Strategy(ABC, Generic[SectionType]):
     repeats_points : bool
         Whether it asks for the same parameters under several numbers of samples.
     begins_with_design : bool
-        Whether its first batch is the article's design, which the workflow simulates as such.
+        Whether its first batch is the article's design, which the workflow simulates as
+        such.
     files : tuple of str
-        Notes of its answer that the workflow writes: names with `.csv` for tables, with `.json` for mappings.
+        Notes of its answer that the workflow writes: names with `.csv` for tables, with
+        `.json` for mappings.
     reads : tuple of str or None
-        Keys of the configuration that its proposals after a simulated batch depend on; None for all.
+        Keys of the configuration that its proposals after a simulated batch depend on;
+        None for all.
     """
 
     name: ClassVar[str]
@@ -129,15 +137,17 @@ class Strategy(ABC, Generic[SectionType]):
     def propose(self, study: "Study", data: "pd.DataFrame") -> Batch | Answer:
         """Propose the next samples, or give the answer.
 
-        The same study and the same runs give the same proposal: a study that was interrupted goes on as it would have.
+        The same study and the same runs give the same proposal, so a study that was
+        interrupted goes on as it would have.
 
         Parameters
         ----------
         study : Study
             Its parameters, targets and settings are read, never its runs.
         data : pandas.DataFrame
-            All runs so far, a row for each: `sample`, parameters, responses; empty at the start. A run failed if a
-            response is NaN. With a column `batch`, the number of the proposal that the run comes from.
+            All runs so far, a row for each: `sample`, parameters, responses; empty at the
+            start. A run failed if a response is NaN. An optional column `batch` has the
+            number of the proposal that the run comes from.
 
         Returns
         -------

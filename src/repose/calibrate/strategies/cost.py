@@ -28,13 +28,15 @@ def contradictions(
     (str, str)
         Dotted key, and what is allowed.
     """
-    faults = strategy(name).contradictions(section, free, responses)
-    for key, allowed in faults:
+    for key, allowed in strategy(name).contradictions(section, free, responses):
         yield f"{name}.{key}", allowed
 
 
 def misfit(name: str, section: Section | None, free: int, responses: int) -> str | None:
-    """Say why a strategy cannot run, with arguments as above; None if it can."""
+    """Say why a strategy cannot run; None if it can.
+
+    The arguments are those of `contradictions`. Of several reasons the first is given.
+    """
     for key, allowed in contradictions(name, section, free, responses):
         return f"not with this configuration: {key}; expected {allowed}"
     return None
@@ -45,7 +47,7 @@ def pours(name: str, section: Section | None, free: int) -> Pours | None:
 
     Returns
     -------
-    tuple of (str, int, int)
-        Purpose, number of parameter sets, and runs of each.
+    tuple of (str, int, int) or None
+        A purpose, its number of parameter sets, and the runs of each.
     """
     return strategy(name).pours(section, free)

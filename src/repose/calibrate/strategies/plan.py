@@ -1,9 +1,12 @@
-"""Before any pour: how many pours the noise asks for, and how probable success is with a budget.
+"""The cost of a calibration before its first run.
 
-The probabilities are in `success.csv`: shares of hidden parameter sets that whole campaigns of the sequential
-strategy recovered, with six free parameters, in an emulated simulator whose pours scatter by some percents.
-`research/answers/hidden_truths.py` writes it. Between two scatters of the table the shares are interpolated over the
-logarithm of the scatter; outside of them the nearest row counts.
+The noise alone asks for a number of runs, and a budget has a probability of success.
+
+These probabilities are in `success.csv`: shares of hidden parameter sets that whole
+campaigns of the sequential strategy recovered, with six free parameters, in an emulated
+simulator whose runs scatter by some percents. `research/answers/hidden_truths.py` writes
+it. Between two scatters of the table the shares are interpolated over the logarithm of
+the scatter; outside of them the nearest row counts.
 """
 
 from pathlib import Path
@@ -17,29 +20,40 @@ from repose.calibrate.runs import of_bench
 from repose.calibrate.strategies.sequential.goal import Goal
 from repose.calibrate.targets import Targets
 from repose.calibrate.variance import within_covariance
-from repose.common.errors import require
+from repose.common.errors import InputError
 from repose.common.files import Path_, read_table
 
 SUCCESS = Path(__file__).with_name("success.csv")
-# Scatter of a pour in percent of the target, and correlation of two responses of one bench test, of the default grain:
-# taken where nothing is measured.
-NOISE_PERCENT, CORRELATION = 5.0, 0.8
-CERTAINTY = 0.9  # of the number of pours that the noise alone asks for
-TOLERANCES = (1.0, 2.0)  # percent, as in the table
+# Noise of the default grain, where none is measured: the scatter of a run in percent of
+# the target, and the correlation of two responses of one bench test.
+NOISE_PERCENT = 5.0
+CORRELATION = 0.8
+# Certainty of the number of runs that the noise alone asks for.
+CERTAINTY = 0.9
+# Tolerances of the table, in percent.
+TOLERANCES = (1.0, 2.0)
 
 
 class Plan(NamedTuple):
-    """Expected results of budgets of pours.
+    """Expected results of budgets of runs.
 
-    `budgets` has `pours`, the probabilities `within_1_percent` and `within_2_percent` that the answer of the sequential
-    strategy is so near to all targets, and `*_se`, their standard errors.
+    Attributes
+    ----------
+    noise_percent : numpy.ndarray, (k,)
+        Scatter of a run, in percent of each target.
+    measured : bool
+        Whether the scatter comes from runs.
+    needed : dict
+        Runs that the noise alone asks for with `CERTAINTY`, by tolerance in percent.
+    budgets : pandas.DataFrame
+        A row for each budget: `pours`, the number of runs; `within_1_percent` and
+        `within_2_percent`, the probabilities that the answer of the sequential strategy
+        is so near to all targets; `*_se`, their standard errors.
     """
 
-    noise_percent: np.ndarray  # (k,), scatter of a pour, in percent of each target
-    measured: bool  # whether the scatter comes from runs
-    needed: dict[
-        float, int
-    ]  # pours by tolerance in percent, for the noise alone with `CERTAINTY`
+    noise_percent: np.ndarray
+    measured: bool
+    needed: dict[float, int]
     budgets: pd.DataFrame
 
 
@@ -49,7 +63,7 @@ def plan(
     runs: pd.DataFrame | None = None,
     source: object = "runs",
 ) -> Plan:
-    """Compute the expected results of budgets of pours.
+    """Compute the expected results of budgets of runs.
 
     Parameters
     ----------
@@ -70,48 +84,63 @@ def plan(
     else:
         noise = measured_noise(runs, targets, source)
     percent = 100 * np.sqrt(np.diagonal(noise)) / targets.whole
-    needed = {
-        tolerance: Goal.of(targets, tolerance, space).needed(noise, CERTAINTY)
-        for tolerance in TOLERANCES
-    }
+    needed = {}
+    for tolerance in TOLERANCES:
+        goal = Goal.of(targets, tolerance, space)
+        needed[tolerance] = goal.needed(noise, CERTAINTY)
     return Plan(
-        percent, runs is not None, needed, chances(len(targets), float(percent.max()))
+        noise_percent=percent,
+        measured=runs is not None,
+        needed=needed,
+        budgets=chances(len(targets), float(percent.max())),
     )
 
 
 def chances(responses: int, percent: float) -> pd.DataFrame:
-    """Interpolate `Plan.budgets` for a number of targets, at most the table's, and the scatter of a pour in percent."""
+    """Interpolate the table of probabilities for the scatter of a run.
+
+    Parameters
+    ----------
+    responses : int
+        Number of targets; the largest number of the table stands for any larger one.
+    percent : float
+        Scatter of a run in percent of the target.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The `budgets` of `Plan`.
+    """
     table = pd.read_csv(SUCCESS)
-    table = table[
-        table["responses"] == min(responses, table["responses"].max())
-    ].sort_values("noise_percent")
+    n_targets = min(responses, table["responses"].max())
+    table = table[table["responses"] == n_targets].sort_values("noise_percent")
     shares = [f"within_{tolerance:g}_percent" for tolerance in TOLERANCES]
-    errors = {
-        f"{name}_se": share_error(table[name], table["truths"]) for name in shares
-    }
-    columns, rows = ["pours", *shares, *errors], []
-    for pours, own in table.assign(**errors).groupby("pours"):
-        place = np.log(own["noise_percent"])
-        rows.append(
-            (
-                pours,
-                *(np.interp(np.log(percent), place, own[name]) for name in columns[1:]),
-            )
-        )
-    return pd.DataFrame(rows, columns=columns)
+    errors = [f"{name}_se" for name in shares]
+    for name, error in zip(shares, errors, strict=True):
+        table[error] = share_error(table[name], table["truths"])
+
+    rows = []
+    for pours, group in table.groupby("pours"):
+        log_noise = np.log(group["noise_percent"])
+        row = {"pours": pours}
+        for name in (*shares, *errors):
+            row[name] = np.interp(np.log(percent), log_noise, group[name])
+        rows.append(row)
+    return pd.DataFrame(rows, columns=["pours", *shares, *errors])
 
 
 def share_error(share: pd.Series, trials: pd.Series) -> pd.Series:
-    """Compute the standard error of a probability known as a share of trials, also if all or none succeeded.
+    """Compute the standard error of a probability from the share of successful trials.
 
-    It is the standard deviation of the beta distribution after these trials, from a uniform prior.
+    It is the standard deviation of the beta distribution after these trials, from a
+    uniform prior. So it is positive also where all or none succeeded.
     """
-    middle = (share * trials + 1) / (trials + 2)
-    return np.sqrt(middle * (1 - middle) / (trials + 3))
+    mean = (share * trials + 1) / (trials + 2)
+    return np.sqrt(mean * (1 - mean) / (trials + 3))
 
 
 def default_noise(targets: Targets) -> np.ndarray:
-    """Return the covariance (k, k) of a pour if nothing is measured."""
+    """Return the covariance (k, k) of a run if nothing is measured."""
     sd = NOISE_PERCENT / 100 * targets.whole
     return np.outer(sd, sd) * targets.correlated(CORRELATION)
 
@@ -119,17 +148,31 @@ def default_noise(targets: Targets) -> np.ndarray:
 def measured_noise(
     runs: pd.DataFrame, targets: Targets, source: object = "runs"
 ) -> np.ndarray:
-    """Estimate a pour's covariance (k, k) about its sample's mean; InputError if too few samples have two ok runs."""
+    """Estimate the covariance (k, k) of a run about the mean of its sample.
+
+    Responses of different bench tests are independent.
+
+    Raises
+    ------
+    InputError
+        If too few samples have two good runs.
+    """
     noise = np.zeros((len(targets), len(targets)))
-    for bench, own in targets.benches.items():
-        names = [targets.names[k] for k in own]
-        rows = of_bench(runs, bench)
-        ok = rows[(rows["status"] == "ok") & rows[names].notna().all(axis=1)]
-        covariance, freedom = within_covariance(ok[names].to_numpy(float), ok["sample"])
-        allowed = f"at least {len(own) + 1} good runs beyond the first of a sample, not all alike"
-        good = freedom > len(own) and np.linalg.matrix_rank(covariance) == len(own)
-        require(good, source, "runs that determine the noise", freedom, allowed)
-        noise[np.ix_(own, own)] = covariance
+    for apparatus, columns in targets.benches.items():
+        names = [targets.names[k] for k in columns]
+        rows = of_bench(runs, apparatus)
+        is_good = (rows["status"] == "ok") & rows[names].notna().all(axis=1)
+        good = rows[is_good]
+        values = good[names].to_numpy(float)
+        covariance, freedom = within_covariance(values, good["sample"])
+        has_full_rank = np.linalg.matrix_rank(covariance) == len(columns)
+        if freedom <= len(columns) or not has_full_rank:
+            allowed = (
+                f"at least {len(columns) + 1} good runs beyond the first of a sample, "
+                "not all alike"
+            )
+            raise InputError(source, "runs that determine the noise", freedom, allowed)
+        noise[np.ix_(columns, columns)] = covariance
     return noise
 
 

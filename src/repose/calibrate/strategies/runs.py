@@ -1,4 +1,7 @@
-"""The table of all runs of a study: the runs of a batch, the check of returned runs, and means by sample."""
+"""The table of all runs of a study.
+
+It has the runs of a batch, is checked where the runs come back, and gives means by sample.
+"""
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -12,7 +15,7 @@ from repose.calibrate.runs import mean_and_error
 from repose.calibrate.strategies.base import strategy
 from repose.calibrate.study import Study
 from repose.calibrate.targets import Targets
-from repose.common.errors import require
+from repose.common.errors import InputError
 from repose.common.files import TURN, Path_
 from repose.common.tables import (
     Column,
@@ -25,7 +28,7 @@ from repose.common.tables import (
 )
 
 OK = "ok"
-# Words for a run that is good; a number such as 0 or 1 may mean either.
+# Statuses of a good run. A number such as 0 or 1 may mean either.
 GOOD = (
     OK,
     "success",
@@ -41,27 +44,34 @@ GOOD = (
 )
 Rows = Sequence[Mapping[str, Any]]
 Table: TypeAlias = pd.DataFrame | Rows
+# A number as pandas and spreadsheets write it in a column of whole numbers with gaps.
 WHOLE = re.compile(r"\d+\.0")
 NUMBERS = ("sample", "run")
 TURNS = Column(TURN, int, low=0, high=1e9, empty=True)
 OPTIONAL = ("status", TURN)
+# The largest size of a response.
+LARGEST = 1e100
 RESPONSE = (
     "a finite number within 1e100 of 0; a run that failed has another `status` than ok"
 )
-ALIKE = 1e-12  # least eigenvalue of the correlations of responses that follow from each other
-ROUNDED = 1e-6  # of a range: a table may have been rounded by a spreadsheet
+# Smallest eigenvalue of the correlations of responses that follow from each other.
+ALIKE = 1e-12
+# A table may have been rounded by a spreadsheet, by this share of a range.
+ROUNDED = 1e-6
 
 
 def runs_of(samples: pd.DataFrame) -> pd.DataFrame:
-    """Make a row for each run of a batch's samples: `sample`, `run` from 1, and the parameters.
+    """Make a row for each run of the samples of a batch.
 
     The runs of a sample differ in the random numbers of the simulator alone.
+
+    Returns
+    -------
+    pandas.DataFrame
+        `sample`, `run` from 1, and the parameters.
     """
-    table = (
-        samples.loc[samples.index.repeat(samples["seeds"])]
-        .drop(columns="seeds")
-        .reset_index(drop=True)
-    )
+    repeated = samples.loc[samples.index.repeat(samples["seeds"])]
+    table = repeated.drop(columns="seeds").reset_index(drop=True)
     table.insert(1, "run", table.groupby("sample").cumcount() + 1)
     return table
 
@@ -69,75 +79,90 @@ def runs_of(samples: pd.DataFrame) -> pd.DataFrame:
 def next_number(data: pd.DataFrame) -> int:
     """Return the number of the next sample."""
     numbers = pd.to_numeric(data["sample"], errors="coerce")
-    return (
-        int(numbers.max()) + 1
-        if numbers.notna().all()
-        else data["sample"].nunique() + 1
-    )
+    if numbers.notna().all():
+        return int(numbers.max()) + 1
+    return data["sample"].nunique() + 1
 
 
 def check_responses(data: pd.DataFrame, targets: Targets) -> None:
-    """Refuse a response that is the same in all good runs, and responses of which one follows from the others."""
+    """Refuse responses from which no model can be made.
+
+    Raises
+    ------
+    InputError
+        If a response is the same in all good runs, or follows from the others.
+    """
     names = list(targets.names)
     for name in names:
         count = data[name].count()
-        allowed = f"results that differ; all {count} good runs have this one: is the right column read?"
-        require(
-            count < 2 or data[name].nunique() > 1,
-            "runs",
-            name,
-            float(data[name].max()),
-            allowed,
-        )
+        if count >= 2 and data[name].nunique() <= 1:
+            allowed = (
+                f"results that differ; all {count} good runs have this one: is the "
+                "right column read?"
+            )
+            raise InputError("runs", name, float(data[name].max()), allowed)
+
     values = data[names].dropna()
-    if len(values) > len(names) + 1:
-        shares, axes = np.linalg.eigh(values.corr())
-        tied = [
+    if len(values) <= len(names) + 1:
+        return
+    # Responses that follow from each other have correlations of lower rank.
+    eigenvalues, eigenvectors = np.linalg.eigh(values.corr())
+    if not eigenvalues[0] > ALIKE:
+        dependent = [
             name
-            for name, part in zip(names, axes[:, 0], strict=True)
-            if abs(part) > ROUNDED
+            for name, component in zip(names, eigenvectors[:, 0], strict=True)
+            if abs(component) > ROUNDED
         ]
         allowed = (
             "responses none of which follows from the others: leave one of them out"
         )
-        require(shares[0] > ALIKE, "runs", "targets", ", ".join(tied), allowed)
+        raise InputError("runs", "targets", ", ".join(dependent), allowed)
 
 
 def samples_of_runs(
     data: pd.DataFrame, space: ParameterSpace, targets: Targets
 ) -> pd.DataFrame:
-    """Summarise the runs by sample, as the stage `dataset` does: parameters, status, means and standard errors.
+    """Summarise the runs by sample, as the stage `dataset` does.
 
-    A response counts as many runs as have it: bench tests fail separately.
+    A sample counts as many runs as its rarest response has: bench tests fail separately.
+
+    Returns
+    -------
+    pandas.DataFrame
+        `sample`, parameters, `status`, `reason`, `n_seeds`, means and standard errors.
     """
+    responses = list(targets.names)
     rows = []
-    for sample, own in data.groupby("sample", sort=False):
-        count = int(own[list(targets.names)].count().min())
-        ok = count > 0 and 2 * count >= len(own)
+    for sample, runs in data.groupby("sample", sort=False):
+        count = int(runs[responses].count().min())
+        is_ok = count > 0 and 2 * count >= len(runs)
         row = {
             "sample": sample,
-            **own.iloc[0][list(space.names)],
-            "status": OK if ok else "failed",
+            **runs.iloc[0][list(space.names)],
+            "status": OK if is_ok else "failed",
+            "reason": "",
+            "n_seeds": count,
         }
-        rows.append(row | {"reason": "", "n_seeds": count})
         for name, error in zip(targets.names, targets.errors, strict=True):
-            rows[-1][name], rows[-1][error] = mean_and_error(
-                own[name].dropna() if ok else ()
-            )
-    return pd.DataFrame(rows).astype(
-        dict.fromkeys((*targets.names, *targets.errors), float)
-    )
+            values = runs[name].dropna() if is_ok else ()
+            row[name], row[error] = mean_and_error(values)
+        rows.append(row)
+    columns = (*targets.names, *targets.errors)
+    return pd.DataFrame(rows).astype(dict.fromkeys(columns, float))
 
 
 def runs_by_bench(data: pd.DataFrame, targets: Targets) -> pd.DataFrame:
-    """List the runs of each bench test as rows of their own, as the stage `dataset` writes them."""
+    """List the runs of each bench test as rows, as the stage `dataset` writes them."""
     tables = []
-    for bench, own in targets.benches.items():
-        names = [targets.names[k] for k in own]
-        status = np.where(data[names].notna().all(axis=1), OK, "failed")
-        tables.append(
-            data[["sample", *names]].assign(apparatus=bench, status=status, reason="")
+    for apparatus, columns in targets.benches.items():
+        names = [targets.names[k] for k in columns]
+        is_complete = data[names].notna().all(axis=1)
+        table = data[["sample", *names]].assign(
+            apparatus=apparatus,
+            status=np.where(is_complete, OK, "failed"),
+            reason="",
         )
+        tables.append(table)
     return pd.concat(tables, ignore_index=True)
 
 
@@ -148,173 +173,251 @@ def read_runs(path: Path_, study: Study) -> pd.DataFrame:
 
 def rows_of(path: Path_) -> Rows:
     """Read the rows of a CSV file of runs as text."""
-    table = read(
-        path, [Column("status", str, needed=False, empty=True)], "a CSV file of runs"
-    )
-    table.values |= {
-        key: without_point(table.values[key]) for key in NUMBERS if key in table.values
-    }
+    status = Column("status", str, needed=False, empty=True)
+    table = read(path, [status], "a CSV file of runs")
+    for key in NUMBERS:
+        if key in table.values:
+            table.values[key] = without_point(table.values[key])
     return table.rows()
 
 
 def without_point(cells: Iterable[Any]) -> list[str]:
-    """Write numbers of samples or runs as text, without the .0 that pandas and spreadsheets add to a whole column."""
+    """Write numbers of samples or runs as text, without the .0 of a whole column.
+
+    Pandas and spreadsheets add it.
+    """
     texts = [str(cell).strip() for cell in cells]
-    return [text[:-2] for text in texts] if all(map(WHOLE.fullmatch, texts)) else texts
+    if all(map(WHOLE.fullmatch, texts)):
+        return [text[:-2] for text in texts]
+    return texts
 
 
 def checked_runs(
     study: Study, rows: Table, source: object = "runs", enough: bool = True
 ) -> pd.DataFrame:
-    """Check a table of runs; return ``sample``, ``status``, parameters and responses, with the turns as attribute.
+    """Check a table of runs.
 
-    Columns of fixed parameters, ``sample``, ``run`` and ``status`` are optional. Rows with the same parameters are
-    replicates. A run with another status than ``ok`` failed; its responses are not read. Samples are numbered in the
-    order of their first run, unless the table numbers them. `enough` also refuses too few good samples. InputError
-    names `source` and the rows.
+    The columns of fixed parameters, ``sample``, ``run`` and ``status`` are optional. A
+    run with another status than ``ok`` failed; its responses are not read. Rows with the
+    same parameters are replicates. Samples are numbered in the order of their first run,
+    unless the table numbers them.
+
+    Parameters
+    ----------
+    study : Study
+    rows : pandas.DataFrame or sequence of mapping
+    source : object, optional
+        File of the table, for an error.
+    enough : bool, optional
+        Whether too few good samples are refused, too.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``sample``, ``status``, parameters and responses; the turns are its attribute
+        `TURN`.
+
+    Raises
+    ------
+    InputError
+        Which names `source` and the rows.
     """
     if isinstance(rows, pd.DataFrame):
         rows = rows.to_dict("records")
-    require(rows, source, "rows", 0, "a header and a row for each run")
-    space, names = study.parameters, study.targets.names
+    if not rows:
+        raise InputError(source, "rows", 0, "a header and a row for each run")
+    space = study.parameters
+    parameters = list(space.names)
+    responses = study.targets.names
     check_columns(
         source,
         rows[0],
-        (*space.free, *names),
-        optional=(*OPTIONAL, *NUMBERS, *space.names),
+        (*space.free, *responses),
+        optional=(*OPTIONAL, *NUMBERS, *parameters),
     )
     rows = with_fixed(rows, space)
-    cells = {
-        name: [row.get(name) for row in rows]
-        for name in (*space.names, *names, *OPTIONAL)
-    }
-    status = [str(cell or OK).strip() for cell in cells["status"]]
-    status = [OK if one.casefold() in GOOD else one for one in status]
-    unclear = [
-        (k, "status", one, "ok, or a word such as failed")
-        for k, one in enumerate(status)
-        if is_plain([one])
+    columns = (*parameters, *responses, *OPTIONAL)
+    cells = {name: [row.get(name) for row in rows] for name in columns}
+
+    # Check all columns, and refuse the table once with all faults.
+    statuses = _statuses(cells["status"])
+    failed_rows = {k for k, status in enumerate(statuses) if status != OK}
+    low, high = space.complete(np.array([space.low, space.high]))
+    parameter_columns = map(_parameter, parameters, low.tolist(), high.tolist())
+    response_columns = [
+        Column(name, float, -LARGEST, LARGEST, words=RESPONSE) for name in responses
     ]
-    failed = {k for k, one in enumerate(status) if one != OK}
-    ends = space.complete(np.array([space.low, space.high]))
-    sets, faults = check(cells, map(_parameter, space.names, *ends.tolist()))
-    responses, more = check(
-        cells,
-        [Column(name, float, -1e100, 1e100, words=RESPONSE) for name in names],
-        failed,
-    )
-    turns, others = check(cells, [TURNS])
-    refuse(source, [*faults, *more, *others, *unclear])
-    table = pd.DataFrame({"status": status, **sets, **responses})
-    parameters = list(space.names)
-    table[parameters] = np.clip(
-        table[parameters].to_numpy(float), *ends
-    )  # undo the rounding of a spreadsheet
-    table.insert(
-        0, "sample", _numbers_of_samples(table[parameters], rows, study, source)
-    )
+    sets, faults_of_sets = check(cells, parameter_columns)
+    values, faults_of_responses = check(cells, response_columns, failed_rows)
+    turns, faults_of_turns = check(cells, [TURNS])
+    faults = [
+        *faults_of_sets,
+        *faults_of_responses,
+        *faults_of_turns,
+        *_faults_of_statuses(statuses),
+    ]
+    refuse(source, faults)
+
+    table = pd.DataFrame({"status": statuses, **sets, **values})
+    # Undo the rounding of a spreadsheet.
+    table[parameters] = np.clip(table[parameters].to_numpy(float), low, high)
+    numbers = _numbers_of_samples(table[parameters], rows, study, source)
+    table.insert(0, "sample", numbers)
     table.attrs[TURN] = np.nan_to_num(turns[TURN]).astype(int).tolist()
-    _refuse_twice(table, rows, source)
-    samples, fewest = (
-        table[table["status"] == OK]["sample"].nunique(),
-        space.dimensions + 2,
-    )
-    allowed = f"at least {fewest}, two more than the free parameters"
-    allowed += (
-        f"; runs with the status {', '.join(sorted({*status} - {OK})):.60} failed"
-        if failed
-        else ""
-    )
-    require(
-        not enough or samples >= fewest,
-        source,
-        "samples with a good run",
-        samples,
-        allowed,
-    )
+    _refuse_repeated_rows(table, rows, source)
+    if enough:
+        _require_enough_samples(table, space, source)
     return table
 
 
+def _statuses(cells: Sequence[Any]) -> list[str]:
+    """Return the status of each run: `OK` for all words for a good run."""
+    statuses = []
+    for cell in cells:
+        status = str(cell or OK).strip()
+        statuses.append(OK if status.casefold() in GOOD else status)
+    return statuses
+
+
+def _faults_of_statuses(statuses: Sequence[str]) -> list[Fault]:
+    """List the statuses that are numbers, of which the meaning is not known."""
+    return [
+        (k, "status", status, "ok, or a word such as failed")
+        for k, status in enumerate(statuses)
+        if is_plain([status])
+    ]
+
+
+def _require_enough_samples(
+    table: pd.DataFrame, space: ParameterSpace, source: object
+) -> None:
+    """Refuse a table with too few good samples."""
+    count = table[table["status"] == OK]["sample"].nunique()
+    fewest = space.dimensions + 2
+    if count >= fewest:
+        return
+    allowed = f"at least {fewest}, two more than the free parameters"
+    failures = sorted(set(table["status"]) - {OK})
+    if failures:
+        statuses = ", ".join(failures)
+        allowed += f"; runs with the status {statuses:.60} failed"
+    raise InputError(source, "samples with a good run", count, allowed)
+
+
 def _parameter(name: str, low: float, high: float) -> Column:
-    """Declare the column of a parameter: a table may have been rounded by a spreadsheet."""
-    slack = ROUNDED * ((high - low) or abs(high) or 1.0)
-    words = (
-        f"{low:g}, as it is fixed"
-        if low == high
-        else f"a number from {low:g} to {high:g}, its range"
-    )
+    """Declare the column of a parameter, with some room for rounded numbers."""
+    size = (high - low) or abs(high) or 1.0
+    slack = ROUNDED * size
+    if low == high:
+        words = f"{low:g}, as it is fixed"
+    else:
+        words = f"a number from {low:g} to {high:g}, its range"
     return Column(name, low=low - slack, high=high + slack, words=words)
 
 
 def _numbers_of_samples(
     sets: pd.DataFrame, rows: Rows, study: Study, source: object
 ) -> Sequence[int]:
-    """Return the numbers of the samples; without any, rows with the same parameters are one sample."""
+    """Return the number of the sample of each row.
+
+    Without a column `sample`, rows with the same parameters are one sample.
+
+    Parameters
+    ----------
+    sets : pandas.DataFrame
+        The parameters of the rows.
+    rows : sequence of mapping
+    study : Study
+    source : object
+        File of the table, for an error.
+    """
     numbers: Sequence[int] = pd.factorize(sets.apply(tuple, axis=1))[0] + 1
     if "sample" not in rows[0]:
         return numbers
-    reported, repeats = (
-        without_point(row["sample"] for row in rows),
-        strategy(study.settings.strategy).repeats_points,
-    )
+    names = without_point(row["sample"] for row in rows)
+    repeats_points = strategy(study.settings.strategy).repeats_points
+    _refuse_mixed_samples(names, numbers, repeats_points, source)
+    if all(name.isdecimal() and len(name) < 10 for name in names):
+        # Names such as 3 and 003 are two samples, and so cannot be their numbers.
+        n_numbers = len({int(name) for name in names})
+        if n_numbers == len(set(names)):
+            return [int(name) for name in names]
+    return pd.factorize(pd.Series(names))[0] + 1
+
+
+def _refuse_mixed_samples(
+    names: Sequence[str],
+    set_numbers: Sequence[int],
+    repeats_points: bool,
+    source: object,
+) -> None:
+    """Refuse a sample with several parameter sets, and a set with several samples.
+
+    Parameters
+    ----------
+    names : sequence of str
+        The sample of each row, as the table names it.
+    set_numbers : sequence of int
+        The number of the parameter set of each row.
+    repeats_points : bool
+        Whether a set may have several samples.
+    source : object
+        File of the table.
+    """
     first_of_name: dict[str, int] = {}
     first_of_set: dict[int, int] = {}
     faults: list[Fault] = []
-    for k, (name, number) in enumerate(zip(reported, numbers, strict=True)):
-        first, other = (
-            first_of_name.setdefault(name, k),
-            first_of_set.setdefault(number, k),
-        )
-        if numbers[first] != number:
-            allowed = f"one set of parameters for each sample; row {first + 1} has another one"
+    for k, (name, number) in enumerate(zip(names, set_numbers, strict=True)):
+        row_of_name = first_of_name.setdefault(name, k)
+        row_of_set = first_of_set.setdefault(number, k)
+        if set_numbers[row_of_name] != number:
+            allowed = (
+                f"one set of parameters for each sample; row {row_of_name + 1} has "
+                "another one"
+            )
             faults.append((k, "sample", name, allowed))
-        elif reported[other] != name and not repeats:
-            allowed = f"{reported[other]}, the sample of row {other + 1} with the same parameters"
+        elif names[row_of_set] != name and not repeats_points:
+            allowed = (
+                f"{names[row_of_set]}, the sample of row {row_of_set + 1} with the "
+                "same parameters"
+            )
             faults.append((k, "sample", name, allowed))
     refuse(source, faults)
-    digits = all(name.isdecimal() and len(name) < 10 for name in reported)
-    distinct = len({int(name) if digits else name for name in reported}) == len(
-        {*reported}
-    )  # 3 and 003 are two
-    return (
-        [int(name) for name in reported]
-        if digits and distinct
-        else pd.factorize(pd.Series(reported))[0] + 1
-    )
 
 
 def with_fixed(rows: Rows, space: ParameterSpace) -> list[dict[str, Any]]:
     """Add columns for all fixed parameters to the rows."""
-    missing = {
-        name: value
-        for name, value in space.fixed.items()
-        if rows and name not in rows[0]
-    }
+    missing = {}
+    for name, value in space.fixed.items():
+        if rows and name not in rows[0]:
+            missing[name] = value
     return [missing | dict(row) for row in rows]
 
 
-def _refuse_twice(table: pd.DataFrame, rows: Rows, source: object) -> None:
-    """Refuse a duplicate run, and a row that repeats all numbers of an earlier row."""
-    seen: dict[tuple[Any, ...], int] = {}
+def _refuse_repeated_rows(table: pd.DataFrame, rows: Rows, source: object) -> None:
+    """Refuse a run that the table has twice.
+
+    A column `run` tells runs apart whose results are equal, as those of a simulator
+    without random numbers. Without it two good rows with the same numbers are one run.
+    """
+    has_runs = "run" in rows[0]
+    first_row: dict[tuple[Any, ...], int] = {}
     faults: list[Fault] = []
-    numbered = (
-        "run" in rows[0]
-    )  # it tells runs apart whose results are equal, as of a simulator without random numbers
-    for k, (row, values) in enumerate(
-        zip(rows, table.itertuples(index=False, name=None), strict=True)
-    ):
-        key = (values[0], str(row["run"]).strip()) if numbered else values
-        first = seen.setdefault(key, k) if numbered or values[1] == OK else k
-        if first != k and numbered:
-            faults.append(
-                (
-                    k,
-                    "sample and run",
-                    list(key),
-                    f"each once; row {first + 1} has them, too",
+    values_of_rows = table.itertuples(index=False, name=None)
+    for k, (row, values) in enumerate(zip(rows, values_of_rows, strict=True)):
+        sample, status = values[:2]
+        if has_runs:
+            key: tuple[Any, ...] = (sample, str(row["run"]).strip())
+            first = first_row.setdefault(key, k)
+            if first != k:
+                allowed = f"each once; row {first + 1} has them, too"
+                faults.append((k, "sample and run", list(key), allowed))
+        elif status == OK:
+            first = first_row.setdefault(values, k)
+            if first != k:
+                allowed = (
+                    "a run of its own, or a column `run`: all numbers of this row stand "
+                    f"in row {first + 1}"
                 )
-            )
-        elif first != k:
-            allowed = f"a run of its own, or a column `run`: all numbers of this row stand in row {first + 1}"
-            faults.append((k, "row", "there twice", allowed))
+                faults.append((k, "row", "there twice", allowed))
     refuse(source, faults)

@@ -1,4 +1,7 @@
-"""The strategy `published`: the method of the article. One Latin hypercube, a surrogate, a search on it."""
+"""The strategy `published`, the method of the article.
+
+It takes one Latin hypercube, a surrogate, and a search on it.
+"""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,7 @@
-"""Proposals of the strategy `published`: a Latin hypercube, then the answer of a search on its surrogate."""
+"""Proposals of the strategy `published`.
+
+It simulates a Latin hypercube, then a search on the surrogate of its runs answers.
+"""
 
 import numpy as np
 import pandas as pd
@@ -18,39 +21,47 @@ from repose.calibrate.training import Training, train
 
 def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     """Propose one batch, then answer."""
+    space = study.parameters
+    settings = study.settings
     if data.empty:
-        section = study.settings.design
+        section = settings.design
         unit = design.points(
-            section.samples, study.parameters.dimensions, section.method, section.seed
+            section.samples, space.dimensions, section.method, section.seed
         )
-        return Batch(samples_of(study.parameters, unit, study.settings.seeds))
-    training, support = fitted(
-        study, samples_of_runs(data, study.parameters, study.targets), data
-    )
+        return Batch(samples_of(space, unit, settings.seeds))
+    samples = samples_of_runs(data, space, study.targets)
+    training, support = fitted(study, samples, data)
     inversion = invert(
-        training.model,
-        study.parameters,
-        study.targets,
-        study.settings.miga,
-        support=support,
+        training.model, space, study.targets, settings.miga, support=support
     )
     why = "the batch is simulated: the search on its surrogate answers"
-    return answer_of(study, training.model, inversion, data, why, study.settings.seeds)
+    return answer_of(study, training.model, inversion, data, why, settings.seeds)
 
 
 def fitted(
     study: Study, samples: pd.DataFrame, data: pd.DataFrame
 ) -> tuple[Training, Support]:
-    """Fit the surrogate of the study to the samples of its runs; return also the region that the good ones cover."""
-    settings, names, runs = (
-        study.settings,
-        study.parameters.names,
-        runs_by_bench(data, study.targets),
-    )
-    good = samples.loc[samples["status"] == "ok", list(names)].to_numpy(float)
+    """Fit the surrogate of the study.
+
+    Parameters
+    ----------
+    study : Study
+    samples : pandas.DataFrame
+        The samples to fit, from `samples_of_runs`.
+    data : pandas.DataFrame
+        Their runs.
+
+    Returns
+    -------
+    Training
+    Support
+        The region that the good samples cover.
+    """
+    settings = study.settings
+    names = study.parameters.names
     training = train(
         samples,
-        runs,
+        runs_by_bench(data, study.targets),
         study.targets,
         settings.network,
         names=names,
@@ -58,44 +69,83 @@ def fitted(
         source="runs",
         surrogate=settings.surrogate,
     )
+    good = samples.loc[samples["status"] == "ok", list(names)].to_numpy(float)
     return training, Support.of(good, study.parameters)
 
 
 def answer_of(
     study: Study,
     model: Surrogate,
-    found: Inversion,
+    inversion: Inversion,
     data: pd.DataFrame,
     why: str,
     seeds: int,
 ) -> Answer:
-    """Answer with the representative solution of a search, and the other feasible ones."""
-    space, targets, solutions = study.parameters, study.targets, found.solutions
+    """Answer with the representative solution of a search.
+
+    Parameters
+    ----------
+    study : Study
+    model : Surrogate
+        The surrogate that was searched.
+    inversion : Inversion
+        The result of the search.
+    data : pandas.DataFrame
+        All runs so far.
+    why : str
+        Why no more runs are needed.
+    seeds : int
+        Runs that check the answer.
+    """
+    space = study.parameters
+    targets = study.targets
+    solutions = inversion.solutions
     names = list(space.names)
     values = solutions.loc[0, names].to_numpy(float)
-    others = solutions[solutions["feasible"] & ~solutions["representative"]]
-    mean, covariance = model.predict(values[None]), model.covariance(values[None])
+    is_other = solutions["feasible"] & ~solutions["representative"]
+    others = solutions[is_other]
+    mean = model.predict(values[None])
+    covariance = model.covariance(values[None])
+    samples = samples_of(space, space.unit(values), seeds, next_number(data))
     return Answer(
-        values=values, mean=mean[0], covariance=covariance[0],
+        values=values,
+        mean=mean[0],
+        covariance=covariance[0],
         probability=probability_of(mean, covariance, targets),
-        samples=samples_of(space, space.unit(values), seeds, next_number(data)), why=why,
-        others=others[names].to_numpy(float), others_mean=others[list(targets.predicted)].to_numpy(float),
-        model=model, notes={"message": found.summary["message"]},
-    )  # fmt: skip
+        samples=samples,
+        why=why,
+        others=others[names].to_numpy(float),
+        others_mean=others[list(targets.predicted)].to_numpy(float),
+        model=model,
+        notes={"message": inversion.summary["message"]},
+    )
 
 
 def probability_of(
     mean: np.ndarray, covariance: np.ndarray, targets: Targets
 ) -> dict[str, float]:
-    """Compute the probabilities that means (1, k) lie within 1 % and 2 % of all targets, and `inside` all ranges."""
-    near = {
-        column: percent * (targets.whole / 100) for percent, column in WITHIN.items()
-    }
-    ends = {
-        column: (targets.aim - reach, targets.aim + reach)
-        for column, reach in near.items()
-    }
-    ends["inside"] = targets.low, targets.high
-    return {
-        name: float(within(mean, covariance, *pair)[0]) for name, pair in ends.items()
-    }
+    """Compute the probabilities of an answer.
+
+    Parameters
+    ----------
+    mean : numpy.ndarray, (1, k)
+        Its predicted responses.
+    covariance : numpy.ndarray, (1, k, k)
+        Of the predictions.
+    targets : Targets
+
+    Returns
+    -------
+    dict
+        That the means lie `within_1_percent` and `within_2_percent` of all targets, and
+        `inside` all ranges.
+    """
+    probabilities = {}
+    for percent, column in WITHIN.items():
+        tolerance = percent * (targets.whole / 100)
+        low = targets.aim - tolerance
+        high = targets.aim + tolerance
+        probabilities[column] = float(within(mean, covariance, low, high)[0])
+    inside = within(mean, covariance, targets.low, targets.high)
+    probabilities["inside"] = float(inside[0])
+    return probabilities

@@ -1,4 +1,8 @@
-"""The strategy `refined`: the published one that goes on near its answer until the simulated means meet the targets."""
+"""The strategy `refined`.
+
+It is the published one, but goes on near its answer until the simulated means meet the
+targets.
+"""
 
 from typing import TYPE_CHECKING
 
@@ -12,22 +16,28 @@ if TYPE_CHECKING:
 
     from repose.calibrate.study import Study
 
-LARGEST_BLOCKS = 100  # of a proposal's pours: jobs of a round have three digits
+# Most jobs of a proposal: the numbers of the jobs of a round have three digits.
+LARGEST_BLOCKS = 100
 
 
 class RefineSettings(Section):
-    """The section `refine`: more pours near the answer; config/README.md explains the keys."""
+    """The section `refine`; config/README.md explains the keys."""
 
-    rounds: int = Field(ge=0, le=90)  # most of them after the first
-    seeds: int = Field(ge=2, le=1000)  # pours of the proposal
-    block: int = Field(ge=1, le=1000)  # pours of the proposal in one job
-    neighbours: int = Field(ge=0, le=99)  # samples around the proposal
-    neighbour_seeds: int = Field(ge=1, le=1000)  # pours of each
-    reach: float = Field(
-        ge=0.01, le=1
-    )  # half the width of the box that is searched, in ranges
-    tolerance_percent: Percent  # of a simulated mean from its target
-    standard_error_percent: Percent  # of a simulated mean, in percent of its target
+    # Most rounds after the first.
+    rounds: int = Field(ge=0, le=90)
+    # Runs of the proposal.
+    seeds: int = Field(ge=2, le=1000)
+    # Runs of the proposal in one job.
+    block: int = Field(ge=1, le=1000)
+    # Samples around the proposal, and the runs of each.
+    neighbours: int = Field(ge=0, le=99)
+    neighbour_seeds: int = Field(ge=1, le=1000)
+    # Half the width of the box that is searched, in ranges.
+    reach: float = Field(ge=0.01, le=1)
+    # Largest deviation of a simulated mean from its target.
+    tolerance_percent: Percent
+    # Largest standard error of a simulated mean, in percent of its target.
+    standard_error_percent: Percent
 
     def contradictions(self) -> Contradictions:
         """Refuse impossible numbers of jobs or neighbours."""

@@ -1,13 +1,15 @@
-"""The loop closed: the search's answer is simulated, added to the data, the surrogate refitted, the search run again.
+"""How one round of the refinement follows from another.
 
-Round 0 simulates the proposal of the main chain. Every round runs its proposal with many fresh seeds and a few
-neighbours with fewer, and is judged by the simulated means of the proposal alone (`repose.calibrate.strategies.refined.rounds`).
-As long as these miss a target, all points so far join the training samples, the refitted surrogate is corrected near
-the last proposal, and the search runs again there: docs/refinement.md says why.
+Round 0 simulates the proposal of the first search. Each round runs its proposal with many
+fresh seeds and a few neighbours with fewer. It is judged by the simulated means of the
+proposal alone (`repose.calibrate.strategies.refined.rounds`). While these miss a target,
+all samples so far join the training, the refitted surrogate is corrected near the last
+proposal, and the search runs again there. docs/refinement.md says why.
 """
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -21,83 +23,121 @@ from repose.calibrate.study import Study
 from repose.calibrate.surrogates.base import Surrogate
 from repose.calibrate.surrogates.support import Support
 from repose.calibrate.targets import Targets
-from repose.common.errors import require
+from repose.common.errors import InputError
 
-WIDENING = (0.125, 0.25, 0.5, 1.0)  # shares of the box, tried in this order
-MET = 0.1  # a prediction this share of the tolerance from the target meets it
-ROUNDING = 1e-9  # of a place in the box, in ranges
+# Shares of the box that are searched, in this order.
+WIDENING = (0.125, 0.25, 0.5, 1.0)
+# A prediction meets a target from which it is this share of the tolerance away.
+MET = 0.1
+# Rounding of a point at the edge of the box, in ranges.
+ROUNDING = 1e-9
+
+
+class Correction(NamedTuple):
+    """A surrogate that was shifted by its residuals near a proposal."""
+
+    model: Surrogate
+    offset: np.ndarray  # (k,), the shift
+    n_samples: int  # of the residuals
 
 
 def search_box(
     space: ParameterSpace, centre: Mapping[str, float], reach: float
 ) -> ParameterSpace:
-    """Narrow the ranges to a box about `centre`; `reach` is half the width of the box, in ranges."""
+    """Narrow the ranges to a box about `centre`.
+
+    `reach` is half the width of the box, in ranges.
+    """
     middle = np.array([float(centre[name]) for name in space.free])
-    step = reach * (space.high - space.low)
-    return replace(
-        space,
-        low=np.maximum(space.low, middle - step),
-        high=np.minimum(space.high, middle + step),
-    )
+    half_width = reach * (space.high - space.low)
+    low = np.maximum(space.low, middle - half_width)
+    high = np.minimum(space.high, middle + half_width)
+    return replace(space, low=low, high=high)
 
 
 def propose(
     solutions: pd.DataFrame, model: Surrogate, study: Study, round_: int
 ) -> pd.DataFrame:
-    """List the jobs of a round: the representative of `solutions` (feasible.csv), and neighbours around it.
+    """List the jobs of a round: the proposal, and its neighbours.
 
     The neighbours are a Latin hypercube in the box in which the next round searches.
+
+    Parameters
+    ----------
+    solutions : pandas.DataFrame
+        The content of feasible.csv; its representative is the proposal.
+    model : Surrogate
+        It predicts the responses of the jobs.
+    study : Study
+    round_ : int
+        Number of the round, from 0.
+
+    Returns
+    -------
+    pandas.DataFrame
+        `sample`, parameters, `role`, `seeds`, predicted responses, and `warning`.
     """
-    space, predicted, section = (
-        study.parameters,
-        list(study.targets.predicted),
-        study.settings.refine,
-    )
+    space = study.parameters
+    names = list(space.names)
+    predicted = list(study.targets.predicted)
+    section = study.settings.refine
     best = solutions[solutions["representative"]].iloc[0]
     table = pd.DataFrame(jobs(section, round_), columns=["sample", "role", "seeds"])
-    near = table["role"] == NEIGHBOUR
-    for name in space.names:
+    is_neighbour = table["role"] == NEIGHBOUR
+
+    for name in names:
         table[name] = float(best[name])
-    if near.any() and space.dimensions:
-        rng = np.random.default_rng(
-            [study.settings.design.seed, PURPOSES["refined"], OF_A_ROUND * (round_ + 1)]
-        )
-        unit = lhsdesign(int(near.sum()), space.dimensions, rng=rng)
-        table.loc[near, list(space.names)] = search_box(
-            space, best, section.reach
-        ).values(unit)
-    table[predicted] = model.predict(table[list(space.names)].to_numpy(float))
+    if is_neighbour.any() and space.dimensions:
+        stream = OF_A_ROUND * (round_ + 1)
+        seeds = [study.settings.design.seed, PURPOSES["refined"], stream]
+        rng = np.random.default_rng(seeds)
+        unit = lhsdesign(int(is_neighbour.sum()), space.dimensions, rng=rng)
+        box = search_box(space, best, section.reach)
+        table.loc[is_neighbour, names] = box.values(unit)
+
+    table[predicted] = model.predict(table[names].to_numpy(float))
     warning = best.get("warning", "")
-    table["warning"] = np.where(near, "", "" if pd.isna(warning) else warning)
-    return table[["sample", *space.names, "role", "seeds", *predicted, "warning"]]
+    if pd.isna(warning):
+        warning = ""
+    table["warning"] = np.where(is_neighbour, "", warning)
+    return table[["sample", *names, "role", "seeds", *predicted, "warning"]]
 
 
 def corrected(
     model: Surrogate, dataset: pd.DataFrame, box: ParameterSpace, targets: Targets
-) -> tuple[Surrogate, np.ndarray, int]:
-    """Shift a copy of the surrogate by the refined samples' mean residual inside a box, weighted by seeds.
+) -> Correction:
+    """Shift a copy of the surrogate by its mean residual inside a box.
 
-    The refit follows the whole design and keeps a few percent of error where it matters. `round` of the dataset is
-    empty for the design's samples. Also returns the offset (k,) and its number of samples; InputError without any.
+    A refit follows the whole design and keeps an error of a few percent near the
+    proposal. The residuals are those of the refined samples, weighted by their seeds.
+
+    Parameters
+    ----------
+    model : Surrogate
+    dataset : pandas.DataFrame
+        All samples; `round` is empty for the samples of the design.
+    box : ParameterSpace
+    targets : Targets
+
+    Raises
+    ------
+    InputError
+        If no refined sample is inside the box.
     """
-    added = dataset[dataset["round"].notna() & (dataset["status"] == "ok")]
-    points = added[list(box.free)].to_numpy(float)
+    is_refined = dataset["round"].notna() & (dataset["status"] == "ok")
+    refined = dataset[is_refined]
+    points = refined[list(box.free)].to_numpy(float)
     slack = ROUNDING * (box.high - box.low)
-    near = added[
-        ((points >= box.low - slack) & (points <= box.high + slack)).all(axis=1)
-    ]
-    require(
-        not near.empty,
-        "runs",
-        "samples of the rounds",
-        0,
-        "at least one that is ok, near the last proposal",
-    )
-    left = near[list(targets.names)].to_numpy(float) - model.predict(
-        near[list(box.names)].to_numpy(float)
-    )
-    offset = np.average(left, axis=0, weights=near["n_seeds"].to_numpy(float))
-    return model.shifted(offset), offset, len(near)
+    is_inside = (points >= box.low - slack) & (points <= box.high + slack)
+    near = refined[is_inside.all(axis=1)]
+    if near.empty:
+        allowed = "at least one that is ok, near the last proposal"
+        raise InputError("runs", "samples of the rounds", 0, allowed)
+    simulated = near[list(targets.names)].to_numpy(float)
+    residuals = simulated - model.predict(near[list(box.names)].to_numpy(float))
+    seeds = near["n_seeds"].to_numpy(float)
+    offset = np.average(residuals, axis=0, weights=seeds)
+    return Correction(model.shifted(offset), offset, len(near))
 
 
 def search(
@@ -107,31 +147,51 @@ def search(
     study: Study,
     support: Support | None = None,
 ) -> tuple[Surrogate, invert.Inversion]:
-    """Correct a surrogate, refitted to `dataset`, near the last proposal `centre`, and search there.
+    """Correct a surrogate near the last proposal, and search there.
 
-    The search begins in an eighth of the box of `refine.reach` and widens it until the targets are met: of all suitable
-    parameter sets, one near the last proposal is wanted, where the correction holds.
+    The search begins in an eighth of the box of `refine.reach` and widens it until the
+    targets are met: of all suitable parameter sets, one near the last proposal is best,
+    since the correction holds there.
+
+    Parameters
+    ----------
+    model : Surrogate
+        Fitted to the dataset.
+    dataset : pandas.DataFrame
+        All samples, as in `corrected`.
+    centre : mapping
+        The parameters of the last proposal.
+    study : Study
+    support : Support, optional
+        Region of the samples; sets beyond it get a warning.
+
+    Returns
+    -------
+    Surrogate
+        The corrected one.
+    Inversion
+        Its summary also has `reach`, `offset` and `offset_samples`.
     """
-    space, targets, section = study.parameters, study.targets, study.settings.refine
-    reach, tolerance = section.reach, section.tolerance_percent / 100
-    model, offset, count = corrected(
-        model, dataset, search_box(space, centre, reach), targets
-    )
+    space = study.parameters
+    targets = study.targets
+    section = study.settings.refine
+    tolerance = section.tolerance_percent / 100
+    largest_box = search_box(space, centre, section.reach)
+    correction = corrected(model, dataset, largest_box, targets)
     for share in WIDENING:
-        box = search_box(space, centre, share * reach)
+        reach = share * section.reach
+        box = search_box(space, centre, reach)
         inversion = invert.invert(
-            model, box, targets, study.settings.miga, support=support
+            correction.model, box, targets, study.settings.miga, support=support
         )
-        off = [
-            inversion.summary["target_distance"][target.name] / target.whole
-            for target in targets
-        ]
-        if max(off) < tolerance * MET:
+        distances = inversion.summary["target_distance"]
+        deviations = [distances[target.name] / target.whole for target in targets]
+        if max(deviations) < tolerance * MET:
             break
-    near = {
-        "reach": share * reach,
-        "offset": dict(zip(targets.names, offset.tolist(), strict=True)),
+    offset = dict(zip(targets.names, correction.offset.tolist(), strict=True))
+    summary = inversion.summary | {
+        "reach": reach,
+        "offset": offset,
+        "offset_samples": correction.n_samples,
     }
-    return model, inversion._replace(
-        summary=inversion.summary | near | {"offset_samples": count}
-    )
+    return correction.model, inversion._replace(summary=summary)

@@ -1,4 +1,7 @@
-"""The strategy `refined` as rounds of proposals: `repose.calibrate.strategies.refined.refine` says how one follows another."""
+"""Proposals of the strategy `refined`: the published batch, then rounds.
+
+`repose.calibrate.strategies.refined.refine` says how one round follows from another.
+"""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -31,7 +34,7 @@ from repose.calibrate.strategies.runs import runs_by_bench, samples_of_runs
 from repose.calibrate.study import Study
 from repose.calibrate.surrogates.base import Surrogate
 from repose.calibrate.training import Training
-from repose.common.errors import require
+from repose.common.errors import InputError
 
 
 class Round(NamedTuple):
@@ -44,108 +47,125 @@ class Round(NamedTuple):
 
 
 def follow(study: Study, data: pd.DataFrame, number: int) -> Round:
-    """Make the round of a number from the runs of the design and of the rounds before it."""
-    space, targets, settings = study.parameters, study.targets, study.settings
-    allowed = f"below {OF_A_ROUND}, from where the samples of the rounds are numbered"
-    require(
-        settings.design.samples < OF_A_ROUND,
-        "configuration",
-        "design.samples",
-        settings.design.samples,
-        allowed,
-    )
-    data = data[data["sample"].map(round_of) < number]
-    samples = samples_of_runs(data, space, targets)
-    own = samples["sample"].map(round_of)
-    samples["round"] = own.where(own >= 0).astype("Int64")
-    training, support = fitted(study, samples, data)
+    """Make a round from the runs of the design and of the rounds before it.
+
+    Parameters
+    ----------
+    study : Study
+    data : pandas.DataFrame
+        All runs; those of this round and later ones are left out.
+    number : int
+        Of the round, from 0.
+    """
+    space = study.parameters
+    settings = study.settings
+    if settings.design.samples >= OF_A_ROUND:
+        allowed = (
+            f"below {OF_A_ROUND}, from where the samples of the rounds are numbered"
+        )
+        raise InputError(
+            "configuration", "design.samples", settings.design.samples, allowed
+        )
+    earlier = data[data["sample"].map(round_of) < number]
+    samples = samples_of_runs(earlier, space, study.targets)
+    rounds = samples["sample"].map(round_of)
+    samples["round"] = rounds.where(rounds >= 0).astype("Int64")
+    training, support = fitted(study, samples, earlier)
     model = training.model
     if number == 0:
-        inversion = invert(model, space, targets, settings.miga, support=support)
+        inversion = invert(model, space, study.targets, settings.miga, support=support)
     else:
-        centre = (
-            samples[own == number - 1]
-            .iloc[0][list(space.names)]
-            .astype(float)
-            .to_dict()
-        )
+        # The proposal is the first sample of the last round.
+        last_proposal = samples[rounds == number - 1].iloc[0]
+        centre = last_proposal[list(space.names)].astype(float).to_dict()
         model, inversion = refine.search(model, samples, centre, study, support)
-    return Round(
-        training,
-        model,
-        inversion,
-        refine.propose(inversion.solutions, model, study, number),
-    )
+    proposal = refine.propose(inversion.solutions, model, study, number)
+    return Round(training, model, inversion, proposal)
 
 
 def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
-    """Propose the published batch; then rounds, each with many runs of the answer and a few of its neighbours."""
+    """Propose the published batch, then rounds, then answer."""
     if data.empty:
         return published.propose(study, data)
-    targets, section = study.targets, study.settings.refine
     number = int(data["sample"].map(round_of).max())
     if number < 0:
-        return _batch(
-            follow(study, data, 0), {"why": "the answer of the search is simulated"}
-        )
-    now, runs = follow(study, data, number), runs_by_bench(data, targets)
-    verdict = judge(now.proposal, runs, study, number)
-    samples = samples_of_runs(data, study.parameters, targets)
-    verdict["usable"] = int(
-        samples.loc[samples["status"] == "ok", "sample"].map(round_of).eq(number).sum()
-    )
-    before = (
-        {"objective": objective_of(jobs(section, number - 1), runs, targets)}
-        if number
-        else None
-    )
-    if number < section.rounds and goes_on(verdict, before):
+        why = "the answer of the search is simulated"
+        return _batch(follow(study, data, 0), {"why": why})
+
+    # Judge the last round by its runs.
+    targets = study.targets
+    section = study.settings.refine
+    last_round = follow(study, data, number)
+    runs = runs_by_bench(data, targets)
+    verdict = judge(last_round.proposal, runs, study, number)
+    verdict["usable"] = _count_usable(study, data, number)
+    verdict_before = None
+    if number > 0:
+        objective = objective_of(jobs(section, number - 1), runs, targets)
+        verdict_before = {"objective": objective}
+
+    if number < section.rounds and goes_on(verdict, verdict_before):
         why = f"round {number} is {verdict['outcome']}: {verdict['reason']}"
-        return _batch(follow(study, data, number + 1), {"row": verdict, "why": why})
-    why = why_stopped(verdict, section.rounds, targets, before)
-    best = answer_of(study, now.model, now.inversion, data, why, section.seeds)
-    best = replace(
-        best, notes={**best.notes, "row": verdict, **_end(verdict, why, study)}
+        next_round = follow(study, data, number + 1)
+        return _batch(next_round, {"row": verdict, "why": why})
+    why = why_stopped(verdict, section.rounds, targets, verdict_before)
+    answer = answer_of(
+        study, last_round.model, last_round.inversion, data, why, section.seeds
     )
-    return _simulated(best, study, now.proposal, data)
+    notes = {**answer.notes, "row": verdict, **_notes_of_end(verdict, why, study)}
+    answer = replace(answer, notes=notes)
+    return _with_simulated_means(answer, study, last_round.proposal, data)
 
 
-def _batch(following: Round, notes: dict[str, Any]) -> Batch:
+def _count_usable(study: Study, data: pd.DataFrame, number: int) -> int:
+    """Count the good samples of a round."""
+    samples = samples_of_runs(data, study.parameters, study.targets)
+    good = samples.loc[samples["status"] == "ok", "sample"]
+    return int(good.map(round_of).eq(number).sum())
+
+
+def _batch(round_: Round, notes: Mapping[str, Any]) -> Batch:
     """Make the batch of a round; its notes also have the fit and the search behind it."""
-    found = {"fit": following.training.metrics, "search": following.inversion.summary}
-    return Batch(following.proposal, notes | found)
+    return Batch(
+        round_.proposal,
+        {**notes, "fit": round_.training.metrics, "search": round_.inversion.summary},
+    )
 
 
-def _end(verdict: Mapping[str, Any], why: str, study: Study) -> dict[str, Any]:
+def _notes_of_end(verdict: Mapping[str, Any], why: str, study: Study) -> dict[str, Any]:
     """Describe the end of the rounds, for the summary and the report."""
-    solution = {name: verdict[name] for name in study.parameters.names}
-    met, claimed = verdict["outcome"] == "within", claim(verdict, study.targets)
+    n_rounds = verdict["round"] + 1
+    simulated = claim(verdict, study.targets)
     steps = (
-        f"Design: {study.settings.design.samples} parameter sets, and a search on their surrogate.",
-        f"Rounds: {verdict['round'] + 1}, each of the search's answer and its neighbours. They stopped: {why}.",
-        f"Simulated: {claimed}.",
+        f"Design: {study.settings.design.samples} parameter sets, and a search on their "
+        "surrogate.",
+        f"Rounds: {n_rounds}, each of the search's answer and its neighbours. They "
+        f"stopped: {why}.",
+        f"Simulated: {simulated}.",
     )
     summary = {
-        "met": met,
-        "rounds": verdict["round"] + 1,
-        "solution": solution,
-        "claim": claimed,
+        "met": verdict["outcome"] == "within",
+        "rounds": n_rounds,
+        "solution": {name: verdict[name] for name in study.parameters.names},
+        "claim": simulated,
     }
     return {"summary": summary, "steps": steps}
 
 
-def _simulated(
+def _with_simulated_means(
     answer: Answer, study: Study, proposal: pd.DataFrame, data: pd.DataFrame
 ) -> Answer:
-    """Replace the answer's predicted means by the simulated means of its own runs."""
+    """Replace the predicted means of the answer by the means of its own runs.
+
+    They stay where the runs are too few for a covariance.
+    """
     targets = study.targets
     numbers = proposal.loc[proposal["role"] == PROPOSAL, "sample"]
     answer = replace(answer, simulated=tuple(numbers))
-    values = data.loc[data["sample"].isin(numbers), list(targets.names)].dropna()
-    mean, covariance = (
-        values.mean().to_numpy(),
-        values.cov().to_numpy() / max(len(values), 1),
-    )
+    is_of_answer = data["sample"].isin(numbers)
+    values = data.loc[is_of_answer, list(targets.names)].dropna()
+    mean = values.mean().to_numpy()
+    covariance = values.cov().to_numpy() / max(len(values), 1)
     if len(values) <= len(targets) or np.linalg.matrix_rank(covariance) < len(targets):
         return answer
     probability = probability_of(mean[None], covariance[None], targets)

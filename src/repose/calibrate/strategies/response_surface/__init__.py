@@ -1,4 +1,8 @@
-"""The usual way in the field: Plackett-Burman screening, steepest ascent, a response surface, its optimum, a check."""
+"""The strategy `response_surface`, the usual way in the field.
+
+Its steps are a Plackett-Burman screening, the steepest ascent, a response surface with its
+optimum, and a check.
+"""
 
 from typing import TYPE_CHECKING, Literal
 
@@ -19,23 +23,31 @@ if TYPE_CHECKING:
 
     from repose.calibrate.study import Study
 
-FITTED = ("anova", "effects", "statistics")  # tables of a step's models
+# Tables of the models of a step.
+FITTED = ("anova", "effects", "statistics")
 
 
 class ResponseSurfaceSettings(Section):
-    """Settings of screening, steepest ascent and quadratic surface; config/README.md explains the keys."""
+    """The section `response_surface`; config/README.md explains the keys."""
 
-    seeds: Seeds  # runs of each sample
-    screening_runs: Literal[8, 12, 16, 20, 24]  # of the Plackett-Burman design
-    significance: float = Field(gt=0, le=0.5)  # largest p of a parameter that is kept
-    most_factors: int = Field(ge=2, le=7)  # of the surface
-    steps: int = Field(ge=1, le=50)  # of the ascent
+    # Runs of each sample.
+    seeds: Seeds
+    # Samples of the Plackett-Burman design.
+    screening_runs: Literal[8, 12, 16, 20, 24]
+    # Largest p of a parameter that is kept.
+    significance: float = Field(gt=0, le=0.5)
+    # Most parameters of the surface.
+    most_factors: int = Field(ge=2, le=7)
+    # Steps of the ascent.
+    steps: int = Field(ge=1, le=50)
+    # Design of the surface.
     surface: Literal["box_behnken", "rotatable", "face_centred"]
-    centres: int = Field(ge=1, le=50)  # samples at the centre of a design
-    reach: float = Field(
-        ge=0.01, le=0.5
-    )  # from the surface's centre to its outermost level, in ranges
-    checks: int = Field(ge=2, le=500)  # samples at the optimum
+    # Samples at the centre of a design.
+    centres: int = Field(ge=1, le=50)
+    # From the centre of the surface to its outermost level, in ranges.
+    reach: float = Field(ge=0.01, le=0.5)
+    # Samples at the optimum.
+    checks: int = Field(ge=2, le=500)
 
     @property
     def fewest_factors(self) -> int:
@@ -43,7 +55,15 @@ class ResponseSurfaceSettings(Section):
         return 3 if self.surface == "box_behnken" else 2
 
     def coded(self, factors: int) -> tuple["np.ndarray", float]:
-        """Design the surface of some factors in coded units (n, factors); return also its outermost level."""
+        """Design the surface of some factors.
+
+        Returns
+        -------
+        numpy.ndarray, (n, factors)
+            The samples in coded units.
+        float
+            Their outermost level.
+        """
         from repose.calibrate.designs.box_behnken import box_behnken
         from repose.calibrate.designs.central_composite import central_composite
 
@@ -59,18 +79,13 @@ class ResponseSurface(Strategy[ResponseSurfaceSettings]):
     settings = ResponseSurfaceSettings
     repeats_points = True
     files = (
-        *(
-            f"{step}_{table}.csv"
-            for step in ("screening", "surface")
-            for table in FITTED
-        ),
-        *(
-            "screening.json",
-            "path.csv",
-            "surface.csv",
-            "predictions.csv",
-            "optimum.json",
-        ),
+        *(f"screening_{table}.csv" for table in FITTED),
+        *(f"surface_{table}.csv" for table in FITTED),
+        "screening.json",
+        "path.csv",
+        "surface.csv",
+        "predictions.csv",
+        "optimum.json",
     )
     reads = (
         "parameters",
@@ -90,27 +105,29 @@ class ResponseSurface(Strategy[ResponseSurfaceSettings]):
         self, section: ResponseSurfaceSettings, free: int, responses: int
     ) -> Contradictions:
         """Refuse a response surface of too few factors or runs."""
-        name, fewest = section.surface, section.fewest_factors
+        design = section.surface
+        fewest = section.fewest_factors
         if free < fewest:
-            yield (
-                "surface",
-                f"a design for {free} free parameters; {name} needs {fewest}",
-            )
+            allowed = f"a design for {free} free parameters; {design} needs {fewest}"
+            yield "surface", allowed
         if section.most_factors < fewest:
-            yield "most_factors", f"at least {fewest} where surface is {name}"
+            yield "most_factors", f"at least {fewest} where surface is {design}"
         if section.screening_runs < free + 2:
             yield "screening_runs", f"at least {free + 2} for {free} free parameters"
-        if section.centres < (centres := 3 if name == "box_behnken" else 1):
-            yield "centres", f"at least {centres} where surface is {name}"
+        fewest_centres = 3 if design == "box_behnken" else 1
+        if section.centres < fewest_centres:
+            yield "centres", f"at least {fewest_centres} where surface is {design}"
 
     def pours(self, section: ResponseSurfaceSettings, free: int) -> Pours:
-        """Count the steps' pours; the screening may keep fewer parameters than `response_surface.most_factors`."""
-        steps = {
-            "screening": section.screening_runs + section.centres,
-            "ascent": section.steps + 1,
-        }
-        steps |= {
-            "surface": len(section.coded(min(section.most_factors, free))[0]),
-            "check": section.checks,
-        }
-        return tuple((name, sets, section.seeds) for name, sets in steps.items())
+        """Count the most runs of each step.
+
+        The screening may keep fewer parameters than `most_factors`.
+        """
+        most_factors = min(section.most_factors, free)
+        surface, _ = section.coded(most_factors)
+        return (
+            ("screening", section.screening_runs + section.centres, section.seeds),
+            ("ascent", section.steps + 1, section.seeds),
+            ("surface", len(surface), section.seeds),
+            ("check", section.checks, section.seeds),
+        )

@@ -1,7 +1,8 @@
-"""First step: which parameters matter, by a Plackett-Burman design over the whole ranges; then the path of ascent.
+"""First step: the parameters that matter, and the path of ascent.
 
-Runs at the centre belong to the screening. The mean of the corners is no estimate of the centre where the response is
-curved, and the path must know on which side of the targets it begins.
+A Plackett-Burman design over the whole ranges shows these parameters. Runs at the centre
+belong to the screening: the mean of the corners is no estimate of the centre where the
+response is curved, and the path must know on which side of the targets it begins.
 """
 
 from typing import Any
@@ -26,130 +27,189 @@ from repose.calibrate.study import Study
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
 
+
+def _effects_with_limits(model: Model) -> pd.DataFrame:
+    """Make the table of effects, with the two limits of the Pareto chart."""
+    columns = {f"limit_{name}": limit for name, limit in limits(model).items()}
+    return effects(model).assign(**columns)
+
+
+def _statistics(model: Model) -> pd.DataFrame:
+    """Make the table of statistics, one row."""
+    return pd.DataFrame([statistics(model)])
+
+
 # Tables of a model by name, as in `repose.calibrate.designs.anova`.
 TABLES = {
     "anova": anova,
-    "effects": lambda model: effects(model).assign(
-        **{f"limit_{k}": v for k, v in limits(model).items()}
-    ),
-    "statistics": lambda model: pd.DataFrame([statistics(model)]),
+    "effects": _effects_with_limits,
+    "statistics": _statistics,
 }
 
 
 def screened(
     study: Study, table: pd.DataFrame, dataset: pd.DataFrame
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Analyse the screening's samples: return the samples of the ascent, and tables, result and a message as notes.
+    """Analyse the samples of the screening.
 
-    InputError if they show no way towards the targets.
+    Parameters
+    ----------
+    study : Study
+    table : pandas.DataFrame
+        The samples, from `design`.
+    dataset : pandas.DataFrame
+        All samples with their responses.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The samples of the ascent.
+    dict
+        Notes: the tables of the models, the result `screening`, and `why`.
+
+    Raises
+    ------
+    InputError
+        If they show no way towards the targets.
     """
     targets = study.targets
-    corners, middle = corners_and_centre(table)
+    corners, centre_samples = corners_and_centre(table)
     models = models_of(corners, dataset, targets, "linear")
-    centre = usable(middle, dataset)[list(targets.names)].mean()
+    centre = usable(centre_samples, dataset)[list(targets.names)].mean()
     kept = kept_factors(models, study.settings.response_surface)
     try:
-        climb = path(models, centre.to_numpy(), kept, study)
+        ascent_samples = path(models, centre.to_numpy(), kept, study)
     except ValueError as error:
         raise InputError(
             "runs", "targets", str(error), "a way towards the targets"
         ) from None
     dropped = [name for name in study.parameters.free if name not in kept]
-    means = dict(
-        zip(targets.names, (float(model.constant) for model in models), strict=True)
-    )
+    means_of_corners = {
+        name: float(model.constant)
+        for name, model in zip(targets.names, models, strict=True)
+    }
     result = {
         "kept": kept,
         "dropped": dropped,
         "centre": centre.to_dict(),
-        "corners": means,
+        "corners": means_of_corners,
     }
     why = f"kept {', '.join(kept)}; dropped {', '.join(dropped) or 'none'}"
-    return climb, {
-        **analysis("screening", models, targets),
-        "screening": result,
-        "why": why,
-    }
+    notes = analysis("screening", models, targets)
+    return ascent_samples, {**notes, "screening": result, "why": why}
 
 
 def design(space: ParameterSpace, section: ResponseSurfaceSettings) -> pd.DataFrame:
-    """List the screening's samples: every free parameter at an end of its range; then the centre, `centres` times."""
+    """List the samples of the screening.
+
+    Every free parameter is at an end of its range; the centre follows `centres` times.
+    """
     corners = plackett_burman(space.dimensions, section.screening_runs)
-    coded = np.vstack([corners, np.zeros((section.centres, space.dimensions))])
+    centre = np.zeros((section.centres, space.dimensions))
+    coded = np.vstack([corners, centre])
     return samples("screening", space, (1 + coded) / 2, space.free, coded)
 
 
 def corners_and_centre(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Split the samples of the screening into the corners and the centre."""
-    at_centre = (table[[CODED + name for name in factors_of(table)]] == 0).all(axis=1)
-    return table[~at_centre], table[at_centre]
+    coded = table[[CODED + name for name in factors_of(table)]]
+    is_centre = (coded == 0).all(axis=1)
+    return table[~is_centre], table[is_centre]
 
 
 def models_of(
     table: pd.DataFrame, dataset: pd.DataFrame, targets: Targets, order: str
 ) -> list[Model]:
-    """Fit a polynomial to each response of a step (`fit`); InputError for too few usable samples."""
-    runs, factors = usable(table, dataset), factors_of(table)
-    coded = runs[[CODED + name for name in factors]].to_numpy(float)
-    try:
-        return [
-            fit(coded, runs[target.name].to_numpy(float), factors, order)
-            for target in targets
-        ]
-    except ValueError as error:
-        raise InputError(
-            "runs", "samples that are ok", str(error), "enough for the model"
-        ) from None
+    """Fit a polynomial to each response of a step.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        The samples of the step.
+    dataset : pandas.DataFrame
+        All samples with their responses.
+    targets : Targets
+    order : str
+        Of the polynomial, as `repose.calibrate.designs.model.fit` takes it.
+
+    Raises
+    ------
+    InputError
+        If too few samples are usable.
+    """
+    rows = usable(table, dataset)
+    factors = factors_of(table)
+    coded = rows[[CODED + name for name in factors]].to_numpy(float)
+    models = []
+    for name in targets.names:
+        try:
+            models.append(fit(coded, rows[name].to_numpy(float), factors, order))
+        except ValueError as error:
+            raise InputError(
+                "runs", "samples that are ok", str(error), "enough for the model"
+            ) from None
+    return models
 
 
 def analysis(
     step: str, models: list[Model], targets: Targets
 ) -> dict[str, pd.DataFrame]:
-    """Make the tables of a step's models, as in `repose.calibrate.designs.anova`, with the column `response` first.
+    """Make the tables of the models of a step, as in `repose.calibrate.designs.anova`.
 
-    The effects also have the two limits of the Pareto chart.
+    Their first column is `response`. The effects also have the two limits of the Pareto
+    chart.
     """
     tables: dict[str, pd.DataFrame] = {}
     for name, table_of in TABLES.items():
-        joined = pd.concat(
-            dict(zip(targets.names, map(table_of, models), strict=True)),
-            names=["response", None],
-        )
-        tables[f"{step}_{name}"] = joined.reset_index("response").reset_index(drop=True)
+        by_response = dict(zip(targets.names, map(table_of, models), strict=True))
+        joined = pd.concat(by_response, names=["response", None])
+        joined = joined.reset_index("response").reset_index(drop=True)
+        tables[f"{step}_{name}"] = joined
     return tables
 
 
 def kept_factors(models: list[Model], section: ResponseSurfaceSettings) -> list[str]:
-    """Choose the parameters of the next steps: significant for at least one response, the most significant first.
+    """Choose the parameters of the next steps, the most significant first.
 
-    If fewer are significant than the surface needs, the next are taken; of more than `most_factors` the last are
-    dropped.
+    They are significant for at least one response. If these are fewer than the surface
+    needs, the next ones follow; beyond `most_factors` they are dropped.
     """
-    tables = [effects(model).set_index("term")["p"] for model in models]
-    best = (
-        pd.concat(tables, axis=1)
-        .min(axis=1)
-        .reindex(models[0].factors)
-        .sort_values(kind="stable")
-    )
-    count = int((best < section.significance).sum())
-    return list(
-        best.index[: min(max(count, section.fewest_factors), section.most_factors)]
-    )
+    columns = [effects(model).set_index("term")["p"] for model in models]
+    smallest = pd.concat(columns, axis=1).min(axis=1)
+    ordered = smallest.reindex(models[0].factors).sort_values(kind="stable")
+    n_significant = int((ordered < section.significance).sum())
+    count = min(max(n_significant, section.fewest_factors), section.most_factors)
+    return list(ordered.index[:count])
 
 
 def path(
     models: list[Model], centre: np.ndarray, kept: list[str], study: Study
 ) -> pd.DataFrame:
-    """Sample the steepest ascent from the centre of the ranges towards the targets, to the edge of the ranges.
+    """Sample the steepest ascent from the centre of the ranges towards the targets.
 
-    `centre` (k,) has the mean responses there. ValueError if the linear models show no way towards the targets.
+    It ends at the edge of the ranges.
+
+    Parameters
+    ----------
+    models : list of Model
+        A linear model for each response.
+    centre : numpy.ndarray, (k,)
+        The mean responses at the centre.
+    kept : list of str
+        The parameters that are varied.
+    study : Study
+
+    Raises
+    ------
+    ValueError
+        If the models show no way towards the targets.
     """
     space, targets = study.parameters, study.targets
     order = [models[0].factors.index(name) for name in kept]
     slopes = np.array([model.coefficients[order] for model in models])
-    along = ascent.towards(slopes, targets.aim - centre, scale_of(targets))
-    coded = ascent.path(along, study.settings.response_surface.steps)
+    direction = ascent.towards(slopes, targets.aim - centre, scale_of(targets))
+    coded = ascent.path(direction, study.settings.response_surface.steps)
     unit = np.full((len(coded), space.dimensions), 0.5)
-    unit[:, [space.free.index(name) for name in kept]] += coded / 2
+    columns = [space.free.index(name) for name in kept]
+    unit[:, columns] += coded / 2
     return samples("ascent", space, unit, kept, coded)

@@ -1,4 +1,7 @@
-"""Steps of the response surface strategy, and how their samples are numbered: 1001 and on, 2001 and on, ..."""
+"""The steps of the strategy `response_surface`, and the numbers of their samples.
+
+Samples of the first step are numbered from 1001, of the second from 2001, and so on.
+"""
 
 from collections.abc import Sequence
 
@@ -8,11 +11,12 @@ import pandas as pd
 from repose.calibrate.designs.latin_hypercube import parameter_sets
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.targets import Targets
-from repose.common.errors import require
+from repose.common.errors import InputError
 
 STEPS = ("screening", "ascent", "surface", "check")
 OF_A_STEP = 1000
-CODED = "coded_"  # before a parameter's name: its column in coded units
+# Before the name of a parameter: its column in coded units.
+CODED = "coded_"
 
 
 def samples(
@@ -22,11 +26,28 @@ def samples(
     factors: Sequence[str],
     coded: np.ndarray,
 ) -> pd.DataFrame:
-    """Make the samples of a step: `sample`, the parameters, and the factors in coded units (`CODED` + name).
+    """Make the table of the samples of a step.
 
-    `unit` (n, d) has the free parameters in the unit cube, `coded` (n, factors) the same runs in coded units.
+    Parameters
+    ----------
+    step : str
+        One of `STEPS`.
+    space : ParameterSpace
+    unit : numpy.ndarray, (n, d)
+        The free parameters in the unit cube.
+    factors : sequence of str
+        The parameters that the step varies.
+    coded : numpy.ndarray, (n, factors)
+        The same samples in coded units.
+
+    Returns
+    -------
+    pandas.DataFrame
+        `sample`, the parameters, and the factors in coded units, whose names begin with
+        `CODED`.
     """
-    table = parameter_sets(unit, space, OF_A_STEP * (STEPS.index(step) + 1) + 1)
+    first = OF_A_STEP * (STEPS.index(step) + 1) + 1
+    table = parameter_sets(unit, space, first)
     for name, column in zip(factors, np.asarray(coded).T, strict=True):
         table[CODED + name] = column
     return table
@@ -38,26 +59,28 @@ def factors_of(table: pd.DataFrame) -> tuple[str, ...]:
 
 
 def usable(table: pd.DataFrame, dataset: pd.DataFrame) -> pd.DataFrame:
-    """Select the samples of a step whose pours gave a pile, with their responses.
+    """Select the good samples of a step, with their responses.
 
-    InputError if a sample is not in the dataset, or none is usable.
+    Raises
+    ------
+    InputError
+        If a sample is not in the dataset, or none is good.
     """
     missing = sorted(set(table["sample"]) - set(dataset["sample"]))
-    require(not missing, "runs", "sample", missing, "all samples of the step")
-    joined = table[
-        ["sample", *(name for name in table if name.startswith(CODED))]
-    ].merge(dataset, on="sample")
+    if missing:
+        raise InputError("runs", "sample", missing, "all samples of the step")
+    coded = [CODED + name for name in factors_of(table)]
+    joined = table[["sample", *coded]].merge(dataset, on="sample")
     good = joined[joined["status"] == "ok"].reset_index(drop=True)
-    require(
-        not good.empty,
-        "runs",
-        "status",
-        sorted(set(dataset["status"])),
-        "at least one sample that is ok",
-    )
+    if good.empty:
+        statuses = sorted(set(dataset["status"]))
+        raise InputError("runs", "status", statuses, "at least one sample that is ok")
     return good
 
 
 def scale_of(targets: Targets) -> np.ndarray:
-    """Return the scale (responses,) of the misses: 100 % of each target over the root of its weight."""
+    """Return the scale (k,) of the deviations from the targets.
+
+    It is 100 % of each target over the root of its weight.
+    """
     return targets.whole / np.sqrt(targets.weight)

@@ -1,4 +1,4 @@
-"""Proposals of the strategy `response_surface`: each step follows from the runs of the steps before it."""
+"""Proposals of the strategy `response_surface`: each step follows from those before it."""
 
 from typing import Any
 
@@ -7,69 +7,102 @@ import pandas as pd
 
 from repose.calibrate.strategies.base import Answer, Batch, samples_of
 from repose.calibrate.strategies.published.strategy import probability_of
-from repose.calibrate.strategies.response_surface import screening, surface
+from repose.calibrate.strategies.response_surface import (
+    ResponseSurfaceSettings,
+    screening,
+    surface,
+)
 from repose.calibrate.strategies.runs import next_number, samples_of_runs
 from repose.calibrate.study import Study
 
 
 def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
-    """Propose the next step's samples, or answer; the notes are the tables of all steps so far, and `why` in words."""
-    space, section = study.parameters, study.settings.response_surface
+    """Propose the samples of the next step, or answer.
+
+    The notes are the tables of all steps so far, and the sentence `why`.
+    """
+    space = study.parameters
+    targets = study.targets
+    section = study.settings.response_surface
     notes: dict[str, Any] = {}
 
-    def batch(table: pd.DataFrame) -> Batch:
-        return Batch(table.assign(seeds=section.seeds), notes)
+    def batch(samples: pd.DataFrame) -> Batch:
+        return Batch(samples.assign(seeds=section.seeds), notes)
 
-    table = screening.design(space, section)
-    if _lacks(data, table):
-        return batch(table)
-    targets = study.targets
+    # Screen the parameters.
+    screening_samples = screening.design(space, section)
+    if _lacks(data, screening_samples):
+        return batch(screening_samples)
     dataset = samples_of_runs(data, space, targets)
-    climb, found = screening.screened(study, table, dataset)
-    notes |= found
-    if _lacks(data, climb):
-        return batch(climb)
-    points = surface.walked(climb, dataset, targets)
-    table = surface.design(points, space, section)
+
+    # Follow the steepest ascent of those that matter.
+    ascent_samples, screening_notes = screening.screened(
+        study, screening_samples, dataset
+    )
+    notes |= screening_notes
+    if _lacks(data, ascent_samples):
+        return batch(ascent_samples)
+
+    # Design a surface about the best point of the path.
+    points = surface.walked(ascent_samples, dataset, targets)
     nearest = points[points["best"]].iloc[0]
-    why = f"sample {nearest['sample']} is nearest to the targets, {nearest['error_percent']:.2f} % off"
-    notes |= {"path": points, "why": why}
-    if _lacks(data, table):
-        return batch(table)
-    models = screening.models_of(table, dataset, targets, "quadratic")
-    best = surface.best_point(models, targets)
-    check = surface.check_samples(table, best, space, section.checks)
-    notes |= screening.analysis("surface", models, targets) | {"surface": table}
-    notes |= surface.notes(models, best, check, study)
+    notes["path"] = points
+    notes["why"] = (
+        f"sample {nearest['sample']} is nearest to the targets, "
+        f"{nearest['error_percent']:.2f} % off"
+    )
+    surface_samples = surface.design(points, space, section)
+    if _lacks(data, surface_samples):
+        return batch(surface_samples)
+
+    # Simulate the optimum of the surface.
+    models = screening.models_of(surface_samples, dataset, targets, "quadratic")
+    optimum = surface.best_point(models, targets)
+    check = surface.check_samples(surface_samples, optimum, space, section.checks)
+    notes |= screening.analysis("surface", models, targets)
+    notes["surface"] = surface_samples
+    notes |= surface.notes(models, optimum, check, study)
     if _lacks(data, check):
         return batch(check)
-    others, predicted = surface.alternatives(models, table, study)
-    unit = surface.natural_unit(table, best.coded, space)
-    mean, covariance = (
-        best.predicted,
-        np.diag(notes["predictions"]["standard_error"] ** 2),
+
+    # Answer with it.
+    checked = dataset[dataset["sample"].isin(check["sample"])]
+    notes["check"] = surface.checked(notes["predictions"], checked)
+    notes["summary"] = {"surfaces_meet_targets": optimum.met}
+    notes["steps"] = _steps(
+        section, kept=notes["screening"]["kept"], n_surface=len(surface_samples)
     )
-    poured = dataset[dataset["sample"].isin(check["sample"])]
-    notes |= {
-        "check": surface.checked(notes["predictions"], poured),
-        "summary": {"surfaces_meet_targets": best.met},
-    }
-    screened = f"{section.screening_runs} runs of a Plackett-Burman design and {section.centres} of the centre"
-    models_of_it = "a quadratic model for each response, and its optimum"
-    notes["steps"] = (
-        f"Screening: {screened}; kept: {', '.join(notes['screening']['kept'])}.",
-        "Steepest ascent towards the targets, to the best point of the path.",
-        f"Surface: {len(table)} parameter sets about it ({section.surface}), {models_of_it}.",
-    )
+    unit = surface.natural_unit(surface_samples, optimum.coded, space)
+    mean = optimum.predicted
+    covariance = np.diag(notes["predictions"]["standard_error"] ** 2)
+    others = surface.alternatives(models, surface_samples, study)
     return Answer(
-        values=space.values(unit)[0], mean=mean, covariance=covariance,
+        values=space.values(unit)[0],
+        mean=mean,
+        covariance=covariance,
         probability=probability_of(mean[None], covariance[None], targets),
         samples=samples_of(space, unit, section.checks, next_number(data)),
-        why="the optimum of the surfaces is simulated", others=others, others_mean=predicted, notes=notes,
+        why="the optimum of the surfaces is simulated",
+        others=others.sets,
+        others_mean=others.mean,
+        notes=notes,
         simulated=tuple(check["sample"]),
-    )  # fmt: skip
+    )
 
 
-def _lacks(data: pd.DataFrame, table: pd.DataFrame) -> bool:
-    """Return whether a step is not simulated yet."""
-    return data.empty or not data["sample"].isin(table["sample"]).any()
+def _steps(
+    section: ResponseSurfaceSettings, kept: list[str], n_surface: int
+) -> tuple[str, ...]:
+    """Describe the steps to the answer, in sentences."""
+    return (
+        f"Screening: {section.screening_runs} runs of a Plackett-Burman design and "
+        f"{section.centres} of the centre; kept: {', '.join(kept)}.",
+        "Steepest ascent towards the targets, to the best point of the path.",
+        f"Surface: {n_surface} parameter sets about it ({section.surface}), a quadratic "
+        "model for each response, and its optimum.",
+    )
+
+
+def _lacks(data: pd.DataFrame, samples: pd.DataFrame) -> bool:
+    """Return whether the samples of a step are not simulated yet."""
+    return data.empty or not data["sample"].isin(samples["sample"]).any()

@@ -1,6 +1,6 @@
-"""Second and third step: a second-order design about the best point of the path, its models and their optimum."""
+"""Second and third step: the surface about the best point of the path, and its optimum."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -20,22 +20,34 @@ from repose.calibrate.strategies.response_surface.steps import (
 from repose.calibrate.study import Study
 from repose.calibrate.targets import Targets
 
-LEVEL = 0.95  # of the intervals
-POINTS = 2048  # of the cube, searched for parameter sets inside the ranges
+# Probability of the intervals.
+LEVEL = 0.95
+# Points of the cube that are searched for parameter sets inside the ranges.
+POINTS = 2048
+
+
+class Alternatives(NamedTuple):
+    """Further parameter sets that are predicted inside all ranges, the best first."""
+
+    sets: np.ndarray  # (n, p)
+    mean: np.ndarray  # (n, k), predicted responses
 
 
 def walked(
     table: pd.DataFrame, dataset: pd.DataFrame, targets: Targets
 ) -> pd.DataFrame:
-    """Select the usable points of the path of ascent; add `error_percent` and `best`.
+    """Select the usable points of the path of ascent, and mark the best one.
 
-    `error_percent` is the weighted root mean square of the relative misses.
+    Returns
+    -------
+    pandas.DataFrame
+        The points with two further columns: `error_percent`, the weighted root mean
+        square of the relative deviations from the targets, and `best`.
     """
     points = usable(table, dataset)
-    off = points[list(targets.names)].to_numpy(float) / targets.aim - 1
-    points["error_percent"] = 100 * np.sqrt(
-        (targets.weight * off**2).sum(axis=1) / targets.weight.sum()
-    )
+    deviation = points[list(targets.names)].to_numpy(float) / targets.aim - 1
+    square = (targets.weight * deviation**2).sum(axis=1) / targets.weight.sum()
+    points["error_percent"] = 100 * np.sqrt(square)
     points["best"] = points.index == points["error_percent"].idxmin()
     return points
 
@@ -43,143 +55,216 @@ def walked(
 def design(
     points: pd.DataFrame, space: ParameterSpace, section: ResponseSurfaceSettings
 ) -> pd.DataFrame:
-    """Design the surface about the best point of the path, moved where a factor would leave its range.
+    """Design the surface about the best point of the path.
 
-    The outermost level of a factor lies `reach` of its range from the centre.
+    It is moved where a factor would leave its range. The outermost level of a factor is
+    `reach` of its range away from the centre.
+
+    Parameters
+    ----------
+    points : pandas.DataFrame
+        The path, from `walked`.
+    space : ParameterSpace
+    section : ResponseSurfaceSettings
     """
-    factors, reach = factors_of(points), section.reach
+    factors = factors_of(points)
+    reach = section.reach
     coded, outermost = section.coded(len(factors))
-    middle = space.unit(points.loc[points["best"], list(space.names)].to_numpy(float))
-    places = [space.free.index(name) for name in factors]
-    unit = np.repeat(middle, len(coded), axis=0)
-    unit[:, places] = (
-        np.clip(middle[:, places], reach, 1 - reach) + reach / outermost * coded
-    )
+    best = points.loc[points["best"], list(space.names)].to_numpy(float)
+    best_unit = space.unit(best)
+    columns = [space.free.index(name) for name in factors]
+    centre = np.clip(best_unit[:, columns], reach, 1 - reach)
+    unit = np.repeat(best_unit, len(coded), axis=0)
+    unit[:, columns] = centre + reach / outermost * coded
     return samples("surface", space, unit, factors, coded)
 
 
 def best_point(models: list[Model], targets: Targets) -> Optimum:
-    """Find the optimum of the quadratic models, one for each target, inside the cube of the design."""
+    """Find the optimum of the quadratic models inside the cube of the design.
+
+    There is one model for each target.
+    """
     return optimum(models, targets.aim, scale_of(targets), targets.low, targets.high)
 
 
 def natural_unit(
     table: pd.DataFrame, points: np.ndarray, space: ParameterSpace
 ) -> np.ndarray:
-    """Convert points (n, factors) or (factors,) in coded units to points (n, d) in the unit cube of the ranges.
+    """Convert points from coded units to the unit cube of the ranges.
 
-    `table` has the samples of the surface.
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        The samples of the surface.
+    points : numpy.ndarray, (n, factors) or (factors,)
+        In coded units.
+    space : ParameterSpace
+
+    Returns
+    -------
+    numpy.ndarray, (n, d)
     """
     unit = space.unit(table[list(space.names)].to_numpy(float))
     points = np.atleast_2d(points)
     natural = np.repeat(unit[:1], len(points), axis=0)
-    for name, value in zip(factors_of(table), points.T, strict=True):
-        # every factor has a low and a high level; natural levels are linear in coded levels
-        place, coded = space.free.index(name), table[CODED + name].to_numpy(float)
+    for name, values in zip(factors_of(table), points.T, strict=True):
+        column = space.free.index(name)
+        coded = table[CODED + name].to_numpy(float)
+        # The levels in ranges are linear in the coded levels, so two samples at
+        # different levels give the line. Every factor has them.
         low, high = coded.argmin(), coded.argmax()
-        slope = (unit[high, place] - unit[low, place]) / (coded[high] - coded[low])
-        natural[:, place] = unit[low, place] + slope * (value - coded[low])
+        rise = unit[high, column] - unit[low, column]
+        slope = rise / (coded[high] - coded[low])
+        natural[:, column] = unit[low, column] + slope * (values - coded[low])
     return natural
 
 
 def alternatives(
     models: list[Model], table: pd.DataFrame, study: Study
-) -> tuple[np.ndarray, np.ndarray]:
-    """Find parameter sets (n, p) of the design's cube with predictions (n, k) inside all ranges, the best first."""
+) -> Alternatives:
+    """Find parameter sets of the cube of the design that are predicted inside all ranges.
+
+    Parameters
+    ----------
+    models : list of Model
+        A quadratic model for each response.
+    table : pandas.DataFrame
+        The samples of the surface.
+    study : Study
+    """
     from scipy.stats import qmc
 
     space, targets, settings = study.parameters, study.targets, study.settings
-    coded = (
-        2 * qmc.Sobol(len(models[0].factors), rng=settings.design.seed).random(POINTS)
-        - 1
-    )
+    sequence = qmc.Sobol(len(models[0].factors), rng=settings.design.seed)
+    coded = 2 * sequence.random(POINTS) - 1
     predicted = np.column_stack([model.predict(coded) for model in models])
-    inside = np.all((predicted >= targets.low) & (predicted <= targets.high), axis=1)
-    order = np.argsort(
-        (((predicted - targets.aim) / scale_of(targets)) ** 2).sum(axis=1),
-        kind="stable",
-    )
-    order = order[inside[order]]
+    is_inside = np.all((predicted >= targets.low) & (predicted <= targets.high), axis=1)
+    deviation = (predicted - targets.aim) / scale_of(targets)
+    order = np.argsort((deviation**2).sum(axis=1), kind="stable")
+    order = order[is_inside[order]]
     unit = natural_unit(table, coded[order], space)
     kept = separated(unit, settings.miga)
-    return space.values(unit[kept]), predicted[order][kept]
+    return Alternatives(space.values(unit[kept]), predicted[order][kept])
 
 
 def check_samples(
     table: pd.DataFrame, best: Optimum, space: ParameterSpace, count: int
 ) -> pd.DataFrame:
-    """Repeat the optimum `count` times, as samples of the check."""
+    """Repeat the optimum `count` times, as samples of the check.
+
+    `table` has the samples of the surface.
+    """
     unit = np.repeat(natural_unit(table, best.coded, space), count, axis=0)
-    return samples(
-        "check",
-        space,
-        unit,
-        factors_of(table),
-        np.repeat(best.coded[None], count, axis=0),
-    )
+    coded = np.repeat(best.coded[None], count, axis=0)
+    return samples("check", space, unit, factors_of(table), coded)
 
 
 def notes(
     models: list[Model], best: Optimum, check: pd.DataFrame, study: Study
 ) -> dict[str, Any]:
-    """Collect predictions and parameters at the optimum, and the result in words; `check` has the samples of the check.
+    """Describe the optimum, as notes of the proposal.
 
-    `met` is whether the surfaces meet the targets.
+    Parameters
+    ----------
+    models : list of Model
+        A quadratic model for each response.
+    best : Optimum
+    check : pandas.DataFrame
+        The samples of the check.
+    study : Study
+
+    Returns
+    -------
+    dict
+        The table `predictions`; `optimum`, a mapping; and `why`, a sentence.
     """
     parameters = check.loc[0, list(study.parameters.names)].astype(float).to_dict()
     coded = dict(zip(models[0].factors, best.coded.tolist(), strict=True))
-    optimum = {
-        "parameters": parameters,
-        "coded": coded,
-        "met": best.met,
-        "desirability": best.desirability,
-    }
-    why = f"the surfaces {'meet' if best.met else 'do not meet'} the targets: {parameters}"
+    verb = "meet" if best.met else "do not meet"
     return {
         "predictions": predictions(models, best, study.targets, len(check)),
-        "optimum": optimum,
-        "why": why,
+        "optimum": {
+            "parameters": parameters,
+            "coded": coded,
+            "met": best.met,
+            "desirability": best.desirability,
+        },
+        "why": f"the surfaces {verb} the targets: {parameters}",
     }
 
 
 def predictions(
     models: list[Model], best: Optimum, targets: Targets, runs: int
 ) -> pd.DataFrame:
-    """Predict the responses at the optimum, with the 95 % interval of the mean, `mean_low` to `mean_high`.
+    """Predict the responses at the optimum.
 
-    With 95 % probability the mean of some `runs` lies from `low` to `high` if the model is right.
+    Parameters
+    ----------
+    models : list of Model
+        A quadratic model for each response.
+    best : Optimum
+    targets : Targets
+    runs : int
+        Number of runs of the check.
+
+    Returns
+    -------
+    pandas.DataFrame
+        `response`, `target`, `predicted`, `standard_error`, and the ends of two 95 %
+        intervals: from `mean_low` to `mean_high` that of the mean response, from `low`
+        to `high` that of the mean of the `runs`, if the model is right.
     """
-    from scipy import stats
-
+    point = best.coded[None]
     table = pd.DataFrame({"response": targets.names, "target": targets.aim})
-    table["predicted"] = [float(model.predict(best.coded[None])[0]) for model in models]
+    table["predicted"] = [float(model.predict(point)[0]) for model in models]
     table["standard_error"] = [
-        float(model.standard_error(best.coded[None])[0]) for model in models
+        float(model.standard_error(point)[0]) for model in models
     ]
-    t = np.array(
-        [
-            float(stats.t.ppf((1 + LEVEL) / 2, model.df)) if model.df else np.nan
-            for model in models
-        ]
-    )
-    whole = np.sqrt(
-        table["standard_error"] ** 2 + [model.variance / runs for model in models]
-    )
-    for name, error in (("mean_", table["standard_error"]), ("", whole)):
-        table[f"{name}low"], table[f"{name}high"] = (
-            table["predicted"] - t * error,
-            table["predicted"] + t * error,
-        )
+    t = np.array([_quantile(model) for model in models])
+    variance_of_mean = [model.variance / runs for model in models]
+    error_of_runs = np.sqrt(table["standard_error"] ** 2 + variance_of_mean)
+    table["mean_low"] = table["predicted"] - t * table["standard_error"]
+    table["mean_high"] = table["predicted"] + t * table["standard_error"]
+    table["low"] = table["predicted"] - t * error_of_runs
+    table["high"] = table["predicted"] + t * error_of_runs
     return table
 
 
+def _quantile(model: Model) -> float:
+    """Return the quantile of the t distribution for an interval of a model.
+
+    It is NaN for a model without degrees of freedom.
+    """
+    from scipy import stats
+
+    if not model.df:
+        return np.nan
+    return float(stats.t.ppf((1 + LEVEL) / 2, model.df))
+
+
 def checked(predicted: pd.DataFrame, dataset: pd.DataFrame) -> pd.DataFrame:
-    """Add the simulations of the check to the `predictions`; `as_predicted`: the mean lies from low to high."""
-    table, ok = predicted.copy(), dataset[dataset["status"] == "ok"]
-    values = ok[list(table["response"])].to_numpy(float)
-    table["simulated"] = values.mean(axis=0) if len(ok) else np.nan
+    """Add the simulations of the check to the `predictions`.
+
+    Parameters
+    ----------
+    predicted : pandas.DataFrame
+        Result of `predictions`.
+    dataset : pandas.DataFrame
+        The samples of the check with their responses.
+
+    Returns
+    -------
+    pandas.DataFrame
+        With the further columns `simulated`, `simulated_error`, `deviation_percent`, and
+        `as_predicted`: whether the mean lies from `low` to `high`.
+    """
+    table = predicted.copy()
+    good = dataset[dataset["status"] == "ok"]
+    values = good[list(table["response"])].to_numpy(float)
+    n = len(good)
+    table["simulated"] = values.mean(axis=0) if n > 0 else np.nan
     table["simulated_error"] = (
-        values.std(axis=0, ddof=1) / np.sqrt(len(ok)) if len(ok) > 1 else np.nan
+        values.std(axis=0, ddof=1) / np.sqrt(n) if n > 1 else np.nan
     )
     table["deviation_percent"] = 100 * (table["simulated"] / table["target"] - 1)
     table["as_predicted"] = table["simulated"].between(table["low"], table["high"])
