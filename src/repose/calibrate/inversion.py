@@ -1,6 +1,7 @@
-"""Parameter sets whose predicted responses match the measured responses: section 3.3 of the paper, Table 3.
+"""Parameter sets whose predicted responses match the measured ones.
 
-The search is the multi-island genetic algorithm (`repose.calibrate.search`) on the surrogate.
+It is section 3.3 of the paper, with its Table 3. The search is the multi-island genetic
+algorithm (`repose.calibrate.search`) on the surrogate.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -18,23 +19,33 @@ from repose.calibrate.surrogates.support import Support
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
 
-LEAST_LOSS = "least_expected_loss"  # of `miga.answer`
-FEWEST_ROWS = (
-    10  # of the solutions, so that validation always has points to choose from
-)
+# Value of `miga.answer`: the answer is the set of least expected loss.
+LEAST_LOSS = "least_expected_loss"
+# Fewest rows of the solutions, so that the validation always has points to choose from.
+FEWEST_ROWS = 10
 
 
 class Inversion(NamedTuple):
-    """Result of `invert`; in its solutions the representative comes first, then the others by objective."""
+    """Result of `invert`.
 
-    # parameters, predicted responses, objective (Eq. 11), violation, feasible, representative; with a support warning,
-    # with priors prior_distance_sd
+    Attributes
+    ----------
+    solutions : pandas.DataFrame
+        The representative, then the others by objective: `solution`, parameters,
+        predicted responses, `objective` (Eq. 11), `violation`, `feasible`,
+        `representative`; with priors `prior_distance_sd`, with a support `warning`.
+    intervals : pandas.DataFrame
+        Table 3 of the paper.
+    history : pandas.DataFrame
+        A row for each round of the search.
+    summary : dict
+        Counts, the representative, its distances from ranges and targets, a message.
+    """
+
     solutions: pd.DataFrame
-    intervals: pd.DataFrame  # Table 3
-    history: pd.DataFrame  # a row for each round of the search
-    summary: dict[
-        str, Any
-    ]  # counts, the representative, its distances from ranges and targets, a message
+    intervals: pd.DataFrame
+    history: pd.DataFrame
+    summary: dict[str, Any]
 
 
 def invert(
@@ -46,102 +57,133 @@ def invert(
 ) -> Inversion:
     """Search the free parameters for predicted responses that meet the targets.
 
-    The result has the best distinct feasible solutions, filled up with the nearest others to at least 10; without any
-    feasible one it has the sets of least objective. Of equally good sets, those near the means of the priors come
-    first.
+    Of equally good sets, those near the means of the priors come first.
+
+    Parameters
+    ----------
+    model : Surrogate
+    space : ParameterSpace
+        The ranges that are searched.
+    targets : Targets
+    settings : MigaSettings
+    support : Support, optional
+        Region of the samples; sets beyond it get a warning.
+
+    Returns
+    -------
+    Inversion
+        The best distinct feasible solutions, filled up with the nearest others to at
+        least `FEWEST_ROWS`; without any feasible one the sets of least objective.
     """
-    for target in targets:
-        if not target.low <= target.aim <= target.high:
-            raise InputError(
-                "targets",
-                target.name,
-                target.aim,
-                f"inside its range {[target.low, target.high]}",
-            )
-    respond, preference = on_free_parameters(model, space), Preference.of(space)
-    objective = Objective(targets, preference.largest if preference else 0.0)
-    archive, history, feasible_met = search(
+    _require_aims_in_ranges(targets)
+    respond = on_free_parameters(model, space)
+    preference = Preference.of(space)
+    largest_preference = preference.largest if preference else 0.0
+    objective = Objective(targets, largest_preference)
+    archive, rounds, feasible_met = search(
         respond, objective, space.dimensions, settings, preference
     )
-    evaluations = history[-1][HISTORY.index("evaluations")]
-    if (
-        not feasible_met
-    ):  # then the nearest to the targets, not to the edge of empty ranges
+    evaluations = rounds[-1][HISTORY.index("evaluations")]
+    if not feasible_met:
+        # Search again for the sets nearest to the targets, not to the edge of the ranges,
+        # in which there are none.
         objective = Objective(targets, constrained=False)
-        archive, history, _ = search(
+        archive, rounds, _ = search(
             respond, objective, space.dimensions, settings, preference
         )
-        evaluations += history[-1][HISTORY.index("evaluations")]
+        evaluations += rounds[-1][HISTORY.index("evaluations")]
 
+    # Put the representative first, feasible or not.
     points = archive.points
     if settings.answer == LEAST_LOSS and model.knows_its_errors:
-        points = _behind(
-            expected_loss.least(model, space, targets), points, space, settings.distance
-        )
+        best = expected_loss.least(model, space, targets)
+        points = _put_first(best, points, space, settings.distance)
     Y = respond(points)
     F, V = objective(Y)
-    met, most = np.count_nonzero(V == 0), settings.solutions
-    # the representative stands first, feasible or not
-    rows = slice(0, max(FEWEST_ROWS, min(met + (V[0] > 0), most)) if met else most)
-    points, Y, F, V = points[rows], Y[rows], F[rows], V[rows]
-    n_feasible = int(np.count_nonzero(V == 0))
+    n_rows = _number_of_rows(V, settings.solutions)
+    points, Y, F, V = points[:n_rows], Y[:n_rows], F[:n_rows], V[:n_rows]
+
     table = pd.DataFrame(space.values((points + 1) / 2), columns=list(space.names))
     table.insert(0, "solution", np.arange(1, len(table) + 1))
     table[list(targets.predicted)] = Y
-    table["objective"], table["violation"], table["feasible"] = F, V, V == 0
+    table["objective"] = F
+    table["violation"] = V
+    table["feasible"] = V == 0
     table["representative"] = table["solution"] == 1
     if preference is not None:
         table["prior_distance_sd"] = preference.distance(points)
     if support is not None:
         table["warning"] = support.warnings(table[list(space.names)].to_numpy(float))
-    history = pd.DataFrame(history, columns=list(HISTORY))
-    shown = table[table["feasible"]] if n_feasible else table
+
+    n_feasible = int(np.count_nonzero(V == 0))
     counts = {
         "n_feasible_met": feasible_met,
         "n_solutions": n_feasible,
         "evaluations": int(evaluations),
     }
+    rows_of_intervals = table[table["feasible"]] if n_feasible else table
     return Inversion(
-        table,
-        intervals(shown, space),
-        history,
-        _summary(table, space, targets, settings, counts),
+        solutions=table,
+        intervals=intervals(rows_of_intervals, space),
+        history=pd.DataFrame(rounds, columns=list(HISTORY)),
+        summary=_summary(table, space, targets, settings, counts),
     )
+
+
+def _require_aims_in_ranges(targets: Targets) -> None:
+    """Refuse a target whose aim lies outside its range."""
+    for target in targets:
+        if not target.low <= target.aim <= target.high:
+            words = f"inside its range {[target.low, target.high]}"
+            raise InputError("targets", target.name, target.aim, words)
+
+
+def _number_of_rows(violations: np.ndarray, most: int) -> int:
+    """Return how many of the points, the best first, become solutions.
+
+    They are the feasible ones, at most `most`, and the representative; at least
+    `FEWEST_ROWS`. Without any feasible point they are `most`.
+    """
+    n_feasible = np.count_nonzero(violations == 0)
+    if n_feasible == 0:
+        return most
+    is_first_infeasible = bool(violations[0] > 0)
+    return max(FEWEST_ROWS, min(n_feasible + is_first_infeasible, most))
 
 
 def on_free_parameters(
     surrogate: Surrogate, space: ParameterSpace
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """Make the surrogate a function of the free parameters: points (n, d) in [-1, 1] to responses (n, k)."""
-    respond = surrogate.response_function(
-        space.complete(space.low)[0], space.complete(space.high)[0]
-    )
+    """Make the surrogate a function of the free parameters.
+
+    It turns points (n, d) in [-1, 1] into responses (n, k).
+    """
+    low = space.complete(space.low)[0]
+    high = space.complete(space.high)[0]
+    respond = surrogate.response_function(low, high)
     if space.dimensions == len(space.names):
         return respond
     columns = [space.names.index(name) for name in space.free]
 
     def respond_to_free(points: np.ndarray) -> np.ndarray:
-        every = np.zeros(
-            (len(points), len(space.names))
-        )  # both ends of a fixed parameter are its value
-        every[:, columns] = points
-        return respond(every)
+        # Both ends of a fixed parameter are its value, so its coordinate is arbitrary.
+        all_parameters = np.zeros((len(points), len(space.names)))
+        all_parameters[:, columns] = points
+        return respond(all_parameters)
 
     return respond_to_free
 
 
 def intervals(solutions: pd.DataFrame, space: ParameterSpace) -> pd.DataFrame:
-    """Make Table 3: interval and dispersion (its width over the range's) of each parameter."""
+    """Make Table 3: interval and dispersion of each parameter.
+
+    The dispersion is the width of the interval, in percent of that of the range.
+    """
     names = list(space.names)
-    low, high = (
-        solutions[names].min().to_numpy(float),
-        solutions[names].max().to_numpy(float),
-    )
-    width = (
-        pd.Series(space.high - space.low, list(space.free))
-        .reindex(names, fill_value=1.0)
-        .to_numpy()
-    )
+    low = solutions[names].min().to_numpy(float)
+    high = solutions[names].max().to_numpy(float)
+    widths = pd.Series(space.high - space.low, list(space.free))
+    width = widths.reindex(names, fill_value=1.0).to_numpy()
     table = pd.DataFrame({"variable": names, "low": low, "high": high})
     return table.assign(dispersion_percent=100 * (high - low) / width)
 
@@ -149,20 +191,38 @@ def intervals(solutions: pd.DataFrame, space: ParameterSpace) -> pd.DataFrame:
 def message(
     responses: np.ndarray, targets: Targets, n_feasible: int, distance: float
 ) -> str:
-    """Write the result of the search as text, from the responses (k,) of the representative."""
+    """Describe the result of the search.
+
+    Parameters
+    ----------
+    responses : numpy.ndarray, (k,)
+        Of the representative.
+    targets : Targets
+    n_feasible : int
+        Number of feasible solutions.
+    distance : float
+        By which they differ at least, in normalised parameters.
+    """
 
     def in_words(values: Iterable[float]) -> str:
         return targets.in_words([f"{value:.2f}" for value in values])
 
     ranges = targets.in_words([f"{target.low:g}-{target.high:g}" for target in targets])
-    best = f"the answer is predicted {in_words(responses)}"
     aims = targets.in_words([f"{target.aim:g}" for target in targets])
-    off = f"{in_words(abs(responses - targets.aim))} from the target {aims}"
+    predicted = in_words(responses)
+    deviations = in_words(abs(responses - targets.aim))
     if n_feasible:
-        apart = f"at least {distance:g} apart in normalised parameters"
-        return f"{n_feasible} distinct feasible solutions inside {ranges}, {apart}; {best}, {off}."
-    beyond = in_words(_outside(responses, targets.low, targets.high))
-    return f"All later stages use the nearest solutions: {best}, {beyond} outside the ranges {ranges}, {off}."
+        return (
+            f"{n_feasible} distinct feasible solutions inside {ranges}, at least "
+            f"{distance:g} apart in normalised parameters; the answer is predicted "
+            f"{predicted}, {deviations} from the target {aims}."
+        )
+    outside = in_words(_outside(responses, targets.low, targets.high))
+    return (
+        "All later stages use the nearest solutions: the answer is predicted "
+        f"{predicted}, {outside} outside the ranges {ranges}, {deviations} from the "
+        f"target {aims}."
+    )
 
 
 def _summary(
@@ -175,45 +235,43 @@ def _summary(
     """Make the content of summary.json."""
     best = table.iloc[0]
     responses = best[list(targets.predicted)].to_numpy(float)
-    box, off = (
-        _outside(responses, targets.low, targets.high),
-        _outside(responses, targets.aim, targets.aim),
-    )
-    summary: dict[str, Any] = {
+    from_range = _outside(responses, targets.low, targets.high)
+    from_aim = _outside(responses, targets.aim, targets.aim)
+    representative = {}
+    for name in (*space.names, *targets.predicted, "objective"):
+        representative[name] = float(best[name])
+    text = message(responses, targets, counts["n_solutions"], settings.distance)
+    if "warning" in table and best["warning"]:
+        text += f" Beyond the samples: {best['warning']}."
+    return {
         "feasible": counts["n_solutions"] > 0,
         **counts,
         "distance": settings.distance,
-        "representative": {
-            name: float(best[name])
-            for name in (*space.names, *targets.predicted, "objective")
-        },
-        "box_distance": dict(zip(targets.names, box, strict=True)),
-        "target_distance": dict(zip(targets.names, off, strict=True)),
-        "message": message(
-            responses, targets, counts["n_solutions"], settings.distance
-        ),
+        "representative": representative,
+        "box_distance": dict(zip(targets.names, from_range, strict=True)),
+        "target_distance": dict(zip(targets.names, from_aim, strict=True)),
+        "message": text,
     }
-    if "warning" in table and best["warning"]:
-        summary["message"] += f" Beyond the samples: {best['warning']}."
-    return summary
 
 
-def _behind(
-    first: Mapping[str, float],
+def _put_first(
+    best: Mapping[str, float],
     points: np.ndarray,
     space: ParameterSpace,
     distance: float,
 ) -> np.ndarray:
-    """Put the set `first` before the points (n, d) that are not too near to it; the best point always stays."""
-    place = 2 * space.unit(np.array([[first[name] for name in space.names]])) - 1
-    far = np.linalg.norm(points - place, axis=1) >= distance
-    far[0] = True
-    return np.vstack([place, points[far]])
+    """Put a parameter set before the points (n, d) that are not too near to it.
+
+    The first of the points always stays.
+    """
+    values = np.array([[best[name] for name in space.names]])
+    point = 2 * space.unit(values) - 1
+    is_kept = np.linalg.norm(points - point, axis=1) >= distance
+    is_kept[0] = True
+    return np.vstack([point, points[is_kept]])
 
 
 def _outside(responses: np.ndarray, low: np.ndarray, high: np.ndarray) -> list[float]:
     """Measure how far each response (k,) is from the range low to high; 0 inside."""
-    return [
-        float(value)
-        for value in np.maximum(np.maximum(low - responses, responses - high), 0.0)
-    ]
+    distance = np.maximum(np.maximum(low - responses, responses - high), 0.0)
+    return [float(value) for value in distance]

@@ -50,6 +50,14 @@ class _Turn(NamedTuple):
     number: int
 
 
+class _RunNumber(NamedTuple):
+    """The number of a run, and whether the strategy asked for it."""
+
+    sample: str
+    run: str
+    was_asked: bool
+
+
 class Record:
     """All runs of a study so far, and the proposal of its strategy after them.
 
@@ -198,40 +206,51 @@ class Record:
         sets : pandas.DataFrame
             Their parameters.
         """
+        asked, turn = self._asked_in_turn(list(sets))
+        numbers = self._numbers_of_rows(rows, sets, asked)
+        # Runs that were not asked for open no turn of their own.
+        turn_of_others = turn
+        if turn != self._last_turn and not any(number.was_asked for number in numbers):
+            turn_of_others = turn - 1
+        numbered = []
+        for number, row in zip(numbers, rows, strict=True):
+            turn_of_row = turn if number.was_asked else turn_of_others
+            numbered.append(
+                {
+                    "sample": number.sample,
+                    "run": number.run,
+                    **row,
+                    TURN: str(turn_of_row),
+                }
+            )
+        return numbered
+
+    def _numbers_of_rows(
+        self,
+        rows: Sequence[Mapping[str, Any]],
+        sets: pd.DataFrame,
+        asked: pd.DataFrame,
+    ) -> list[_RunNumber]:
+        """Find sample and run of each row; each run that was asked for is given once."""
         names = list(sets)
-        points = _points(sets, names)
-        asked, turn = self._asked_in_turn(names)
         samples = self._samples_by_point(asked, names)
         new_samples = itertools.count(self._first_new_sample(asked))
         known = {(row["sample"], row["run"]) for row in self._rows}
-        numbers: list[tuple[str, str]] = []
-        were_asked: list[bool] = []
-        for row, point in zip(rows, points, strict=True):
-            place = _place_of(asked, row, point, names)
-            were_asked.append(place is not None)
-            if place is not None:
-                sample = str(asked.at[place, "sample"])
-                run = str(asked.at[place, "run"])
-                asked = asked.drop(index=place)
+        numbers = []
+        for row, point in zip(rows, _points(sets, names), strict=True):
+            index = _index_of_asked(asked, row, point, names)
+            if index is not None:
+                sample = str(asked.at[index, "sample"])
+                run = str(asked.at[index, "run"])
+                asked = asked.drop(index=index)
             else:
                 if point not in samples:
                     samples[point] = next(new_samples)
                 sample = row.get("sample", str(samples[point]))
                 run = row.get("run", _first_free_run(sample, known))
-            numbers.append((sample, run))
+            numbers.append(_RunNumber(sample, run, was_asked=index is not None))
             known.add((sample, run))
-        turn_of_others = turn
-        if turn != self._last_turn and not any(were_asked):
-            turn_of_others = turn - 1
-        numbered = []
-        for (sample, run), row, was_asked in zip(
-            numbers, rows, were_asked, strict=True
-        ):
-            turn_of_row = turn if was_asked else turn_of_others
-            numbered.append(
-                {"sample": sample, "run": run, **row, TURN: str(turn_of_row)}
-            )
-        return numbered
+        return numbers
 
     def _asked_in_turn(self, names: Sequence[str]) -> tuple[pd.DataFrame, int]:
         """Return the runs to make and the number of their turn.
@@ -355,7 +374,7 @@ def _points(table: pd.DataFrame, names: Sequence[str]) -> list[Point]:
     return list(table[list(names)].itertuples(index=False, name=None))
 
 
-def _place_of(
+def _index_of_asked(
     asked: pd.DataFrame, row: Mapping[str, Any], point: Point, names: Sequence[str]
 ) -> Any:
     """Return the index of the first run to make that a row can be; None without one.

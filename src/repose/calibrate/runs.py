@@ -1,4 +1,4 @@
-"""Runs of a parameter set: their final statuses, and the means of their responses with errors."""
+"""Runs of a parameter set: their statuses, and the means of their responses."""
 
 import math
 from collections import Counter
@@ -15,111 +15,139 @@ if TYPE_CHECKING:
 
 
 def error_of(column: str) -> str:
-    """Name the column of a quantity's standard error, with ``se`` before the unit: ``aor_se_deg``."""
+    """Name the column of the standard error of a quantity.
+
+    It has ``se`` before the unit, as in ``aor_se_deg``.
+    """
     return derived(column, "se")
 
 
 @dataclass(frozen=True)
 class Recorded:
-    """Columns that the runs of a bench test record."""
+    """Columns that the runs of a bench test record.
 
-    means: tuple[str, ...]  # averaged over a sample's runs
-    without_error: tuple[str, ...] = ()  # means without a standard error
-    single: tuple[str, ...] = ()  # columns of the table of single runs
+    Attributes
+    ----------
+    means : tuple of str
+        Averaged over the runs of a sample.
+    without_error : tuple of str
+        Means without a standard error.
+    single : tuple of str
+        Columns of the table of single runs.
+    """
+
+    means: tuple[str, ...]
+    without_error: tuple[str, ...] = ()
+    single: tuple[str, ...] = ()
 
     def beginning_with(self, targets: Sequence[str]) -> "Recorded":
-        """Put these targets before the columns, each target with its standard error."""
+        """Put these targets before the columns, each with its standard error."""
         return Recorded(
-            tuple(dict.fromkeys((*targets, *self.means))),
-            tuple(mean for mean in self.without_error if mean not in targets),
-            tuple(dict.fromkeys((*targets, *self.single))),
+            means=tuple(dict.fromkeys((*targets, *self.means))),
+            without_error=tuple(
+                name for name in self.without_error if name not in targets
+            ),
+            single=tuple(dict.fromkeys((*targets, *self.single))),
         )
 
     @property
     def summary(self) -> tuple[str, ...]:
-        """Keys of a summary of runs, in its order; see `summarise_runs`."""
-        pairs = (
-            (mean,) if mean in self.without_error else (mean, error_of(mean))
-            for mean in self.means
-        )
-        return (
-            "status",
-            "reason",
-            "n_seeds",
-            *(column for pair in pairs for column in pair),
-        )
+        """Keys of `summarise_runs`, in its order."""
+        keys = ["status", "reason", "n_seeds"]
+        for name in self.means:
+            keys.append(name)
+            if name not in self.without_error:
+                keys.append(error_of(name))
+        return tuple(keys)
 
 
 def of_bench(runs: "pd.DataFrame", apparatus: str) -> "pd.DataFrame":
-    """Select the runs of one bench test; a table without the column apparatus has a single bench test."""
-    return runs[runs["apparatus"] == apparatus] if "apparatus" in runs else runs
+    """Select the runs of a bench test.
+
+    A table without the column `apparatus` has a single bench test.
+    """
+    if "apparatus" not in runs:
+        return runs
+    return runs[runs["apparatus"] == apparatus]
 
 
 def summarise_runs(
     runs: Sequence[Mapping[str, Any]], recorded: Recorded
 ) -> dict[str, Any]:
-    """Summarise a sample: `status`, `reason`, `n_seeds` (number of ok runs), then means and standard errors.
+    """Summarise the runs of a sample.
 
-    A sample is ok when at least half of its runs, and at least one, are ok. Otherwise its status is the commonest
-    status of its failed runs, and its numbers are None.
+    A sample is ok when at least half of its runs, and at least one, are ok. Otherwise its
+    status is the commonest status of its failed runs, and its numbers are None.
+
+    Returns
+    -------
+    dict
+        `status`, `reason`, `n_seeds` (number of ok runs), then means and standard errors.
     """
     if not runs:
         raise ValueError("runs is empty; expected at least one run")
     ok = [run for run in runs if run["status"] == "ok"]
     failed = [run for run in runs if run["status"] != "ok"]
-    usable = len(ok) > 0 and 2 * len(ok) >= len(runs)
-    statuses = Counter(run["status"] for run in failed)
+    is_usable = len(ok) > 0 and 2 * len(ok) >= len(runs)
     summary: dict[str, Any] = dict.fromkeys(recorded.summary)
-    summary["status"] = "ok" if usable else statuses.most_common(1)[0][0]
     summary["reason"] = reason(failed, len(runs))
     summary["n_seeds"] = len(ok)
-    if usable:
-        for column in recorded.means:
-            summary[column], error = mean_and_error(
-                [run[column] for run in ok if run.get(column) is not None]
-            )
-            if column not in recorded.without_error:
-                summary[error_of(column)] = error
+    if not is_usable:
+        statuses = Counter(run["status"] for run in failed)
+        summary["status"] = statuses.most_common(1)[0][0]
+        return summary
+    summary["status"] = "ok"
+    for name in recorded.means:
+        values = [run[name] for run in ok if run.get(name) is not None]
+        summary[name], error = mean_and_error(values)
+        if name not in recorded.without_error:
+            summary[error_of(name)] = error
     return summary
 
 
 def mean_and_error(values: Sequence[float]) -> tuple[float | None, float | None]:
-    """Compute mean and standard error sd / sqrt(n); both None without values, the error None for a single value."""
+    """Compute the mean and its standard error, sd / sqrt(n).
+
+    Both are None without values; the error is None for a single value.
+    """
     numbers = np.array(values, dtype=float)
-    if len(numbers) == 0:
+    n = len(numbers)
+    if n == 0:
         return None, None
-    error = (
-        float(numbers.std(ddof=1) / math.sqrt(len(numbers)))
-        if len(numbers) > 1
-        else None
-    )
-    return float(numbers.mean()), error
+    mean = float(numbers.mean())
+    if n == 1:
+        return mean, None
+    return mean, float(numbers.std(ddof=1) / math.sqrt(n))
 
 
 def reason(failed: Sequence[Mapping[str, Any]], total: int) -> str:
-    """Count the failed runs by cause, as in ``2 of 8 runs jammed (no discharge for 3 s)``; may be empty."""
+    """Count the failed runs by cause; the text is empty without any.
+
+    As in ``2 of 8 runs jammed (no discharge for 3 s)``.
+    """
     parts = []
     for status, count in Counter(run["status"] for run in failed).most_common():
-        why = dict.fromkeys(
-            run["reason"]
-            for run in failed
-            if run["status"] == status and run.get("reason")
-        )
-        parts.append(
-            f"{count} of {total} runs {status}"
-            + (f" ({'; '.join(why)})" if why else "")
-        )
+        reasons: list[str] = []
+        for run in failed:
+            if run["status"] != status:
+                continue
+            text = run.get("reason")
+            if text and text not in reasons:
+                reasons.append(text)
+        part = f"{count} of {total} runs {status}"
+        if reasons:
+            part += f" ({'; '.join(reasons)})"
+        parts.append(part)
     return "; ".join(parts)
 
 
 def describe(run: Mapping[str, Any], template: str) -> str:
-    """Describe a measured run by its bench test's `template`, a failed run by its reason."""
+    """Describe a measured run by the template of its bench test, or a failed one."""
     if run["status"] != "ok":
         return f"seed {run['seed']}: {run['status']}: {run['reason']}"
     try:
-        return f"seed {run['seed']}: {template.format(**run)}"
-    except (
-        KeyError,
-        TypeError,
-    ):  # a response that is no target and could not be measured
+        numbers = template.format(**run)
+    except (KeyError, TypeError):
+        # A response that is no target may not have been measured.
         return f"seed {run['seed']}: ok"
+    return f"seed {run['seed']}: {numbers}"

@@ -13,35 +13,63 @@ from repose.calibrate.seeds import UNNAMED
 from repose.common.target_range import LEAST_RANGE as LEAST_RANGE
 from repose.common.target_range import range_about
 
-LARGEST = 1e9  # of a value or standard deviation
+# Largest value or standard deviation.
+LARGEST = 1e9
 
 
 def completed(entry: Any) -> Any:
-    """Complete an entry of `targets` with the bench test of its response and `range_about`, where they are missing."""
+    """Complete an entry of the list `targets`.
+
+    A missing bench test is that of the response. A missing range is `range_about` the
+    measured value, if its numbers are usable; anything else stays for the later check.
+    """
     if not isinstance(entry, Mapping):
         return entry
     known = named(str(entry.get("response")))
-    found = {"apparatus": UNNAMED if known is None else known.apparatus} | dict(entry)
-    numbers: list[Any] = [entry.get(key) for key in ("value", "sd", "repetitions")]
-    good = all(type(one) in (int, float) and abs(one) <= LARGEST for one in numbers)
-    if "range" not in entry and good and numbers[2] > 0:
-        found["range"] = list(range_about(*numbers))
-    return found
+    apparatus = UNNAMED if known is None else known.apparatus
+    complete = {"apparatus": apparatus} | dict(entry)
+    if "range" not in entry:
+        value, sd = entry.get("value"), entry.get("sd")
+        repetitions = entry.get("repetitions")
+        if all(map(_is_usable, (value, sd, repetitions))) and repetitions > 0:
+            complete["range"] = list(range_about(value, sd, repetitions))
+    return complete
+
+
+def _is_usable(number: Any) -> bool:
+    """Return whether an entry is a number of a usable size, and no truth value."""
+    return type(number) in (int, float) and abs(number) <= LARGEST
 
 
 @dataclass(frozen=True)
 class Target:
-    """A measured response; all values in its unit."""
+    """A measured response; all values are in its unit.
+
+    Attributes
+    ----------
+    response : Response
+    value, sd : float
+        Mean and standard deviation of the physical repetitions.
+    repetitions : int
+    low, high : float
+        Range in which the prediction of a feasible solution lies.
+    aim : float
+        Goal of the search: `value`, or the centre of the range (Eq. 11-12 of the paper).
+    weight : float
+        In the objective of the search.
+    profile : Profile or None
+        The profile of which the response is a score.
+    """
 
     response: Response
-    value: float  # mean of the physical repetitions
-    sd: float  # standard deviation of the physical repetitions
+    value: float
+    sd: float
     repetitions: int
-    low: float  # a solution is feasible if its prediction lies from low to high
+    low: float
     high: float
-    aim: float  # goal of the search: `value`, or the centre of the range (Eq. 11-12 of the paper)
-    weight: float = 1.0  # in the search's objective
-    profile: Profile | None = None  # of which the response is a score
+    aim: float
+    weight: float = 1.0
+    profile: Profile | None = None
 
     @property
     def name(self) -> str:
@@ -55,25 +83,34 @@ class Target:
 
     @property
     def whole(self) -> float:
-        """What 100 % means: the size of the aim, or for a score of a profile a share of the profile's height."""
-        return abs(self.aim) if self.profile is None else self.profile.whole
+        """What 100 % means.
+
+        It is the size of the aim, or for a score of a profile a share of the height of
+        the profile.
+        """
+        if self.profile is None:
+            return abs(self.aim)
+        return self.profile.whole
 
     def off_percent(self, number: float) -> float:
         """Compute how far a number is from the aim, in percent."""
-        return (
-            100 * (number / self.aim - 1)
-            if self.profile is None
-            else 100 * (number - self.aim) / self.whole
-        )
+        if self.profile is None:
+            return 100 * (number / self.aim - 1)
+        return 100 * (number - self.aim) / self.whole
 
     @property
     def whole_value(self) -> float:
-        """As `whole`, of the measured value."""
-        return abs(self.value) if self.profile is None else self.profile.whole
+        """What 100 % of the measured value means, as `whole` of the aim."""
+        if self.profile is None:
+            return abs(self.value)
+        return self.profile.whole
 
 
 class _Numbers:
-    """A number of each target, by its name, as an array (k,)."""
+    """Descriptor: an attribute of all targets as an array (k,).
+
+    The name of the class attribute says which one.
+    """
 
     def __set_name__(self, owner: type, name: str) -> None:
         self.name = name
@@ -83,7 +120,10 @@ class _Numbers:
 
 
 class Targets(tuple[Target, ...]):
-    """The targets of a study, in the order of the configuration; numbers as arrays (k,)."""
+    """The targets of a study, in the order of the configuration.
+
+    The numbers of all targets are arrays (k,).
+    """
 
     value = _Numbers()
     sd = _Numbers()
@@ -96,24 +136,18 @@ class Targets(tuple[Target, ...]):
 
     @classmethod
     def of(cls, section: Sequence[Mapping[str, Any]]) -> "Targets":
-        """Read the configuration's list `targets`; InputError if a response is unknown."""
-        return cls(
-            Target(
-                response(entry["response"], "targets"),
-                float(entry["value"]),
-                float(entry["sd"]),
-                int(entry["repetitions"]),
-                float(entry["range"][0]),
-                float(entry["range"][1]),
-                float(entry.get("aim", entry["value"])),
-                float(entry.get("weight", 1.0)),
-                Profile.of(entry["profile"]) if "profile" in entry else None,
-            )
-            for entry in section
-        )
+        """Read the list `targets` of a configuration.
+
+        Raises
+        ------
+        InputError
+            If a response is unknown.
+        """
+        return cls(_target(entry) for entry in section)
 
     @property
     def responses(self) -> tuple[Response, ...]:
+        """The measured responses."""
         return tuple(target.response for target in self)
 
     @property
@@ -138,20 +172,23 @@ class Targets(tuple[Target, ...]):
 
     @property
     def benches(self) -> dict[str, list[int]]:
-        """Places of the responses of each bench test."""
-        return {
-            name: [k for k, one in enumerate(self) if one.response.apparatus == name]
-            for name in self.apparatus
-        }
+        """Indices of the responses of each bench test."""
+        indices: dict[str, list[int]] = {name: [] for name in self.apparatus}
+        for k, target in enumerate(self):
+            indices[target.response.apparatus].append(k)
+        return indices
 
     @property
     def same_bench(self) -> np.ndarray:
         """Pairs of responses of the same bench test, as a mask (k, k)."""
-        bench = np.array([target.response.apparatus for target in self])
-        return bench[:, None] == bench
+        benches = np.array([target.response.apparatus for target in self])
+        return benches[:, None] == benches
 
     def correlated(self, correlation: float) -> np.ndarray:
-        """Make the correlation matrix (k, k) of responses that are correlated alike within a bench test only."""
+        """Make a correlation matrix (k, k).
+
+        Responses of the same bench test are correlated alike, all others not at all.
+        """
         matrix = np.where(self.same_bench, float(correlation), 0.0)
         np.fill_diagonal(matrix, 1.0)
         return matrix
@@ -159,19 +196,41 @@ class Targets(tuple[Target, ...]):
     @property
     def profiles(self) -> dict[str, Profile]:
         """The measured profiles by name."""
-        return {
-            target.profile.name: target.profile
-            for target in self
-            if target.profile is not None
-        }
+        profiles = {}
+        for target in self:
+            if target.profile is not None:
+                profiles[target.profile.name] = target.profile
+        return profiles
 
     def in_words(self, numbers: Sequence[str]) -> str:
-        """Write number and unit of each target, ``32.5 deg and 66.1 mm``; with symbols if two units are equal."""
+        """Write a number for each target with its unit, as in ``32.5 deg and 66.1 mm``.
+
+        The symbols of the responses stand before the numbers if two units are equal.
+        """
         units = [target.response.unit for target in self]
-        several = len(set(units)) < len(units)
-        symbols = [f"{target.response.symbol} " if several else "" for target in self]
-        words = zip(symbols, numbers, units, strict=True)
-        *parts, last = [
-            f"{symbol}{number} {unit}".rstrip() for symbol, number, unit in words
-        ]
-        return " and ".join(filter(None, [", ".join(parts), last]))
+        needs_symbols = len(set(units)) < len(units)
+        texts = []
+        for target, number in zip(self, numbers, strict=True):
+            text = f"{number} {target.response.unit}".rstrip()
+            if needs_symbols:
+                text = f"{target.response.symbol} {text}"
+            texts.append(text)
+        if len(texts) == 1:
+            return texts[0]
+        return f"{', '.join(texts[:-1])} and {texts[-1]}"
+
+
+def _target(entry: Mapping[str, Any]) -> Target:
+    """Make a target of its entry in the configuration."""
+    low, high = entry["range"]
+    return Target(
+        response=response(entry["response"], "targets"),
+        value=float(entry["value"]),
+        sd=float(entry["sd"]),
+        repetitions=int(entry["repetitions"]),
+        low=float(low),
+        high=float(high),
+        aim=float(entry.get("aim", entry["value"])),
+        weight=float(entry.get("weight", 1.0)),
+        profile=Profile.of(entry["profile"]) if "profile" in entry else None,
+    )

@@ -1,4 +1,7 @@
-"""A study's samples to a surrogate of the simulator (`repose.calibrate.surrogates`): section 3.2.2 of the paper."""
+"""Training of a surrogate on the samples of a study (section 3.2.2 of the paper).
+
+`repose.calibrate.surrogates` has the surrogates.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -20,40 +23,58 @@ from repose.calibrate.surrogates.accuracy import r2
 from repose.calibrate.surrogates.settings import NetworkSettings
 from repose.calibrate.targets import Targets
 from repose.calibrate.variance import within_covariance
-from repose.common.errors import InputError, require
+from repose.common.errors import InputError
 from repose.common.files import Path_, read_table
 
 SPLITS = ("train", "validation", "test")
-FEWEST_SAMPLES = (
-    12  # 8 to train, 1 to validate, 3 to test: below that no R2 means anything
-)
+# 8 samples to train, 1 to validate and 3 to test: with fewer no R2 means anything.
+FEWEST_SAMPLES = 12
 
 
 class Training(NamedTuple):
-    """Result of `train`; predictions are by the training part, and by the fit to all samples if there is one."""
+    """Result of `train`.
 
-    model: Surrogate  # of all usable samples, or of the training part: `Surrogate.of_all_samples`
-    metrics: dict[
-        str, Any
-    ]  # numbers of samples, R2 and RMSE by response and part, the surrogate's report
+    Attributes
+    ----------
+    model : Surrogate
+        Fitted to all usable samples, or to the training part: `Surrogate.of_all_samples`
+        says which.
+    metrics : dict
+        Numbers of samples, R2 and RMSE by response and part, the report of the
+        surrogate.
+    predictions : pandas.DataFrame
+        By the training part, and by the fit to all samples if there is one.
+    starts : pandas.DataFrame
+        A row for each start of the training; empty for a surrogate without starts.
+    """
+
+    model: Surrogate
+    metrics: dict[str, Any]
     predictions: pd.DataFrame
-    starts: (
-        pd.DataFrame
-    )  # a row for each start of the training; empty for a surrogate without starts
+    starts: pd.DataFrame
 
 
 class Replicates(NamedTuple):
-    """Noise of the responses, from the repeated runs of each sample, as `repose.calibrate.surrogates.base.Surrogate.fit` takes it.
+    """Noise of the responses, from the repeated runs of each sample.
 
-    Responses of different bench tests are independent. With several bench tests, `precision` counts in runs of the
-    first one, and each block of the covariance is scaled by the runs that a sample of its bench test has.
+    The fields are arguments of `repose.calibrate.surrogates.base.Surrogate.fit`.
+    Responses of different bench tests are independent. With several bench tests,
+    `precision` counts in runs of the first one, and each block of the covariance is
+    scaled by the runs that a sample has in its bench test.
+
+    Attributes
+    ----------
+    precision : numpy.ndarray, (samples,)
+        Runs of each sample, its weight.
+    noise_covariance : numpy.ndarray, (k, k)
+        Of a single run about the mean of its sample.
+    noise_freedom : float
+        Degrees of freedom of the covariance, mean over the responses.
     """
 
-    precision: np.ndarray  # (samples,), runs of each sample: its weight
-    noise_covariance: np.ndarray  # (k, k), of a single run about its sample's mean
-    noise_freedom: (
-        float  # degrees of freedom of the covariance, mean over the responses
-    )
+    precision: np.ndarray
+    noise_covariance: np.ndarray
+    noise_freedom: float
 
     @classmethod
     def of(
@@ -69,12 +90,14 @@ class Replicates(NamedTuple):
         freedom = 0.0
         weights: list[np.ndarray] = []
         for apparatus, columns in targets.benches.items():
-            own = of_bench(good, apparatus)
+            runs_of_bench = of_bench(good, apparatus)
             names = [targets.names[k] for k in columns]
-            block, count = within_covariance(own[names], own["sample"])
+            block, count = within_covariance(
+                runs_of_bench[names], runs_of_bench["sample"]
+            )
             if count <= len(columns) or not np.linalg.eigvalsh(block)[0] > 0:
                 return None
-            runs_of_sample = own["sample"].value_counts()
+            runs_of_sample = runs_of_bench["sample"].value_counts()
             weight = runs_of_sample.reindex(samples, fill_value=0).to_numpy(float)
             # Count in runs of the first bench test.
             first = weights[0] if weights else weight
@@ -275,94 +298,145 @@ def require_targets(
     definitions: Definitions,
     source: object,
 ) -> None:
-    """Refuse a surrogate with other responses than the targets, in another order, or with other definitions of them."""
-    allowed = f"the responses of the targets, {', '.join(targets.names)}"
-    require(
-        model.outputs == targets.names, path, "outputs", list(model.outputs), allowed
-    )
+    """Refuse a surrogate that does not fit the targets.
+
+    Parameters
+    ----------
+    model : Surrogate
+    path : object
+        Its file.
+    targets : Targets
+    definitions : mapping
+        How the responses of the targets are defined.
+    source : object
+        File of the definitions.
+
+    Raises
+    ------
+    InputError
+        If the surrogate has other responses, in another order, or defined otherwise.
+    """
+    if model.outputs != targets.names:
+        words = f"the responses of the targets, {', '.join(targets.names)}"
+        raise InputError(path, "outputs", list(model.outputs), words)
     require_same_definitions(model.definitions, path, definitions, source)
 
 
 def split(samples: int, shares: Sequence[float], seed: int) -> dict[str, np.ndarray]:
-    """Split row numbers into train, validation and test: a permutation by RandomState(seed), cut in three.
+    """Split row numbers into train, validation and test.
 
-    Train and validation are rounded down and test takes the rest: the paper's 95, 20, 22 of 137.
+    A permutation by RandomState(seed) is cut in three. Train and validation are rounded
+    down and test has the rest, as the 95, 20 and 22 of the paper's 137.
     """
-    # 0.7 * 90 is 62.99999999999999
-    train, validation = (math.floor(share * samples + 1e-9) for share in shares[:2])
+    # 0.7 * 90 is 62.99999999999999.
+    n_train = math.floor(shares[0] * samples + 1e-9)
+    n_validation = math.floor(shares[1] * samples + 1e-9)
     order = np.random.RandomState(seed).permutation(samples)
-    return dict(zip(SPLITS, np.split(order, [train, train + validation]), strict=True))
+    parts = np.split(order, [n_train, n_train + n_validation])
+    return dict(zip(SPLITS, parts, strict=True))
 
 
 def rows_of(
     samples: pd.DataFrame, shares: Sequence[float], seed: int
 ) -> dict[str, np.ndarray]:
-    """Split a table's rows into train, validation and test; samples with a `round` of refinement all train.
+    """Split the rows of a table into train, validation and test.
 
-    The others are split as if they were alone, so every round has the same test samples as the design.
+    Samples with a `round` of refinement all train. The others are split as if they were
+    alone, so every round has the same test samples as the design.
     """
-    added = (
-        samples["round"].notna().to_numpy()
-        if "round" in samples
-        else np.zeros(len(samples), bool)
-    )
-    designed = np.flatnonzero(~added)
-    rows = {name: designed[i] for name, i in split(len(designed), shares, seed).items()}
-    rows["train"] = np.concatenate([rows["train"], np.flatnonzero(added)])
+    is_refined = np.zeros(len(samples), bool)
+    if "round" in samples:
+        is_refined = samples["round"].notna().to_numpy()
+    designed = np.flatnonzero(~is_refined)
+    rows = {}
+    for name, part in split(len(designed), shares, seed).items():
+        rows[name] = designed[part]
+    rows["train"] = np.concatenate([rows["train"], np.flatnonzero(is_refined)])
     return rows
 
 
 def error_covariance(
     errors: np.ndarray, targets: Targets, source: object
 ) -> np.ndarray:
-    """Estimate covariance (k, k) of errors (m, k) at unseen samples, 0 between bench tests; InputError below rank k.
+    """Estimate the covariance of errors at unseen samples.
 
-    An error is the noise of the sample less what the fit had learned of the noise of others. Both are correlated as the
-    noise is, so even a fit that has learned its noise by heart shows the correlation; the size is too large.
+    An error is the noise of the sample less what the fit has learned of the noise of
+    others. Both are correlated as the noise is, so even a fit that has learned its noise
+    by heart shows the correlation; the size is too large.
+
+    Parameters
+    ----------
+    errors : numpy.ndarray, (m, k)
+    targets : Targets
+    source : object
+        File of the samples, for an error.
+
+    Returns
+    -------
+    numpy.ndarray, (k, k)
+        0 between bench tests.
+
+    Raises
+    ------
+    InputError
+        If it has no full rank.
     """
-    covariance = np.where(
-        targets.same_bench, errors.T @ errors / max(len(errors), 1), 0.0
-    )
-    allowed = f"more than {len(targets)}, with errors of full rank, or network.validation_noise: false"
-    enough = len(errors) > len(targets) and np.linalg.eigvalsh(covariance)[0] > 0
-    require(enough, source, "validation samples", len(errors), allowed)
+    product = errors.T @ errors / max(len(errors), 1)
+    covariance = np.where(targets.same_bench, product, 0.0)
+    is_enough = len(errors) > len(targets)
+    if not (is_enough and np.linalg.eigvalsh(covariance)[0] > 0):
+        words = (
+            f"more than {len(targets)}, with errors of full rank, or "
+            "network.validation_noise: false"
+        )
+        raise InputError(source, "validation samples", len(errors), words)
     return covariance
 
 
 def r2_noise_corrected(
     y: np.ndarray, predicted: np.ndarray, errors: np.ndarray
 ) -> float | None:
-    """Compute R2 against the unknown means of the responses, without noise; arguments (m,).
+    """Compute R2 against the unknown true means of the responses.
 
-    With y = mean + noise of variance se^2, independent of predictions made from other samples, E[SSE] = sum (mean -
-    predicted)^2 + sum se^2 and E[SST] = sum (mean - its average)^2 + (1 - 1/m) sum se^2. Without the noise in both sums
-    R2 is 1 - (SSE - sum se^2) / (SST - (1 - 1/m) sum se^2). It is an estimate and may exceed 1 by chance. None without
-    standard errors, or if the noise explains all of SST.
+    With y = mean + noise of variance se^2, independent of predictions made from other
+    samples, E[SSE] = sum (mean - predicted)^2 + sum se^2 and E[SST] = sum (mean - its
+    average)^2 + (1 - 1/m) sum se^2. Without the noise in both sums R2 is
+    1 - (SSE - sum se^2) / (SST - (1 - 1/m) sum se^2).
+
+    Parameters
+    ----------
+    y, predicted, errors : numpy.ndarray, (m,)
+        Simulated means, their predictions, and the standard errors of the means.
+
+    Returns
+    -------
+    float or None
+        An estimate, which may exceed 1 by chance. None without standard errors, or if
+        the noise explains all of SST.
     """
     noise = np.sum(errors**2)
     between = np.sum((y - np.mean(y)) ** 2) - (1 - 1 / len(y)) * noise
-    return (
-        float(1 - (np.sum((y - predicted) ** 2) - noise) / between)
-        if between > 0
-        else None
-    )
+    if not between > 0:
+        return None
+    residual = np.sum((y - predicted) ** 2) - noise
+    return float(1 - residual / between)
 
 
 def _accuracy(
     Y: np.ndarray, P: np.ndarray, names: Sequence[str], rows: Mapping[str, np.ndarray]
 ) -> dict[str, Any]:
     """Count the samples of each part, and compute R2 and RMSE of each response there."""
-    counts = {f"n_{name}": len(rows[name]) for name in SPLITS}
-    return counts | {
-        name: {
-            response: {
+    accuracy: dict[str, Any] = {f"n_{part}": len(rows[part]) for part in SPLITS}
+    for part, i in rows.items():
+        scores = {}
+        for k, name in enumerate(names):
+            mean_square = np.mean((Y[i, k] - P[i, k]) ** 2)
+            scores[name] = {
                 "r2": r2(Y[i, k], P[i, k]),
-                "rmse": float(np.sqrt(np.mean((Y[i, k] - P[i, k]) ** 2))),
+                "rmse": float(np.sqrt(mean_square)),
             }
-            for k, response in enumerate(names)
-        }
-        for name, i in rows.items()
-    }
+        accuracy[part] = scores
+    return accuracy
 
 
 def _three_ways(
@@ -372,19 +446,26 @@ def _three_ways(
     test: np.ndarray,
     targets: Targets,
 ) -> dict[str, dict[str, float | None]]:
-    """Compute R2 of the test samples: on means, on single runs, and corrected for the noise of the means."""
-    unseen, ok = usable.iloc[test], runs[runs["status"] == "ok"]
+    """Compute R2 of the test samples in three ways.
+
+    They are on means, on single runs, and corrected for the noise of the means.
+    """
+    unseen = usable.iloc[test]
+    is_unseen = (runs["status"] == "ok") & runs["sample"].isin(unseen["sample"])
+    runs_of_unseen = runs[is_unseen]
     scores = {}
     for name, error, predicted in zip(
         targets.names, targets.errors, P[test].T, strict=True
     ):
-        single = ok[ok[name].notna() & ok["sample"].isin(unseen["sample"])]
-        of_run = pd.Series(predicted, unseen["sample"])[single["sample"]].to_numpy()
-        mean, errors = (unseen[column].to_numpy(float) for column in (name, error))
+        single = runs_of_unseen[runs_of_unseen[name].notna()]
+        by_sample = pd.Series(predicted, unseen["sample"])
+        predicted_of_runs = by_sample[single["sample"]].to_numpy()
+        means = unseen[name].to_numpy(float)
+        errors = unseen[error].to_numpy(float)
         scores[name] = {
-            "sample_means": r2(mean, predicted),
-            "single_runs": r2(single[name].to_numpy(float), of_run),
-            "noise_corrected": r2_noise_corrected(mean, predicted, errors),
+            "sample_means": r2(means, predicted),
+            "single_runs": r2(single[name].to_numpy(float), predicted_of_runs),
+            "noise_corrected": r2_noise_corrected(means, predicted, errors),
         }
     return scores
 

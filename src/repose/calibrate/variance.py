@@ -1,8 +1,8 @@
-"""Variance between and within samples: how far runs of one sample scatter, how far samples differ.
+"""Variance of a response within and between samples.
 
-A response of run j of sample i is y_ij = mu + a_i + e_ij, with variance tau^2 between samples and sigma^2 within
-one. Both come from the unbalanced one-way analysis of variance: a run that failed leaves a sample with fewer values
-than others.
+A response of run j of sample i is y_ij = mu + a_i + e_ij, with variance tau^2 between
+samples and sigma^2 within one. Both come from the unbalanced one-way analysis of variance,
+since a run that failed leaves a sample with fewer values than others.
 
 References
 ----------
@@ -16,49 +16,135 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-CONFIDENCE = 0.95  # of every interval
+# Confidence of every interval.
+CONFIDENCE = 0.95
 
 
 class Components(NamedTuple):
-    """Variance of one response; variances in its unit squared, intervals at CONFIDENCE."""
+    """Variance components of one response.
 
-    groups: int  # number of samples
-    values: int  # number of runs
-    mean: float  # of all runs
-    within: float  # sigma^2
+    The variances are in its unit squared, the intervals are at `CONFIDENCE`.
+
+    Attributes
+    ----------
+    groups, values : int
+        Number of samples, and of runs.
+    mean : float
+        Of all runs.
+    within, within_low, within_high : float
+        sigma^2, with its interval.
+    between : float
+        tau^2.
+    icc, icc_low, icc_high : float
+        Intraclass correlation tau^2 / (tau^2 + sigma^2), with its interval.
+    harmonic_seeds : float
+        Harmonic mean of the runs of a sample.
+    """
+
+    groups: int
+    values: int
+    mean: float
+    within: float
     within_low: float
     within_high: float
-    between: float  # tau^2
-    icc: float  # intraclass correlation tau^2 / (tau^2 + sigma^2)
+    between: float
+    icc: float
     icc_low: float
     icc_high: float
-    harmonic_seeds: float  # harmonic mean of the runs of a sample
+    harmonic_seeds: float
 
     def reachable_r2(self, seeds: ArrayLike) -> np.ndarray:
-        """Compute the highest possible R2 on means over seeds, by the true means: tau^2 / (tau^2 + sigma^2 / seeds)."""
+        """Compute the highest possible R2 on means over seeds, by the true means.
+
+        It is tau^2 / (tau^2 + sigma^2 / seeds).
+        """
         total = self.between + self.within / np.asarray(seeds)
         return np.where(total > 0, self.between / np.where(total > 0, total, 1.0), 0.0)
 
     def standard_error(self, seeds: ArrayLike) -> np.ndarray:
-        """Compute the standard error of a sample's mean over seeds, in the response's unit."""
+        """Compute the standard error of the mean of a sample over seeds."""
         return np.sqrt(self.within / np.asarray(seeds))
 
     def seeds_for(self, standard_error: float) -> int:
-        """Find the fewest seeds for a standard error of a sample's mean, above 0, in the response's unit."""
+        """Find the fewest seeds for a standard error of the mean of a sample.
+
+        The error is above 0, in the unit of the response.
+        """
         if not standard_error > 0:
             raise ValueError(f"standard_error is {standard_error!r}; expected above 0")
         return max(1, math.ceil(self.within / standard_error**2 * (1 - 1e-12)))
 
 
 def variance_components(values: ArrayLike, groups: ArrayLike) -> Components:
-    """Estimate the variance components of a response (n,) from the runs of several samples `groups` (n,).
+    """Estimate the variance components of a response from the runs of several samples.
 
-    tau^2 is (MSB - MSW) / n0 (SCM92), or 0 if that is negative. The interval of sigma^2 comes from chi^2. The interval
-    of the intraclass correlation is in (TH78): F = h S^2 / MSW, with S^2 the variance of the groups' means and h the
-    harmonic mean of their sizes. It is exact when all groups have the same size.
+    tau^2 is (MSB - MSW) / n0 (SCM92), or 0 if that is negative. The interval of sigma^2
+    comes from chi^2. That of the intraclass correlation is in (TH78): F = h S^2 / MSW,
+    with S^2 the variance of the means of the groups and h the harmonic mean of their
+    sizes. It is exact when all groups have the same size.
+
+    Parameters
+    ----------
+    values : array_like, (n,)
+        The response of each run.
+    groups : array_like, (n,)
+        The sample of each run.
+
+    Raises
+    ------
+    ValueError
+        Unless there are two samples or more, one of them with two runs or more.
     """
     from scipy import stats  # half a second at start-up
 
+    values, groups = _checked(values, groups)
+    number, size, mean = _groups(values, groups)
+    k, n = len(size), len(values)
+    if k < 2 or n == k:
+        raise ValueError(
+            f"{n} values in {k} groups; expected at least two groups, one of them with "
+            "two values"
+        )
+
+    # Mean squares within and between the groups (MSW, MSB).
+    residuals = values - mean[number]
+    within = float(residuals @ residuals / (n - k))
+    between_square = float(size @ (mean - values.mean()) ** 2 / (k - 1))
+    n0 = (n - (size**2).sum() / n) / (k - 1)  # (SCM92)
+    between = max(0.0, (between_square - within) / n0)
+    total = between + within
+    icc = between / total if total > 0 else 0.0
+
+    # theta = tau^2 / sigma^2 lies between (F / F_upper - 1) / h and (F / F_lower - 1) / h
+    # (TH78).
+    tail = (1 - CONFIDENCE) / 2
+    h = k / (1 / size).sum()
+    spread = h * mean.var(ddof=1)
+
+    def icc_end(quantile: float) -> float:
+        ratio = _ratio(spread, within * stats.f.ppf(quantile, k - 1, n - k))
+        return _share((ratio - 1) / h)
+
+    def within_end(quantile: float) -> float:
+        return float(within * (n - k) / stats.chi2.ppf(quantile, n - k))
+
+    return Components(
+        groups=k,
+        values=n,
+        mean=float(values.mean()),
+        within=within,
+        within_low=within_end(1 - tail),
+        within_high=within_end(tail),
+        between=between,
+        icc=icc,
+        icc_low=icc_end(1 - tail),
+        icc_high=icc_end(tail),
+        harmonic_seeds=float(h),
+    )
+
+
+def _checked(values: ArrayLike, groups: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+    """Return values and groups as arrays; ValueError unless they match and are finite."""
     values, groups = np.asarray(values, dtype=float), np.asarray(groups)
     if values.ndim != 1 or values.shape != groups.shape:
         raise ValueError(
@@ -66,50 +152,25 @@ def variance_components(values: ArrayLike, groups: ArrayLike) -> Components:
         )
     if not np.isfinite(values).all():
         raise ValueError("values must be finite")
-    number, size, mean = _groups(values, groups)
-    k, n = len(size), len(values)
-    if k < 2 or n == k:
-        raise ValueError(
-            f"{n} values in {k} groups; expected at least two groups, one of them with two values"
-        )
-    residuals = values - mean[number]
-    within = float(residuals @ residuals / (n - k))  # MSW
-    between_square = float(size @ (mean - values.mean()) ** 2 / (k - 1))  # MSB
-    n0 = (n - (size**2).sum() / n) / (k - 1)  # (SCM92)
-    between = max(0.0, (between_square - within) / n0)
-
-    tail = (1 - CONFIDENCE) / 2
-    h = k / (1 / size).sum()
-    spread = h * mean.var(ddof=1)
-    # theta = tau^2 / sigma^2 between (F / F_upper - 1) / h and (F / F_lower - 1) / h  (TH78)
-    icc_low, icc_high = (
-        _share((_ratio(spread, within * stats.f.ppf(q, k - 1, n - k)) - 1) / h)
-        for q in (1 - tail, tail)
-    )
-    low, high = (
-        float(within * (n - k) / stats.chi2.ppf(q, n - k)) for q in (1 - tail, tail)
-    )
-    total = between + within
-    icc = between / total if total > 0 else 0.0
-    return Components(
-        k,
-        n,
-        float(values.mean()),
-        within,
-        low,
-        high,
-        between,
-        icc,
-        icc_low,
-        icc_high,
-        float(h),
-    )
+    return values, groups
 
 
 def within_covariance(values: ArrayLike, groups: ArrayLike) -> tuple[np.ndarray, int]:
-    """Estimate covariance (k, k) and degrees of freedom of responses (n, k) about the means of samples `groups` (n,).
+    """Estimate the covariance of responses about the means of their samples.
 
-    The degrees of freedom are runs minus samples; the covariance is zero if no sample has two runs.
+    Parameters
+    ----------
+    values : array_like, (n, k)
+        The responses of each run.
+    groups : array_like, (n,)
+        The sample of each run.
+
+    Returns
+    -------
+    numpy.ndarray, (k, k)
+        The covariance; zero if no sample has two runs.
+    int
+        Degrees of freedom: runs minus samples.
     """
     values = np.asarray(values, dtype=float)
     residuals = np.empty_like(values)
@@ -120,10 +181,27 @@ def within_covariance(values: ArrayLike, groups: ArrayLike) -> tuple[np.ndarray,
     return residuals.T @ residuals / max(freedom, 1), freedom
 
 
+class Correlation(NamedTuple):
+    """Correlation of two responses, with its interval at `CONFIDENCE`."""
+
+    value: float
+    low: float
+    high: float
+    freedom: int  # degrees of freedom
+
+
 def residual_correlation(
     first: ArrayLike, second: ArrayLike, groups: ArrayLike
-) -> tuple[float, float, float, int]:
-    """Correlate two responses (n,) within samples, with interval (Fisher's transformation) and degrees of freedom."""
+) -> Correlation:
+    """Correlate two responses (n,) within samples.
+
+    The interval is by Fisher's transformation.
+
+    Raises
+    ------
+    ValueError
+        For too few degrees of freedom, or a response that does not vary.
+    """
     from scipy import stats  # half a second at start-up
 
     covariance, freedom = within_covariance(np.column_stack([first, second]), groups)
@@ -135,28 +213,43 @@ def residual_correlation(
         raise ValueError(
             "a response does not vary within samples; expected a response that varies"
         )
-    correlation = float(
-        covariance[0, 1] / math.sqrt(covariance[0, 0] * covariance[1, 1])
-    )
-    # variance 1 / (n - 3) for n - 1 degrees of freedom
+    product = covariance[0, 0] * covariance[1, 1]
+    correlation = float(covariance[0, 1] / math.sqrt(product))
+    # The transformed correlation has variance 1 / (n - 3) for n - 1 degrees of freedom.
     half = stats.norm.ppf(0.5 + CONFIDENCE / 2) / math.sqrt(freedom - 2)
     centre = math.atanh(min(max(correlation, -1 + 1e-12), 1 - 1e-12))
-    return correlation, math.tanh(centre - half), math.tanh(centre + half), freedom
+    return Correlation(
+        value=correlation,
+        low=math.tanh(centre - half),
+        high=math.tanh(centre + half),
+        freedom=freedom,
+    )
 
 
-def _groups(
-    values: np.ndarray, groups: ArrayLike
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Find the group number of each value (n,), and size and mean of each group (k,)."""
+class _Groups(NamedTuple):
+    """Values by group."""
+
+    number: np.ndarray  # (n,), the group of each value
+    size: np.ndarray  # (k,), number of values of each group
+    mean: np.ndarray  # (k,)
+
+
+def _groups(values: np.ndarray, groups: ArrayLike) -> _Groups:
+    """Group values (n,) by their groups (n,)."""
     _, number = np.unique(groups, return_inverse=True)
     size = np.bincount(number).astype(float)
-    return number, size, np.bincount(number, weights=values) / size
+    mean = np.bincount(number, weights=values) / size
+    return _Groups(number, size, mean)
 
 
 def _ratio(a: float, b: float) -> float:
+    """Divide two variances; a ratio to zero is infinite."""
     return a / b if b > 0 else math.inf
 
 
 def _share(theta: float) -> float:
     """Turn theta = tau^2 / sigma^2 into the intraclass correlation, from 0 to 1."""
-    return 1.0 if theta == math.inf else float(max(0.0, theta) / (1 + max(0.0, theta)))
+    if theta == math.inf:
+        return 1.0
+    theta = max(0.0, theta)
+    return float(theta / (1 + theta))
