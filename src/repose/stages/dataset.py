@@ -1,7 +1,8 @@
-"""Jobs of the bench tests to one table: the responses of each sample with their standard errors.
+"""The table of samples, from the jobs of the bench tests.
 
-Section 4.1.1 of the paper leaves out samples that formed no stable pile. Here they stay in the table with a status and
-a reason, and the readers of the table leave them out.
+It has the responses of each sample with their standard errors. Section 4.1.1 of the paper
+leaves out samples that formed no stable pile. Here they stay in the table with a status
+and a reason, and the readers of the table leave them out.
 """
 
 import math
@@ -20,7 +21,7 @@ from repose.calibrate.responses import Definitions
 from repose.calibrate.runs import Recorded, summarise_runs
 from repose.calibrate.seeds import UNNAMED
 from repose.calibrate.targets import Target, Targets
-from repose.common.errors import InputError, require
+from repose.common.errors import InputError
 from repose.common.files import Path_, read_json, write_json, write_table
 from repose.measure.angles import CALIBRATED_ANGLE
 from repose.measure.settings import MeasureSettings, line_of
@@ -28,68 +29,92 @@ from repose.stages.parameter_sets import read_samples
 
 RUN = ("seed", "status", "reason")
 ENDED = ("status", "reason", "n_seeds")
-ROUNDING = 1.01  # a measured restitution may lie a little above 1
+# A measured restitution may lie a little above its limit of 1.
+ROUNDING = 1.01
 Job = Mapping[str, Any]
-Jobs = Mapping[str, Mapping[int, Job]]  # by bench test, then by sample
+# Jobs by bench test, then by sample.
+Jobs = Mapping[str, Mapping[int, Job]]
 
 
 def assemble(
     samples: pd.DataFrame, jobs: Jobs, targets: Targets
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Assemble dataset (a row for each sample, ok if so in every bench test) and single runs (a row for each run)."""
+    """Assemble the tables of samples and of single runs.
+
+    Parameters
+    ----------
+    samples : pandas.DataFrame
+        Number and parameters of each sample.
+    jobs : mapping
+        Their measured runs, by bench test, then by sample.
+    targets : Targets
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each sample; its status is ok if it is so in every bench test.
+    pandas.DataFrame
+        A row for each run.
+    """
     record = {name: recorded(name, targets) for name in targets.apparatus}
-    summaries = [
-        _merged(
-            {
-                name: summarise_runs(jobs[name][sample]["runs"], columns)
-                for name, columns in record.items()
-            }
-        )
-        for sample in samples["sample"]
-    ]
-    pairs = (
-        name
-        for pair in zip(targets.names, targets.errors, strict=True)
-        for name in pair
-    )
-    others = (name for columns in record.values() for name in columns.summary)
-    means = pd.DataFrame(
-        summaries, columns=list(dict.fromkeys((*ENDED, *pairs, *others)))
-    )
-    dataset = pd.concat(
-        [samples[["sample", *named(samples)]].reset_index(drop=True), means], axis=1
-    )
+    summaries = []
+    for sample in samples["sample"]:
+        by_bench = {}
+        for name, columns_of_bench in record.items():
+            runs = jobs[name][sample]["runs"]
+            by_bench[name] = summarise_runs(runs, columns_of_bench)
+        summaries.append(_merged(by_bench))
+
+    # Each target with its standard error, then all other columns of the bench tests.
+    columns = list(ENDED)
+    for name, error in zip(targets.names, targets.errors, strict=True):
+        columns += [name, error]
+    for columns_of_bench in record.values():
+        columns += columns_of_bench.summary
+    means = pd.DataFrame(summaries, columns=list(dict.fromkeys(columns)))
+    sets = samples[["sample", *named(samples)]].reset_index(drop=True)
+    dataset = pd.concat([sets, means], axis=1)
     return dataset, _all_runs(samples["sample"], jobs, targets)
 
 
 def recorded(apparatus: str, targets: Targets) -> Recorded:
-    """List a bench test's columns in the tables: its targets, then the responses that it always records."""
-    return bench(apparatus).recorded.beginning_with(
-        tuple(target.name for target in _own(targets, apparatus))
-    )
+    """List the columns of a bench test in the tables.
+
+    Its targets come first, then the responses that it always records.
+    """
+    names = tuple(target.name for target in _targets_of(targets, apparatus))
+    return bench(apparatus).recorded.beginning_with(names)
 
 
 def counts(dataset: pd.DataFrame, runs: pd.DataFrame) -> dict[str, Any]:
-    """Count samples and runs by status, also as text."""
-    by_status, of_runs = (
-        dict(Counter(table["status"]).most_common()) for table in (dataset, runs)
-    )
-    left_out, runs_ok = dataset[dataset["status"] != "ok"], of_runs.get("ok", 0)
-    ok, words = (
-        by_status.get("ok", 0),
-        ", ".join(f"{by_status[key]} {key}" for key in by_status if key != "ok"),
-    )
-    text = f"{ok} of {len(dataset)} samples can be used; "
-    text += f"{len(left_out)} left out: {words}." if words else "none left out."
-    found = {
+    """Count samples and runs by status, in numbers and in words."""
+    samples_by_status = dict(Counter(dataset["status"]).most_common())
+    runs_by_status = dict(Counter(runs["status"]).most_common())
+    n_ok = samples_by_status.get("ok", 0)
+    n_runs_ok = runs_by_status.get("ok", 0)
+    left_out = dataset[dataset["status"] != "ok"]
+    failures = [
+        f"{count} {status}"
+        for status, count in samples_by_status.items()
+        if status != "ok"
+    ]
+    left_out_text = "none left out"
+    if failures:
+        left_out_text = f"{len(left_out)} left out: {', '.join(failures)}"
+    return {
         "samples": len(dataset),
-        "ok": ok,
+        "ok": n_ok,
         "left_out": len(left_out),
-        "by_status": by_status,
+        "by_status": samples_by_status,
+        "reasons": {str(row.sample): row.reason for row in left_out.itertuples()},
+        "runs": len(runs),
+        "runs_ok": n_runs_ok,
+        "runs_by_status": runs_by_status,
+        "text": (
+            f"{n_ok} of {len(dataset)} samples can be used; {left_out_text}. "
+            f"{n_runs_ok} of {len(runs)} single runs are ok."
+        ),
     }
-    found["reasons"] = {str(row.sample): row.reason for row in left_out.itertuples()}
-    found |= {"runs": len(runs), "runs_ok": runs_ok, "runs_by_status": of_runs}
-    return found | {"text": f"{text} {runs_ok} of {len(runs)} single runs are ok."}
 
 
 def run(
@@ -100,142 +125,186 @@ def run(
     out: Path_,
     prefix: str = "",
 ) -> dict[str, Any]:
-    """Write dataset.csv, runs.csv and dataset_summary.json; return the summary.
+    """Write dataset.csv, runs.csv and dataset_summary.json.
 
-    It is `counts` with `definitions`, and `line`, the line whose slope is the angle of repose, in words.
+    Parameters
+    ----------
+    samples_csv : path
+        The samples.
+    paths : iterable of path
+        The files of their jobs.
+    targets : Targets
+    definitions : mapping
+        How the configuration defines the responses.
+    out : path
+        Folder to write.
+    prefix : str, optional
+        Before the names of the files.
+
+    Returns
+    -------
+    dict
+        The summary: `counts`, `definitions`, and `line`, a description of the line whose
+        slope is the angle of repose.
     """
     samples = read_samples(samples_csv)
     dataset, runs = assemble(samples, read_jobs(paths, samples, targets), targets)
     summary = counts(dataset, runs) | {"definitions": definitions}
-    if "measure.response" in (angle := definitions.get(CALIBRATED_ANGLE, {})):
+    angle = definitions.get(CALIBRATED_ANGLE, {})
+    if "measure.response" in angle:
         section = {key.rpartition(".")[2]: value for key, value in angle.items()}
         summary["line"] = line_of(MeasureSettings(**section))
-    for name, content in {"dataset.csv": dataset, "runs.csv": runs}.items():
-        write_table(Path(out) / f"{prefix}{name}", content)
-    write_json(Path(out) / f"{prefix}dataset{SUMMARY}", summary)
+    folder = Path(out)
+    write_table(folder / f"{prefix}dataset.csv", dataset)
+    write_table(folder / f"{prefix}runs.csv", runs)
+    write_json(folder / f"{prefix}dataset{SUMMARY}", summary)
     return summary
 
 
 def read_jobs(
     paths: Iterable[Path_], samples: pd.DataFrame, targets: Targets
 ) -> dict[str, dict[int, Job]]:
-    """Read jobs by bench test, then by sample, and check them against the table of samples."""
-    expected = samples.set_index("sample")[list(named(samples))]
+    """Read jobs, and check them against the table of samples.
+
+    Returns
+    -------
+    dict
+        The jobs by bench test, then by sample.
+
+    Raises
+    ------
+    InputError
+        If a job is damaged or no sample's, or a sample has no job or two.
+    """
+    sets = samples.set_index("sample")[list(named(samples))]
     jobs: dict[str, dict[int, Job]] = {name: {} for name in targets.apparatus}
-    source: dict[tuple[str, int], object] = {}
+    path_of_job: dict[tuple[str, int], object] = {}
     for path in paths:
         job, apparatus = read_job(path, targets)
         sample = job["sample"]
-        require(sample in expected.index, path, "sample", sample, "in the table")
+        if sample not in sets.index:
+            raise InputError(path, "sample", sample, "in the table")
         if sample in jobs[apparatus]:
-            allowed = (
-                f"a sample of the table, once; also in {source[apparatus, sample]}"
-            )
+            other = path_of_job[apparatus, sample]
+            allowed = f"a sample of the table, once; also in {other}"
             raise InputError(path, "sample", sample, allowed)
-        for name in expected:
-            value, expected_value = (
-                job["parameters"].get(name),
-                float(expected.at[sample, name]),
-            )
-            number = value if isinstance(value, int | float) else math.nan
-            if not math.isclose(number, expected_value, rel_tol=1e-6, abs_tol=1e-9):
-                raise InputError(
-                    path,
-                    f"parameters.{name}",
-                    value,
-                    f"{expected_value}, as in the table of samples",
-                )
-        jobs[apparatus][sample], source[apparatus, sample] = job, path
+        _check_parameters(job, sets.loc[sample], path)
+        jobs[apparatus][sample] = job
+        path_of_job[apparatus, sample] = path
     for name, by_sample in jobs.items():
-        missing = [int(sample) for sample in expected.index if sample not in by_sample]
-        require(
-            not missing,
-            f"jobs of the {name}",
-            "samples without a file",
-            missing,
-            "one file a sample",
-        )
+        missing = [int(sample) for sample in sets.index if sample not in by_sample]
+        if missing:
+            raise InputError(
+                f"jobs of the {name}",
+                "samples without a file",
+                missing,
+                "one file a sample",
+            )
     return jobs
 
 
+def _check_parameters(job: Job, parameters: pd.Series, path: object) -> None:
+    """Refuse a job with other parameters than its sample of the table."""
+    for name, value_of_table in parameters.items():
+        expected = float(value_of_table)
+        value = job["parameters"].get(name)
+        number = value if isinstance(value, int | float) else math.nan
+        if not math.isclose(number, expected, rel_tol=1e-6, abs_tol=1e-9):
+            allowed = f"{expected}, as in the table of samples"
+            raise InputError(path, f"parameters.{name}", value, allowed)
+
+
 def read_job(path: Path_, targets: Targets) -> tuple[Job, str]:
-    """Read and check a job; return it with the name of its bench test."""
-    job = read_json(
-        path, {"sample": int, "parameters": dict, "runs": list}, "a job's JSON file"
-    )
+    """Read and check a job.
+
+    Returns
+    -------
+    dict
+        The job.
+    str
+        The name of its bench test.
+
+    Raises
+    ------
+    InputError
+        If it is of no bench test of the targets, or a run is damaged.
+    """
+    keys = {"sample": int, "parameters": dict, "runs": list}
+    job = read_json(path, keys, "a job's JSON file")
     apparatus = job.get("apparatus", UNNAMED)
     if apparatus not in targets.apparatus:
-        raise InputError(
-            path,
-            "apparatus",
-            apparatus,
-            f"a bench test of the targets, {', '.join(targets.apparatus)}",
-        )
-    require(job["runs"], path, "runs", [], "at least one run")
+        allowed = f"a bench test of the targets, {', '.join(targets.apparatus)}"
+        raise InputError(path, "apparatus", apparatus, allowed)
+    if not job["runs"]:
+        raise InputError(path, "runs", [], "at least one run")
     statuses = bench(apparatus, path).statuses
+    targets_of_bench = _targets_of(targets, apparatus)
     for i, run in enumerate(job["runs"]):
         if not isinstance(run, dict) or run.get("status") not in statuses:
             value = run.get("status") if isinstance(run, dict) else run
             raise InputError(path, f"runs[{i}].status", value, ", ".join(statuses))
         if run["status"] == "ok":
-            for target in _own(targets, apparatus):
-                value, most = run.get(target.name), target.response.high
-                number = value if isinstance(value, int | float) else math.nan
-                if not (math.isfinite(number) and abs(number) <= ROUNDING * most):
-                    limit = (
-                        f", up to {most:g}"
-                        if math.isfinite(number)
-                        else ", as the run is ok"
-                    )
-                    raise InputError(
-                        path,
-                        f"runs[{i}].{target.name}",
-                        value,
-                        f"a finite number{limit}",
-                    )
+            for target in targets_of_bench:
+                _check_response(run, i, target, path)
     seeds = [run.get("seed") for run in job["runs"]]
-    if None in seeds or len(set(map(str, seeds))) < len(seeds):
+    has_repeated = len(set(map(str, seeds))) < len(seeds)
+    if None in seeds or has_repeated:
         raise InputError(path, "seed", seeds, "a seed for each run, and none twice")
     return job, apparatus
 
 
-def _own(targets: Targets, apparatus: str) -> tuple[Target, ...]:
+def _check_response(
+    run: Mapping[str, Any], i: int, target: Target, path: object
+) -> None:
+    """Refuse a good run, the i-th of its job, without a usable number of a target."""
+    value = run.get(target.name)
+    highest = target.response.high
+    number = value if isinstance(value, int | float) else math.nan
+    key = f"runs[{i}].{target.name}"
+    if not math.isfinite(number):
+        raise InputError(path, key, value, "a finite number, as the run is ok")
+    if abs(number) > ROUNDING * highest:
+        raise InputError(path, key, value, f"a finite number, up to {highest:g}")
+
+
+def _targets_of(targets: Targets, apparatus: str) -> tuple[Target, ...]:
     """Select the targets of a bench test."""
     return tuple(target for target in targets if target.response.apparatus == apparatus)
 
 
 def _merged(summaries: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
-    """Merge the summaries of a sample's bench tests, which come by name."""
+    """Merge the summaries of a sample, which come by bench test.
+
+    The status is that of the first bench test that failed.
+    """
     if len(summaries) == 1:
-        return next(iter(summaries.values()))
-    merged = {
-        key: value for summary in summaries.values() for key, value in summary.items()
-    }
-    reasons = (
-        f"{name}: {summary['reason']}"
-        for name, summary in summaries.items()
-        if summary["reason"]
-    )
-    return merged | {
-        "status": next(
-            (one["status"] for one in summaries.values() if one["status"] != "ok"), "ok"
-        ),
-        "reason": "; ".join(reasons),
-        "n_seeds": min(summary["n_seeds"] for summary in summaries.values()),
-    }
+        (summary,) = summaries.values()
+        return summary
+    merged: dict[str, Any] = {}
+    status = "ok"
+    reasons = []
+    for name, summary in summaries.items():
+        merged |= summary
+        if status == "ok":
+            status = summary["status"]
+        if summary["reason"]:
+            reasons.append(f"{name}: {summary['reason']}")
+    merged["status"] = status
+    merged["reason"] = "; ".join(reasons)
+    merged["n_seeds"] = min(summary["n_seeds"] for summary in summaries.values())
+    return merged
 
 
 def _all_runs(samples: Iterable[int], jobs: Jobs, targets: Targets) -> pd.DataFrame:
     """Make the table of single runs: sample after sample, bench test after bench test."""
-    several = ["apparatus"] if len(targets.apparatus) > 1 else []
-    others = (
-        name for bench in targets.apparatus for name in recorded(bench, targets).single
-    )
-    columns = dict.fromkeys(("sample", *several, *RUN, *targets.names, *others))
-    pairs = product(samples, targets.apparatus)
-    rows = [
-        {"sample": sample, "apparatus": name, **run}
-        for sample, name in pairs
-        for run in jobs[name][sample]["runs"]
-    ]
-    return pd.DataFrame(rows, columns=list(columns))
+    columns = ["sample"]
+    if len(targets.apparatus) > 1:
+        columns.append("apparatus")
+    columns += [*RUN, *targets.names]
+    for name in targets.apparatus:
+        columns += recorded(name, targets).single
+    rows = []
+    for sample, name in product(samples, targets.apparatus):
+        for run in jobs[name][sample]["runs"]:
+            rows.append({"sample": sample, "apparatus": name, **run})
+    return pd.DataFrame(rows, columns=list(dict.fromkeys(columns)))

@@ -1,7 +1,9 @@
-"""Calibrated solutions simulated again: Table 4, the physical measurement, the published solutions in this engine.
+"""Calibrated solutions that are simulated again.
 
-Section 4.2.1 of the paper. Errors are relative, in percent, as in Table 4: |predicted - simulated| / simulated, and for
-the representative solution |simulated - physical| / physical.
+The tables are Table 4 of the paper (section 4.2.1), the comparison with the physical
+measurement, and the published solutions in this engine. Errors are relative, in percent,
+as in Table 4: |predicted - simulated| / simulated, and for the representative solution
+|simulated - physical| / physical.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -18,7 +20,7 @@ from repose.calibrate.responses import Response, derived
 from repose.calibrate.runs import error_of
 from repose.calibrate.surrogates.support import Support
 from repose.calibrate.targets import Targets
-from repose.common.errors import require
+from repose.common.errors import InputError
 from repose.common.files import Path_, read_table, write_table
 from repose.measure.angles import CALIBRATED_ANGLE, MEAN_KEYS
 from repose.measure.section import MeasureSection
@@ -29,138 +31,204 @@ from repose.stages.published import SIMULATED_BY, read_sets, read_stored
 
 CHOSEN = ("solution", "role")
 ENDED = ("n_seeds", "status", "reason")
-# Of each set whose piles are seen: every definition of the angle, whichever is calibrated.
+# Columns of all definitions of the angle of a pile, whichever is calibrated.
 ANGLES = tuple(
     column for name in MEAN_KEYS.values() for column in (name, error_of(name))
 )
-FIRST_PUBLISHED = (
-    101  # own solutions are numbered from 1, so the numbers cannot coincide
-)
+# Number of the first published set. The solutions of a study are numbered from 1, and
+# their numbers stay below it.
+FIRST_PUBLISHED = 101
 
 
 def select_for_validation(
     solutions: pd.DataFrame, count: int, space: ParameterSpace
 ) -> pd.DataFrame:
-    """Select the representative solution, the one of least objective, and others that are spread over the cloud.
+    """Select the representative solution and `count` others.
 
-    Each next solution is the farthest, in normalised parameters, from those already chosen (Gonzalez 1985); all are
-    feasible if enough are.
+    One of them is the solution of least objective; the others are spread over all
+    solutions. Each next one is the farthest, in normalised parameters, from those already
+    chosen (Gonzalez 1985). All are feasible if enough are.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The selected rows with the column `role`.
     """
     if np.count_nonzero(solutions["feasible"]) > count:
         solutions = solutions[solutions["feasible"] | solutions["representative"]]
     points = 2 * space.unit(solutions[list(space.names)].to_numpy(float)) - 1
-    roles = {
-        int(np.flatnonzero(solutions["representative"])[0]): "representative"
-    }  # by row
-    roles.setdefault(
-        int(solutions["objective"].to_numpy(float).argmin()), "least objective"
-    )
-    while len(roles) < min(count + 1, len(points)):
-        nearest = np.linalg.norm(points[:, None] - points[[*roles]], axis=2).min(axis=1)
-        nearest[[*roles]] = -1.0
-        roles[int(nearest.argmax())] = "spread"
-    return solutions.iloc[[*roles]].assign(role=[*roles.values()])
+    representative = int(np.flatnonzero(solutions["representative"])[0])
+    best = int(solutions["objective"].to_numpy(float).argmin())
+    role_of_row = {representative: "representative"}
+    role_of_row.setdefault(best, "least objective")
+    while len(role_of_row) < min(count + 1, len(points)):
+        chosen = list(role_of_row)
+        distances = np.linalg.norm(points[:, None] - points[chosen], axis=2)
+        to_nearest = distances.min(axis=1)
+        to_nearest[chosen] = -1.0
+        role_of_row[int(to_nearest.argmax())] = "spread"
+    return solutions.iloc[list(role_of_row)].assign(role=list(role_of_row.values()))
 
 
 def validate(
     solutions: pd.DataFrame, jobs: Jobs, targets: Targets, measure: object
 ) -> dict[str, pd.DataFrame]:
-    """Put prediction, simulation and measurement side by side; `measure` is the configuration's section."""
-    simulated = assemble(solutions, jobs, targets)[0].drop(
-        columns=["sample", *named(solutions)]
-    )
-    numbers = {*targets.names, *targets.errors, *ANGLES} & {*simulated}
-    simulated = simulated.astype(
-        dict.fromkeys(numbers, float)
-    )  # None of a failed solution, or of one seed, to NaN
+    """Compare prediction, simulation and measurement.
+
+    Parameters
+    ----------
+    solutions : pandas.DataFrame
+        The parameter sets that were simulated again.
+    jobs : mapping
+        Their measured runs.
+    targets : Targets
+    measure : MeasureSection or mapping
+        The section `measure`, which defines the angles of piles.
+
+    Returns
+    -------
+    dict of pandas.DataFrame
+        `table4` and `representative`.
+    """
+    dataset, _ = assemble(solutions, jobs, targets)
+    simulated = dataset.drop(columns=["sample", *named(solutions)])
+    # A failed solution has None in place of its numbers, a single run None as its error.
+    possible = (*targets.names, *targets.errors, *ANGLES)
+    numbers = [name for name in possible if name in simulated]
+    simulated = simulated.astype(dict.fromkeys(numbers, float))
     for response in targets.responses:
         simulated[response.simulated] = simulated[response.name]
     rows = pd.concat([solutions.reset_index(drop=True), simulated], axis=1)
     best = rows[rows["role"] == "representative"].iloc[0]
     runs = {bench: jobs[bench][best["sample"]]["runs"] for bench in targets.apparatus}
+    physical = against_physical(best, targets, measure)
     return {
         "table4": table4(rows, targets.responses, measure),
-        "representative": with_chances(
-            against_physical(best, targets, measure), runs, targets
-        ),
+        "representative": with_chances(physical, runs, targets),
     }
 
 
 def table4(
     rows: pd.DataFrame, responses: Sequence[Response], measure: object = None
 ) -> pd.DataFrame:
-    """Make Table 4: predicted, simulated with its standard error, and relative error (%) of each solution.
+    """Make Table 4.
 
-    Of piles also every definition of the angle, and `line`, the calibrated one by the section `measure`.
+    Parameters
+    ----------
+    rows : pandas.DataFrame
+        A row for each solution, with predicted and simulated responses.
+    responses : sequence of Response
+    measure : MeasureSection or mapping, optional
+        The section `measure`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        For each solution the predicted responses, the simulated ones with their standard
+        errors, and the relative errors in percent. For piles also all definitions of the
+        angle, and `line`, a description of the calibrated one.
     """
     table = rows[["sample", "solution", "role", *named(rows)]].copy()
     for response in responses:
         for column in (response.predicted, response.simulated, response.error):
             table[column] = rows[column]
-        off = (rows[response.predicted] - rows[response.simulated]).abs()
-        table[f"{response.quantity}_error_percent"] = (
-            100 * off / rows[response.simulated]
-        )
+        deviation = (rows[response.predicted] - rows[response.simulated]).abs()
+        percent = 100 * deviation / rows[response.simulated]
+        table[f"{response.quantity}_error_percent"] = percent
     if measure and set(ANGLES) <= set(rows):
-        table[list(ANGLES)], table["line"] = (
-            rows[list(ANGLES)],
-            calibrated_line(responses, measure),
-        )
+        table[list(ANGLES)] = rows[list(ANGLES)]
+        table["line"] = calibrated_line(responses, measure)
     table[list(ENDED)] = rows[list(ENDED)]
     return table
 
 
 def calibrated_line(responses: Iterable[Response], measure: object) -> str:
-    """Describe the lines of the responses that are angles of a pile; without any, the line of the angle of repose."""
-    lines = filter(None, (line_for(measure, response.name) for response in responses))
-    return "; ".join(dict.fromkeys(lines)) or line_of(measure)
+    """Describe the lines of the responses that are angles of a pile.
+
+    Without any, it is the line of the angle of repose.
+    """
+    lines = []
+    for response in responses:
+        line = line_for(measure, response.name)
+        if line and line not in lines:
+            lines.append(line)
+    if not lines:
+        return line_of(measure)
+    return "; ".join(lines)
 
 
 def against_physical(
     row: pd.Series, targets: Targets, measure: object = None
 ) -> pd.DataFrame:
-    """Compare the representative solution's simulation with the physical measurement, a row for each response.
+    """Compare the simulation of a solution with the physical measurement.
 
-    `line` says by which line of the section `measure` an angle of a pile is measured.
+    Parameters
+    ----------
+    row : pandas.Series
+        The solution, with predicted and simulated responses.
+    targets : Targets
+    measure : MeasureSection or mapping, optional
+        The section `measure`. With it the column `line` says by which line an angle of a
+        pile is measured.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each response.
     """
     rows = []
     for target in targets:
         simulated = row[target.response.simulated]
-        off = abs(simulated - target.value)
-        own = {
+        deviation = abs(simulated - target.value)
+        comparison = {
             "response": target.name,
             "physical_mean": target.value,
             "physical_sd": target.sd,
-        }
-        own |= {"predicted": row[target.response.predicted], "simulated": simulated}
-        own |= {
+            "predicted": row[target.response.predicted],
+            "simulated": simulated,
             "simulated_se": row[target.response.error],
-            "error_percent": 100 * off / target.whole_value,
-        }
-        own |= {
-            "within_one_sd": bool(off <= target.sd),
+            "error_percent": 100 * deviation / target.whole_value,
+            "within_one_sd": bool(deviation <= target.sd),
             "n_seeds": row["n_seeds"],
             "status": row["status"],
         }
-        rows.append(own | ({"line": line_for(measure, target.name)} if measure else {}))
+        if measure:
+            comparison["line"] = line_for(measure, target.name)
+        rows.append(comparison)
     return pd.DataFrame(rows)
 
 
 def with_chances(table: pd.DataFrame, runs: Runs, targets: Targets) -> pd.DataFrame:
-    """Add to the table of `against_physical` the probabilities that all targets are met within 1 % and 2 %."""
-    chances = {
-        column: chance_of_meeting(runs, targets, percent)["all"]
-        for percent, column in WITHIN.items()
-    }
+    """Add the probabilities that all targets are met within 1 % and 2 %.
+
+    `table` is that of `against_physical`.
+    """
+    chances = {}
+    for percent, column in WITHIN.items():
+        chances[column] = chance_of_meeting(runs, targets, percent)["all"]
     return table.assign(**chances)
 
 
 def write_solutions(
     path: Path_, space: ParameterSpace, targets: Targets, count: int, out_csv: Path_
 ) -> pd.DataFrame:
-    """Write the representative of the solutions in `path` and `count` others, numbered from 1.
+    """Write the solutions to simulate again, numbered from 1.
 
-    InputError if there are too few.
+    Parameters
+    ----------
+    path : path
+        All solutions (feasible.csv).
+    space : ParameterSpace
+    targets : Targets
+    count : int
+        Number of solutions besides the representative.
+    out_csv : path
+        The table to write.
+
+    Raises
+    ------
+    InputError
+        If there are too few.
     """
     needed = (
         "solution",
@@ -170,14 +238,14 @@ def write_solutions(
         "feasible",
         "representative",
     )
-    feasible = read_table(path, needed)
-    require(
-        len(feasible) > count, path, "solutions", len(feasible), f"at least {count + 1}"
-    )
-    own = select_for_validation(feasible, count, space).reset_index(drop=True)
-    solutions = own.assign(sample=own.index + 1)[
-        ["sample", *space.names, *CHOSEN, *targets.predicted]
-    ]
+    all_solutions = read_table(path, needed)
+    if len(all_solutions) <= count:
+        allowed = f"at least {count + 1}"
+        raise InputError(path, "solutions", len(all_solutions), allowed)
+    selected = select_for_validation(all_solutions, count, space)
+    selected = selected.reset_index(drop=True)
+    selected["sample"] = selected.index + 1
+    solutions = selected[["sample", *space.names, *CHOSEN, *targets.predicted]]
     write_table(out_csv, solutions.astype({"solution": str}))
     return solutions
 
@@ -229,7 +297,7 @@ def run(
     return tables
 
 
-# --- the published sets ---------------------------------------------------------------------------
+# --- the published sets ---------------------------------------------------------------
 
 
 def _numbered(published_csv: Path_, names: Iterable[str]) -> pd.DataFrame:
@@ -278,9 +346,9 @@ def write_published_sets(
         The table.
     """
     sets = _numbered(published_csv, names)
-    simulated = assemble(sets, read_jobs(jobs, sets, targets), targets)[0]
-    about = [name for name in ("solution", "source", "wall") if name in sets]
-    table = sets[["sample", *about, *names]].copy()
+    simulated, _ = assemble(sets, read_jobs(jobs, sets, targets), targets)
+    descriptions = [name for name in ("solution", "source", "wall") if name in sets]
+    table = sets[["sample", *descriptions, *names]].copy()
     if "source" not in sets:
         table["source"] = ""
     # Numbers of the publication are told from those of this simulator by their names.
