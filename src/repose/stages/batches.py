@@ -16,8 +16,8 @@ from repose.calibrate.seeds import UNNAMED
 from repose.calibrate.strategies import answer
 from repose.calibrate.strategies.base import Answer, strategy
 from repose.calibrate.study import Study
-from repose.calibrate.targets import Target, Targets
-from repose.common.errors import InputError, require
+from repose.calibrate.targets import Targets
+from repose.common.errors import InputError
 from repose.common.files import Path_, read_json, write_json, write_table
 from repose.measure.angles import MEAN_KEYS
 from repose.stages import validate
@@ -118,25 +118,17 @@ def run_conclude(
     pandas.DataFrame
         The content of check.csv.
     """
-    require(
-        len(folders) >= 2,
-        folders[0],
-        "batches",
-        1,
-        "the folders of all batches, that of the answer last",
-    )
+    if len(folders) < 2:
+        words = "the folders of all batches, that of the answer last"
+        raise InputError(folders[0], "batches", 1, words)
     proposals = []
     for folder in folders[1:]:
         path = Path(folder) / PROPOSAL
         proposals.append(read_json(path, KEYS, "output of repose stage propose"))
     last = proposals[-1]
-    require(
-        last["answer"],
-        Path(folders[-1]) / PROPOSAL,
-        "answer",
-        False,
-        "true in the last folder",
-    )
+    if not last["answer"]:
+        path = Path(folders[-1]) / PROPOSAL
+        raise InputError(path, "answer", False, "true in the last folder")
     dataset, runs = tables_of(folders[:-1], targets)
     # Runs of the last batch may be runs of the answer already.
     checked = runs[runs["sample"].isin(last["simulated"])]
@@ -231,9 +223,10 @@ def _check(
     table["predicted_error"] = list(errors)
     table["simulated"] = [row[target.response.simulated] for target in targets]
     table["simulated_error"] = [row[name] for name in targets.errors]
-    table["deviation_percent"] = list(
-        map(Target.off_percent, targets, table["simulated"])
-    )
+    table["deviation_percent"] = [
+        target.off_percent(mean)
+        for target, mean in zip(targets, table["simulated"], strict=True)
+    ]
     return table
 
 
@@ -354,14 +347,14 @@ def data_of(
     n_runs = n_runs.reindex(dataset["sample"], fill_value=0).to_numpy()
     good = runs[runs["status"] == "ok"]
     row = pd.Index(dataset["sample"]).get_indexer(good["sample"])
-    place = good.groupby(groups).cumcount().to_numpy()
+    run_index = good.groupby(groups).cumcount().to_numpy()
     values = np.full((len(dataset), int(n_runs.max()), len(targets)), np.nan)
     for k, target in enumerate(targets):
         is_of_bench = np.ones(len(good), dtype=bool)
         if has_benches:
             is_of_bench = (good["apparatus"] == target.response.apparatus).to_numpy()
         numbers = good[target.name].to_numpy(float)
-        values[row[is_of_bench], place[is_of_bench], k] = numbers[is_of_bench]
+        values[row[is_of_bench], run_index[is_of_bench], k] = numbers[is_of_bench]
     is_run = np.arange(values.shape[1]) < n_runs[:, None]
     data = dataset.loc[dataset.index.repeat(n_runs)].reset_index(drop=True)
     data[list(targets.names)] = values[is_run]

@@ -1,10 +1,13 @@
-"""Jobs of the drum, and the tables of all its runs: a changed definition measures the states that were kept."""
+"""Jobs of the drum, and the tables of all its runs.
+
+The states of the runs are kept, so a changed definition measures them again.
+"""
 
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -19,34 +22,57 @@ if TYPE_CHECKING:
 
     from repose.grain.particle import Particle
 
-SUMMARY = Path(__file__).with_name(
-    "drum_quantities.csv"
-)  # quantities averaged over seeds, by their keys in a run
+# Quantities that are averaged over the runs, with their keys in a run.
+SUMMARY = Path(__file__).with_name("drum_quantities.csv")
 RECORD = ["time_s", "turned_deg", "surface_deg", "bed_deg", "energy_j"]
 PROFILE = ["depth_mm", "moved_mm", "moved_sd_mm", "berries"]
+SUMMARY_COLUMNS = [
+    "quantity",
+    "key",
+    "mean",
+    "standard_error",
+    "lowest",
+    "highest",
+    "runs",
+]
 WHAT = "a JSON file of `repose stage drum`, its .npz beside it"
+
+
+class MeasuredRun(NamedTuple):
+    """A measured run of the drum."""
+
+    record: Mapping[str, Any]
+    # The columns of `RECORD` over time, and `profile`, the motion by depth (bins, 4).
+    arrays: Mapping[str, np.ndarray]
 
 
 def run_job(
     scene: Scene, seeds: Iterable[int], out_dir: str | PathLike
 ) -> list[dict[str, Any]]:
-    """Turn the drum with each seed; write OUT/drum_SEED.npz with every frame, and then OUT/drum_SEED.json.
+    """Turn the drum with each seed.
 
-    A run whose JSON file is there is complete. Returns the contents of the JSON files, with their runs measured.
+    Each run writes OUT/drum_SEED.npz with all frames, and then OUT/drum_SEED.json. So a
+    run whose JSON file is there is complete.
+
+    Returns
+    -------
+    list of dict
+        The contents of the JSON files, with their runs measured.
     """
-    out, results = Path(out_dir), []
+    out = Path(out_dir)
     test = DrumTest()
+    results = []
     for seed in seeds:
-        began = time.perf_counter()
+        start = time.perf_counter()
         run = test.run(scene.with_seed(seed), interval_s=0.0)
-        write_timings(
-            out, f"drum_{seed}", {str(seed): round(time.perf_counter() - began, 3)}
-        )
+        wall_s = round(time.perf_counter() - start, 3)
+        write_timings(out, f"drum_{seed}", {str(seed): wall_s})
         write_npz(out / f"drum_{seed}.npz", run.frames or {})
-        about = about_job(test, scene, seed)
-        result = {key: about[key] for key in ("parameters", "time_step_s")}
-        write_json(out / f"drum_{seed}.json", result | {"run": run.record})
-        results.append(result | {"run": test.result(run.record, run.arrays, scene)})
+        job = about_job(test, scene, seed)
+        description = {key: job[key] for key in ("parameters", "time_step_s")}
+        write_json(out / f"drum_{seed}.json", description | {"run": run.record})
+        measured = test.result(run.record, run.arrays, scene)
+        results.append(description | {"run": measured})
     return results
 
 
@@ -56,93 +82,134 @@ def run(
     particle: "Particle",
     out_dir: str | PathLike,
 ) -> "dict[str, pd.DataFrame]":
-    """Measure runs; write runs.csv, summary.csv, record.csv and profile.csv into out_dir; return these tables.
+    """Measure runs, and write runs.csv, summary.csv, record.csv and profile.csv.
 
-    InputError if a file is missing or none of `run_job`, or a seed is there twice.
+    Parameters
+    ----------
+    json_paths : sequence of path
+        Files of `run_job`.
+    config : mapping
+        The whole configuration.
+    particle : Particle
+    out_dir : path
+        Folder to write.
+
+    Returns
+    -------
+    dict of pandas.DataFrame
+        The tables, see `tables`.
+
+    Raises
+    ------
+    InputError
+        If a file is missing or none of `run_job`, or a seed is there twice.
     """
-    test, scene = DrumTest(), Scene.of(config, {}, {}, particle)
-    by_seed: dict[int, tuple[dict, dict]] = {}
+    scene = Scene.of(config, {}, {}, particle)
+    runs: list[MeasuredRun] = []
+    seeds = set()
     for path in map(Path, json_paths):
         record = read_json(path, {"run": dict}, WHAT)["run"]
-        if record.get("seed") in by_seed:
-            raise InputError(path, "run.seed", record["seed"], "each seed once")
-        frames = read_npz(path.with_suffix(".npz"), _needed(record), WHAT)
-        measured, profile = test.measured_run(record, frames, scene)
-        angles = test.surface_angles(
-            frames["position"], frames["quaternion"], frames["scale"], scene
-        )
-        by_seed[record["seed"]] = (
-            measured,
-            frames | {"profile": profile, "surface_deg": angles},
-        )
-    made = tables(list(by_seed.values()))
-    for name, content in made.items():
+        seed = record.get("seed")
+        if seed in seeds:
+            raise InputError(path, "run.seed", seed, "each seed once")
+        runs.append(_measure(record, path, scene))
+        seeds.add(record["seed"])
+    contents = tables(runs)
+    for name, content in contents.items():
         write_table(Path(out_dir) / f"{name}.csv", content)
-    return made
+    return contents
 
 
-def _needed(run: Mapping[str, Any]) -> tuple[str, ...]:
-    """Name the arrays that the file of a run must have."""
-    states = {"ok": STATES, "no_slip": STATES[:2]}.get(run.get("status", ""), ())
-    of_states = (
-        f"{kind}_{state}" for state in states for kind in ("position", "quaternion")
+def _measure(record: Mapping[str, Any], path: Path, scene: Scene) -> MeasuredRun:
+    """Measure a run by the frames beside its JSON file."""
+    test = DrumTest()
+    frames = read_npz(path.with_suffix(".npz"), _needed_arrays(record), WHAT)
+    measured, profile = test.measured_run(record, frames, scene)
+    angles = test.surface_angles(
+        frames["position"], frames["quaternion"], frames["scale"], scene
     )
-    kept = (key for key in RECORD if key != "surface_deg")
-    return (*kept, "position", "quaternion", "scale", *of_states)
+    return MeasuredRun(measured, frames | {"profile": profile, "surface_deg": angles})
+
+
+def _needed_arrays(run: Mapping[str, Any]) -> tuple[str, ...]:
+    """Name the arrays that the file of a run must have."""
+    names = [key for key in RECORD if key != "surface_deg"]
+    names += ["position", "quaternion", "scale"]
+    # A slip has all states; without one there are those before it.
+    states_of_status = {"ok": STATES, "no_slip": STATES[:2]}
+    for state in states_of_status.get(run.get("status", ""), ()):
+        names += [f"position_{state}", f"quaternion_{state}"]
+    return tuple(names)
 
 
 def tables(
     runs: Sequence[tuple[Mapping[str, Any], Mapping[str, np.ndarray]]],
 ) -> "dict[str, pd.DataFrame]":
-    """Make the tables of measured runs, given as (record, arrays with the columns of the record and ``profile``).
+    """Make the tables of measured runs.
 
-    runs: one row per run. summary: quantity, key, mean, standard_error (none of one run), lowest, highest, runs.
-    record: the record of all runs over time. profile: motion by depth of all runs, lengths in mm.
+    Parameters
+    ----------
+    runs : sequence of MeasuredRun
+
+    Returns
+    -------
+    dict of pandas.DataFrame
+        ``runs``, a row for each run; ``summary``, see `summarise`; ``record``, the
+        records of all runs over time; ``profile``, the motion by depth of all runs,
+        lengths in mm.
     """
     import pandas as pd
 
-    def of_all(frames: Iterable["pd.DataFrame"]) -> "pd.DataFrame":
-        by_seed = {
-            run["seed"]: frame for (run, _), frame in zip(runs, frames, strict=True)
-        }
-        return (
-            pd.concat(by_seed, names=["seed"])
-            .reset_index("seed")
-            .reset_index(drop=True)
-        )
-
+    records = {}
+    profiles = {}
+    for run, arrays in runs:
+        record = {key: arrays[key] for key in RECORD}
+        records[run["seed"]] = pd.DataFrame(record)
+        profiles[run["seed"]] = pd.DataFrame(arrays["profile"], columns=PROFILE)
     table = pd.DataFrame([run for run, _ in runs])
     return {
         "runs": table,
         "summary": summarise(table),
-        "record": of_all(
-            pd.DataFrame({key: arrays[key] for key in RECORD}) for _, arrays in runs
-        ),
-        "profile": of_all(
-            pd.DataFrame(arrays["profile"], columns=PROFILE) for _, arrays in runs
-        ),
+        "record": _joined(records),
+        "profile": _joined(profiles),
     }
 
 
+def _joined(tables_by_seed: "Mapping[Any, pd.DataFrame]") -> "pd.DataFrame":
+    """Join the tables of all runs, with the column `seed`."""
+    import pandas as pd
+
+    joined = pd.concat(tables_by_seed, names=["seed"])
+    return joined.reset_index("seed").reset_index(drop=True)
+
+
 def summarise(runs: "pd.DataFrame") -> "pd.DataFrame":
-    """Compute mean and standard error of every quantity of `SUMMARY` over the runs that have it."""
+    """Average each quantity of `SUMMARY` over the runs that have it.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The columns `SUMMARY_COLUMNS`; NaN where no run has the quantity, and for the
+        standard error of a single run.
+    """
     import pandas as pd
 
     rows = []
     for key, quantity in pd.read_csv(SUMMARY).itertuples(index=False):
         values = runs[key].dropna().to_numpy(float) if key in runs else np.zeros(0)
-        n, known = len(values), values if len(values) else np.full(1, np.nan)
+        n = len(values)
         error = values.std(ddof=1) / np.sqrt(n) if n > 1 else np.nan
-        rows.append((quantity, key, known.mean(), error, known.min(), known.max(), n))
-    return pd.DataFrame(
-        rows,
-        columns=[
-            "quantity",
-            "key",
-            "mean",
-            "standard_error",
-            "lowest",
-            "highest",
-            "runs",
-        ],
-    )
+        if n == 0:
+            values = np.full(1, np.nan)
+        rows.append(
+            {
+                "quantity": quantity,
+                "key": key,
+                "mean": values.mean(),
+                "standard_error": error,
+                "lowest": values.min(),
+                "highest": values.max(),
+                "runs": n,
+            }
+        )
+    return pd.DataFrame(rows, columns=SUMMARY_COLUMNS)

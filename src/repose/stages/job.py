@@ -1,8 +1,9 @@
-"""Jobs: one parameter set in any bench test with all its seeds, poured, saved, and measured.
+"""Jobs: all runs of one parameter set in a bench test, simulated, saved and measured.
 
-A job's files are NAME.pours.json (how each run ended), NAME.npz (arrays of each run, ARRAY_SEED),
-NAME_trajectory_SEED.npz (frames, if requested) and, measured, NAME.json. The wall time of each run is
-in timings/NAME.json alone, so that all other files of equal runs are equal.
+A job's files are NAME.pours.json (how each run ended), NAME.npz (arrays of each run,
+ARRAY_SEED), NAME_trajectory_SEED.npz (frames, if requested) and, measured, NAME.json. The
+wall time of each run is in timings/NAME.json alone, so that all other files of equal runs
+are equal.
 """
 
 import time
@@ -18,7 +19,7 @@ from repose.bench.bench_test import BenchTest, Run, Scene, bench_of
 from repose.bench.parameters import named
 from repose.calibrate.runs import summarise_runs
 from repose.calibrate.seeds import UNNAMED
-from repose.common.errors import require
+from repose.common.errors import InputError
 from repose.common.files import write_json, write_npz
 from repose.common.ledger import check_replaceable
 from repose.measure.saved_pours import (
@@ -30,23 +31,39 @@ from repose.measure.saved_pours import (
 )
 from repose.stages.kept_runs import KeptRuns, read_measurement, write_measurement
 
+# Called with the seed of a run, it gives a context manager whose value is called with the
+# simulated time, or is None.
 Progress = Callable[[int], AbstractContextManager[Callable[[float], object] | None]]
 
 
 def run_once(test: BenchTest[Any], scene: Scene) -> tuple[dict[str, Any], Run]:
-    """Run and measure once, without files; return the measured run, and the run."""
+    """Run and measure once, without files.
+
+    Returns
+    -------
+    dict
+        The measured run.
+    Run
+    """
     run = test.run(scene)
     return test.result(run.record, run.arrays, scene), run
 
 
 def about_job(test: BenchTest[Any], scene: Scene, name: object) -> dict[str, Any]:
-    """Describe a job, as each of its files does."""
-    of_test = {} if test.name == UNNAMED else {"apparatus": test.name}
-    return of_test | {
-        "sample": int(str(name)) if str(name).isdigit() else name,
-        "parameters": {p: float(scene.parameters[p]) for p in named(scene.parameters)},
-        "time_step_s": scene.simulation.time_step_s,
+    """Describe a job, as each of its files does.
+
+    The name of a job with digits alone is the number of its sample.
+    """
+    description: dict[str, Any] = {}
+    if test.name != UNNAMED:
+        description["apparatus"] = test.name
+    description["sample"] = int(str(name)) if str(name).isdigit() else name
+    description["parameters"] = {
+        parameter: float(scene.parameters[parameter])
+        for parameter in named(scene.parameters)
     }
+    description["time_step_s"] = scene.simulation.time_step_s
+    return description
 
 
 def pour_job(
@@ -59,48 +76,77 @@ def pour_job(
     progress: Progress | None = None,
     keeps_runs: bool = False,
 ) -> Path:
-    """Run one parameter set with all its seeds, write the files of the job, NAME.pours.json last, and return its path.
+    """Run one parameter set with all its seeds, and write the files of the job.
 
-    With `interval_s` also frames are written, this simulated time apart. `progress`, called with each seed, gives a
-    context manager that is called with the simulated time. With `keeps_runs` each run is also kept (`kept_runs`), and
-    taken from there where it is the same; so a further seed runs that seed only, and a job that was killed goes on.
+    Parameters
+    ----------
+    test : BenchTest
+    scene : Scene
+    name : str
+        Of the job.
+    seeds : iterable of int
+    out_dir : path
+        Folder to write.
+    interval_s : float, optional
+        Simulated time between the frames that are written; by default none are.
+    progress : callable, optional
+        Shows the progress of each run, see `Progress`.
+    keeps_runs : bool, optional
+        Whether each run is also kept (`kept_runs`), and read from there where it is the
+        same. So a further seed runs that seed only, and a job that was killed goes on.
+
+    Returns
+    -------
+    Path
+        NAME.pours.json, which is written last.
     """
     out = Path(out_dir)
     seeds = list(seeds)
-    films = [
-        f"{name}_trajectory_{seed}.npz" for seed in seeds if interval_s is not None
-    ]
-    for file in (f"{name}.npz", f"{name}{POURS}", *films):
-        check_replaceable(out / file)  # not after minutes of pouring
+    # Refuse files of others before minutes of simulation.
+    names = [f"{name}.npz", f"{name}{POURS}"]
+    if interval_s is not None:
+        names += [_trajectory_file(name, seed) for seed in seeds]
+    for file in names:
+        check_replaceable(out / file)
+
     records: list[dict[str, Any]] = []
-    saved: dict[str, np.ndarray] = {}
-    took_s: dict[str, float] = {}
-    about = about_job(test, scene, name)
-    kept = KeptRuns(out, name, about) if keeps_runs else None
+    arrays: dict[str, np.ndarray] = {}
+    wall_s: dict[str, float] = {}
+    description = about_job(test, scene, name)
+    kept = KeptRuns(out, name, description) if keeps_runs else None
     for seed in seeds:
-        run = kept.read(seed) if kept and interval_s is None else None
+        run = None
+        if kept is not None and interval_s is None:
+            run = kept.read(seed)
         if run is None:
-            began = time.perf_counter()
+            start = time.perf_counter()
             with progress(seed) if progress else nullcontext() as report:
                 run = test.run(scene.with_seed(seed), interval_s, report)
-            took_s[str(seed)] = round(time.perf_counter() - began, 3)
-            if kept:
+            wall_s[str(seed)] = round(time.perf_counter() - start, 3)
+            if kept is not None:
                 kept.write(run)
         records.append(run.record)
-        saved |= {f"{key}_{seed}": values for key, values in run.arrays.items()}
+        for key, values in run.arrays.items():
+            arrays[f"{key}_{seed}"] = values
         if run.frames is not None:
-            write_npz(out / f"{name}_trajectory_{seed}.npz", run.frames)
-    if took_s:
-        write_timings(out, name, took_s)
-    write_npz(out / f"{name}.npz", saved)
+            write_npz(out / _trajectory_file(name, seed), run.frames)
+
+    if wall_s:
+        write_timings(out, name, wall_s)
+    write_npz(out / f"{name}.npz", arrays)
     path = out / f"{name}{POURS}"
-    write_json(path, about | {"pours": records})
+    write_json(path, description | {"pours": records})
     return path
 
 
-def write_timings(folder: Path, name: str, took_s: Mapping[str, float]) -> None:
+def _trajectory_file(name: str, seed: int) -> str:
+    """Name the file of the frames of a run."""
+    return f"{name}_trajectory_{seed}.npz"
+
+
+def write_timings(folder: Path, name: str, wall_s: Mapping[str, float]) -> None:
     """Write the wall time [s] of each run of a job, by its seed."""
-    write_json(folder / "timings" / f"{name}.json", {"wall_s": dict(took_s)})
+    write_json(folder / "timings" / f"{name}.json", {"wall_s": dict(wall_s)})
 
 
 def measure_job(
@@ -109,9 +155,22 @@ def measure_job(
     out_dir: str | PathLike | None = None,
     keeps_runs: bool = False,
 ) -> dict[str, Any]:
-    """Measure the runs of a saved job, write NAME.json, by default beside the pours, and return its content.
+    """Measure the runs of a saved job, and write NAME.json.
 
-    With `keeps_runs` a kept measurement is taken where it is the same.
+    Parameters
+    ----------
+    scene : Scene
+    pours_json : path
+        The saved job.
+    out_dir : path, optional
+        Folder to write; by default that of the job.
+    keeps_runs : bool, optional
+        Whether a kept measurement is read where it is the same.
+
+    Returns
+    -------
+    dict
+        The content of NAME.json.
     """
     path = Path(pours_json)
     result = read_measurement(path) if keeps_runs else None
@@ -130,23 +189,16 @@ def measured(scene: Scene, path: Path) -> dict[str, Any]:
     test = bench_of(job, path)
     pours = job.pop("pours")
     for pour in pours:
-        require(
-            pour["status"] in test.statuses,
-            path,
-            "status",
-            pour["status"],
-            ", ".join(test.statuses),
-        )
-    arrays = saved_positions(positions_file(path))
+        if pour["status"] not in test.statuses:
+            allowed = ", ".join(test.statuses)
+            raise InputError(path, "status", pour["status"], allowed)
+    positions = saved_positions(positions_file(path))
     runs = []
     for pour in pours:
-        needed = (
-            test.required_arrays if pour["status"] == "ok" else ()
-        )  # the arrays of a spoiled run may hold anything
-        runs.append(
-            test.result(pour, pour_arrays(arrays, pour["seed"], path, needed), scene)
-        )
-    columns = test.recorded.beginning_with(
-        tuple(one.name for one in test.target_responses(scene.settings.config))
-    )
+        # The arrays of a spoiled run may hold anything.
+        needed = test.required_arrays if pour["status"] == "ok" else ()
+        arrays = pour_arrays(positions, pour["seed"], path, needed)
+        runs.append(test.result(pour, arrays, scene))
+    targets = test.target_responses(scene.settings.config)
+    columns = test.recorded.beginning_with(tuple(target.name for target in targets))
     return job | {"summary": summarise_runs(runs, columns), "runs": runs}

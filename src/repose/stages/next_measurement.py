@@ -1,14 +1,16 @@
-"""The next measurement: the information that each further response would add to the present targets.
+"""The next measurement: the information that each further response would add.
 
-Parameter sets are drawn from the posterior, and each is simulated a few times in every bench test of the configuration.
-A response that differs more between these sets than from run to run separates them. Between plausible sets it has the
-variance tau^2, its mean over n repetitions the error s^2 = sigma^2 / n + d^2, with the scatter sigma^2 of a run and the
+Parameter sets are drawn from the posterior, and each is simulated a few times in every
+bench test of the configuration. A response that differs more between these sets than from
+run to run separates them. Between plausible sets it has the variance tau^2, its mean over
+n repetitions the error s^2 = sigma^2 / n + d^2, with the scatter sigma^2 of a run and the
 discrepancy d of the simulator. For normal variables the information is
 
     bits = 1/2 log2(1 + tau^2 / s^2)
 
-(Cover & Thomas 2006, Elements of Information Theory, section 9.1). Responses share information: the table ranks the
-first response to add, and is made again once that one is a target.
+(Cover & Thomas 2006, Elements of Information Theory, section 9.1). Responses share
+information, so the table ranks the first response to add. It is made again once that one
+is a target.
 """
 
 from collections.abc import Iterable
@@ -22,14 +24,16 @@ from repose.bench.parameters import PARAMETERS, named
 from repose.calibrate.responses import responses_of
 from repose.calibrate.targets import Targets
 from repose.calibrate.variance import variance_components
-from repose.common.errors import require
+from repose.common.errors import InputError
 from repose.common.files import Path_, read_table, write_table
 from repose.measure.angles import MEAN_KEYS
 from repose.measure.further_responses import CALIBRATED_ANGLE
 from repose.stages.job import measure_job
 
-SETS = 16  # of the posterior's draws
-SEEDS = 2  # runs of each in each bench test: the fewest that show the scatter
+# Number of parameter sets that are drawn from the posterior.
+SETS = 16
+# Runs of each in each bench test: the fewest that show the scatter.
+SEEDS = 2
 COLUMNS = [
     "response",
     "apparatus",
@@ -37,16 +41,43 @@ COLUMNS = [
     "sd_between_sets",
     "sd_of_a_run",
     "repetitions",
+    "bits",
+    "bits_low",
+    "bits_high",
+    "sets",
+    "runs",
 ]
-COLUMNS += ["bits", "bits_low", "bits_high", "sets", "runs"]
-FEWEST_SETS = 4  # that must have two runs with a response
+# Fewest sets that must have two runs with a response.
+FEWEST_SETS = 4
 
 
 def plausible_sets(draws_csv: Path_, seed: int, out: Path_) -> pd.DataFrame:
-    """Write and return `SETS` of the posterior's draws as samples; InputError if there are fewer."""
+    """Write `SETS` draws of the posterior as samples.
+
+    Parameters
+    ----------
+    draws_csv : path
+        Draws of the posterior.
+    seed : int
+        Of the choice.
+    out : path
+        The table to write.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The table: `sample` and the parameters.
+
+    Raises
+    ------
+    InputError
+        If there are fewer draws.
+    """
     draws = read_table(draws_csv, PARAMETERS)
-    require(len(draws) >= SETS, draws_csv, "rows", len(draws), f"{SETS} or more")
-    rows = np.sort(np.random.default_rng(seed).choice(len(draws), SETS, replace=False))
+    if len(draws) < SETS:
+        raise InputError(draws_csv, "rows", len(draws), f"{SETS} or more")
+    random = np.random.default_rng(seed)
+    rows = np.sort(random.choice(len(draws), SETS, replace=False))
     samples = draws.loc[rows, list(named(draws))].reset_index(drop=True)
     samples.insert(0, "sample", range(1, SETS + 1))
     write_table(out, samples, float_format="%.10g")
@@ -56,45 +87,65 @@ def plausible_sets(draws_csv: Path_, seed: int, out: Path_) -> pd.DataFrame:
 def information(
     runs: pd.DataFrame, repetitions: int, discrepancy_percent: float
 ) -> pd.DataFrame:
-    """Compute the bits that the mean of `repetitions` measurements of each response would add, most first.
+    """Compute the information that the measurement of each response would add.
 
-    Responses with fewer than `FEWEST_SETS` sets of two runs, or that never differ, are left out.
+    Responses with fewer than `FEWEST_SETS` sets of two runs, or that never differ, are
+    left out.
+
+    Parameters
+    ----------
+    runs : pandas.DataFrame
+        A row for each run and response: `apparatus`, `response`, `sample`, `value`.
+    repetitions : int
+        Of the measurement.
+    discrepancy_percent : float
+        Of the simulator, in percent of the mean of a response.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The columns `COLUMNS`, the most informative response first.
+
+    Raises
+    ------
+    InputError
+        If no response has enough runs.
     """
     rows = []
-    for (apparatus, name), own in runs.groupby(["apparatus", "response"], sort=False):
-        if (own.groupby("sample").size() > 1).sum() < FEWEST_SETS:
+    groups = runs.groupby(["apparatus", "response"], sort=False)
+    for (apparatus, response), group in groups:
+        has_two_runs = group.groupby("sample").size() > 1
+        if has_two_runs.sum() < FEWEST_SETS:
             continue
-        parts = variance_components(own["value"], own["sample"])
-        error = (
-            parts.within / repetitions + (discrepancy_percent / 100 * parts.mean) ** 2
-        )
+        parts = variance_components(group["value"], group["sample"])
+        discrepancy = discrepancy_percent / 100 * parts.mean
+        error = parts.within / repetitions + discrepancy**2
         if not error > 0:
             continue
+        # The variance between the sets, by the intraclass correlation and its interval.
         icc = np.array([parts.icc, parts.icc_low, parts.icc_high]).clip(0, 1 - 1e-12)
-        bits = 0.5 * np.log2(1 + parts.within * icc / (1 - icc) / error)
-        spreads = np.sqrt(parts.between), np.sqrt(parts.within)
+        between = parts.within * icc / (1 - icc)
+        bits, bits_low, bits_high = 0.5 * np.log2(1 + between / error)
         rows.append(
-            (
-                name,
-                apparatus,
-                parts.mean,
-                *spreads,
-                repetitions,
-                *bits,
-                parts.groups,
-                parts.values,
-            )
+            {
+                "response": response,
+                "apparatus": apparatus,
+                "mean": parts.mean,
+                "sd_between_sets": np.sqrt(parts.between),
+                "sd_of_a_run": np.sqrt(parts.within),
+                "repetitions": repetitions,
+                "bits": bits,
+                "bits_low": bits_low,
+                "bits_high": bits_high,
+                "sets": parts.groups,
+                "runs": parts.values,
+            }
         )
-    require(
-        rows,
-        "next",
-        "runs",
-        len(runs),
-        f"{FEWEST_SETS} sets or more with two runs of a response",
-    )
-    return pd.DataFrame(rows, columns=COLUMNS).sort_values(
-        "bits", ascending=False, kind="stable", ignore_index=True
-    )
+    if not rows:
+        allowed = f"{FEWEST_SETS} sets or more with two runs of a response"
+        raise InputError("next", "runs", len(runs), allowed)
+    table = pd.DataFrame(rows, columns=COLUMNS)
+    return table.sort_values("bits", ascending=False, kind="stable", ignore_index=True)
 
 
 def every_response() -> list[dict[str, str]]:
@@ -161,11 +212,11 @@ def run(
 
 
 def message(table: pd.DataFrame) -> str:
-    """Write the table in lines, most informative response first."""
+    """Write the table in lines, the most informative response first."""
     lines = ["Information that one more response would add, in bits:"]
     for row in table.itertuples():
-        bits = f"{row.bits:.2f} bits ({row.bits_low:.2f} to {row.bits_high:.2f})"
         lines.append(
-            f"{row.response} ({row.apparatus}): {bits} by the mean of {row.repetitions}"
+            f"{row.response} ({row.apparatus}): {row.bits:.2f} bits ({row.bits_low:.2f} "
+            f"to {row.bits_high:.2f}) by the mean of {row.repetitions}"
         )
     return "\n".join(lines)

@@ -1,4 +1,7 @@
-"""Tables of parameter sets, as the verb design writes them: a number `sample` and the parameters."""
+"""Tables of parameter sets, as the stage `design` writes them.
+
+They have a number `sample` and the parameters.
+"""
 
 import os
 from collections.abc import Iterable
@@ -22,37 +25,57 @@ OF_SETS = tuple(
 
 
 def read_samples(path: str | os.PathLike, more: Iterable[str] = ()) -> "pd.DataFrame":
-    """Read all parameter sets of a table: `sample` (each number once), the six parameters, `more` and other columns."""
+    """Read all parameter sets of a table.
+
+    Returns
+    -------
+    pandas.DataFrame
+        `sample` (each number once), the six parameters, the columns `more`, and any
+        others.
+    """
     return read_table(path, (NUMBER, *OF_SETS, *more))
 
 
 def job_files(
     words: Iterable[str], samples_csv: str | os.PathLike, ending: str = ".json"
 ) -> list[Path]:
-    """List job files; a folder among the `words` stands for one file with this ending for each sample of the design."""
+    """List the files of jobs.
+
+    Parameters
+    ----------
+    words : iterable of str
+        Files, and folders. A folder stands for a file for each sample.
+    samples_csv : path
+        The samples.
+    ending : str, optional
+        Of the files in a folder.
+    """
     paths = [Path(word) for word in words]
-    samples = (
-        tables.read(samples_csv, [NUMBER]).values["sample"]
-        if any(path.is_dir() for path in paths)
-        else []
-    )
-    names = [f"{number:03d}{ending}" for number in samples]
-    return [
-        file
-        for path in paths
-        for file in ([path / name for name in names] if path.is_dir() else [path])
-    ]
+    names: list[str] = []
+    if any(path.is_dir() for path in paths):
+        numbers = tables.read(samples_csv, [NUMBER]).values["sample"]
+        names = [f"{number:03d}{ending}" for number in numbers]
+    files = []
+    for path in paths:
+        if path.is_dir():
+            files += [path / name for name in names]
+        else:
+            files.append(path)
+    return files
 
 
 def read_sample(path: str | os.PathLike, number: int) -> dict[str, float]:
-    """Read the parameters of a sample from a table, without rounding; InputError beyond the contact law's limits."""
+    """Read the parameters of a sample from a table, without rounding.
+
+    Raises
+    ------
+    InputError
+        If there is no such sample, or a value is beyond the limits of the contact law.
+    """
     table = tables.read(path, (NUMBER, *OF_SETS)).values
     numbers = table["sample"]
     if number not in numbers:
-        raise InputError(
-            path,
-            "sample",
-            number,
-            f"one of {len(numbers)}: {', '.join(map(str, numbers[:3]))}, ...",
-        )
-    return {name: table[name][numbers.index(number)] for name in named(table)}
+        first = ", ".join(map(str, numbers[:3]))
+        raise InputError(path, "sample", number, f"one of {len(numbers)}: {first}, ...")
+    row = numbers.index(number)
+    return {name: table[name][row] for name in named(table)}

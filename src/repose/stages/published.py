@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from repose.bench.parameters import PARAMETERS
 from repose.calibrate.responses import Response
-from repose.common.errors import InputError, require
+from repose.common.errors import InputError
 from repose.common.files import Path_, read_table
 from repose.common.tables import Column, is_number, read
 from repose.stages.parameter_sets import OF_SETS
@@ -14,13 +14,15 @@ from repose.stages.parameter_sets import OF_SETS
 if TYPE_CHECKING:
     import pandas as pd
 
-MOST = 449  # in each of two tables: their sample numbers are 101 to 999
-OTHERS = "others.csv"  # beside the published solutions: sets of other works, with their source and wall
-SIMULATED_BY = ("engine", "scene")  # hashes of what the pours of a set depend on
+# Most sets of each of the two tables: their sample numbers are 101 to 999.
+MOST = 449
+# Beside the published solutions: sets of other works, with their source and wall.
+OTHERS = "others.csv"
+# Hashes of what the runs of a set depend on.
+SIMULATED_BY = ("engine", "scene")
 NAME = Column("solution", str, once=True)
-HASHES = tuple(
-    Column(name, str) for name in SIMULATED_BY
-)  # one of digits alone is no number
+# A hash of digits alone is text, too.
+HASHES = tuple(Column(name, str) for name in SIMULATED_BY)
 STORED: tuple[str | Column, ...] = (
     "sample",
     "source",
@@ -30,49 +32,61 @@ STORED: tuple[str | Column, ...] = (
     NAME,
     *HASHES,
 )
-STALE = "stale: simulated with another engine or scene than today's; `snakemake published_sets` pours the sets anew"
+STALE = (
+    "stale: simulated with another engine or scene than today's; `snakemake "
+    "published_sets` pours the sets anew"
+)
 
 
 def beside(path: Path_ | None, table: str) -> Path | None:
-    """Find a table next to the published solutions: table1.csv (sizes) or table3.csv (intervals); None without it."""
-    sibling = None if path is None else Path(path).with_name(table)
-    return sibling if sibling and sibling.is_file() else None
+    """Find a table next to the published solutions; None without it.
+
+    Such a table is table1.csv (sizes) or table3.csv (intervals).
+    """
+    if path is None:
+        return None
+    sibling = Path(path).with_name(table)
+    return sibling if sibling.is_file() else None
 
 
 def tables(path: Path_ | None) -> list[Path]:
     """List the table of published solutions, and `OTHERS` next to it; empty for None."""
-    return [] if path is None else [Path(path), *filter(None, [beside(path, OTHERS)])]
+    if path is None:
+        return []
+    others = beside(path, OTHERS)
+    return [Path(path)] if others is None else [Path(path), others]
 
 
 def read_sets(path: Path_, names: Iterable[str] = PARAMETERS) -> "pd.DataFrame":
-    """Read all published sets, with their parameters `names`; a set's `solution` is text."""
+    """Read all published sets, with their parameters `names` and a text `solution`."""
     import pandas as pd
 
-    return pd.concat(
-        [read_table(one, (NAME, *names)) for one in tables(path)], ignore_index=True
-    )
+    columns = (NAME, *names)
+    sets = [read_table(table, columns) for table in tables(path)]
+    return pd.concat(sets, ignore_index=True)
 
 
 def _rows(path: Path_ | None) -> list[dict[str, Any]]:
     """Read and check the rows of all published tables."""
-    return [
-        row
-        for table in tables(path)
-        for row in read(table, (NAME, *OF_SETS), others=is_number).rows()
-    ]
+    rows = []
+    for table in tables(path):
+        rows += read(table, (NAME, *OF_SETS), others=is_number).rows()
+    return rows
 
 
 def representative(
     path: Path_ | None, names: Collection[str] = PARAMETERS
 ) -> dict[str, float]:
-    """Read the parameters `names` of the published representative solution; InputError if the table lacks one."""
+    """Read the parameters `names` of the published representative solution.
+
+    Raises
+    ------
+    InputError
+        Without a table, or if the table lacks this solution.
+    """
     if path is None:
-        raise InputError(
-            "configuration",
-            "validation.published",
-            None,
-            "a table of published solutions",
-        )
+        words = "a table of published solutions"
+        raise InputError("configuration", "validation.published", None, words)
     table = read(path, (NAME, *map(Column, names)))
     for row in table.rows():
         if row["solution"] == "representative":
@@ -83,19 +97,29 @@ def representative(
 def to_simulate(
     path: Path_ | None, responses: Iterable[Response], names: Iterable[str] = PARAMETERS
 ) -> list[str]:
-    """Name the published sets, in their order; none of a table without a response or all parameters of the study."""
+    """Name the published sets that can be simulated, in their order.
+
+    There are none if the table lacks all responses, or a parameter of the study.
+    """
     rows = _rows(path)
-    able = (
-        rows and set(names) <= set(rows[0]) and published_responses(rows[0], responses)
-    )
-    return [row["solution"] for row in rows] if able else []
+    if not rows:
+        return []
+    columns = rows[0]
+    has_parameters = set(names) <= set(columns)
+    if not has_parameters or not published_responses(columns, responses):
+        return []
+    return [row["solution"] for row in rows]
 
 
 def check_published(path: Path_ | None) -> None:
-    """Raise InputError for a table of published solutions that cannot be simulated or compared; None passes."""
+    """Refuse a table of published solutions that cannot be simulated or compared.
+
+    None passes.
+    """
     for table in tables(path):
-        rows = len(read(table, (NAME, *OF_SETS), others=is_number))
-        require(1 <= rows <= MOST, table, "rows", rows, f"1 to {MOST} solutions")
+        n_rows = len(read(table, (NAME, *OF_SETS), others=is_number))
+        if not 1 <= n_rows <= MOST:
+            raise InputError(table, "rows", n_rows, f"1 to {MOST} solutions")
 
 
 def read_stored(path: Path_) -> "pd.DataFrame":
@@ -104,17 +128,23 @@ def read_stored(path: Path_) -> "pd.DataFrame":
 
 
 def published_sets(path: Path_ | None) -> list[dict[str, float]]:
-    """Read the parameter sets of a published table that passed `check_published`; empty for None."""
+    """Read the parameter sets of a table that passed `check_published`.
+
+    They are empty for None.
+    """
     return [{name: row[name] for name in PARAMETERS} for row in _rows(path)]
 
 
 def published_responses(
     columns: Iterable[str], responses: Iterable[Response]
 ) -> tuple[Response, ...]:
-    """Find the responses whose predicted and simulated values are among the columns of a published table."""
-    columns = set(columns)
+    """Find the responses of a published table.
+
+    Predicted and simulated values of each are among its columns.
+    """
+    present = set(columns)
     return tuple(
         response
         for response in responses
-        if {response.predicted, response.simulated} <= columns
+        if {response.predicted, response.simulated} <= present
     )

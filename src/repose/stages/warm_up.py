@@ -1,4 +1,7 @@
-"""Compiling the engine once, before the first run of a study: of jobs that start together one would do it alone."""
+"""Compilation of the engine before the first run of a study.
+
+Of jobs that start together, only one would compile while the others wait.
+"""
 
 import multiprocessing
 import time
@@ -8,23 +11,33 @@ from repose.calibrate.targets import Targets
 
 
 def warm_up(scene: Scene, cores: int = 1) -> float:
-    """Make a step with one grain in every bench test of the targets, to compile its kernels; return the seconds.
+    """Make a step with one grain in every bench test of the targets.
 
-    On a second core another process compiles the contacts with walls, nearly half of the engine.
+    This compiles their kernels. On a second core another process compiles the contacts
+    with walls, nearly half of the engine.
+
+    Returns
+    -------
+    float
+        The seconds that it took.
     """
-    began = time.perf_counter()
+    start = time.perf_counter()
     names = Targets.of(scene.settings.config["targets"]).apparatus
     simulations = [bench(name).build(scene) for name in names]
-    helper = multiprocessing.get_context("fork").Process(
-        target=lambda: [simulation.wall_loads() for simulation in simulations],
-        daemon=True,
-    )
+
+    def compile_walls() -> None:
+        for simulation in simulations:
+            simulation.wall_loads()
+
+    context = multiprocessing.get_context("fork")
+    wall_process = context.Process(target=compile_walls, daemon=True)
     if cores > 1:
-        helper.start()
+        wall_process.start()
     for simulation in simulations:
         simulation.add("berry", (0.0, 0.0, 0.0))
         simulation.run_steps(1)
     if cores > 1:
-        helper.terminate()  # what it may still compile no step needs
-        helper.join()
-    return time.perf_counter() - began
+        # No step needs what it may still compile.
+        wall_process.terminate()
+        wall_process.join()
+    return time.perf_counter() - start
