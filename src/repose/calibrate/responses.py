@@ -1,8 +1,9 @@
 """Responses and their registry.
 
-A response is a number that a bench test gives: the angle of repose of a pile, its Height, the angle at which a bed
-slips. Each bench test registers its responses in its module (`repose.bench`); all later stages take them from this
-registry by name, and work for any number of them.
+A response is a number that a bench test gives: the angle of repose of a pile, its height,
+the angle at which a bed slips. Each bench test registers its responses in its module
+(`repose.bench`). All later stages find them in this registry by name, and work for any
+number of them.
 """
 
 import math
@@ -35,12 +36,14 @@ class Response:
     low, high : float
         Limits of a target of the response, in its unit.
     definition : tuple of str
-        Dotted keys of the configuration that define the number. Tables made with another definition must not be mixed.
+        Dotted keys of the configuration that define the number. Tables made with
+        different definitions must not be mixed.
     function : function, optional
-        ``function(run)`` is the number of a measured run, a mapping, or None where it could not be measured. By
-        default the run holds it by the response's name.
+        ``function(run)`` is the number of a measured run, a mapping, or None where it
+        could not be measured. By default the run has it by the name of the response.
     profile : str
-        Name of the profile that it is a score of (`repose.calibrate.profiles`); empty for any other number.
+        Name of the profile of which it is a score (`repose.calibrate.profiles`); empty
+        for any other number.
     """
 
     name: str
@@ -57,17 +60,22 @@ class Response:
     profile: str = ""
 
     def of(self, run: Mapping[str, Any]) -> float | None:
-        """Find the response's number in a measured run; None where it could not be measured."""
-        return run.get(self.name) if self.function is None else self.function(run)
+        """Find the number in a measured run; None where it could not be measured."""
+        if self.function is None:
+            return run.get(self.name)
+        return self.function(run)
 
     def settings(self, config: Mapping[str, Any]) -> dict[str, Any]:
-        """Read the keys of its definition with their values, without those that the configuration leaves out."""
-        pairs = ((key, *key.split(".")) for key in self.definition)
-        return {
-            key: config[section][name]
-            for key, section, name in pairs
-            if name in config[section]
-        }
+        """Return the keys of its definition with their values in a configuration.
+
+        Keys that the configuration lacks are left out.
+        """
+        values = {}
+        for key in self.definition:
+            section, name = key.split(".")
+            if name in config[section]:
+                values[key] = config[section][name]
+        return values
 
     @property
     def predicted(self) -> str:
@@ -91,43 +99,64 @@ class Response:
 
 
 def derived(name: str, what: str) -> str:
-    """Name a column that belongs to a response: `what` before the unit, as in ``aor_se_deg``."""
+    """Name a column that belongs to a response.
+
+    It has `what` before the unit, as in ``aor_se_deg``.
+    """
     quantity, underscore, unit = name.rpartition("_")
     return f"{quantity}_{what}_{unit}" if underscore else f"{name}_{what}"
 
 
-_REGISTRY: dict[str, Response] = {}
+# From a name to a response of a bench test that gives any number of them, such as the
+# scores of a profile.
 Family = Callable[[str], Response | None]
-"""From a name to a response of a bench test that gives any number of them, such as the scores of a profile."""
+_REGISTRY: dict[str, Response] = {}
+# A mapping, so that a family that is registered twice is there once.
 _FAMILIES: dict[Family, None] = {}
 
 
 def register(*responses: Response, family: Family | None = None) -> None:
-    """Make responses of a bench test known by their names; ValueError if another response has one."""
+    """Make responses of a bench test known by their names.
+
+    Raises
+    ------
+    ValueError
+        If another response has one of the names.
+    """
     if family is not None:
         _FAMILIES[family] = None
     for response in responses:
-        if (known := _REGISTRY.setdefault(response.name, response)) != response:
+        known = _REGISTRY.setdefault(response.name, response)
+        if known != response:
             raise ValueError(
                 f"response {response.name!r} is registered already, by {known.apparatus}"
             )
 
 
 def response(name: str, source: object = "response") -> Response:
-    """Find a response by its name; InputError, which names `source`, if there is none."""
-    found = named(name)
-    if found is None:
-        raise InputError(
-            source, "response", name, f"one of {', '.join(sorted(_REGISTRY))}"
-        )
-    return found
+    """Find a response by its name.
+
+    Raises
+    ------
+    InputError
+        If there is none; it names `source`.
+    """
+    known = named(name)
+    if known is None:
+        allowed = f"one of {', '.join(sorted(_REGISTRY))}"
+        raise InputError(source, "response", name, allowed)
+    return known
 
 
 def named(name: str) -> Response | None:
-    """Find a response by its name, registered or made by a family of responses; None if there is none."""
-    return _REGISTRY.get(name) or next(
-        filter(None, (family(name) for family in _FAMILIES)), None
-    )
+    """Find a response, registered or of a family, by its name; None without one."""
+    if name in _REGISTRY:
+        return _REGISTRY[name]
+    for family in _FAMILIES:
+        member = family(name)
+        if member is not None:
+            return member
+    return None
 
 
 def responses_of(apparatus: str) -> tuple[Response, ...]:
@@ -140,12 +169,21 @@ def responses_of(apparatus: str) -> tuple[Response, ...]:
 def require_same_definitions(
     definitions: Definitions, path: object, expected: Definitions, source: object
 ) -> None:
-    """Raise InputError if a response that both files have is defined differently; `path` and `source` are the files."""
-    for name in definitions:
-        if name in expected and definitions[name] != expected[name]:
-            raise InputError(
-                path,
-                f"definition of {name}",
-                definitions[name],
-                f"{expected[name]}, as in {source}",
-            )
+    """Refuse a file that defines a response differently from another file.
+
+    Parameters
+    ----------
+    definitions, expected : mapping
+        Definitions of the two files.
+    path, source : object
+        The files, for the error.
+
+    Raises
+    ------
+    InputError
+        If a response that both have is defined differently.
+    """
+    for name, definition in definitions.items():
+        if name in expected and definition != expected[name]:
+            allowed = f"{expected[name]}, as in {source}"
+            raise InputError(path, f"definition of {name}", definition, allowed)

@@ -1,9 +1,9 @@
-"""Seeds of every pour of a study."""
+"""Seeds of all runs of a study."""
 
 import zlib
 
-# Purposes of a pour's random numbers: a stream each, so that no check reuses the pours that it checks. Numbers that are
-# missing here are of `research.streams`; a caller may give the number of a stream of its own.
+# Streams of random numbers by purpose, so that no check uses the runs that it checks.
+# The missing numbers are of `research.streams`; a caller may give a number of its own.
 PURPOSES = {
     "design": 0,
     "validation": 1,
@@ -15,8 +15,7 @@ PURPOSES = {
     "batches": 16,  # of a strategy without a stream of its own
 }
 
-
-# The first bench test: its seeds and its files carry no name of a bench test.
+# The first bench test: its seeds and its files have no name of a bench test.
 UNNAMED = "funnel"
 # The stream of the drum alone: its name implies the bench test.
 OF_THE_DRUM = "drum"
@@ -29,19 +28,32 @@ def pour_seeds(
     count: int,
     apparatus: str = UNNAMED,
 ) -> list[int]:
-    """Draw the seeds, 0 to 2^32 - 1, of a parameter set's pours; the first k are the same for any larger count.
+    """Draw the seeds of the runs of a parameter set.
 
-    `purpose` is one of PURPOSES, or the number of another stream. `number` is the sample's. Each bench test has its own
-    streams, so that its noise is independent of the others'.
+    Each bench test has its own streams, so that its noise is independent of the others'.
+
+    Parameters
+    ----------
+    study_seed : int
+    purpose : str or int
+        One of `PURPOSES`, or the number of another stream.
+    number : int
+        Of the sample.
+    count : int
+        Number of seeds. The first ones are the same for any larger number.
+    apparatus : str, optional
+        Name of the bench test.
+
+    Returns
+    -------
+    list of int
+        From 0 to 2^32 - 1.
     """
     import numpy as np
 
-    named = apparatus == UNNAMED or purpose == OF_THE_DRUM
-    own = [] if named else [zlib.crc32(apparatus.encode())]
     stream = purpose if isinstance(purpose, int) else PURPOSES[purpose]
-    return [
-        int(seed)
-        for seed in np.random.SeedSequence(
-            [study_seed, stream, number, *own]
-        ).generate_state(count)
-    ]
+    entropy = [study_seed, stream, number]
+    if apparatus != UNNAMED and purpose != OF_THE_DRUM:
+        entropy.append(zlib.crc32(apparatus.encode()))
+    seeds = np.random.SeedSequence(entropy).generate_state(count)
+    return [int(seed) for seed in seeds]
