@@ -1,8 +1,8 @@
-"""The cost of a run of a configuration: numbers of pours and their time."""
+"""The cost of a study: the number of its runs, their time and their disk space."""
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from repose.bench import bench
@@ -17,18 +17,25 @@ from repose.config.models import StudySettings, valid_sections
 from repose.grain.particle import Particle
 from repose.stages.published import to_simulate
 
-# Measured on one core of a common server: for the estimate that is shown before a run.
+# Measured on one core of a common server.
 SECONDS_A_BERRY_STEP = 8e-8
 SECONDS_A_VIEW = 0.01
-JOB_START_S = 2.5  # of a pour's job and of its measurement's
-REST_S = 120.0  # rest of a study without its runs: posterior, figures, film and report, and snakemake itself
-# The pour that is timed: simulated time [s], and steps of a grain that take half a second.
-TIMED_S, TIMED_STEPS = 1.5, 1.0e7
-REPEATS = 3  # the shortest time counts: other programs only slow a pour down
-FEWEST_TIMED = 20
-BYTES_A_GRAIN = 62  # of a pour on the disk, measured
-SEEDS = ("seeds", "checks")  # endings of keys for the number of runs of a parameter set
-# Purpose, number of parameter sets, seeds of each.
+# Start of the two processes of a job: its simulation and its measurement.
+JOB_START_S = 2.5
+# All of a study but its runs: posterior, figures, film, report, and snakemake itself.
+REST_S = 120.0
+
+# The simulation that is timed takes about half a second on one core.
+TIMED_S = 1.5  # simulated time
+TIMED_STEPS = 1.0e7  # time steps times grains
+FEWEST_TIMED = 20  # grains
+# It is repeated, and the shortest time counts: other programs only slow it down.
+REPEATS = 3
+
+BYTES_A_GRAIN = 62  # of a saved run, measured
+# Keys with the number of runs of a parameter set end with one of these.
+SEEDS = ("seeds", "checks")
+# Purpose, number of parameter sets, seeds of each parameter set.
 Pours = Sequence[tuple[str, int, int]]
 
 
@@ -37,38 +44,58 @@ def run_s(
 ) -> float:
     """Estimate the wall time of a run of a bench test on one core.
 
-    Its measurement is not included. `berry_step_s` is the time of a step of one grain,
-    from `measured_berry_step_s`.
+    The measurement of the run is not included.
+
+    Parameters
+    ----------
+    config : mapping
+        The configuration.
+    name : str
+        Of the bench test.
+    berry_step_s : float
+        Time for one step of one grain [s], as from `measured_berry_step_s`.
+
+    Returns
+    -------
+    float
+        Time [s].
     """
     settings = valid_sections(config)
     duration = bench(name).duration_s(SceneSettings(config))
     grains = grains_of(settings, name)
+    # While grains are poured, half of them are there on average.
     filling = min(duration, grains / _rate_per_s(settings, name))
     filled = duration - 0.5 * filling
     return berry_step_s * grains * filled / settings.simulation.time_step_s
 
 
 def grains_of(settings: StudySettings, name: str) -> int:
-    """Return the number of grains of a bench test; 1 for one of a single grain.
+    """Return the number of grains in a bench test.
 
-    A bench test that is filled to a height counts as many as the funnel, as the size of
-    the grain is not known here.
+    It is 1 for a bench test of a single grain. A bench test that is filled to a height
+    counts as many grains as the funnel, since the size of a grain is not known here.
     """
     grains: int | None = getattr(settings.bench(name), "berries", 1)
-    return settings.funnel.berries if grains is None else grains
+    if grains is None:
+        return settings.funnel.berries
+    return grains
 
 
 def _rate_per_s(settings: StudySettings, name: str) -> float:
-    """Return the rate at which grains are poured; infinite where they are not poured."""
+    """Return how many grains are poured per second; infinite if all start at once."""
     rate: float = getattr(settings.bench(name), "rate_per_s", math.inf)
     return rate
 
 
 def disk_mb(settings: StudySettings, pours: int) -> float:
-    """Estimate the disk space of a number of runs in each bench test of the targets."""
-    names = dict.fromkeys(target.apparatus for target in settings.targets)
-    grains = sum(grains_of(settings, name) for name in names)
+    """Estimate the disk space of `pours` runs in each bench test of the targets [MB]."""
+    grains = sum(grains_of(settings, name) for name in _tests_of_targets(settings))
     return 1e-6 * BYTES_A_GRAIN * grains * pours
+
+
+def _tests_of_targets(settings: StudySettings) -> list[str]:
+    """Return the names of the bench tests of the targets, in the order of the targets."""
+    return list(dict.fromkeys(target.apparatus for target in settings.targets))
 
 
 def strategy_pours(settings: StudySettings, name: str) -> Pours | None:
@@ -77,38 +104,55 @@ def strategy_pours(settings: StudySettings, name: str) -> Pours | None:
 
 
 def strategy_misfit(settings: StudySettings, name: str) -> str | None:
-    """Say why a strategy cannot run with this configuration; None if it can."""
-    return strategies.misfit(
-        name, settings.of_strategy(name), settings.free, len(settings.targets)
-    )
+    """Explain why a strategy cannot run with this configuration; None if it can."""
+    section = settings.of_strategy(name)
+    return strategies.misfit(name, section, settings.free, len(settings.targets))
 
 
 def longest_job_s(config: Config) -> float:
-    """Estimate the wall time of the longest job of the funnel, the drum and the bench tests of the targets.
+    """Estimate the wall time of the longest job of a study [s].
 
-    A job is one parameter set with the most seeds of any section.
+    A job runs one parameter set with the largest number of seeds in any section. The
+    funnel, the drum and the bench tests of the targets are compared.
     """
-    sections = [section for section in config.values() if isinstance(section, Mapping)]
-    seeds = max(
-        section[key] for section in sections for key in section if key.endswith(SEEDS)
-    )
-    names = {
-        "funnel",
-        "drum",
-        *(target.apparatus for target in valid_sections(config).targets),
-    }
-    return JOB_START_S + seeds * max(
-        run_s(config, name) for name in names if name in config
-    )
+    names = {"funnel", "drum", *_tests_of_targets(valid_sections(config))}
+    longest_run_s = max(run_s(config, name) for name in names if name in config)
+    return JOB_START_S + _most_seeds(config) * longest_run_s
+
+
+def _most_seeds(config: Config) -> int:
+    """Return the largest number of runs of a parameter set in any section."""
+    numbers: list[int] = []
+    for section in config.values():
+        if not isinstance(section, Mapping):
+            continue
+        for key, value in section.items():
+            if key.endswith(SEEDS):
+                numbers.append(value)
+    return max(numbers)
 
 
 def measured_berry_step_s(
     config: Config, grain: Mapping[str, Any], particle: Particle
 ) -> float:
-    """Measure the time [s] of a step of one grain in a pile on a core of this machine, by pours of about a second.
+    """Measure the time of one step of one grain in a pile, on a core of this machine.
 
-    The time of other programs is left out. `grain` is the result of the verb `berry`. The first call on a machine
-    compiles the engine.
+    A small pile is poured a few times, each for about half a second. The first call on
+    a machine also compiles the engine. The time of other programs is left out.
+
+    Parameters
+    ----------
+    config : mapping
+        The configuration.
+    grain : mapping
+        The mean grain, as in berry.json.
+    particle : Particle
+        Its body.
+
+    Returns
+    -------
+    float
+        Time [s].
     """
     from repose.bench import Scene
     from repose.bench.funnel import FunnelTest
@@ -116,23 +160,25 @@ def measured_berry_step_s(
     settings = valid_sections(config)
     steps = TIMED_S / settings.simulation.time_step_s
     grains = max(FEWEST_TIMED, min(settings.funnel.berries, round(TIMED_STEPS / steps)))
-    pour = {
+    small_funnel = settings.funnel.model_dump() | {
         "berries": grains,
         "rate_per_s": 4 * grains / TIMED_S,
         "duration_s": TIMED_S + 1.0,
         "rest_window_s": 0.5,
     }
-    small = {**config, "funnel": {**settings.funnel.model_dump(), **pour}}
-    values = contact_space(settings.parameters.given).centre
+    small_config = {**config, "funnel": small_funnel}
+    parameters = contact_space(settings.parameters.given).centre
+
     times_s = []
     for _ in range(REPEATS):
-        began, began_cpu = time.perf_counter(), time.process_time()
-        # to its end, or there is no step to be timed
-        poured = FunnelTest().pour(
-            Scene.of(small, values, grain, particle, 1), until_rest=False
-        )
-        share = (time.process_time() - began_cpu) / (time.perf_counter() - began)
-        times_s.append(1e-6 * min(1.0, share) * poured.us_per_step / grains)
+        scene = Scene.of(small_config, parameters, grain, particle, 1)
+        start = time.perf_counter()
+        cpu_start = time.process_time()
+        # A pile that rests early would leave no steps to time.
+        run = FunnelTest().pour(scene, until_rest=False)
+        cpu_time = time.process_time() - cpu_start
+        cpu_share = cpu_time / (time.perf_counter() - start)
+        times_s.append(1e-6 * min(1.0, cpu_share) * run.us_per_step / grains)
     return min(times_s)
 
 
@@ -141,87 +187,148 @@ def work(
     berry_step_s: float = SECONDS_A_BERRY_STEP,
     pours: Pours | None = None,
 ) -> dict[str, Any]:
-    """Estimate the cost of a study: `pours` of the funnel, `pour_s` of one of them, `total_s` of the whole on one core.
+    """Estimate the cost of a study on one core.
 
-    `pours` belong to another strategy than the published one; each set runs as often in every bench test of the
-    targets, which `total_s` includes. `berry_step_s` as in `run_s`.
+    Parameters
+    ----------
+    config : mapping
+        The configuration.
+    berry_step_s : float
+        Time for one step of one grain [s].
+    pours : sequence, optional
+        The runs of a strategy, from `strategy_pours`. By default those of the article's
+        method.
+
+    Returns
+    -------
+    dict
+        ``pours``: the runs, which each bench test of the targets makes. ``pour_s``: time
+        of one run of the funnel with its measurement [s]. ``total_s``: time of the whole
+        study [s].
     """
     settings = valid_sections(config)
-    names = dict.fromkeys(target.apparatus for target in settings.targets)
-    pour_s = (
-        run_s(config, "funnel", berry_step_s) + SECONDS_A_VIEW * settings.measure.views
-    )
+    names = _tests_of_targets(settings)
+    views_s = SECONDS_A_VIEW * settings.measure.views
+    times_s = {"funnel": run_s(config, "funnel", berry_step_s) + views_s}
+    for name in (*names, "drum"):
+        if name not in times_s and settings.bench(name) is not None:
+            times_s[name] = run_s(config, name, berry_step_s)
 
-    def runs_s(name: str) -> float:
-        return pour_s if name == "funnel" else run_s(config, name, berry_step_s)
+    if pours is None:
+        pours = _article_pours(settings)
+        total_s = _article_s(settings, pours, times_s)
+    else:
+        total_s = _strategy_s(pours, [times_s[name] for name in names])
+    return {"pours": pours, "pour_s": times_s["funnel"], "total_s": total_s}
 
-    if pours is not None:
-        total_s = sum(
-            sets * (JOB_START_S + seeds * runs_s(name))
-            for name in names
-            for _, sets, seeds in pours
-        )
-        return {"pours": pours, "pour_s": pour_s, "total_s": total_s}
+
+def _strategy_s(pours: Pours, times_s: Iterable[float]) -> float:
+    """Compute the time of the runs of a strategy [s].
+
+    `times_s` holds the time of a run in each bench test of the targets.
+    """
+    total_s = 0.0
+    for time_s in times_s:
+        for _, sets, seeds in pours:
+            total_s += sets * (JOB_START_S + seeds * time_s)
+    return total_s
+
+
+def _article_pours(settings: StudySettings) -> Pours:
+    """Count the runs of the article's method in the funnel."""
     validation = settings.validation
-    pours = (
+    return (
         ("design", settings.design.samples, settings.funnel.seeds),
         ("representative", 1, validation.representative_seeds),
         ("validation", validation.solutions, validation.seeds),
     )
-    total_s = REST_S + sum(
-        sets * (JOB_START_S + seeds * pour_s) for _, sets, seeds in pours
-    )
+
+
+def _article_s(
+    settings: StudySettings, pours: Pours, times_s: Mapping[str, float]
+) -> float:
+    """Compute the time of a study by the article's method [s].
+
+    `times_s` holds the time of a run in each bench test.
+    """
+    total_s = REST_S + _strategy_s(pours, [times_s["funnel"]])
+
+    # The drum runs once with the answer, whether or not it has a target.
     if settings.bench("drum") is not None:
-        total_s += settings.seeds_of("drum") * (JOB_START_S + runs_s("drum"))
-    sets = sum(sets for _, sets, _ in pours)
-    for name in names:
+        total_s += settings.seeds_of("drum") * (JOB_START_S + times_s["drum"])
+
+    # Each further bench test of the targets runs every parameter set.
+    n_sets = sum(sets for _, sets, _ in pours)
+    for name in _tests_of_targets(settings):
         if name != "funnel":
-            total_s += sets * (JOB_START_S + settings.seeds_of(name) * runs_s(name))
-    return {"pours": pours, "pour_s": pour_s, "total_s": total_s}
-
-
-def job_s(config: Config, name: str, runs: int) -> float:
-    """Estimate the wall time of a job of the workflow on one core, to compare jobs; without `runs` it only computes."""
-    return JOB_START_S + (runs * run_s(config, name) if runs else 0.0)
+            seeds = settings.seeds_of(name)
+            total_s += n_sets * (JOB_START_S + seeds * times_s[name])
+    return total_s
 
 
 SENTENCES = {
-    "calibration": "The method from the sizes to the check: which contact parameters give the measured pile.",
-    "response_surface": "Another way to calibrate: screening, steepest ascent, a quadratic surface.",
-    "sequential": "Another way to calibrate: few pours, each where it is most informative.",
+    "calibration": (
+        "The method of the article: the contact parameters that give the measured pile."
+    ),
+    "response_surface": (
+        "Another way to calibrate: screening, steepest ascent, a quadratic surface."
+    ),
+    "sequential": (
+        "Another way to calibrate: few pours, each where it is most informative."
+    ),
     "uncertainty": "How sure the answer is: noise, posterior and sensitivity.",
-    "next": "What to measure next: the information of each further response and bench test.",
+    "next": (
+        "What to measure next: the information of each further response and bench test."
+    ),
     "refined": "More pours near the answer, until it meets the targets.",
-    "published_sets": "The published parameter sets in this simulator: a table that changes with engine and scene.",
+    "published_sets": (
+        "The published parameter sets in this simulator: a table that changes with "
+        "engine and scene."
+    ),
 }
 
 
 def costs(config: Config) -> dict[str, str]:
-    """Say what each study besides the calibration and the strategies costs: pours, and their time on one core.
+    """Describe the cost of each study in `SENTENCES`: its runs, and their time.
 
-    Work with the surrogate alone, seconds to minutes, is left out.
+    The time with the surrogate alone, seconds to minutes, is left out.
     """
-    of_all = work(config)
-    pour_s = of_all["pour_s"]
-
-    def pours(number: int) -> str:
-        return f"{number} pours, about {number * pour_s / 60:.0f} min on one core, besides the calibration"
-
     settings = valid_sections(config)
-    refine, validation = settings.refine, settings.validation
+    calibration = work(config)
+    pour_s = calibration["pour_s"]
+
+    descriptions = dict.fromkeys(SENTENCES, "no pours besides the calibration")
+    n_pours = sum(sets * seeds for _, sets, seeds in calibration["pours"])
+    minutes = calibration["total_s"] / 60
+    has_other_tests = {test.name for test in used_tests(config)} != {"funnel"}
+    others = " and the other bench tests" if has_other_tests else ""
+    descriptions["calibration"] = (
+        f"{n_pours} pours{others}, about {minutes:.0f} min on one core"
+    )
+    refined = _describe_pours(_most_refine_pours(settings), pour_s)
+    descriptions["refined"] = f"at most {refined}"
+    n_published = _n_published_sets(settings) * settings.validation.seeds
+    descriptions["published_sets"] = _describe_pours(n_published, pour_s)
+    return descriptions
+
+
+def _describe_pours(n_pours: int, pour_s: float) -> str:
+    """Describe a number of runs that are made besides those of the calibration."""
+    minutes = n_pours * pour_s / 60
+    return (
+        f"{n_pours} pours, about {minutes:.0f} min on one core, besides the calibration"
+    )
+
+
+def _most_refine_pours(settings: StudySettings) -> int:
+    """Count the most runs of the strategy that refines the answer."""
+    refine = settings.refine
+    pours_per_round = refine.seeds + refine.neighbours * refine.neighbour_seeds
+    return refine.rounds * pours_per_round
+
+
+def _n_published_sets(settings: StudySettings) -> int:
+    """Count the published parameter sets that this study can simulate."""
     responses = [response(target.response) for target in settings.targets]
-    published = to_simulate(
-        validation.published, responses, named(settings.parameters.given)
-    )
-    a_round = refine.seeds + refine.neighbours * refine.neighbour_seeds
-    of_calibration = sum(sets * seeds for _, sets, seeds in of_all["pours"])
-    others = (
-        " and the other bench tests"
-        if {test.name for test in used_tests(config)} != {"funnel"}
-        else ""
-    )
-    return dict.fromkeys(SENTENCES, "no pours besides the calibration") | {
-        "calibration": f"{of_calibration} pours{others}, about {of_all['total_s'] / 60:.0f} min on one core",
-        "refined": f"at most {pours(refine.rounds * a_round)}",
-        "published_sets": pours(len(published) * validation.seeds),
-    }
+    names = named(settings.parameters.given)
+    return len(to_simulate(settings.validation.published, responses, names))

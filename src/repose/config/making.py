@@ -1,4 +1,7 @@
-"""The making of a study: checks of its configuration and of its files, which report all faults at once."""
+"""The checks of a configuration and of the files that it names.
+
+They report all faults at once.
+"""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
@@ -16,7 +19,7 @@ from repose.config.models import StudySettings, settings_type, valid_sections
 from repose.grain.particle import Particle
 from repose.stages.published import beside, check_published, read_stored
 
-# Sections of the mean grain, and further sections that limit the time step.
+# Sections that the mean grain follows from, and those that limit the time step.
 GRAIN = ("berry", "validation")
 STEP = ("simulation", "wall", "parameters", "validation")
 
@@ -26,55 +29,88 @@ Result = TypeVar("Result")
 def unstable(
     config: Mapping[str, Any], particle: Particle, mean: Mapping[str, Any]
 ) -> Iterator[tuple[str, str]]:
-    """Yield (key, allowed values) of a time step that the engine would refuse; `mean` is the result of `berry`."""
+    """Yield the key and the allowed values of a time step that the engine would refuse.
+
+    `mean` is the mean grain, as in berry.json.
+    """
     limit = computed.longest_step(config, particle, mean)
     settings = valid_sections(config)
-    if settings.simulation.time_step_s > limit.time_step_s:
-        allowed = limit.allowed
-        # A modulus in another unit shortens the step: a reader sees it here.
-        if settings.berry.shear_modulus_pa is None:
-            modulus = f"{mean['elastic_modulus_pa']:.2g} Pa"
-            allowed += f"; the modulus of {settings.berry.compression} is {modulus}"
-        yield "simulation.time_step_s", allowed
+    if settings.simulation.time_step_s <= limit.time_step_s:
+        return
+    allowed = limit.allowed
+    # Forces in a wrong unit give a wrong modulus, which shortens the step.
+    if settings.berry.shear_modulus_pa is None:
+        modulus = f"{mean['elastic_modulus_pa']:.2g} Pa"
+        allowed += f"; the modulus of {settings.berry.compression} is {modulus}"
+    yield "simulation.time_step_s", allowed
 
 
 class Making:
-    """A study's configuration, grain and particle, and the faults found so far.
+    """A configuration, its grain and its particle, and the faults found so far.
 
-    A check is made only where no section that it reads has a fault.
+    A check is made only if the sections that it reads are free of faults.
+
+    Attributes
+    ----------
+    config : dict
+        The configuration; each `auto` is replaced as its number is computed.
+    source : str or Origin
+        The file that a fault names.
+    faults : list of InputError
+        The faults found so far.
+    bad : set of str
+        Dotted keys with a fault.
+    mean : dict or None
+        The mean grain, as in berry.json, once it is made.
+    particle : Particle or None
+        Its body, once it is made.
+    inputs_are_checked : bool
+        Whether the named files, and the fit of grain, bench tests and time step, were
+        checked.
     """
 
     def __init__(self, config: dict[str, Any], source: str | Origin) -> None:
-        self.config, self.source = config, source
+        self.config = config
+        self.source = source
         self.faults: list[InputError] = []
-        self.bad: set[str] = set()  # dotted keys with a fault
+        self.bad: set[str] = set()
         self.mean: Any = None
         self.particle: Any = None
         self.inputs_are_checked = False
 
     def complete(self, inputs: bool) -> None:
-        """Check the configuration and compute each `auto`; with `inputs` check all files that it names, too."""
-        from repose.calibrate import profile_targets
+        """Check the configuration and compute each `auto`.
 
-        if isinstance(given := self.config.get("targets"), list):
-            targets = profile_targets.expanded(given, owner_of(self.source, "targets"))
-            self.config = self.config | {
-                "targets": [completed(entry) for entry in targets]
-            }
-        self.faults, self.bad = faults.check(self.config, self.source, settings_type())
-        pending = [
-            setting
-            for setting in computed.to_compute(self.config)
-            if self._may_read(setting.section)
-        ]
-        for setting in pending:
-            self.config = computed.filled(self.config, setting, computed.AUTO)
+        Parameters
+        ----------
+        inputs : bool
+            Check also the files that the configuration names, and that grain, bench
+            tests and time step fit together.
+
+        Raises
+        ------
+        InputError
+            With all faults.
+        """
+        self._complete_targets()
+        found = faults.check(self.config, self.source, settings_type())
+        self.faults = found.faults
+        self.bad = found.keys
+
+        # Mark the missing numbers as `auto` until they are computed.
+        pending = []
+        for setting in computed.to_compute(self.config):
+            if self._may_read(setting.section):
+                pending.append(setting)
+                self.config = computed.filled(self.config, setting, computed.AUTO)
+
         if inputs:
             self._read_files()
         if inputs or any(setting.needs_grain for setting in pending):
             self._make_grain()
         self._apply(before_numbers(self.config))
-        self._compute(pending)
+        for setting in pending:
+            self._compute(setting)
         self._apply(rules(self.config))
         if inputs:
             self._fit_together()
@@ -82,7 +118,13 @@ class Making:
         self.inputs_are_checked = inputs
 
     def checked_grain(self) -> tuple[dict[str, Any], Particle]:
-        """Return the mean grain and its particle; before, check the files and that everything fits together."""
+        """Return the mean grain and its particle, once all inputs are checked.
+
+        Raises
+        ------
+        InputError
+            With all faults of the files, and of grain, bench tests and time step.
+        """
         if not self.inputs_are_checked:
             self._read_files()
             self._make_grain()
@@ -93,134 +135,159 @@ class Making:
 
     @property
     def settings(self) -> StudySettings:
-        """The typed sections of the configuration so far that have no fault."""
+        """The typed sections of the configuration that have no fault."""
         return valid_sections(self.config)
 
+    def _complete_targets(self) -> None:
+        """Replace a measured profile by its score, and fill in the targets' ranges."""
+        from repose.calibrate import profile_targets
+
+        entries = self.config.get("targets")
+        if not isinstance(entries, list):
+            return
+        owner = owner_of(self.source, "targets")
+        targets = [
+            completed(entry) for entry in profile_targets.expanded(entries, owner)
+        ]
+        self.config = self.config | {"targets": targets}
+
     def _may_read(self, *sections: str) -> bool:
-        """Return whether none of these sections, and keys outside sections, has a fault."""
-        return {key.partition(".")[0] for key in self.bad}.isdisjoint(sections)
+        """Return whether these sections, or keys outside sections, have no fault."""
+        sections_with_faults = {key.partition(".")[0] for key in self.bad}
+        return sections_with_faults.isdisjoint(sections)
 
     def _may_use(self, key: str) -> bool:
-        """Return whether a key has no fault; faults of other keys in its section do not count."""
-        return self.bad.isdisjoint((key, key.partition(".")[0]))
+        """Return whether a key has no fault.
+
+        Faults of other keys in its section do not count.
+        """
+        section = key.partition(".")[0]
+        return self.bad.isdisjoint((key, section))
 
     def _add(self, pairs: Iterable[tuple[str, str]]) -> None:
-        """Add pairs (dotted key, allowed values)."""
+        """Add a fault for each pair of a dotted key and its allowed values."""
         for key, allowed in pairs:
-            self.faults.append(
-                YamlError(
-                    owner_of(self.source, key), key, get(self.config, key), allowed
-                )
-            )
+            self.faults.append(self._fault(key, get(self.config, key), allowed))
             self.bad.add(key)
 
-    def _apply(self, some: Iterable[Rule]) -> None:
-        """Add the faults of rules whose sections have none."""
-        for rule in some:
+    def _fault(self, key: str, value: Any, allowed: str) -> InputError:
+        """Make the fault of a dotted key, which names the user's file."""
+        return YamlError(owner_of(self.source, key), key, value, allowed)
+
+    def _apply(self, applicable: Iterable[Rule]) -> None:
+        """Add the faults of the rules whose sections have none so far."""
+        for rule in applicable:
             if self._may_read(*rule.reads):
                 self._add(rule.faults())
 
     def _result_of(
         self, key: str, function: Callable[..., Result], *arguments: Any
     ) -> Result | None:
-        """Call a function; if it refuses its arguments, return None and add a fault of the key."""
+        """Call a function that reads the value of a key.
+
+        If it refuses its arguments, add its faults, mark the key, and return None.
+        """
         try:
             return function(*arguments)
-        except InputError as fault:
-            for one in getattr(fault, "faults", [fault]):
-                if one.source == key:  # a key of this section, not a file
-                    dotted = f"{key}.{one.key}"
-                    one = YamlError(
-                        owner_of(self.source, dotted), dotted, one.value, one.allowed
-                    )
-                self.faults.append(one)
+        except InputError as error:
+            for fault in getattr(error, "faults", [error]):
+                self.faults.append(self._with_dotted_key(fault, key))
             self.bad.add(key)
             return None
 
+    def _with_dotted_key(self, fault: InputError, section: str) -> InputError:
+        """Put the user's file into a fault that names a section instead of a file."""
+        if fault.source != section:
+            return fault
+        return self._fault(f"{section}.{fault.key}", fault.value, fault.allowed)
+
     def _read_files(self) -> None:
-        """Check that the files exist; read the files that no other check reads."""
-        from repose.calibrate.uncertainty.discrepancy import of_shape_study
+        """Check that the named files exist, and read those that no other check reads."""
+        if self._may_read("results_dir"):
+            self._add(results_folder.existing_results(self.settings.results_dir))
+
+        paths = self._named_paths()
+        missing = [key for key, path in paths.items() if not Path(path).is_file()]
+        for key in missing:
+            self._add(
+                [(key, "an existing file, relative to the folder of the project")]
+            )
+
+        for key, read in self._readers().items():
+            if key in paths and key not in missing:
+                self._result_of(key, read, paths[key])
+
+    def _named_paths(self) -> dict[str, str]:
+        """Return the path of each file that the configuration names, by dotted key."""
         from repose.config.models import named_files
+
+        paths = {}
+        for key in named_files():
+            if not self._may_use(key):
+                continue
+            path = get(self.config, key)
+            if path is not None:
+                paths[key] = path
+        return paths
+
+    def _readers(self) -> dict[str, Callable[[str], Any]]:
+        """Return the functions that read the named files, by dotted key."""
+        from repose.calibrate.uncertainty.discrepancy import of_shape_study
         from repose.grain.berry_files import read_sizes
         from repose.measure.pile import read_image
 
-        if self._may_read("results_dir"):
-            self._add(results_folder.existing_results(self.settings.results_dir))
-        named = {
-            key: get(self.config, key) for key in named_files() if self._may_use(key)
-        }
-        named = {key: path for key, path in named.items() if path is not None}
-        missing = [key for key, path in named.items() if not Path(path).is_file()]
-        self._add(
-            (key, "an existing file, relative to the folder of the project")
-            for key in missing
-        )
         readers: dict[str, Callable[[str], Any]] = {
             "berry.sizes": read_sizes,
             "photograph": read_image,
-        }
-        readers |= {
             "validation.published": check_published,
             "validation.published_simulated": read_stored,
         }
         if self._may_read("targets"):
-            readers["posterior.shape_study"] = partial(
-                of_shape_study, targets=Targets.of(self.config["targets"])
-            )
-        for key in [key for key in readers if key in named and key not in missing]:
-            self._result_of(key, readers[key], named[key])
+            targets = Targets.of(self.config["targets"])
+            readers["posterior.shape_study"] = partial(of_shape_study, targets=targets)
+        return readers
 
     def _make_grain(self) -> None:
-        """Make the mean grain and its particle."""
+        """Make the mean grain and its particle, where this is not done yet."""
         from repose.grain import berry, build
 
         if self.mean is None and self._may_read(*GRAIN):
-            table1 = beside(self.settings.validation.published, "table1.csv")
-            made = self._result_of(
-                "berry", berry.of_settings, self.settings.berry, table1
-            )
-            self.mean = None if made is None else made[1]
+            settings = self.settings
+            table1 = beside(settings.validation.published, "table1.csv")
+            result = self._result_of("berry", berry.of_settings, settings.berry, table1)
+            if result is not None:
+                self.mean = result[1]
         if self.mean is not None and self.particle is None:
             self.particle = self._result_of(
                 "berry", build.of_settings, self.mean, self.settings.berry
             )
 
-    def _compute(self, pending: Iterable[computed.Computed]) -> None:
-        """Replace each `auto` by its number; a key whose number cannot be computed has a fault."""
-        for setting in pending:
-            value = None
-            if self._may_read(*setting.reads) and not (
-                setting.needs_grain and self.particle is None
-            ):
-                value = self._result_of(
-                    setting.key, setting.of, self.config, self.mean, self.particle
-                )
-            if value is None:
-                self.bad.add(setting.key)
-            else:
-                self.config = computed.filled(self.config, setting, value)
-                wrong = (
-                    one
-                    for one in faults.check(
-                        self.config, self.source, settings_type()
-                    ).faults
-                    if one.key == setting.key
-                )
-                self._add(
-                    (one.key, f"{one.allowed}; `auto` gives this number")
-                    for one in wrong
-                )
+    def _compute(self, setting: computed.Computed) -> None:
+        """Replace an `auto` by its number; mark its key if this cannot be computed."""
+        lacks_grain = setting.needs_grain and self.particle is None
+        value = None
+        if self._may_read(*setting.reads) and not lacks_grain:
+            value = self._result_of(
+                setting.key, setting.of, self.config, self.mean, self.particle
+            )
+        if value is None:
+            self.bad.add(setting.key)
+            return
+        self.config = computed.filled(self.config, setting, value)
+
+        # The number may lie outside the allowed values.
+        for fault in faults.check(self.config, self.source, settings_type()).faults:
+            if fault.key == setting.key:
+                allowed = f"{fault.allowed}; `auto` gives this number"
+                self._add([(fault.key, allowed)])
 
     def _fit_together(self) -> None:
         """Check the grain against the bench tests and the time step."""
         if self.mean is None:
             return
+        axes_mm = computed.axes_mm(self.mean)
         for test in used_tests(self.config):
             if self._may_read(test.name):
-                self._add(
-                    test.misfits(
-                        SceneSettings(self.config), computed.axes_mm(self.mean)
-                    )
-                )
+                self._add(test.misfits(SceneSettings(self.config), axes_mm))
         if self.particle is not None and self._may_read(*STEP):
             self._add(unstable(self.config, self.particle, self.mean))
