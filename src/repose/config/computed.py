@@ -1,4 +1,4 @@
-"""Numbers that follow from other keys: an `auto` is replaced by its number when the configuration is resolved.
+"""Numbers that follow from other keys, for the keys that are `auto`.
 
 Only files that a user writes hold `auto`; files that a study writes hold the number.
 """
@@ -20,27 +20,38 @@ if TYPE_CHECKING:
     from repose.dem.time_steps import Limit
     from repose.grain.particle import Particle
 
-PIXELS_A_GRAIN = (
-    32  # of a simulated pile's pictures, over the grain's equivalent diameter
-)
+# Pixels of a simulated pile's picture over the grain's equivalent diameter.
+PIXELS_A_GRAIN = 32
 PIXELS_MM = (0.02, 5.0)  # allowed range of measure.mm_per_pixel
-STEP_SHARE = 0.8  # of the longest time step, for the sake of what the limits leave out
-REST_S = 1.5  # from the last grain on the pile until the pile rests
+# The longest time step is an estimate: the computed one keeps a margin.
+STEP_SHARE = 0.8
+REST_S = 1.5  # from the arrival of the last grain until the pile rests
 
-Grain = Mapping[str, Any]  # result of the verb `berry`
+# Beverloo's law for the discharge of grains from an opening.
+BEVERLOO_FACTOR = 0.58
+BEVERLOO_EMPTY_EDGE = 1.4  # diameters of a grain by which the opening seems narrower
+
+Grain = Mapping[str, Any]  # the mean grain, as in berry.json
 
 
 class Computed(NamedTuple):
-    """A key that may be `auto`."""
+    """A key that may be `auto`.
+
+    Attributes
+    ----------
+    section, name : str
+        The key.
+    reads : tuple of str
+        The sections, and keys outside sections, that the number follows from.
+    of : callable
+        Computes the number from the configuration, the mean grain and its particle. The
+        last two are None unless `needs_grain`.
+    """
 
     section: str
     name: str
-    reads: tuple[
-        str, ...
-    ]  # sections that the number follows from, and keys outside sections
-    of: Callable[
-        [Config, Any, Any], Any
-    ]  # (config, berry, particle), the last two None unless `needs_grain`
+    reads: tuple[str, ...]
+    of: Callable[[Config, Any, Any], Any]
 
     @property
     def key(self) -> str:
@@ -54,22 +65,43 @@ class Computed(NamedTuple):
 
 
 def to_compute(config: Config) -> list[Computed]:
-    """List settings that are `auto` or missing, in the order of computation; the configuration may have faults."""
-    given = [(setting, config.get(setting.section)) for setting in COMPUTED]
-    return [
-        one
-        for one, section in given
-        if isinstance(section, Mapping) and section.get(one.name, AUTO) == AUTO
-    ]
+    """List the settings that are `auto` or missing, in the order of computation.
+
+    The configuration may have faults.
+    """
+    settings = []
+    for setting in COMPUTED:
+        section = config.get(setting.section)
+        if not isinstance(section, Mapping):
+            continue
+        if section.get(setting.name, AUTO) == AUTO:
+            settings.append(setting)
+    return settings
 
 
 def filled(config: Config, setting: Computed, value: Any) -> dict[str, Any]:
-    """Copy a configuration, with a number in place of its `auto`."""
-    return {**config, setting.section: {**config[setting.section], setting.name: value}}
+    """Copy a configuration, with a value for one of its settings."""
+    section = {**config[setting.section], setting.name: value}
+    return {**config, setting.section: section}
 
 
 def longest_step(config: Config, particle: "Particle", mean: Grain) -> "Limit":
-    """Find the longest time step that the engine takes for all parameter sets of a study; `mean` is the mean grain."""
+    """Find the longest time step that the engine allows for all parameter sets.
+
+    Parameters
+    ----------
+    config : mapping
+        The configuration.
+    particle : Particle
+        The body of the mean grain.
+    mean : mapping
+        The mean grain, as in berry.json.
+
+    Returns
+    -------
+    Limit
+        The time step [s] and the reason for it.
+    """
     from repose.bench import Scene
     from repose.bench.scene import longest_time_step
 
@@ -78,86 +110,114 @@ def longest_step(config: Config, particle: "Particle", mean: Grain) -> "Limit":
         name: range_of(name, entry, ALLOWED)
         for name, entry in settings.parameters.given.items()
     }
+
+    # A low restitution damps most, which shortens the step: take the lowest value that
+    # is simulated.
     sets = [{name: ranges[name][0] for name in PARAMETERS}]
     sets += published_sets(settings.validation.published)
-    lowest = {name: min(values[name] for values in sets) for name in PARAMETERS}
-    # cohesion makes contacts stiffer, restitution alone less damped
-    strongest = {name: ranges[name][1] for name in named(ranges)[len(PARAMETERS) :]}
-    return longest_time_step(Scene.of(config, lowest | strongest, mean, particle))
+    critical = {name: min(values[name] for values in sets) for name in PARAMETERS}
+
+    # The parameters of contact laws, such as a cohesion, make contacts stiffer.
+    for name in named(ranges)[len(PARAMETERS) :]:
+        critical[name] = ranges[name][1]
+    return longest_time_step(Scene.of(config, critical, mean, particle))
+
+
+def rounded_down(value: float, digits: int) -> float:
+    """Round a positive number down to a number of significant digits."""
+    unit = 10.0 ** (math.floor(math.log10(value)) - (digits - 1))
+    return float(f"{math.floor(value / unit) * unit:.{digits}g}")
 
 
 def advised_step_s(longest_s: float) -> float:
-    """Recommend a time step: `STEP_SHARE` of the longest one, two digits, rounded down."""
-    unit = 10.0 ** (math.floor(math.log10(STEP_SHARE * longest_s)) - 1)
-    return float(f"{math.floor(STEP_SHARE * longest_s / unit) * unit:.2g}")
+    """Recommend a time step: `STEP_SHARE` of the longest, rounded down to two digits."""
+    return rounded_down(STEP_SHARE * longest_s, digits=2)
 
 
 def axes_mm(grain: Grain) -> Sequence[float]:
-    """Return the axes of the mean grain, the longest first, from the result of the verb `berry`."""
+    """Return the three axes of the mean grain, the longest first [mm]."""
     return [grain[name] for name in ("long_mm", "major_mm", "minor_mm")]
 
 
 def diameter_mm(grain: Grain) -> float:
-    """Compute the equivalent diameter of the mean grain, the geometric mean of its axes (Eq. 1)."""
+    """Compute the equivalent diameter of the mean grain [mm].
+
+    It is the geometric mean of the axes (Eq. 1).
+    """
     return math.prod(axes_mm(grain)) ** (1 / 3)
+
+
+def _split(config: Config, _grain: Grain, _particle: "Particle") -> Any:
+    """Choose the shares of training, validation and test that suit the surrogate."""
+    return split_of(valid_sections(config).surrogate)
 
 
 def _mm_per_pixel(_config: Config, grain: Grain, _particle: "Particle") -> float:
     """Choose pixels so small that a grain is round in the picture."""
     low, high = PIXELS_MM
-    return min(max(float(f"{diameter_mm(grain) / PIXELS_A_GRAIN:.2g}"), low), high)
+    size = float(f"{diameter_mm(grain) / PIXELS_A_GRAIN:.2g}")
+    return min(max(size, low), high)
+
+
+def _factory_height_mm(_config: Config, grain: Grain, _particle: "Particle") -> float:
+    """Choose one diameter of a grain."""
+    return float(f"{diameter_mm(grain):.2g}")
 
 
 def _factory_diameter_mm(config: Config, grain: Grain, _particle: "Particle") -> float:
-    """Choose the inlet's disc less half a grain all around."""
+    """Choose the disc of the inlet without a margin of half a grain."""
     inlet = valid_sections(config).funnel.inlet_diameter_mm
-    return float(f"{max(inlet - max(axes_mm(grain)), 0.5 * inlet):.3g}")
+    diameter = max(inlet - max(axes_mm(grain)), 0.5 * inlet)
+    return float(f"{diameter:.3g}")
 
 
 def _duration_s(config: Config, grain: Grain, particle: "Particle") -> float:
-    """Estimate the time until all grains are poured, have run out, have fallen and rest.
+    """Estimate the time until all grains have run out, have fallen and rest [s].
 
-    Grains run out of an opening D at 0.58 rho_b sqrt(g) (D - 1.4 d)^2.5 in mass (Beverloo). A pour that is faster than
-    this lasts as long as the discharge. Where the opening is too narrow for this law the rate of pouring counts.
+    The funnel lets through the smaller of the rate of pouring and the discharge. For an
+    opening too narrow for the law of the discharge, the rate of pouring counts.
     """
     settings = valid_sections(config)
-    funnel, gravity = settings.funnel, settings.simulation.gravity_m_s2
-    opening = 1e-3 * (funnel.outlet_diameter_mm - 1.4 * diameter_mm(grain))
-    bulk = PACKING * grain["density_kg_m3"]
-    running = (
-        0.58 * bulk * math.sqrt(gravity) * max(opening, 0.0) ** 2.5 / particle.mass_kg
-    )
-    rate = min(funnel.rate_per_s, running or math.inf)
-    height = max(
-        funnel.funnel.inlet_height_m, 0.0
-    )  # a rule refuses an inlet below the outlet
+    funnel = settings.funnel
+    gravity = settings.simulation.gravity_m_s2
+
+    discharge = _discharge_per_s(config, grain, particle)
+    rate = min(funnel.rate_per_s, discharge or math.inf)
+    # An inlet below the outlet is refused by another rule.
+    height = max(funnel.funnel.inlet_height_m, 0.0)
+    fall_s = math.sqrt(2 * height / gravity)
+    duration = funnel.berries / rate + fall_s + REST_S
+    return math.ceil(10 * duration) / 10
+
+
+def _discharge_per_s(config: Config, grain: Grain, particle: "Particle") -> float:
+    """Compute how many grains run out of the funnel in a second, by Beverloo's law.
+
+    It is 0 for an opening too narrow for this law.
+    """
+    settings = valid_sections(config)
+    gravity = settings.simulation.gravity_m_s2
+    empty_edge_mm = BEVERLOO_EMPTY_EDGE * diameter_mm(grain)
+    opening_m = 1e-3 * (settings.funnel.outlet_diameter_mm - empty_edge_mm)
+    bulk_density = PACKING * grain["density_kg_m3"]
     return (
-        math.ceil(
-            10 * (funnel.berries / rate + math.sqrt(2 * height / gravity) + REST_S)
-        )
-        / 10
+        BEVERLOO_FACTOR
+        * bulk_density
+        * math.sqrt(gravity)
+        * max(opening_m, 0.0) ** 2.5
+        / particle.mass_kg
     )
 
 
 def _time_step_s(config: Config, grain: Grain, particle: "Particle") -> float:
-    """Return the longest time step that the engine takes, less a margin."""
+    """Choose the longest time step that the engine allows, with a margin [s]."""
     return advised_step_s(longest_step(config, particle, grain).time_step_s)
 
 
 COMPUTED = (
-    Computed(
-        "network",
-        "split",
-        ("surrogate",),
-        lambda config, *_: split_of(valid_sections(config).surrogate),
-    ),
+    Computed("network", "split", ("surrogate",), _split),
     Computed("measure", "mm_per_pixel", ("berry",), _mm_per_pixel),
-    Computed(
-        "funnel",
-        "factory_height_mm",
-        ("berry",),
-        lambda _, grain, __: float(f"{diameter_mm(grain):.2g}"),
-    ),
+    Computed("funnel", "factory_height_mm", ("berry",), _factory_height_mm),
     Computed(
         "funnel", "factory_diameter_mm", ("berry", "funnel"), _factory_diameter_mm
     ),

@@ -1,111 +1,189 @@
-"""The files of a configuration, each over the one before it, and the resolved file that a study writes."""
+"""The files of a configuration, which override one another, and the resolved file.
+
+A study writes the resolved configuration into its folder of results.
+"""
 
 import copy
 import functools
 import json
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from repose.bench.parameters import FURTHER, PARAMETERS
 from repose.common import ledger, places
 from repose.common.files import Path_, write_text
 from repose.common.keys import Config, Origin
 
-CROP = ("sizes", "density_kg_m3", "stl")  # keys of `berry` that define a crop
+# Keys of `berry` that define a crop.
+CROP = ("sizes", "density_kg_m3", "stl")
 COMMAND_LINE = "command line (--config)"
-WORKFLOW = "configuration"  # that a workflow around this one gives
-Contents = Sequence[tuple[str, Config]]  # of files
-Layered = tuple[
-    dict[str, Any], Origin
-]  # a configuration, and the file of each of its keys
-Read = Callable[[Path_], dict[str, Any]]
-EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
+# Source of the values that another workflow gives to this one.
+WORKFLOW = "configuration"
 RESOLVED = "config.json"  # in the folder of results
-# Replaced, not merged: a fixed parameter has no prior of another file.
-WHOLE = {f"parameters.{name}" for name in (*PARAMETERS, *FURTHER)}
+# A number with an exponent: some YAML readers take 1e-3 for text.
+EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
+# Sections that replace those of another file: a parameter that is fixed must not keep
+# the prior of the file before.
+REPLACED = {f"parameters.{name}" for name in (*PARAMETERS, *FURTHER)}
+# Stands for a value that is missing in a file; no file can hold it.
+MISSING = ...
+
+Read = Callable[[Path_], dict[str, Any]]
+
+
+class Layered(NamedTuple):
+    """A configuration of several files, and the file of each of its keys."""
+
+    config: dict[str, Any]
+    origin: Origin
+
+
+class Layer(NamedTuple):
+    """A file and its values."""
+
+    path: str
+    content: Config
 
 
 def read(path: Path_) -> dict[str, Any]:
-    """Call `repose.common.reading.read`; a job, which reads no YAML, does not load it."""
+    """Read a configuration file, as `repose.common.reading.read` does.
+
+    That module is imported here, as the jobs of the workflow read no YAML.
+    """
     from repose.common import reading
 
     return reading.read(path)
 
 
 def read_layers(files: Sequence[Path_], overrides: Config | None = None) -> Layered:
-    """Read files over the defaults, and note the file of each key; `overrides`, texts as YAML, lie over all.
+    """Read configuration files over the defaults, and note the file of each key.
 
-    Values are not checked, and `auto` stays; a complete file needs no default.
+    Values are not checked, and `auto` stays. A complete file needs no default.
+
+    Parameters
+    ----------
+    files : sequence of path
+        Each overrides the ones before it.
+    overrides : mapping, optional
+        Nested values over all files; their texts are read as YAML.
+
+    Returns
+    -------
+    Layered
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read.
     """
     paths = [places.find(path) for path in files]
-    read_once: Any = functools.cache(read)
+    read_once: Read = functools.cache(read)
     if paths:
-        config, source = _over_each_other(paths, overrides, read_once)
-        if not _lacks_keys(config):
-            return config, source
+        layered = _over_each_other(paths, overrides, read_once)
+        if not _lacks_keys(layered.config):
+            return layered
     return _over_each_other(layers(paths, read_once), overrides, read_once)
 
 
 def over_defaults(
     given: Config, files: Sequence[Path_] = (), otherwise: str = COMMAND_LINE
 ) -> Layered:
-    """Lay what snakemake calls `config` over the defaults that it needs; a crop inherits nothing of another one.
+    """Lay the values that snakemake calls `config` over the defaults.
 
-    Its texts are read as YAML. A message names the last of the `files` that has a value, or else `otherwise`.
+    Snakemake has merged the values of its configuration files and command line. Which
+    file holds which key is found again here, for the messages about faults. A crop of
+    the user takes no number from the built-in crop.
+
+    Parameters
+    ----------
+    given : mapping
+        The values of snakemake; the texts of its command line are read as YAML.
+    files : sequence of path
+        Its configuration files.
+    otherwise : str
+        Source of the values that no file has.
+
+    Returns
+    -------
+    Layered
     """
-    read_once: Any = functools.cache(read)
+    read_once: Read = functools.cache(read)
     files = [places.find(path) for path in files]
-    method, study = places.find(places.METHOD_CONFIG), places.configs()[-1]
-    below: list[Path_] = [method]
+    method = places.find(places.METHOD_CONFIG)
+    study = places.configs()[-1]
+
+    # Choose the defaults.
+    default_files = [method]
     if files or not _is_a_crop(given):
-        below = layers((), read_once, *map(read_once, files), given)
-    config, source = _over_each_other(
-        below if _lacks_keys(given) else (), read=read_once
-    )
-    contents = [(str(path), read_once(path)) for path in (*below, study, *files)]
-    own: dict[str, str] = {}
-    _merge(config, _as_in_files(given, "", contents, own, otherwise), {}, "")
-    default = str(files[-1]) if files else otherwise
-    return _with_files_resolved(config), Origin(
-        {**source.origin, **own}, default, str(method)
+        contents = [*map(read_once, files), given]
+        default_files = layers((), read_once, contents)
+    needed_files = default_files if _lacks_keys(given) else []
+    defaults = _over_each_other(needed_files, read=read_once)
+
+    # Find the file of each value, the last first.
+    sources = []
+    for path in (*default_files, study, *files):
+        sources.append(Layer(str(path), read_once(path)))
+    origin: dict[str, str] = {}
+    values = _as_in_files(given, "", sources, origin, otherwise)
+
+    config = _merge(defaults.config, values, {}, "")
+    return Layered(
+        _with_files_resolved(config),
+        Origin(
+            {**defaults.origin.origin, **origin},
+            default=str(files[-1]) if files else otherwise,
+            shared=str(method),
+        ),
     )
 
 
 def _as_in_files(
-    value: Any, name: str, files: Contents, origin: dict[str, str], otherwise: str
+    value: Any,
+    key: str,
+    sources: Sequence[Layer],
+    origin: dict[str, str],
+    otherwise: str,
 ) -> Any:
-    """Return the values that snakemake gives as the files have them; note the last file of each key in `origin`."""
+    """Return the values of snakemake as the files have them.
+
+    The source of each dotted key is noted in `origin`: the last of the files that has
+    it, or `otherwise`.
+    """
     if isinstance(value, Mapping):
-        prefix = f"{name}." if name else ""
-        inside = {
-            key: _as_in_files(one, f"{prefix}{key}", files, origin, otherwise)
-            for key, one in value.items()
-        }
-        having = [
-            path for path, content in files if isinstance(_at(content, name), dict)
-        ]
-        origin[name] = having[-1] if having else otherwise
-        return inside
-    # what a YAML of another version takes for a text, and all texts of the command line
-    meant = (
-        _values(value)
-        if otherwise == COMMAND_LINE or EXPONENT.match(str(value))
-        else value
-    )
-    for path, content in reversed(files):
-        if (theirs := _at(content, name)) in (value, meant):
-            origin[name] = path
-            return theirs
-    origin[name] = otherwise
-    return meant
+        section = {}
+        for name, item in value.items():
+            dotted = f"{key}.{name}" if key else name
+            section[name] = _as_in_files(item, dotted, sources, origin, otherwise)
+        origin[key] = otherwise
+        for source in sources:
+            if isinstance(_value_at(source.content, key), dict):
+                origin[key] = source.path
+        return section
+
+    # All values of the command line are texts, and so are some numbers of files.
+    parsed = value
+    if otherwise == COMMAND_LINE or EXPONENT.match(str(value)):
+        parsed = _parsed(value)
+    for source in reversed(sources):
+        value_of_file = _value_at(source.content, key)
+        if value_of_file in (value, parsed):
+            origin[key] = source.path
+            return value_of_file
+    origin[key] = otherwise
+    return parsed
 
 
-def _at(content: Any, name: str) -> Any:
-    """Return the value of a dotted key in a file; `...`, which no file has, where it is missing."""
-    for step in name.split(".") if name else ():
-        content = content.get(step, ...) if isinstance(content, dict) else ...
+def _value_at(content: Any, key: str) -> Any:
+    """Return the value of a dotted key in a file, or `MISSING`."""
+    if not key:
+        return content
+    for step in key.split("."):
+        if not isinstance(content, dict):
+            return MISSING
+        content = content.get(step, MISSING)
     return content
 
 
@@ -118,73 +196,101 @@ def _lacks_keys(config: Config) -> bool:
     return lacks_keys(config, settings_type())
 
 
-def layers(files: Sequence[Path_], read: Read = read, *more: Config) -> list[Path_]:
-    """List the defaults, then the given files of a configuration, each to be read over the one before it.
+def layers(
+    files: Sequence[Path_], read: Read = read, further: Iterable[Config] = ()
+) -> list[Path_]:
+    """List the defaults and the files of a configuration; each overrides those before.
 
-    The built-in crop is a default only if no other file, and none of `more`, defines a crop: no crop takes numbers of
-    another one.
+    The built-in crop is a default only if nothing else defines a crop, so that no crop
+    takes numbers of another one.
+
+    Parameters
+    ----------
+    files : sequence of path
+        The user's files.
+    read : callable, optional
+        Reads a file.
+    further : iterable of mapping
+        Further values that may define a crop.
+
+    Returns
+    -------
+    list of path
     """
-    own = (places.root() / places.DEFAULT_CONFIG).resolve()
+    built_in_crop = (places.root() / places.DEFAULT_CONFIG).resolve()
     defaults = places.configs()
-    others = [path for path in defaults if path.resolve() != own]
-    contents = (*map(read, (*others, *files)), *more)
-    return [*(others if any(map(_is_a_crop, contents)) else defaults), *files]
+    others = [path for path in defaults if path.resolve() != built_in_crop]
+    contents = [read(path) for path in (*others, *files)]
+    if any(_is_a_crop(content) for content in (*contents, *further)):
+        return [*others, *files]
+    return [*defaults, *files]
 
 
 def own_crop_under(*files: Path_) -> Path | None:
-    """Return the file of the built-in crop if a configuration uses it in a folder that has no configuration.
+    """Return the file of the built-in crop if it stands in for a missing configuration.
 
-    None also if one of the files is in the same folder, and so is made for it.
+    It does where a configuration uses it in a folder that has no configuration. The
+    result is None if one of the files lies beside the built-in crop, and so is made for
+    it.
     """
-    own, paths = (
-        places.root() / places.DEFAULT_CONFIG,
-        [places.find(path) for path in files],
-    )
-    beside = any(path != own and path.parent == own.parent for path in paths)
-    if places.configs()[-1] != own or beside or is_resolved(*paths):
+    built_in_crop = places.root() / places.DEFAULT_CONFIG
+    paths = [places.find(path) for path in files]
+    for path in paths:
+        if path != built_in_crop and path.parent == built_in_crop.parent:
+            return None
+    if places.configs()[-1] != built_in_crop or is_resolved(*paths):
         return None
-    if paths and own not in paths and not _lacks_keys(_over_each_other(paths)[0]):
+    if built_in_crop in paths:
+        return built_in_crop
+    if paths and not _lacks_keys(_over_each_other(paths).config):
         return None
-    return own if own in (*paths, *layers(paths)) else None
+    if built_in_crop in layers(paths):
+        return built_in_crop
+    return None
 
 
 def _is_a_crop(config: Config) -> bool:
-    """Return whether a file defines a grain by a key that no default has: sizes, density or scan.
+    """Return whether a file defines a crop: it has sizes, a density or a scan.
 
-    A density that is a text comes from the command line, which changes one of the crop's numbers.
+    A density that is a text comes from the command line, which changes one number of
+    the crop.
     """
     grain = config.get("berry")
-    if not isinstance(grain, dict) or all(grain.get(key) is None for key in CROP):
+    if not isinstance(grain, dict):
         return False
-    return any(grain.get(key) for key in ("sizes", "stl")) or not isinstance(
-        grain[CROP[1]], str
-    )
+    if grain.get("sizes") or grain.get("stl"):
+        return True
+    if all(grain.get(key) is None for key in CROP):
+        return False
+    return not isinstance(grain.get("density_kg_m3"), str)
 
 
 def _over_each_other(
     files: Sequence[Path_], overrides: Config | None = None, read: Read = read
 ) -> Layered:
-    """Lay the configurations of files and the overrides over each other; note the file of each key."""
+    """Merge the values of files and the overrides; note the file of each key."""
     config: dict[str, Any] = {}
     origin: dict[str, str] = {}
     for path in files:
         _merge(config, read(path), origin, str(path))
-    _merge(config, _values(overrides or {}), origin, COMMAND_LINE)
+    _merge(config, _parsed(overrides or {}), origin, COMMAND_LINE)
     default = str(files[-1]) if files else ""
-    return _with_files_resolved(config), Origin(
-        origin, default, str(places.find(places.METHOD_CONFIG))
-    )
+    shared = str(places.find(places.METHOD_CONFIG))
+    return Layered(_with_files_resolved(config), Origin(origin, default, shared))
 
 
 def _with_files_resolved(config: dict[str, Any]) -> dict[str, Any]:
-    """Put built-in files in place of the named files that the working folder lacks."""
+    """Replace the named files that the working folder lacks by the program's own.
+
+    The configuration is changed in place, and returned.
+    """
     from repose.config.models import named_files
 
-    for name in named_files():
-        section, _, key = name.rpartition(".")
-        found = config.get(section) if section else config
-        if isinstance(found, dict) and isinstance(found.get(key), str):
-            found[key] = str(places.find(found[key]))
+    for dotted in named_files():
+        section_name, _, key = dotted.rpartition(".")
+        section = config.get(section_name) if section_name else config
+        if isinstance(section, dict) and isinstance(section.get(key), str):
+            section[key] = str(places.find(section[key]))
     return config
 
 
@@ -197,47 +303,47 @@ def write_resolved(config: Config, path: Path_) -> None:
 
 
 def is_resolved(*files: Path_) -> bool:
-    """Return whether this is a single file that `write_resolved` wrote, unchanged since."""
-    return (
-        len(files) == 1
-        and Path(files[0]).name == RESOLVED
-        and ledger.is_own_file(files[0])
-    )
+    """Return whether this is a single file of `write_resolved`, unchanged since."""
+    if len(files) != 1:
+        return False
+    path = files[0]
+    return Path(path).name == RESOLVED and ledger.is_own_file(path)
 
 
-def _values(value: Any) -> Any:
-    """Read the text in overrides as YAML: the command line gives 2 and [1, 2] as text."""
+def _parsed(value: Any) -> Any:
+    """Read the texts in a value as YAML: the command line gives 2 and [1, 2] as text."""
     from repose.common.reading import parse
 
     if isinstance(value, dict):
-        return {key: _values(item) for key, item in value.items()}
+        return {key: _parsed(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_values(item) for item in value]
-    return (
-        parse(value, COMMAND_LINE)
-        if isinstance(value, str) and value.strip()
-        else value
-    )
+        return [_parsed(item) for item in value]
+    if isinstance(value, str) and value.strip():
+        return parse(value, COMMAND_LINE)
+    return value
 
 
 def _merge(
-    below: dict[str, Any],
-    more: Config,
+    config: dict[str, Any],
+    values: Config,
     origin: dict[str, str],
     source: str,
     prefix: str = "",
-) -> None:
-    """Put `more` over below by sections, and note in origin each key's file; sections in WHOLE are replaced."""
-    for key, value in more.items():
-        name = f"{prefix}{key}"
-        origin[name] = source
-        if (
-            name not in WHOLE
-            and isinstance(value, dict)
-            and isinstance(below.get(key), dict)
-        ):
-            _merge(below[key], value, origin, source, f"{name}.")
-        else:
-            below[key] = copy.deepcopy(value)
-            if isinstance(value, dict):
-                _merge(below[key], value, origin, source, f"{name}.")
+) -> dict[str, Any]:
+    """Put values over a configuration, section by section, in place; return it.
+
+    The source of each dotted key is noted in `origin`. Sections in `REPLACED` are not
+    merged with those of the configuration.
+    """
+    for key, value in values.items():
+        dotted = f"{prefix}{key}"
+        origin[dotted] = source
+        if not isinstance(value, dict):
+            config[key] = copy.deepcopy(value)
+            continue
+        is_merged = dotted not in REPLACED and isinstance(config.get(key), dict)
+        if not is_merged:
+            config[key] = copy.deepcopy(value)
+        # After a copy this only notes the source of the inner keys.
+        _merge(config[key], value, origin, source, f"{dotted}.")
+    return config
