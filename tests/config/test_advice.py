@@ -88,7 +88,7 @@ def test_grains_of_the_cones_volume_fill_it_and_a_height_alone_asks_for_a_slope(
     sentence, fits = advice.filling(config, GRAIN_M3)
     assert not fits
     assert sentence.startswith("WARNING: 50 grains hold")
-    assert sentence.endswith("; poured grains take 15 to 45 deg")
+    assert sentence.endswith("; slopes of poured grains are 15 to 45 deg")
 
 
 def test_sentences_tell_what_a_softer_grain_brings(config):
@@ -109,7 +109,7 @@ def test_sentences_tell_what_a_softer_grain_brings(config):
     assert stiffness.startswith(
         f"stiffness: the pile sinks by {sinking:.2g} % of its Height"
     )
-    assert stiffness.endswith("a run takes 0.5 of the time")
+    assert stiffness.endswith("a run takes 50 % of the time")
     assert volume.startswith("volume: ")
     assert grains.startswith("grains: the pile is 7.5 grains high.")
     assert f"of the time of {advice.needed_grains(config, GRAIN_M3)};" in smaller

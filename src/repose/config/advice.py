@@ -1,4 +1,7 @@
-"""Hints on the scene of the funnel before a study pours: stiffness, volume and number of its grains."""
+"""Hints on the scene of the funnel, before a study pours.
+
+They are about the stiffness, the volume and the number of its grains.
+"""
 
 import math
 from collections.abc import Callable, Iterator
@@ -11,12 +14,43 @@ from repose.common.keys import Config
 from repose.config.computed import Grain, diameter_mm
 from repose.grain.particle import Particle
 
-# A softer grain shortens the pile; this share of the Height is far below the scatter of piles.
+# Share of its Height by which a pile of soft grains may sink: far below the scatter of
+# piles.
 LARGEST_SINKING = 0.005
-# Slopes that poured grains take; a cone that needs another one has too few grains, or too many.
+# Slopes of poured grains. A cone with another slope has too few grains, or too many.
 SLOPES_DEG = (15.0, 45.0)
-# A volume within this factor of the cone's fills it: real piles have a rounded top and a tail at the foot.
+# The volume of a pile may differ from its cone's by this factor: real piles have a
+# rounded top and a tail at the foot.
 VOLUME_FACTOR = 1.5
+
+
+class PileTargets(NamedTuple):
+    """The targets that describe the shape of a pile; each is None if it is no target."""
+
+    height_mm: float | None
+    angle_deg: float | None
+
+
+class Softening(NamedTuple):
+    """The effect of the stiffness of the grains on a pile.
+
+    Attributes
+    ----------
+    sinking : float
+        Share of its Height by which the pile sinks under its own weight.
+    softest_pa : float
+        Shear modulus with which it sinks by `LARGEST_SINKING`.
+    """
+
+    sinking: float
+    softest_pa: float
+
+
+class Filling(NamedTuple):
+    """A sentence on the volume of the grains, and whether it fits the targets."""
+
+    sentence: str
+    fits: bool
 
 
 def of_funnel(
@@ -25,55 +59,92 @@ def of_funnel(
     particle: Particle,
     longest_s: Callable[[Grain], float],
 ) -> Iterator[str]:
-    """Yield hints on stiffness, volume and number of the grains before they are poured.
+    """Yield hints on rolling law, stiffness, volume, funnel and number of grains.
 
-    `longest_s(grain)` is the longest time step [s] for such grains.
+    Parameters
+    ----------
+    config : mapping
+        The configuration.
+    grain : mapping
+        The mean grain, as in berry.json.
+    particle : Particle
+        Its body.
+    longest_s : callable
+        Returns the longest time step [s] for such a grain.
+
+    Yields
+    ------
+    str
+        A line of text.
     """
-    if (law := SceneSettings(config).simulation.rolling_law) in CREEPING_LAWS:
-        yield f"rolling law: WARNING: {law} lets grains creep where a torque acts, so runs may end not_at_rest"
-    yield f"stiffness: {_softer(config, grain, longest_s)}"
-    sentence, fits = filling(config, particle.volume_m3)
-    yield f"volume: {sentence}"
-    height_mm, (funnel, _, _) = 1e3 * height_m(config, grain), _wanted(config)
+    law = SceneSettings(config).simulation.rolling_law
+    if law in CREEPING_LAWS:
+        yield (
+            f"rolling law: WARNING: with {law} grains creep under a torque, so runs may "
+            "end as not_at_rest"
+        )
+    yield f"stiffness: {_describe_stiffness(config, grain, longest_s)}"
+    volume = filling(config, particle.volume_m3)
+    yield f"volume: {volume.sentence}"
+
+    funnel = _funnel(config)
+    height_mm = 1e3 * height_m(config, grain)
     outlet_mm = funnel.outlet_height_mm
     if height_mm > outlet_mm:
-        yield f"funnel: WARNING: a pile of {height_mm:.3g} mm reaches the outlet at {outlet_mm:g} mm and stops the flow"
-    grains = max(
-        funnel.berries, 0 if fits else needed_grains(config, particle.volume_m3)
-    )
-    yield from scene_size.advice(config, diameter_mm(grain), height_mm, grains)
+        yield (
+            f"funnel: WARNING: a pile of {height_mm:.3g} mm reaches the outlet at "
+            f"{outlet_mm:g} mm and stops the flow"
+        )
+
+    n_grains = funnel.berries
+    if not volume.fits:
+        n_grains = max(n_grains, needed_grains(config, particle.volume_m3))
+    yield from scene_size.advice(config, diameter_mm(grain), height_mm, n_grains)
 
 
-def _softer(config: Config, grain: Grain, longest_s: Callable[[Grain], float]) -> str:
-    """Describe the allowed reduction of the shear modulus, with its effect on the pile and on the time step."""
-    step, modulus = (
-        SceneSettings(config).simulation.time_step_s,
-        grain["shear_modulus_pa"],
-    )
-    sinking, softest = softening(config, grain)
-    now = f"the pile sinks by {100 * sinking:.2g} % of its Height under its own weight"
+def _describe_stiffness(
+    config: Config, grain: Grain, longest_s: Callable[[Grain], float]
+) -> str:
+    """Describe how far a pile sinks, and what a lower shear modulus would bring."""
+    modulus = grain["shear_modulus_pa"]
+    softening_now = softening(config, grain)
+    percent = 100 * softening_now.sinking
+    sinks = f"the pile sinks by {percent:.2g} % of its Height under its own weight"
+    softest = softening_now.softest_pa
     if softest >= modulus:
-        return f"{now}; berry.shear_modulus_pa, {modulus:.3g}, should not be lower"
+        return f"{sinks}; do not lower berry.shear_modulus_pa, which is {modulus:.3g}"
+
     longest = longest_s({**grain, "shear_modulus_pa": softest})
-    softer = f"berry.shear_modulus_pa {softest:.3g} instead of {modulus:.3g} it sinks by {100 * LARGEST_SINKING:.2g} %"
-    saved = f"simulation.time_step_s may be {longest:.2g} s, and a run takes {step / longest:.2g} of the time"
-    return f"{now}; with {softer}, {saved}"
-
-
-class Softening(NamedTuple):
-    """Effect of the stiffness of the grains."""
-
-    sinking: float  # share of its Height that a pile loses under its own weight
-    softest_pa: float  # shear modulus at which it loses `LARGEST_SINKING`
+    step = SceneSettings(config).simulation.time_step_s
+    return (
+        f"{sinks}. With a berry.shear_modulus_pa of {softest:.3g} instead of "
+        f"{modulus:.3g} it sinks by {100 * LARGEST_SINKING:.2g} %; then "
+        f"simulation.time_step_s may be {longest:.2g} s, and a run takes "
+        f"{100 * step / longest:.2g} % of the time"
+    )
 
 
 def softening(config: Config, grain: Grain) -> Softening:
-    """Compute how far a pile sinks under its own weight, and the softest grain whose pile hardly sinks.
+    """Compute how far a pile sinks under its own weight, and how soft grains may be.
 
-    A grain of diameter d at depth z carries the weight above its own area, F = p rho g z d^2, with p the packing.
-    By Hertz two such grains approach each other by (3 F / (4 E* sqrt(d/4)))^(2/3). The mean of this over the depth
-    is 3/5 of that at the bottom. Over d it is the share of the Height that is lost, and goes as the modulus to
-    -2/3.
+    Parameters
+    ----------
+    config : mapping
+        The configuration.
+    grain : mapping
+        The mean grain, as in berry.json.
+
+    Returns
+    -------
+    Softening
+
+    Notes
+    -----
+    A grain of diameter d at depth z carries the weight above its own area,
+    F = p rho g z d^2, where p is the packing. By Hertz's law two such grains approach
+    each other by (3 F / (4 E* sqrt(d/4)))^(2/3). The mean over the depth is 3/5 of the
+    approach at the bottom. Divided by d it is the share of the Height that is lost. This
+    share goes with the modulus to the power of -2/3.
     """
     diameter_m = 1e-3 * diameter_mm(grain)
     gravity = SceneSettings(config).simulation.gravity_m_s2
@@ -83,94 +154,132 @@ def softening(config: Config, grain: Grain) -> Softening:
         3 * pressure * diameter_m**2 / (4 * young * math.sqrt(diameter_m / 4))
     ) ** (2 / 3)
     sinking = 0.6 * approach / diameter_m
-    return Softening(
-        sinking, grain["shear_modulus_pa"] * (sinking / LARGEST_SINKING) ** 1.5
-    )
+    softest_pa = grain["shear_modulus_pa"] * (sinking / LARGEST_SINKING) ** 1.5
+    return Softening(sinking, softest_pa)
 
 
 def height_m(config: Config, grain: Grain) -> float:
-    """Return the expected pile height: the target, else from the angle, else half the outlet's height."""
-    funnel, height_mm, angle_deg = _wanted(config)
-    if height_mm is not None:
-        return 1e-3 * height_mm
-    if angle_deg is not None:
+    """Return the expected Height of the pile [m].
+
+    It is the target, or else follows from the target of the angle. Without both it is
+    half of the outlet's height.
+    """
+    funnel = _funnel(config)
+    targets = _pile_targets(config)
+    if targets.height_mm is not None:
+        return 1e-3 * targets.height_mm
+    if targets.angle_deg is not None:
         grain_m3 = math.pi / 6 * (1e-3 * diameter_mm(grain)) ** 3
-        return _cone_height_m(funnel.berries * grain_m3 / PACKING, angle_deg)
+        volume_m3 = funnel.berries * grain_m3 / PACKING
+        return _cone_height_m(volume_m3, targets.angle_deg)
     return 0.5e-3 * funnel.outlet_height_mm
 
 
-def _cone_height_m(volume_m3: float, angle_deg: float) -> float:
-    """Return the height of a cone with a volume and a slope."""
-    return (3 * volume_m3 * math.tan(math.radians(angle_deg)) ** 2 / math.pi) ** (1 / 3)
+def filling(config: Config, grain_m3: float) -> Filling:
+    """Compare the volume of the poured grains with the pile of the targets.
 
+    Parameters
+    ----------
+    config : mapping
+        The configuration.
+    grain_m3 : float
+        Volume of a grain.
 
-def filling(config: Config, grain_m3: float) -> tuple[str, bool]:
-    """Say in a sentence whether the grains of a pour fill the pile of the targets, and return whether they do."""
-    funnel, height, angle = _wanted(config)
-    poured = funnel.berries * grain_m3 / PACKING  # with the gaps between the grains
-    holds = f"{funnel.berries} grains hold {_litres(poured)} as poured"
-    if height is None:
-        if angle is None:
-            return holds, True
-        return (
-            f"{holds}: a cone of {angle:g} deg and {1e3 * _cone_height_m(poured, angle):.3g} mm Height",
-            True,
+    Returns
+    -------
+    Filling
+    """
+    n_grains = _funnel(config).berries
+    height_mm, angle_deg = _pile_targets(config)
+    volume_m3 = n_grains * grain_m3 / PACKING
+    grains = f"{n_grains} grains hold {_litres(volume_m3)} as poured"
+
+    if height_mm is None:
+        if angle_deg is None:
+            return Filling(grains, fits=True)
+        cone_mm = 1e3 * _cone_height_m(volume_m3, angle_deg)
+        return Filling(
+            f"{grains}: a cone of {angle_deg:g} deg and {cone_mm:.3g} mm Height",
+            fits=True,
         )
-    if angle is None:
-        slope = math.degrees(
-            math.atan(math.sqrt(math.pi * (1e-3 * height) ** 3 / (3 * poured)))
-        )
+
+    if angle_deg is None:
+        slope_deg = _cone_slope_deg(volume_m3, height_mm)
+        cone = f"a cone of {height_mm:g} mm Height with a slope of {slope_deg:.3g} deg"
         low, high = SLOPES_DEG
-        sentence = (
-            f"{holds}: a cone of {height:g} mm Height with a slope of {slope:.3g} deg"
+        if low <= slope_deg <= high:
+            return Filling(f"{grains}: {cone}", fits=True)
+        return Filling(
+            f"WARNING: {grains}: {cone}; slopes of poured grains are {low:g} to "
+            f"{high:g} deg",
+            fits=False,
         )
-        if low <= slope <= high:
-            return sentence, True
-        return f"WARNING: {sentence}; poured grains take {low:g} to {high:g} deg", False
-    cone = math.pi * (1e-3 * height) ** 3 / (3 * math.tan(math.radians(angle)) ** 2)
-    fits = (
-        1 / VOLUME_FACTOR <= poured / cone <= VOLUME_FACTOR
-    )  # `repose.bench.reach` judges the pair itself
-    return (
-        f"{holds}; the cone of {angle:g} deg and {height:g} mm Height holds {_litres(cone)}",
-        fits,
+
+    # Whether angle and Height fit each other is a matter of `repose.bench.reach`.
+    cone_m3 = _cone_volume_m3(height_mm, angle_deg)
+    return Filling(
+        f"{grains}; the cone of {angle_deg:g} deg and {height_mm:g} mm Height holds "
+        f"{_litres(cone_m3)}",
+        fits=1 / VOLUME_FACTOR <= volume_m3 / cone_m3 <= VOLUME_FACTOR,
     )
 
 
 def needed_grains(config: Config, grain_m3: float) -> int:
-    """Count the grains implied by the targets, clipped towards the configured count, which holds without a Height."""
-    funnel, height, angle = _wanted(config)
-    if height is None:
-        return funnel.berries
-    low, high = SLOPES_DEG if angle is None else (angle, angle)
-    fewest, most = (
-        math.ceil(
-            PACKING
-            * math.pi
-            * (1e-3 * height) ** 3
-            / (3 * math.tan(math.radians(slope)) ** 2)
-            / grain_m3
-        )
-        for slope in (high, low)
-    )
-    return min(max(funnel.berries, fewest), most)
+    """Return the number of grains nearest to the configured one that fill the pile.
+
+    Without a target of the Height it is the configured number. Without a target of the
+    angle, any slope of poured grains is allowed.
+    """
+    n_grains = _funnel(config).berries
+    height_mm, angle_deg = _pile_targets(config)
+    if height_mm is None:
+        return n_grains
+    if angle_deg is None:
+        flattest_deg, steepest_deg = SLOPES_DEG
+    else:
+        flattest_deg = steepest_deg = angle_deg
+    fewest = _grains_of_cone(height_mm, steepest_deg, grain_m3)
+    most = _grains_of_cone(height_mm, flattest_deg, grain_m3)
+    return min(max(n_grains, fewest), most)
 
 
-def _wanted(config: Config) -> tuple[FunnelSettings, float | None, float | None]:
-    """Return the section of the funnel, and the targets' Height [mm] and angle [deg], each None if it is no target."""
-    settings = SceneSettings(config)
-    values = {
-        target["response"]: target["value"] for target in settings.targets_of(NAME)
-    }
-    return (
-        settings.section(NAME, FunnelSettings),
-        values.get("height_mm"),
-        values.get("aor_deg"),
-    )
+def _cone_height_m(volume_m3: float, angle_deg: float) -> float:
+    """Compute the height of a cone from its volume and its slope [m]."""
+    return (3 * volume_m3 * math.tan(math.radians(angle_deg)) ** 2 / math.pi) ** (1 / 3)
+
+
+def _cone_slope_deg(volume_m3: float, height_mm: float) -> float:
+    """Compute the slope of a cone from its volume and its height [deg]."""
+    tangent = math.sqrt(math.pi * (1e-3 * height_mm) ** 3 / (3 * volume_m3))
+    return math.degrees(math.atan(tangent))
+
+
+def _cone_volume_m3(height_mm: float, angle_deg: float) -> float:
+    """Compute the volume of a cone from its height and its slope [m3]."""
+    tangent = math.tan(math.radians(angle_deg))
+    return math.pi * (1e-3 * height_mm) ** 3 / (3 * tangent**2)
+
+
+def _grains_of_cone(height_mm: float, angle_deg: float, grain_m3: float) -> int:
+    """Count the grains that fill a cone, with the gaps between them."""
+    return math.ceil(PACKING * _cone_volume_m3(height_mm, angle_deg) / grain_m3)
+
+
+def _funnel(config: Config) -> FunnelSettings:
+    """Return the section of the funnel."""
+    return SceneSettings(config).section(NAME, FunnelSettings)
+
+
+def _pile_targets(config: Config) -> PileTargets:
+    """Return the targets for the pile below the funnel."""
+    values = {}
+    for target in SceneSettings(config).targets_of(NAME):
+        values[target["response"]] = target["value"]
+    return PileTargets(values.get("height_mm"), values.get("aor_deg"))
 
 
 def _litres(volume_m3: float) -> str:
-    """Write a volume as text."""
-    return (
-        f"{1e3 * volume_m3:.3g} l" if volume_m3 >= 1e-3 else f"{1e6 * volume_m3:.3g} ml"
-    )
+    """Write a volume in litres, or a small one in millilitres."""
+    if volume_m3 >= 1e-3:
+        return f"{1e3 * volume_m3:.3g} l"
+    return f"{1e6 * volume_m3:.3g} ml"

@@ -1,13 +1,14 @@
-"""What `repose check` and `repose plan` say of a study before its first pour."""
+"""The lines that `repose check`, `repose plan` and `repose run --list` print."""
 
 import contextlib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from repose.bench import bench, reach, scene_size
+from repose.bench import BenchTest, bench, reach, scene_size
 from repose.calibrate.runs import describe
 from repose.calibrate.strategies import cost as strategies
 from repose.common.errors import InputError
@@ -23,180 +24,304 @@ if TYPE_CHECKING:
 LARGEST_VOLUME_CHANGE = 0.05
 FEWEST_PILES = 3  # a standard deviation of fewer is a guess
 LONGEST_TRIAL_S = 60.0  # of a trial run, as estimated
-# Restitution and friction of the trial runs, as shares of the ranges.
+# Restitution and friction of the trial runs, as shares of their ranges.
 TRIALS = {
     "most bounce, least friction": (1.0, 0.0),
     "centre of the ranges": (0.5, 0.5),
     "least bounce, most friction": (0.0, 1.0),
 }
-FAR = 1.5  # a time step that could be longer by this factor is worth a hint
+# A time step that could be longer by this factor is worth a hint.
+MUCH_LONGER = 1.5
+
+Waiting = Callable[[str], AbstractContextManager[None]]
 
 
 def smaller_scene(files: Iterable[str], grains: int) -> Iterator[str]:
-    """Propose a smaller scene for more grains than a study may have, if nothing else is wrong with it."""
+    """Propose a smaller scene for a configuration with too many grains.
+
+    Nothing is proposed if the configuration has other faults.
+
+    Parameters
+    ----------
+    files : iterable of str
+        The configuration.
+    grains : int
+        Its number of grains.
+
+    Yields
+    ------
+    str
+        A line of text.
+    """
     if grains <= MOST_BERRIES:
         return
-    most = {"berries": MOST_BERRIES, **dict.fromkeys(scene_size.COMPUTED, "auto")}
+    largest_funnel: dict[str, Any] = {"berries": MOST_BERRIES}
+    for name in scene_size.COMPUTED:
+        largest_funnel[name] = "auto"
+    overrides = {"funnel": largest_funnel}
     with contextlib.suppress(InputError):
-        study = PipelineConfig.load(*files, overrides={"funnel": most}, inputs=True)
+        study = PipelineConfig.load(*files, overrides=overrides, inputs=True)
         height_mm = 1e3 * advice.height_m(study.config, study.grain)
-        yield from scene_size.advice(
-            study.config, computed.diameter_mm(study.grain), height_mm, grains
-        )
+        diameter_mm = computed.diameter_mm(study.grain)
+        yield from scene_size.advice(study.config, diameter_mm, height_mm, grains)
 
 
 def about(study: PipelineConfig) -> Iterator[str]:
-    """Say whether piles can have the targets, then time step and particle, and hints of the bench tests."""
-    config, grain, particle = study.config, study.grain, study.particle
+    """Yield lines on targets, time step, scene and grain of a study.
+
+    The targets come first: whether a pile can have them.
+    """
+    config = study.config
+    grain = study.grain
+    particle = study.particle
     yield from reach.said(config, particle, dependencies.own_dataset(config))
 
-    def longest(grain: Mapping[str, Any]) -> "Limit":
-        return computed.longest_step(config, particle, grain)
+    limit = computed.longest_step(config, particle, grain)
+    yield about_step(study.settings.simulation.time_step_s, limit)
 
-    yield about_step(study.settings.simulation.time_step_s, longest(grain))
-    yield from advice.of_funnel(
-        config, grain, particle, lambda other: longest(other).time_step_s
-    )
+    def longest_s(other_grain: Mapping[str, Any]) -> float:
+        return computed.longest_step(config, particle, other_grain).time_step_s
+
+    yield from advice.of_funnel(config, grain, particle, longest_s)
+    yield from _about_grain(study)
+
+
+def _about_grain(study: PipelineConfig) -> Iterator[str]:
+    """Warn of a coarse particle, and of settings of the grain that are not used."""
+    particle = study.particle
     section = study.settings.berry
     if particle.mesh_volume_m3:
         change = particle.volume_m3 / particle.mesh_volume_m3 - 1
         if abs(change) > LARGEST_VOLUME_CHANGE:
-            nearer = "another berry.particle or berry.surface, or more berry.spheres, comes nearer"
-            off = f"the volume of the {section.particle} is {100 * change:+.0f} % off the mesh's"
-            yield f"particle: WARNING: {off}; {nearer}"
+            yield (
+                f"particle: WARNING: the volume of the {section.particle} differs by "
+                f"{100 * change:+.0f} % from that of the mesh; try another "
+                "berry.particle or berry.surface, or more berry.spheres"
+            )
     if section.stl is not None and section.mass_g is not None:
         mass_g = 1e3 * particle.mass_kg
-        yield f"mass: WARNING: berry.stl gives the mass, {mass_g:.3g} g; berry.mass_g is not used"
-    if section.compression is not None and None not in (
-        section.shear_modulus_pa,
-        section.poisson_ratio,
-    ):
-        yield "moduli: WARNING: berry.shear_modulus_pa and berry.poisson_ratio are given; berry.compression is not used"
+        yield (
+            f"mass: WARNING: the mass of berry.stl is used, {mass_g:.3g} g; "
+            "berry.mass_g is not used"
+        )
+    has_moduli = (
+        section.shear_modulus_pa is not None and section.poisson_ratio is not None
+    )
+    if section.compression is not None and has_moduli:
+        yield (
+            "moduli: WARNING: berry.shear_modulus_pa and berry.poisson_ratio are used; "
+            "berry.compression is not used"
+        )
 
 
 def about_step(step_s: float, limit: "Limit") -> str:
-    """Describe the longest time step, with the time saved if it is longer than `step_s`."""
-    advised = computed.advised_step_s(limit.time_step_s)
-    saved = (
-        f"; with {advised:g} a run takes {step_s / advised:.2g} of the time"
-        if advised > FAR * step_s
-        else ""
+    """Describe a time step and its maximum, with the time that a longer one saves."""
+    maximum = computed.rounded_down(limit.time_step_s, digits=3)
+    text = (
+        f"time step: simulation.time_step_s is {step_s:g} s; "
+        f"maximum {maximum:.3g} s: {limit.reason}"
     )
-    return f"time step: simulation.time_step_s is {step_s:g} s, {limit.allowed}{saved}"
+    advised = computed.advised_step_s(limit.time_step_s)
+    if advised > MUCH_LONGER * step_s:
+        percent = 100 * step_s / advised
+        text += f"; with {advised:g} s a run takes {percent:.2g} % of the time"
+    return text
 
 
 def of_targets(study: PipelineConfig) -> Iterator[str]:
     """Warn of measurements whose scatter is unknown."""
     for target in study.settings.targets:
-        name, piles = target.response, target.repetitions
-        if piles < FEWEST_PILES:
-            few = f"fewer than {FEWEST_PILES} hardly show the scatter, on which all intervals depend"
-            yield f"{name}: WARNING: repetitions is {piles}; {few}: measure more piles"
+        if target.repetitions < FEWEST_PILES:
+            yield (
+                f"{target.response}: WARNING: repetitions is {target.repetitions}; "
+                f"measure at least {FEWEST_PILES} piles, since all intervals depend on "
+                "their scatter"
+            )
         if target.sd == 0:
-            narrow = "the intervals are too narrow: give the standard deviation of the measured piles"
-            yield f"{name}: WARNING: sd is 0, as if every pile were the same; {narrow}"
+            yield (
+                f"{target.response}: WARNING: sd is 0, so the intervals are too narrow; "
+                "give the standard deviation of the measured piles"
+            )
 
 
 def trials(
-    study: PipelineConfig,
-    grain_step_s: float,
-    waiting: Callable[[str], AbstractContextManager[None]],
+    study: PipelineConfig, grain_step_s: float, waiting: Waiting
 ) -> Iterator[str]:
-    """Run each bench test of the targets in three places of the ranges; name the targets beyond all of the runs."""
-    config, space = study.config, study.parameters
-    bounces = np.array([name.startswith("e_") for name in space.free])
-    unit = np.array(
-        [np.where(bounces, bounce, friction) for bounce, friction in TRIALS.values()]
-    )
-    sets = [
-        dict(zip(space.names, values, strict=True))
-        for values in space.values(unit).tolist()
-    ]
+    """Run each bench test of the targets at three points of the ranges.
+
+    A warning names each target outside the results.
+
+    Parameters
+    ----------
+    study : PipelineConfig
+        The study.
+    grain_step_s : float
+        Time for one step of one grain [s]; a long run is left out.
+    waiting : callable
+        Makes a context that shows a sentence during the runs.
+
+    Yields
+    ------
+    str
+        A line of text.
+    """
+    sets = _trial_sets(study)
     for test in map(bench, study.targets.apparatus):
-        expected_s = cost.run_s(config, test.name, grain_step_s)
+        expected_s = cost.run_s(study.config, test.name, grain_step_s)
         if expected_s > LONGEST_TRIAL_S:
             yield f"{test.name}: no trial runs, as one takes about {expected_s:.0f} s"
             continue
         with waiting(f"three trial runs of {test.name}, about {3 * expected_s:.0f} s"):
-            found = [run_once(test, study.scene(values, 1))[0] for values in sets]
-        for place, run in zip(TRIALS, found, strict=True):
-            yield f"{test.name}: {place}: {describe(run, test.summary).removeprefix('seed 1: ')}"
-        good = [run for run in found if run["status"] == "ok"]
-        if not good:
-            yield f"{test.name}: WARNING: no trial run can be measured: change the section {test.name}, or the ranges"
+            runs = [run_once(test, study.scene(values, 1))[0] for values in sets]
+        for point, run in zip(TRIALS, runs, strict=True):
+            result = describe(run, test.summary).removeprefix("seed 1: ")
+            yield f"{test.name}: {point}: {result}"
+        yield from _warn_of_trials(study, test, runs)
+
+
+def _trial_sets(study: PipelineConfig) -> list[dict[str, float]]:
+    """Return the parameters of the trial runs, in the order of `TRIALS`."""
+    space = study.parameters
+    is_restitution = np.array([name.startswith("e_") for name in space.free])
+    shares = np.array(
+        [
+            np.where(is_restitution, restitution, friction)
+            for restitution, friction in TRIALS.values()
+        ]
+    )
+    return [
+        dict(zip(space.names, values, strict=True))
+        for values in space.values(shares).tolist()
+    ]
+
+
+def _warn_of_trials(
+    study: PipelineConfig, test: BenchTest[Any], runs: Sequence[Mapping[str, Any]]
+) -> Iterator[str]:
+    """Warn of trial runs without a measurement, and of targets outside the runs."""
+    measured = [run for run in runs if run["status"] == "ok"]
+    if not measured:
+        yield (
+            f"{test.name}: WARNING: no trial run can be measured; change the section "
+            f"{test.name}, or the ranges"
+        )
+        return
+    responses = test.target_responses(study.config)
+    for target in study.targets:
+        if target.response not in responses:
             continue
-        own = test.target_responses(config)
-        for target in (target for target in study.targets if target.response in own):
-            low, high = (end(run[target.name] for run in good) for end in (min, max))
-            if not low <= target.value <= high:
-                outside = f"the target {target.value:g} is outside the single runs, {low:.4g} to {high:.4g}"
-                yield f"{target.name}: WARNING: {outside}: other ranges or another scene may be needed"
+        values = [run[target.name] for run in measured]
+        low = min(values)
+        high = max(values)
+        if not low <= target.value <= high:
+            yield (
+                f"{target.name}: WARNING: the target {target.value:g} is outside the "
+                f"single runs, {low:.4g} to {high:.4g}; other ranges or another scene "
+                "may be needed"
+            )
 
 
 def costs(
     study: PipelineConfig, budgets: Iterable[int], grain_step_s: float
 ) -> Iterator[str]:
-    """Tabulate the cost of each strategy, the configured one marked."""
+    """Tabulate the cost of each strategy, and mark the configured one.
+
+    Parameters
+    ----------
+    study : PipelineConfig
+        The study.
+    budgets : iterable of int
+        Numbers of runs of the sequential strategy, each with a row.
+    grain_step_s : float
+        Time for one step of one grain [s].
+
+    Yields
+    ------
+    str
+        A line of the table, or below it why a strategy is not in it.
+    """
     settings = study.settings
-    section = settings.sequential
-    misfits = {
-        name: cost.strategy_misfit(settings, name) for name in strategies.others()
-    }
-    rows: list[tuple[str, cost.Pours | None]] = []
-    if not misfits["sequential"]:
-        check, seeds = ("check", 1, section.checks), section.seeds
-        rows += [
-            ("sequential", (("batches", -(-pours // seeds), seeds), check))
-            for pours in budgets
-        ]
-    if not misfits["response_surface"]:
-        rows.append(
-            ("response_surface", cost.strategy_pours(settings, "response_surface"))
-        )
-    rows.append(("published", None))
+    misfits: dict[str, str] = {}
+    for name in strategies.others():
+        reason = cost.strategy_misfit(settings, name)
+        if reason is not None:
+            misfits[name] = reason
+
     yield f"{'strategy':>18} {'pours':>12} {'core-minutes':>13} {'disk':>8}"
-    for name, steps in rows:
-        work = cost.work(study.config, grain_step_s, steps)
-        counts = [sets * seeds for _, sets, seeds in work["pours"]]
-        # the probabilities are for the pours before the plus
-        pours = (
-            f"{counts[0]} + {counts[1]}" if name == "sequential" else f"{sum(counts)}"
-        )
-        mark = "*" if name == settings.strategy else ""
-        disk_mb = cost.disk_mb(settings, sum(counts))
-        yield f"{mark + name:>18} {pours:>12} {work['total_s'] / 60:>13.1f} {disk_mb:>5.1f} MB"
-    yield from (f"{name}: {why}" for name, why in misfits.items() if why)
-    yield "* as configured; + the check of the answer; response_surface: at most; minutes: as measured now"
+    if "sequential" not in misfits:
+        section = settings.sequential
+        for budget in budgets:
+            batches = math.ceil(budget / section.seeds)
+            pours = (
+                ("batches", batches, section.seeds),
+                ("check", 1, section.checks),
+            )
+            yield _cost_row(study, "sequential", pours, grain_step_s)
+    if "response_surface" not in misfits:
+        most_pours = cost.strategy_pours(settings, "response_surface")
+        yield _cost_row(study, "response_surface", most_pours, grain_step_s)
+    yield _cost_row(study, "published", None, grain_step_s)
 
-
-def catalogue(files: list[str]) -> str:
-    """List the studies, each with a sentence and its cost in the configurations, over the default."""
-    config, _ = loader.read_layers(files)  # an unreadable file is reported
-    try:
-        study = PipelineConfig.load(*files)
-        config, of_each = study.config, cost.costs(study.config)
-        of_each |= {name: _cost_of(study, name) for name in strategies.others()}
-    except InputError:
-        unknown = f"cost: once {', '.join(files) or 'config.yaml'} is complete; `repose check` lists the missing keys"
-        of_each = dict.fromkeys(cost.SENTENCES, unknown)
-    lines = [
-        f"  {target:24} {cost.SENTENCES[target]}\n{'':27}{of_each[target]}"
-        for target in cost.SENTENCES
-    ]
-    return "\n".join(
-        [
-            f"repose run TARGET; without one, all of calibration. Studies of {config.get('label')}:",
-            *lines,
-        ]
+    for name, reason in misfits.items():
+        yield f"{name}: {reason}"
+    yield (
+        "* as configured; + the check of the answer; response_surface: at most; "
+        "minutes: as measured now"
     )
 
 
-def _cost_of(study: PipelineConfig, strategy: str) -> str:
-    """Say what a strategy costs, or why the configuration cannot take it."""
-    why = cost.strategy_misfit(study.settings, strategy)
-    if why:
-        return why
+def _cost_row(
+    study: PipelineConfig, name: str, pours: cost.Pours | None, grain_step_s: float
+) -> str:
+    """Write the row of a strategy in the table of costs."""
+    work = cost.work(study.config, grain_step_s, pours)
+    counts = [sets * seeds for _, sets, seeds in work["pours"]]
+    n_pours = str(sum(counts))
+    if name == "sequential":
+        # The probabilities of success are for the pours before the check.
+        n_pours = f"{counts[0]} + {counts[1]}"
+    marked_name = f"*{name}" if name == study.settings.strategy else name
+    minutes = work["total_s"] / 60
+    disk_mb = cost.disk_mb(study.settings, sum(counts))
+    return f"{marked_name:>18} {n_pours:>12} {minutes:>13.1f} {disk_mb:>5.1f} MB"
+
+
+def catalogue(files: list[str]) -> str:
+    """List the studies that a configuration can run, each with its cost.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read. An incomplete configuration is listed without costs.
+    """
+    config, _ = loader.read_layers(files)
+    try:
+        study = PipelineConfig.load(*files)
+        config = study.config
+        descriptions = cost.costs(config)
+        for name in strategies.others():
+            descriptions[name] = _describe_strategy_cost(study, name)
+    except InputError:
+        listed = ", ".join(files) or "config.yaml"
+        unknown = (
+            f"cost: once {listed} is complete; `repose check` lists the missing keys"
+        )
+        descriptions = dict.fromkeys(cost.SENTENCES, unknown)
+
+    label = config.get("label")
+    lines = [f"repose run TARGET; without one, all of calibration. Studies of {label}:"]
+    for target, sentence in cost.SENTENCES.items():
+        lines.append(f"  {target:24} {sentence}")
+        lines.append(f"{'':27}{descriptions[target]}")
+    return "\n".join(lines)
+
+
+def _describe_strategy_cost(study: PipelineConfig, strategy: str) -> str:
+    """Describe the cost of a strategy, or why the configuration does not fit it."""
+    misfit = cost.strategy_misfit(study.settings, strategy)
+    if misfit:
+        return misfit
     pours = cost.strategy_pours(study.settings, strategy)
     minutes = cost.work(study.config, pours=pours)["total_s"] / 60
-    number = sum(sets * seeds for _, sets, seeds in pours or ())
-    return f"at most {number} pours, about {minutes:.0f} min on one core, by itself"
+    n_pours = sum(sets * seeds for _, sets, seeds in pours or ())
+    return f"at most {n_pours} pours, about {minutes:.0f} min on one core, by itself"
