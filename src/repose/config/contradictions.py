@@ -1,6 +1,7 @@
 """Rules between sections: each reports values that contradict each other.
 
-Rules between the keys of one section are in its model (`repose.common.section.Section.contradictions`).
+Rules between the keys of one section are in its model
+(`repose.common.section.Section.contradictions`).
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -13,15 +14,22 @@ from repose.bench.parameters import FURTHER, LABELS, PARAMETERS, named, of_law
 from repose.bench.settings import SceneSettings
 from repose.config.models import StudySettings, valid_sections
 
+# Dotted keys, each with its allowed values.
 Pairs = Iterator[tuple[str, str]]
 
 
 class Rule(NamedTuple):
-    """A rule between sections."""
+    """A rule between sections.
 
-    # Sections, and keys outside sections; the rule is applied if none has a fault.
+    Attributes
+    ----------
+    reads : tuple of str
+        Sections, and keys outside sections; the rule is applied if none has a fault.
+    faults : callable
+        Yields the dotted key and the allowed values of each fault.
+    """
+
     reads: tuple[str, ...]
-    # Yields (dotted key, allowed values).
     faults: Callable[[], Pairs]
 
 
@@ -44,10 +52,10 @@ def rules(config: Mapping[str, Any]) -> list[Rule]:
     used = used_tests(config)
     scene = SceneSettings(config)
     settings = valid_sections(config)
-    rules = [
-        Rule((test.name, "simulation"), partial(test.contradictions, scene))
-        for test in used
-    ]
+    rules = []
+    for test in used:
+        check_test = partial(test.contradictions, scene)
+        rules.append(Rule((test.name, "simulation"), check_test))
     rules += [
         Rule(
             ("surrogate", "parameters", "network", "design"),
@@ -95,14 +103,14 @@ def _of_the_surrogate(settings: StudySettings) -> Pairs:
     needed = kind_of(settings.surrogate).least_samples(settings.free)
     if training >= needed:
         return
-    fitting = [
+    suitable = [
         name
         for name in names()
         if kind_of(name).least_samples(settings.free) <= training
     ]
     yield (
         "surrogate",
-        f"{' or '.join(fitting)} where design.samples times the first of network.split "
+        f"{' or '.join(suitable)} where design.samples times the first of network.split "
         f"is below {needed}",
     )
 
@@ -120,7 +128,7 @@ def _of_the_validation(settings: StudySettings) -> Pairs:
 
 def _samples(settings: StudySettings, part: int) -> int:
     """Count the samples of the design for training (part 0) or validation (part 1)."""
-    # 0.7 * 90 is 62.99999999999999
+    # The floating-point product may lie just below an integer: 0.7 * 90 is 62.99999.
     return int(settings.network.split[part] * settings.design.samples + 1e-9)
 
 
@@ -139,18 +147,20 @@ def _of_the_contact_law(settings: StudySettings) -> Pairs:
             "simulation.contact_law",
             f"{contact_law} with {' and '.join(missing)}, each a range or a fixed value",
         )
+    # The parameters of contact laws follow the six that every study has.
     for name in named(parameters)[len(PARAMETERS) :]:
         further = FURTHER[name]
-        if {contact_law, rolling_law} & set(further.laws):
+        if contact_law in further.laws or rolling_law in further.laws:
             continue
-        key, law = "rolling_law", rolling_law
         if further.needed:
-            key, law = "contact_law", contact_law
-        yield (
-            f"parameters.{name}",
-            f"absent: it belongs to simulation.{key} {' or '.join(further.laws)}, not "
-            f"{law}",
-        )
+            configured = (
+                f"simulation.contact_law {' or '.join(further.laws)}, not {contact_law}"
+            )
+        else:
+            configured = (
+                f"simulation.rolling_law {' or '.join(further.laws)}, not {rolling_law}"
+            )
+        yield f"parameters.{name}", f"absent: it belongs to {configured}"
 
 
 def _of_seeds(settings: StudySettings) -> Pairs:
@@ -168,13 +178,13 @@ def _of_seeds(settings: StudySettings) -> Pairs:
 
 def _of_targets(settings: StudySettings, config: Mapping[str, Any]) -> Pairs:
     """Refuse targets of a bench test without a section, and a response given twice."""
-    known = set()
+    earlier_responses = set()
     for k, target in enumerate(settings.targets):
         if target.apparatus not in config:
             yield (
                 f"targets.{k}.apparatus",
                 "a bench test that has a section of its name in the configuration",
             )
-        if target.response in known:
+        if target.response in earlier_responses:
             yield f"targets.{k}.response", "each response once"
-        known.add(target.response)
+        earlier_responses.add(target.response)

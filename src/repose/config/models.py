@@ -54,9 +54,10 @@ Label = Annotated[
 FOLDER = (
     "a folder; letters, digits and . _ / -, without .., and no part begins with . or -"
 )
-PART = r"[A-Za-z0-9_][A-Za-z0-9_.-]*"
+PATH_PART = r"[A-Za-z0-9_][A-Za-z0-9_.-]*"
+FOLDER_PATTERN = rf"^/?{PATH_PART}(/{PATH_PART})*/?$"
 _Folder = Annotated[
-    str, Field(max_length=1000, pattern=rf"^/?{PART}(/{PART})*/?$", description=FOLDER)
+    str, Field(max_length=1000, pattern=FOLDER_PATTERN, description=FOLDER)
 ]
 ResultsFolder = Annotated[_Folder, AfterValidator(results_folder.apart)]
 Colour = Annotated[
@@ -66,7 +67,7 @@ Colour = Annotated[
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 
 
-# --- the parameters -------------------------------------------------------------------
+# --- the contact parameters -----------------------------------------------------------
 
 
 class ParametersSettings(Section):
@@ -90,12 +91,13 @@ def _parameters() -> type[ParametersSettings]:
     for name in PARAMETERS:
         fields[name] = (parameter(*ALLOWED[name]), ...)
     for name, further in FURTHER.items():
-        high = min(further.constant.most, 1.0e9)
-        fields[name] = (parameter(further.constant.least, high), ABSENT)
+        limits = further.constant
+        highest = min(limits.most, 1.0e9)
+        fields[name] = (parameter(limits.least, highest), ABSENT)
     return create_model("Parameters", __base__=ParametersSettings, **fields)
 
 
-# --- the chain ------------------------------------------------------------------------
+# --- the targets ----------------------------------------------------------------------
 
 
 class TargetSettings(Section):
@@ -104,58 +106,77 @@ class TargetSettings(Section):
     response: str = Field(min_length=1, max_length=60)
     apparatus: str = Field(min_length=1, max_length=60)
     value: Number
-    aim: Number = ABSENT  # a target without this key aims at its value
+    # A target without an aim aims at its value.
+    aim: Number = ABSENT
     sd: float = Field(ge=0, le=LARGEST)
     repetitions: int = Field(ge=1, le=10000)
     range: Annotated[tuple[Number, Number], Field(strict=False), RISING] = Field(
         description="a pair [low, high] of numbers with low < high"
     )
     weight: float = Field(default=1.0, gt=0, le=1.0e6)
-    profile: OfProfile = (
-        ABSENT  # it is a score of this; `repose.calibrate.profile_targets` writes it
-    )
+    # The profile of which the response is a score; written by
+    # `repose.calibrate.profile_targets`.
+    profile: OfProfile = ABSENT
 
     def contradictions(self) -> Contradictions:
         """Refuse a response of no bench test, and values outside the allowed range."""
         known = [response.name for response in responses_of(self.apparatus)]
-        found = named(self.response)
         if not known:
             yield "apparatus", f"one of {', '.join(names())}"
-        elif found is None or found.apparatus != self.apparatus:
+            return
+        response = named(self.response)
+        if response is None or response.apparatus != self.apparatus:
             yield (
                 "response",
                 f"one of {', '.join(known)}, the responses of {self.apparatus}",
             )
-        elif found.profile and self.profile is None:
+            return
+        if response.profile and self.profile is None:
             yield (
                 "response",
-                f"a number, or {found.profile} with the file of its measured heights",
+                f"a number, or {response.profile} with the file of its measured heights",
             )
-        else:
-            yield from self._outside(found)
+            return
+        yield from self._outside(response)
 
     def _outside(self, limits: Response) -> Contradictions:
-        """Refuse values outside the limits of the response, or outside the target's own range."""
+        """Refuse values outside the limits of the response or the target's own range.
+
+        Only the first of these faults is reported, as the others follow from it.
+        """
         low, high = self.range
         within = f"from {limits.low:g} to {limits.high:g}"
         if not limits.low <= self.value <= limits.high:
             yield "value", within
             return
         if low < limits.low or high > limits.high:
-            written = (low, high) != range_about(self.value, self.sd, self.repetitions)
-            if not written and self.sd / math.sqrt(
-                self.repetitions
-            ) > LEAST_RANGE * abs(self.value):
+            if self._is_range_of_the_scatter():
                 yield (
                     "sd",
-                    f"so small that the mean with its standard error, {low:g} to {high:g}, lies {within}",
+                    "so small that the mean with its standard error, "
+                    f"{low:g} to {high:g}, lies {within}",
                 )
             else:
                 yield "range", f"a pair [low, high] {within}"
             return
-        aimed = "value" if self.aim is None else "aim"
-        if not low <= getattr(self, aimed) <= high:
-            yield aimed, f"inside its range, {low:g} to {high:g}"
+        aimed_key, aimed_value = "aim", self.aim
+        if aimed_value is None:
+            aimed_key, aimed_value = "value", self.value
+        if not low <= aimed_value <= high:
+            yield aimed_key, f"inside its range, {low:g} to {high:g}"
+
+    def _is_range_of_the_scatter(self) -> bool:
+        """Return whether the range follows from the standard error of the mean.
+
+        Otherwise the user gave it, or it is the least range around the value.
+        """
+        if self.range != range_about(self.value, self.sd, self.repetitions):
+            return False
+        standard_error = self.sd / math.sqrt(self.repetitions)
+        return standard_error > LEAST_RANGE * abs(self.value)
+
+
+# --- other sections -------------------------------------------------------------------
 
 
 class FiguresSettings(Section):
@@ -170,15 +191,13 @@ class FiguresSettings(Section):
     dpi: int = Field(default=180, ge=72, le=600)
 
     def contradictions(self) -> Contradictions:
-        """Refuse formats that lack the report's, or hold one of them twice."""
+        """Refuse a list without the report's format, or with a format twice."""
         if "png" not in self.format or len(set(self.format)) < len(self.format):
-            yield (
-                "format",
-                "a list with png, which the report shows, and no format twice",
-            )
+            allowed = "a list with png, which the report shows, and no format twice"
+            yield "format", allowed
 
 
-# --- the whole ------------------------------------------------------------------------
+# --- the whole configuration ----------------------------------------------------------
 
 
 class StudySettings(Section):
@@ -315,7 +334,7 @@ def valid_sections(config: Mapping[str, Any]) -> StudySettings:
 
 @cache
 def _adapter(model: type[StudySettings], name: str) -> TypeAdapter[Any]:
-    """Return what makes the value of a top-level key typed."""
+    """Return the validator of a top-level key."""
     field = model.model_fields[name]
     annotation: Any = field.annotation
     # Pydantic takes the constraints of a field apart from its annotation.

@@ -1,13 +1,14 @@
-"""The folder of a study's results: allowed values of `results_dir`.
+"""The folder of a study's results: which folders are allowed for it.
 
-Snakemake removes outputs before it makes them anew, and knows only their names. So a study starts only in a folder that
-is new or a study's already, and where no foreign file has the name of a result.
+Snakemake removes the outputs of a rule before it makes them anew, and knows only their
+names. So a study starts only in a folder that is new or a study's already, and where no
+file of somebody else has the name of a result.
 """
 
 import itertools
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from repose import bench as apparatus
@@ -18,120 +19,189 @@ from repose.common.errors import InputError, raise_together
 from repose.common.ledger import LEDGER
 from repose.common.section import Contradictions, refuse
 
-# Folders of the project that results must never be written into.
+# Folders of the project that results must not be written into.
 PROJECT_FOLDERS = (
-    *(
-        "src",
-        "config",
-        "resources",
-        "workflow",
-        "profiles",
-        "tests",
-        "docs",
-        "examples",
-        "benchmarks",
-    ),
-    *("research", ".ci", "results/published"),
+    "src",
+    "config",
+    "resources",
+    "workflow",
+    "profiles",
+    "tests",
+    "docs",
+    "examples",
+    "benchmarks",
+    "research",
+    ".ci",
+    "results/published",
 )
+# Folders in the folder of results whose files every job writes anew.
+WITHOUT_RESULTS = ("benchmarks", "logs")
+# Wildcards of rules that stand for a number.
+NUMBERS = ("sample", "job", "seed", "batch")
+# A wildcard in braces, as {sample} or with its constraint {sample,\d+}.
+WILDCARD = re.compile(r"\{(\w+)(?:,(?:[^{}]|\{[^{}]*\})*)?\}")
 
 
 def run_folder(test: str) -> str:
     """Return the folder of a bench test's runs in the folder of results."""
-    return "heaps" if test == UNNAMED else f"{test}_runs"
-
-
-WITHOUT_RESULTS = ("benchmarks", "logs")  # written anew by every job
-NUMBERS = ("sample", "job", "seed", "batch")  # wildcards of rules
-WILDCARD = re.compile(
-    r"\{(\w+)(?:,(?:[^{}]|\{[^{}]*\})*)?\}"
-)  # with its constraint, where it has one
-CHANGED = (
-    *("content", "something else"),
-    "a result as repose wrote it; remove this file, which is damaged or edited, and give the same command again",
-)
-FOREIGN = (
-    *("file", "there already"),
-    "a file that repose wrote; a result of the study has this name: move yours away",
-)
+    if test == UNNAMED:
+        return "heaps"
+    return f"{test}_runs"
 
 
 def apart(results_dir: str) -> str:
-    """Return the path; refuse, as a validator, a folder of the project or around it."""
+    """Return the path, or refuse a folder of the project or around it.
+
+    This is a validator of the configuration.
+    """
     folder = Path(results_dir).resolve()
     roots = {Path.cwd(), places.root().resolve()}
-    kept = [root / own for root in roots for own in PROJECT_FOLDERS]
-    around = {*roots, Path.home()}
-    inside = any(folder.is_relative_to(own) for own in (*kept, places.PACKAGE))
-    if inside or any(path.is_relative_to(folder) for path in around):
-        refuse(
-            [
-                (
-                    "",
-                    f"a folder of its own, not around the project and outside {', '.join(PROJECT_FOLDERS)}",
-                )
-            ]
+    kept = [places.PACKAGE]
+    for root in roots:
+        kept += [root / name for name in PROJECT_FOLDERS]
+    is_inside = any(folder.is_relative_to(path) for path in kept)
+    is_around = any(path.is_relative_to(folder) for path in {*roots, Path.home()})
+    if is_inside or is_around:
+        allowed = (
+            "a folder of its own, not around the project and outside "
+            f"{', '.join(PROJECT_FOLDERS)}"
         )
+        refuse([("", allowed)])
     return results_dir
 
 
 def existing_results(results_dir: str) -> Contradictions:
-    """Yield faults of the path as it is now, as (key, allowed values)."""
+    """Yield the key, with the allowed values, if the path cannot become a folder."""
     folder = Path(results_dir)
-    if any(
-        os.path.lexists(path) and not path.is_dir()
-        for path in (folder, *folder.parents)
-    ):
-        yield "results_dir", "a folder; a file, or a link to nothing, is in its way"
+    for path in (folder, *folder.parents):
+        if os.path.lexists(path) and not path.is_dir():
+            yield "results_dir", "a folder; a file, or a link to nothing, is in its way"
+            return
 
 
 def pattern_of(outputs: Iterable[str]) -> re.Pattern[str]:
-    """Make the pattern of the paths that rules write; their wildcards stand in braces."""
-    words = dict.fromkeys(NUMBERS, r"\d+") | {
-        "runs": "|".join(map(run_folder, apparatus.names()))
-    }
-    words["strategy"] = "|".join(
-        name for name in strategies.names() if name != "published"
-    )
+    """Make the pattern of the paths that rules write.
 
-    def regex(path: str) -> str:
-        parts = re.split(WILDCARD, path)
-        parts[::2] = map(re.escape, parts[::2])
-        parts[1::2] = [f"(?:{words.get(name, '[^/]+')})" for name in parts[1::2]]
-        return "".join(parts)
+    Parameters
+    ----------
+    outputs : iterable of str
+        The outputs of rules, with wildcards in braces.
 
-    return re.compile("|".join(map(regex, dict.fromkeys(outputs))))
+    Returns
+    -------
+    re.Pattern
+    """
+    names = [name for name in strategies.names() if name != "published"]
+    wildcards = dict.fromkeys(NUMBERS, r"\d+")
+    wildcards["runs"] = "|".join(map(run_folder, apparatus.names()))
+    wildcards["strategy"] = "|".join(names)
+    patterns = [_pattern_of_path(path, wildcards) for path in dict.fromkeys(outputs)]
+    return re.compile("|".join(patterns))
+
+
+def _pattern_of_path(path: str, wildcards: dict[str, str]) -> str:
+    """Write the regular expression of an output.
+
+    `wildcards` holds expressions by name; any other wildcard stands for one name of a
+    file or folder.
+    """
+    # Texts and names of wildcards in turn.
+    parts = re.split(WILDCARD, path)
+    expression = ""
+    for k, part in enumerate(parts):
+        is_wildcard = k % 2 == 1
+        if is_wildcard:
+            expression += f"(?:{wildcards.get(part, '[^/]+')})"
+        else:
+            expression += re.escape(part)
+    return expression
 
 
 def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
-    """Raise InputError, with all faults, if a result was changed, or if a foreign file has the name of a result.
+    """Check that a study can write its results without a loss of other files.
 
-    `outputs` are the paths that rules write, with their wildcards in braces.
+    Parameters
+    ----------
+    results_dir : str
+        The folder of results.
+    outputs : iterable of str
+        The paths that rules write, with wildcards in braces.
+
+    Raises
+    ------
+    InputError
+        With all faults: a result was changed, or a file that no study wrote has the
+        name of a result, or the folder is no study's.
     """
     if not os.path.isdir(results_dir):
         return
     outputs = list(outputs)
-    below = {path.removeprefix(f"{results_dir}/").partition("/")[0] for path in outputs}
-    is_ours, is_result = (
-        pattern_of({*WITHOUT_RESULTS, *below}).fullmatch,
-        pattern_of(outputs).fullmatch,
-    )
-    names = sorted(filter(is_ours, os.listdir(results_dir)))
+    names = _names_of_results(results_dir, outputs)
     if names and not (Path(results_dir) / LEDGER).is_file():
-        allowed = f"a new folder, or the folder of a study; there is {names[0]}, which no study of repose wrote"
-        raise InputError("configuration", "results_dir", results_dir, allowed)
-    faults: dict[str, tuple[str, str, str]] = {}
-    below_each = (
-        os.walk(f"{results_dir}/{name}")
-        for name in names
-        if name not in WITHOUT_RESULTS
+        raise InputError(
+            "configuration",
+            "results_dir",
+            results_dir,
+            f"a new folder, or the folder of a study; there is {names[0]}, which no "
+            "study of repose wrote",
+        )
+    is_result = pattern_of(outputs).fullmatch
+
+    faults: dict[str, InputError] = {}
+    for folder, files in _folders_of_results(results_dir, names):
+        for changed in ledger.changed(folder):
+            if changed.name in files:
+                faults[str(changed)] = _changed_result(str(changed))
+        recorded = ledger.names(folder)
+        for name in files:
+            path = f"{folder}/{name}"
+            if name in recorded or not is_result(path):
+                continue
+            # An empty file holds nothing to lose; snakemake makes such marks.
+            if os.path.isfile(path) and os.path.getsize(path) > 0:
+                faults[path] = _foreign_file(path)
+    raise_together(faults[path] for path in sorted(faults))
+
+
+def _names_of_results(results_dir: str, outputs: Iterable[str]) -> list[str]:
+    """List what lies in the folder of results and has the name of a study's file."""
+    top_level = {
+        path.removeprefix(f"{results_dir}/").partition("/")[0] for path in outputs
+    }
+    is_name_of_study = pattern_of({*WITHOUT_RESULTS, *top_level}).fullmatch
+    return sorted(name for name in os.listdir(results_dir) if is_name_of_study(name))
+
+
+def _folders_of_results(
+    results_dir: str, names: list[str]
+) -> Iterator[tuple[str, list[str]]]:
+    """Yield each folder below the folder of results, itself first, with its files.
+
+    Only those of the given `names` are searched.
+    """
+    yield results_dir, names
+    searched = [name for name in names if name not in WITHOUT_RESULTS]
+    walks = [os.walk(f"{results_dir}/{name}") for name in searched]
+    for folder, _, files in itertools.chain.from_iterable(walks):
+        yield folder, files
+
+
+def _changed_result(path: str) -> InputError:
+    """Make the fault of a result that was changed after a study wrote it."""
+    return InputError(
+        path,
+        "content",
+        "something else",
+        "a result as repose wrote it; remove this file, which is damaged or edited, and "
+        "give the same command again",
     )
-    for folder, _, files in itertools.chain([(results_dir, [], names)], *below_each):
-        known = ledger.names(folder)
-        faults |= {
-            str(path): CHANGED for path in ledger.changed(folder) if path.name in files
-        }
-        for path in (f"{folder}/{name}" for name in files if name not in known):
-            # an empty file holds nothing to lose; snakemake makes such marks
-            if os.path.isfile(path) and os.path.getsize(path) and is_result(path):
-                faults[path] = FOREIGN
-    raise_together([InputError(path, *fault) for path, fault in sorted(faults.items())])
+
+
+def _foreign_file(path: str) -> InputError:
+    """Make the fault of a file that no study wrote, with the name of a result."""
+    return InputError(
+        path,
+        "file",
+        "there already",
+        "a file that repose wrote; a result of the study has this name: move yours away",
+    )
