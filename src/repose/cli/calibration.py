@@ -25,7 +25,7 @@ SUPPORT = Option(
         nargs="+",
         help="JSON files that the verb measure_runs or heap wrote, or their folder",
     ),
-    SAMPLES.but(help="the design"),
+    SAMPLES.with_changes(help="the design"),
     Option("--prefix", default="", help="put before the names of the tables"),
     out="results",
 )

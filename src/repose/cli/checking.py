@@ -13,7 +13,7 @@ from repose.common.errors import InputError, InputErrors
 from repose.config.pipeline import PipelineConfig
 
 TICK_S = 1.0
-FILES = CONFIG.but(
+FILES = CONFIG.with_changes(
     nargs="+",
     default=[CONFIG.keywords["default"]],
     help=f"{CONFIG.keywords['help']}, or several",

@@ -26,7 +26,7 @@ Card = Mapping[str, Any]
 
 
 @verb(
-    CONFIG.but(
+    CONFIG.with_changes(
         default=None,
         help="the study's configuration (default: config.json in the folder of the card, "
         "if it is there)",

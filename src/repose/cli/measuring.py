@@ -64,7 +64,7 @@ SIZES = "sizes.csv"  # of a crop's folder
         type=float,
         help="height of a grain, for the secant (by --config or sizes.csv)",
     ),
-    CONFIG.but(default=None, help=f"the study that the photographs are for; {LINE}"),
+    CONFIG.with_changes(default=None, help=f"the study that the photographs are for; {LINE}"),
     Option("--bench", default="funnel", help=f"bench test: {BENCHES} (funnel)"),
     Option(
         "--points",
@@ -78,7 +78,7 @@ SIZES = "sizes.csv"  # of a crop's folder
         action="store_true",
         help="doubtful photographs count in the mean and in the targets",
     ),
-    JSON.but(help="print every number as JSON"),
+    JSON.with_changes(help="print every number as JSON"),
     out="measured",
     config=False,
 )

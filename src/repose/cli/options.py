@@ -1,4 +1,4 @@
-"""Options that several verbs take."""
+"""Options that several verbs share."""
 
 from collections.abc import Iterable
 
@@ -30,20 +30,46 @@ JSON = Option("--json", action="store_true", help="print as JSON")
 
 
 def require_option(holds: object, option: str, value: object, allowed: str) -> None:
-    """Raise InputError about the command line unless something holds."""
+    """Raise an InputError about an option of the command line unless `holds` is true.
+
+    Parameters
+    ----------
+    holds : object
+        The condition.
+    option : str
+        Name of the option.
+    value : object
+        Its value.
+    allowed : str
+        The allowed values.
+    """
     require(holds, "command line", option, value, allowed)
 
 
 def pairs(entries: Iterable[str], option: str) -> dict[str, str]:
-    """Split the NAME=VALUE entries of an option; InputError for a bad entry or a name given twice."""
+    """Split the NAME=VALUE entries of an option.
+
+    Parameters
+    ----------
+    entries : iterable of str
+        The entries.
+    option : str
+        Name of the option, for a message.
+
+    Returns
+    -------
+    dict
+        Values by name.
+
+    Raises
+    ------
+    InputError
+        If an entry has another form, or a name is given twice.
+    """
     values: dict[str, str] = {}
     for entry in entries:
-        name, equals, value = entry.partition("=")
-        require_option(
-            equals and name and value and name not in values,
-            option,
-            entry,
-            "NAME=VALUE, each name once",
-        )
+        name, _, value = entry.partition("=")
+        is_new_pair = name != "" and value != "" and name not in values
+        require_option(is_new_pair, option, entry, "NAME=VALUE, each name once")
         values[name] = value
     return values

@@ -88,7 +88,7 @@ def pour(args: argparse.Namespace, study: PipelineConfig) -> None:
                 kept_runs.write_measurement(pours, measured(job["scene"], pours))
 
 
-@verb(*POUR, JSON.but(help="print the result as JSON"), out="results/try", runs="made")
+@verb(*POUR, JSON.with_changes(help="print the result as JSON"), out="results/try", runs="made")
 def heap(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Pour grains through the funnel and measure the pile: pour and measure_runs in one verb.
 
@@ -171,12 +171,12 @@ def _job(
         nargs="+",
         help="NAME.pours.json files of pour or heap, with NAME.npz in their folder; or a folder, of all --samples",
     ),
-    SAMPLES.but(help="the samples of a folder"),
+    SAMPLES.with_changes(help="the samples of a folder"),
     Option(
         "--out", help="folder for NAME.json (the folder of the pours)", recorded=False
     ),
     *BERRY_AND_PARTICLE,
-    KEEP.but(
+    KEEP.with_changes(
         help="keep each measurement with its runs, and take a kept one that is the same"
     ),
     runs="measured",
@@ -203,7 +203,7 @@ def measure_runs(args: argparse.Namespace, study: PipelineConfig) -> None:
 
 @verb(
     *SIMULATION,
-    JSON.but(help="print the measured runs as JSON"),
+    JSON.with_changes(help="print the measured runs as JSON"),
     out="results/try",
     runs="made",
 )

@@ -14,25 +14,44 @@ if TYPE_CHECKING:
     from repose.calibrate.study import Study
 
 PROGRAM = "repose"
-# Makes what a verb takes besides its options; None for a verb that takes nothing.
+# Makes the study of a verb from its options; None for a verb without a study.
 Loader: TypeAlias = "Callable[[argparse.Namespace], PipelineConfig | Study] | None"
+# Separates the summary from the example in the docstring of a verb.
+EXAMPLE = "\n\nexample: "
+HELP_COLUMNS = 78
 
 
 class Option:
-    """One option or positional argument, with the arguments of `argparse.ArgumentParser.add_argument`.
+    """One option or positional argument of a verb.
 
-    `recorded` says whether the files that it names belong to the record of a result.
+    Parameters
+    ----------
+    *names : str
+        Its names, such as ``--out``; a positional argument has one, without dashes.
+    recorded : bool, optional
+        Whether the record of a result lists the files that the option names.
+    **keywords
+        Arguments of `argparse.ArgumentParser.add_argument`.
     """
 
     def __init__(self, *names: str, recorded: bool = True, **keywords: Any) -> None:
-        self.names, self.recorded, self.keywords = names, recorded, keywords
+        self.names = names
+        self.recorded = recorded
+        self.keywords = keywords
 
     @property
     def attribute(self) -> str:
-        """Its name among the parsed options."""
-        return self.keywords.get("dest") or self.names[0].lstrip("-").replace("-", "_")
+        """The attribute of the parsed options that holds its value."""
+        if self.keywords.get("dest"):
+            return str(self.keywords["dest"])
+        return self.names[0].lstrip("-").replace("-", "_")
 
-    def but(self, **changes: Any) -> "Option":
+    @property
+    def is_positional(self) -> bool:
+        """Whether it is a positional argument."""
+        return not self.names[0].startswith("-")
+
+    def with_changes(self, **changes: Any) -> "Option":
         """Copy the option with some keywords changed."""
         return Option(*self.names, recorded=self.recorded, **(self.keywords | changes))
 
@@ -48,12 +67,19 @@ CONFIG = Option(
 
 
 class Once(argparse.Action):
-    """An option whose second value would replace the first one in silence."""
+    """An option that may be given once; a second value would silently replace it.
+
+    The names of the options on the command line are collected in ``namespace.given``.
+    """
 
     def __call__(
-        self, parser: Any, namespace: Any, values: Any, option_string: str | None = None
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option_string: str | None = None,
     ) -> None:
-        """Take the value; called by argparse."""
+        """Store the value; called by argparse."""
         given = vars(namespace).setdefault("given", set())
         if self.dest in given:
             raise argparse.ArgumentError(self, "given again; expected once")
@@ -62,54 +88,87 @@ class Once(argparse.Action):
 
 
 class Verb(NamedTuple):
-    """A step that runs by name."""
+    """A step of the program that runs by name.
 
-    run: Callable  # takes the parsed options, and its study if it has one; may return an exit status
-    options: tuple  # of `Option`
-    study: Loader  # makes the study that the step takes
-    passes_on: bool = False  # unknown words go into the list `args.rest`
-    runs: Literal["", "made", "measured"] = ""  # as in `repose.common.provenance.stage`
+    Attributes
+    ----------
+    run : callable
+        Takes the parsed options, and the study if there is one. It may return an exit
+        status.
+    options : tuple of Option
+        The options.
+    study : callable or None
+        Makes the study from the parsed options.
+    passes_on : bool
+        Whether unknown words are no error and go into the list ``args.rest``.
+    runs : str
+        Whether the results are runs, as in `repose.common.provenance.stage`.
+    """
+
+    run: Callable
+    options: tuple[Option, ...]
+    study: Loader
+    passes_on: bool = False
+    runs: Literal["", "made", "measured"] = ""
 
     @property
     def name(self) -> str:
+        """The name of the function."""
         return self.run.__name__
 
     @property
-    def words(self) -> tuple[str, str]:
-        """Summary and example, as the function's docstring has them."""
-        summary, _, example = cleandoc(self.run.__doc__ or "").partition(
-            "\n\nexample: "
-        )
-        return " ".join(summary.split()), example
+    def summary(self) -> str:
+        """The summary in the function's docstring, in one line."""
+        summary, _, _ = cleandoc(self.run.__doc__ or "").partition(EXAMPLE)
+        return " ".join(summary.split())
+
+    @property
+    def example(self) -> str:
+        """The words after the verb in the example of the function's docstring."""
+        _, _, example = cleandoc(self.run.__doc__ or "").partition(EXAMPLE)
+        return example
 
     def __call__(self, args: argparse.Namespace) -> int | None:
-        """Do the step; return its exit status, None for 0."""
-        status: int | None = (
-            self.run(args) if self.study is None else self.run(args, self.study(args))
-        )
+        """Run the verb; return its exit status, None for 0."""
+        status: int | None
+        if self.study is None:
+            status = self.run(args)
+        else:
+            status = self.run(args, self.study(args))
         return status
 
-    def add_to(self, subparsers: Any, before: str = "") -> None:
-        """Add the verb's own parser; `before` are the words of a call between the program and the verb."""
-        summary, example = self.words
+    def add_to(self, subparsers: Any, group: str = "") -> None:
+        """Add a parser for the verb.
+
+        Parameters
+        ----------
+        subparsers
+            Result of `argparse.ArgumentParser.add_subparsers`.
+        group : str, optional
+            The word before the verb in a call.
+        """
+        call = f"example: {PROGRAM} {group} {self.name} {self.example}"
         parser = subparsers.add_parser(
             self.name,
-            description=textwrap.fill(summary, 78),
-            epilog=" ".join(
-                f"example: {PROGRAM} {before} {self.name} {example}".split()
-            ),
-            formatter_class=argparse.RawDescriptionHelpFormatter,  # a wrapped example is no command
+            description=textwrap.fill(self.summary, HELP_COLUMNS),
+            epilog=" ".join(call.split()),
+            # The default would wrap the example, which is then no command.
+            formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         parser.set_defaults(verb=self.name)
         for option in self.options:
-            once = {"action": Once} if option.names[0].startswith("-") else {}
-            parser.add_argument(*option.names, **(once | option.keywords))
+            keywords = option.keywords
+            if not option.is_positional:
+                keywords = {"action": Once} | keywords
+            parser.add_argument(*option.names, **keywords)
 
 
 def configs_of(args: argparse.Namespace) -> list[str]:
-    """List the files of --config; some verbs take several, each over the one before."""
-    given = getattr(args, "config", None)
-    return given if isinstance(given, list) else [given] if given else []
+    """List the files of --config; each overrides the ones before it."""
+    files = getattr(args, "config", None)
+    if isinstance(files, list):
+        return files
+    return [files] if files else []
 
 
 def load(args: argparse.Namespace, inputs: bool = False) -> PipelineConfig:
@@ -125,28 +184,55 @@ def verb(
     out: str | None = None,
     config: bool | Option = True,
     study: Loader = load,
-    **more: Any,
+    **fields: Any,
 ) -> Callable[[Callable], Callable]:
     """Make a function the verb of the same name, as a decorator.
 
-    Its docstring is the help: a summary, and after ``example:`` the words that follow the name in a call. `out` is the
-    default of --out (None: no such option); `config` is another option in place of `CONFIG`, or False. `study` makes
-    from the options the study that the function gets; `more` are further fields of `Verb`. ValueError if another verb
-    has the name.
+    The docstring of the function is the help: a summary, and after ``example:`` the
+    words that follow the name in a call.
+
+    Parameters
+    ----------
+    *options : Option
+        Options besides --config and --out.
+    out : str, optional
+        Default of --out. Without it there is no such option.
+    config : bool or Option, optional
+        Another option in place of `CONFIG`, or False for a verb without a study.
+    study : callable or None, optional
+        Makes the study that the function gets from the parsed options.
+    **fields
+        Further fields of `Verb`.
+
+    Returns
+    -------
+    callable
+        The decorator.
+
+    Raises
+    ------
+    ValueError
+        If another verb has the name.
     """
-    shared = [config if isinstance(config, Option) else CONFIG] if config else []
+    common_options = []
+    if isinstance(config, Option):
+        common_options.append(config)
+    elif config:
+        common_options.append(CONFIG)
     if out:
         kind = "file" if Path(out).suffix else "folder"
-        shared.append(
+        common_options.append(
             Option(
                 "--out", default=out, help=f"{kind} to write ({out})", recorded=False
             )
         )
+    loader = study if config else None
 
-    def add(run: Callable) -> Callable:
-        made = Verb(run, (*shared, *options), study if config else None, **more)
-        if VERBS.setdefault(made.name, made) is not made:
-            raise ValueError(f"verb {made.name!r} is registered already")
+    def register(run: Callable) -> Callable:
+        new_verb = Verb(run, (*common_options, *options), loader, **fields)
+        if new_verb.name in VERBS:
+            raise ValueError(f"verb {new_verb.name!r} is registered already")
+        VERBS[new_verb.name] = new_verb
         return run
 
-    return add
+    return register

@@ -1,4 +1,4 @@
-"""A verb as a stage: the files of its options, and the settings that it reads."""
+"""A verb as a stage: its input files, and the settings that it reads."""
 
 import argparse
 import sys
@@ -12,7 +12,8 @@ from repose.common import places, provenance
 from repose.common.lock import joined_folder
 from repose.stages.parameter_sets import job_files
 
-# Options whose words may be folders, which stand for the files of this ending of all samples in them.
+# Options whose values may be folders: such a folder stands for the files with this ending
+# of all samples. The keys are verb and option.
 FOLDERS = {("dataset", "jobs"): ".json", ("measure_runs", "pours"): ".pours.json"}
 
 
@@ -20,9 +21,21 @@ FOLDERS = {("dataset", "jobs"): ".json", ("measure_runs", "pours"): ".pours.json
 def stage(
     args: argparse.Namespace, runs: Literal["", "made", "measured"] = ""
 ) -> Iterator[None]:
-    """Run a verb as a stage; where its configuration lies in a folder of results, hold the folder meanwhile."""
+    """Run a verb as a stage, as a context.
+
+    Meanwhile each written file is recorded. If the configuration lies in a folder of
+    results, the folder is held for this job.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        The parsed options.
+    runs : str, optional
+        Whether the results are runs, as in `repose.common.provenance.stage`.
+    """
     files = configs_of(args)
-    with joined_folder(Path(*files[-1:]).parent), recorded(args, runs):
+    folder = Path(files[-1]).parent if files else Path().parent
+    with joined_folder(folder), recorded(args, runs):
         yield
     if files:
         note_built_in_crop(*files)
@@ -46,37 +59,55 @@ def recorded(
         args.verb,
         files_of(args),
         settings_of,
-        getattr(args, "apparatus", None),
-        runs,
-        strategy,
+        apparatus=getattr(args, "apparatus", None),
+        runs=runs,
+        strategy=strategy,
     )
 
 
 def note_built_in_crop(*files: str) -> None:
-    """Print on stderr if the built-in crop stands in for a configuration that the folder lacks."""
+    """Print a note if the built-in crop stands in for a missing configuration."""
     from repose.config import loader
 
-    own = loader.own_crop_under(*files)
-    if own is not None and not any(
-        "simulator" in loader.read(places.find(path)) for path in files
-    ):
-        words = f"missing settings were taken from the built-in goji example, {own}"
-        print(f"repose: note: this folder has no config.yaml; {words}", file=sys.stderr)
+    built_in_crop = loader.own_crop_under(*files)
+    if built_in_crop is None:
+        return
+    # A study of another simulator has no crop.
+    for path in files:
+        if "simulator" in loader.read(places.find(path)):
+            return
+    print(
+        "repose: note: this folder has no config.yaml; missing settings were taken from "
+        f"the built-in goji example, {built_in_crop}",
+        file=sys.stderr,
+    )
 
 
 def files_of(args: argparse.Namespace) -> Iterator[Path]:
-    """Yield the files that the recorded options of a verb name; of a folder its dataset, if it has one."""
-    for option in (
-        option.attribute for option in VERBS[args.verb].options if option.recorded
-    ):
-        value = getattr(args, option)
-        if (args.verb, option) in FOLDERS:
-            value = list(
-                map(str, job_files(value, args.samples, FOLDERS[args.verb, option]))
-            )
-        for item in value if isinstance(value, list) else [value]:
-            if isinstance(item, str):
-                path = Path(item.partition("=")[2] if option == "input" else item)
-                path = path / "dataset.csv" if path.is_dir() else path
-                if path.is_file():
-                    yield path
+    """Yield the files that the recorded options of a verb name.
+
+    A folder stands for its dataset, if it has one.
+    """
+    for option in VERBS[args.verb].options:
+        if not option.recorded:
+            continue
+        for name in _names_of(args, option.attribute):
+            path = Path(name)
+            if path.is_dir():
+                path = path / "dataset.csv"
+            if path.is_file():
+                yield path
+
+
+def _names_of(args: argparse.Namespace, option: str) -> list[str]:
+    """Return the texts of an option that may name files."""
+    value = getattr(args, option)
+    if (args.verb, option) in FOLDERS:
+        ending = FOLDERS[args.verb, option]
+        return [str(path) for path in job_files(value, args.samples, ending)]
+    values = value if isinstance(value, list) else [value]
+    texts = [text for text in values if isinstance(text, str)]
+    if option == "input":
+        # These have the form NAME=PATH.
+        return [text.partition("=")[2] for text in texts]
+    return texts

@@ -152,14 +152,11 @@ def _of_the_contact_law(settings: StudySettings) -> Pairs:
         further = FURTHER[name]
         if contact_law in further.laws or rolling_law in further.laws:
             continue
+        laws = " or ".join(further.laws)
         if further.needed:
-            configured = (
-                f"simulation.contact_law {' or '.join(further.laws)}, not {contact_law}"
-            )
+            configured = f"simulation.contact_law {laws}, not {contact_law}"
         else:
-            configured = (
-                f"simulation.rolling_law {' or '.join(further.laws)}, not {rolling_law}"
-            )
+            configured = f"simulation.rolling_law {laws}, not {rolling_law}"
         yield f"parameters.{name}", f"absent: it belongs to {configured}"
 
 

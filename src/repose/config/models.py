@@ -159,11 +159,12 @@ class TargetSettings(Section):
             else:
                 yield "range", f"a pair [low, high] {within}"
             return
-        aimed_key, aimed_value = "aim", self.aim
-        if aimed_value is None:
-            aimed_key, aimed_value = "value", self.value
-        if not low <= aimed_value <= high:
-            yield aimed_key, f"inside its range, {low:g} to {high:g}"
+        inside = f"inside its range, {low:g} to {high:g}"
+        if self.aim is None:
+            if not low <= self.value <= high:
+                yield "value", inside
+        elif not low <= self.aim <= high:
+            yield "aim", inside
 
     def _is_range_of_the_scatter(self) -> bool:
         """Return whether the range follows from the standard error of the mean.
