@@ -122,7 +122,7 @@ def test_check_prints_the_number_of_pours(command, tmp_path):
     out = command("check", "--config", tmp_path / "steep.yaml").out
     assert "funnel.berries would" not in out
     lines = (
-        "150 parameter sets x 6 seeds = 900 pours", "min on 2 cores", "time step: simulation.time_step_s is",
+        f"{'design':>14} {150:>15} {6:>6} {900:>6}", "min on 2 cores", "time step: simulation.time_step_s is",
         "stiffness: the pile sinks by", "volume: 500 grains hold", "reach: ",
         "funnel: centre of the ranges: angle of repose ",
         "aor_deg: WARNING: the target 60 is outside the single runs, ",

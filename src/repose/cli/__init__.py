@@ -1,7 +1,8 @@
-"""The command line: one module for each family of verbs, the options of a verb next to its function.
+"""The command line: a module for each family of verbs.
 
-The verbs hand files and settings to the modules of `repose`, which are imported inside the verbs, so that help and
-parsing load none of them.
+A verb is a function with its options beside it. It hands files and settings to the
+modules of `repose`, which are imported inside the function, so that help and parsing
+load none of them.
 """
 
 import argparse
@@ -22,11 +23,12 @@ from repose import __version__
 from repose.cli import new, docs, checking, run, exporting, inputs, pouring, measuring  # noqa: F401, isort: skip
 from repose.cli import calibration, cards, strategies, own_simulator, uncertainty  # noqa: F401, isort: skip
 from repose.cli import pictures, services  # noqa: F401, isort: skip
-from repose.cli.registry import PROGRAM, VERBS
+from repose.cli.registry import PROGRAM, VERBS, Verb
 from repose.cli.stages import stage
 from repose.common.errors import BAD_INPUT, InputError, print_fault
 
-# The verbs that a person types, in the groups of the help. All others are stages, called by the rules of the workflow.
+# The verbs that a person types, in the groups of the help. All others are stages, called
+# by the rules of the workflow.
 GROUPS = {
     "a study": ("new", "marker", "measure", "check", "plan", "run", "card", "export"),
     "your own simulator": ("design", "tell", "ask", "calibrate"),
@@ -38,7 +40,9 @@ GROUPS = {
 TYPED = tuple(name for names in GROUPS.values() for name in names)
 STAGES = tuple(name for name in VERBS if name not in TYPED)
 STAGE = "stage"
-CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")  # but tab and new line
+# Control characters, but for tab and new line.
+CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
+# Libraries that only some verbs need.
 EXTRAS = (
     "cv2",
     "jinja2",
@@ -48,60 +52,82 @@ EXTRAS = (
     "numba",
     "PIL",
     "trimesh",
-)  # libraries that only some verbs need
+)
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Run a verb, by default the one on the command line.
+    """Run a verb.
 
-    Status 0, 2 for faulty input, 3 where `card check` finds targets that are not met.
+    Parameters
+    ----------
+    words : sequence of str, optional
+        The words of the call after the program; by default those of the command line.
+
+    Returns
+    -------
+    int
+        Exit status: 0, 2 for faulty input, 3 where `card check` finds targets that are
+        not met.
     """
-    sys.stdout = sys.stdout or io.StringIO()  # where it is closed
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(
-            errors="backslashreplace"
-        )  # a locale that has no ± is no reason to end
+    _prepare_stdout()
     words = list(sys.argv[1:] if words is None else words)
-    unknown = _unknown(words)
-    if unknown is not None:
-        print_fault(unknown)
+    problem = _unknown_verb(words)
+    if problem is not None:
+        print_fault(problem)
         return BAD_INPUT
+
     args, rest = parser().parse_known_args(words)
     verb = VERBS[args.verb]
     if verb.passes_on:
-        args.rest, args.words = rest, words
+        args.rest = rest
+        args.words = words
     elif rest:
         parser().error(f"unrecognized arguments: {' '.join(rest)}")
     try:
-        _check_out(args)
-        with (
-            redirect_stdout(Printable(sys.stdout)),
-            nullcontext() if verb.passes_on else stage(args, verb.runs),
-        ):
-            status = verb(args) or 0
-        sys.stdout.flush()
-        return status
+        return _run(verb, args)
     except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] not in EXTRAS:
+        library = (error.name or "").partition(".")[0]
+        if library not in EXTRAS:
             raise
         print_fault(
-            f"{error.name} is not installed: expected `pip install 'repose-dem[workflow]'`, which has all"
+            f"{error.name} is not installed: expected "
+            "`pip install 'repose-dem[workflow]'`, which has all"
         )
         return BAD_INPUT
     except BrokenPipeError:
-        # Python flushes stdout once more when it ends; with the null device that cannot fail.
+        # Python flushes stdout once more when it ends; that cannot fail with the null
+        # device.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except (
-        InputError,
-        OSError,
-    ) as error:  # the system's message names file and reason: no space, read-only, ...
+    except (InputError, OSError) as error:
+        # The message of an OSError names the file and the reason, as no space left.
         print_fault(error)
         return BAD_INPUT
 
 
+def _prepare_stdout() -> None:
+    """Make printing safe where stdout is closed, or its encoding lacks a character."""
+    sys.stdout = sys.stdout or io.StringIO()
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
+
+
+def _run(verb: Verb, args: argparse.Namespace) -> int:
+    """Run a verb as a stage that records its results; return its exit status."""
+    _check_out(args)
+    # The jobs of a workflow are recorded one by one, not the verb that starts them.
+    context = nullcontext() if verb.passes_on else stage(args, verb.runs)
+    with redirect_stdout(Printable(sys.stdout)), context:
+        status = verb(args)
+    sys.stdout.flush()
+    return status or 0
+
+
 class Printable:
-    """A stream that writes control characters of users' texts, such as a terminal's codes, as backslash escapes."""
+    """A stream that writes control characters as backslash escapes.
+
+    Users' texts may hold some, such as the codes of a terminal.
+    """
 
     def __init__(self, stream: Any) -> None:
         self.stream = stream
@@ -111,18 +137,23 @@ class Printable:
 
     def write(self, text: str) -> int:
         """Write a text."""
-        self.stream.write(
-            CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
-        )
+        self.stream.write(CONTROL.sub(_escaped, text))
         return len(text)
 
 
+def _escaped(match: re.Match[str]) -> str:
+    """Write a control character as a backslash escape."""
+    return match[0].encode("unicode_escape").decode()
+
+
 def _check_out(args: argparse.Namespace) -> None:
-    """Refuse to write to the root of the system, or to a path without a name."""
+    """Refuse to write to the root of the file system, or to a path without a name."""
     out = getattr(args, "out", None)
-    if out is not None and (
-        not out or Path(out).resolve() == Path(out).resolve().parent
-    ):
+    if out is None:
+        return
+    path = Path(out).resolve()
+    is_root = path == path.parent
+    if not out or is_root:
         raise InputError(
             "command line", "--out", out, "the path of a file or folder to write"
         )
@@ -130,30 +161,37 @@ def _check_out(args: argparse.Namespace) -> None:
 
 def parser() -> argparse.ArgumentParser:
     """Make the parser of all verbs, and of the stages below the verb `stage`."""
-    top = argparse.ArgumentParser(
+    main_parser = argparse.ArgumentParser(
         prog=PROGRAM,
-        description="Calibrates the contact parameters of a discrete element model from a pile of grains.",
+        description="Calibrates the contact parameters of a discrete element model from "
+        "a pile of grains.",
         usage=f"{PROGRAM} [--version] VERB ...",
         epilog=_verbs_in_groups(),
         formatter_class=argparse.RawDescriptionHelpFormatter,
         add_help=False,
     )
-    top.add_argument("-h", "--help", action="help", help=argparse.SUPPRESS)
-    top.add_argument("--version", action=_Version, nargs=0, help=argparse.SUPPRESS)
-    verbs = top.add_subparsers(
+    main_parser.add_argument("-h", "--help", action="help", help=argparse.SUPPRESS)
+    main_parser.add_argument(
+        "--version", action=_Version, nargs=0, help=argparse.SUPPRESS
+    )
+    verbs = main_parser.add_subparsers(
         prog=PROGRAM, metavar="VERB", required=True, help=argparse.SUPPRESS
     )
     for name in TYPED:
         VERBS[name].add_to(verbs)
-    stages = verbs.add_parser(
+
+    stage_parser = verbs.add_parser(
         STAGE,
         description="One stage of the workflow, as its rules call it.",
         epilog="\n".join(["stages:", *map(_listed, STAGES)]),
         formatter_class=argparse.RawDescriptionHelpFormatter,
-    ).add_subparsers(metavar="NAME", required=True, help="one of those below")
+    )
+    stages = stage_parser.add_subparsers(
+        metavar="NAME", required=True, help="one of those below"
+    )
     for name in STAGES:
         VERBS[name].add_to(stages, STAGE)
-    return top
+    return main_parser
 
 
 class _Version(argparse.Action):
@@ -162,41 +200,56 @@ class _Version(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         from repose.common.provenance import machine
 
+        text = f"{PROGRAM} {__version__}"
         commit = machine()["commit"]
-        print(f"{PROGRAM} {__version__}" + (f", commit {commit}" if commit else ""))
+        if commit:
+            text += f", commit {commit}"
+        print(text)
         parser.exit()
 
 
-def _unknown(words: list[str]) -> str | None:
-    """Say in a sentence that a verb or stage does not exist, with the nearest name; None if it exists."""
-    place, known = (
-        ("stage", STAGES) if words[:1] == [STAGE] else ("verb", (*TYPED, STAGE))
-    )
-    name = words[1:2] if place == "stage" else words[:1]
-    if not name or name[0].startswith("-") or name[0] in known:
+def _unknown_verb(words: list[str]) -> str | None:
+    """Return a message about a verb or stage that does not exist; None if it exists."""
+    if words[:1] == [STAGE]:
+        return _unknown_name("stage", words[1:], STAGES, f"{PROGRAM} {STAGE} --help")
+    return _unknown_name("verb", words, (*TYPED, STAGE), f"{PROGRAM} --help")
+
+
+def _unknown_name(
+    kind: str, words: list[str], known: Sequence[str], listing: str
+) -> str | None:
+    """Return a message if the first word is a name, but none of the known ones.
+
+    It proposes the nearest verb or stage. `listing` is the call that lists the names.
+    """
+    if not words or words[0].startswith("-") or words[0] in known:
         return None
-    near = difflib.get_close_matches(name[0], (*known, *STAGES), 1)
-    hint = "".join(
-        f"; did you mean {guess if guess in known else f'{STAGE} {guess}'}?"
-        for guess in near
+    message = (
+        f"unknown {kind} {words[0]!r}: expected one of those that `{listing}` lists"
     )
-    listed = f"{PROGRAM} {STAGE} --help" if place == "stage" else f"{PROGRAM} --help"
-    return f"unknown {place} {name[0]!r}: expected one of those that `{listed}` lists{hint}"
+    for similar in difflib.get_close_matches(words[0], (*known, *STAGES), 1):
+        call = similar if similar in known else f"{STAGE} {similar}"
+        message += f"; did you mean {call}?"
+    return message
 
 
 def _verbs_in_groups() -> str:
     """List every verb that a person types, by groups, and an example."""
-    lines = []
+    lines: list[str] = []
     for title, names in GROUPS.items():
-        lines += [f"{title}:", *map(_listed, names), ""]
-    lines += [
-        f"`{PROGRAM} VERB --help` explains a verb. `{PROGRAM} {STAGE} --help` lists the stages of the workflow.",
-        f"example: {PROGRAM} check --config config/paper.yaml",
-    ]
+        lines.append(f"{title}:")
+        lines += [_listed(name) for name in names]
+        lines.append("")
+    lines.append(
+        f"`{PROGRAM} VERB --help` explains a verb. `{PROGRAM} {STAGE} --help` lists the "
+        "stages of the workflow."
+    )
+    lines.append(f"example: {PROGRAM} check --config config/paper.yaml")
     return "\n".join(lines)
 
 
 def _listed(name: str) -> str:
     """Write a verb and the beginning of its summary in one line."""
-    begin = VERBS[name].words[0].partition(";")[0].removesuffix(".")
-    return f"  {name:20} {textwrap.shorten(begin[:1].lower() + begin[1:], 76, placeholder=' ...')}"
+    clause = VERBS[name].summary.partition(";")[0].removesuffix(".")
+    clause = clause[:1].lower() + clause[1:]
+    return f"  {name:20} {textwrap.shorten(clause, 76, placeholder=' ...')}"

@@ -5,12 +5,18 @@ import contextlib
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from repose.cli.options import require_option
 from repose.cli.registry import CONFIG, Option, configs_of, load, verb
 from repose.common.errors import InputError, InputErrors
 from repose.config.pipeline import PipelineConfig
+
+if TYPE_CHECKING:
+    from repose.calibrate.strategies.plan import Plan
+    from repose.config.cost import Pours
 
 TICK_S = 1.0
 FILES = CONFIG.with_changes(
@@ -21,22 +27,29 @@ FILES = CONFIG.with_changes(
 
 
 def _load_or_propose(args: argparse.Namespace) -> PipelineConfig:
-    """Load the study of --config; with too many grains for any study print a smaller scene before the error."""
+    """Load the study of --config, and check its files.
+
+    If it has more grains than any study may have, a smaller scene is printed before the
+    error.
+    """
     try:
         return load(args, inputs=True)
     except InputError as error:
-        grains = error.value
-        if (
-            error.key == "funnel.berries"
-            and isinstance(grains, int)
-            and not isinstance(error, InputErrors)
-        ):
+        if _is_number_of_grains(error):
             from repose.config.check import smaller_scene
 
-            sys.stdout.writelines(
-                f"{line}\n" for line in smaller_scene(configs_of(args), grains)
-            )
+            for line in smaller_scene(configs_of(args), error.value):
+                print(line)
         raise
+
+
+def _is_number_of_grains(error: InputError) -> bool:
+    """Return whether the number of grains is the only fault."""
+    return (
+        error.key == "funnel.berries"
+        and isinstance(error.value, int)
+        and not isinstance(error, InputErrors)
+    )
 
 
 @verb(
@@ -50,34 +63,55 @@ def check(args: argparse.Namespace, study: PipelineConfig) -> None:
     example: --config config/paper.yaml
     """
     require_option(args.cores >= 1, "--cores", args.cores, "at least 1")
-    from repose.common.keys import get
-    from repose.config import check, computed, cost, loader
+    from repose.config import check, cost
 
-    config, settings = study.config, study.settings
+    settings = study.settings
     print(
-        f"{', '.join(args.config)}: {settings.label}, good; results go to {settings.results_dir}"
+        f"{', '.join(args.config)}: {settings.label}, good; "
+        f"results go to {settings.results_dir}"
     )
-    written, _ = loader.read_layers(args.config)
+    _print_computed(args.config, study)
+    _print_lines(check.about(study))
+    _print_lines(check.of_targets(study))
+    grain_step_s = _grain_step_s(study)
+    _print_lines(check.trials(study, grain_step_s, elapsed_seconds_shown))
+
+    pours = cost.strategy_pours(settings, settings.strategy)
+    work = cost.work(study.config, grain_step_s, pours)
+    _print_pours(work["pours"])
+    minutes = work["total_s"] / args.cores / 60
+    print(
+        f"about {work['pour_s']:.2g} s per pour, and {minutes:.0f} min on {args.cores} "
+        f"cores for the study; a time step of a grain takes {1e9 * grain_step_s:.2g} ns "
+        "on this machine now"
+    )
+
+
+def _print_computed(files: list[str], study: PipelineConfig) -> None:
+    """Print the numbers of the keys that are `auto` or missing in the files."""
+    from repose.common.keys import get
+    from repose.config import computed, loader
+
+    written = loader.read_layers(files).config
     numbers = [
-        f"{setting.key} {get(config, setting.key)}"
+        f"{setting.key} {get(study.config, setting.key)}"
         for setting in computed.to_compute(written)
     ]
     if numbers:
-        print(f"computed, since they are auto or not given: {', '.join(numbers)}")
-    print(*check.about(study), *check.of_targets(study), sep="\n")
-    measured = _grain_step_s(study)
-    print(*check.trials(study, measured, elapsed_seconds_shown), sep="\n")
-    pours = cost.strategy_pours(settings, settings.strategy)
-    work = cost.work(config, measured, pours)
-    for purpose, sets, seeds in work["pours"]:
-        print(
-            f"{purpose:>14}: {sets} parameter sets x {seeds} seeds = {sets * seeds} pours"
-        )
-    minutes = work["total_s"] / args.cores / 60
-    as_now = f"as measured now: {1e9 * measured:.2g} ns for a time step of a grain on this machine"
-    print(
-        f"about {work['pour_s']:.2g} s per pour, {minutes:.0f} min on {args.cores} cores, {as_now}"
-    )
+        print(f"computed, since they are auto or missing: {', '.join(numbers)}")
+
+
+def _print_lines(lines: Iterable[str]) -> None:
+    """Print each line as soon as it is known."""
+    for line in lines:
+        print(line)
+
+
+def _print_pours(pours: "Pours") -> None:
+    """Print a table of the runs of a study."""
+    print(f"{'runs':>14} {'parameter sets':>15} {'seeds':>6} {'pours':>6}")
+    for purpose, sets, seeds in pours:
+        print(f"{purpose:>14} {sets:>15} {seeds:>6} {sets * seeds:>6}")
 
 
 @verb(
@@ -96,50 +130,81 @@ def plan(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.calibrate.strategies import plan
     from repose.config import check
 
-    targets, folder = study.targets, study.folder
-    own = [
-        path
-        for path in (folder / "sequential/runs.csv", folder / "runs.csv")
-        if path.is_file()
-    ]
-    path = args.runs or next(iter(own), None)
-    runs = None if path is None else plan.read_runs(path, targets)
-    print(*check.about(study), sep="\n")
-    result = plan.plan(study.parameters, targets, runs, path)
-    for name, percent in zip(targets.names, result.noise_percent, strict=True):
-        source = (
-            f"measured in {path}"
-            if result.measured
-            else "assumed, as there are no runs yet"
-        )
+    runs_csv = args.runs or _runs_of(study)
+    runs = None
+    if runs_csv is not None:
+        runs = plan.read_runs(runs_csv, study.targets)
+    _print_lines(check.about(study))
+    result = plan.plan(study.parameters, study.targets, runs, runs_csv)
+    _print_noise(study, result, runs_csv)
+    _print_chances(result)
+    # Now, since the costs below need a timed pour.
+    sys.stdout.flush()
+    _print_lines(check.costs(study, result.budgets["pours"], _grain_step_s(study)))
+
+
+def _runs_of(study: PipelineConfig) -> Path | None:
+    """Return the table of the runs that a study has made; None if it has none."""
+    for name in ("sequential/runs.csv", "runs.csv"):
+        path = study.folder / name
+        if path.is_file():
+            return path
+    return None
+
+
+def _print_noise(
+    study: PipelineConfig, result: "Plan", runs_csv: str | Path | None
+) -> None:
+    """Print the scatter of single runs, and how many runs average it out."""
+    from repose.calibrate.strategies.plan import CERTAINTY
+
+    source = "assumed, as there are no runs yet"
+    if result.measured:
+        source = f"measured in {runs_csv}"
+    for name, percent in zip(study.targets.names, result.noise_percent, strict=True):
         print(
-            f"noise: a pour's {name} scatters by {percent:.2g} % of the target, {source}"
+            f"noise: the {name} of single pours scatters by {percent:.2g} % of the "
+            f"target, {source}"
         )
-    for tolerance, needed in result.needed.items():
-        known = f"to know its means within {tolerance:g} % with probability {plan.CERTAINTY:g}"
-        print(f"the noise alone: {needed} pours at one parameter set, {known}")
+    for tolerance, n_pours in result.needed.items():
+        print(
+            f"noise: {n_pours} pours of one parameter set give its means within "
+            f"{tolerance:g} % with probability {CERTAINTY:g}"
+        )
+
+
+def _print_chances(result: "Plan") -> None:
+    """Print a table of the probability of success by the number of runs."""
+    from repose.calibrate.strategies.plan import TOLERANCES
+
     print(
-        "probability that the answer of strategy: sequential lies within 1 % and 2 % of all targets:"
+        "probability that the answer of strategy: sequential lies within 1 % and 2 % of "
+        "all targets:"
     )
     print(f"{'pours':>7} {'1 %':>12} {'2 %':>12}")
     for row in result.budgets.to_dict("records"):
-        shares = (f"within_{percent:g}_percent" for percent in plan.TOLERANCES)
-        chances = " ".join(
-            f"{row[name]:>5.2f} ± {row[f'{name}_se']:.2f}" for name in shares
-        )
-        print(f"{row['pours']:>7} {chances}")
+        text = f"{row['pours']:>7}"
+        for percent in TOLERANCES:
+            column = f"within_{percent:g}_percent"
+            text += f" {row[column]:>5.2f} ± {row[f'{column}_se']:.2f}"
+        print(text)
     print(
-        "by simulated calibrations with known answers and six free parameters: `repose docs sequential`",
-        flush=True,
+        "by simulated calibrations with known answers and six free parameters: "
+        "`repose docs sequential`"
     )
-    print(*check.costs(study, result.budgets["pours"], _grain_step_s(study)), sep="\n")
 
 
 def _grain_step_s(study: PipelineConfig) -> float:
-    """Time a step of a grain on this machine, with a message about the minute or two of the first time."""
+    """Measure the time for one step of one grain on this machine [s].
+
+    The first time this takes a minute or two, for which a message is shown.
+    """
     from repose.config import cost
 
-    sentence = "timing a small pour; the first with such a grain compiles the engine, a minute or two of a core"
+    sentence = (
+        "timing a small pour; the first with such a grain compiles the engine, a minute "
+        "or two of a core"
+    )
     with elapsed_seconds_shown(sentence):
         return cost.measured_berry_step_s(study.config, study.grain, study.particle)
 
@@ -147,27 +212,25 @@ def _grain_step_s(study: PipelineConfig) -> float:
 @contextlib.contextmanager
 def elapsed_seconds_shown(sentence: str) -> Iterator[None]:
     """Print a sentence on stderr, and on a terminal the seconds as they pass."""
-    terminal = sys.stderr.isatty()
-    done = threading.Event()
+    if not sys.stderr.isatty():
+        print(sentence, file=sys.stderr, flush=True)
+        yield
+        return
 
-    def tick() -> None:
-        began = time.monotonic()
-        while not done.wait(TICK_S):
-            print(
-                f"\r{sentence}; {time.monotonic() - began:.0f} s",
-                end="",
-                file=sys.stderr,
-                flush=True,
-            )
+    is_finished = threading.Event()
 
-    print(sentence, end="" if terminal else "\n", file=sys.stderr, flush=True)
-    ticker = threading.Thread(target=tick, daemon=True)
-    if terminal:
-        ticker.start()
+    def show_seconds() -> None:
+        start = time.monotonic()
+        while not is_finished.wait(TICK_S):
+            elapsed = time.monotonic() - start
+            print(f"\r{sentence}; {elapsed:.0f} s", end="", file=sys.stderr, flush=True)
+
+    print(sentence, end="", file=sys.stderr, flush=True)
+    clock = threading.Thread(target=show_seconds, daemon=True)
+    clock.start()
     try:
         yield
     finally:
-        done.set()
-        if terminal:
-            ticker.join()
-            print(file=sys.stderr, flush=True)
+        is_finished.set()
+        clock.join()
+        print(file=sys.stderr, flush=True)
