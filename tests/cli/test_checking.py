@@ -12,7 +12,7 @@ from refusals import input_error
 from shared import every_bench_test
 
 from repose.cli import VERBS, checking, docs, parser, stages
-from repose.cli.measuring import _settings
+from repose.cli.measuring import _measure_settings
 from repose.common import places
 from repose.config import check, computed, cost
 from repose.dem.time_steps import Limit
@@ -86,18 +86,24 @@ def test_in_a_crops_folder_it_is_that_of_the_sizes_which_need_a_grain(
     tmp_path, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
-    assert _settings(NOTHING_GIVEN).berry_height_mm is None
+    assert _measure_settings(NOTHING_GIVEN).berry_height_mm is None
     (tmp_path / "sizes.csv").write_text(
         "long_mm,major_mm,minor_mm\n9,4,3\n7,4,1\n"
     )  # means 8, 4, 2
-    assert _settings(NOTHING_GIVEN).berry_height_mm == pytest.approx(4.0)
-    assert _settings(NOTHING_GIVEN).response == "whole"
-    assert _settings(Namespace(grain_mm=5.0, config=None)).berry_height_mm == 5.0
+    assert _measure_settings(NOTHING_GIVEN).berry_height_mm == pytest.approx(4.0)
+    assert _measure_settings(NOTHING_GIVEN).response == "whole"
+    assert (
+        _measure_settings(Namespace(grain_mm=5.0, config=None)).berry_height_mm == 5.0
+    )
     (tmp_path / "sizes.csv").write_text("long_mm,major_mm,minor_mm\n")
     input_error(
-        r"sizes\.csv: rows is 0; expected at least 2 berries", _settings, NOTHING_GIVEN
+        r"sizes\.csv: rows is 0; expected at least 2 berries",
+        _measure_settings,
+        NOTHING_GIVEN,
     )
-    assert _settings(Namespace(grain_mm=5.0, config=None)).berry_height_mm == 5.0
+    assert (
+        _measure_settings(Namespace(grain_mm=5.0, config=None)).berry_height_mm == 5.0
+    )
 
 
 def test_files_are_those_of_inputs_by_name_and_none_that_a_step_writes(tmp_path):

@@ -21,20 +21,41 @@ def berry_and_particle(
     berry_json: str | PathLike | None = None,
     particle_json: str | PathLike | None = None,
 ) -> "tuple[dict[str, Any], Particle]":
-    """Return the grain as in berry.json and its particle, each from its file or else from the study."""
+    """Return the mean grain and its particle, each from its file or from the study.
+
+    Parameters
+    ----------
+    study : PipelineConfig
+        The study.
+    berry_json, particle_json : path, optional
+        The files of --berry and --particle.
+
+    Returns
+    -------
+    dict
+        The mean grain, as in berry.json.
+    Particle
+        Its body.
+
+    Raises
+    ------
+    InputError
+        If a file, or the grain of the study, has faults.
+    """
     from repose.grain import berry_files
     from repose.grain.particle import Particle
 
-    needed = (*berry_files.SIZE_COLUMNS, *berry_files.MODULI)
-    of_berry = (
-        study.grain
-        if berry_json is None
-        else berry_files.read_berry(berry_json, needed)
-    )
-    if particle_json is not None:
-        return of_berry, Particle.load(particle_json)
     if berry_json is None:
-        return of_berry, study.particle
+        grain = study.grain
+    else:
+        columns = (*berry_files.SIZE_COLUMNS, *berry_files.MODULI)
+        grain = berry_files.read_berry(berry_json, columns)
+
+    if particle_json is not None:
+        return grain, Particle.load(particle_json)
+    if berry_json is None:
+        return grain, study.particle
+    # Imported here, as it needs a library of meshes.
     from repose.grain import build
 
-    return of_berry, build.of_settings(of_berry, study.settings.berry)
+    return grain, build.of_settings(grain, study.settings.berry)

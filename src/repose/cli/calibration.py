@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 SUPPORT = Option(
     "--dataset",
-    help="dataset.csv; with it solutions beyond its samples carry a warning",
+    help="dataset.csv; with it solutions outside its samples carry a warning",
 )
 
 
@@ -94,8 +94,13 @@ def solutions(args: argparse.Namespace, study: PipelineConfig) -> None:
     """
     from repose.stages import validate
 
-    count, out = study.settings.validation.solutions, Path(args.out) / "solutions.csv"
-    validate.write_solutions(args.feasible, study.parameters, study.targets, count, out)
+    validate.write_solutions(
+        args.feasible,
+        study.parameters,
+        study.targets,
+        study.settings.validation.solutions,
+        Path(args.out) / "solutions.csv",
+    )
 
 
 @verb(out="results/validation")
@@ -106,10 +111,9 @@ def published_solutions(args: argparse.Namespace, study: PipelineConfig) -> None
     """
     from repose.stages import validate
 
+    published_csv = _published(args, study)
     out = Path(args.out) / "published_solutions.csv"
-    validate.write_published_solutions(
-        _published(args, study), study.parameters.names, out
-    )
+    validate.write_published_solutions(published_csv, study.parameters.names, out)
 
 
 @verb(
@@ -127,10 +131,10 @@ def published_sets(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.config import dependencies
     from repose.stages import validate
 
-    jobs = [Path(job) for job in args.jobs]
-    outdated = dependencies.outdated(
-        study.config, [*jobs, *(job.with_suffix(".pours.json") for job in jobs)]
-    )
+    # Both the runs and their measurements must be of this engine and scene.
+    measurements = [Path(job) for job in args.jobs]
+    runs = [path.with_suffix(".pours.json") for path in measurements]
+    outdated = dependencies.outdated(study.config, [*measurements, *runs])
     if outdated:
         raise InputError(
             outdated[0],
@@ -138,8 +142,9 @@ def published_sets(args: argparse.Namespace, study: PipelineConfig) -> None:
             "another",
             f"runs by this engine as {args.config} asks for",
         )
-    by = {
-        "engine": (provenance.current() or {}).get("engine"),
+    record = provenance.current() or {}
+    simulator = {
+        "engine": record.get("engine"),
         "scene": dependencies.scene(study.config),
     }
     out = Path(args.out) / "published_sets.csv"
@@ -149,12 +154,18 @@ def published_sets(args: argparse.Namespace, study: PipelineConfig) -> None:
         out,
         names=study.parameters.names,
         targets=study.targets,
-        simulated_by=by,
+        simulated_by=simulator,
     )
 
 
 def _published(args: argparse.Namespace, study: PipelineConfig) -> str:
-    """Return the table of published solutions; InputError without one."""
+    """Return the path of the table of published solutions.
+
+    Raises
+    ------
+    InputError
+        If the study names none.
+    """
     published = study.settings.validation.published
     if published is None:
         raise InputError(
@@ -186,13 +197,13 @@ def validate(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.config import dependencies
     from repose.stages import validate
 
-    by = {"engine": engine_hash(), "scene": dependencies.scene(study.config)}
+    simulator = {"engine": engine_hash(), "scene": dependencies.scene(study.config)}
     published = validate.compared_with_published(
         study.settings.validation.published_simulated,
         names=study.parameters.names,
         targets=study.targets,
         measure=study.settings.measure,
-        simulated_by=by,
+        simulated_by=simulator,
     )
     validate.run(
         args.solutions,
@@ -206,7 +217,15 @@ def validate(args: argparse.Namespace, study: PipelineConfig) -> None:
 
 
 def _support(args: argparse.Namespace, study: PipelineConfig) -> "Support | None":
-    """Return the samples for a warning of extrapolation; None without a dataset. InputError for other definitions."""
+    """Return the region of the samples, outside which a solution gets a warning.
+
+    It is None without --dataset.
+
+    Raises
+    ------
+    InputError
+        If the responses of the dataset are defined otherwise than those of the study.
+    """
     if not args.dataset:
         return None
     from repose.calibrate.dataset_files import read_definitions

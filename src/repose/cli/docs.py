@@ -22,18 +22,26 @@ def docs(args: argparse.Namespace) -> None:
     """
     known = pages()
     if args.name is None:
-        width = max(map(len, known))
-        print(
-            *(f"{name:{width}}  {title_of(path)}" for name, path in known.items()),
-            sep="\n",
-        )
+        width = max(len(name) for name in known)
+        for name, path in known.items():
+            print(f"{name:{width}}  {title_of(path)}")
         return
-    allowed = f"a page that `{PROGRAM} docs` lists{did_you_mean(args.name, known)}"
-    require(args.name in known, "command line", "docs", args.name, allowed)
+    require(
+        args.name in known,
+        "command line",
+        "docs",
+        args.name,
+        f"a page that `{PROGRAM} docs` lists{did_you_mean(args.name, known)}",
+    )
     text = known[args.name].read_text(encoding="utf-8")
-    if not sys.stdout.isatty():
+    if sys.stdout.isatty():
+        _show_in_pager(text)
+    else:
         print(text, end="")
-        return
+
+
+def _show_in_pager(text: str) -> None:
+    """Show a page in Markdown on a terminal, with its headings and emphasis."""
     from rich.console import Console
     from rich.markdown import Markdown
 
@@ -43,23 +51,23 @@ def docs(args: argparse.Namespace) -> None:
 
 
 def pages() -> dict[str, Path]:
-    """Return every page by its name, in the order of their names; an index has the name of its folder."""
-    found = [
-        path
-        for pattern in ("*.md", "[!_]*/*.md")
-        for path in (places.root() / "docs").glob(pattern)
-    ]
-    names = {
-        path.parent.name if path.stem == "index" else path.stem: path for path in found
-    }
-    names["configuration"] = places.root() / "config" / "README.md"
-    names["library"] = places.PACKAGE / "dem" / "README.md"
-    return {name: names[name] for name in sorted(names) if name not in NO_PAGES}
+    """Return the path of every page by its name, sorted by name.
+
+    The index of a folder has the name of the folder.
+    """
+    folder = places.root() / "docs"
+    paths = {}
+    for path in (*folder.glob("*.md"), *folder.glob("[!_]*/*.md")):
+        name = path.parent.name if path.stem == "index" else path.stem
+        paths[name] = path
+    paths["configuration"] = places.root() / "config" / "README.md"
+    paths["library"] = places.PACKAGE / "dem" / "README.md"
+    return {name: paths[name] for name in sorted(paths) if name not in NO_PAGES}
 
 
 def title_of(path: Path) -> str:
-    """Return the first heading of a page."""
-    lines = path.read_text(encoding="utf-8").splitlines()
-    return next(
-        (line.removeprefix("# ") for line in lines if line.startswith("# ")), ""
-    )
+    """Return the first heading of a page; an empty text if it has none."""
+    for line in path.read_text(encoding="utf-8").splitlines():
+        if line.startswith("# "):
+            return line.removeprefix("# ")
+    return ""

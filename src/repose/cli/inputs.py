@@ -55,22 +55,22 @@ def berry(args: argparse.Namespace) -> None:
 
     example: --axes 6.6 5.6 4.5 --mass-g 0.11 --density 1250 --stl results/crop.stl
     """
+    from repose.common.tables import print_columns
+    from repose.grain import berry
+
     if args.axes or args.stl:
-        _build(args)
-    else:
-        from repose.common.tables import print_columns
-        from repose.grain import berry
-
-        study = load(args)
-        section = study.settings.berry
-        berry.run(section, study.published("table1.csv"), args.out)
-        print_columns(section.sizes)
-        if section.compression is not None:
-            print_columns(section.compression)
+        _build_mesh(args)
+        return
+    study = load(args)
+    section = study.settings.berry
+    berry.run(section, study.published("table1.csv"), args.out)
+    print_columns(section.sizes)
+    if section.compression is not None:
+        print_columns(section.compression)
 
 
-def _build(args: argparse.Namespace) -> None:
-    """Build the mesh of a grain from a few numbers."""
+def _build_mesh(args: argparse.Namespace) -> None:
+    """Build the mesh of a grain from its axes, its mass and its density."""
     from repose.grain import mesh_from_axes
 
     if not (args.axes and args.stl and args.mass_g):
@@ -80,22 +80,27 @@ def _build(args: argparse.Namespace) -> None:
             args.axes,
             "together with --mass-g and --stl",
         )
-    density = (
-        load(args).settings.berry.density_kg_m3
-        if args.density is None
-        else args.density
-    )
-    details = (args.taper, args.wrinkles, args.wrinkle_depth_mm)
-    mesh, number = mesh_from_axes.berry_mesh(
-        args.axes, args.mass_g, density, *details, source="command line"
+    density = args.density
+    if density is None:
+        density = load(args).settings.berry.density_kg_m3
+    mesh, exponent = mesh_from_axes.berry_mesh(
+        args.axes,
+        args.mass_g,
+        density,
+        args.taper,
+        args.wrinkles,
+        args.wrinkle_depth_mm,
+        source="command line",
     )
     stl = mesh.export(file_type="stl")
     assert isinstance(stl, bytes)
     write_bytes(args.stl, stl)
-    share = mesh.volume / (args.axes[0] * args.axes[1] * args.axes[2])
-    m, k = mesh_from_axes.profile_exponents(number)
+
+    box_mm3 = args.axes[0] * args.axes[1] * args.axes[2]
+    m, k = mesh_from_axes.profile_exponents(exponent)
     print(
-        f"{args.stl}: {mesh.volume:.1f} mm3, {share:.3f} of the box around it, profile (1 - |t|^{m:.3g})^{k:.3g}"
+        f"{args.stl}: {mesh.volume:.1f} mm3, {mesh.volume / box_mm3:.3f} of the box "
+        f"around it, profile (1 - |t|^{m:.3g})^{k:.3g}"
     )
 
 
@@ -107,21 +112,15 @@ def shape(args: argparse.Namespace, study: PipelineConfig) -> None:
     """
     from repose.grain import build
 
-    grain = study.settings.berry
-    kind, mass_g, spheres, surface = (
-        grain.particle,
-        grain.mass_g,
-        grain.spheres,
-        grain.surface,
-    )
+    settings = study.settings.berry
     build.run(
         args.berry,
-        grain.stl,
+        settings.stl,
         args.out,
-        kind=kind,
-        mass_g=mass_g,
-        spheres=spheres,
-        surface=surface,
+        kind=settings.particle,
+        mass_g=settings.mass_g,
+        spheres=settings.spheres,
+        surface=settings.surface,
     )
 
 
@@ -136,8 +135,8 @@ def design(args: argparse.Namespace, study: "PipelineConfig | Study") -> None:
     if isinstance(study, PipelineConfig):
         design.run(study.parameters, study.settings.design, args.out)
         return
-    table, path = study.ask(), Path(args.out) / "samples.csv"
+    table = study.ask()
+    path = Path(args.out) / "samples.csv"
     write_table(path, table)
-    print(
-        f"{path}: {len(table)} runs of {table['sample'].nunique()} samples to simulate"
-    )
+    n_samples = table["sample"].nunique()
+    print(f"{path}: {len(table)} runs of {n_samples} samples to simulate")

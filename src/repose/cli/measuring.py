@@ -1,8 +1,9 @@
-"""Verbs that measure: a picture of a pile, the side view of a simulated one, the definitions of the angle."""
+"""Verbs that measure piles: in photographs, and in side views of simulated piles."""
 
 import argparse
 import math
 import sys
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,10 +21,11 @@ if TYPE_CHECKING:
 
 # Pixel sizes from a microscope to a heap in a hall [mm].
 SCALES = (1e-3, 100.0)
-LINE = "its line of the angle (default: from foot to crest)"
+ANGLE_LINE = "its line of the angle (default: from foot to crest)"
 BENCHES = "funnel or lifted_cylinder, which leave a pile, turning or drawdown"
 POINTS = "three points of the drum's inner rim, or of the box's two lower inner corners"
-SIZES = "sizes.csv"  # of a crop's folder
+SIZES = "sizes.csv"  # in the folder of a crop
+TWO_FLANKS = "a pile with two flanks, seen from the side"
 
 
 @verb(
@@ -64,7 +66,9 @@ SIZES = "sizes.csv"  # of a crop's folder
         type=float,
         help="height of a grain, for the secant (by --config or sizes.csv)",
     ),
-    CONFIG.with_changes(default=None, help=f"the study that the photographs are for; {LINE}"),
+    CONFIG.with_changes(
+        default=None, help=f"the study that the photographs are for; {ANGLE_LINE}"
+    ),
     Option("--bench", default="funnel", help=f"bench test: {BENCHES} (funnel)"),
     Option(
         "--points",
@@ -87,51 +91,78 @@ def measure(args: argparse.Namespace) -> None:
 
     example: *.jpg --square-mm 20 --out measured
     """
-    from repose.bench import bench_tests
-    from repose.bench import photographs as of_apparatus
-    from repose.common.files import write_image
-    from repose.common.ledger import check_replaceable
-    from repose.measure.photographs import drawing
-    from repose.measure.photographs import photograph as photographs
-    from repose.measure.photographs.tables import (
-        as_record,
-        describe,
-        tables,
-        write_tables,
-    )
+    piles = _photographed_piles()
+    _check_bench(args, piles)
+    pictures = _readable_pictures(args.pictures)
+    overlays = _check_overlays(pictures, args.out)
+    scale = _scale(args)
+    settings = _measure_settings(args)
+    if args.bench in piles:
+        _measure_piles(args, pictures, overlays, scale, settings)
+    else:
+        _measure_apparatus(args, pictures, overlays, settings)
 
-    of_pile = {
-        bench.name: bench.photographed for bench in bench_tests() if bench.photographed
-    }
-    allowed = "one of " + ", ".join((*of_pile, *of_apparatus.RESPONSES))
+
+def _photographed_piles() -> dict[str, Mapping[str, str]]:
+    """Return for each bench test of a pile the responses that a photograph shows."""
+    from repose.bench import bench_tests
+
+    return {test.name: test.photographed for test in bench_tests() if test.photographed}
+
+
+def _check_bench(args: argparse.Namespace, piles: Iterable[str]) -> None:
+    """Refuse an unknown bench test, and options that it does not read."""
+    from repose.bench.photographs import RESPONSES
+
+    known = (*piles, *RESPONSES)
     require_option(
-        args.bench in (*of_pile, *of_apparatus.RESPONSES),
-        "--bench",
-        args.bench,
-        allowed,
+        args.bench in known, "--bench", args.bench, f"one of {', '.join(known)}"
     )
-    for name in (
-        ("points",)
-        if args.bench in of_pile
-        else ("lens", "mm_per_pixel", "length", "base_row")
-    ):
-        if value := getattr(args, name):
+    unread: tuple[str, ...] = ("lens", "mm_per_pixel", "length", "base_row")
+    if args.bench in piles:
+        unread = ("points",)
+    for name in unread:
+        value = getattr(args, name)
+        if value:
             raise InputError(
                 "command line",
                 f"--{name.replace('_', '-')}",
                 value,
                 f"nothing with --bench {args.bench}",
             )
-    out = Path(args.out)
-    pictures, faults = photographs.readable([Path(name) for name in args.pictures])
+
+
+def _readable_pictures(names: Iterable[str]) -> list[Path]:
+    """Return the pictures that can be read, and print why others are left out.
+
+    Raises
+    ------
+    InputError
+        If none can be read.
+    """
+    from repose.measure.photographs.photograph import readable
+
+    pictures, faults = readable([Path(name) for name in names])
     if not pictures:
         raise_together(faults)
     for fault in faults:
         print(f"repose: left out: {fault}", file=sys.stderr)
-    overlays, hashes = (
-        [out / f"{path.stem}.png" for path in pictures],
-        list(map(hash_of_file, pictures)),
-    )
+    return pictures
+
+
+def _check_overlays(pictures: list[Path], out: str) -> list[Path]:
+    """Return the path of the overlay of each picture.
+
+    Raises
+    ------
+    InputError
+        If two overlays have the same path, a picture is given twice, or an overlay would
+        replace a picture or a file of somebody else.
+    """
+    from repose.common.ledger import check_replaceable
+
+    overlays = [Path(out) / f"{path.stem}.png" for path in pictures]
+    hashes = [hash_of_file(path) for path in pictures]
     for path, overlay, content in zip(pictures, overlays, hashes, strict=True):
         require_option(
             overlays.count(overlay) == 1,
@@ -146,46 +177,72 @@ def measure(args: argparse.Namespace) -> None:
             "each picture once: this is a copy",
         )
         check_replaceable(overlay)
-        other = overlay.resolve() != path.resolve()
         require_option(
-            other, "--out", args.out, "another folder than that of the photographs"
+            overlay.resolve() != path.resolve(),
+            "--out",
+            out,
+            "another folder than that of the photographs",
         )
-    scale, how = _scale(args), _settings(args)
-    if args.bench not in of_pile:
-        _measure_apparatus(args, pictures, overlays, how)
-        return
-    results = photographs.measure_all(
-        pictures, how, scale, [Path(name) for name in args.lens]
+    return overlays
+
+
+def _measure_piles(
+    args: argparse.Namespace,
+    pictures: list[Path],
+    overlays: list[Path],
+    scale: "Scale",
+    settings: "MeasureSettings",
+) -> None:
+    """Measure photographs of piles; write overlays and tables, and print the result."""
+    from repose.common.files import write_image
+    from repose.measure.photographs import drawing
+    from repose.measure.photographs import photograph as photographs
+    from repose.measure.photographs.tables import (
+        as_record,
+        describe,
+        tables,
+        write_tables,
     )
+
+    lens_pictures = [Path(name) for name in args.lens]
+    results = photographs.measure_all(pictures, settings, scale, lens_pictures)
     for photograph, overlay in zip(results, overlays, strict=True):
-        view, pile, measured = photograph.view, photograph.pile, photograph.measurement
-        shown = (
-            drawing.overlay_of_refused(view, pile)
-            if measured is None
-            else drawing.overlay(view, measured)
-        )
-        write_image(overlay, shown)
-    allowed = "a pile with two flanks, seen from the side; {} shows the part taken for the pile"
+        if photograph.measurement is None:
+            image = drawing.overlay_of_refused(photograph.view, photograph.pile)
+        else:
+            image = drawing.overlay(photograph.view, photograph.measurement)
+        write_image(overlay, image)
+
     if all(photograph.measurement is None for photograph in results):
-        both = zip(results, overlays, strict=True)
         raise_together(
-            InputError(one.path, "pile", one.refused, allowed.format(overlay))
-            for one, overlay in both
+            InputError(
+                photograph.path,
+                "pile",
+                photograph.refused,
+                f"{TWO_FLANKS}; {overlay} shows the part taken for the pile",
+            )
+            for photograph, overlay in zip(results, overlays, strict=True)
         )
-    made = tables(results, how, args.doubtful)
-    write_tables(made, how, out, args.bench, of_pile[args.bench])
-    print(
-        json_text(as_record(made)) if args.json else describe(results, made, how, out)
-    )
+    out = Path(args.out)
+    measured = tables(results, settings, args.doubtful)
+    responses = _photographed_piles()[args.bench]
+    write_tables(measured, settings, out, args.bench, responses)
+    if args.json:
+        print(json_text(as_record(measured)))
+    else:
+        print(describe(results, measured, settings, out))
 
 
 def _measure_apparatus(
     args: argparse.Namespace,
     pictures: list[Path],
     overlays: list[Path],
-    how: "MeasureSettings",
+    settings: "MeasureSettings",
 ) -> None:
-    """Measure photographs of a drum or of a box."""
+    """Measure photographs of a drum or of a box; write overlays and tables.
+
+    The result is printed.
+    """
     from repose.bench import photographs
     from repose.bench.settings import SceneSettings
     from repose.bench.turning import TurningSettings
@@ -199,51 +256,43 @@ def _measure_apparatus(
             None,
             f"a study, whose section {args.bench} has the measures",
         )
-    settings, out = SceneSettings(load(args).config), Path(args.out)
-    section(settings.config, args.bench)
-    results = photographs.measure_all(
-        pictures, args.points or (), settings, args.bench, how
-    )
-    for seen, overlay in zip(results, overlays, strict=True):
-        write_image(overlay, photographs.stacked(seen.views))
-    if all(seen.refused for seen in results):
-        allowed = "a bed with a surface that differs from its background"
+    scene = SceneSettings(load(args).config)
+    section(scene.config, args.bench)
+    points = args.points or ()
+    results = photographs.measure_all(pictures, points, scene, args.bench, settings)
+    for photograph, overlay in zip(results, overlays, strict=True):
+        write_image(overlay, photographs.stacked(photograph.views))
+
+    if all(photograph.refused for photograph in results):
         raise_together(
-            InputError(seen.path, args.bench, seen.refused, allowed) for seen in results
+            InputError(
+                photograph.path,
+                args.bench,
+                photograph.refused,
+                "a bed with a surface that differs from its background",
+            )
+            for photograph in results
         )
-    made = photographs.tables(results, args.bench)
-    write_tables(
-        made,
-        how,
-        out,
-        args.bench,
-        {name: name for name in photographs.RESPONSES[args.bench]},
-    )
+    out = Path(args.out)
+    measured = photographs.tables(results, args.bench)
+    # Each response has a column of its own name.
+    columns = {name: name for name in photographs.RESPONSES[args.bench]}
+    write_tables(measured, settings, out, args.bench, columns)
     if args.bench == "turning":
-        write_table(
-            out / "profile.csv",
-            photographs.profile(results, settings.section("turning", TurningSettings)),
-        )
-    print(
-        json_text(as_record(made))
-        if args.json
-        else photographs.describe(results, made, out)
-    )
+        turning = scene.section("turning", TurningSettings)
+        write_table(out / "profile.csv", photographs.profile(results, turning))
+    if args.json:
+        print(json_text(as_record(measured)))
+    else:
+        print(photographs.describe(results, measured, out))
 
 
 def _scale(args: argparse.Namespace) -> "Scale":
-    """Read the scale from the command line."""
-    from repose.measure.photographs.photograph import (
-        LEAST_LENGTH_PX,
-        MOST_LEVEL_DEG,
-        Scale,
-        level_length,
-    )
+    """Read the scale from the command line.
 
-    def number(option: str, value: float, low: float, high: float) -> None:
-        require_option(
-            low <= value <= high, option, value, f"a number from {low:g} to {high:g}"
-        )
+    It is that of --mm-per-pixel or --length, or else of the printed sheet.
+    """
+    from repose.measure.photographs.photograph import Scale
 
     require_option(
         args.mm_per_pixel is None or not args.length,
@@ -251,50 +300,85 @@ def _scale(args: argparse.Namespace) -> "Scale":
         args.length,
         "without --mm-per-pixel",
     )
-    scale, level = args.mm_per_pixel, 0.0
-    number("--square-mm", args.square_mm, 1, 1000)
+    _require_between("--square-mm", args.square_mm, 1, 1000)
     if args.length:
-        number("--length", args.length[0], 1, 1e5)
-        if (found := level_length(*args.length)) is None:
-            allowed = f"ends at least {LEAST_LENGTH_PX} pixels apart, left first, level to {MOST_LEVEL_DEG:g} degrees"
-            raise InputError("command line", "--length", args.length, allowed)
-        scale, level = found
-    if scale is not None:
-        number("--length" if args.length else "--mm-per-pixel", scale, *SCALES)
-        require_option(
-            not args.lens, "--lens", args.lens, "with the printed sheet as the scale"
-        )
-    elif args.base_row is not None:
+        return _scale_of_length(args)
+    if args.mm_per_pixel is not None:
+        _require_between("--mm-per-pixel", args.mm_per_pixel, *SCALES)
+        _refuse_lens(args)
+        return Scale(args.square_mm, args.mm_per_pixel, args.base_row)
+    if args.base_row is not None:
         raise InputError(
             "command line",
             "--base-row",
             args.base_row,
             "with --mm-per-pixel or --length",
         )
-    return Scale(args.square_mm, scale, args.base_row, level)
+    return Scale(args.square_mm)
 
 
-def _settings(args: argparse.Namespace) -> "MeasureSettings":
-    """Make settings of the measurement; outside a study a line from foot to crest, and the folder's grain."""
+def _scale_of_length(args: argparse.Namespace) -> "Scale":
+    """Read the scale from the level length of --length."""
+    from repose.measure.photographs.photograph import (
+        LEAST_LENGTH_PX,
+        MOST_LEVEL_DEG,
+        Scale,
+        level_length,
+    )
+
+    _require_between("--length", args.length[0], 1, 1e5)
+    result = level_length(*args.length)
+    if result is None:
+        raise InputError(
+            "command line",
+            "--length",
+            args.length,
+            f"ends at least {LEAST_LENGTH_PX} pixels apart, left first, level to "
+            f"{MOST_LEVEL_DEG:g} degrees",
+        )
+    mm_per_pixel, level_deg = result
+    _require_between("--length", mm_per_pixel, *SCALES)
+    _refuse_lens(args)
+    return Scale(args.square_mm, mm_per_pixel, args.base_row, level_deg)
+
+
+def _refuse_lens(args: argparse.Namespace) -> None:
+    """Refuse photographs of the sheet where the scale is given without it."""
+    require_option(
+        not args.lens, "--lens", args.lens, "with the printed sheet as the scale"
+    )
+
+
+def _require_between(option: str, value: float, low: float, high: float) -> None:
+    """Refuse a number outside a range."""
+    require_option(
+        low <= value <= high, option, value, f"a number from {low:g} to {high:g}"
+    )
+
+
+def _measure_settings(args: argparse.Namespace) -> "MeasureSettings":
+    """Make the settings of the measurement from a study and the options.
+
+    Without a study they are the defaults, with the grain of the folder's sizes.csv if
+    there is one.
+    """
     from repose.measure.settings import MeasureSettings, mean_axes_mm
 
-    if args.grain_mm is not None and not 0.1 <= args.grain_mm <= 1000:
-        raise InputError(
-            "command line", "--grain-mm", args.grain_mm, "a number from 0.1 to 1000"
-        )
-    section: dict[str, Any] = {"berry_height_mm": None}
+    if args.grain_mm is not None:
+        _require_between("--grain-mm", args.grain_mm, 0.1, 1000)
+    measure: dict[str, Any] = {"berry_height_mm": None}
     sizes_csv = SIZES if Path(SIZES).is_file() else None
     if args.config is not None:
-        settings = load(args).settings
-        section, sizes_csv = dict(settings.measure), settings.berry.sizes
+        study = load(args).settings
+        measure = dict(study.measure)
+        sizes_csv = study.berry.sizes
     if args.grain_mm is not None:
-        section["berry_height_mm"] = args.grain_mm
-    grain = (
-        {}
-        if section["berry_height_mm"] is not None or sizes_csv is None
-        else mean_axes_mm(sizes_csv)
-    )
-    return MeasureSettings.of(section, grain)
+        measure["berry_height_mm"] = args.grain_mm
+
+    mean_axes: dict[str, float] = {}
+    if measure["berry_height_mm"] is None and sizes_csv is not None:
+        mean_axes = mean_axes_mm(sizes_csv)
+    return MeasureSettings.of(measure, mean_axes)
 
 
 @verb(
@@ -315,12 +399,7 @@ def marker(args: argparse.Namespace) -> None:
     from repose.common.files import write_bytes
     from repose.measure.photographs import sheet
 
-    require_option(
-        5 <= args.square_mm <= 25,
-        "--square-mm",
-        args.square_mm,
-        "a number from 5 to 25",
-    )
+    _require_between("--square-mm", args.square_mm, 5, 25)
     require_option(
         Path(args.out).suffix.lower() == ".pdf",
         "--out",
@@ -329,7 +408,8 @@ def marker(args: argparse.Namespace) -> None:
     )
     write_bytes(args.out, sheet.pdf(args.square_mm))
     print(
-        f"print {args.out} at 100 %, check its line of 100 mm, cut it out: `repose docs photographs`"
+        f"print {args.out} at 100 %, check its line of 100 mm, cut it out: "
+        "`repose docs photographs`"
     )
 
 
@@ -358,13 +438,10 @@ def silhouette(args: argparse.Namespace, study: PipelineConfig) -> None:
     require_option(
         math.isfinite(args.azimuth), "--azimuth", args.azimuth, "a finite angle"
     )
-    how = MeasureSettings(**dict(study.settings.measure))
-    write_image(
-        args.out,
-        side_view(
-            first_pour(args.heap), Particle.load(args.particle), how, args.azimuth
-        ),
-    )
+    settings = MeasureSettings(**dict(study.settings.measure))
+    pile = first_pour(args.heap)
+    particle = Particle.load(args.particle)
+    write_image(args.out, side_view(pile, particle, settings, args.azimuth))
 
 
 @verb(
@@ -388,16 +465,12 @@ def measure_silhouette(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.measure import pile
     from repose.measure.photographs import drawing
 
-    how = pile.MeasureSettings.of(dict(study.settings.measure), read_berry(args.berry))
+    grain = read_berry(args.berry)
+    settings = pile.MeasureSettings.of(dict(study.settings.measure), grain)
     image = pile.read_image(args.picture)
     try:
-        measured = pile.measure_image(image, how.mm_per_pixel, how)
+        measurement = pile.measure_image(image, settings.mm_per_pixel, settings)
     except pile.NoFlankError as error:
-        raise InputError(
-            args.picture,
-            "pile",
-            str(error),
-            "a pile with two flanks, seen from the side",
-        ) from None
-    write_image(args.overlay, drawing.overlay(image, measured))
-    write_json(args.out, measured.record())
+        raise InputError(args.picture, "pile", str(error), TWO_FLANKS) from None
+    write_image(args.overlay, drawing.overlay(image, measurement))
+    write_json(args.out, measurement.record())

@@ -24,11 +24,13 @@ def new(args: argparse.Namespace) -> None:
     from repose.common.ledger import write_in_one_move
     from repose.config.models import settings_type
 
+    # The name is the label of the study, too.
+    model = settings_type()
     require_option(
-        faults.is_valid("label", args.name, settings_type()),
+        faults.is_valid("label", args.name, model),
         "new",
         args.name,
-        faults.allowed("label", settings_type()),
+        faults.allowed("label", model),
     )
     folder = Path(args.name)
     require_option(
@@ -39,10 +41,11 @@ def new(args: argparse.Namespace) -> None:
     )
     template = Path(__file__).parents[1] / "config" / "new_crop"
     for path in sorted(template.rglob("*.*")):
-        content = path.read_text(encoding="utf-8").replace(NAME, args.name).encode()
+        text = path.read_text(encoding="utf-8").replace(NAME, args.name)
         out = folder / path.relative_to(template)
         out.parent.mkdir(parents=True, exist_ok=True)
-        write_in_one_move(out, methodcaller("write", content))
+        write_in_one_move(out, methodcaller("write", text.encode()))
     print(
-        f"{folder}: made. What to do next is in {folder / 'README.md'}; begin with {folder / 'sizes.csv'}."
+        f"{folder}: made. What to do next is in {folder / 'README.md'}; begin with "
+        f"{folder / 'sizes.csv'}."
     )

@@ -11,17 +11,19 @@ from repose.common.errors import InputError, require
 from repose.config.pipeline import PipelineConfig
 from repose.stages.parameter_sets import read_sample
 
-MOST_SEEDS = 10_000  # runs of a parameter set; a study has at most 1000
+# Runs of a parameter set by these verbs; a study has at most 1000.
+MOST_SEEDS = 10_000
 PARAMETER_SET = (
     Option(
         "--set",
         action="append",
         default=[],
         metavar="NAME=VALUE",
-        help=f"a contact parameter: {', '.join(PARAMETERS)}, with some contact laws {', '.join(FURTHER)}; "
+        help=f"a contact parameter: {', '.join(PARAMETERS)}, with some contact laws "
+        f"{', '.join(FURTHER)}; "
         "a parameter without --set takes the centre of its range",
     ),
-    # the parameter set is written into the results themselves
+    # Not recorded, as the parameter set itself is written into the results.
     Option(
         "--samples",
         help="CSV with a column sample and a column per parameter, instead of --set",
@@ -35,15 +37,18 @@ PARAMETER_SET = (
 )
 
 
-def _purpose(word: str) -> str | int:
-    """Read a purpose, by its name or by the number of a stream that another program uses."""
-    if word in streams.PURPOSES:
-        return word
-    if not word.isdecimal():
+def _purpose(text: str) -> str | int:
+    """Read the purpose of a stream of random numbers: its name, or its number.
+
+    Other programs use streams by their numbers.
+    """
+    if text in streams.PURPOSES:
+        return text
+    if not text.isdecimal():
         raise ArgumentTypeError(
-            f"invalid choice: {word!r} (choose from {', '.join(streams.PURPOSES)})"
+            f"invalid choice: {text!r} (choose from {', '.join(streams.PURPOSES)})"
         )
-    return int(word)
+    return int(text)
 
 
 SEED = Option(
@@ -75,40 +80,82 @@ def parameters(
     sample: int | None,
     study: PipelineConfig,
 ) -> dict[str, float]:
-    """Read the parameters by name from --set or a row of --samples; one not set has the centre of its range."""
-    known = study.parameters.names
-    chosen = pairs(entries, "--set")
+    """Read the contact parameters of a simulation from the options.
+
+    Parameters
+    ----------
+    entries : sequence of str
+        The NAME=VALUE entries of --set. Other parameters have the centre of their range.
+    samples : str or None
+        The table of --samples, which replaces --set.
+    sample : int or None
+        The number of --sample: a row of the table.
+    study : PipelineConfig
+        The study.
+
+    Returns
+    -------
+    dict
+        Values by name.
+
+    Raises
+    ------
+    InputError
+        If options exclude each other, or a name or value is not allowed.
+    """
+    texts = pairs(entries, "--set")
     if samples:
-        if chosen or sample is None:
+        if texts or sample is None:
             raise InputError(
                 "command line",
                 "--samples",
                 samples,
                 "together with --sample, without --set",
             )
-        found = read_sample(samples, sample)
-        for name in found:
-            allowed = "no such column: the study has no parameter of this name, or its laws lack it"
-            require(
-                name in known, f"{samples}, sample {sample}", name, found[name], allowed
-            )
-        return found
+        return _parameters_of_sample(samples, sample, study)
+
     require_option(sample is None, "--sample", sample, "together with --samples")
-    for name, value in chosen.items():
-        listed = ", ".join(f"{key} ({LABELS[key]})" for key in known)
+    known = study.parameters.names
+    values = dict(study.parameters.centre)
+    for name, text in texts.items():
+        labelled = ", ".join(f"{key} ({LABELS[key]})" for key in known)
         require_option(
-            name in known, f"--set {name}", value, f"a parameter of {listed}"
+            name in known, f"--set {name}", text, f"a parameter of {labelled}"
         )
-    return study.parameters.centre | {
-        name: check_value(name, value, "command line") for name, value in chosen.items()
-    }
+    for name, text in texts.items():
+        values[name] = check_value(name, text, "command line")
+    return values
+
+
+def _parameters_of_sample(
+    samples: str, sample: int, study: PipelineConfig
+) -> dict[str, float]:
+    """Read a row of a table of parameters, and refuse columns the study does not know."""
+    values = read_sample(samples, sample)
+    for name, value in values.items():
+        require(
+            name in study.parameters.names,
+            f"{samples}, sample {sample}",
+            name,
+            value,
+            "no such column: the study has no parameter of this name, or its laws lack "
+            "it",
+        )
+    return values
 
 
 def run_seeds(seeds: list[int] | None) -> list[int]:
-    """Return the seeds of --seed, without it seed 1; InputError unless they are distinct whole numbers from 0."""
+    """Return the seeds of --seed; without it, seed 1.
+
+    Raises
+    ------
+    InputError
+        Unless they are distinct whole numbers from 0.
+    """
     seeds = seeds or [1]
+    are_distinct = len(set(seeds)) == len(seeds)
     require_option(
-        min(seeds) >= 0 and len(set(seeds)) == len(seeds),
+        min(seeds) >= 0 and are_distinct,
         "--seed",
         seeds,
         "distinct whole numbers from 0",
@@ -119,7 +166,27 @@ def run_seeds(seeds: list[int] | None) -> list[int]:
 def pour_seeds(
     args: Namespace, study_seed: int, apparatus: str = streams.UNNAMED
 ) -> list[int]:
-    """Return the seeds of --seed, or the study's own by --seeds, for the purpose and sample of `args`."""
+    """Return the seeds of the runs of a parameter set.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        Options: --seed names the seeds; --seeds takes as many of the study's own, for
+        the --purpose and the --sample.
+    study_seed : int
+        The seed of the study.
+    apparatus : str, optional
+        Name of the bench test.
+
+    Returns
+    -------
+    list of int
+
+    Raises
+    ------
+    InputError
+        If the options exclude each other, or a number is not allowed.
+    """
     if args.seeds is None:
         return run_seeds(args.seed)
     if args.seed or not 1 <= args.seeds <= MOST_SEEDS:
@@ -129,6 +196,5 @@ def pour_seeds(
             args.seeds,
             f"from 1 to {MOST_SEEDS}, without --seed",
         )
-    return streams.pour_seeds(
-        study_seed, args.purpose, args.sample or 0, args.seeds, apparatus
-    )
+    sample = args.sample or 0
+    return streams.pour_seeds(study_seed, args.purpose, sample, args.seeds, apparatus)

@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from repose.calibrate.runs import describe
@@ -60,9 +61,11 @@ def warm_up(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.dem.cache import folder
     from repose.stages import warm_up
 
-    took_s = warm_up.warm_up(_scene(args, study, study.parameters.centre), args.cores)
+    scene = _scene(args, study, study.parameters.centre)
+    elapsed_s = warm_up.warm_up(scene, args.cores)
     print(
-        f"the engine was ready after {took_s:.1f} s; its compiled code is in {folder()}"
+        f"the engine was ready after {elapsed_s:.1f} s; its compiled code is in "
+        f"{folder()}"
     )
 
 
@@ -72,23 +75,38 @@ def pour(args: argparse.Namespace, study: PipelineConfig) -> None:
 
     example: --apparatus funnel --set mus_gg=0.5 --seed 1 --out results/try
     """
-    from repose.stages import kept_runs
-    from repose.stages.job import measured, pour_job
+    from repose.stages.job import pour_job
 
     job = _job(args, study, args.apparatus)
     pours = pour_job(**job, keeps_runs=args.keep_runs)
     print(pours)
     if args.measure:
-        as_measured = argparse.Namespace(
-            **(vars(args) | {"verb": "measure_runs", "pours": [str(pours)]})
-        )
-        with recorded(as_measured, "measured"):
-            provenance.note_config(study.config)
-            if kept_runs.read_measurement(pours) is None:
-                kept_runs.write_measurement(pours, measured(job["scene"], pours))
+        _keep_measurement(args, study, job["scene"], pours)
 
 
-@verb(*POUR, JSON.with_changes(help="print the result as JSON"), out="results/try", runs="made")
+def _keep_measurement(
+    args: argparse.Namespace, study: PipelineConfig, scene: "Scene", pours: Path
+) -> None:
+    """Measure saved runs and keep the result, if this is not done yet.
+
+    It is recorded as a result of measure_runs, which then takes it over.
+    """
+    from repose.stages import kept_runs
+    from repose.stages.job import measured
+
+    options = vars(args) | {"verb": "measure_runs", "pours": [str(pours)]}
+    with recorded(argparse.Namespace(**options), "measured"):
+        provenance.note_config(study.config)
+        if kept_runs.read_measurement(pours) is None:
+            kept_runs.write_measurement(pours, measured(scene, pours))
+
+
+@verb(
+    *POUR,
+    JSON.with_changes(help="print the result as JSON"),
+    out="results/try",
+    runs="made",
+)
 def heap(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Pour grains through the funnel and measure the pile: pour and measure_runs in one verb.
 
@@ -98,35 +116,30 @@ def heap(args: argparse.Namespace, study: PipelineConfig) -> None:
 
     job = _job(args, study, "funnel")
     result = measure_job(job["scene"], pour_job(**job))
-    if args.json and len(result["runs"]) == 1:
-        print(
-            json_text(
-                {key: result[key] for key in ("parameters", "time_step_s")}
-                | result["runs"][0]
-            )
-        )
+    runs = result["runs"]
+    if not args.json:
+        _print_runs(runs, job["test"].summary)
+    elif len(runs) == 1:
+        shared = {key: result[key] for key in ("parameters", "time_step_s")}
+        print(json_text(shared | runs[0]))
     else:
-        _print(result["runs"], job["test"].summary, result if args.json else None)
+        print(json_text(result))
 
 
-def _print(runs: Iterable[Mapping[str, Any]], template: str, content: Any) -> None:
-    """Print measured runs as text, or `content` as JSON."""
-    print(
-        "\n".join(describe(run, template) for run in runs)
-        if content is None
-        else json_text(content)
-    )
+def _print_runs(runs: Iterable[Mapping[str, Any]], template: str) -> None:
+    """Print measured runs, a line each, by the template of their bench test."""
+    for run in runs:
+        print(describe(run, template))
 
 
 def _scene(
     args: argparse.Namespace, study: PipelineConfig, values: Mapping[str, float]
 ) -> "Scene":
-    """Make the scene of these parameters, with the grain and the particle of the options."""
+    """Make the scene of a parameter set, with the grain and particle of the options."""
     from repose.bench import Scene
 
-    return Scene.of(
-        study.config, values, *berry_and_particle(study, args.berry, args.particle)
-    )
+    grain, particle = berry_and_particle(study, args.berry, args.particle)
+    return Scene.of(study.config, values, grain, particle)
 
 
 def _job(
@@ -141,28 +154,36 @@ def _job(
     section(study.config, apparatus)
     values = parameters(args.set, args.samples, args.sample, study)
     seeds = pour_seeds(args, study.settings.design.seed, apparatus)
-    step, end = (
-        study.settings.simulation.time_step_s,
-        test.duration_s(SceneSettings(study.config)),
-    )
-    if args.trajectory is not None and not step <= args.trajectory <= end:
+    step_s = study.settings.simulation.time_step_s
+    duration_s = test.duration_s(SceneSettings(study.config))
+    interval_s = args.trajectory
+    if interval_s is not None and not step_s <= interval_s <= duration_s:
         raise InputError(
             "command line",
             "--trajectory",
-            args.trajectory,
-            f"from {step:g} to {end:g} s",
+            interval_s,
+            f"from {step_s:g} to {duration_s:g} s",
         )
+
+    def progress(seed: int) -> Any:
+        return display(0.0, duration_s, step_s, label=f"seed {seed}")
+
     return {
         "test": test,
         "scene": _scene(args, study, values),
-        "name": f"{args.sample:03d}"
-        if args.sample is not None
-        else ("heap" if apparatus == "funnel" else apparatus),
+        "name": _file_name(args.sample, apparatus),
         "seeds": seeds,
         "out_dir": args.out,
-        "interval_s": args.trajectory,
-        "progress": lambda seed: display(0.0, end, step, label=f"seed {seed}"),
+        "interval_s": interval_s,
+        "progress": progress,
     }
+
+
+def _file_name(sample: int | None, apparatus: str) -> str:
+    """Return the name of the files of a job: its sample, or else its bench test."""
+    if sample is not None:
+        return f"{sample:03d}"
+    return "heap" if apparatus == "funnel" else apparatus
 
 
 @verb(
@@ -193,12 +214,9 @@ def measure_runs(args: argparse.Namespace, study: PipelineConfig) -> None:
     scene = _scene(args, study, {})
     for path in job_files(args.pours, args.samples, POURS):
         result = measure_job(scene, path, args.out, args.keep_runs)
-        print(
-            "\n".join(
-                f"{path}: {describe(run, bench_of(result).summary)}"
-                for run in result["runs"]
-            )
-        )
+        template = bench_of(result).summary
+        for run in result["runs"]:
+            print(f"{path}: {describe(run, template)}")
 
 
 @verb(
@@ -216,13 +234,13 @@ def drum(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.stages import drum_tables
 
     section(study.config, "drum")
-    scene = _scene(args, study, parameters(args.set, args.samples, args.sample, study))
+    values = parameters(args.set, args.samples, args.sample, study)
+    scene = _scene(args, study, values)
     results = drum_tables.run_job(scene, run_seeds(args.seed), args.out)
-    _print(
-        [result["run"] for result in results],
-        bench("drum").summary,
-        results if args.json else None,
-    )
+    if args.json:
+        print(json_text(results))
+    else:
+        _print_runs([result["run"] for result in results], bench("drum").summary)
 
 
 @verb(

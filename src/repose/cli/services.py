@@ -1,4 +1,4 @@
-"""Verbs around a study: the speed, and provenance."""
+"""Verbs beside a study: the speed of the simulator, the provenance of a result."""
 
 import argparse
 import json
@@ -19,16 +19,16 @@ def bench(args: argparse.Namespace, study: PipelineConfig) -> None:
     """
     from repose.bench import speed
 
-    of_published = published.representative(
-        study.settings.validation.published, study.parameters.names
+    settings = study.settings
+    parameters = published.representative(
+        settings.validation.published, study.parameters.names
     )
-    result = speed.run(
-        study.config,
-        {study.settings.berry.particle: study.particle},
-        study.grain,
-        of_published,
-    )
-    print(json.dumps(result, indent=1) if args.json else speed.message(result))
+    particles = {settings.berry.particle: study.particle}
+    result = speed.run(study.config, particles, study.grain, parameters)
+    if args.json:
+        print(json.dumps(result, indent=1))
+    else:
+        print(speed.message(result))
 
 
 @verb(Option("result", help="a file that a verb wrote"), JSON, config=False)
@@ -46,6 +46,9 @@ def provenance(args: argparse.Namespace) -> None:
         raise InputError(
             args.result, "provenance", None, "a result that a verb of repose wrote"
         )
-    width = max(map(len, record))
-    lines = (f"{key:<{width}}  {value}" for key, value in record.items())
-    print(json.dumps(record, indent=1) if args.json else "\n".join(lines))
+    if args.json:
+        print(json.dumps(record, indent=1))
+        return
+    width = max(len(key) for key in record)
+    for key, value in record.items():
+        print(f"{key:<{width}}  {value}")
