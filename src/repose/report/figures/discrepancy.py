@@ -46,7 +46,8 @@ def over_the_discrepancy(inputs: Inputs, study: StudyView) -> Figure:
     ends = [f"{name}_{end}" for name in names for end in ("low", "high")]
     table = read_table(inputs["discrepancy"], (*COLUMNS, *ends))
     is_stated = table["evidence"] == "stated"
-    stated, of_shape_study = table[is_stated], table[~is_stated]
+    stated = table[is_stated]
+    of_shape_study = table[~is_stated]
 
     rows = math.ceil(len(names) / 3)
     heights = [2.3, 1.55 * rows]
@@ -75,7 +76,8 @@ def _draw_information(
     panel: Axes, stated: pd.DataFrame, of_shape_study: pd.DataFrame
 ) -> None:
     """Draw the information in bits over the assumed error, a line for each correlation."""
-    x, y = "discrepancy_percent", "information_bits"
+    x = "discrepancy_percent"
+    y = "information_bits"
     by_correlation = stated.groupby("discrepancy_correlation")
     for k, (correlation, rows) in enumerate(by_correlation):
         words = "independent between targets"

@@ -71,7 +71,8 @@ def _draw_first_view(
     height, width = image.shape
     crest = measured.top[0]
     greys = np.where(image < 128, PILE_GREY, BACKGROUND_GREY).astype(np.uint8)
-    left, right = (-0.5 - crest) * scale, (width - 0.5 - crest) * scale
+    left = (-0.5 - crest) * scale
+    right = (width - 0.5 - crest) * scale
     panel.imshow(
         greys,
         cmap="gray",

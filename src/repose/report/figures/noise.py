@@ -110,7 +110,8 @@ def _draw_reachable_r2(
     """Draw the R2 that a perfect predictor reaches over the number of seeds."""
     response = target.response
     column = f"{response.quantity}_reachable_r2"
-    low, high = seeds[f"{column}_low"], seeds[f"{column}_high"]
+    low = seeds[f"{column}_low"]
+    high = seeds[f"{column}_high"]
     colour = look["color"]
     panel.fill_between(seeds["seeds"], low, high, color=colour, alpha=0.2, lw=0)
     panel.plot(seeds["seeds"], seeds[column], label=response.symbol, **look)

@@ -130,7 +130,8 @@ def _draw_samples(
     """Draw the means of the samples with their standard errors."""
     for key, table in samples.items():
         words, colour = SAMPLES[key]
-        x, y = table[across.name], table[up.name]
+        x = table[across.name]
+        y = table[up.name]
         panel.errorbar(
             x,
             y,
@@ -204,7 +205,8 @@ def _draw_solutions(
 
 def _draw_answer(panel: Axes, answer: pd.Series, across: Target, up: Target) -> None:
     """Draw the answer as predicted, and as simulated if it was simulated again."""
-    x, y = across.response, up.response
+    x = across.response
+    y = up.response
     panel.plot(
         answer[x.predicted],
         answer[y.predicted],

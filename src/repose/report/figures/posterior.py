@@ -209,7 +209,8 @@ def _prior_density(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Give values of a free parameter over its range, and the prior's density there."""
     index = parameters.free.index(name)
-    low, high = parameters.low[index], parameters.high[index]
+    low = parameters.low[index]
+    high = parameters.high[index]
     unit = np.linspace(0, 1, 201)
     values = low + unit * (high - low)
     points = np.repeat(unit[:, None], parameters.dimensions, axis=1)

@@ -60,7 +60,8 @@ def approach(inputs: Inputs, study: StudyView) -> Figure:
     )
     for k, response in enumerate(responses):
         row, column = divmod(k, 2)
-        upper, lower = axes[2 * row, column], axes[2 * row + 1, column]
+        upper = axes[2 * row, column]
+        lower = axes[2 * row + 1, column]
         values = {
             number: rounds[derived(response.name, number)].to_numpy(float)
             for number in NUMBERS

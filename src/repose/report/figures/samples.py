@@ -111,7 +111,8 @@ def _draw_response(
 ) -> None:
     """Draw one response over one parameter; a failed sample is a cross below all values."""
     is_good = table["status"] == "ok"
-    good, failed = table[is_good], table[~is_good]
+    good = table[is_good]
+    failed = table[~is_good]
     value = good[response.name]
     error = good[response.error].fillna(0.0)
     panel.errorbar(
@@ -126,9 +127,11 @@ def _draw_response(
         mew=0,
     )
     if len(failed):
-        bottom, top = 0.0, 1.0
+        bottom = 0.0
+        top = 1.0
         if len(good):
-            bottom, top = (value - error).min(), (value + error).max()
+            bottom = (value - error).min()
+            top = (value + error).max()
         height = bottom - 0.1 * (top - bottom)
         panel.plot(
             failed[name],

@@ -1,6 +1,6 @@
 """The common style of all figures: sizes, fonts, colours, labels, saving.
 
-The colours are told apart by colour-blind readers.
+Colour-blind readers can tell the colours apart.
 """
 
 import io
@@ -40,8 +40,14 @@ DPI = 180
 TELEPHOTO_DEG = 0.8  # field of view of a picture without perspective
 
 # Okabe and Ito's palette.
-BLUE, ORANGE, GREEN, RED = "#0072B2", "#E69F00", "#009E73", "#D55E00"
-SKY, PURPLE, GREY, BLACK = "#56B4E9", "#CC79A7", "#8A8F94", "#222222"
+BLUE = "#0072B2"
+ORANGE = "#E69F00"
+GREEN = "#009E73"
+RED = "#D55E00"
+SKY = "#56B4E9"
+PURPLE = "#CC79A7"
+GREY = "#8A8F94"
+BLACK = "#222222"
 SERIES = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, GREY)
 LINES = ("-", "--", "-.", ":")
 STRIP_COLOUR = "#EEF0F2"  # of the range of a parameter
@@ -317,7 +323,8 @@ def scale_bar(
     length_m = power * max(step for step in (1, 2, 5) if step * power <= longest_m)
     ends_m = place_m + np.outer([0.0, length_m], camera.axes[0])
     x, _, _ = camera.project(ends_m)
-    right, low = 0.97 * camera.width, 0.94 * camera.height
+    right = 0.97 * camera.width
+    low = 0.94 * camera.height
     # A white margin, since the bar may lie over grains.
     margin = [withStroke(linewidth=3, foreground="white")]
     panel.plot(

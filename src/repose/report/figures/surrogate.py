@@ -154,7 +154,8 @@ def influence_of_inputs(
     def respond(values: np.ndarray) -> np.ndarray:
         return model.predict(parameters.complete(values))
 
-    low, high = parameters.low, parameters.high
+    low = parameters.low
+    high = parameters.high
     try:
         sobol = indices(respond, low, high, INFLUENCE_POINTS, 1, seed)
     except ValueError:

@@ -119,7 +119,8 @@ def measurement(inputs: Inputs, study: StudyView) -> Figure:
     figure = style.new_figure(style.PAGE, 3.6)
     axes = figure.subplot_mosaic("abc;ddd", height_ratios=(1, 2.2))
     rows, columns = image.shape
-    width_mm, height_mm = scale * columns, scale * rows
+    width_mm = scale * columns
+    height_mm = scale * rows
     for (letter, panel), (title, picture) in zip(
         axes.items(), steps.items(), strict=True
     ):
@@ -202,7 +203,8 @@ def apparatus(inputs: Inputs, study: StudyView) -> Figure:
     half_inlet = settings.inlet_diameter_mm / 2
     factory = top + settings.factory_height_mm
     half_view = max(half_inlet + 75, 190)
-    low, high = -34, factory + 34
+    low = -34
+    high = factory + 34
 
     width = 1.3 * style.COLUMN
     height = (width - 0.5) * (high - low) / (2 * half_view) + 0.55

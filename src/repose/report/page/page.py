@@ -103,7 +103,8 @@ def text_to_copy(study: Results) -> str:
 def _parameter(study: Results, name: str, value: float) -> dict[str, Any]:
     """Give one parameter as plain values."""
     is_fixed = name in study.parameters.fixed
-    low, high = None, None
+    low = None
+    high = None
     if not is_fixed:
         low, high = parameter_ranges(study.parameters)[name]
     return {

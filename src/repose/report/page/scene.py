@@ -150,7 +150,8 @@ def _visible_surface(spheres: np.ndarray, ball: trimesh.Trimesh) -> Surface:
     `ball` is a mesh of the unit sphere.
     """
     corners = np.asarray(ball.vertices)
-    centres, radii = spheres[:, :3], spheres[:, 3]
+    centres = spheres[:, :3]
+    radii = spheres[:, 3]
     points = centres[:, None, :] + radii[:, None, None] * corners
     distances = np.linalg.norm(points[:, :, None] - centres, axis=3)
     is_hidden = (distances < radii * (1 - 1e-9)).any(axis=2).ravel()
