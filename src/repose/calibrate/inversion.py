@@ -144,7 +144,7 @@ def _number_of_rows(violations: np.ndarray, most: int) -> int:
     They are the feasible ones, at most `most`, and the representative; at least
     `FEWEST_ROWS`. Without any feasible point they are `most`.
     """
-    n_feasible = np.count_nonzero(violations == 0)
+    n_feasible = int(np.count_nonzero(violations == 0))
     if n_feasible == 0:
         return most
     is_first_infeasible = bool(violations[0] > 0)

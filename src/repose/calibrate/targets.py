@@ -29,8 +29,9 @@ def completed(entry: Any) -> Any:
     apparatus = UNNAMED if known is None else known.apparatus
     complete = {"apparatus": apparatus} | dict(entry)
     if "range" not in entry:
-        value, sd = entry.get("value"), entry.get("sd")
-        repetitions = entry.get("repetitions")
+        value: Any = entry.get("value")
+        sd: Any = entry.get("sd")
+        repetitions: Any = entry.get("repetitions")
         if all(map(_is_usable, (value, sd, repetitions))) and repetitions > 0:
             complete["range"] = list(range_about(value, sd, repetitions))
     return complete

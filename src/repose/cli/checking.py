@@ -35,7 +35,7 @@ def _load_or_propose(args: argparse.Namespace) -> PipelineConfig:
     try:
         return load(args, inputs=True)
     except InputError as error:
-        if _is_number_of_grains(error):
+        if isinstance(error.value, int) and _is_number_of_grains(error):
             from repose.config.check import smaller_scene
 
             for line in smaller_scene(configs_of(args), error.value):
@@ -45,11 +45,7 @@ def _load_or_propose(args: argparse.Namespace) -> PipelineConfig:
 
 def _is_number_of_grains(error: InputError) -> bool:
     """Return whether the number of grains is the only fault."""
-    return (
-        error.key == "funnel.berries"
-        and isinstance(error.value, int)
-        and not isinstance(error, InputErrors)
-    )
+    return error.key == "funnel.berries" and not isinstance(error, InputErrors)
 
 
 @verb(

@@ -79,7 +79,7 @@ def read_layers(files: Sequence[Path_], overrides: Config | None = None) -> Laye
         If a file cannot be read.
     """
     paths = [places.find(path) for path in files]
-    read_once: Read = functools.cache(read)
+    read_once: Any = functools.cache(read)
     if paths:
         layered = _over_each_other(paths, overrides, read_once)
         if not _lacks_keys(layered.config):
@@ -109,13 +109,13 @@ def over_defaults(
     -------
     Layered
     """
-    read_once: Read = functools.cache(read)
+    read_once: Any = functools.cache(read)
     files = [places.find(path) for path in files]
     method = places.find(places.METHOD_CONFIG)
     study = places.configs()[-1]
 
     # Choose the defaults.
-    default_files = [method]
+    default_files: list[Path_] = [method]
     if files or not _is_a_crop(given):
         contents = [*map(read_once, files), given]
         default_files = layers((), read_once, contents)

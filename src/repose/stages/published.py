@@ -61,7 +61,7 @@ def read_sets(path: Path_, names: Iterable[str] = PARAMETERS) -> "pd.DataFrame":
     """Read all published sets, with their parameters `names` and a text `solution`."""
     import pandas as pd
 
-    columns = (NAME, *names)
+    columns: tuple[str | Column, ...] = (NAME, *names)
     sets = [read_table(table, columns) for table in tables(path)]
     return pd.concat(sets, ignore_index=True)
 
