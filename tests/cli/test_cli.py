@@ -377,7 +377,7 @@ def test_the_built_in_crop_is_reported_in_a_folder_without_a_configuration(
         Path("sizes.csv").write_text((ROOT / "crops/wheat/sizes.csv").read_text())
         Path("published").symlink_to(ROOT / "crops/wheat/published")
         words = [*words, f"--config={own}"]
-    monkeypatch.setattr("repose.calibrate.designs.latin_hypercube.run", lambda *_: None)
+    monkeypatch.setattr("repose.stages.design.run", lambda *_: None)
     assert ("built-in goji example" in command(*words).err) is warned
 
 

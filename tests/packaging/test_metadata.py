@@ -192,7 +192,7 @@ def test_the_conda_recipe_needs_what_the_package_needs_and_the_pins_lie_in_the_r
 
 
 def test_the_reference_shows_each_public_name_of_the_engine_and_each_law():
-    homes = {f"repose.dem.{home}" for home in dem._HOME.values()}
+    homes = {f"repose.dem.{home}" for home in dem._MODULE_OF.values()}
     homes |= {
         law.kernel.__module__
         for law in (*CONTACT_LAWS.values(), *ROLLING_LAWS.values())

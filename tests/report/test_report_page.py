@@ -282,7 +282,7 @@ def test_what_piles_cannot_be_stands_below_the_first_line(tmp_path, monkeypatch)
         {},
     ]
     monkeypatch.setattr(
-        "repose.stages.card.read",
+        "repose.report.page.sections.read_card",
         lambda path: {"tests": tests if path == "card" else []},
     )
     text = written((config, jobs, files | {"card": "card"}), tmp_path)

@@ -101,7 +101,9 @@ def computes_nothing(module: str) -> bool:
 def _file_of(module: str) -> Path:
     """Find the file of a module or package of `repose`."""
     path = PACKAGE.joinpath(*module.split(".")[1:])
-    file = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+    file = path.with_suffix(".py")
+    if not file.is_file():
+        file = path / "__init__.py"
     if not file.is_file():
         raise ModuleNotFoundError(f"{module}: there is no {file}", name=module)
     return file
