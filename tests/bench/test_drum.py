@@ -131,10 +131,10 @@ def test_a_slip_has_its_beginning_end_and_motion_by_depth():
         [np.full(40, 1e-8), [1e-8, 1e-7, 1e-7, 1e-6, 1e-5, 1e-5, 1e-6, 1e-10, 1e-12]]
     )
     assert bed.find_slip(angle, energy, 1.0, 1e-9) == bed.Slip(
-        begins=40, judged=44, ends=47
+        begins=40, detection=44, ends=47
     )
     assert bed.find_slip(angle, energy, 4.0, 1e-9) == bed.Slip(
-        begins=40, judged=46, ends=47
+        begins=40, detection=46, ends=47
     )
     assert bed.find_slip(angle, energy, 5.0, 1e-9) is None
     assert bed.find_slip(angle, np.full(49, 1e-3), 1.0, 1e-9).ends == 48

@@ -168,7 +168,7 @@ def test_a_pile_that_reaches_the_outlet_is_told(seeds, tmp_path):
 
 
 def test_a_process_that_pours_and_measures_does_not_wait_for_what_it_does_not_use():
-    used = "repose.cli, repose.stages.job, repose.config.study, repose.config.dependencies, repose.measure.pile"
+    used = "repose.cli, repose.stages.job, repose.config.pipeline, repose.config.dependencies, repose.measure.pile"
     slow = {
         "pandas",
         "scipy.spatial",

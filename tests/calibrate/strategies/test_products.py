@@ -2,7 +2,6 @@
 
 import json
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -16,14 +15,13 @@ from repose.bench.parameters import PARAMETERS
 from repose.calibrate.card import RANGE
 from repose.calibrate.runs import error_of
 from repose.calibrate.search.settings import MigaSettings
-from repose.calibrate.strategies import answer as written
 from repose.calibrate.strategies.answer import separated
 from repose.config.pipeline import PipelineConfig
 from repose.grain.particle import Particle
 from repose.measure.angles import MEAN_KEYS
 from repose.report.page import page, sections
 from repose.report.page.study import read
-from repose.stages import card, card_study
+from repose.stages import batches, card, card_study
 
 SPHERE = Particle(
     "ellipsoid",
@@ -211,13 +209,15 @@ def test_the_answer_has_its_piles_by_every_definition_of_the_angle(tmp_path):
     best = dict.fromkeys(PARAMETERS, 0.3) | dict.fromkeys(TARGETS.predicted, 31.0)
     found = dict(notes={}, solutions=[best], predicted_error=[0.1] * len(TARGETS))
     found |= dict(feasible=True, message="", why="", pours=12)
-    measure = PipelineConfig.load(ROOT / "config/config.yaml").config["measure"] | {
-        "response": "secant"
-    }
-    study = SimpleNamespace(
-        targets=TARGETS, parameters=SPACE, config={"measure": measure}
+    measure = PipelineConfig.load(ROOT / "config/config.yaml").settings.measure
+    batches.write_answer(
+        found,
+        runs,
+        tmp_path,
+        parameters=SPACE,
+        targets=TARGETS,
+        measure=measure.model_copy(update={"response": "secant"}),
     )
-    written.write(found, runs, study, tmp_path)
     (row,) = pd.read_csv(tmp_path / "table4.csv").to_dict("records")
     for name in MEAN_KEYS.values():
         assert (row[name], row[error_of(name)]) == pytest.approx((32.0, 2 / np.sqrt(3)))

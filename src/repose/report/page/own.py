@@ -7,13 +7,21 @@ from datetime import date
 from repose.calibrate.answer import WITHIN
 from repose.calibrate.calibration import Calibration
 from repose.common import provenance
+from repose.common.files import path_of
 from repose.report.figures import own, style
 from repose.report.page import captions, page
 from repose.report.page.study import Results
 
 
 def write(calibration: Calibration, out_path: str | os.PathLike[str]) -> None:
-    """Write the report of a calibration."""
+    """Write the report of a calibration.
+
+    Raises
+    ------
+    InputError
+        If `out_path` is no path.
+    """
+    out_path = path_of("path", out_path)
     study = calibration.study
     probability: dict[str, float | None] = dict.fromkeys(study.targets.names)
     probability["all"] = calibration.probability["inside"]
