@@ -1,9 +1,12 @@
-"""Targets that are profiles: a file of measured heights becomes one target for each score (`repose.calibrate.profiles`)."""
+"""Targets that are profiles.
+
+A file of measured heights becomes a target for each score (`repose.calibrate.profiles`).
+"""
 
 import math
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
-from typing import Annotated, Any, Generic, TypeVar
+from typing import Annotated, Any, Generic, NamedTuple, TypeVar
 
 from pydantic import Field
 
@@ -11,7 +14,7 @@ from repose.calibrate.profiles import Profile
 from repose.calibrate.responses import derived, named
 from repose.calibrate.targets import range_about
 from repose.common import faults, places, tables
-from repose.common.errors import InputError, raise_together, require
+from repose.common.errors import InputError, raise_together
 from repose.common.section import ABSENT, Section
 
 MOST_FUNCTIONS = 9
@@ -54,26 +57,44 @@ Measured = TypeVar("Measured", bound=MeasuredProfile)
 
 
 class _Targets(Section, Generic[Measured]):
+    """A section of targets that are profiles, for their check."""
+
     targets: dict[str, Measured]
 
 
+class _MeasuredLine(NamedTuple):
+    """A measured profile with the standard deviation of its heights."""
+
+    profile: Profile
+    sd: float  # root of the mean square over the heights
+
+
 def expanded(targets: Any, source: Any) -> Any:
-    """Put an entry for each score in place of each profile of the list `targets`; InputError with all faults."""
+    """Replace each profile of the list `targets` by an entry for each score.
+
+    Raises
+    ------
+    InputError
+        With all faults of a profile.
+    """
     entries = []
     for k, entry in enumerate(targets):
         if _is_profile(entry):
-            entries += _of_bench(
-                _checked({str(k): entry}, _Targets[BenchProfile], source),
-                f"targets.{k}",
-                source,
-            )
+            measured = _checked({str(k): entry}, _Targets[BenchProfile], source)
+            entries += _of_bench(measured, f"targets.{k}", source)
         else:
             entries.append(entry)
     return entries
 
 
 def expanded_own(targets: Any, source: Any) -> Any:
-    """Expand the section `targets` of the user's own simulator in the same way."""
+    """Replace the profiles in the section `targets` of the user's own simulator.
+
+    Raises
+    ------
+    InputError
+        With all faults of a profile.
+    """
     if not isinstance(targets, Mapping):
         return targets
     entries: dict[str, Any] = {}
@@ -82,26 +103,22 @@ def expanded_own(targets: Any, source: Any) -> Any:
             entries[name] = entry
             continue
         measured = _checked({name: entry}, _Targets[OwnProfile], source)
-        profile, sd = _read(measured, name)
-        both = [
-            score for score in profile.names if score in targets or score in entries
-        ]
-        require(
-            not both,
-            source,
-            f"targets.{name}",
-            both,
-            "a profile whose scores have names of no other target",
-        )
-        more = {
-            key: getattr(measured, key)
-            for key in ("unit", "definition")
-            if key in entry
-        }
+        line = _read(measured, name)
+        profile = line.profile
+        names_of_others = {*targets, *entries}
+        repeated = [score for score in profile.names if score in names_of_others]
+        if repeated:
+            allowed = "a profile whose scores have names of no other target"
+            raise InputError(source, f"targets.{name}", repeated, allowed)
+        common: dict[str, Any] = {}
+        for key in ("unit", "definition"):
+            if key in entry:
+                common[key] = getattr(measured, key)
         if measured.noise_sd is not None:
-            more["noise_sd"] = measured.noise_sd / math.sqrt(profile.functions)
-        scores = zip(profile.names, _scores(measured, profile, sd, {}), strict=True)
-        entries |= {score: common | more for score, common in scores}
+            common["noise_sd"] = measured.noise_sd / math.sqrt(profile.functions)
+        scores = _scores(measured, line, {})
+        for score, keys in zip(profile.names, scores, strict=True):
+            entries[score] = keys | common
     return entries
 
 
@@ -113,21 +130,23 @@ def _is_profile(entry: Any) -> bool:
 def _checked(
     targets: Mapping[str, Any], model: type[_Targets[Measured]], source: Any
 ) -> Measured:
-    """Make an entry an instance of its model; InputError with all its faults."""
+    """Make the only entry of `targets` an instance of its model.
+
+    Raises
+    ------
+    InputError
+        With all its faults.
+    """
     raise_together(faults.check({"targets": targets}, source, model).faults)
     ((name, entry),) = model.model_validate({"targets": targets}).targets.items()
-    require(
-        places.find(entry.file).is_file(),
-        source,
-        f"targets.{name}.file",
-        entry.file,
-        "an existing CSV file",
-    )
+    if not places.find(entry.file).is_file():
+        key = f"targets.{name}.file"
+        raise InputError(source, key, entry.file, "an existing CSV file")
     return entry
 
 
 def _of_bench(measured: BenchProfile, key: str, source: Any) -> list[dict[str, Any]]:
-    """Make the entries of a bench test's profile."""
+    """Make the entries of the profile of a bench test."""
     first = named(derived(measured.response, "1"))
     if first is None or first.profile != measured.response:
         allowed = "the profile of a bench test, such as turning_profile_mm"
@@ -136,41 +155,59 @@ def _of_bench(measured: BenchProfile, key: str, source: Any) -> list[dict[str, A
         raise InputError(
             source, f"{key}.apparatus", measured.apparatus, first.apparatus
         )
-    profile, sd = _read(measured, measured.response)
-    common = {
-        "apparatus": first.apparatus,
-        "weight": measured.weight / profile.functions,
-    }
-    scores = _scores(measured, profile, sd, {"covered": measured.covered})
-    return [
-        {"response": name, **common, **score}
-        for name, score in zip(profile.names, scores, strict=True)
-    ]
+    line = _read(measured, measured.response)
+    weight = measured.weight / line.profile.functions
+    scores = _scores(measured, line, {"covered": measured.covered})
+    entries = []
+    for name, keys in zip(line.profile.names, scores, strict=True):
+        entries.append(
+            {
+                "response": name,
+                "apparatus": first.apparatus,
+                "weight": weight,
+                **keys,
+            }
+        )
+    return entries
 
 
 def _scores(
-    measured: MeasuredProfile, profile: Profile, sd: float, more: dict[str, Any]
+    measured: MeasuredProfile, line: _MeasuredLine, profile_keys: Mapping[str, Any]
 ) -> Iterator[dict[str, Any]]:
-    """Yield the keys that the scores' targets share with any target, and their profile.
+    """Yield the keys of each score's target, with the profile.
 
-    All scores have the same error, and their variances add up to the mean square error of a height.
+    All scores have the same error, and their variances add up to the mean square error of
+    a height. `profile_keys` are further keys of the profile.
     """
+    profile = line.profile
     root = math.sqrt(profile.functions)
-    low, high = range_about(profile.height, sd, measured.repetitions)
+    low, high = range_about(profile.height, line.sd, measured.repetitions)
     half = (measured.within or 0.5 * (high - low)) / root
-    kept = {
+    section = {
         "name": profile.name,
         "x": list(profile.x),
         "z": list(profile.z),
         "functions": profile.functions,
+        **profile_keys,
     }
     for value in profile.scores(profile.z).tolist():
-        numbers = {"value": value, "sd": sd / root, "repetitions": measured.repetitions}
-        yield numbers | {"range": [value - half, value + half], "profile": kept | more}
+        yield {
+            "value": value,
+            "sd": line.sd / root,
+            "repetitions": measured.repetitions,
+            "range": [value - half, value + half],
+            "profile": section.copy(),
+        }
 
 
-def _read(measured: MeasuredProfile, name: str) -> tuple[Profile, float]:
-    """Read the profile of a file, and the standard deviation of a height: the root of its mean square."""
+def _read(measured: MeasuredProfile, name: str) -> _MeasuredLine:
+    """Read the profile of a file.
+
+    Raises
+    ------
+    InputError
+        If it has gaps, too few rows, or abscissae that do not rise.
+    """
     path = places.find(measured.file)
     columns = [
         tables.Column(measured.x, empty=True),
@@ -179,44 +216,37 @@ def _read(measured: MeasuredProfile, name: str) -> tuple[Profile, float]:
     if isinstance(measured.sd, str):
         columns.append(tables.Column(measured.sd, low=0.0, empty=True))
     cells = tables.read(path, columns, "a CSV file of a profile")
-    # a profile may be shorter than the table
-    rows = [
-        k for k, height in enumerate(cells.values[measured.z]) if not math.isnan(height)
-    ]
-    first, last = (rows[0], rows[-1] + 1) if rows else (0, 0)
-    numbers = {column.name: cells.values[column.name][first:last] for column in columns}
-    gaps = [
-        (k, name)
-        for name, own in numbers.items()
-        for k, one in enumerate(own, start=first)
-        if math.isnan(one)
-    ]
-    words = "a finite number; empty heights only at the ends of a profile"
-    tables.refuse(path, ((k, name, cells.text[name][k], words) for k, name in gaps))
-    x, z, *sd = (numbers[column.name] for column in columns)
-    require(
-        len(x) > measured.functions,
-        path,
-        "rows",
-        len(x),
-        f"more than functions, {measured.functions}",
-    )
-    for k, (before, after) in enumerate(pairwise(x), start=first + 2):
-        require(
-            after > before,
-            f"{path}, row {k}",
-            measured.x,
-            after,
-            f"above the previous row's {before:g}",
-        )
+
+    # A profile may be shorter than the table: cut the empty rows at both ends.
+    heights = cells.values[measured.z]
+    rows = [k for k, height in enumerate(heights) if not math.isnan(height)]
+    first, end = (rows[0], rows[-1] + 1) if rows else (0, 0)
+    numbers = {column.name: cells.values[column.name][first:end] for column in columns}
+    gaps = []
+    for column_name, values in numbers.items():
+        for k, value in enumerate(values, start=first):
+            if math.isnan(value):
+                cell = cells.text[column_name][k]
+                allowed = "a finite number; empty heights only at the ends of a profile"
+                gaps.append((k, column_name, cell, allowed))
+    tables.refuse(path, gaps)
+
+    x = numbers[measured.x]
+    z = numbers[measured.z]
+    if len(x) <= measured.functions:
+        allowed = f"more than functions, {measured.functions}"
+        raise InputError(path, "rows", len(x), allowed)
+    for row, (before, after) in enumerate(pairwise(x), start=first + 2):
+        if not after > before:
+            allowed = f"above the previous row's {before:g}"
+            raise InputError(f"{path}, row {row}", measured.x, after, allowed)
     profile = Profile(name, tuple(x), tuple(z), measured.functions)
-    require(
-        profile.height != 0,
-        path,
-        measured.z,
-        0,
-        "a height that is not 0: tolerances are in percent of it",
-    )
-    if not sd:
-        return profile, float(measured.sd)
-    return profile, math.sqrt(sum(one**2 for one in sd[0]) / len(sd[0]))
+    if profile.height == 0:
+        allowed = "a height that is not 0: tolerances are in percent of it"
+        raise InputError(path, measured.z, 0, allowed)
+
+    if not isinstance(measured.sd, str):
+        return _MeasuredLine(profile, float(measured.sd))
+    deviations = numbers[measured.sd]
+    mean_square = sum(sd**2 for sd in deviations) / len(deviations)
+    return _MeasuredLine(profile, math.sqrt(mean_square))

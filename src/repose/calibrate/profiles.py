@@ -1,9 +1,11 @@
-"""A profile, a line of heights, as a response: its scores on a few smooth functions are numbers like any other.
+"""Profiles, that is lines of heights, as responses.
 
-The functions are polynomials of rising degree, orthonormal in the mean over the profile's abscissae: score 1 is the
-mean height, score 2 the slope, score 3 the curvature, each in the unit of the heights. By Parseval's theorem the sum of
-the squared differences of all scores of two profiles is the mean square distance of their smooth parts. A straight
-profile has two scores; with cosines, the other usual choice, it would have many.
+The scores of a profile on a few smooth functions are numbers like any other response. The
+functions are polynomials of rising degree, orthonormal in the mean over the abscissae of
+the profile. Score 1 is the mean height, score 2 the slope, score 3 the curvature, each in
+the unit of the heights. By Parseval's theorem the sum of the squared differences of all
+scores of two profiles is the mean square distance of their smooth parts. A straight profile
+has two scores; with cosines, the other usual choice, it would have many.
 """
 
 import math
@@ -37,31 +39,49 @@ class OfProfile(Section):
 
 @dataclass(frozen=True)
 class Profile:
-    """A measured profile and the functions on which profiles are compared with it."""
+    """A measured profile and the functions on which profiles are compared with it.
 
-    name: str  # ends with the unit of the heights, ``surface_mm``; the scores are ``surface_1_mm`` and so on
-    x: tuple[float, ...]  # (n,), abscissae, rising
-    z: tuple[float, ...]  # (n,), the measured heights there
-    functions: int  # number of scores
+    Attributes
+    ----------
+    name : str
+        It ends with the unit of the heights, as in ``surface_mm``; the scores are then
+        ``surface_1_mm`` and so on.
+    x : tuple of float, (n,)
+        Abscissae, rising.
+    z : tuple of float, (n,)
+        The measured heights there.
+    functions : int
+        Number of functions, and of scores.
+    """
+
+    name: str
+    x: tuple[float, ...]
+    z: tuple[float, ...]
+    functions: int
 
     @classmethod
     def of(cls, section: Mapping[str, Any]) -> "Profile":
         """Read the profile of a target of the configuration."""
         return cls(
-            section["name"],
-            tuple(section["x"]),
-            tuple(section["z"]),
-            section["functions"],
+            name=section["name"],
+            x=tuple(section["x"]),
+            z=tuple(section["z"]),
+            functions=section["functions"],
         )
 
     @cached_property
     def basis(self) -> np.ndarray:
-        """The functions at the abscissae, (n, functions); the mean of a square is 1, of a product of two 0."""
+        """The functions at the abscissae, (n, functions).
+
+        The mean of the square of a function is 1, that of a product of two is 0.
+        """
         x = np.array(self.x)
-        middle, half = 0.5 * (x[-1] + x[0]), 0.5 * (x[-1] - x[0])
-        q, r = np.linalg.qr(
-            np.polynomial.legendre.legvander((x - middle) / half, self.functions - 1)
-        )
+        middle = 0.5 * (x[-1] + x[0])
+        half = 0.5 * (x[-1] - x[0])
+        degree = self.functions - 1
+        polynomials = np.polynomial.legendre.legvander((x - middle) / half, degree)
+        q, r = np.linalg.qr(polynomials)
+        # The decomposition leaves the signs open: each function rises with its polynomial.
         return q * np.sign(np.diagonal(r)) * math.sqrt(len(x))
 
     def scores(self, heights: ArrayLike) -> np.ndarray:
@@ -73,7 +93,7 @@ class Profile:
         return np.asarray(scores, float) @ self.basis.T
 
     def columns(self, heights: ArrayLike) -> dict[str, float]:
-        """Compute the scores of heights (n,) by their names, as a row of the table of runs has them."""
+        """Compute the scores of heights (n,) by name, as in a row of the table of runs."""
         return dict(zip(self.names, self.scores(heights).tolist(), strict=True))
 
     @property
@@ -90,6 +110,7 @@ class Profile:
     def whole(self) -> float:
         """What 100 % of a score means: the height over the root of the number of scores.
 
-        If each score is off by at most p % of it, the smooth profiles are at most p % of the height apart.
+        If each score deviates by at most p % of it, the smooth profiles are at most p %
+        of the height apart.
         """
         return self.height / math.sqrt(self.functions)
