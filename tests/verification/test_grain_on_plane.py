@@ -81,7 +81,7 @@ def test_resting_overlap(case, laws):
         sphere = resting_overlap(mass, math.sqrt(radii[0] * radii[1]), GRAIN)
         case.close(f"axis {axis} up: overlap [m]", overlap, sphere)
         elliptic = elliptic_overlap(mass, radii, young)
-        name = f"axis {axis} up, R1 / R2 {radii[0] / radii[1]:.2f}: elliptic overlap"
+        name = f"R1/R2 {radii[0] / radii[1]:.2f}: elliptic overlap"
         case.deviates(name, overlap, elliptic, ELLIPTIC_DEVIATIONS[axis], 5e-4)
 
 
