@@ -39,7 +39,9 @@ def made_up(folder: Path) -> None:
     (folder / "heaps").mkdir()
     own = {
         name: 30.0
-        for name in dataset.recorded("funnel", Targets.of(config["targets"])).single
+        for name in dataset.recorded_columns(
+            "funnel", Targets.of(config["targets"])
+        ).single
     }
     for row in samples.to_dict("records"):
         number = row.pop("sample")

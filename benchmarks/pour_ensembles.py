@@ -95,7 +95,7 @@ def measured(path, study):
     settings = MeasureSettings.of(study.config["measure"], study.grain)
     plate_mm = study.config["funnel"]["plate_diameter_mm"]
     arrays = {name: stored[name] for name in KEPT}
-    further = [name for name in RESPONSES if name not in funnel.ALWAYS]
+    further = [name for name in RESPONSES if name not in funnel.BASIC_NUMBERS]
     table = np.full((len(stored["set"]), len(RESPONSES)), np.nan)
     for k in np.flatnonzero(stored["status"] == "ok"):
         pile = {name: values[k] for name, values in arrays.items()}

@@ -161,7 +161,7 @@ def answers(model, judge, names, values, space):
     """A row for each target and tolerance."""
     for number, aim in enumerate(values):
         targets = targets_at(names, aim)
-        found = expected_loss.least(model, space, targets)
+        found = expected_loss.minimise_expected_loss(model, space, targets)
         X = np.array([[found[parameter] for parameter in PARAMETERS]])
         truth, unsure = judge.predict(X), judge.covariance(X)
         off = 100 * (truth[0] / aim - 1)

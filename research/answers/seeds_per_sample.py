@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 
 from repose.bench import bench
-from repose.bench.parameters import named
+from repose.bench.parameters import parameters_among
 from repose.calibrate import inversion as invert
 from repose.calibrate import training as train
 from repose.calibrate.seeds import pour_seeds
@@ -311,7 +311,7 @@ def fitting(args, config, pours):
             *tables,
             targets,
             section,
-            names=named(tables[0]),
+            names=parameters_among(tables[0]),
             surrogate=own.surrogate,
         )
         found = invert.invert(learned.model, study.parameters, targets, search).summary

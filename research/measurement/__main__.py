@@ -5,7 +5,7 @@ import pandas as pd
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
 from repose.common.files import read_table, write_table
-from repose.grain.berry_files import read_berry
+from repose.grain.berry_files import read_grain
 from repose.grain.particle import Particle
 from repose.measure import pile
 from research.measurement import (
@@ -43,7 +43,7 @@ def lines(args, config):
         raise InputError("command line", "--shapes", args.shapes, "at least 1")
     particle, berry, section = (
         Particle.load(args.particle),
-        read_berry(args.berry),
+        read_grain(args.berry),
         config["measure"],
     )
     tables = measurement_study.run(
@@ -92,9 +92,9 @@ def lines(args, config):
 def loose(args, config):
     """Move one grain to the foot or onto the crest of saved piles; see how far each line's angle goes."""
     particle = Particle.load(args.particle)
-    settings = pile.MeasureSettings.of(config["measure"], read_berry(args.berry))
+    settings = pile.MeasureSettings.of(config["measure"], read_grain(args.berry))
     table = loose_grain.shifts(
-        args.heaps, particle, pile.with_berry_height(settings, particle)
+        args.heaps, particle, pile.with_grain_height(settings, particle)
     )
     write_table(args.out, table)
     return table.round(2).to_string(index=False)
@@ -112,7 +112,7 @@ def loose(args, config):
 )
 def slopes(args, config):
     """Every line's angle on saved piles beside the cone of their Height: src/repose/bench/line_slopes.csv."""
-    particle, berry = Particle.load(args.particle), read_berry(args.berry)
+    particle, berry = Particle.load(args.particle), read_grain(args.berry)
     return line_slopes.run(args.heaps, particle, config, berry, args.out).to_string(
         index=False
     )

@@ -23,7 +23,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from repose.bench.reach import carried
+from repose.bench.reach import convert_to_height
 from repose.calibrate.targets import Target
 from research.measurement.measurement_study import VARIANTS
 
@@ -66,12 +66,14 @@ def facts(
     near = (means["Height"] / height.value - 1).abs() <= NEAR
     rows = []
     for name in VARIANTS:
-        at = carried(means[name], means["Height"], height.value)
+        at = convert_to_height(means[name], means["Height"], height.value)
         mean, sd = float(np.nanmean(at)), float(np.nanstd(at, ddof=1))
         others = [
             row["aor_simulated_deg"]
             - np.nanmean(
-                carried(means[name], means["Height"], row["height_simulated_mm"])
+                convert_to_height(
+                    means[name], means["Height"], row["height_simulated_mm"]
+                )
             )
             for row in published
         ]

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from repose.bench import funnel
-from repose.bench.reach import READ, cone_tan
+from repose.bench.reach import LINE_KEYS, cone_tan
 from repose.common.errors import InputError, NoFlankError
 from repose.common.files import write_table
 from repose.grain.particle import Particle
@@ -34,7 +34,7 @@ def lines() -> dict[str, dict[str, Any]]:
     """Every line of the table by its words: the definition and the settings that it reads."""
     return {
         line_of(one, definition): {"definition": definition}
-        | {key: one[key] for key in READ[definition]}
+        | {key: one[key] for key in LINE_KEYS[definition]}
         for definition in DEFINITIONS
         for one in SETTINGS
     }
@@ -48,7 +48,7 @@ def run(
     out: str | PathLike,
 ) -> pd.DataFrame:
     """Write and return the table of the samples in `heaps`: ``NAME.npz``, with ``NAME.pours.json`` beside each."""
-    settings = pile.with_berry_height(
+    settings = pile.with_grain_height(
         pile.MeasureSettings.of(config["measure"], berry), particle
     )
     samples = pd.DataFrame(
@@ -87,12 +87,12 @@ def measured(
     poured: Mapping[str, np.ndarray], particle: Particle, settings: pile.MeasureSettings
 ) -> dict[str, float]:
     """Height [mm] of one pile and each line [deg], the mean of the views."""
-    height_m, views = pile.pile_views(
+    height_m, views = pile.draw_views(
         Grains.of(poured, particle), settings, poured.get("in_pile")
     )
     rows = []
     for view in views:
-        profile, crest = pile.profile_of(view)
+        profile, crest = pile.find_profile(view)
         row: dict[str, float] = {}
         for one in SETTINGS:
             sides = measure_sides(profile, crest, replace(settings, **one))[0]

@@ -96,7 +96,7 @@ def run(
         raise InputError(
             "command line", "heaps", len(heaps), "at least two jobs of the design"
         )
-    settings = pile.with_berry_height(pile.MeasureSettings.of(section, berry), particle)
+    settings = pile.with_grain_height(pile.MeasureSettings.of(section, berry), particle)
     piles = pd.concat(
         [measured_piles(path, particle, settings) for path in heaps], ignore_index=True
     )
@@ -146,12 +146,12 @@ def variants_of(
     over the views, or of the first view with " (view)" behind the name; NaN where a variant cannot be measured in half
     of the views. NoFlankError if there is no pile.
     """
-    height_m, views = pile.pile_views(
+    height_m, views = pile.draw_views(
         Grains.of(poured, particle), settings, poured.get("in_pile")
     )
     angles, heights = [], []
     for view in views:
-        profile, crest = pile.profile_of(view)
+        profile, crest = pile.find_profile(view)
         angles.append(variants_of_profile(profile, crest, settings))
         heights.append(profile[crest] * settings.mm_per_pixel)
     angles = pd.DataFrame(angles)

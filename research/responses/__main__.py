@@ -7,7 +7,7 @@ import pandas as pd
 from repose.bench.parameters import PARAMETERS
 from repose.common.errors import InputError
 from repose.common.files import read_table, write_table
-from repose.grain.berry_files import read_berry
+from repose.grain.berry_files import read_grain
 from repose.grain.particle import Particle
 from repose.measure.angles import MEAN_KEYS
 from repose.measure.further_responses import MEASURED
@@ -58,7 +58,7 @@ script = Script("responses", __doc__)
 @script.part("measure", "results/responses/runs.csv", *PILES)
 def measure(args, config):
     """Measure further responses of saved pours: profile, packing, loose grains, discharge time."""
-    particle, berry = Particle.load(args.particle), read_berry(args.berry)
+    particle, berry = Particle.load(args.particle), read_grain(args.berry)
     table = saved_piles.run(config, args.pours, args.runs, particle, berry, args.out)
     return table[list(MEASURED)].describe().round(2).to_string()
 
@@ -114,7 +114,7 @@ def joint(args, config):
 @script.part("profiles", "results/profiles", *PILES, DATASET)
 def profile(args, config):
     """Tell what the principal components of the piles' whole profile add beside angle and Height."""
-    particle, berry = Particle.load(args.particle), read_berry(args.berry)
+    particle, berry = Particle.load(args.particle), read_grain(args.berry)
     settings = config["network"] | config["second_responses"] | config["joint_targets"]
     table = read_table(args.dataset, ("sample", *PARAMETERS, "status"))
     table = table[table["status"] == "ok"]

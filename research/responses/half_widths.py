@@ -24,7 +24,7 @@ def of_pours(
     Columns: ``sample``, ``seed`` and the number of each level of `levels_mm`; 0 above the crest. Runs without a pile
     are left out.
     """
-    settings, rows = pile.with_berry_height(settings, particle), []
+    settings, rows = pile.with_grain_height(settings, particle), []
     for path in map(Path, pours_json):
         job = saved_pours.read_pours(path)
         arrays = saved_pours.saved_positions(saved_pours.positions_file(path))
@@ -33,12 +33,12 @@ def of_pours(
                 continue
             saved = saved_pours.pour_arrays(arrays, record["seed"], path)
             try:
-                _, views = pile.pile_views(
+                _, views = pile.draw_views(
                     Grains.of(saved, particle), settings, saved["in_pile"]
                 )
             except NoFlankError:
                 continue
-            profiles = [pile.profile_of(view)[0] for view in views]
+            profiles = [pile.find_profile(view)[0] for view in views]
             widths = further_responses.mean_half_width(
                 profiles, settings.mm_per_pixel, levels_mm
             )

@@ -36,13 +36,13 @@ def measured(
     `arrays` holds ``position``, ``quaternion``, ``in_pile`` and ``scale`` of a pour. An angle is the mean over the
     views, None where fewer than half of them have it. NoFlankError if there is no pile.
     """
-    settings = pile.with_berry_height(settings, particle)
+    settings = pile.with_grain_height(settings, particle)
     grains, members = Grains.of(arrays, particle), arrays["in_pile"]
-    height_m, views = pile.pile_views(grains, settings, members)
+    height_m, views = pile.draw_views(grains, settings, members)
     angles: dict[str, list[float]] = {name: [] for name in COLUMNS}
     profiles = []
     for view in views:
-        profiles.append(pile.profile_of(view)[0])
+        profiles.append(pile.find_profile(view)[0])
         seen = {
             rule: pile.measure_segmented(view, replace(settings, flank=rule)).angles
             for rule in FLANKS
@@ -78,7 +78,7 @@ def core_density(
     The core begins one berry's height below the surface of the body of revolution of the mean silhouette. Near the
     plate berries lie in layers, and a sharp lower end would count a layer or miss it; so mass and volume get a weight
     that rises from 0 to 1 over one berry's height, from half a berry above the plate. `centres_m` is (N, 3),
-    `masses_kg` (N,), the profiles (W,) come from `pile.profile_of`. None where the pile has no core.
+    `masses_kg` (N,), the profiles (W,) come from `pile.find_profile`. None where the pile has no core.
     """
     top = height_mm - berry_mm
     if top <= 1.5 * berry_mm:

@@ -20,7 +20,7 @@ from repose.common import provenance
 from repose.common.errors import NoFlankError
 from repose.common.files import read_json, read_table, write_json, write_table
 from repose.config.computed import advised_step_s, longest_step
-from repose.grain.berry_files import read_berry
+from repose.grain.berry_files import read_grain
 from repose.grain.particle import Particle
 from repose.measure.further_responses import BENCH, CALIBRATED_ANGLE
 from repose.measure.settings import MeasureSettings
@@ -113,10 +113,10 @@ def _one_pour(config, kind, parameters, seed, particle, berry, path):
 def _kept_run(test, config, parameters, seed, particle, berry, path):
     """One run: the kept run if it is the same, else a new run, which is kept where there is a path."""
     from repose.stages import kept_runs
-    from repose.stages.job import about_job
+    from repose.stages.job import describe_job
 
     scene = Scene.of(config, parameters, berry, particle, seed)
-    about = about_job(test, scene, path.stem if path else "")
+    about = describe_job(test, scene, path.stem if path else "")
     run = kept_runs.read(path, about) if path else None
     if run is None:
         run = test.run(scene)
@@ -149,7 +149,7 @@ def run_cell(
         spheres=section["spheres"],
         surface=section["surface"],
     )
-    berry = read_berry(berry_json)
+    berry = read_grain(berry_json)
     longest_s = advised_step_s(
         longest_step(own, particle, berry).time_step_s
     )  # the study's own particle may bear more

@@ -38,7 +38,9 @@ def test_a_cone_that_is_carried_to_another_height_keeps_its_volume():
     def volume(angle, height):
         return height**3 / math.tan(math.radians(angle)) ** 2
 
-    at = line_choice.carried(np.array([25.0, 30.0]), np.array([60.0, 70.0]), 65.0)
+    at = line_choice.convert_to_height(
+        np.array([25.0, 30.0]), np.array([60.0, 70.0]), 65.0
+    )
     assert volume(at[0], 65.0) == pytest.approx(volume(25.0, 60.0))
     assert volume(at[1], 65.0) == pytest.approx(volume(30.0, 70.0))
 

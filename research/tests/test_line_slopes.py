@@ -28,7 +28,7 @@ def test_lines_are_those_of_every_definition_each_once():
     assert (
         {keys["definition"] for keys in found.values()}
         == set(DEFINITIONS)
-        == set(reach.READ)
+        == set(reach.LINE_KEYS)
     )
     assert {
         "secant, foot to crest",

@@ -58,7 +58,7 @@ def test_every_key_of_a_berry_and_a_particle_is_checked(tmp_path):
 
     keys = (*berry_files.SIZE_COLUMNS, "density_kg_m3", "shear_modulus_pa")
     berry = [
-        (berry_files.read_berry, BERRY | {key: value}, key)
+        (berry_files.read_grain, BERRY | {key: value}, key)
         for key in keys
         for value in BAD
     ]
@@ -66,7 +66,7 @@ def test_every_key_of_a_berry_and_a_particle_is_checked(tmp_path):
         (key, value) for key in berry_files.FROM_ZERO for value in BAD if value != 0
     ]
     berry += [
-        (berry_files.read_berry, BERRY | {key: value}, key) for key, value in others
+        (berry_files.read_grain, BERRY | {key: value}, key) for key, value in others
     ]
     numbers = [key for key in PARTICLE if key not in ("kind", "stl")]
     bad = ("text", {}, math.nan, -1, [1, "a"], [[1]], [math.inf] * 3, True)
@@ -97,7 +97,7 @@ def test_a_simulation_needs_the_moduli_of_its_berry(refused, tmp_path, key):
 def test_a_file_that_was_cut(tmp_path):
     import trimesh
 
-    whole = {"berry.json": (berry_files.read_berry, json.dumps(BERRY).encode())}
+    whole = {"berry.json": (berry_files.read_grain, json.dumps(BERRY).encode())}
     whole |= {"particle.json": (Particle.load, json.dumps(PARTICLE).encode())}
     whole |= {
         "a.stl": (
@@ -131,7 +131,7 @@ def test_a_reader_reads_any_bytes_and_text_or_reports_what_is_wrong(tmp_path):
 
     readers = {
         "a.csv": (files.read_table, tables.sheet, berry_files.read_sizes, berry_files.read_compression),
-        "a.json": (files.read_json, berry_files.read_berry, Particle.load), "a.npz": (files.read_npz,),
+        "a.json": (files.read_json, berry_files.read_grain, Particle.load), "a.npz": (files.read_npz,),
         "a.stl": (load_mesh,), "a.png": (read_image,), "a.yaml": (reading.read,),
     }  # fmt: skip
     text = st.text(

@@ -9,7 +9,7 @@ from refusals import input_error
 from shared import at, check_all, every_bench_test, put, says
 
 from repose.bench import bench_tests
-from repose.bench.parameters import FURTHER, PARAMETERS
+from repose.bench.parameters import LAW_PARAMETERS, PARAMETERS
 from repose.common import faults
 from repose.common.errors import InputError, YamlError
 from repose.common.reading import parse
@@ -163,7 +163,7 @@ OPTIONAL = (
         for key, field in test.settings.model_fields.items()
         if not field.is_required()
     ),
-    *(f"parameters.{name}" for name in FURTHER),
+    *(f"parameters.{name}" for name in LAW_PARAMETERS),
     *(setting.key for setting in COMPUTED),
 )
 

@@ -19,7 +19,7 @@ from repose.calibrate.seeds import pour_seeds
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
 from repose.config.pipeline import PipelineConfig
-from repose.stages.job import measure_job, pour_job
+from repose.stages.job import measure_job, run_job
 
 EXAMPLES = ROOT / "examples/bench_tests"
 SET = named((0.2, 0.6, 0.05, 0.2, 0.6, 0.2))
@@ -179,7 +179,7 @@ def test_a_berry_has_to_fit(name, keys):
 
 
 def test_its_job_pours_and_measures_and_another_job_is_refused(drop, config, tmp_path):
-    pours = pour_job(
+    pours = run_job(
         drop,
         Scene.of(config, SET, BERRY, PARTICLE),
         "007",

@@ -17,7 +17,7 @@ from repose.measure import bed
 from repose.measure.silhouette import Grains
 from repose.report.renderer import film
 from repose.stages import drum_tables
-from repose.stages.job import measure_job, pour_job
+from repose.stages.job import measure_job, run_job
 
 TEST = drum.DrumTest()
 REPRESENTATIVE = named((0.203, 0.642, 0.037, 0.244, 0.483, 0.185))
@@ -254,7 +254,7 @@ def test_a_job_writes_what_tables_and_film_read(tmp_path):
     assert kept == {key: run[key] for key in kept}
     assert not any("surface" in key for key in kept)
     # the job of all bench tests gives the same, and its responses
-    pours = pour_job(
+    pours = run_job(
         bench("drum"),
         Scene.of(config(**keys), REPRESENTATIVE, BERRY, PARTICLE),
         "004",

@@ -22,7 +22,7 @@ from repose.dem import simulation as engine
 from repose.dem.kernels.engine import advance
 from repose.measure import pile
 from repose.measure.silhouette import Grains
-from repose.stages.job import measure_job, pour_job, run_once
+from repose.stages.job import measure_job, run_job, run_once
 
 TEST = funnel.FunnelTest()
 REPRESENTATIVE = (0.203, 0.642, 0.037, 0.244, 0.483, 0.185)
@@ -271,7 +271,7 @@ def test_berries_that_lie_apart_are_no_pile(in_pile, on_plate, plain):
 
 
 def test_a_job_writes_what_it_returns_and_largest_cluster_is_found(tmp_path):
-    pours = pour_job(bench("funnel"), of(small()), "007", [5, 6], tmp_path)
+    pours = run_job(bench("funnel"), of(small()), "007", [5, 6], tmp_path)
     result = measure_job(Scene.of(small(), {}, BERRY, particle()), pours)
     assert result["sample"] == 7
     assert [run["seed"] for run in result["runs"]] == [5, 6]

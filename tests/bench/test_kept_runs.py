@@ -15,7 +15,7 @@ from repose.common import places, provenance
 from repose.config import dependencies
 from repose.config.pipeline import PipelineConfig
 from repose.stages import kept_runs
-from repose.stages.job import pour_job
+from repose.stages.job import run_job
 
 CONFIG = PipelineConfig.load(places.root() / "config/quick.yaml").config
 SET = dict.fromkeys(PARAMETERS, 0.3)
@@ -57,7 +57,7 @@ def pours():
         )
         with stage, suppress(Stopped):
             provenance.note_config(config)
-            pour_job(
+            run_job(
                 test,
                 Scene.of(config, parameters, {}, None),
                 "001",
@@ -156,5 +156,5 @@ def test_without_a_stage_nothing_is_taken(pours, tmp_path):
 def test_a_pour_into_somebodys_file_is_refused_before_it_is_poured(tmp_path):
     (tmp_path / "heap.npz").write_text("mine")
     pour = bench("funnel"), Scene.of({}, {}, {}, None), "heap", [1], tmp_path
-    input_error(r"heap\.npz: file is 'there already'", pour_job, *pour)
+    input_error(r"heap\.npz: file is 'there already'", run_job, *pour)
     assert [path.name for path in tmp_path.iterdir()] == ["heap.npz"]

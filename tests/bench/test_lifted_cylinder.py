@@ -138,7 +138,7 @@ def test_the_card_and_the_definitions_say_how_much_is_filled_in():
         for response in bench("lifted_cylinder").responses:
             assert f"lifted_cylinder.{said}" in study.definitions[response.name]
             assert f"lifted_cylinder.{other}" not in study.definitions[response.name]
-        described = card_study.described(
+        described = card_study.describe_response(
             study, bench("lifted_cylinder").responses[0], study.grain
         )
         assert said in described["bench"]
@@ -200,7 +200,7 @@ def test_a_small_pile_is_measured_as_that_of_the_funnel_and_as_a_picture_of_it()
     for name in ("aor_deg", "height_mm"):
         assert record[f"lifted_{name}"] == of_funnel[name]
     settings = MeasureSettings.of(config()["measure"], BEAD)
-    picture = side_view(run.arrays, SPHERE, pile.with_berry_height(settings, SPHERE))
+    picture = side_view(run.arrays, SPHERE, pile.with_grain_height(settings, SPHERE))
     photographed = pile.measure_image(
         picture, settings.mm_per_pixel, settings, base_row=picture.shape[0] - 0.5
     )

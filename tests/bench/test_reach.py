@@ -9,7 +9,7 @@ import pytest
 from shared import ROOT
 
 from repose.bench import funnel, reach, scene_size
-from repose.calibrate.targets import completed
+from repose.calibrate.targets import with_defaults
 from repose.grain.particle import Particle
 from repose.measure.angles import DEFINITIONS
 from repose.measure.settings import MeasureSettings
@@ -41,7 +41,7 @@ def grain(axes_mm=reach.GRAIN_MM, volume_m3=BERRY_M3):
 
 def judged(config, line, dataset_csv=None, particle=None):
     config["measure"] |= line
-    (found,) = reach.of(config, particle or grain(), dataset_csv).values()
+    (found,) = reach.assess_targets(config, particle or grain(), dataset_csv).values()
     return found
 
 
@@ -59,13 +59,16 @@ def test_the_closed_cone_and_what_is_said_without_angle_and_height(config):
     angle, height = config["targets"]
     drum = {**angle, "response": "drum_slip_deg", "apparatus": "drum"}
     for targets in ([angle], [height], [drum], [drum, height], []):
-        assert list(reach.said(config | {"targets": targets}, grain(), None)) == []
-    (line,) = reach.said(config, grain(), None)
+        assert list(reach.warnings(config | {"targets": targets}, grain(), None)) == []
+    (line,) = reach.warnings(config, grain(), None)
     assert line.startswith("reach: ")
     config["targets"][0]["response"] = "aor_secant_deg"
     config["measure"] |= WHOLE
-    assert list(reach.of(config, grain())) == ["aor_secant_deg"]
-    assert reach.of(config, grain())["aor_secant_deg"].line == "secant, foot to crest"
+    assert list(reach.assess_targets(config, grain())) == ["aor_secant_deg"]
+    assert (
+        reach.assess_targets(config, grain())["aor_secant_deg"].line
+        == "secant, foot to crest"
+    )
 
 
 def test_a_side_is_no_steeper_than_the_cone_of_its_mass_and_the_articles_pair_is_none(
@@ -179,8 +182,8 @@ def test_the_band_holds_for_grains_that_the_table_has_not(crop):
             {"response": "height_mm", "value": float(height)},
         )
         targets = [
-            completed(entry | {"sd": 0.0, "repetitions": 1}) for entry in entries
+            with_defaults(entry | {"sd": 0.0, "repetitions": 1}) for entry in entries
         ]
-        found = reach.of(config | {"targets": targets}, body)[name]
+        found = reach.assess_targets(config | {"targets": targets}, body)[name]
         assert found.possible, (definition, mean, found)
         assert ", not of this grain" in found.band.source

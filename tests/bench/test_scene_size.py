@@ -6,7 +6,7 @@ import yaml
 from shared import run_python, written
 
 from repose.bench import funnel, scene_size
-from repose.config.check import about
+from repose.config.check import describe_study
 from repose.config.pipeline import PipelineConfig
 
 SEEDS = 1.8, 1.6, 1.5  # mm
@@ -34,7 +34,7 @@ def test_a_change_is_that_of_the_table_and_a_scaled_scene_keeps_its_proportions(
     assert found.height == pytest.approx((heights[125] / heights[500]).mean())
     assert scene_size.change(300, 300, "flank") == (0.0, 1.0)
     for name in ("whole", "flank", "secant", "steepest"):
-        found = scene_size.enough(1000, name)
+        found = scene_size.fewest_grains(1000, name)
         between = [
             n for n in scene_size.numbers() if found is not None and found <= n < 1000
         ]
@@ -54,7 +54,7 @@ def test_a_change_is_that_of_the_table_and_a_scaled_scene_keeps_its_proportions(
         min(own["outlet_diameter_mm"], 2.4 * 13.34)
     )
     assert scene_size.scaled(section, own["berries"], 13.34) == own | dict.fromkeys(
-        scene_size.COMPUTED, "auto"
+        scene_size.COMPUTED_KEYS, "auto"
     )
 
 
@@ -63,13 +63,13 @@ def test_a_large_scene_gets_a_smaller_one_inside_the_table(config):
     assert len(small) == 1
     assert small[0].startswith("grains: the pile is 4.9 grains high.")
     assert (
-        f"From {scene_size.enough(500, 'secant')} grains on the angle is within 1 deg of "
+        f"From {scene_size.fewest_grains(500, 'secant')} grains on the angle is within 1 deg of "
         "that of 500." in small[0]
     )
     flank = next(scene_size.advice(with_grains(config, 500, "flank"), 13.34, 65.0))
     assert (
         "No smaller number of grains is within 1 deg of that of 500; the secant angle is "
-        f"from {scene_size.enough(500, 'secant')} on." in flank
+        f"from {scene_size.fewest_grains(500, 'secant')} on." in flank
     )
     half = scene_size.change(500, 250, "flank")
     assert (
@@ -78,7 +78,7 @@ def test_a_large_scene_gets_a_smaller_one_inside_the_table(config):
     )
     _, _, pasted, targets = scene_size.advice(with_grains(config, 1000), 13.34, 65.0)
     keys = yaml.safe_load(pasted)["funnel"]
-    assert keys["berries"] == scene_size.enough(1000, "secant")
+    assert keys["berries"] == scene_size.fewest_grains(1000, "secant")
     before, after = config["targets"][-1], yaml.safe_load(targets)["targets"][-1]
     assert before["response"] == after["response"] == "height_mm"
     length = (keys["berries"] / 1000) ** (1 / 3)
@@ -126,7 +126,9 @@ def seeds(tmp_path):
 
 def lines_of(study, path):
     return list(
-        about(PipelineConfig.load(written(path, yaml.safe_dump(study)), inputs=True))
+        describe_study(
+            PipelineConfig.load(written(path, yaml.safe_dump(study)), inputs=True)
+        )
     )
 
 

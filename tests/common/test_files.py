@@ -15,7 +15,7 @@ import pandas as pd
 import pytest
 from refusals import input_error, raised
 
-from repose.bench.parameters import FURTHER
+from repose.bench.parameters import LAW_PARAMETERS
 from repose.common import files, ledger, lock, places, tables
 from repose.common.lock import joined_folder, take_folder
 
@@ -110,7 +110,7 @@ def test_every_fault_of_a_file_is_reported_with_its_name(tmp_path, read):
     input_error("expected a fine file", read, path, what="a fine file")
 
 
-@pytest.mark.parametrize("column", ["aor_deg", "e_gg", *FURTHER])
+@pytest.mark.parametrize("column", ["aor_deg", "e_gg", *LAW_PARAMETERS])
 def test_a_word_in_a_column_of_numbers_is_refused(column, tmp_path):
     (tmp_path / "given.csv").write_text(f"sample,{column}\n1,0.5\n2,much\n")
     wanted = rf"row 2: {column} is 'much'; expected a finite number"

@@ -15,10 +15,10 @@ from refusals import input_error
 from shared import check_all, targets_of, written
 
 from repose.bench.parameters import PARAMETERS
-from repose.calibrate.profile_targets import expanded_own
+from repose.calibrate.profile_targets import expand_own_profiles
 from repose.calibrate.strategies.runs import read_runs
 from repose.calibrate.study import Study
-from repose.calibrate.uncertainty.discrepancy import of_shape_study
+from repose.calibrate.uncertainty.discrepancy import shape_study_discrepancy
 from repose.common import files, tables
 from repose.common.errors import InputError
 from repose.common.tables import Column
@@ -69,7 +69,7 @@ def numbers(table):
 
 def shape(path):
     """What a shape study says of one target."""
-    found = of_shape_study(path, targets_of(aor_deg=30.0))
+    found = shape_study_discrepancy(path, targets_of(aor_deg=30.0))
     return [found.mean.tolist(), found.covariance.tolist(), found.models]
 
 
@@ -80,7 +80,7 @@ def sets(path):
 
 
 def profile(path):
-    found = expanded_own(
+    found = expand_own_profiles(
         {"surface_mm": {"file": str(path), "sd": 0.3, "repetitions": 3}}, "own.yaml"
     )
     return [one["value"] for one in found.values()]

@@ -101,7 +101,7 @@ def test_sentences_tell_what_a_softer_grain_brings(config):
         return 2.0 * config["simulation"]["time_step_s"]
 
     grain = SimpleNamespace(volume_m3=GRAIN_M3)
-    stiffness, volume, grains, smaller, *_ = advice.of_funnel(
+    stiffness, volume, grains, smaller, *_ = advice.funnel_hints(
         config, berry, grain, longest_step_s
     )
     assert asked == [softest]

@@ -19,7 +19,7 @@ from repose.cli import TYPED, VERBS, parser
 from repose.common import section
 from repose.common.section import Section
 from repose.config import dependencies, loader, models, pipeline
-from repose.stages.published import beside
+from repose.stages.published import find_sibling_table
 
 pytestmark = [pytest.mark.slow, pytest.mark.essential]  # every stage is run once
 
@@ -164,7 +164,7 @@ def keys_read(tmp_path_factory):
         patch.setattr(
             pipeline.PipelineConfig,
             "published",
-            lambda _, table: beside(published, table),
+            lambda _, table: find_sibling_table(published, table),
         )
         given = [f"--{key}={value}" for key, value in options.items()]
         name = [verb] if verb in TYPED else ["stage", verb]

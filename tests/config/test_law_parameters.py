@@ -8,7 +8,12 @@ import pytest
 from refusals import input_error
 from shared import says
 
-from repose.bench.parameters import LABELS, PARAMETERS, named, of_law
+from repose.bench.parameters import (
+    LABELS,
+    PARAMETERS,
+    parameters_among,
+    parameters_of_law,
+)
 from repose.bench.scene import contacts_of
 from repose.calibrate.designs.latin_hypercube import design
 from repose.calibrate.designs.settings import DesignSettings
@@ -86,8 +91,11 @@ def test_a_law_adds_its_parameters_to_the_six_whose_tables_stay_as_they_were(tmp
     assert contacts["berry", "berry"].constants == {"surface_energy_j_m2": 0.05}
     assert contacts["berry", "wall"].constants == {"surface_energy_j_m2": 0.02}
     assert LABELS["gamma_gp"] == "surface energy (J/m2), grain-wall"
-    assert named(pd.DataFrame(columns=["sample", *PARAMETERS, "aor_deg"])) == PARAMETERS
-    assert of_law("hertz_mindlin_rescaled") == ()
+    assert (
+        parameters_among(pd.DataFrame(columns=["sample", *PARAMETERS, "aor_deg"]))
+        == PARAMETERS
+    )
+    assert parameters_of_law("hertz_mindlin_rescaled") == ()
     assert study("hertz_mindlin").parameters.names == PARAMETERS
 
 

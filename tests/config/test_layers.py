@@ -14,7 +14,7 @@ from repose.calibrate.study import Study
 from repose.common import places, reading
 from repose.config import loader
 from repose.config.loader import own_crop_under
-from repose.config.making import Making
+from repose.config.making import ConfigChecks
 from repose.config.pipeline import PipelineConfig
 
 
@@ -81,7 +81,7 @@ def test_files_and_command_line_lie_over_each_other_for_verbs_and_workflow_alike
 
 def test_a_job_of_a_cluster_does_not_check_the_inputs_again(monkeypatch):
     monkeypatch.setattr(
-        "repose.config.making.Making._read_files",
+        "repose.config.making.ConfigChecks._read_files",
         lambda _: pytest.fail("the inputs were checked"),
     )
     assert PipelineConfig.load().config["label"]
@@ -135,9 +135,9 @@ def test_a_key_of_a_section_with_a_fault_is_not_used():
     of_section, of_key = (
         SimpleNamespace(bad={bad}) for bad in ("funnel", "funnel.seeds")
     )
-    assert not Making._may_use(of_section, "funnel.seeds")
-    assert not Making._may_use(of_key, "funnel.seeds")
-    assert Making._may_use(of_key, "funnel.berries")
+    assert not ConfigChecks._may_use(of_section, "funnel.seeds")
+    assert not ConfigChecks._may_use(of_key, "funnel.seeds")
+    assert ConfigChecks._may_use(of_key, "funnel.berries")
 
 
 def test_a_study_stands_beside_the_package_has_its_parts_and_stays_as_it_is(quick):

@@ -10,7 +10,7 @@ from repose.calibrate.answer import Check
 from repose.calibrate.strategies.sequential.goal import Goal
 from repose.config import dependencies
 from repose.config.pipeline import PipelineConfig
-from repose.stages.card_study import described
+from repose.stages.card_study import describe_response
 
 TABLE = """# read off a picture
 x_mm,low_mm,z_mm,sd_mm
@@ -65,7 +65,7 @@ def test_a_profile_becomes_a_target_for_each_score_with_its_errors(quick, entry)
     )
     assert {target.whole for target in own} == {profile.whole}
     settings = [
-        described(study, target.response, {})["definition"]["settings"]
+        describe_response(study, target.response, {})["definition"]["settings"]
         for target in study.targets
     ]
     assert [one.get("profile", {}).get("x") for one in settings] == [None] * (

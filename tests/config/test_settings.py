@@ -15,7 +15,7 @@ from shared import BUILT_IN, ROOT, check_all, every_bench_test, put
 
 import repose
 from repose.bench import bench, names
-from repose.bench.parameters import FURTHER
+from repose.bench.parameters import LAW_PARAMETERS
 from repose.calibrate import surrogates as surrogate
 from repose.calibrate.study_file import OwnPosterior, OwnSequential, StudyFile
 from repose.common import faults
@@ -189,7 +189,7 @@ def test_every_key_is_explained_known_and_computed_where_it_may_be_auto():
                 "rolling_law",
                 *figures,
                 *filled,
-                *FURTHER,
+                *LAW_PARAMETERS,
                 *computed,
                 *others,
             }

@@ -200,18 +200,18 @@ def test_a_pour_draws_from_its_seed_up_to_the_largest_scale():
             strict=True,
         )
     )
-    first, largest = size_distribution.of_pour("measured", berry, 7, 500)
-    again, _ = size_distribution.of_pour("measured", berry, 7, 500)
-    other, _ = size_distribution.of_pour("measured", berry, 8, 500)
+    first, largest = size_distribution.draw_scales("measured", berry, 7, 500)
+    again, _ = size_distribution.draw_scales("measured", berry, 7, 500)
+    other, _ = size_distribution.draw_scales("measured", berry, 8, 500)
     np.testing.assert_array_equal(first, again)
     assert np.abs(first - other).max() > 0.05
     assert first.max() <= largest
-    alike, one = size_distribution.of_pour("none", {}, 7, 3)
+    alike, one = size_distribution.draw_scales("none", {}, 7, 3)
     assert alike.tolist() == [1, 1, 1]
     assert one == 1
-    input_error("scale_sd", size_distribution.of_pour, "measured", {}, 7, 3)
+    input_error("scale_sd", size_distribution.draw_scales, "measured", {}, 7, 3)
     berry = {"scale_sd": 0.4, "scale_low": 0.3, "scale_high": 1.2}
-    scales, most = size_distribution.of_pour("measured", berry, 1, 20_000)
+    scales, most = size_distribution.draw_scales("measured", berry, 1, 20_000)
     assert most - 1e-3 < scales.max() <= most
 
 
@@ -236,7 +236,7 @@ def test_fullness_in_closed_form():
 def test_the_mesh_has_the_axes_the_mass_and_the_exponent_it_was_made_from(number):
     axes = np.array([20.0, 12.0, 9.0])
     mass = 1e-6 * DENSITY * fullness(number) * axes.prod()
-    mesh, found = mesh_from_axes.berry_mesh(axes, mass, DENSITY)
+    mesh, found = mesh_from_axes.grain_mesh(axes, mass, DENSITY)
     assert mesh.is_watertight
     assert mesh.volume * DENSITY * 1e-6 == pytest.approx(mass, rel=1e-9)
     np.testing.assert_allclose(np.ptp(mesh.vertices, axis=0), axes, rtol=1e-3)
@@ -260,7 +260,7 @@ def test_a_grain_of_axes_and_mass_is_written_and_said(tmp_path, capsys):
 
 
 def test_taper_and_wrinkles_keep_mass_and_axes():
-    mesh, _ = mesh_from_axes.berry_mesh(
+    mesh, _ = mesh_from_axes.grain_mesh(
         GOJI_MM, 1.05, DENSITY, taper=0.1, wrinkles=8, wrinkle_depth_mm=0.2
     )
     assert mesh.is_watertight
@@ -283,13 +283,13 @@ def test_taper_and_wrinkles_keep_mass_and_axes():
 ])  # fmt: skip
 def test_impossible_berries_are_refused_with_what_is_allowed(keys, words):
     arguments = {"axes_mm": GOJI_MM, "mass_g": GOJI_G, "density_kg_m3": DENSITY} | keys
-    input_error(words, mesh_from_axes.berry_mesh, **arguments)
+    input_error(words, mesh_from_axes.grain_mesh, **arguments)
 
 
 def test_the_goji_berry_is_two_ellipsoids():
     """1.25 g and 1487 mm3, as measured, within 1 % of the minor axis by two components."""
     particle = build.fit_particle(
-        principal_pose(mesh_from_axes.berry_mesh(GOJI_MM, GOJI_G, DENSITY)[0]), DENSITY
+        principal_pose(mesh_from_axes.grain_mesh(GOJI_MM, GOJI_G, DENSITY)[0]), DENSITY
     )
     assert (particle.kind, len(particle.semi_axes_m)) == ("smooth", 2)
     assert particle.volume_m3 * 1e9 == pytest.approx(1487.3, rel=2e-3)

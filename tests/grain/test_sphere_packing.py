@@ -19,7 +19,7 @@ BERRY = {"shear_modulus_pa": 4.3e4, "poisson_ratio": 0.32}
 @pytest.fixture(scope="module")
 def goji():
     return principal_pose(
-        mesh_from_axes.berry_mesh((21.14, 11.37, 9.88), 1.25, 840.47)[0]
+        mesh_from_axes.grain_mesh((21.14, 11.37, 9.88), 1.25, 840.47)[0]
     )
 
 

@@ -204,7 +204,7 @@ def test_a_level_length_gives_the_scale_and_turns_the_photograph(tmp_path, measu
         pytest.approx(80, abs=0.7),
         pytest.approx(0.5, abs=1e-3),
     )
-    assert photographs.level_length(10.0, 1.0, 1.0, 41.0, 1.0) == (0.25, 0.0)
+    assert photographs.scale_of_level_length(10.0, 1.0, 1.0, 41.0, 1.0) == (0.25, 0.0)
 
 
 def test_the_mean_of_several_is_a_target_that_a_study_reads(tmp_path, measure):

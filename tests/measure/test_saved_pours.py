@@ -75,14 +75,16 @@ def test_a_job_holds_every_response_of_every_run(saved):
     assert "pours" not in result
     first, second, jammed = result["runs"]
     for run in (first, second):
-        assert set(funnel.ALWAYS) <= set(run)
+        assert set(funnel.BASIC_NUMBERS) <= set(run)
         assert run["aor_deg"] == run["aor_flank_deg"] == pytest.approx(30, abs=4)
         assert (run["height_view_mm"], run["discharge_s"]) == (
             pytest.approx(run["height_mm"], abs=0.5),
             16.0,
         )
     assert (jammed["status"], jammed["reason"]) == ("jammed", "9 berries in the funnel")
-    assert [jammed[key] for key in funnel.ALWAYS] == [None] * len(funnel.ALWAYS)
+    assert [jammed[key] for key in funnel.BASIC_NUMBERS] == [None] * len(
+        funnel.BASIC_NUMBERS
+    )
     summary = result["summary"]
     for key in ("aor_secant_deg", "aor_steepest_view_deg", "height_view_mm"):
         mean, half = (first[key] + second[key]) / 2, abs(first[key] - second[key]) / 2

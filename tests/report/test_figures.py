@@ -14,7 +14,7 @@ from refusals import input_error, not_refused
 from shared import ROOT, says
 
 from repose.common.errors import InputError
-from repose.grain.berry_files import read_berry
+from repose.grain.berry_files import read_grain
 from repose.grain.particle import Particle
 from repose.measure import pile, saved_pours
 from repose.measure.angles import DEFINITIONS
@@ -344,7 +344,7 @@ def test_the_angle_has_its_lines_in_figure_6_and_a_search_without_result_its_axe
     inputs, drawn, tmp_path
 ):
     files = inputs_of("figure06", inputs)
-    settings = pile.MeasureSettings.of(CONFIG["measure"], read_berry(files["berry"]))
+    settings = pile.MeasureSettings.of(CONFIG["measure"], read_grain(files["berry"]))
     image = side_view(
         saved_pours.first_pour(files["heap"]),
         Particle.load(files["particle"]),

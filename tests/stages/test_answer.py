@@ -281,7 +281,7 @@ class Sure:
 
 
 def test_the_set_of_least_loss_is_surest_and_its_loss_the_mean_of_eq_11():
-    found = expected_loss.least(Sure(), SPACE, TARGETS)
+    found = expected_loss.minimise_expected_loss(Sure(), SPACE, TARGETS)
     assert (found[PARAMETERS[0]], found[PARAMETERS[1]]) == (
         pytest.approx(0.65, abs=1e-3),
         pytest.approx(0.7, abs=0.01),
@@ -298,7 +298,7 @@ def test_the_set_of_least_loss_is_surest_and_its_loss_the_mean_of_eq_11():
     space = contact_space(
         {name: [0.0, 0.5] for name in PARAMETERS} | {PARAMETERS[1]: {"fixed": 0.2}}
     )
-    found = expected_loss.least(Sure(), space, TARGETS)
+    found = expected_loss.minimise_expected_loss(Sure(), space, TARGETS)
     assert (found[PARAMETERS[1]], found[PARAMETERS[0]]) == (
         0.2,
         pytest.approx(0.5, abs=1e-3),
@@ -307,7 +307,7 @@ def test_the_set_of_least_loss_is_surest_and_its_loss_the_mean_of_eq_11():
     space = contact_space(
         {name: [0.0, 1.0] for name in PARAMETERS} | {PARAMETERS[2]: prior}
     )
-    found = expected_loss.least(Sure(), space, TARGETS)
+    found = expected_loss.minimise_expected_loss(Sure(), space, TARGETS)
     assert found[PARAMETERS[2]] == pytest.approx(0.2, abs=0.01)
     assert found["height_predicted_mm"] == pytest.approx(66.0, abs=0.02)
     X = np.full((1, 6), 0.6)

@@ -16,7 +16,12 @@ from refusals import input_error, not_refused
 from shared import ROOT, TARGETS, settings_of, studied
 from stage_runs import answer_of
 
-from repose.bench.parameters import FURTHER, LABELS, PARAMETERS, of_law
+from repose.bench.parameters import (
+    LABELS,
+    LAW_PARAMETERS,
+    PARAMETERS,
+    parameters_of_law,
+)
 from repose.bench.space import contact_space
 from repose.calibrate import answer
 from repose.calibrate.card import POSTERIOR, RANGE, held, with_remark
@@ -25,12 +30,12 @@ from repose.calibrate.responses import response
 from repose.calibrate.runs import error_of
 from repose.common.errors import InputError
 from repose.config.pipeline import PipelineConfig
-from repose.grain.berry_files import read_berry
+from repose.grain.berry_files import read_grain
 from repose.grain.particle import Particle
 from repose.measure.angles import MEAN_KEYS
 from repose.stages import card, card_study, card_text
 from repose.stages.card import schema
-from repose.stages.card_study import described
+from repose.stages.card_study import describe_response
 
 STUDY = ROOT / "results/published/recommended"
 HEIGHT = TARGETS[1]
@@ -102,7 +107,7 @@ def made(
         {1.0: 0.25, 2.0: within},
         **known,
     )
-    berry = read_berry(STUDY / "berry/berry.json")
+    berry = read_grain(STUDY / "berry/berry.json")
     particle = Particle.of_record(record_of_an_ellipsoid())
     return card_study.make(
         studied(config), found, berry, particle, solutions, posterior
@@ -273,8 +278,8 @@ def test_each_test_gives_its_definition_and_how_the_bench_test_is_done(
         | {"response": "aor_deg", "value": 30.0, "range": [29.0, 31.0]}
     ]
     config["measure"] |= {"response": "flank", "fit_from": 0.2}
-    angle = described(
-        studied(config), response("aor_deg"), read_berry(STUDY / "berry/berry.json")
+    angle = describe_response(
+        studied(config), response("aor_deg"), read_grain(STUDY / "berry/berry.json")
     )["definition"]
     assert angle["name"] == "angle, flank"
     assert (angle["settings"]["fit_from"], angle["settings"]["fit_to"]) == (0.2, 0.8)
@@ -283,7 +288,7 @@ def test_each_test_gives_its_definition_and_how_the_bench_test_is_done(
         (21.14 * 11.37 * 9.88) ** (1 / 3), rel=1e-3
     )
     config["measure"]["response"] = "secant"
-    secant = described(studied(config), response("aor_deg"), {})["definition"]
+    secant = describe_response(studied(config), response("aor_deg"), {})["definition"]
     assert secant["name"] == "angle, secant"
     assert "fit_from" not in secant["settings"]
 
@@ -337,7 +342,7 @@ def test_an_angle_of_a_pile_has_its_line_and_the_same_piles_by_every_other(
         "aor_whole_deg": math.nan
     }
     berry, particle = (
-        read_berry(STUDY / "berry/berry.json"),
+        read_grain(STUDY / "berry/berry.json"),
         Particle.of_record(record_of_an_ellipsoid()),
     )
     for given in (None, row):
@@ -454,14 +459,14 @@ def test_two_cards_side_by_side_tell_what_differs(config, solutions, tmp_path, c
         "card", "compare", tmp_path / "one.json", tmp_path / "other.json"
     ).out.splitlines()
     is_known("cards.txt", "\n".join(lines))
-    assert "Another simulator" not in card_text.compared(one, other)
-    assert "Another simulator: repose | theirs." in card_text.compared(
+    assert "Another simulator" not in card_text.compare(one, other)
+    assert "Another simulator: repose | theirs." in card_text.compare(
         one, other | {"simulator": "theirs"}
     )
     other["tests"][0]["definition"]["name"] = "angle, secant"
     assert any(
         "Another definition of height_mm" in line
-        for line in card_text.compared(one, other).splitlines()
+        for line in card_text.compare(one, other).splitlines()
     )
 
 
@@ -505,11 +510,14 @@ def test_the_verb_writes_a_card_that_can_be_read(tmp_path, command):
 
 
 def test_a_card_holds_the_parameters_of_every_contact_law(config, solutions):
-    """The schema's pattern and `core.parameters.FURTHER` name the same parameters."""
+    """The schema's pattern and `bench.parameters.LAW_PARAMETERS` name the same parameters."""
     for law in {
-        law for further in FURTHER.values() if further.needed for law in further.laws
+        law
+        for further in LAW_PARAMETERS.values()
+        if further.needed
+        for law in further.laws
     }:
-        names = of_law(law)
+        names = parameters_of_law(law)
         config["simulation"]["contact_law"] = law
         own = config | {
             "parameters": config["parameters"] | {name: [0.0, 0.5] for name in names}

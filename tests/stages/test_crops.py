@@ -15,7 +15,7 @@ from repose.common.provenance import engine_hash
 from repose.config import dependencies, loader
 from repose.config.pipeline import PipelineConfig
 from repose.stages import card
-from repose.stages.card_study import described
+from repose.stages.card_study import describe_response
 from repose.stages.published import published_sets
 
 CROPS = places.root() / "crops"
@@ -79,7 +79,7 @@ def test_a_crop_stands_on_its_own_numbers_and_so_does_its_card(name, monkeypatch
         )
     )
     for test in shown["tests"]:
-        result = described(study, response(test["response"]), axes)
+        result = describe_response(study, response(test["response"]), axes)
         assert {key: test[key] for key in result} == result
 
 

@@ -31,7 +31,7 @@ from repose.calibrate.seeds import PURPOSES, pour_seeds
 from repose.dem.cache import source_hash
 from repose.report import figures
 from repose.stages import next_measurement
-from repose.calibrate.surrogates import kind_of
+from repose.calibrate.surrogates import surrogate_class
 
 # The verbs run under the Python that runs snakemake, whether its environment is activated or not.
 shell.prefix(f"export PATH={shlex.quote(os.path.dirname(sys.executable))}:$PATH; ")

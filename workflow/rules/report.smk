@@ -57,7 +57,7 @@ TABLES = present(
         and "drum" in config
         and rules.drum.output.summary,
         "Starts of the network": BY_THE_CHAIN
-        and kind_of(config["surrogate"]).is_network
+        and surrogate_class(config["surrogate"]).is_network
         and rules.network.output.starts,
         "Published sets in this simulator": BY_THE_CHAIN
         and PUBLISHED_IS_STORED

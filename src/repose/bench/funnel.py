@@ -171,7 +171,7 @@ RESPONSES = (
 )
 # Numbers that are measured on every pile; other responses only where they are targets.
 ANGLE_NAMES = ("height_view_mm", *MEAN_KEYS.values(), *VIEW_KEYS.values())
-ALWAYS = ("aor_deg", "height_mm", *ANGLE_NAMES)
+BASIC_NUMBERS = ("aor_deg", "height_mm", *ANGLE_NAMES)
 RECORDED = Recorded(
     means=("aor_deg", "height_mm", "discharge_s", *ANGLE_NAMES),
     without_error=("discharge_s",),
@@ -540,10 +540,10 @@ class FunnelTest(BenchTest[FunnelSettings]):
         others = [
             response.name
             for response in self.target_responses(settings.config)
-            if response.name not in ALWAYS and response.name not in record
+            if response.name not in BASIC_NUMBERS and response.name not in record
         ]
         verdict = {key: record[key] for key in ("seed", "status", "reason")}
-        measured: dict[str, Any] = dict.fromkeys((*ALWAYS, *others))
+        measured: dict[str, Any] = dict.fromkeys((*BASIC_NUMBERS, *others))
         if record["status"] == "ok":
             plate_mm = self.section(settings).plate_diameter_mm
             responses, reasons = pile_responses(

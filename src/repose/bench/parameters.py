@@ -106,30 +106,30 @@ def _law_parameters() -> list[LawParameter]:
     return parameters + twisting
 
 
-FURTHER = {parameter.name: parameter for parameter in _law_parameters()}
-_ALL: list[Parameter] = [*map(_parameter, PARAMETERS), *FURTHER.values()]
+LAW_PARAMETERS = {parameter.name: parameter for parameter in _law_parameters()}
+_ALL: list[Parameter] = [*map(_parameter, PARAMETERS), *LAW_PARAMETERS.values()]
 LABELS = {parameter.name: parameter.label for parameter in _ALL}
 SYMBOLS = {parameter.name: parameter.symbol for parameter in _ALL}
 PHYSICAL_LIMITS = {parameter.name: parameter.physical_limits for parameter in _ALL}
 ALLOWED = {parameter.name: parameter.allowed for parameter in _ALL}
 
 
-def of_law(law: str) -> tuple[str, ...]:
+def parameters_of_law(law: str) -> tuple[str, ...]:
     """List the parameters that a force law needs besides the six."""
     return tuple(
         name
-        for name, parameter in FURTHER.items()
+        for name, parameter in LAW_PARAMETERS.items()
         if parameter.needed and law in parameter.laws
     )
 
 
-def named(names: Iterable[str]) -> tuple[str, ...]:
+def parameters_among(names: Iterable[str]) -> tuple[str, ...]:
     """List the six parameters, and those of force laws that are among some names.
 
     The names may be the columns of a table.
     """
     names = set(names)
-    return (*PARAMETERS, *(name for name in FURTHER if name in names))
+    return (*PARAMETERS, *(name for name in LAW_PARAMETERS if name in names))
 
 
 NUMBER = re.compile(

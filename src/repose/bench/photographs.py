@@ -24,9 +24,9 @@ from repose.bench.turning import TurningSettings
 from repose.common.errors import InputError, NoFlankError
 from repose.measure import bed
 from repose.measure.photographs import drawing
-from repose.measure.photographs.photograph import load
+from repose.measure.photographs.photograph import read_photograph
 from repose.measure.photographs.segmentation import pile_component, segment, threshold
-from repose.measure.photographs.tables import Tables, mean_rows
+from repose.measure.photographs.tables import Tables, summarise_columns
 from repose.measure.pile import measure_segmented, with_response
 from repose.measure.settings import MeasureSettings
 
@@ -123,7 +123,7 @@ def measure_all(
     points = _check_points(points_px, bench)
     results = []
     for path in paths:
-        image, reduction = load(path)
+        image, reduction = read_photograph(path)
         try:
             if bench == TURNING:
                 drum = settings.section(TURNING, TurningSettings)
@@ -389,7 +389,7 @@ def tables(results: Sequence[PhotographResult], bench: str) -> Tables:
         row["refused"] = result.refused
         rows.append(row)
     photographs = pd.DataFrame(rows)
-    return Tables(photographs, mean_rows(photographs, names))
+    return Tables(photographs, summarise_columns(photographs, names))
 
 
 def describe(results: Sequence[PhotographResult], made: Tables, out: Path) -> str:

@@ -48,7 +48,7 @@ OTHER_GRAIN_DEG = 3.0
 # Distance up to which a row of the table is of a line itself, see `nearest_row`.
 LINE_TOLERANCE = 0.005
 # Keys of the section `measure` that define the line of each angle.
-READ: dict[str, tuple[str, ...]] = {
+LINE_KEYS: dict[str, tuple[str, ...]] = {
     "flank": ("flank", "fit_from", "fit_to"),
     "whole": (),
     "secant": (),
@@ -156,7 +156,7 @@ class Pile:
         return self.n_grains * self.particle.volume_m3
 
 
-def of(
+def assess_targets(
     config: Mapping[str, Any],
     particle: "Particle",
     dataset_csv: str | PathLike | None = None,
@@ -203,11 +203,11 @@ def of(
     }
 
 
-def said(
+def warnings(
     config: Mapping[str, Any], particle: "Particle", dataset_csv: str | PathLike | None
 ) -> Iterator[str]:
     """Yield a line of text for each target of `of`, to print before the first pour."""
-    for reach in of(config, particle, dataset_csv).values():
+    for reach in assess_targets(config, particle, dataset_csv).values():
         warning = "" if reach.possible else "WARNING: "
         yield f"reach: {warning}{reach.sentence}"
 
@@ -249,7 +249,7 @@ def steepest_deg(definition: str, height_mm: float, grains_m3: float) -> float |
     return math.degrees(math.atan(cone_tan(height_mm, grains_m3 / DENSEST_PACKING)))
 
 
-def carried(
+def convert_to_height(
     angle_deg: "pd.Series", height_mm: "pd.Series", to_mm: float
 ) -> "pd.Series":
     """Convert angles of piles [deg] to the Height `to_mm`, which their volume keeps.
@@ -313,7 +313,7 @@ def band_of_samples(
     table = table[table["status"] == "ok"]
     if len(table) < FEWEST_SAMPLES:
         return None
-    angles = carried(table[response], table["height_mm"], height_mm)
+    angles = convert_to_height(table[response], table["height_mm"], height_mm)
     return Band(
         mean=float(angles.mean()),
         sd=float(angles.std()),
@@ -344,7 +344,7 @@ def nearest_row(
         Whether it is of this very line.
     """
     settings = {}
-    for key in READ[definition]:
+    for key in LINE_KEYS[definition]:
         value = getattr(measure, key)
         settings[key] = grain_share if value == "berry" else value
     columns = ("definition", "samples", "mean", "sd", "largest", *settings)

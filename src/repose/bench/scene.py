@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Self
 
 from repose import dem
-from repose.bench.parameters import FURTHER
+from repose.bench.parameters import LAW_PARAMETERS
 from repose.bench.settings import SceneSettings, SimulationSettings
 from repose.common.errors import InputError
 from repose.dem.constants import TWISTING
@@ -123,7 +123,7 @@ def longest_time_step(scene: Scene) -> "time_steps.Limit":
         shapes={"berry": scene.particle.dem_shape("berry")},
         walls=frozenset({"wall"}),
     )
-    smallest_scale = size_distribution.smallest(
+    smallest_scale = size_distribution.smallest_scale(
         scene.settings.size_distribution, scene.grain
     )
     return time_steps.longest(contacts, smallest_scale=smallest_scale)
@@ -153,7 +153,7 @@ def _contact(parameters: Mapping[str, float], pair: str) -> "dem.Contact":
     """Make the contact of a pair, ``gg`` or ``gp``, from the parameters named after it."""
     constants = {
         parameter.constant.name: parameters[name]
-        for name, parameter in FURTHER.items()
+        for name, parameter in LAW_PARAMETERS.items()
         if parameter.pair == pair and name in parameters
     }
     twisting_friction = constants.pop(TWISTING.name, None)

@@ -25,7 +25,7 @@ TABLE = Path(__file__).with_name("number_of_grains.csv")
 # Lengths of the funnel that go with the cube root of the number.
 SCALED_KEYS = ("outlet_height_mm", "plate_diameter_mm", "tube_length_mm")
 # Keys of a smaller scene that follow from its others.
-COMPUTED = ("factory_diameter_mm", "factory_height_mm", "duration_s")
+COMPUTED_KEYS = ("factory_diameter_mm", "factory_height_mm", "duration_s")
 # Keys that a smaller scene has to give.
 PASTED_KEYS = (
     "berries",
@@ -140,10 +140,10 @@ def scaled(
         funnel.rim_radius_mm, RIM_SHARE * (new_inlet_mm - new_outlet_mm)
     )
     section["rate_per_s"] = funnel.rate_per_s * scale**FLOW_EXPONENT
-    return section | dict.fromkeys(COMPUTED, AUTO)
+    return section | dict.fromkeys(COMPUTED_KEYS, AUTO)
 
 
-def enough(grains: int, definition: str) -> int | None:
+def fewest_grains(grains: int, definition: str) -> int | None:
     """Find the smallest number of grains that is enough for an angle.
 
     From this number of the table up to `grains` the angle stays within `ANGLE_TOLERANCE_DEG`. None
@@ -184,7 +184,7 @@ def smaller_scene(n_grains: int, definition: str) -> SmallerScene | None:
     number is enough. None if no number of the table will do.
     """
     largest = max(numbers())
-    n_enough = enough(min(n_grains, largest), definition)
+    n_enough = fewest_grains(min(n_grains, largest), definition)
     if n_enough is None and n_grains <= largest:
         return None
     n_fewer = n_enough or largest
@@ -260,13 +260,13 @@ def _scale_effect(n_grains: int, definition: str) -> str:
 def _enough_grains(n_grains: int, definition: str) -> str:
     """Describe from which number of grains on the angle hardly changes."""
     compared = min(n_grains, max(numbers()))
-    n_enough = enough(compared, definition)
+    n_enough = fewest_grains(compared, definition)
     if n_enough is not None:
         return (
             f"From {n_enough} grains on the angle is within {ANGLE_TOLERANCE_DEG:g} deg of that of "
             f"{compared}."
         )
-    n_steady = enough(compared, STEADIEST_ANGLE)
+    n_steady = fewest_grains(compared, STEADIEST_ANGLE)
     if n_steady is None:
         return f"No smaller number of grains is within {ANGLE_TOLERANCE_DEG:g} deg of that of {compared}."
     return (
@@ -298,7 +298,7 @@ def _pasted_section(
     """Write the keys of the section `funnel` of a smaller scene."""
     section = scaled(funnel, scene.n_fewer, diameter_mm, poured=scene.n_grains)
     pasted = {key: _rounded(section[key]) for key in PASTED_KEYS}
-    return pasted | dict.fromkeys(COMPUTED, AUTO)
+    return pasted | dict.fromkeys(COMPUTED_KEYS, AUTO)
 
 
 def _lower(target: dict[str, Any], height_share: float) -> dict[str, Any]:

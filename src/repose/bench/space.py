@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from repose.bench.parameters import ALLOWED, named
+from repose.bench.parameters import ALLOWED, parameters_among
 from repose.calibrate.parameter_space import ParameterSpace
 
 
@@ -22,4 +22,4 @@ def contact_space(section: Mapping[str, Any]) -> ParameterSpace:
         In the order of all tables. A prior without a range is cut to the values that a
         configuration allows.
     """
-    return ParameterSpace.of(section, names=named(section), limits=ALLOWED)
+    return ParameterSpace.of(section, names=parameters_among(section), limits=ALLOWED)

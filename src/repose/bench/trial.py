@@ -51,11 +51,11 @@ class Trial:
         interval_s: float | None = None,
         progress: Progress | None = None,
     ) -> None:
-        from repose.grain.size_distribution import of_pour
+        from repose.grain.size_distribution import draw_scales
 
         self.scene = scene
         self.progress = progress
-        self.scales, largest_scale = of_pour(
+        self.scales, largest_scale = draw_scales(
             scene.settings.size_distribution, scene.grain, scene.seed, n_grains
         )
         self.largest_radius_m = largest_scale * scene.particle.bounding_radius_m

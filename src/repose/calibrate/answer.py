@@ -21,7 +21,11 @@ REPORT = "report.html"
 WITHIN = {percent: f"within_{percent:g}_percent" for percent in PERCENT}
 # Status of a check that was not made.
 NOT_AGAIN = "not simulated again"
-SAID = {True: "targets met", False: "targets NOT met", None: "targets not checked yet"}
+VERDICTS = {
+    True: "targets met",
+    False: "targets NOT met",
+    None: "targets not checked yet",
+}
 
 
 @dataclass(frozen=True)
@@ -392,7 +396,7 @@ def in_one_line(
 ) -> str:
     """Write the verdict with its numbers, and the reason unless the targets are met."""
     numbers = ", ".join(check.numbers for check in checks)
-    line = f"{SAID[met]}. {numbers}."
+    line = f"{VERDICTS[met]}. {numbers}."
     if small_run:
         line = f"a small run, its numbers are no calibration: {line}"
     return line if met else f"{line} {reason}"

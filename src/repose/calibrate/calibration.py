@@ -23,12 +23,12 @@ from repose.calibrate.strategies.runs import OK, check_responses
 from repose.calibrate.strategies.sequential.goal import Goal
 from repose.calibrate.strategies.sequential.kriging import Kriging, SpaceKriging
 from repose.calibrate.strategies.sequential.noise import REPLICATES, Noise
-from repose.calibrate.strategies.sequential.strategy import noise_from, observed_of
+from repose.calibrate.strategies.sequential.strategy import arrange_runs, estimate_noise
 from repose.calibrate.study import Study
 from repose.calibrate.surrogates.base import Predictor
 from repose.calibrate.surrogates.support import Support
 from repose.calibrate.uncertainty.posterior import (
-    FREEDOM,
+    SPARE_FREEDOM,
     Posterior,
     infer,
     measurement_of,
@@ -251,8 +251,8 @@ def calibrate(
         answer = proposal
     else:
         answer = strategy(settings.strategy).answer(study, runs)
-    observed = observed_of(runs, space, targets)
-    noise = noise_from(study, observed)
+    observed = arrange_runs(runs, space, targets)
+    noise = estimate_noise(study, observed)
     model = answer.model or SpaceKriging(Kriging(observed, noise.covariance), space)
     samples = _samples(study, runs)
     support = Support.of(space.values(observed.unit), space)
@@ -320,7 +320,7 @@ def posterior_settings(
     responses : int
         Number of targets.
     """
-    if freedom >= responses + FREEDOM:
+    if freedom >= responses + SPARE_FREEDOM:
         return settings
     return settings.model_copy(update={"measured_correlation": 0.0})
 

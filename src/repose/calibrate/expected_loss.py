@@ -57,7 +57,7 @@ def expected_loss(surrogate: Surrogate, X: np.ndarray, targets: Targets) -> np.n
     return mean_deviation @ (targets.weight / (targets.high - targets.low))
 
 
-def least(
+def minimise_expected_loss(
     surrogate: Surrogate, space: ParameterSpace, targets: Targets
 ) -> dict[str, Any]:
     """Find the parameter set of least expected loss.
@@ -96,7 +96,7 @@ def least(
     parameters = dict(zip(space.names, X[0].tolist(), strict=True))
     responses = surrogate.predict(X)[0].tolist()
     predicted = dict(zip(targets.predicted, responses, strict=True))
-    assessment = judged(surrogate, parameters, targets, space.names)
+    assessment = assess_by_errors(surrogate, parameters, targets, space.names)
     return parameters | predicted | assessment
 
 
@@ -125,7 +125,7 @@ def _with_gradient(
     return losses[0], (upper - lower) / (2 * STEP)
 
 
-def judged(
+def assess_by_errors(
     surrogate: Surrogate,
     parameters: Mapping[str, float],
     targets: Targets,

@@ -96,7 +96,7 @@ def invert(
     # Put the representative first, feasible or not.
     points = archive.points
     if settings.answer == LEAST_LOSS and model.knows_its_errors:
-        best = expected_loss.least(model, space, targets)
+        best = expected_loss.minimise_expected_loss(model, space, targets)
         points = _put_first(best, points, space, settings.distance)
     Y = respond(points)
     F, V = objective(Y)

@@ -69,7 +69,7 @@ class _MeasuredLine(NamedTuple):
     sd: float  # root of the mean square over the heights
 
 
-def expanded(targets: Any, source: Any) -> Any:
+def expand_profiles(targets: Any, source: Any) -> Any:
     """Replace each profile of the list `targets` by an entry for each score.
 
     Raises
@@ -87,7 +87,7 @@ def expanded(targets: Any, source: Any) -> Any:
     return entries
 
 
-def expanded_own(targets: Any, source: Any) -> Any:
+def expand_own_profiles(targets: Any, source: Any) -> Any:
     """Replace the profiles in the section `targets` of the user's own simulator.
 
     Raises

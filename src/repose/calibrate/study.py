@@ -85,8 +85,8 @@ class Study:
         label: str = "study",
         **sections: Any,
     ) -> None:
-        from repose.calibrate.profile_targets import expanded_own
-        from repose.calibrate.study_file import completed
+        from repose.calibrate.profile_targets import expand_own_profiles
+        from repose.calibrate.study_file import complete_configuration
 
         _require_names("parameters", parameters)
         _require_names("targets", targets)
@@ -101,8 +101,8 @@ class Study:
             }
         )
         entries = {name: _target(entry) for name, entry in _plain(targets).items()}
-        content["targets"] = expanded_own(entries, "study")
-        config = completed(content)
+        content["targets"] = expand_own_profiles(entries, "study")
+        config = complete_configuration(content)
         if file is not None:
             _keep_settings(content, file)
         self._set_up(config, file)
@@ -158,15 +158,15 @@ class Study:
         InputError
             As `Study(...)`.
         """
-        from repose.calibrate.study_file import completed
+        from repose.calibrate.study_file import complete_configuration
         from repose.common.reading import read
 
         study = cls.__new__(cls)
         if isinstance(content, Mapping):
-            study._set_up(completed(content), file)
+            study._set_up(complete_configuration(content), file)
         else:
             path_of("content", content)
-            study._set_up(completed(read(content), content), file)
+            study._set_up(complete_configuration(read(content), content), file)
         return study
 
     @classmethod

@@ -14,7 +14,7 @@ from pydantic import Field, ValidationInfo, create_model, field_validator
 
 from repose.calibrate.designs.settings import DesignSettings
 from repose.calibrate.parameter_types import count_free, far_priors, parameter
-from repose.calibrate.profile_targets import expanded_own
+from repose.calibrate.profile_targets import expand_own_profiles
 from repose.calibrate.profiles import OfProfile, Profile
 from repose.calibrate.responses import Response
 from repose.calibrate.search.settings import MigaSettings
@@ -221,7 +221,9 @@ def is_own(path: str | os.PathLike) -> bool:
     return "simulator" in read(path)
 
 
-def completed(content: Mapping[str, Any], source: object = "study") -> dict[str, Any]:
+def complete_configuration(
+    content: Mapping[str, Any], source: object = "study"
+) -> dict[str, Any]:
     """Check a configuration and fill in each key that it leaves out.
 
     Parameters
@@ -279,7 +281,7 @@ def _with_defaults(content: Mapping[str, Any], source: object) -> dict[str, Any]
         **content,
     }
     _require_texts_as_names(config, source)
-    config["targets"] = expanded_own(config.get("targets"), source)
+    config["targets"] = expand_own_profiles(config.get("targets"), source)
     defaults: dict[str, Any] = read(places.find(places.METHOD_CONFIG))
     defaults["sequential"] = OwnSequential().model_dump() | {"seeds": seeds}
     defaults["posterior"] = OwnPosterior().model_dump()
@@ -321,9 +323,13 @@ def split_of(surrogate: str) -> list[float]:
 
     Only a network has a use for validation samples.
     """
-    from repose.calibrate.surrogates import kind_of
+    from repose.calibrate.surrogates import surrogate_class
 
-    return [0.70, 0.15, 0.15] if kind_of(surrogate).is_network else [0.85, 0.0, 0.15]
+    return (
+        [0.70, 0.15, 0.15]
+        if surrogate_class(surrogate).is_network
+        else [0.85, 0.0, 0.15]
+    )
 
 
 def settings_of(config: Mapping[str, Any]) -> CalibrationSettings:
@@ -413,7 +419,7 @@ def _target(name: str, entry: Mapping[str, Any]) -> Target:
     )
 
 
-def unread(content: Mapping[str, Any]) -> list[str]:
+def unread_keys(content: Mapping[str, Any]) -> list[str]:
     """List the keys of a configuration that neither its strategy nor any answer reads.
 
     Parameters

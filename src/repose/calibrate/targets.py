@@ -17,7 +17,7 @@ from repose.common.target_range import range_about
 LARGEST = 1e9
 
 
-def completed(entry: Any) -> Any:
+def with_defaults(entry: Any) -> Any:
     """Complete an entry of the list `targets`.
 
     A missing bench test is that of the response. A missing range is `range_about` the

@@ -49,7 +49,7 @@ def berry_and_particle(
         grain = study.grain
     else:
         columns = (*berry_files.SIZE_COLUMNS, *berry_files.MODULI)
-        grain = berry_files.read_berry(berry_json, columns)
+        grain = berry_files.read_grain(berry_json, columns)
 
     if particle_json is not None:
         return grain, Particle.load(particle_json)

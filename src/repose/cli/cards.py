@@ -43,7 +43,7 @@ def card(args: argparse.Namespace) -> int:
         print(card_text.verdict(cards[0]))
         return 0 if cards[0]["met"] else NOT_MET
     if args.action == "compare":
-        print(card_text.compared(*cards))
+        print(card_text.compare(*cards))
     else:
         print(card_text.describe(cards[0]))
     return 0

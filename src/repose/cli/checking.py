@@ -67,7 +67,7 @@ def check(args: argparse.Namespace, study: PipelineConfig) -> None:
         f"results go to {settings.results_dir}"
     )
     _print_computed(args.config, study)
-    _print_lines(check.about(study))
+    _print_lines(check.describe_study(study))
     _print_lines(check.of_targets(study))
     grain_step_s = _grain_step_s(study)
     _print_lines(check.trials(study, grain_step_s, elapsed_seconds_shown))
@@ -130,7 +130,7 @@ def plan(args: argparse.Namespace, study: PipelineConfig) -> None:
     runs = None
     if runs_csv is not None:
         runs = plan.read_runs(runs_csv, study.targets)
-    _print_lines(check.about(study))
+    _print_lines(check.describe_study(study))
     result = plan.plan(study.parameters, study.targets, runs, runs_csv)
     _print_noise(study, result, runs_csv)
     _print_chances(result)

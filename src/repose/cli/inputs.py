@@ -83,7 +83,7 @@ def _build_mesh(args: argparse.Namespace) -> None:
     density = args.density
     if density is None:
         density = load(args).settings.berry.density_kg_m3
-    mesh, exponent = mesh_from_axes.berry_mesh(
+    mesh, exponent = mesh_from_axes.grain_mesh(
         args.axes,
         args.mass_g,
         density,

@@ -140,9 +140,9 @@ def _readable_pictures(names: Iterable[str]) -> list[Path]:
     InputError
         If none can be read.
     """
-    from repose.measure.photographs.photograph import readable
+    from repose.measure.photographs.photograph import split_readable
 
-    pictures, faults = readable([Path(name) for name in names])
+    pictures, faults = split_readable([Path(name) for name in names])
     if not pictures:
         raise_together(faults)
     for fault in faults:
@@ -323,11 +323,11 @@ def _scale_of_length(args: argparse.Namespace) -> "Scale":
         LEAST_LENGTH_PX,
         MOST_LEVEL_DEG,
         Scale,
-        level_length,
+        scale_of_level_length,
     )
 
     _require_between("--length", args.length[0], 1, 1e5)
-    result = level_length(*args.length)
+    result = scale_of_level_length(*args.length)
     if result is None:
         raise InputError(
             "command line",
@@ -461,11 +461,11 @@ def measure_silhouette(args: argparse.Namespace, study: PipelineConfig) -> None:
     example: silhouette.png --overlay overlay.png
     """
     from repose.common.files import write_image, write_json
-    from repose.grain.berry_files import read_berry
+    from repose.grain.berry_files import read_grain
     from repose.measure import pile
     from repose.measure.photographs import drawing
 
-    grain = read_berry(args.berry)
+    grain = read_grain(args.berry)
     settings = pile.MeasureSettings.of(dict(study.settings.measure), grain)
     image = pile.read_image(args.picture)
     try:

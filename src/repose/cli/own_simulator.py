@@ -19,7 +19,7 @@ FOLDER = "own"
 def _study(args: argparse.Namespace) -> "Study":
     """Make the study of --config; for the verb `ask` with the runs so far."""
     from repose.calibrate.study import Study
-    from repose.calibrate.study_file import is_own, unread
+    from repose.calibrate.study_file import is_own, unread_keys
     from repose.common.reading import read
 
     allowed = (
@@ -32,7 +32,7 @@ def _study(args: argparse.Namespace) -> "Study":
         require(names_simulator, "command line", "--config", None, allowed)
     require(names_simulator, args.config, "simulator", None, allowed)
     study = Study.own(args.config, args.runs if args.verb == "ask" else None)
-    keys = unread(read(args.config))
+    keys = unread_keys(read(args.config))
     if keys:
         strategy = study.settings.strategy
         _warn(f"{args.config}: the strategy {strategy} does not read {', '.join(keys)}")
@@ -89,7 +89,10 @@ def ask(args: argparse.Namespace, study: "Study") -> None:
     example: --runs own/runs.csv --config own.yaml --out own/next.csv
     """
     from repose.calibrate.strategies.base import Answer
-    from repose.calibrate.strategies.sequential.strategy import noise_from, observed_of
+    from repose.calibrate.strategies.sequential.strategy import (
+        arrange_runs,
+        estimate_noise,
+    )
     from repose.common.files import write_table
 
     table = study.ask()
@@ -98,8 +101,8 @@ def ask(args: argparse.Namespace, study: "Study") -> None:
     write_table(args.out, table)
     # A proposal with notes follows from runs; the first one does not.
     if proposal.notes:
-        observed = observed_of(runs, study.parameters, study.targets)
-        warning = noise_from(study, observed).warning
+        observed = arrange_runs(runs, study.parameters, study.targets)
+        warning = estimate_noise(study, observed).warning
         if warning is not None:
             _warn(warning)
     if "probability" in proposal.notes:

@@ -3,7 +3,7 @@
 from argparse import ArgumentTypeError, Namespace
 from collections.abc import Sequence
 
-from repose.bench.parameters import FURTHER, LABELS, PARAMETERS, check_value
+from repose.bench.parameters import LABELS, LAW_PARAMETERS, PARAMETERS, check_value
 from repose.calibrate import seeds as streams
 from repose.cli.options import pairs, require_option
 from repose.cli.registry import Option
@@ -20,7 +20,7 @@ PARAMETER_SET = (
         default=[],
         metavar="NAME=VALUE",
         help=f"a contact parameter: {', '.join(PARAMETERS)}, with some contact laws "
-        f"{', '.join(FURTHER)}; "
+        f"{', '.join(LAW_PARAMETERS)}; "
         "a parameter without --set takes the centre of its range",
     ),
     # Not recorded, as the parameter set itself is written into the results.

@@ -75,10 +75,10 @@ def pour(args: argparse.Namespace, study: PipelineConfig) -> None:
 
     example: --apparatus funnel --set mus_gg=0.5 --seed 1 --out results/try
     """
-    from repose.stages.job import pour_job
+    from repose.stages.job import run_job
 
     job = _job(args, study, args.apparatus)
-    pours = pour_job(**job, keeps_runs=args.keep_runs)
+    pours = run_job(**job, keeps_runs=args.keep_runs)
     print(pours)
     if args.measure:
         _keep_measurement(args, study, job["scene"], pours)
@@ -112,10 +112,10 @@ def heap(args: argparse.Namespace, study: PipelineConfig) -> None:
 
     example: --set e_gg=0.3 --set mus_gg=0.5 --seed 1 --out results/try --json
     """
-    from repose.stages.job import measure_job, pour_job
+    from repose.stages.job import measure_job, run_job
 
     job = _job(args, study, "funnel")
-    result = measure_job(job["scene"], pour_job(**job))
+    result = measure_job(job["scene"], run_job(**job))
     runs = result["runs"]
     if not args.json:
         _print_runs(runs, job["test"].summary)
@@ -145,7 +145,7 @@ def _scene(
 def _job(
     args: argparse.Namespace, study: PipelineConfig, apparatus: str
 ) -> dict[str, Any]:
-    """Make the arguments of `repose.stages.job.pour_job` from the options."""
+    """Make the arguments of `repose.stages.job.run_job` from the options."""
     from repose.bench import bench
     from repose.bench.settings import SceneSettings
     from repose.dem.io.progress import display

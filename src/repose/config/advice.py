@@ -53,7 +53,7 @@ class Filling(NamedTuple):
     fits: bool
 
 
-def of_funnel(
+def funnel_hints(
     config: Config,
     grain: Grain,
     particle: Particle,

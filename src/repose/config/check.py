@@ -56,7 +56,7 @@ def smaller_scene(files: Iterable[str], grains: int) -> Iterator[str]:
     if grains <= MOST_BERRIES:
         return
     largest_funnel: dict[str, Any] = {"berries": MOST_BERRIES}
-    for name in scene_size.COMPUTED:
+    for name in scene_size.COMPUTED_KEYS:
         largest_funnel[name] = "auto"
     overrides = {"funnel": largest_funnel}
     with contextlib.suppress(InputError):
@@ -66,7 +66,7 @@ def smaller_scene(files: Iterable[str], grains: int) -> Iterator[str]:
         yield from scene_size.advice(study.config, diameter_mm, height_mm, grains)
 
 
-def about(study: PipelineConfig) -> Iterator[str]:
+def describe_study(study: PipelineConfig) -> Iterator[str]:
     """Yield lines on targets, time step, scene and grain of a study.
 
     The targets come first: whether a pile can have them.
@@ -74,7 +74,7 @@ def about(study: PipelineConfig) -> Iterator[str]:
     config = study.config
     grain = study.grain
     particle = study.particle
-    yield from reach.said(config, particle, dependencies.own_dataset(config))
+    yield from reach.warnings(config, particle, dependencies.own_dataset(config))
 
     limit = computed.longest_step(config, particle, grain)
     yield about_step(study.settings.simulation.time_step_s, limit)
@@ -82,7 +82,7 @@ def about(study: PipelineConfig) -> Iterator[str]:
     def longest_s(other_grain: Mapping[str, Any]) -> float:
         return computed.longest_step(config, particle, other_grain).time_step_s
 
-    yield from advice.of_funnel(config, grain, particle, longest_s)
+    yield from advice.funnel_hints(config, grain, particle, longest_s)
     yield from _about_grain(study)
 
 

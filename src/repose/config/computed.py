@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from repose.bench.funnel import PACKING
-from repose.bench.parameters import ALLOWED, PARAMETERS, named
+from repose.bench.parameters import ALLOWED, PARAMETERS, parameters_among
 from repose.calibrate.parameter_space import range_of
 from repose.calibrate.study_file import split_of
 from repose.common.keys import Config
@@ -79,7 +79,7 @@ def to_compute(config: Config) -> list[Computed]:
     return settings
 
 
-def filled(config: Config, setting: Computed, value: Any) -> dict[str, Any]:
+def with_value(config: Config, setting: Computed, value: Any) -> dict[str, Any]:
     """Copy a configuration, with a value for one of its settings."""
     section = {**config[setting.section], setting.name: value}
     return {**config, setting.section: section}
@@ -118,7 +118,7 @@ def longest_step(config: Config, particle: "Particle", mean: Grain) -> "Limit":
     critical = {name: min(values[name] for values in sets) for name in PARAMETERS}
 
     # The parameters of contact laws, such as a cohesion, make contacts stiffer.
-    for name in named(ranges)[len(PARAMETERS) :]:
+    for name in parameters_among(ranges)[len(PARAMETERS) :]:
         critical[name] = ranges[name][1]
     return longest_time_step(Scene.of(config, critical, mean, particle))
 

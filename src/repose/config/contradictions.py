@@ -10,7 +10,13 @@ from typing import Any, NamedTuple
 
 from repose.bench import bench_tests
 from repose.bench.bench_test import BenchTest
-from repose.bench.parameters import FURTHER, LABELS, PARAMETERS, named, of_law
+from repose.bench.parameters import (
+    LABELS,
+    LAW_PARAMETERS,
+    PARAMETERS,
+    parameters_among,
+    parameters_of_law,
+)
 from repose.bench.settings import SceneSettings
 from repose.config.models import StudySettings, valid_sections
 
@@ -97,16 +103,16 @@ def _of_the_strategy(settings: StudySettings) -> Pairs:
 
 def _of_the_surrogate(settings: StudySettings) -> Pairs:
     """Refuse fewer samples for training than the surrogate needs."""
-    from repose.calibrate.surrogates import kind_of, names
+    from repose.calibrate.surrogates import names, surrogate_class
 
     training = _samples(settings, part=0)
-    needed = kind_of(settings.surrogate).least_samples(settings.free)
+    needed = surrogate_class(settings.surrogate).least_samples(settings.free)
     if training >= needed:
         return
     suitable = [
         name
         for name in names()
-        if kind_of(name).least_samples(settings.free) <= training
+        if surrogate_class(name).least_samples(settings.free) <= training
     ]
     yield (
         "surrogate",
@@ -139,7 +145,7 @@ def _of_the_contact_law(settings: StudySettings) -> Pairs:
     parameters = settings.parameters.given
     missing = [
         f"parameters.{name} ({LABELS[name]})"
-        for name in of_law(contact_law)
+        for name in parameters_of_law(contact_law)
         if name not in parameters
     ]
     if missing:
@@ -148,8 +154,8 @@ def _of_the_contact_law(settings: StudySettings) -> Pairs:
             f"{contact_law} with {' and '.join(missing)}, each a range or a fixed value",
         )
     # The parameters of contact laws follow the six that every study has.
-    for name in named(parameters)[len(PARAMETERS) :]:
-        further = FURTHER[name]
+    for name in parameters_among(parameters)[len(PARAMETERS) :]:
+        further = LAW_PARAMETERS[name]
         if contact_law in further.laws or rolling_law in further.laws:
             continue
         laws = " or ".join(further.laws)

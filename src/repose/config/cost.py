@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from repose.bench import bench
-from repose.bench.parameters import named
+from repose.bench.parameters import parameters_among
 from repose.bench.settings import SceneSettings
 from repose.bench.space import contact_space
 from repose.calibrate.responses import response
@@ -106,7 +106,9 @@ def strategy_pours(settings: StudySettings, name: str) -> Pours | None:
 def strategy_misfit(settings: StudySettings, name: str) -> str | None:
     """Explain why a strategy cannot run with this configuration; None if it can."""
     section = settings.of_strategy(name)
-    return strategies.misfit(name, section, settings.free, len(settings.targets))
+    return strategies.reason_against(
+        name, section, settings.free, len(settings.targets)
+    )
 
 
 def longest_job_s(config: Config) -> float:
@@ -330,5 +332,5 @@ def _most_refine_pours(settings: StudySettings) -> int:
 def _n_published_sets(settings: StudySettings) -> int:
     """Count the published parameter sets that this study can simulate."""
     responses = [response(target.response) for target in settings.targets]
-    names = named(settings.parameters.given)
+    names = parameters_among(settings.parameters.given)
     return len(to_simulate(settings.validation.published, responses, names))

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from repose.bench.parameters import FURTHER, PARAMETERS
+from repose.bench.parameters import LAW_PARAMETERS, PARAMETERS
 from repose.common import ledger, places
 from repose.common.files import Path_, write_text
 from repose.common.keys import Config, Origin
@@ -26,7 +26,7 @@ RESOLVED = "config.json"  # in the folder of results
 EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
 # Sections that replace those of another file: a parameter that is fixed must not keep
 # the prior of the file before.
-REPLACED = {f"parameters.{name}" for name in (*PARAMETERS, *FURTHER)}
+REPLACED = {f"parameters.{name}" for name in (*PARAMETERS, *LAW_PARAMETERS)}
 # Stands for a value that is missing in a file; no file can hold it.
 MISSING = ...
 

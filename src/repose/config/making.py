@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from repose.bench.settings import SceneSettings
-from repose.calibrate.targets import Targets, completed
+from repose.calibrate.targets import Targets, with_defaults
 from repose.common import faults
 from repose.common.errors import InputError, YamlError, raise_together
 from repose.common.keys import Origin, get, owner_of
@@ -17,7 +17,7 @@ from repose.config import computed, results_folder
 from repose.config.contradictions import Rule, before_numbers, rules, used_tests
 from repose.config.models import StudySettings, settings_type, valid_sections
 from repose.grain.particle import Particle
-from repose.stages.published import beside, check_published, read_stored
+from repose.stages.published import check_published, find_sibling_table, read_stored
 
 # Sections that the mean grain follows from, and those that limit the time step.
 GRAIN = ("berry", "validation")
@@ -45,7 +45,7 @@ def unstable(
     yield "simulation.time_step_s", allowed
 
 
-class Making:
+class ConfigChecks:
     """A configuration, its grain and its particle, and the faults found so far.
 
     A check is made only if the sections that it reads are free of faults.
@@ -102,7 +102,7 @@ class Making:
         for setting in computed.to_compute(self.config):
             if self._may_read(setting.section):
                 pending.append(setting)
-                self.config = computed.filled(self.config, setting, computed.AUTO)
+                self.config = computed.with_value(self.config, setting, computed.AUTO)
 
         if inputs:
             self._read_files()
@@ -147,7 +147,8 @@ class Making:
             return
         owner = owner_of(self.source, "targets")
         targets = [
-            completed(entry) for entry in profile_targets.expanded(entries, owner)
+            with_defaults(entry)
+            for entry in profile_targets.expand_profiles(entries, owner)
         ]
         self.config = self.config | {"targets": targets}
 
@@ -232,7 +233,7 @@ class Making:
 
     def _readers(self) -> dict[str, Callable[[str], Any]]:
         """Return the functions that read the named files, by dotted key."""
-        from repose.calibrate.uncertainty.discrepancy import of_shape_study
+        from repose.calibrate.uncertainty.discrepancy import shape_study_discrepancy
         from repose.grain.berry_files import read_sizes
         from repose.measure.pile import read_image
 
@@ -244,7 +245,9 @@ class Making:
         }
         if self._may_read("targets"):
             targets = Targets.of(self.config["targets"])
-            readers["posterior.shape_study"] = partial(of_shape_study, targets=targets)
+            readers["posterior.shape_study"] = partial(
+                shape_study_discrepancy, targets=targets
+            )
         return readers
 
     def _make_grain(self) -> None:
@@ -253,7 +256,7 @@ class Making:
 
         if self.mean is None and self._may_read(*GRAIN):
             settings = self.settings
-            table1 = beside(settings.validation.published, "table1.csv")
+            table1 = find_sibling_table(settings.validation.published, "table1.csv")
             result = self._result_of("berry", berry.of_settings, settings.berry, table1)
             if result is not None:
                 self.mean = result[1]
@@ -273,7 +276,7 @@ class Making:
         if value is None:
             self.bad.add(setting.key)
             return
-        self.config = computed.filled(self.config, setting, value)
+        self.config = computed.with_value(self.config, setting, value)
 
         # The number may lie outside the allowed values.
         for fault in faults.check(self.config, self.source, settings_type()).faults:

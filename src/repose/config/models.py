@@ -14,7 +14,7 @@ from pydantic import AfterValidator, Field, TypeAdapter, ValidationError, create
 
 from repose.bench import bench, names
 from repose.bench.funnel import FunnelSettings
-from repose.bench.parameters import ALLOWED, FURTHER, PARAMETERS
+from repose.bench.parameters import ALLOWED, LAW_PARAMETERS, PARAMETERS
 from repose.bench.settings import SimulationSettings, WallSettings
 from repose.calibrate.designs.settings import DesignSettings
 from repose.calibrate.parameter_types import count_free, far_priors, parameter
@@ -59,7 +59,7 @@ FOLDER_PATTERN = rf"^/?{PATH_PART}(/{PATH_PART})*/?$"
 _Folder = Annotated[
     str, Field(max_length=1000, pattern=FOLDER_PATTERN, description=FOLDER)
 ]
-ResultsFolder = Annotated[_Folder, AfterValidator(results_folder.apart)]
+ResultsFolder = Annotated[_Folder, AfterValidator(results_folder.check_is_apart)]
 Colour = Annotated[
     str,
     Field(pattern=r"^#[0-9a-fA-F]{6}$", description='a colour in quotes, as "#cca86b"'),
@@ -90,7 +90,7 @@ def _parameters() -> type[ParametersSettings]:
     fields: dict[str, Any] = {}
     for name in PARAMETERS:
         fields[name] = (parameter(*ALLOWED[name]), ...)
-    for name, further in FURTHER.items():
+    for name, further in LAW_PARAMETERS.items():
         limits = further.constant
         highest = min(limits.most, 1.0e9)
         fields[name] = (parameter(limits.least, highest), ABSENT)

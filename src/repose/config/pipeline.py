@@ -12,14 +12,13 @@ from repose.common.errors import InputError
 from repose.common.files import Path_, path_of, read_json
 from repose.common.keys import Origin
 from repose.config import loader
-from repose.stages.published import beside
+from repose.stages.published import find_sibling_table
 
 if TYPE_CHECKING:
     from repose.bench import Scene
     from repose.calibrate.parameter_space import ParameterSpace
     from repose.calibrate.study import Study
     from repose.calibrate.targets import Targets
-    from repose.config.making import Making
     from repose.config.models import StudySettings
     from repose.grain.particle import Particle
 
@@ -115,12 +114,12 @@ class PipelineConfig:
         InputError
             As in `load`.
         """
-        from repose.config.making import Making
+        from repose.config.making import ConfigChecks
 
         if not isinstance(config, Mapping):
             words = "a mapping of sections"
             raise InputError(source, "configuration", config, words)
-        making = Making(dict(config), source)
+        making = ConfigChecks(dict(config), source)
         making.complete(inputs)
         made = cls(making.config, source)
         # The checks of grain and particle go on from here.
@@ -246,7 +245,7 @@ class PipelineConfig:
 
         It is None if the table is not there.
         """
-        return beside(self.settings.validation.published, table)
+        return find_sibling_table(self.settings.validation.published, table)
 
     @cached_property
     def folder(self) -> Path:
@@ -292,11 +291,11 @@ class PipelineConfig:
         self._making.checked_grain()
 
     @cached_property
-    def _making(self) -> "Making":
+    def _making(self) -> "ConfigChecks":
         """The checks of the configuration; loaded where a check is asked for."""
-        from repose.config.making import Making
+        from repose.config.making import ConfigChecks
 
-        return Making(self.config, self.source)
+        return ConfigChecks(self.config, self.source)
 
 
 def _refuse_other_simulators(files: tuple[Path_, ...]) -> None:

@@ -49,7 +49,7 @@ def run_folder(test: str) -> str:
     return f"{test}_runs"
 
 
-def apart(results_dir: str) -> str:
+def check_is_apart(results_dir: str) -> str:
     """Return the path, or refuse a folder of the project or around it.
 
     This is a validator of the configuration.

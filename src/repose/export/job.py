@@ -10,7 +10,7 @@ import numpy as np
 from repose import dem
 from repose.bench import Scene
 from repose.bench.funnel import Funnel, FunnelSettings
-from repose.bench.parameters import FURTHER
+from repose.bench.parameters import LAW_PARAMETERS
 from repose.bench.scene import longest_time_step, materials_of
 from repose.bench.settings import SceneSettings, SimulationSettings
 from repose.common.errors import InputError
@@ -253,7 +253,7 @@ def _pair(scene: Scene, pair: str, other: str, effective_radius_m: float) -> Pai
     restitution = parameters[f"e_{pair}"]
     constants = {
         parameter.constant.name: parameters[name]
-        for name, parameter in FURTHER.items()
+        for name, parameter in LAW_PARAMETERS.items()
         if parameter.pair == pair and name in parameters
     }
     return Pair(

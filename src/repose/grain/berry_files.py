@@ -145,7 +145,7 @@ def read_compression(path: str | PathLike) -> "pd.DataFrame":
     return tests
 
 
-def read_berry(
+def read_grain(
     path: str | PathLike, needed: Iterable[str] = SIZE_COLUMNS
 ) -> dict[str, Any]:
     """Read the file of the mean grain, which the command `berry` writes.

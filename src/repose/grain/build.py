@@ -18,7 +18,7 @@ from repose.common.errors import InputError
 from repose.common.files import write_bytes, write_table
 from repose.dem.rotations import sphere_directions
 from repose.grain import mesh_from_axes, sphere_packing, support_fit
-from repose.grain.berry_files import SIZE_COLUMNS, read_berry
+from repose.grain.berry_files import SIZE_COLUMNS, read_grain
 from repose.grain.mesh import (
     compute_body,
     compute_support,
@@ -278,7 +278,7 @@ def _mesh_content(
         return write_stl(scan)
     if mass_g is None:
         return write_stl(ellipsoid_mesh(axes_mm))
-    mesh, _ = mesh_from_axes.berry_mesh(axes_mm, mass_g, grain["density_kg_m3"])
+    mesh, _ = mesh_from_axes.grain_mesh(axes_mm, mass_g, grain["density_kg_m3"])
     return write_stl(mesh)
 
 
@@ -341,7 +341,7 @@ def run(
     """
     import pandas as pd
 
-    grain = read_berry(berry_json, (*SIZE_COLUMNS, "density_kg_m3"))
+    grain = read_grain(berry_json, (*SIZE_COLUMNS, "density_kg_m3"))
     out = Path(out_dir)
     source = stl or out / MESH_FILE
     content = _mesh_content(grain, stl, mass_g)

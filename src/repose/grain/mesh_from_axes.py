@@ -112,7 +112,7 @@ def _faces(n_rings: int) -> np.ndarray:
     return np.concatenate(faces)
 
 
-def berry_mesh(
+def grain_mesh(
     axes_mm: Axes,
     mass_g: float,
     density_kg_m3: float,

@@ -59,7 +59,7 @@ def normalisation(sd: float, low: float, high: float) -> float:
     return float(np.cbrt(density @ x**3 / density.sum()))
 
 
-def smallest(distribution: str, grain: Mapping[str, float]) -> float:
+def smallest_scale(distribution: str, grain: Mapping[str, float]) -> float:
     """Compute the smallest scale of `of_pour`, whose arguments these are."""
     spread = _spread(distribution, grain)
     if spread.sd == 0:
@@ -93,7 +93,7 @@ def _spread(distribution: str, grain: Mapping[str, float]) -> Spread:
     return Spread(*(grain[key] for key in KEYS))
 
 
-def of_pour(
+def draw_scales(
     distribution: str, grain: Mapping[str, Any], seed: int, count: int
 ) -> tuple[np.ndarray, float]:
     """Draw the scales of the grains of a pour.

@@ -179,12 +179,12 @@ def of_pour(
     The arguments are those of `repose.measure.saved_piles.pile_responses`. Raises
     NoFlankError if there is no pile.
     """
-    settings = pile.with_berry_height(settings, particle)
+    settings = pile.with_grain_height(settings, particle)
     assert settings.berry_height_mm is not None
     grains = Grains.of(arrays, particle)
     members = arrays["in_pile"]
-    height_m, views = pile.pile_views(grains, settings, members)
-    profiles = [pile.profile_of(view)[0] for view in views]
+    height_m, views = pile.draw_views(grains, settings, members)
+    profiles = [pile.find_profile(view)[0] for view in views]
     scales = grains.scales[members] if settings.largest_pile_only else grains.scales
     of_silhouettes = measure_silhouettes(
         profiles,

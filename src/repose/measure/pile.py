@@ -86,7 +86,7 @@ def with_response(measurement: Measurement) -> Measurement:
     return measurement
 
 
-def profile_of(pile: "Segmentation") -> tuple[np.ndarray, int]:
+def find_profile(pile: "Segmentation") -> tuple[np.ndarray, int]:
     """Compute the profile of a pile and find its crest.
 
     Returns
@@ -109,7 +109,7 @@ def measure_segmented(pile: "Segmentation", settings: MeasureSettings) -> Measur
 
     The measurement may lack its response (`with_response`).
     """
-    profile, crest = profile_of(pile)
+    profile, crest = find_profile(pile)
     measured, reasons = measure_sides(profile, crest, settings)
     angles = {}
     for name, (aor_deg, left, right) in measured.items():
@@ -161,13 +161,13 @@ def measure_pile(
     NoFlankError
         If there is no pile.
     """
-    settings = with_berry_height(settings or MeasureSettings(), grains.particle)
-    height_m, piles = pile_views(grains, settings, members)
+    settings = with_grain_height(settings or MeasureSettings(), grains.particle)
+    height_m, piles = draw_views(grains, settings, members)
     angles = {name: np.full(settings.views, np.nan) for name in DEFINITIONS}
     heights_mm = np.full(settings.views, np.nan)
     first_reasons: dict[str, str] = {}
     for view, pile in enumerate(piles):
-        profile, crest = profile_of(pile)
+        profile, crest = find_profile(pile)
         heights_mm[view] = profile[crest] * settings.mm_per_pixel
         measured, reasons = measure_sides(profile, crest, settings)
         for name, angle in measured.items():
@@ -182,7 +182,7 @@ def measure_pile(
     )
 
 
-def pile_views(
+def draw_views(
     grains: Grains, settings: MeasureSettings, members: np.ndarray | None = None
 ) -> tuple[float, Iterator["Segmentation"]]:
     """Find the height of a simulated pile, and prepare its views.
@@ -228,7 +228,7 @@ def _views(grains: Grains, settings: MeasureSettings) -> Iterator["Segmentation"
         )
 
 
-def with_berry_height(
+def with_grain_height(
     settings: MeasureSettings, particle: ConvexBody
 ) -> MeasureSettings:
     """Complete the settings with the height of a grain, if it is missing.

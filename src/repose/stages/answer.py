@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from repose.bench.parameters import LABELS, check_value, named
+from repose.bench.parameters import LABELS, check_value, parameters_among
 from repose.calibrate.answer import MORE_POURS, WITHIN, Check, Result, out_of_reach
 from repose.calibrate.targets import Target, Targets
 from repose.common.errors import InputError
@@ -86,7 +86,7 @@ def read(
             raise InputError(check_csv, "response", sorted(rows), words)
     values = summary["representative"]
     parameters = {}
-    for name in named(values):
+    for name in parameters_among(values):
         parameters[name] = float(check_value(name, values.get(name), summary_json))
     checks = []
     for target in targets:

@@ -24,7 +24,7 @@ from repose.calibrate.targets import Targets
 from repose.common.errors import InputError, raise_together, require
 from repose.common.files import Path_, read_table, write_json
 from repose.common.section import Section
-from repose.grain.berry_files import SIZE_COLUMNS, read_berry
+from repose.grain.berry_files import SIZE_COLUMNS, read_grain
 from repose.grain.settings import GrainSettings
 from repose.measure.section import MeasureSection
 from repose.stages import card
@@ -128,7 +128,7 @@ def run(
     from repose.grain.particle import Particle
 
     moduli = ("density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa")
-    grain = read_berry(files["berry"], (*SIZE_COLUMNS, *moduli, "n"))
+    grain = read_grain(files["berry"], (*SIZE_COLUMNS, *moduli, "n"))
     particle = Particle.load(files["particle"])
     feasible = read_table(files["feasible"], study.parameters.names)
     posterior = None
@@ -200,10 +200,12 @@ def make(
     }
     tests = {}
     for target in study.targets:
-        of_response = described(study, target.response, grain)
+        of_response = describe_response(study, target.response, grain)
         lines = _lines(settings.measure, target.name, row or {})
         tests[target.name] = of_response | lines
-    for name, found in reach.of(study.config, particle, dataset_csv).items():
+    for name, found in reach.assess_targets(
+        study.config, particle, dataset_csv
+    ).items():
         tests[name]["reach"] = found.record()
     return assembled(
         about, tests, answer, study.parameters, feasible, posterior, labels=LABELS
@@ -222,7 +224,7 @@ def laws(settings: SimulationSettings) -> dict[str, str]:
     return sentences | {"end of an impact": contact.ends[settings.tension]}
 
 
-def described(
+def describe_response(
     study: CardStudy, response: Response, grain: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Describe a response by its definition and its bench test's settings.

@@ -137,7 +137,7 @@ def _made_by_line(made_by: Card) -> str:
 # --- two cards ------------------------------------------------------------------------
 
 
-def compared(first: Card, second: Card) -> str:
+def compare(first: Card, second: Card) -> str:
     """Write two cards side by side, and what hinders a comparison of their parameters."""
     cards = (first, second)
     rows = [["", first["material"], second["material"]]]

@@ -15,7 +15,7 @@ from typing import Any
 import pandas as pd
 
 from repose.bench import bench
-from repose.bench.parameters import named
+from repose.bench.parameters import parameters_among
 from repose.calibrate.dataset_files import SUMMARY
 from repose.calibrate.responses import Definitions
 from repose.calibrate.runs import Recorded, summarise_runs
@@ -28,7 +28,7 @@ from repose.measure.settings import MeasureSettings, line_of
 from repose.stages.parameter_sets import read_samples
 
 RUN = ("seed", "status", "reason")
-ENDED = ("status", "reason", "n_seeds")
+ENDED_STATUSES = ("status", "reason", "n_seeds")
 # A measured restitution may lie a little above its limit of 1.
 ROUNDING = 1.01
 Job = Mapping[str, Any]
@@ -56,7 +56,7 @@ def assemble(
     pandas.DataFrame
         A row for each run.
     """
-    record = {name: recorded(name, targets) for name in targets.apparatus}
+    record = {name: recorded_columns(name, targets) for name in targets.apparatus}
     summaries = []
     for sample in samples["sample"]:
         by_bench = {}
@@ -66,18 +66,18 @@ def assemble(
         summaries.append(_merged(by_bench))
 
     # Each target with its standard error, then all other columns of the bench tests.
-    columns = list(ENDED)
+    columns = list(ENDED_STATUSES)
     for name, error in zip(targets.names, targets.errors, strict=True):
         columns += [name, error]
     for columns_of_bench in record.values():
         columns += columns_of_bench.summary
     means = pd.DataFrame(summaries, columns=list(dict.fromkeys(columns)))
-    sets = samples[["sample", *named(samples)]].reset_index(drop=True)
+    sets = samples[["sample", *parameters_among(samples)]].reset_index(drop=True)
     dataset = pd.concat([sets, means], axis=1)
     return dataset, _all_runs(samples["sample"], jobs, targets)
 
 
-def recorded(apparatus: str, targets: Targets) -> Recorded:
+def recorded_columns(apparatus: str, targets: Targets) -> Recorded:
     """List the columns of a bench test in the tables.
 
     Its targets come first, then the responses that it always records.
@@ -176,7 +176,7 @@ def read_jobs(
     InputError
         If a job is damaged or no sample's, or a sample has no job or two.
     """
-    sets = samples.set_index("sample")[list(named(samples))]
+    sets = samples.set_index("sample")[list(parameters_among(samples))]
     jobs: dict[str, dict[int, Job]] = {name: {} for name in targets.apparatus}
     path_of_job: dict[tuple[str, int], object] = {}
     for path in paths:
@@ -302,7 +302,7 @@ def _all_runs(samples: Iterable[int], jobs: Jobs, targets: Targets) -> pd.DataFr
         columns.append("apparatus")
     columns += [*RUN, *targets.names]
     for name in targets.apparatus:
-        columns += recorded(name, targets).single
+        columns += recorded_columns(name, targets).single
     rows = []
     for sample, name in product(samples, targets.apparatus):
         for run in jobs[name][sample]["runs"]:

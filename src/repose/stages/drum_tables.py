@@ -15,7 +15,7 @@ from repose.bench.bench_test import Scene
 from repose.bench.drum import STATES, DrumTest
 from repose.common.errors import InputError
 from repose.common.files import read_json, read_npz, write_json, write_npz, write_table
-from repose.stages.job import about_job, write_timings
+from repose.stages.job import describe_job, write_timings
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -68,7 +68,7 @@ def run_job(
         wall_s = round(time.perf_counter() - start, 3)
         write_timings(out, f"drum_{seed}", {str(seed): wall_s})
         write_npz(out / f"drum_{seed}.npz", run.frames or {})
-        job = about_job(test, scene, seed)
+        job = describe_job(test, scene, seed)
         description = {key: job[key] for key in ("parameters", "time_step_s")}
         write_json(out / f"drum_{seed}.json", description | {"run": run.record})
         measured = test.result(run.record, run.arrays, scene)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from repose.bench.bench_test import BenchTest, Run, Scene, bench_of
-from repose.bench.parameters import named
+from repose.bench.parameters import parameters_among
 from repose.calibrate.runs import summarise_runs
 from repose.calibrate.seeds import UNNAMED
 from repose.common.errors import InputError
@@ -49,7 +49,7 @@ def run_once(test: BenchTest[Any], scene: Scene) -> tuple[dict[str, Any], Run]:
     return test.result(run.record, run.arrays, scene), run
 
 
-def about_job(test: BenchTest[Any], scene: Scene, name: object) -> dict[str, Any]:
+def describe_job(test: BenchTest[Any], scene: Scene, name: object) -> dict[str, Any]:
     """Describe a job, as each of its files does.
 
     The name of a job with digits alone is the number of its sample.
@@ -60,13 +60,13 @@ def about_job(test: BenchTest[Any], scene: Scene, name: object) -> dict[str, Any
     description["sample"] = int(str(name)) if str(name).isdigit() else name
     description["parameters"] = {
         parameter: float(scene.parameters[parameter])
-        for parameter in named(scene.parameters)
+        for parameter in parameters_among(scene.parameters)
     }
     description["time_step_s"] = scene.simulation.time_step_s
     return description
 
 
-def pour_job(
+def run_job(
     test: BenchTest[Any],
     scene: Scene,
     name: str,
@@ -112,7 +112,7 @@ def pour_job(
     records: list[dict[str, Any]] = []
     arrays: dict[str, np.ndarray] = {}
     wall_s: dict[str, float] = {}
-    description = about_job(test, scene, name)
+    description = describe_job(test, scene, name)
     kept = KeptRuns(out, name, description) if keeps_runs else None
     for seed in seeds:
         run = None

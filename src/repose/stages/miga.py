@@ -74,7 +74,7 @@ def run(
         intervals = intervals.join(columns.add_prefix("published_"), on="variable")
     summary = inversion.summary
     if surrogate.knows_its_errors:
-        summary["representative_judged"] = expected_loss.judged(
+        summary["representative_judged"] = expected_loss.assess_by_errors(
             surrogate, summary["representative"], targets, parameters.names
         )
     out = Path(out_dir)

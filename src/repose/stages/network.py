@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from repose.bench.parameters import named
+from repose.bench.parameters import parameters_among
 from repose.calibrate.dataset_files import read_definitions
 from repose.calibrate.responses import Definitions, require_same_definitions
 from repose.calibrate.surrogates.settings import NetworkSettings
@@ -62,7 +62,7 @@ def run(
         runs,
         targets,
         settings,
-        names=named(dataset),
+        names=parameters_among(dataset),
         definitions=definitions or of_dataset,
         source=dataset_csv,
         surrogate=surrogate,

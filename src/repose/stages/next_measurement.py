@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 
 from repose.bench import Scene, bench_of, bench_tests
-from repose.bench.parameters import PARAMETERS, named
+from repose.bench.parameters import PARAMETERS, parameters_among
 from repose.calibrate.responses import responses_of
 from repose.calibrate.targets import Targets
 from repose.calibrate.variance import variance_components
@@ -78,7 +78,7 @@ def plausible_sets(draws_csv: Path_, seed: int, out: Path_) -> pd.DataFrame:
         raise InputError(draws_csv, "rows", len(draws), f"{SETS} or more")
     random = np.random.default_rng(seed)
     rows = np.sort(random.choice(len(draws), SETS, replace=False))
-    samples = draws.loc[rows, list(named(draws))].reset_index(drop=True)
+    samples = draws.loc[rows, list(parameters_among(draws))].reset_index(drop=True)
     samples.insert(0, "sample", range(1, SETS + 1))
     write_table(out, samples, float_format="%.10g")
     return samples

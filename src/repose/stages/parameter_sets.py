@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from repose.bench.parameters import PARAMETERS, PHYSICAL_LIMITS, named
+from repose.bench.parameters import PARAMETERS, PHYSICAL_LIMITS, parameters_among
 from repose.common import tables
 from repose.common.errors import InputError
 from repose.common.files import read_table
@@ -78,4 +78,4 @@ def read_sample(path: str | os.PathLike, number: int) -> dict[str, float]:
         first = ", ".join(map(str, numbers[:3]))
         raise InputError(path, "sample", number, f"one of {len(numbers)}: {first}, ...")
     row = numbers.index(number)
-    return {name: table[name][row] for name in named(table)}
+    return {name: table[name][row] for name in parameters_among(table)}

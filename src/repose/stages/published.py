@@ -38,7 +38,7 @@ STALE = (
 )
 
 
-def beside(path: Path_ | None, table: str) -> Path | None:
+def find_sibling_table(path: Path_ | None, table: str) -> Path | None:
     """Find a table next to the published solutions; None without it.
 
     Such a table is table1.csv (sizes) or table3.csv (intervals).
@@ -53,7 +53,7 @@ def tables(path: Path_ | None) -> list[Path]:
     """List the table of published solutions, and `OTHERS` next to it; empty for None."""
     if path is None:
         return []
-    others = beside(path, OTHERS)
+    others = find_sibling_table(path, OTHERS)
     return [Path(path)] if others is None else [Path(path), others]
 
 

@@ -7,7 +7,7 @@ rows show the fault.
 import numpy as np
 import pandas as pd
 
-from repose.bench.parameters import PARAMETERS, check_value, named
+from repose.bench.parameters import PARAMETERS, check_value, parameters_among
 from repose.calibrate.dataset_files import read_summary
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
@@ -25,7 +25,7 @@ def read_dataset(dataset_csv: Path_, targets: Targets) -> pd.DataFrame:
     )
     _check_count(dataset, dataset_csv, dataset_csv, "samples")
     _refuse_repeated_rows(dataset, ["sample"], dataset_csv)
-    sets = dataset[list(named(dataset))].to_dict("records")
+    sets = dataset[list(parameters_among(dataset))].to_dict("records")
     for row, values in enumerate(sets, start=1):
         for name, value in values.items():
             check_value(name, value, f"{dataset_csv}, row {row}")

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from repose.bench.parameters import named
+from repose.bench.parameters import parameters_among
 from repose.calibrate.answer import WITHIN
 from repose.calibrate.chance import Runs, chance_of_meeting
 from repose.calibrate.parameter_space import ParameterSpace
@@ -91,7 +91,7 @@ def validate(
         `table4` and `representative`.
     """
     dataset, _ = assemble(solutions, jobs, targets)
-    simulated = dataset.drop(columns=["sample", *named(solutions)])
+    simulated = dataset.drop(columns=["sample", *parameters_among(solutions)])
     # A failed solution has None in place of its numbers, a single run None as its error.
     possible = (*targets.names, *targets.errors, *ANGLES)
     numbers = [name for name in possible if name in simulated]
@@ -128,7 +128,7 @@ def table4(
         errors, and the relative errors in percent. For piles also all definitions of the
         angle, and `line`, a description of the calibrated one.
     """
-    table = rows[["sample", "solution", "role", *named(rows)]].copy()
+    table = rows[["sample", "solution", "role", *parameters_among(rows)]].copy()
     for response in responses:
         for column in (response.predicted, response.simulated, response.error):
             table[column] = rows[column]
@@ -290,7 +290,7 @@ def run(
     tables["published"] = published
     for name, table in tables.items():
         if support is not None and name != "representative":
-            parameters = table[list(named(table))].to_numpy(float)
+            parameters = table[list(parameters_among(table))].to_numpy(float)
             warnings = support.warnings(parameters) if len(parameters) else []
             tables[name] = table.assign(warning=warnings)
         write_table(Path(out_dir) / f"{name}.csv", tables[name])

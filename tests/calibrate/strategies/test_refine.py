@@ -132,7 +132,7 @@ def test_the_correction_meets_the_samples_of_the_box_on_average_by_their_seeds(n
     )
     model, box = flat(*names), refine.search_box(SPACE, MIDDLE, 0.1)
     targets = targets_of(**dict.fromkeys(names, 30.0))
-    corrected, offset, count = refine.corrected(model, table, box, targets)
+    corrected, offset, count = refine.correct_near(model, table, box, targets)
     wanted = (30 * -1 + 10 * 3) / 40 + np.arange(len(names))
     np.testing.assert_allclose(offset, wanted)
     np.testing.assert_allclose(
@@ -142,7 +142,7 @@ def test_the_correction_meets_the_samples_of_the_box_on_average_by_their_seeds(n
     assert (model.constant == 30).all(), "the surrogate itself stays as it was"
     value_error(
         "at least one",
-        refine.corrected,
+        refine.correct_near,
         model,
         table[table["round"].isna()],
         box,
@@ -157,7 +157,7 @@ def test_every_surrogate_can_be_corrected_and_is_saved_so(name, tmp_path):
     model.fit(X, np.column_stack([X[:, 0] + 30, 60 - X[:, 2]]))
     rows = [{"sample": 1001, **MIDDLE, "status": "ok", "n_seeds": 8, "round": 0}]
     table = pd.DataFrame(rows).assign(aor_deg=35.0, height_mm=50.0)
-    moved, offset, _ = refine.corrected(
+    moved, offset, _ = refine.correct_near(
         model, table, refine.search_box(SPACE, MIDDLE, 0.1), TARGETS
     )
     middle = np.array([list(MIDDLE.values())])

@@ -16,7 +16,7 @@ from repose.calibrate.responses import response
 from repose.calibrate.seeds import pour_seeds
 from repose.calibrate.strategies.refined import RefineSettings, rounds
 from repose.calibrate.strategies.runs import runs_by_bench, samples_of_runs
-from repose.calibrate.strategies.sequential.strategy import observed_of
+from repose.calibrate.strategies.sequential.strategy import arrange_runs
 from repose.stages import batches, dataset
 
 TARGETS = targets_of(aor_deg=30.0, height_mm=60.0)
@@ -242,7 +242,7 @@ def test_samples_are_those_of_the_dataset_also_where_runs_failed(names, tmp_path
     pd.testing.assert_frame_equal(
         table.loc[ok, columns], made.loc[ok, columns], check_dtype=False
     )
-    observed = observed_of(data, SPACE, targets)
+    observed = arrange_runs(data, SPACE, targets)
     assert len(data) == 15
     np.testing.assert_allclose(
         SPACE.values(observed.unit), samples.loc[ok, list(PARAMETERS)]

@@ -36,7 +36,7 @@ from repose.calibrate.strategies.sequential.advise import (
 from repose.calibrate.strategies.sequential.goal import Goal
 from repose.calibrate.strategies.sequential.kriging import Kriging, Observed
 from repose.calibrate.strategies.sequential.reach import Draws
-from repose.calibrate.strategies.sequential.strategy import observed_of
+from repose.calibrate.strategies.sequential.strategy import arrange_runs
 from repose.calibrate.targets import Targets
 from repose.report.figures import style
 from repose.report.figures.sequential import sequential
@@ -297,7 +297,7 @@ def test_a_budget_counts_failed_runs_and_bench_tests_are_independent(tmp_path):
     write_tables(tmp_path, table, runs)
     assert propose("sequential", known, [tmp_path], tmp_path / "batch_1")["pours"] == 24
     data = pd.read_csv(tmp_path / "dataset.csv")
-    seen = observed_of(data_of(data, runs, TARGETS), SPACE, TARGETS)
+    seen = arrange_runs(data_of(data, runs, TARGETS), SPACE, TARGETS)
     assert seen.counts.tolist() == [1] + [2] * 10
     assert SPACE.values(seen.failed)[0] == pytest.approx(
         table.loc[2, list(PARAMETERS)].to_numpy(float)
@@ -324,7 +324,7 @@ def test_a_budget_counts_failed_runs_and_bench_tests_are_independent(tmp_path):
         height_mm=[60, 61, 62, 63, *3 * [np.nan]],
         drum_slip_deg=[*4 * [np.nan], 40, 41, 42],
     )
-    seen = observed_of(data_of(data, runs, targets), SPACE, targets)
+    seen = arrange_runs(data_of(data, runs, targets), SPACE, targets)
     assert seen.values[0].tolist() == [[60, 40], [61, 41]]
     assert seen.counts.tolist() == [2, 1]
     section = {"start_samples": 8, "seeds": 1, "batch": 4, "most_runs": 20}

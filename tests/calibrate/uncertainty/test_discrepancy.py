@@ -67,7 +67,7 @@ def test_a_stated_discrepancy_and_the_spread_of_a_shape_study(tmp_path):
     path = combinations(
         tmp_path, np.vstack([models, far]), (0.5, 2.0), np.arange(4050) < 4000
     )
-    result = discrepancy.of_shape_study(path, PILE)
+    result = discrepancy.shape_study_discrepancy(path, PILE)
     assert (result.models, result.mean) == (
         pytest.approx(4000),
         pytest.approx([-3, 5], abs=0.2),
@@ -77,7 +77,7 @@ def test_a_stated_discrepancy_and_the_spread_of_a_shape_study(tmp_path):
     raw = known + np.diag([0.25, 4.0])
     correlation = found[0, 1] / np.sqrt(found[0, 0] * found[1, 1])
     assert correlation == pytest.approx(12 / np.sqrt(raw[0, 0] * raw[1, 1]), abs=0.03)
-    assert discrepancy.of_shape_study(
+    assert discrepancy.shape_study_discrepancy(
         path, targets_of(height_mm=60.0)
     ).covariance == pytest.approx(found[1:, 1:])
 
@@ -89,7 +89,7 @@ def test_a_model_counts_by_its_piles_and_a_study_that_says_too_little_is_refused
     path = combinations(
         tmp_path, np.column_stack([values, values]), distance=np.repeat([0.0, 4.0], 10)
     )
-    result = discrepancy.of_shape_study(path, PILE)
+    result = discrepancy.shape_study_discrepancy(path, PILE)
     share = np.exp(-8.0)
     mean = (1 + 40 * share) / (1 + share)
     assert result.mean == pytest.approx([mean, mean])
@@ -100,20 +100,22 @@ def test_a_model_counts_by_its_piles_and_a_study_that_says_too_little_is_refused
     assert result.covariance[0, 0] == pytest.approx(spread / (1 - 1 / result.models))
     table = pd.read_csv(path)
     pd.concat([table, table]).to_csv(path, index=False)
-    assert discrepancy.of_shape_study(path, PILE).models == pytest.approx(result.models)
+    assert discrepancy.shape_study_discrepancy(path, PILE).models == pytest.approx(
+        result.models
+    )
     pd.read_csv(path).assign(aor_se_deg=50.0).to_csv(path, index=False)
     input_error(
         r"aor_difference_deg is 'of variance .*above 2.5e\+03, of its errors",
-        discrepancy.of_shape_study,
+        discrepancy.shape_study_discrepancy,
         path,
         PILE,
     )
     few = combinations(tmp_path, np.ones((6, 2)), eligible=[True] * 4 + [False] * 2)
     wanted = r"combinations.csv: eligible is '4.0 models.*'; expected at least 5"
-    input_error(wanted, discrepancy.of_shape_study, few, PILE)
+    input_error(wanted, discrepancy.shape_study_discrepancy, few, PILE)
     input_error(
         "drum_slip_difference_deg",
-        discrepancy.of_shape_study,
+        discrepancy.shape_study_discrepancy,
         few,
         targets_of(drum_slip_deg=40.0),
     )
@@ -132,7 +134,10 @@ def test_a_cell_that_cannot_be_is_refused_with_its_row(
     table.loc[2, column] = str(value)
     table.to_csv(path, index=False)
     input_error(
-        rf"row 3: {column} is .*{allowed}", discrepancy.of_shape_study, path, PILE
+        rf"row 3: {column} is .*{allowed}",
+        discrepancy.shape_study_discrepancy,
+        path,
+        PILE,
     )
 
 

@@ -14,9 +14,9 @@ from repose.calibrate import calibration
 from repose.calibrate.record import Record
 from repose.calibrate.strategies.runs import checked_runs
 from repose.calibrate.strategies.sequential import noise
-from repose.calibrate.strategies.sequential.strategy import observed_of
+from repose.calibrate.strategies.sequential.strategy import arrange_runs
 from repose.calibrate.study import Study
-from repose.calibrate.study_file import OwnPosterior, OwnSequential, unread
+from repose.calibrate.study_file import OwnPosterior, OwnSequential, unread_keys
 from repose.stages import card
 
 PAGE = (ROOT / "docs/own_simulator.md").read_text()
@@ -27,7 +27,7 @@ FREE = ["friction", "rolling"]
 
 
 def observed(study, runs):
-    return observed_of(runs, study.parameters, study.targets)
+    return arrange_runs(runs, study.parameters, study.targets)
 
 
 def added(study, new, file):
@@ -461,6 +461,6 @@ def test_the_verbs_want_an_own_configuration(table, tmp_path, command):
     cases = yaml.safe_load(
         (ROOT / "tests/calibrate/uncertainty/unread.yaml").read_text()
     )
-    assert [unread(CONTENT | given) for given, _ in cases] == [
+    assert [unread_keys(CONTENT | given) for given, _ in cases] == [
         keys for _, keys in cases
     ]

@@ -32,7 +32,9 @@ def contradictions(
         yield f"{name}.{key}", allowed
 
 
-def misfit(name: str, section: Section | None, free: int, responses: int) -> str | None:
+def reason_against(
+    name: str, section: Section | None, free: int, responses: int
+) -> str | None:
     """Say why a strategy cannot run; None if it can.
 
     The arguments are those of `contradictions`. Of several reasons the first is given.

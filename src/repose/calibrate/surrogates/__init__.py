@@ -5,6 +5,6 @@
 """
 
 from repose.calibrate.surrogates.base import Surrogate, register
-from repose.calibrate.surrogates.registry import kind_of, load, make, names
+from repose.calibrate.surrogates.registry import load, make, names, surrogate_class
 
-__all__ = ["Surrogate", "kind_of", "load", "make", "names", "register"]
+__all__ = ["Surrogate", "surrogate_class", "load", "make", "names", "register"]

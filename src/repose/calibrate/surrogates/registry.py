@@ -18,7 +18,7 @@ def names() -> tuple[str, ...]:
     return tuple(_all_kinds())
 
 
-def kind_of(name: str, source: object = "surrogate") -> type[Surrogate]:
+def surrogate_class(name: str, source: object = "surrogate") -> type[Surrogate]:
     """Return the class that is registered under a name.
 
     Parameters
@@ -74,7 +74,7 @@ def make(
     InputError
         If no surrogate has this name.
     """
-    return kind_of(name, source).of(settings)
+    return surrogate_class(name, source).of(settings)
 
 
 def load(path: str | os.PathLike, outputs: Sequence[str] | None = None) -> Surrogate:
@@ -96,7 +96,7 @@ def load(path: str | os.PathLike, outputs: Sequence[str] | None = None) -> Surro
         If the file cannot be read, is not a surrogate's, or has other responses.
     """
     content = read_json(path, KEYS, "a surrogate's JSON file")
-    kind = kind_of(content["surrogate"], path)
+    kind = surrogate_class(content["surrogate"], path)
     _check_finite(content, path)
     try:
         samples = _checked_numbers(content.get("samples", []))

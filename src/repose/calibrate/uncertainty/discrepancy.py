@@ -6,7 +6,7 @@ A shape study, where there is one, gives the evidence. Its plausible models have
 axes, mass, volume and packing of the measured grain, and differ in unknown features:
 surface, tension, filling, definition of the angle. With the same parameters their piles
 differ. Weighted by how well each model describes the published piles, the spread of the
-piles is the discrepancy (`of_shape_study`).
+piles is the discrepancy (`shape_study_discrepancy`).
 
 Otherwise the discrepancy is stated, as a share of each response's value (`of_targets`).
 Within a bench test the discrepancies are correlated, because one wrong shape or filling
@@ -35,7 +35,7 @@ LARGEST_SHARE = 3.0
 MODEL = ("particle", "tension", "filling")
 
 
-class OfModels(NamedTuple):
+class ShapeStudyDiscrepancy(NamedTuple):
     """Differences of the models of a shape study from the published piles."""
 
     mean: np.ndarray  # (k,), weighted mean of the differences, in the responses' units
@@ -64,7 +64,9 @@ def of_targets(
     return covariance(apparatus, sd, means, correlation)
 
 
-def of_shape_study(combinations_csv: Path_, targets: Targets) -> OfModels:
+def shape_study_discrepancy(
+    combinations_csv: Path_, targets: Targets
+) -> ShapeStudyDiscrepancy:
     """Compute mean and covariance of the responses over the models of a shape study.
 
     The weight of a plausible model is exp(-d^2 / 2), with its distance d from the
@@ -116,7 +118,7 @@ def of_shape_study(combinations_csv: Path_, targets: Targets) -> OfModels:
             )
     sd = np.sqrt(variances - noise)
     correlation = raw / np.sqrt(np.outer(variances, variances))
-    return OfModels(
+    return ShapeStudyDiscrepancy(
         mean=np.average(differences, axis=0, weights=weight),
         covariance=correlation * np.outer(sd, sd),
         models=float(models),

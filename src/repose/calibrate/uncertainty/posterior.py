@@ -43,7 +43,7 @@ from repose.common.files import Path_, read_table, write_json, write_table
 CREDIBLE = 0.95
 # Runs beyond the first of a sample that a correlation needs, in addition to one for
 # each response of a bench test.
-FREEDOM = 2
+SPARE_FREEDOM = 2
 DRAWS_KEPT = 4000
 # Convergence: Vehtari et al. 2021, Bayesian Analysis 16, 667.
 LARGEST_R_HAT = 1.01
@@ -178,7 +178,7 @@ def _check_freedom(targets: Targets, pairs: noise.Pairs) -> None:
     The matrix would be singular, or nearly so.
     """
     for bench_test, rows in targets.benches.items():
-        least = len(rows) + FREEDOM
+        least = len(rows) + SPARE_FREEDOM
         names = [targets.names[k] for k in rows]
         for first, second in combinations(names, 2):
             freedom = pairs[f"{first}, {second}"]["degrees_of_freedom"]
@@ -384,7 +384,7 @@ def run(
     runs = noise.read_runs(files.runs, targets)
     shape_study = None
     if settings.shape_study is not None:
-        shape_study = discrepancy.of_shape_study(settings.shape_study, targets)
+        shape_study = discrepancy.shape_study_discrepancy(settings.shape_study, targets)
     try:
         measurement = measurement_of(
             targets,

@@ -14,7 +14,7 @@ import numpy as np
 from repose.common.errors import NoFlankError
 from repose.measure.photographs import finding
 from repose.measure.photographs.segmentation import Segmentation
-from repose.measure.pile import profile_of
+from repose.measure.pile import find_profile
 from repose.measure.results import Measurement
 
 DOUBT = "doubtful"  # begins each doubt
@@ -80,7 +80,7 @@ def doubts_of_pile(
             f"it is {height_mm:.1f} mm high, less than {LOWEST_PILE_GRAINS:g} grains: "
             "a layer, no pile"
         )
-    profile, crest = profile_of(pile)
+    profile, crest = find_profile(pile)
     sides = (profile[: crest + 1][::-1], profile[crest:])  # from the crest outwards
     size = _Size(height_mm, grain_mm, mm_per_pixel)
     doubts = [

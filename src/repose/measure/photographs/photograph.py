@@ -134,7 +134,7 @@ class _Location(NamedTuple):
     side_mm: float  # half the width of a view with the pile and a margin
 
 
-def level_length(
+def scale_of_level_length(
     length_mm: float, x1: float, y1: float, x2: float, y2: float
 ) -> tuple[float, float] | None:
     """Compute scale and slope of a photograph from a length that is level in reality.
@@ -159,7 +159,7 @@ def level_length(
     return length_mm / length_px, level_deg
 
 
-def load(path: Path) -> tuple[np.ndarray, float]:
+def read_photograph(path: Path) -> tuple[np.ndarray, float]:
     """Read a photograph, and reduce it if it is larger than 4000 pixels.
 
     Returns
@@ -176,7 +176,7 @@ def load(path: Path) -> tuple[np.ndarray, float]:
     return image, reduction
 
 
-def readable(paths: Paths) -> tuple[list[Path], list[InputError]]:
+def split_readable(paths: Paths) -> tuple[list[Path], list[InputError]]:
     """Find the photographs that can be read, and the faults of the others."""
     readable_paths = []
     faults = []
@@ -206,7 +206,7 @@ def calibrate_cameras(
     sheets_of_size: dict[Size, list[sheet.SheetCorners]] = {}
     focal_of_size: dict[Size, float | None] = {}
     for path in paths:
-        image, _ = load(path)
+        image, _ = read_photograph(path)
         size = (image.shape[1], image.shape[0])
         corners = sheet.find(image, square_mm)
         sheets[path] = corners
@@ -257,7 +257,7 @@ def measure_all(
             raise InputError(path, "sheet", "not seen", allowed)
     results = []
     for path in paths:
-        image, _ = load(path)
+        image, _ = read_photograph(path)
         corners = sheets[path]
         if corners is None:
             results.append(Photograph(path, image, refused=NO_SHEET))
@@ -474,7 +474,7 @@ def measure_plain(path: Path, settings: MeasureSettings, scale: Scale) -> Photog
     `scale` has a `mm_per_pixel`.
     """
     assert scale.mm_per_pixel is not None
-    image, reduction = load(path)
+    image, reduction = read_photograph(path)
     base_row = None if scale.base_row is None else scale.base_row / reduction
     image, base_row = _level(image, scale.level_deg, base_row)
     mm_per_pixel = scale.mm_per_pixel * reduction

@@ -56,7 +56,7 @@ def tables(
     counted = photographs
     if not doubtful:
         counted = photographs[[not photograph.doubts for photograph in measured]]
-    summary = mean_rows(counted, (*TARGETED, *MEAN_KEYS.values()))
+    summary = summarise_columns(counted, (*TARGETED, *MEAN_KEYS.values()))
     return Tables(photographs, summary, doubtful)
 
 
@@ -73,7 +73,9 @@ def _row(photograph: Photograph, settings: MeasureSettings) -> dict[str, Any]:
     return row
 
 
-def mean_rows(photographs: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
+def summarise_columns(
+    photographs: pd.DataFrame, columns: Sequence[str]
+) -> pd.DataFrame:
     """Compute mean, standard deviation and number of measured values of columns.
 
     Columns without any value are left out.

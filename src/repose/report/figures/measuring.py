@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from repose.grain.berry_files import read_berry
+from repose.grain.berry_files import read_grain
 from repose.grain.particle import Particle
 from repose.measure import pile
 from repose.measure.angles import DEFINITIONS
@@ -46,7 +46,7 @@ def definitions(inputs: Inputs, study: StudyView) -> Figure:
     them.
     """
     settings = pile.MeasureSettings.of(
-        vars(study.settings.measure), read_berry(inputs["berry"])
+        vars(study.settings.measure), read_grain(inputs["berry"])
     )
     pour = first_pour(inputs["heap"])
     particle = Particle.load(inputs["particle"])

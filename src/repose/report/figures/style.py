@@ -20,7 +20,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 
 import repose.bench  # noqa: F401  (makes the responses of all bench tests known)
-from repose.bench.parameters import FURTHER, PAIRS, SYMBOLS
+from repose.bench.parameters import LAW_PARAMETERS, PAIRS, SYMBOLS
 from repose.calibrate.responses import Response
 from repose.calibrate.targets import Target, Targets
 from repose.common.errors import InputError
@@ -175,7 +175,7 @@ def parameter_label(name: str) -> str:
     """Write the label of an axis of a parameter: its symbol and unit, or its name."""
     if name not in SYMBOLS:
         return name
-    unit = FURTHER[name].constant.unit if name in FURTHER else ""
+    unit = LAW_PARAMETERS[name].constant.unit if name in LAW_PARAMETERS else ""
     return f"{SYMBOLS[name]} ({unit or '–'})"
 
 

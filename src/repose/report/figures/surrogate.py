@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 from repose.bench.parameters import SYMBOLS
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.responses import Response, response
-from repose.calibrate.surrogates import Surrogate, kind_of, load
+from repose.calibrate.surrogates import Surrogate, load, surrogate_class
 from repose.calibrate.surrogates.accuracy import r2
 from repose.calibrate.targets import Targets
 from repose.calibrate.training import r2_noise_corrected
@@ -76,7 +76,7 @@ class Layers(NamedTuple):
     "Figure 10",
     NETWORK,
     reads=("parameters", "design.seed"),
-    when=lambda study: kind_of(study.settings.surrogate).is_network,
+    when=lambda study: surrogate_class(study.settings.surrogate).is_network,
 )
 def network_structure(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the network; the lines of an input are as thick as its influence.

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from repose.common.files import read_npz
-from repose.grain.berry_files import read_berry
+from repose.grain.berry_files import read_grain
 from repose.grain.particle import Particle
 from repose.measure import pile
 from repose.measure.photographs import drawing
@@ -107,7 +107,7 @@ def measurement(inputs: Inputs, study: StudyView) -> Figure:
     the mean over {measure[views]} view(s).
     """
     settings = pile.MeasureSettings.of(
-        vars(study.settings.measure), read_berry(inputs["berry"])
+        vars(study.settings.measure), read_grain(inputs["berry"])
     )
     particle = Particle.load(inputs["particle"])
     image = side_view(first_pour(inputs["heap"]), particle, settings)

@@ -14,7 +14,7 @@ from repose.bench.parameters import PARAMETERS
 from repose.calibrate.chance import PERCENT, chance_of_meeting
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.strategies.sequential.kriging import Kriging, SpaceKriging
-from repose.calibrate.strategies.sequential.strategy import observed_of
+from repose.calibrate.strategies.sequential.strategy import arrange_runs
 from repose.calibrate.surrogates import load
 from repose.calibrate.surrogates.base import Predictor
 from repose.calibrate.targets import Targets
@@ -224,7 +224,7 @@ def _surrogate(
         return None
     samples = read_dataset(files["dataset"], targets)
     runs = read_runs(files["runs"], targets, samples, files["dataset"])
-    observed = observed_of(data_of(samples, runs, targets), parameters, targets)
+    observed = arrange_runs(data_of(samples, runs, targets), parameters, targets)
     return SpaceKriging(Kriging(observed), parameters)
 
 

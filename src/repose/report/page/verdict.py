@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from repose.calibrate.answer import (
     NOT_AGAIN,
-    SAID,
+    VERDICTS,
     Check,
     Result,
     in_one_line,
@@ -57,7 +57,7 @@ def verdict_of(study: Results) -> Verdict:
     )
     line = in_one_line(result.met, checks, result.reason, result.small_run)
     if result.feasible and result.met is None:
-        line = line.replace(SAID[None], "targets predicted to be met")
+        line = line.replace(VERDICTS[None], "targets predicted to be met")
     line = line[0].upper() + line[1:]
     ending = probability_text(study) if result.feasible else result.message
     return Verdict(_rating(study, result), f"{line} {ending}")

@@ -30,7 +30,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
         )
         return Batch(samples_of(space, unit, settings.seeds))
     samples = samples_of_runs(data, space, study.targets)
-    training, support = fitted(study, samples, data)
+    training, support = fit_surrogate(study, samples, data)
     inversion = invert(
         training.model, space, study.targets, settings.miga, support=support
     )
@@ -38,7 +38,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     return answer_of(study, training.model, inversion, data, why, settings.seeds)
 
 
-def fitted(
+def fit_surrogate(
     study: Study, samples: pd.DataFrame, data: pd.DataFrame
 ) -> tuple[Training, Support]:
     """Fit the surrogate of the study.

@@ -103,7 +103,7 @@ def propose(
     return table[["sample", *names, "role", "seeds", *predicted, "warning"]]
 
 
-def corrected(
+def correct_near(
     model: Surrogate, dataset: pd.DataFrame, box: ParameterSpace, targets: Targets
 ) -> Correction:
     """Shift a copy of the surrogate by its mean residual inside a box.
@@ -177,7 +177,7 @@ def search(
     section = study.settings.refine
     tolerance = section.tolerance_percent / 100
     largest_box = search_box(space, centre, section.reach)
-    correction = corrected(model, dataset, largest_box, targets)
+    correction = correct_near(model, dataset, largest_box, targets)
     for share in WIDENING:
         reach = share * section.reach
         box = search_box(space, centre, reach)

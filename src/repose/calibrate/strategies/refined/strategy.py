@@ -15,7 +15,7 @@ from repose.calibrate.strategies.base import Answer, Batch
 from repose.calibrate.strategies.published import strategy as published
 from repose.calibrate.strategies.published.strategy import (
     answer_of,
-    fitted,
+    fit_surrogate,
     probability_of,
 )
 from repose.calibrate.strategies.refined import refine
@@ -70,7 +70,7 @@ def follow(study: Study, data: pd.DataFrame, number: int) -> Round:
     samples = samples_of_runs(earlier, space, study.targets)
     rounds = samples["sample"].map(round_of)
     samples["round"] = rounds.where(rounds >= 0).astype("Int64")
-    training, support = fitted(study, samples, earlier)
+    training, support = fit_surrogate(study, samples, earlier)
     model = training.model
     if number == 0:
         inversion = invert(model, space, study.targets, settings.miga, support=support)

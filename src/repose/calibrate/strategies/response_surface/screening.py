@@ -47,7 +47,7 @@ TABLES = {
 }
 
 
-def screened(
+def analyse_screening(
     study: Study, table: pd.DataFrame, dataset: pd.DataFrame
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
     """Analyse the samples of the screening.

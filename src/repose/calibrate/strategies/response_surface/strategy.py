@@ -36,7 +36,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     dataset = samples_of_runs(data, space, targets)
 
     # Follow the steepest ascent of those that matter.
-    ascent_samples, screening_notes = screening.screened(
+    ascent_samples, screening_notes = screening.analyse_screening(
         study, screening_samples, dataset
     )
     notes |= screening_notes

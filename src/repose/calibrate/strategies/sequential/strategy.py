@@ -56,7 +56,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     space = study.parameters
     section = study.settings.sequential
     goal = _goal(study)
-    observed = observed_of(data, space, study.targets)
+    observed = arrange_runs(data, space, study.targets)
     try:
         noise = known_noise(study, observed)
         advice = advise(observed, goal, section, len(data), _random(study, data), noise)
@@ -138,7 +138,7 @@ def answer(
     """
     space = study.parameters
     targets = study.targets
-    observed = observed_of(data, space, targets)
+    observed = arrange_runs(data, space, targets)
     try:
         model = Kriging(observed, known_noise(study, observed))
     except ValueError as error:
@@ -197,7 +197,7 @@ def _input_error(error: ValueError, data: pd.DataFrame, targets: Targets) -> Inp
     )
 
 
-def observed_of(
+def arrange_runs(
     data: pd.DataFrame, space: ParameterSpace, targets: Targets
 ) -> Observed:
     """Arrange the samples and their runs as arrays."""
@@ -225,7 +225,7 @@ def observed_of(
     return Observed(unit[is_good], values[is_good], unit[~is_good])
 
 
-def noise_from(study: Study, observed: Observed) -> Noise:
+def estimate_noise(study: Study, observed: Observed) -> Noise:
     """Estimate the noise of a single run as well as the runs allow."""
     return noise_of(observed, study.targets.names, study.settings.noise_sd or {})
 
@@ -237,7 +237,7 @@ def known_noise(study: Study, observed: Observed) -> np.ndarray | None:
     """
     if study.settings.noise_sd is None:
         return None
-    return noise_from(study, observed).covariance
+    return estimate_noise(study, observed).covariance
 
 
 def _goal(study: Study) -> Goal:
