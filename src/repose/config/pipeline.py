@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from repose.calibrate.parameter_space import ParameterSpace
     from repose.calibrate.study import Study
     from repose.calibrate.targets import Targets
+    from repose.config.making import ConfigChecks
     from repose.config.models import StudySettings
     from repose.grain.particle import Particle
 

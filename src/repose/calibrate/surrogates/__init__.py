@@ -7,4 +7,4 @@
 from repose.calibrate.surrogates.base import Surrogate, register
 from repose.calibrate.surrogates.registry import load, make, names, surrogate_class
 
-__all__ = ["Surrogate", "surrogate_class", "load", "make", "names", "register"]
+__all__ = ["Surrogate", "load", "make", "names", "register", "surrogate_class"]
