@@ -1,7 +1,7 @@
 """A card and its study: made of an answer, compared with a configuration, turned into a deck."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -391,25 +391,8 @@ def require_one_study(
     InputError
         If label, grain, wall, contact laws or a bench test differ.
     """
-    of_card: dict[str, Any] = {"material": content["material"]}
-    of_study: dict[str, Any] = {"material": study.settings.label}
-    of_study["grain.mean_axes_mm"] = [grain[key] for key in SIZE_COLUMNS]
-    for key in GRAIN:
-        of_study[f"grain.{key}"] = grain[key]
-    for key in WALL:
-        of_study[f"wall.{key}"] = getattr(study.settings.wall, key)
-    for key, law in laws(study.settings.simulation).items():
-        of_study[f"laws.{key}"] = law
-    for part in ("grain", "wall", "laws"):
-        for key, value in content[part].items():
-            of_card[f"{part}.{key}"] = value
-    for test in content["tests"]:
-        name = test["apparatus"]
-        section = study.config.get(name, {})
-        for key, value in test["bench"].items():
-            of_card[f"{name}.{key}"] = value
-            of_study[f"{name}.{key}"] = section.get(key)
-
+    of_card = _values_of_card(content)
+    of_study = _values_of_study(study, grain, content["tests"])
     different = []
     for key, value in of_study.items():
         if not _is_same(of_card.get(key), value):
@@ -422,6 +405,40 @@ def require_one_study(
         if others:
             allowed += f"; other differences: {', '.join(others)}"
         raise InputError(card_json, first, of_card.get(first), allowed)
+
+
+def _values_of_card(content: Mapping[str, Any]) -> dict[str, Any]:
+    """List what a card says of its study, by dotted keys."""
+    values: dict[str, Any] = {"material": content["material"]}
+    for part in ("grain", "wall", "laws"):
+        for key, value in content[part].items():
+            values[f"{part}.{key}"] = value
+    for test in content["tests"]:
+        for key, value in test["bench"].items():
+            values[f"{test['apparatus']}.{key}"] = value
+    return values
+
+
+def _values_of_study(
+    study: CardStudy, grain: Mapping[str, Any], tests: Iterable[Mapping[str, Any]]
+) -> dict[str, Any]:
+    """List what a configuration says of the same, by the same keys.
+
+    `tests` are those of the card; of a bench test the keys of the card are listed.
+    """
+    values: dict[str, Any] = {"material": study.settings.label}
+    values["grain.mean_axes_mm"] = [grain[key] for key in SIZE_COLUMNS]
+    for key in GRAIN:
+        values[f"grain.{key}"] = grain[key]
+    for key in WALL:
+        values[f"wall.{key}"] = getattr(study.settings.wall, key)
+    for key, law in laws(study.settings.simulation).items():
+        values[f"laws.{key}"] = law
+    for test in tests:
+        section = study.config.get(test["apparatus"], {})
+        for key in test["bench"]:
+            values[f"{test['apparatus']}.{key}"] = section.get(key)
+    return values
 
 
 def _is_same(first: object, second: object) -> bool:

@@ -61,7 +61,7 @@ def render_pile(
     return render_bodies(centres_m, quaternions, [particle], setting=setting, **view)
 
 
-def render_bodies(
+def render_bodies(  # noqa: PLR0913  (each has a default that a picture may change)
     centres_m: np.ndarray,
     quaternions: np.ndarray,
     shapes: Sequence[Drawable],
