@@ -27,7 +27,7 @@ SKIN_SHARE = 0.45  # skin of the neighbour list over the largest bounding radius
 class World:
     """The parts of a `repose.dem.Simulation`, which describes the arguments."""
 
-    def __init__(  # noqa: PLR0913  (as Simulation, whose arguments they are)
+    def __init__(
         self,
         shapes: Mapping[str, Shape] | Mapping[str, Clump],
         materials: Mapping[str, Material],
