@@ -26,7 +26,7 @@ from repose.common import places
 from repose.common.errors import BAD_INPUT, InputError, one_message
 from repose.common.provenance import engine_hash
 from repose.common.source_code import code_hash
-from repose.stages.published import beside, read_stored, tables, to_simulate
+from repose.stages.published import find_sibling_table, read_stored, tables, to_simulate
 from repose.calibrate.seeds import PURPOSES, pour_seeds
 from repose.dem.cache import source_hash
 from repose.report import figures
@@ -81,7 +81,7 @@ FOLDERS = [RUN_FOLDERS[name] for name in BENCH_TESTS]
 
 def published(table):
     """Path of a published table in the folder of the published solutions, if there is one."""
-    return str(beside(config["validation"]["published"], table) or "") or []
+    return str(find_sibling_table(config["validation"]["published"], table) or "") or []
 
 
 def folder(wildcards, output):

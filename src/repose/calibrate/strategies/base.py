@@ -306,7 +306,3 @@ def samples_of(
     from repose.calibrate.designs.latin_hypercube import parameter_sets
 
     return parameter_sets(unit, space, first).assign(seeds=seeds)
-
-
-# `repose.calibrate.uncertainty` imports this name.
-Studied = Any
