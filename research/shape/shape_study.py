@@ -74,19 +74,20 @@ def poured(
         for seed in pour_seeds(
             own["design"]["seed"], STREAMS[purpose], number, own["shape_study"][key]
         ):
-            path = kept / f"{cell}_{number}_{seed}.npz" if kept else None
-            record = _one_pour(own, kind, row, seed, particle, berry, path)
+            name = f"{cell}_{number}"
+            record = _one_pour(own, kind, row, seed, particle, berry, kept, name)
             about = {"kind": kind, **names, "set": row["set"]}
             rows.append(about | {key: record[key] for key in columns if key in record})
     return pd.DataFrame(rows, columns=list(columns))
 
 
-def _one_pour(config, kind, parameters, seed, particle, berry, path):
+def _one_pour(config, kind, parameters, seed, particle, berry, folder, name):
     """Make the record of one pour with its measurements."""
     from repose.bench import bench
 
     test = bench(CYLINDER if kind == "bulk" else BENCH)
-    run = _kept_run(test, config, parameters, seed, particle, berry, path)
+    scene = Scene.of(config, parameters, berry, particle, seed)
+    run = _kept_run(test, scene, folder, name)
     if kind == "bulk":
         return test.measure(
             run.record, run.arrays, Scene.of(config, {}, berry, particle)
@@ -110,18 +111,21 @@ def _one_pour(config, kind, parameters, seed, particle, berry, path):
         return run.record | {"status": "no_flank", "reason": error.reason}
 
 
-def _kept_run(test, config, parameters, seed, particle, berry, path):
-    """One run: the kept run if it is the same, else a new run, which is kept where there is a path."""
-    from repose.stages import kept_runs
-    from repose.stages.job import describe_job
+def _kept_run(test, scene, folder, name):
+    """Return the kept run of a scene if it is the same, or else a new run.
 
-    scene = Scene.of(config, parameters, berry, particle, seed)
-    about = describe_job(test, scene, path.stem if path else "")
-    run = kept_runs.read(path, about) if path else None
+    A new run is kept in the folder, unless that is None.
+    """
+    from repose.stages.job import describe_job
+    from repose.stages.kept_runs import KeptRuns
+
+    if folder is None:
+        return test.run(scene)
+    kept_runs = KeptRuns(folder, name, describe_job(test, scene, name))
+    run = kept_runs.read(scene.seed)
     if run is None:
         run = test.run(scene)
-        if path:
-            kept_runs.write(path, about, run)
+        kept_runs.write(run)
     return run
 
 
@@ -178,7 +182,7 @@ def run_cell(
         parameter_sets(own, samples_csv, kind),
         particle,
         berry,
-        out / "runs",
+        out,
     )
     write_table(out / f"{cell}.csv", table)
 
