@@ -43,7 +43,6 @@ LOCK = re.sub(
 )
 # What the extra `workflow` is for: `repose run`, and what is written for calls of snakemake.
 RUN = {"cli/run.py", "common/usage.py"}
-NAMED_BY_PROFILE = {"snakemake-logger-plugin-rich"}  # profiles/default chooses it
 CITATION = yaml.safe_load((ROOT / "CITATION.cff").read_text())
 ARCHIVE = json.loads((ROOT / ".zenodo.json").read_text())
 AUTHORS = [author["name"] for author in CITATION["authors"]]
@@ -82,8 +81,7 @@ def test_every_dependency_is_imported_declared_in_a_range_and_pinned():
     of_run = {ROOT / "src/repose" / name for name in RUN}
     needed = imported(files - of_run)
     assert needed == names([*DEPENDENCIES, *PARTS])
-    of_workflow = imported(of_run) - needed | NAMED_BY_PROFILE
-    assert of_workflow == names(EXTRAS["workflow"])
+    assert imported(of_run) - needed == names(EXTRAS["workflow"])
     assert "version" not in PROJECT["project"]
     assert PROJECT["tool"]["hatch"]["version"]["path"] == "src/repose/__init__.py"
     assert all(re.search("[<>]", line) for line in DEPENDENCIES)

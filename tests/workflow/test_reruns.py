@@ -37,12 +37,10 @@ def test_a_second_workflow_stops_with_one_message_before_it_writes(project):
             "simulation={gravity_m_s2: 1.62}",
             status=2,
         )
-    assert done.stderr.splitlines()[-1].startswith(
-        "repose: error: results/quick: workflow is 'process "
-    )
-    assert done.stderr.splitlines()[-1].endswith(
-        "; expected one at a time; wait until it has ended"
-    )
+    faults = [line for line in done.stderr.splitlines() if "error" in line]
+    assert len(faults) == 1
+    assert faults[0].startswith("repose: error: results/quick: workflow is 'process ")
+    assert faults[0].endswith("; expected one at a time; wait until it has ended")
     assert {path.name for path in folder.iterdir()} == {".lock"}
     snakemake(project, TARGET, *QUICK, status=0)
     assert (folder / "config.json").exists()
@@ -87,11 +85,13 @@ def test_where_snakemakes_records_are_lost_those_of_the_results_tell_what_to_mak
 
 @pytest.mark.essential
 def test_a_start_says_once_what_its_piles_cannot_be_and_a_dry_run_nothing(project):
-    line = "reach: WARNING: 350 grains of 1489 mm3 can"
+    line = "reach: WARNING: Target out of reach: "
     words = (TARGET, *QUICK, "--forceall", "--config", "measure={response: whole}")
     assert "reach: " not in snakemake(project, "-n", *words).stderr
     done = snakemake(project, *words, status=0)
-    assert done.stderr.count("reach: ") == done.stderr.count(line) == 1
+    said = [text for text in done.stderr.splitlines() if text.startswith("reach: ")]
+    assert len(said) == 1
+    assert said[0].startswith(line)
     drum = {
         "targets": [target("drum_slip_deg", 44, 2, 40, 48, 5)],
         "posterior": {"shape_study": None},

@@ -86,6 +86,8 @@ def dependencies(*modules: str) -> frozenset[str]:
         if name not in found and not computes_nothing(name):
             found.add(name)
             waiting.extend(_imports(name))
+            # Python runs the package around a module, too.
+            waiting.append(name.rpartition(".")[0])
     return frozenset(found)
 
 
