@@ -28,7 +28,7 @@ from peers import write_section
 from scipy.spatial import cKDTree
 
 from repose import export
-from repose.bench import Scene, funnel, scene
+from repose.bench import Scene, funnel, trial
 from repose.bench.settings import SceneSettings, SimulationSettings
 from repose.common.places import configs
 from repose.config.pipeline import PipelineConfig
@@ -251,7 +251,7 @@ def measured(places, config, berry, particle):
     arrays = {
         "position": np.array(centres),
         "quaternion": np.array(quaternions),
-        "in_pile": scene.largest_cluster(contacts, np.ones(len(places), bool)),
+        "in_pile": trial.largest_cluster(contacts, np.ones(len(places), bool)),
     }
     settings = MeasureSettings.of(config["measure"] | LINE, berry)
     found, _ = pile_responses(
