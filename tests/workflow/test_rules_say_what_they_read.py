@@ -38,7 +38,14 @@ DOCUMENTED = {
 # All rules: no user's file is taken for a result and removed. Snakemake documents no list
 # of them (its issues 13 and 792); one by hand would need each name again. The others say
 # what the command line gives and whether this process runs one job of another one.
-KEPT = {"rules", "overwrite_configfiles", "config_settings", "is_main_process"}
+KEPT = {
+    "rules",
+    "overwrite_configfiles",
+    "config_settings",
+    "is_main_process",
+    "modifier",
+    "dryrun",
+}
 QUICK = ("--cores", "1", "--configfile", "config/quick.yaml")
 NAPS = """
 rule all:
@@ -130,7 +137,7 @@ def test_each_rule_depends_on_the_settings_of_the_stage_that_it_runs():
     for path in (ROOT / "workflow/rules").rglob("*.smk"):
         for rule in RULE.split(path.read_text()):
             stages = set(re.findall(r"python -m repose (?:stage )?(\w+)", rule))
-            named = set(re.findall(r'\bsettings\(\s*"(\w+)"', rule))
+            named = set(re.findall(r'\bsettings_of\(\s*"(\w+)"', rule))
             assert named <= stages, rule
             named_stages |= named
     assert set(dependencies.KEYS) - named_stages == {"measure_silhouette"}

@@ -67,7 +67,7 @@ PRODUCTS = [
     *([config["strategy"]] if config["strategy"] != "published" else []),
 ]
 # What a stage reads of the configuration, with the content of files; as it stands there. Their change reruns a rule.
-settings = functools.partial(dependencies.settings_of, config)
+settings_of = functools.partial(dependencies.settings_of, config)
 sections = functools.partial(dependencies.sections, config)
 # Ten times the estimate of the longest job, for slower cores and busy ones.
 MINUTES_OF_RUNS = 10 + round(10 * cost.longest_job_s(config) / 60)

@@ -140,7 +140,7 @@ rule card:
         config=CONFIG,
         code=code_hash("stages.card_study", "stages.answer"),
         tables=[f"--{name}={path}" for name, path in (POSTERIOR | OWN_PILES).items()],
-        settings=settings("material_card") | {"label": config["label"]},
+        settings=settings_of("material_card") | {"label": config["label"]},
     message:
         "The material card: {output}"
     shell:

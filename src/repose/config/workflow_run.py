@@ -83,6 +83,9 @@ def note_on_other_settings(study: PipelineConfig, results: Iterable[str]) -> str
         A sentence, empty if there are no such results.
     """
     existing = [path for path in results if os.path.exists(path)]
+    # The batches of a strategy are known once they are made.
+    folder = Path(study.settings.results_dir)
+    existing += sorted(map(str, folder.glob("*/batch_*/**/*.json")))
     outdated = dependencies.outdated(study.config, existing)
     if not outdated:
         return ""
@@ -119,6 +122,10 @@ class WorkflowRun:
             If another run of the workflow holds the folder.
         """
         self._held.enter_context(take_folder(self.folder))
+        self.write_configuration()
+
+    def write_configuration(self) -> None:
+        """Write the configuration that the jobs read."""
         loader.write_resolved(self.study.config, Path(self.folder) / loader.RESOLVED)
 
     def made(self, path: str) -> bool:

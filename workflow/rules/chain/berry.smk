@@ -16,7 +16,7 @@ rule berry:
     params:
         config=CONFIG,
         folder=folder,
-        settings=settings("berry"),
+        settings=settings_of("berry"),
         code=code_hash("grain.berry"),
     message:
         "Sizes and moduli of the measured grains"

@@ -16,7 +16,7 @@ rule dataset:
     params:
         config=CONFIG,
         folder=folder,
-        settings=settings("dataset"),
+        settings=settings_of("dataset"),
         code=code_hash("stages.dataset"),
         jobs=folders_of_jobs,
     message:

@@ -12,7 +12,7 @@ rule design:
     params:
         config=CONFIG,
         folder=folder,
-        settings=settings("design"),
+        settings=settings_of("design"),
         code=code_hash("stages.design"),
     message:
         "Design of the virtual experiments"

@@ -28,7 +28,7 @@ rule drum_run:
         config=CONFIG,
         folder=folder,
         sample=int(REPRESENTATIVE),
-        settings=settings("drum"),
+        settings=settings_of("drum"),
         code=engine_hash(),
     message:
         "Turning the drum, seed {wildcards.seed}"
@@ -57,7 +57,7 @@ rule drum:
     params:
         config=CONFIG,
         folder=folder,
-        settings=settings("drum_tables"),
+        settings=settings_of("drum_tables"),
         code=code_hash("stages.drum_tables"),
     message:
         "Measuring the drum's runs: tables of angles, first slip, slipping layer"

@@ -22,7 +22,7 @@ rule measure:
     params:
         config=CONFIG,
         code=code_hash("measure.saved_piles", "measure.pile"),
-        settings=settings("silhouette"),
+        settings=settings_of("silhouette"),
     message:
         "Measuring the pile in one side view"
     shell:

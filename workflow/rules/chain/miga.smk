@@ -18,7 +18,7 @@ rule miga:
     params:
         config=CONFIG,
         folder=folder,
-        settings=settings("miga"),
+        settings=settings_of("miga"),
         code=code_hash("stages.miga"),
     message:
         "Searching the parameters that give the target pile"

@@ -17,7 +17,7 @@ rule network:
     params:
         config=CONFIG,
         folder=folder,
-        settings=settings("network"),
+        settings=settings_of("network"),
         code=code_hash("stages.network"),
     message:
         "Training the surrogate"

@@ -33,7 +33,7 @@ rule pour:
         sample=lambda wildcards: wildcards.sample,
         seeds=lambda wildcards: config[apparatus(wildcards)]["seeds"],
         more=["--keep-runs", "--measure"],
-        settings=lambda wildcards: settings("pour", apparatus(wildcards)),
+        settings=lambda wildcards: settings_of("pour", apparatus(wildcards)),
         code=engine_hash(),
     message:
         "Pouring sample {wildcards.sample}"
@@ -63,7 +63,7 @@ rule measure_runs:
         code=code_hash("stages.job"),
         folder=folder,
         jobs=jobs_to_measure,
-        settings=lambda wildcards: settings("measure_runs", apparatus(wildcards)),
+        settings=lambda wildcards: settings_of("measure_runs", apparatus(wildcards)),
     message:
         "Measuring the runs in {params.folder}"
     shell:

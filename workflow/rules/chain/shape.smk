@@ -16,7 +16,7 @@ rule shape:
     params:
         config=CONFIG,
         folder=folder,
-        settings=settings("shape"),
+        settings=settings_of("shape"),
         code=code_hash("grain.build"),
     message:
         "Mesh and particle of the grain"

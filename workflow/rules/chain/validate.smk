@@ -35,7 +35,7 @@ rule solutions:
     params:
         config=CONFIG,
         folder=folder,
-        settings=settings("solutions"),
+        settings=settings_of("solutions"),
         code=code_hash("stages.validate"),
     message:
         "Choosing the solutions to simulate again"
@@ -60,7 +60,7 @@ rule published_solutions:
     params:
         config=CONFIG,
         folder=folder,
-        settings=settings("published_solutions"),
+        settings=settings_of("published_solutions"),
         code=code_hash("stages.validate"),
     message:
         "Listing the published solutions"
@@ -144,7 +144,7 @@ rule validate:
     params:
         config=CONFIG,
         folder=folder,
-        settings=settings("validate"),
+        settings=settings_of("validate"),
         code=code_hash("stages.validate"),
     message:
         "Predicted beside simulated and published"
@@ -172,7 +172,7 @@ rule published_sets:
     params:
         config=CONFIG,
         folder=folder,
-        settings=settings("published_sets"),
+        settings=settings_of("published_sets"),
         code=code_hash("stages.validate"),
     message:
         "The published parameter sets in this simulator: {output.table}"

@@ -16,7 +16,7 @@ rule plausible:
     params:
         config=CONFIG,
         folder=folder,
-        settings=settings("plausible"),
+        settings=settings_of("plausible"),
         code=code_hash("stages.next_measurement"),
     message:
         "Plausible parameter sets"
@@ -63,7 +63,7 @@ rule next:
     params:
         config=CONFIG,
         folder=folder,
-        settings=settings("next"),
+        settings=settings_of("next"),
         code=code_hash("stages.next_measurement"),
     message:
         "What to measure next"

@@ -15,7 +15,7 @@ rule noise_tables:
     params:
         config=CONFIG,
         folder=folder,
-        settings=settings("noise"),
+        settings=settings_of("noise"),
         code=code_hash("calibrate.uncertainty.noise"),
     message:
         "Noise of the runs within and between samples"
@@ -47,7 +47,7 @@ rule posterior_tables:
     params:
         config=CONFIG,
         folder=folder,
-        settings=settings("posterior"),
+        settings=settings_of("posterior"),
         code=code_hash("calibrate.uncertainty.posterior"),
     message:
         "Posterior of the parameters given the physical measurements"
@@ -72,7 +72,7 @@ rule sensitivity_tables:
     params:
         config=CONFIG,
         folder=folder,
-        settings=settings("sensitivity"),
+        settings=settings_of("sensitivity"),
         code=code_hash("calibrate.uncertainty.sensitivity"),
     message:
         "Sobol indices and main effects on the surrogate"
