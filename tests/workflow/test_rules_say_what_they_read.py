@@ -44,7 +44,6 @@ KEPT = {
     "config_settings",
     "is_main_process",
     "modifier",
-    "dryrun",
 }
 QUICK = ("--cores", "1", "--configfile", "config/quick.yaml")
 NAPS = """
