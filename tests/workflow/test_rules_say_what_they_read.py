@@ -44,6 +44,7 @@ KEPT = {
     "config_settings",
     "is_main_process",
     "modifier",
+    "output_settings",
 }
 QUICK = ("--cores", "1", "--configfile", "config/quick.yaml")
 NAPS = """

@@ -2,9 +2,11 @@
 
 Snakemake reads the Snakefile for each of its commands, also for those that run no job.
 Reading it makes the study and looks at the folder of results; it writes nothing. A run
-that has jobs begins with `WorkflowRun.begin` and ends with `WorkflowRun.end`.
+that has jobs begins with `WorkflowRun.begin`, and prints its times when it ends.
 """
 
+import atexit
+import math
 import os
 import sys
 import time
@@ -18,6 +20,7 @@ from repose.common.lock import take_folder
 from repose.config import dependencies, loader, results_folder
 from repose.config.pipeline import PipelineConfig
 
+LOGS = Path(".snakemake/log")  # snakemake writes one for each of its runs
 FAULT = "repose: error:"  # begins the line in which a stage refuses its input
 
 
@@ -64,11 +67,13 @@ def _as_typed(path: str) -> str:
     return os.path.relpath(absolute, here) if is_below else absolute
 
 
-def note_on_other_settings(study: PipelineConfig, results: Iterable[str]) -> str:
-    """Describe results in the study's folder that have other settings or another engine.
+def fault_of_lost_records(
+    study: PipelineConfig, results: Iterable[str], outputs: Iterable[str]
+) -> str:
+    """Describe results of other settings, or of another engine, that Snakemake cannot know.
 
-    Snakemake plans them anew as long as it has its records of them. Without the records,
-    or told to look at times alone, it takes them for up to date.
+    Snakemake compares the settings of results with its records of them. The oldest of
+    its logs tells when these records began; for an older result its own record counts.
 
     Parameters
     ----------
@@ -76,23 +81,31 @@ def note_on_other_settings(study: PipelineConfig, results: Iterable[str]) -> str
         The study whose results the folder should hold.
     results : iterable of str
         Paths of results; those that do not exist are left out.
+    outputs : iterable of str
+        Paths that rules write, with their wildcards in braces.
 
     Returns
     -------
     str
-        A sentence, empty if there are no such results.
+        A sentence; empty if there are no such results.
     """
-    existing = [path for path in results if os.path.exists(path)]
-    # The batches of a strategy are known once they are made.
     folder = Path(study.settings.results_dir)
-    existing += sorted(map(str, folder.glob("*/batch_*/**/*.json")))
-    outdated = dependencies.outdated(study.config, existing)
+    # The batches of a strategy are known once they are made.
+    is_output = results_folder.pattern_of(outputs).fullmatch
+    files = map(str, sorted(folder.glob("*/batch_*/**/*.json")))
+    batches = filter(is_output, files)
+    began_s = min((log.stat().st_mtime for log in LOGS.glob("*.log")), default=math.inf)
+    unknown = []
+    for path in (*results, *batches):
+        if os.path.exists(path) and os.stat(path).st_mtime < began_s:
+            unknown.append(path)
+    outdated = dependencies.outdated(study.config, unknown)
     if not outdated:
         return ""
-    others = f" and {len(outdated) - 1} more" if len(outdated) > 1 else ""
     return (
-        f"{outdated[0]}{others} were made with other settings or by another engine;"
-        " if snakemake does not plan to make them anew, add --forceall"
+        f"{outdated[0]} and {len(outdated) - 1} more results were made with other "
+        "settings or by another engine, and the records of snakemake are lost: add "
+        "--forceall"
     )
 
 
@@ -114,7 +127,8 @@ class WorkflowRun:
     def begin(self) -> None:
         """Hold the folder of results, and write the configuration that its jobs read.
 
-        The folder is held until `end`, or until the process ends.
+        The folder is held until the process ends. Then the times of the run are
+        printed, after all that Snakemake prints.
 
         Raises
         ------
@@ -123,6 +137,7 @@ class WorkflowRun:
         """
         self._held.enter_context(take_folder(self.folder))
         self.write_configuration()
+        atexit.register(self._report_times)
 
     def write_configuration(self) -> None:
         """Write the configuration that the jobs read."""
@@ -148,11 +163,6 @@ class WorkflowRun:
                 text = path.read_text(encoding="utf-8", errors="replace")
                 last_lines.append(text.rstrip().rpartition("\n")[2])
         return any(line.startswith(FAULT) for line in last_lines)
-
-    def end(self) -> None:
-        """Print the times of this run, add them to the table of all runs, free the folder."""
-        self._report_times()
-        self._held.close()
 
     def _report_times(self) -> None:
         """Print the times of this run if a job ran, and add them to the table of runs."""
