@@ -1,13 +1,21 @@
 """`repose run`: what snakemake is given."""
 
 import contextlib
+import os
+import pty
+import re
+import select
+import shutil
 import signal
 import subprocess
 import sys
+import time
+from pathlib import Path
 
 import pytest
 
 from repose.calibrate import strategies
+from repose.cli.interruption import Interruption
 from repose.common import places
 
 SNAKEFILE = ["--snakefile", str(places.root() / "Snakefile")]
@@ -164,3 +172,140 @@ def test_help_shows_the_options_and_other_verbs_refuse_words_that_they_do_not_kn
         "unrecognized arguments: --speed 3"
         in command("check", "--speed", "3", status=2).err
     )
+
+
+# --- ended by a signal ----------------------------------------------------------------
+
+SIGNALS = {
+    "interrupt": signal.SIGINT,
+    "end": signal.SIGTERM,
+    "hangup": signal.SIGHUP,
+    "kill": signal.SIGKILL,
+}
+WORKFLOW = """
+rule all:
+    default_target: True
+    input: expand("{number}.pours.json", number=range(4))
+
+rule pour:
+    output: "{number}.pours.json"
+    log: "{number}.log"
+    message: "Pouring {wildcards.number}"
+    shell:
+        "echo emitted > {log}; test ! -e fail_{wildcards.number}; sleep $(cat seconds);"
+        " touch {output}"
+"""
+
+
+class Terminal:
+    """`repose run` of a workflow of naps, in a pseudo terminal."""
+
+    def __init__(self, folder, *words):
+        self.shown = ""
+        self.process, self.screen = pty.fork()
+        if self.process == 0:
+            os.chdir(folder)
+            signal.signal(
+                signal.SIGHUP, signal.SIG_DFL
+            )  # the tests may run under nohup
+            os.environ.update(TERM="xterm", COLUMNS="100", LINES="30")
+            program = [
+                sys.executable,
+                "-m",
+                "repose",
+                "run",
+                "-s",
+                "Snakefile",
+                "--cores",
+                "2",
+                *words,
+            ]
+            os.execv(sys.executable, program)
+
+    def until(self, pattern, limit_s=120):
+        end = time.monotonic() + limit_s
+        while not re.search(pattern, self.shown):
+            assert time.monotonic() < end, self.shown
+            self._read()
+
+    def ended(self, limit_s=120):
+        """Exit status, as a shell has it; and the seconds that the end took."""
+        began = time.monotonic()
+        while time.monotonic() < began + limit_s and self._read():
+            pass
+        _, status = os.waitpid(self.process, 0)
+        return os.waitstatus_to_exitcode(status), time.monotonic() - began
+
+    def _read(self):
+        ready, _, _ = select.select([self.screen], [], [], 0.2)
+        try:
+            new = (
+                os.read(self.screen, 65536).decode(errors="replace") if ready else None
+            )
+        except OSError:  # the other side is closed
+            return False
+        self.shown += new or ""
+        return new != ""
+
+
+@pytest.fixture
+def naps(tmp_path):
+    """A folder with a workflow whose jobs sleep."""
+    (tmp_path / "Snakefile").write_text(WORKFLOW)
+    profile = Path("profiles") / "default"
+    shutil.copytree(places.root() / profile, tmp_path / profile)
+    (tmp_path / "seconds").write_text("0.1")
+    return tmp_path
+
+
+@pytest.mark.slow
+def test_a_terminal_shows_a_failure_with_its_log(naps):
+    (naps / "fail_3").touch()
+    terminal = Terminal(naps, "--keep-going")
+    assert terminal.ended()[0] == 1
+    assert "3 of 5 steps" in terminal.shown
+    assert "Error in rule pour" in terminal.shown
+    assert "emitted\r\n" in terminal.shown  # its log
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "end",
+    [
+        *(pytest.param(end, marks=pytest.mark.essential) for end in ("ctrl-c", "kill")),
+        *("interrupt", "end", "hangup"),
+    ],
+)
+def test_an_ended_run_goes_on_with_the_same_command(naps, end):
+    # jobs outlive a killed program: the terminal ends with them
+    (naps / "seconds").write_text("5" if end == "kill" else "60")
+    first = Terminal(naps)
+    first.until(r"Pouring \d")
+    if end == "ctrl-c":
+        os.write(first.screen, b"\x03")
+    else:  # without a terminal only the program itself is signalled, not its jobs
+        os.kill(first.process, SIGNALS[end])
+    status, took_s = first.ended()
+    if end == "kill":
+        assert status == -signal.SIGKILL
+    else:
+        assert status == 128 + SIGNALS.get(end, signal.SIGINT)
+        assert took_s < 10
+        goes_on = "the same command goes on: repose run -s Snakefile --cores 2"
+        assert goes_on in first.shown
+    (naps / "seconds").write_text("0.1")
+    again = Terminal(naps)
+    assert again.ended()[0] == 0, again.shown
+    assert "5 of 5 steps" in again.shown
+
+
+def test_a_closed_terminal_is_ignored_where_it_was_ignored_before():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with Interruption():
+            assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+            handler = signal.getsignal(signal.SIGTERM)
+            assert handler not in (signal.SIG_DFL, signal.SIG_IGN)
+        assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+    finally:
+        signal.signal(signal.SIGHUP, before)

@@ -42,7 +42,7 @@ LOCK = re.sub(
     r"^#.*\n", "", (ROOT / "environment.lock").read_text(), flags=re.MULTILINE
 )
 # What the extra `workflow` is for: `repose run`, and what is written for calls of snakemake.
-RUN = {"cli/run.py", "common/usage.py"}
+RUN = {"cli/run.py", "cli/interruption.py", "common/usage.py"}
 CITATION = yaml.safe_load((ROOT / "CITATION.cff").read_text())
 ARCHIVE = json.loads((ROOT / ".zenodo.json").read_text())
 AUTHORS = [author["name"] for author in CITATION["authors"]]

@@ -4,13 +4,12 @@ import argparse
 import contextlib
 import os
 import shlex
-import signal
 import subprocess
 import sys
 from collections.abc import Callable
-from types import FrameType
 from typing import Any
 
+from repose.cli.interruption import Interruption
 from repose.cli.options import require_option
 from repose.cli.registry import Option, verb
 from repose.cli.stages import note_built_in_crop
@@ -24,7 +23,7 @@ SEVERAL: dict[str, Any] = {
     "recorded": False,
 }
 ORDER = "each over the one before it; one of the program's own needs no copy"
-INTERRUPTED = 128 + signal.SIGINT  # exit status, as a shell has it
+OF_SIGNAL = 128  # exit status of a program that a signal ended, less its number
 HANDED_ON = (
     "configfile",
     "config",
@@ -88,7 +87,7 @@ def run(args: argparse.Namespace) -> int:
 
     arguments = snakemake_arguments(args)
     status = call_snakemake(main, arguments)
-    if status == INTERRUPTED:
+    if status > OF_SIGNAL:
         command = shlex.join(["repose", *args.words])
         with contextlib.suppress(OSError):  # the terminal is closed
             print(
@@ -180,25 +179,16 @@ def call_snakemake(main: Callable[[list[str]], object], arguments: list[str]) ->
     Returns
     -------
     int
-        Its exit status; `INTERRUPTED` after Ctrl-C.
+        Its exit status; as a shell has it if a signal ended the run.
     """
-    is_interrupted = False
-
-    def interrupt(number: int, _frame: FrameType | None) -> None:
-        nonlocal is_interrupted
-        is_interrupted = True
-        # a second Ctrl-C ends this program at once
-        signal.signal(number, signal.SIG_DFL)
-        raise KeyboardInterrupt
-
-    earlier_handler = signal.signal(signal.SIGINT, interrupt)
     status = 0
-    try:
-        main(arguments)
-    except KeyboardInterrupt:
-        pass
-    except SystemExit as end:
-        status = end.code if isinstance(end.code, int) else 1
-    finally:
-        signal.signal(signal.SIGINT, earlier_handler)
-    return INTERRUPTED if is_interrupted else status
+    with Interruption() as interruption:
+        try:
+            main(arguments)
+        except KeyboardInterrupt:
+            pass
+        except SystemExit as end:
+            status = end.code if isinstance(end.code, int) else 1
+    if interruption.signal_number is not None:
+        return OF_SIGNAL + interruption.signal_number
+    return status

@@ -12,6 +12,7 @@ import sys
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack, suppress
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from repose.config import dependencies, loader, results_folder
 from repose.config.pipeline import PipelineConfig
 
 LOGS = Path(".snakemake/log")  # snakemake writes one for each of its runs
+LOG_NAME = "%Y-%m-%dT%H%M%S.%f.snakemake.log"  # by when the run began, in local time
 FAULT = "repose: error:"  # begins the line in which a stage refuses its input
 
 
@@ -94,10 +96,10 @@ def fault_of_lost_records(
     is_output = results_folder.pattern_of(outputs).fullmatch
     files = map(str, sorted(folder.glob("*/batch_*/**/*.json")))
     batches = filter(is_output, files)
-    began_s = min((log.stat().st_mtime for log in LOGS.glob("*.log")), default=math.inf)
+    records_began_s = _start_of_records_s()
     unknown = []
     for path in (*results, *batches):
-        if os.path.exists(path) and os.stat(path).st_mtime < began_s:
+        if os.path.exists(path) and os.stat(path).st_mtime < records_began_s:
             unknown.append(path)
     outdated = dependencies.outdated(study.config, unknown)
     if not outdated:
@@ -107,6 +109,16 @@ def fault_of_lost_records(
         "settings or by another engine, and the records of snakemake are lost: add "
         "--forceall"
     )
+
+
+def _start_of_records_s() -> float:
+    """Return when the first run began of which Snakemake has a log; inf without logs."""
+    starts_s = []
+    for log in LOGS.glob("*.log"):
+        # a file of another name is no log of a run
+        with suppress(ValueError):
+            starts_s.append(datetime.strptime(log.name, LOG_NAME).timestamp())
+    return min(starts_s, default=math.inf)
 
 
 class WorkflowRun:

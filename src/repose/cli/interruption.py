@@ -1,0 +1,94 @@
+"""The end of `repose run` by a signal: Ctrl-C, the end of a cluster job, a closed terminal.
+
+Snakemake lets its jobs go on at SIGTERM, and knows nothing of SIGHUP. Here both end the
+run as Ctrl-C does: what is finished stays, and the jobs that run are ended.
+"""
+
+import contextlib
+import os
+import signal
+import threading
+from types import FrameType, TracebackType
+from typing import Self
+
+END = b"\0"  # no signal has the number 0: it ends the thread that reads signals
+
+
+class Interruption:
+    """Turns the first signal within its context into a `KeyboardInterrupt`.
+
+    Attributes
+    ----------
+    signal_number : int or None
+        The signal that ended the run; None if none did.
+    """
+
+    def __init__(self) -> None:
+        self.signal_number: int | None = None
+
+    def __enter__(self) -> Self:
+        # A process under nohup ignores SIGHUP, and goes on doing so.
+        self._forwarded = [
+            number
+            for number in (signal.SIGTERM, signal.SIGHUP)
+            if signal.getsignal(number) is not signal.SIG_IGN
+        ]
+        self._earlier = {signal.SIGINT: signal.signal(signal.SIGINT, self._interrupt)}
+        for number in self._forwarded:
+            self._earlier[number] = signal.signal(number, lambda *_: None)
+
+        # Snakemake replaces the handler of SIGTERM. The numbers of all signals arrive at
+        # this pipe all the same, where a thread reads them.
+        self._reading_end, self._writing_end = os.pipe()
+        os.set_blocking(self._writing_end, False)
+        self._earlier_pipe = signal.set_wakeup_fd(
+            self._writing_end, warn_on_full_buffer=False
+        )
+        self._thread = threading.Thread(target=self._forward, daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        signal.set_wakeup_fd(self._earlier_pipe)
+        for number, handler in self._earlier.items():
+            signal.signal(number, handler)
+        os.write(self._writing_end, END)
+        self._thread.join()
+        os.close(self._reading_end)
+        os.close(self._writing_end)
+
+    def _forward(self) -> None:
+        """Send SIGINT to this process at a signal that Snakemake would not end at."""
+        while True:
+            number = os.read(self._reading_end, 1)[0]
+            if number == END[0]:
+                return
+            if number in self._forwarded and self.signal_number is None:
+                self.signal_number = number
+                os.kill(os.getpid(), signal.SIGINT)
+
+    def _interrupt(self, number: int, _frame: FrameType | None) -> None:
+        """Handle SIGINT: end the jobs, and raise KeyboardInterrupt."""
+        # only once: a second Ctrl-C ends this program at once
+        signal.signal(number, signal.SIG_DFL)
+        if self.signal_number is None:
+            self.signal_number = number
+        _interrupt_jobs()
+        raise KeyboardInterrupt
+
+
+def _interrupt_jobs() -> None:
+    """Send SIGINT to the jobs, for which Snakemake waits.
+
+    Ctrl-C on a terminal has reached them; a signal to this program alone has not.
+    """
+    import psutil
+
+    for job in psutil.Process().children(recursive=True):
+        with contextlib.suppress(psutil.NoSuchProcess):
+            job.send_signal(signal.SIGINT)
