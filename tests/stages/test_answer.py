@@ -3,6 +3,7 @@
 import json
 import re
 import textwrap
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -57,13 +58,13 @@ def read(config):
 
 @pytest.mark.parametrize(
     ("simulated", "met", "margin"),
-    [(33.5, True, 0.5), (31.25, True, 0.25), (30.0, False, -1.0), (36.0, False, -2.0)],
+    [(33.5, True, 0.5), (31.5, True, 0.5), (30.0, False, -1.0), (36.0, False, -2.0)],
 )
 def test_the_margin_is_the_way_to_the_nearer_end_of_the_range(
     simulated, met, margin, tmp_path
 ):
     found = read(study(tmp_path, simulated))
-    assert found.met is met
+    assert found.verdict.met is met
     assert found.checks[0].margin == margin
     assert ("NOT met" in str(found)) is not met
     lines = str(found).splitlines()
@@ -100,7 +101,7 @@ def test_a_prediction_outside_the_targets_is_no_answer_even_where_the_simulation
     tmp_path,
 ):
     found = read(study(tmp_path, 32.5, feasible=False))
-    assert not found.met
+    assert found.verdict is answer.Verdict.NOT_MET
     lines = str(found).splitlines()
     assert lines[0].startswith(
         "wheat: targets NOT met. Angle of repose 32.5 +- 0.25 deg"
@@ -114,11 +115,11 @@ def test_a_prediction_outside_the_targets_is_no_answer_even_where_the_simulation
 
 def test_failed_runs_have_no_number_and_a_study_that_has_not_run_is_reported(tmp_path):
     found = read(study(tmp_path, ""))
-    assert not found.met
+    assert found.verdict is answer.Verdict.NOT_MET
     assert np.isnan(found.checks[0].margin)
     assert "no number" in str(found)
     reason = "The angle of repose has no number, as its runs ended ok."
-    assert found.verdict.endswith(
+    assert found.headline.endswith(
         f"Angle of repose without a number (measured 32). {reason}"
     )
     assert found.within == {1.0: None, 2.0: None}
@@ -150,7 +151,7 @@ def of_two(feasible=True, out_of_reach=False, angle=32.0, height=66.0, status="o
         31.0,
         34.0,
         angle,
-        None,
+        None if angle is None else 0.4,
         9,
         status,
         predicted=32.5,
@@ -159,7 +160,7 @@ def of_two(feasible=True, out_of_reach=False, angle=32.0, height=66.0, status="o
         "my_mm", "own", "mm", 66.0, 2.0, 5, 64.0, 68.0, height, 0.5, 9, status
     )
     return answer.Result(
-        "two", {}, feasible, "", (one, other), "", {}, out_of_reach=out_of_reach
+        "two", {}, feasible, "", (one, other), Path(), {}, out_of_reach=out_of_reach
     )
 
 
@@ -173,15 +174,79 @@ def of_two(feasible=True, out_of_reach=False, angle=32.0, height=66.0, status="o
 ])  # fmt: skip
 def test_the_reason_says_which_response_misses_by_how_much(given, met, reason):
     found = of_two(**given)
-    assert found.met is met
+    assert found.verdict.met is met
     assert found.reason == reason
-    assert found.verdict.endswith(reason) is not bool(met)
+    assert found.headline.endswith(reason) is not bool(met)
+
+
+@pytest.mark.parametrize(("angle", "side"), [(31.1, "inside"), (30.9, "outside")])
+def test_a_mean_within_its_own_error_of_an_end_of_the_range_is_undecided(angle, side):
+    """The standard error is 0.4 deg after nine runs, the range begins at 31 deg."""
+    found = of_two(angle=angle)
+    of_angle = stats.t(df=8, loc=angle, scale=0.4)
+    of_height = stats.t(df=8, loc=66.0, scale=0.5)
+    chance_of_angle = of_angle.cdf(34.0) - of_angle.cdf(31.0)
+    chance_of_height = of_height.cdf(68.0) - of_height.cdf(64.0)
+    assert found.probability == pytest.approx(chance_of_angle * chance_of_height)
+    assert found.verdict is answer.Verdict.UNDECIDED
+    assert found.verdict.met is None
+    assert found.headline.startswith("two: targets undecided. Angle of repose ")
+    percent = f"{100 * found.probability:.0f} %"
+    says(
+        found.reason, f"inside with a probability of {percent}; about ", "would decide"
+    )
+    says(str(found), "a larger validation.representative_seeds", f" deg {side}\n")
+
+
+def test_the_further_runs_that_would_decide_are_the_fewest():
+    found = of_two(angle=31.1)
+    further = answer.further_runs(found.checks)
+
+    def probability(runs):
+        """That both means lie inside, with the errors that so many runs would have."""
+        product = 1.0
+        for check in found.checks:
+            error = check.standard_error * np.sqrt(9 / runs)
+            mean = stats.t(df=runs - 1, loc=check.simulated, scale=error)
+            product *= mean.cdf(check.high) - mean.cdf(check.low)
+        return product
+
+    assert probability(9 + further) >= 0.95 > probability(9 + further - 1)
+    on_the_end = of_two(angle=31.0)
+    assert answer.further_runs(on_the_end.checks) is None
+    says(on_the_end.reason, "more than 1000 further runs would decide")
+
+
+def test_runs_together_decide_by_their_joint_probability():
+    """Each mean is inside with 96 %; both together, if independent, with 92 %."""
+    checks = []
+    for name in ("first", "second"):
+        error = 1 / stats.t.ppf(0.96, df=15)
+        checks.append(
+            answer.Check(name, "own", "", 5.0, 1.0, 5, 4.0, 99.0, 5.0, error, 16, "ok")
+        )
+    apart = answer.Result("two", {}, True, "", tuple(checks), "", {})
+    assert apart.probability == pytest.approx(0.96**2)
+    assert apart.verdict is answer.Verdict.UNDECIDED
+    together = answer.Result("two", {}, True, "", tuple(checks), "", {}, inside=0.955)
+    assert together.verdict is answer.Verdict.MET
+
+
+def test_one_run_decides_nothing_and_runs_without_scatter_decide_at_once():
+    one = answer.Check("a", "own", "", 5.0, 1.0, 5, 4.0, 6.0, 5.0, None, 1, "ok")
+    found = answer.Result("one", {}, True, "", (one,), "", {})
+    assert found.verdict is answer.Verdict.UNDECIDED
+    says(found.reason, "Fewer than two runs gave a number")
+    exact = answer.Check("a", "own", "", 5.0, 1.0, 5, 4.0, 6.0, 6.0, 0.0, 2, "ok")
+    assert exact.verdict is answer.Verdict.MET
+    missed = answer.Check("a", "own", "", 5.0, 1.0, 5, 4.0, 6.0, 6.1, 0.0, 2, "ok")
+    assert missed.verdict is answer.Verdict.NOT_MET
 
 
 def test_an_answer_that_was_not_simulated_has_its_prediction_in_the_first_line():
     found = of_two(angle=None, height=None, status=answer.NOT_AGAIN)
     said = "Angle of repose predicted 32.5 deg (measured 32, +1.6 %), my_mm without a number (measured 66). "
-    assert found.verdict.startswith(f"two: targets not checked yet. {said}")
+    assert found.headline.startswith(f"two: targets not checked yet. {said}")
 
 
 @pytest.mark.parametrize(("summary", "out_of_reach"), [

@@ -240,8 +240,9 @@ def test_a_script_asks_the_card_whether_the_targets_are_met(
 
 
 def test_a_card_of_before_the_reason_is_read_and_judged(tmp_path, command):
+    status = {True: 0, False: 3, None: 4}
     said = [
-        command("card", "check", path, status=0 if card.read(path)["met"] else 3).out
+        command("card", "check", path, status=status[card.read(path)["met"]]).out
         for path in CARDS
     ]
     assert "which gave no reason" in "".join(said)
@@ -398,7 +399,7 @@ def test_an_invalid_card_is_refused_with_every_fault(config, solutions):
         (of("mus_gg", unit="1"), r"mus_gg\.unit is '1'; .* a known key"),
         ({"correlations": {"mus_gg": {"mur_gg": -1.1}}}, r"correlations\.mus_gg\.mur_gg is -1\.1"),
         ({"within": {"1 %": 1.5}}, r"within\.1 % is 1\.5"), ({"tests": []}, "tests is"),
-        ({"met": None}, "met is None; .* a valid boolean"), ({"met": "yes"}, "met is 'yes'"),
+        ({"verdict": "maybe"}, "verdict is 'maybe'; .* 'undecided'"), ({"met": "yes"}, "met is 'yes'"),
         ({"grain": {"shear_modulus_pa": 43.0}}, "greater than or equal to 1000"),
         ({"grain": {"density_kg_m3": 0.84047}}, "greater than or equal to 10"),
         ({"grain": {"shape": "cube"}}, "grain.shape is 'cube'"),
@@ -476,7 +477,7 @@ def test_a_card_in_words_gives_answer_and_tests(config, solutions, tmp_path, com
     )
     text = command("card", "show", tmp_path / "card.json").out
     words = (
-        "wheat; targets NOT met", "mus_gg, mur_gg -1.00", "Simulated less measured: height_mm ", "fixed",
+        "wheat; targets undecided", "mus_gg, mur_gg -1.00", "Simulated less measured: height_mm ", "fixed",
         "predicted 67.98, 15.0 % off the simulated (the article's solutions: below 5 %)",
         "all within 1 %: probability 0.25", "funnel: berries 500, rate_per_s 30",
         "all within 2 %: probability unknown; it requires two good runs of each bench test",

@@ -1,8 +1,9 @@
 """The result of a calibration: parameters, and whether their responses meet targets."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from enum import StrEnum
 from pathlib import Path
 from typing import Any, Self
 
@@ -19,13 +20,36 @@ CARD = "card.json"
 REPORT = "report.html"
 # Columns of the probabilities that all means lie within some percent of the aims.
 WITHIN = {percent: f"within_{percent:g}_percent" for percent in PERCENT}
+# Column of the probability that all means lie inside their ranges.
+INSIDE = "within_ranges"
 # Status of a check that was not made.
 NOT_AGAIN = "not simulated again"
-VERDICTS = {
-    True: "targets met",
-    False: "targets NOT met",
-    None: "targets not checked yet",
-}
+# A check decides where the probability of being inside is this or more, or the rest of
+# it or less.
+DECIDED = 0.95
+# Largest number of further runs that a verdict asks for.
+MOST_FURTHER_RUNS = 1000
+
+
+class Verdict(StrEnum):
+    """Whether the targets are met, by the standard errors of the check itself."""
+
+    MET = "met"
+    NOT_MET = "NOT met"
+    UNDECIDED = "undecided"
+    UNCHECKED = "not checked yet"
+
+    @property
+    def met(self) -> bool | None:
+        """The same as a truth value; None where it is open."""
+        return {Verdict.MET: True, Verdict.NOT_MET: False}.get(self)
+
+
+def verdict_by(probability: float | None) -> Verdict:
+    """Decide by the probability of being inside the range; None means unknown."""
+    if probability is None or 1 - DECIDED < probability < DECIDED:
+        return Verdict.UNDECIDED
+    return Verdict.MET if probability >= DECIDED else Verdict.NOT_MET
 
 
 @dataclass(frozen=True)
@@ -125,7 +149,9 @@ class Check:
         row["standard_error"] = self.standard_error
         row["runs"] = self.runs
         row["status"] = self.status
-        row["met"] = self.met
+        row["met"] = self.verdict.met
+        row["verdict"] = self.verdict.value
+        row["probability_inside"] = self.probability
         return row
 
     @property
@@ -139,14 +165,47 @@ class Check:
         return 100 * abs(self.predicted / self.simulated - 1)
 
     @property
-    def met(self) -> bool | None:
-        """Whether the simulated mean lies in the range of the target.
-
-        It is None where it was not simulated again.
-        """
+    def verdict(self) -> Verdict:
+        """Whether the simulator's mean lies in the range of the target."""
         if self.status == NOT_AGAIN:
+            return Verdict.UNCHECKED
+        if self.simulated is None:
+            return Verdict.NOT_MET
+        return verdict_by(self.probability)
+
+    @property
+    def probability(self) -> float | None:
+        """Probability that the simulator's mean lies in the range of the target.
+
+        None where fewer than two runs gave a number.
+        """
+        return self.probability_after(self.runs)
+
+    def probability_after(self, runs: int) -> float | None:
+        """Compute the probability as it would be after some number of runs.
+
+        The mean and the scatter of the runs are those of the runs that were made. Without
+        prior knowledge the true mean has a t distribution about the mean of the runs.
+
+        Parameters
+        ----------
+        runs : int
+            At least two.
+
+        Returns
+        -------
+        float or None
+            None without a mean or a standard error.
+        """
+        from scipy.stats import t
+
+        if self.simulated is None or self.standard_error is None or self.runs < 2:
             return None
-        return self.simulated is not None and self.low <= self.simulated <= self.high
+        if self.standard_error == 0:
+            return float(self.low <= self.simulated <= self.high)
+        error = self.standard_error * math.sqrt(self.runs / runs)
+        mean = t(df=runs - 1, loc=self.simulated, scale=error)
+        return float(mean.cdf(self.high) - mean.cdf(self.low))
 
     @property
     def label(self) -> str:
@@ -227,11 +286,11 @@ class Check:
                 f"{self.response}: no number, the runs ended {self.status}; {target}: "
                 "NOT met"
             )
-        verdict, side = ("met", "inside") if self.met else ("NOT met", "outside")
+        side = "inside" if self.margin >= 0 else "outside"
         return (
             f"{self.response}: simulated {self.simulated:.4g}{self._error} {self.unit} "
-            f"(runs: {self.runs}), measured {self.measured:.4g}; {target}: {verdict}, "
-            f"{abs(self.margin):.2g} {self.unit} {side}"
+            f"(runs: {self.runs}), measured {self.measured:.4g}; {target}: "
+            f"{self.verdict}, {abs(self.margin):.2g} {self.unit} {side}"
         )
 
     @property
@@ -261,6 +320,9 @@ class Result:
     within : mapping
         Probability, by percent of the aims, that all means lie so near to them. It comes
         from the runs of the check alone; None means unknown.
+    inside : float or None
+        Probability that all means lie inside their ranges, from the same runs. Without
+        it the responses count as independent.
     tables : Path
         Folder of the check.
     solutions : Path
@@ -291,22 +353,32 @@ class Result:
     out_of_reach: bool = False
     small_run: bool = False
     labels: Mapping[str, str] = field(default_factory=dict)
+    inside: float | None = None
 
     @property
-    def met(self) -> bool | None:
-        """Whether the solution is feasible and its simulation meets every target.
+    def verdict(self) -> Verdict:
+        """Whether the solution is feasible and its simulation meets every target."""
+        verdicts = [check.verdict for check in self.checks]
+        if Verdict.UNCHECKED in verdicts:
+            return Verdict.UNCHECKED
+        if not self.feasible or Verdict.NOT_MET in verdicts:
+            return Verdict.NOT_MET
+        return verdict_by(self.probability)
 
-        It is None where a target was not simulated again.
-        """
-        if any(check.met is None for check in self.checks):
-            return None
-        return self.feasible and all(check.met for check in self.checks)
+    @property
+    def probability(self) -> float | None:
+        """Probability that all means lie inside their ranges; None if it is unknown."""
+        if self.inside is not None:
+            return self.inside
+        return _probability_after(self.checks, 0)
 
     @property
     def reason(self) -> str:
         """Why the targets are met or not, a sentence."""
-        if self.met is None:
+        if self.verdict is Verdict.UNCHECKED:
             sentence = f"{self._prediction}; the answer was {NOT_AGAIN}"
+        elif self.verdict is Verdict.UNDECIDED:
+            sentence = f"{self._simulation}. {undecided(self.probability, self.checks)}"
         elif self.feasible:
             sentence = self._simulation
         else:
@@ -330,7 +402,8 @@ class Result:
     @property
     def _simulation(self) -> str:
         """What the simulation showed, a clause."""
-        misses = [check.miss for check in self.checks if check.met is False]
+        # A mean outside its range is a miss, whether or not its error decides that.
+        misses = [check.miss for check in self.checks if not check.margin >= 0]
         if misses:
             return " and ".join(misses)
         if len(self.checks) == 1:
@@ -338,13 +411,13 @@ class Result:
         return f"the simulated means lie inside {self._ranges}"
 
     @property
-    def verdict(self) -> str:
+    def headline(self) -> str:
         """Whether the targets are met, in one line with numbers."""
-        line = in_one_line(self.met, self.checks, self.reason, self.small_run)
+        line = in_one_line(self.verdict, self.checks, self.reason, self.small_run)
         return f"{self.label}: {line}"
 
     def __str__(self) -> str:
-        lines = [self.verdict]
+        lines = [self.headline]
         if self.feasible:
             lines.append("The calibrated parameters:")
         else:
@@ -361,7 +434,9 @@ class Result:
         )
         if self.why:
             lines.append(f"No more batches: {self.why}.")
-        if not self.met:
+        if self.verdict is Verdict.UNDECIDED:
+            lines.append("What helps: a larger validation.representative_seeds.")
+        elif self.verdict is not Verdict.MET:
             wider = "" if self.feasible else "wider parameters or targets; "
             lines.append(f"What helps: {wider}{self.advice}.")
         return "\n".join(lines)
@@ -392,14 +467,63 @@ def out_of_reach(summary: Mapping[str, Any]) -> bool:
 
 
 def in_one_line(
-    met: bool | None, checks: Iterable[Check], reason: str, small_run: bool = False
+    verdict: Verdict, checks: Iterable[Check], reason: str, small_run: bool = False
 ) -> str:
     """Write the verdict with its numbers, and the reason unless the targets are met."""
     numbers = ", ".join(check.numbers for check in checks)
-    line = f"{VERDICTS[met]}. {numbers}."
+    line = f"targets {verdict}. {numbers}."
     if small_run:
         line = f"a small run, its numbers are no calibration: {line}"
-    return line if met else f"{line} {reason}"
+    return line if verdict is Verdict.MET else f"{line} {reason}"
+
+
+def undecided(probability: float | None, checks: Sequence[Check]) -> str:
+    """Write how many further runs would decide, a sentence without its full stop."""
+    if probability is None:
+        return "Fewer than two runs gave a number, so that their mean has no error"
+    needed = further_runs(checks)
+    if needed is None:
+        ending = f"more than {MOST_FURTHER_RUNS} further runs would decide"
+    else:
+        noun = "run" if needed == 1 else "runs"
+        ending = f"about {needed} further {noun} would decide, if the means stay"
+    return (
+        f"By these runs alone all means lie inside with a probability of "
+        f"{100 * probability:.0f} %; {ending}"
+    )
+
+
+def further_runs(checks: Sequence[Check]) -> int | None:
+    """Compute after how many further runs of the answer the verdict is decided.
+
+    The means and the scatter of the runs are taken to stay as they are.
+
+    Parameters
+    ----------
+    checks : sequence of Check
+        One for each target.
+
+    Returns
+    -------
+    int or None
+        None if more than `MOST_FURTHER_RUNS` runs are needed.
+    """
+    for further in range(1, MOST_FURTHER_RUNS + 1):
+        probability = _probability_after(checks, further)
+        if verdict_by(probability) is not Verdict.UNDECIDED:
+            return further
+    return None
+
+
+def _probability_after(checks: Iterable[Check], further_runs: int) -> float | None:
+    """Compute the probability that all means lie inside, after some further runs."""
+    probability = 1.0
+    for check in checks:
+        inside = check.probability_after(check.runs + further_runs)
+        if inside is None:
+            return None
+        probability *= inside
+    return probability
 
 
 def nearness(checks: Iterable[Check]) -> str:

@@ -183,7 +183,10 @@ class Calibration(NamedTuple):
         )
 
     def __str__(self) -> str:
-        lines = [self.as_answer().verdict, "The calibrated parameters [95 % interval]:"]
+        lines = [
+            self.as_answer().headline,
+            "The calibrated parameters [95 % interval]:",
+        ]
         for name, row in self.intervals.items():
             interval = "fixed"
             if row["low"] is not None:

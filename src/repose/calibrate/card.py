@@ -85,7 +85,9 @@ def assembled(
         "interval": RANGE if posterior is None else POSTERIOR,
         "correlations": correlations.to_dict("index"),
         "tests": [check.row() | dict(tests[check.response]) for check in answer.checks],
-        "met": answer.met,
+        "met": answer.verdict.met,
+        "verdict": answer.verdict.value,
+        "probability_inside": answer.probability,
         "out_of_reach": answer.out_of_reach,
         "reason": answer.reason,
     }

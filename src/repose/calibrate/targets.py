@@ -10,7 +10,6 @@ import numpy as np
 from repose.calibrate.profiles import Profile
 from repose.calibrate.responses import Response, named, response
 from repose.calibrate.seeds import UNNAMED
-from repose.common.target_range import LEAST_RANGE as LEAST_RANGE
 from repose.common.target_range import range_about
 
 # Largest value or standard deviation.

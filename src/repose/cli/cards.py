@@ -9,7 +9,10 @@ from repose.config.pipeline import PipelineConfig
 
 # How many cards each action takes.
 N_CARDS = {"show": 1, "compare": 2, "check": 1}
-NOT_MET = 3  # exit status of `card check` where the targets are not met
+# Exit statuses of `card check` where the targets are not met; where the runs of the
+# check do not decide it, or there are none.
+NOT_MET = 3
+UNDECIDED = 4
 FILES = ("berry", "particle", "feasible", "table4", "posterior", "draws", "dataset")
 MIGA = "results/miga/summary.json"
 VALIDATION = "results/validation/representative.csv"
@@ -28,7 +31,7 @@ VALIDATION = "results/validation/representative.csv"
 def card(args: argparse.Namespace) -> int:
     """Show a material card, the answer of a study as one file, compare two, or check whether the targets are met.
 
-    Status 0, or 3 where they are not met or this was not simulated.
+    Status 0, 3 where they are not met, or 4 where this is undecided or not simulated.
 
     example: show results/card.json
     """
@@ -41,7 +44,10 @@ def card(args: argparse.Namespace) -> int:
     cards = [card.read(path) for path in args.cards]
     if args.action == "check":
         print(card_text.verdict(cards[0]))
-        return 0 if cards[0]["met"] else NOT_MET
+        met = card_text.state_of(cards[0]).met
+        if met is None:
+            return UNDECIDED
+        return 0 if met else NOT_MET
     if args.action == "compare":
         print(card_text.compare(*cards))
     else:

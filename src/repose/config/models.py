@@ -26,7 +26,7 @@ from repose.calibrate.strategies.refined import RefineSettings
 from repose.calibrate.strategies.response_surface import ResponseSurfaceSettings
 from repose.calibrate.strategies.sequential import SequentialSettings
 from repose.calibrate.surrogates.settings import NetworkSettings
-from repose.calibrate.targets import LARGEST, LEAST_RANGE, range_about
+from repose.calibrate.targets import LARGEST
 from repose.calibrate.uncertainty.settings import PosteriorSettings, SensitivitySettings
 from repose.common import faults
 from repose.common.errors import raise_together
@@ -39,6 +39,7 @@ from repose.common.section import (
     PathOrNull,
     Section,
 )
+from repose.common.target_range import LEAST_RANGE, STANDARD_ERRORS, range_about
 from repose.config import results_folder
 from repose.grain.settings import GrainSettings
 from repose.measure.section import MeasureSection
@@ -153,7 +154,7 @@ class TargetSettings(Section):
             if self._is_range_of_the_scatter():
                 yield (
                     "sd",
-                    "so small that the mean with its standard error, "
+                    "so small that the mean with two standard errors, "
                     f"{low:g} to {high:g}, lies {within}",
                 )
             else:
@@ -167,14 +168,14 @@ class TargetSettings(Section):
             yield "aim", inside
 
     def _is_range_of_the_scatter(self) -> bool:
-        """Return whether the range follows from the standard error of the mean.
+        """Return whether the range follows from the scatter of the repetitions.
 
         Otherwise the user gave it, or it is the least range around the value.
         """
         if self.range != range_about(self.value, self.sd, self.repetitions):
             return False
-        standard_error = self.sd / math.sqrt(self.repetitions)
-        return standard_error > LEAST_RANGE * abs(self.value)
+        scatter = STANDARD_ERRORS * self.sd / math.sqrt(self.repetitions)
+        return scatter > LEAST_RANGE * abs(self.value)
 
 
 # --- other sections -------------------------------------------------------------------

@@ -6,7 +6,14 @@ from pathlib import Path
 from typing import Any
 
 from repose.bench.parameters import LABELS, check_value, parameters_among
-from repose.calibrate.answer import MORE_POURS, WITHIN, Check, Result, out_of_reach
+from repose.calibrate.answer import (
+    INSIDE,
+    MORE_POURS,
+    WITHIN,
+    Check,
+    Result,
+    out_of_reach,
+)
 from repose.calibrate.targets import Target, Targets
 from repose.common.errors import InputError
 from repose.common.files import Path_, read_json
@@ -20,8 +27,7 @@ ADVICE = {
     "response_surface": "another response_surface.reach or .most_factors",
     "sequential": "a larger sequential.most_pours",
 }
-# Columns of the table of the check. A table of an older version lacks the last but one,
-# and an answer without its probabilities would be incomplete.
+# Columns of the table of the check. A table of an older version lacks the last two.
 COLUMNS = (
     Column("response", str),
     Column("status", str),
@@ -29,6 +35,7 @@ COLUMNS = (
     Column("simulated_se", empty=True),
     Column("n_seeds", empty=True),
     *(Column(name, empty=True) for name in WITHIN.values()),
+    Column(INSIDE, empty=True, needed=False),
     Column("predicted", empty=True, needed=False),
 )
 
@@ -108,6 +115,7 @@ def read(
         out_of_reach=out_of_reach(summary),
         small_run=small_run,
         within=within,
+        inside=_number(first_row, INSIDE),
         labels=LABELS,
     )
 

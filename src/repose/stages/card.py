@@ -12,6 +12,7 @@ from pydantic import Field, JsonValue, TypeAdapter, ValidationError
 
 from repose.bench.parameters import PARAMETERS, PHYSICAL_LIMITS
 from repose.bench.settings import WallSettings
+from repose.calibrate.answer import Verdict
 from repose.common.errors import InputError, raise_together
 from repose.common.files import Path_, read_json
 from repose.common.section import ABSENT, OneOf, Section
@@ -152,7 +153,16 @@ class TestRow(Section):
     standard_error: NotNegative | None
     runs: int = Field(ge=0)
     status: str
-    met: bool | None
+    met: bool | None = Field(description="null where it is undecided or not simulated")
+    verdict: Annotated[str, OneOf(lambda: [state.value for state in Verdict])] = Field(
+        ABSENT,
+        description="whether the mean lies inside; cards of older versions lack it",
+    )
+    probability_inside: Chance | None = Field(
+        ABSENT,
+        description="that the simulator's mean lies inside, by the runs of the check; "
+        "null with fewer than two",
+    )
     reach: Reach = Field(
         ABSENT, description="whether piles can have this angle at the targeted Height"
     )
@@ -194,7 +204,17 @@ class AnyCard(Section):
     tests: Annotated[list[TestRow], Field(min_length=1)]
     met: bool | None = Field(
         description="whether prediction and simulated piles meet every target; "
-        "null if not simulated"
+        "null if it is undecided or not simulated"
+    )
+    verdict: Annotated[str, OneOf(lambda: [state.value for state in Verdict])] = Field(
+        ABSENT,
+        description="the same in a word; undecided: the probability of being inside "
+        "lies between 5 and 95 %",
+    )
+    probability_inside: Chance | None = Field(
+        ABSENT,
+        description="that all means lie inside their ranges, by the runs of the check; "
+        "null with fewer than two",
     )
     out_of_reach: bool = Field(
         ABSENT,
@@ -232,7 +252,6 @@ class Card(AnyCard):
         ABSENT, description="cards of earlier versions lack it"
     )
     parameters: dict[Annotated[str, OneOf(lambda: PHYSICAL_LIMITS)], Parameter]
-    met: bool
 
 
 class OtherCard(AnyCard):

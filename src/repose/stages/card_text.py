@@ -5,10 +5,15 @@ from dataclasses import fields
 from itertools import combinations
 from typing import Any
 
-from repose.calibrate.answer import Check, describe_probability, in_one_line, nearness
+from repose.calibrate.answer import (
+    Check,
+    Verdict,
+    describe_probability,
+    in_one_line,
+    nearness,
+)
 from repose.calibrate.card import with_remark
 
-MET = {True: "met", False: "NOT met", None: "not simulated again"}
 # A correlation of this size and more is named.
 STRONG = 0.5
 # The grain's values that stand in a comparison.
@@ -22,10 +27,22 @@ def verdict(card: Card) -> str:
         "reason", "The card is of an older version, which gave no reason."
     )
     checks = map(_check, card["tests"])
-    line = in_one_line(card["met"], checks, reason, card.get("small_run", False))
+    state = state_of(card)
+    line = in_one_line(state, checks, reason, card.get("small_run", False))
     text = f"{card['material']}: {line}"
     # Where the targets are not met, the line has the reason.
-    return f"{text}\n{reason}" if card["met"] else text
+    return f"{text}\n{reason}" if state is Verdict.MET else text
+
+
+def state_of(entry: Card) -> Verdict:
+    """Return the verdict of a card, or of one of its tests.
+
+    A card of an older version tells only whether the means lay inside the ranges.
+    """
+    if "verdict" in entry:
+        return Verdict(entry["verdict"])
+    older = {True: Verdict.MET, False: Verdict.NOT_MET, None: Verdict.UNCHECKED}
+    return older[entry["met"]]
 
 
 # --- one card -------------------------------------------------------------------------
@@ -33,7 +50,7 @@ def verdict(card: Card) -> str:
 
 def describe(card: Card) -> str:
     """Write a card as text for people."""
-    lines = [f"Material card: {card['material']}; targets {MET[card['met']]}"]
+    lines = [f"Material card: {card['material']}; targets {state_of(card)}"]
     if "reason" in card:
         lines.append(card["reason"])
     lines += _subject_lines(card)
@@ -102,7 +119,7 @@ def _test_lines(test: Card) -> Iterator[str]:
         f"{test['response']} ({test['apparatus']}): measured {test['measured']:.4g} "
         f"(sd {test['sd']:.2g}, {test['repetitions']} repetitions), "
         f"target {test['low']:g} to {test['high']:g}, "
-        f"simulated {simulated} (runs: {test['runs']}): {MET[test['met']]}"
+        f"simulated {simulated} (runs: {test['runs']}): {state_of(test)}"
     )
     error = _check(test).error_percent
     if error is not None:
@@ -240,7 +257,7 @@ def _simulated(test: Card | None) -> str:
     if test is None:
         return "-"
     mean = _mean(test["simulated"], None)
-    if test["met"] is None:  # not simulated again
+    if test["simulated"] is None and "predicted" in test:
         mean = f"predicted {_mean(test.get('predicted'), None)}"
     return f"{mean}, measured {test['measured']:.4g} {test['unit']}"
 

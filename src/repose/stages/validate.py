@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from repose.bench.parameters import parameters_among
-from repose.calibrate.answer import WITHIN
+from repose.calibrate.answer import INSIDE, WITHIN
 from repose.calibrate.chance import Runs, chance_of_meeting
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.responses import Response, derived
@@ -199,13 +199,14 @@ def against_physical(
 
 
 def with_chances(table: pd.DataFrame, runs: Runs, targets: Targets) -> pd.DataFrame:
-    """Add the probabilities that all targets are met within 1 % and 2 %.
+    """Add the probabilities that all means are inside, and within 1 % and 2 %.
 
     `table` is that of `against_physical`.
     """
     chances = {}
     for percent, column in WITHIN.items():
         chances[column] = chance_of_meeting(runs, targets, percent)["all"]
+    chances[INSIDE] = chance_of_meeting(runs, targets)["all"]
     return table.assign(**chances)
 
 

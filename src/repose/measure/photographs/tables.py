@@ -124,8 +124,8 @@ def targets(
 ) -> str:
     """Write the measured responses as an overlay (YAML) for a study's configuration.
 
-    The arguments are those of `write_tables`. A range is the mean with its standard
-    error to each side, at least 1 % of the mean. A single pile has no scatter: its
+    The arguments are those of `write_tables`. A range is the mean with two standard
+    errors to each side, at least 1 % of the mean. A single pile has no scatter: its
     standard deviation and range are null, and a study refuses them until the user gives
     values.
     """

@@ -23,7 +23,7 @@ from repose.report.page.prediction import has_network
 from repose.report.page.study import Results
 from repose.report.page.tables import FoldedTable, Table, folded_table
 from repose.report.page.templates import cell_text
-from repose.report.page.verdict import Verdict, checks_of, percent_text, verdict_of
+from repose.report.page.verdict import VerdictText, checks_of, percent_text, verdict_of
 from repose.stages.card import read as read_card
 
 
@@ -32,7 +32,7 @@ class AnswerSection:
     """The parameters with their intervals, and whether they meet the targets."""
 
     label: str
-    verdict: Verdict
+    verdict: VerdictText
     impossible_targets: list[str]
     origin: str
     nearness: str  # empty if the answer was not simulated again

@@ -5,10 +5,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from repose.calibrate.answer import (
+    DECIDED,
     NOT_AGAIN,
-    VERDICTS,
     Check,
     Result,
+    Verdict,
     in_one_line,
     out_of_reach,
 )
@@ -16,10 +17,8 @@ from repose.measure.settings import line_for
 from repose.report.page.study import Results
 from repose.report.page.templates import cell_text
 
-SURE = 0.95  # probability from which the answer counts as good
 
-
-class Verdict(NamedTuple):
+class VerdictText(NamedTuple):
     """Whether the targets are met, in sentences.
 
     `rating` is a class of the style sheet: good, fair or bad.
@@ -39,7 +38,7 @@ class Verdict(NamedTuple):
         return self.text.partition(". ")[2]
 
 
-def verdict_of(study: Results) -> Verdict:
+def verdict_of(study: Results) -> VerdictText:
     """Tell whether the targets are met: the line that ends a run, and its probability."""
     checks = tuple(checks_of(study))
     result = Result(
@@ -52,25 +51,28 @@ def verdict_of(study: Results) -> Verdict:
         checks=checks,
         folder=Path(),
         within=study.probability_within,
+        inside=study.probability["all"],
         out_of_reach=out_of_reach(study.summary),
         small_run=study.is_small_run,
     )
-    line = in_one_line(result.met, checks, result.reason, result.small_run)
-    if result.feasible and result.met is None:
-        line = line.replace(VERDICTS[None], "targets predicted to be met")
+    line = in_one_line(result.verdict, checks, result.reason, result.small_run)
+    if result.feasible and result.verdict is Verdict.UNCHECKED:
+        line = line.replace(
+            f"targets {Verdict.UNCHECKED}", "targets predicted to be met"
+        )
     line = line[0].upper() + line[1:]
     ending = probability_text(study) if result.feasible else result.message
-    return Verdict(_rating(study, result), f"{line} {ending}")
+    return VerdictText(_rating(study, result), f"{line} {ending}")
 
 
 def _rating(study: Results, result: Result) -> str:
     """Rate the answer as good, fair or bad."""
-    if not result.feasible or result.met is False:
+    if not result.feasible or result.verdict is Verdict.NOT_MET:
         return "bad"
     probability = study.probability["all"]
-    if probability is not None and probability >= SURE:
-        return "good"
-    return "fair"
+    if result.verdict is Verdict.UNDECIDED or probability is None:
+        return "fair"
+    return "good" if probability >= DECIDED else "fair"
 
 
 def probability_text(study: Results) -> str:
