@@ -35,6 +35,7 @@ from repose.common.errors import YamlError, raise_together
 from repose.common.keys import get
 from repose.common.reading import read
 from repose.common.section import ABSENT, AUTO, Contradictions, Section, refuse
+from repose.common.target_range import range_about
 
 # Columns of tables that are neither a parameter nor a response.
 RESERVED = (
@@ -64,8 +65,6 @@ READ_BY_ALL = (
     "sequential.tolerance_percent",
     "sequential.probability",
 )
-# Half the range of a target without a range, in percent of its value.
-RANGE_PERCENT = 2.0
 DEFAULT_SEEDS = 2
 LARGEST = 1e12
 
@@ -389,7 +388,7 @@ def _of_targets(key: str, targets: Mapping[str, Mapping[str, Any]]) -> dict[str,
 def targets_of(section: Mapping[str, Mapping[str, Any]]) -> Targets:
     """Make the targets of a checked configuration.
 
-    A target without a range has `RANGE_PERCENT` of its value to each side.
+    A target without a range has that of `range_about`.
     """
     return Targets([_target(name, entry) for name, entry in section.items()])
 
@@ -397,8 +396,8 @@ def targets_of(section: Mapping[str, Mapping[str, Any]]) -> Targets:
 def _target(name: str, entry: Mapping[str, Any]) -> Target:
     """Make a target; all responses are of one bench test, and have no limits."""
     value = entry["value"]
-    half = RANGE_PERCENT / 100 * abs(value)
-    low, high = entry.get("range", (value - half, value + half))
+    scatter = range_about(value, entry["sd"], entry["repetitions"])
+    low, high = entry.get("range", scatter)
     response = Response(
         name=name,
         unit=entry.get("unit", ""),

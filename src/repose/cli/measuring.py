@@ -3,7 +3,7 @@
 import argparse
 import math
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +25,7 @@ ANGLE_LINE = "its line of the angle (default: from foot to crest)"
 BENCHES = "funnel or lifted_cylinder, which leave a pile, turning or drawdown"
 POINTS = "three points of the drum's inner rim, or of the box's two lower inner corners"
 SIZES = "sizes.csv"  # in the folder of a crop
+PARTICLE_TABLE = "piles.csv"  # of files of particles
 TWO_FLANKS = "a pile with two flanks, seen from the side"
 
 
@@ -32,7 +33,8 @@ TWO_FLANKS = "a pile with two flanks, seen from the side"
     Option(
         "pictures",
         nargs="+",
-        help="side views of piles, one or many: PNG, JPEG, TIFF or BMP",
+        help="side views of piles, one or many: PNG, JPEG, TIFF or BMP; or files of "
+        "particles of any simulator: a dump, CSV or Yade's text",
     ),
     Option(
         "--square-mm",
@@ -82,15 +84,33 @@ TWO_FLANKS = "a pile with two flanks, seen from the side"
         action="store_true",
         help="doubtful photographs count in the mean and in the targets",
     ),
+    Option(
+        "--unit",
+        default="m",
+        help="of lengths in a file of particles: m, cm or mm (m)",
+    ),
+    Option(
+        "--up",
+        help="direction against gravity in a file of particles: x, y, z, -x, -y or -z "
+        "(found from the plane on which most grains lie)",
+    ),
+    Option(
+        "--base",
+        type=float,
+        help="height of the plate in a file of particles, in its unit (found)",
+    ),
     JSON.with_changes(help="print every number as JSON"),
     out="measured",
     config=False,
 )
 def measure(args: argparse.Namespace) -> None:
-    """Measure the piles, the drum or the box in photographs.
+    """Measure piles in photographs or in files of particles; the drum or the box in photographs.
 
     example: *.jpg --square-mm 20 --out measured
     """
+    if _are_particle_files(args.pictures):
+        _measure_particle_files(args)
+        return
     piles = _photographed_piles()
     _check_bench(args, piles)
     pictures = _readable_pictures(args.pictures)
@@ -101,6 +121,92 @@ def measure(args: argparse.Namespace) -> None:
         _measure_piles(args, pictures, overlays, scale, settings)
     else:
         _measure_apparatus(args, pictures, overlays, settings)
+
+
+def _are_particle_files(names: Sequence[str]) -> bool:
+    """Tell whether the files hold particles.
+
+    Raises
+    ------
+    InputError
+        If there are pictures beside them.
+    """
+    from repose.measure.particle_files import is_particle_file
+
+    existing = [name for name in names if Path(name).is_file()]
+    particle_files = [name for name in existing if is_particle_file(name)]
+    if not particle_files:
+        return False
+    pictures = [name for name in existing if name not in particle_files]
+    require_option(
+        not pictures,
+        "pictures",
+        ", ".join(pictures),
+        f"files of particles alone, as {particle_files[0]}",
+    )
+    return True
+
+
+def _measure_particle_files(args: argparse.Namespace) -> None:
+    """Measure the piles of files of particles; write a table and print it."""
+    import pandas as pd
+
+    from repose.common.errors import NoFlankError
+    from repose.common.files import write_table
+    from repose.measure import particle_files
+    from repose.measure.particles import DIRECTIONS, UNITS, measure_particles
+    from repose.measure.settings import line_of
+
+    require_option(
+        args.unit in UNITS, "--unit", args.unit, f"one of {', '.join(UNITS)}"
+    )
+    require_option(
+        args.up is None or args.up in DIRECTIONS,
+        "--up",
+        args.up,
+        f"one of {', '.join(DIRECTIONS)}",
+    )
+    settings = _measure_settings(args)
+    rows = []
+    for name in args.pictures:
+        particles = particle_files.read(name)
+        try:
+            pile = measure_particles(
+                particles,
+                settings,
+                unit=args.unit,
+                up=args.up,
+                base=args.base,
+                source=name,
+            )
+        except NoFlankError as error:
+            raise InputError(name, "pile", error.reason, TWO_FLANKS) from error
+        rows.append(
+            {
+                "file": name,
+                "grains": pile.n_grains,
+                "particles": pile.n_particles,
+                "up": pile.up,
+                "base": pile.base,
+                **pile.result.record(),
+                **pile.additional,
+            }
+        )
+    table = pd.DataFrame(rows)
+    path = Path(args.out) / PARTICLE_TABLE
+    write_table(path, table)
+    if args.json:
+        print(json_text(table.to_dict("records")))
+        return
+    for row in rows:
+        angle = row["aor_deg"]
+        shown = "no angle" if angle is None else f"{angle:.2f} deg"
+        print(
+            f"{row['file']}: {shown} ({line_of(settings)}), Height "
+            f"{row['height_mm']:.2f} mm; {row['grains']} grains, up is {row['up']}, "
+            f"the plate at {row['base']:.4g} {args.unit}"
+        )
+    print(f"angles by every line and more: {path}")
 
 
 def _photographed_piles() -> dict[str, Mapping[str, str]]:

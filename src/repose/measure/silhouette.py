@@ -71,6 +71,22 @@ class Grains:
         scales = arrays.get("scale", 1.0)
         return cls(arrays["position"], arrays["quaternion"], particle, scales)
 
+    def support_points(self, normals: np.ndarray) -> np.ndarray:
+        """Compute the points at which tangent planes touch the bodies, at scale 1.
+
+        Parameters
+        ----------
+        normals : ndarray, (N, K, 3)
+            Unit normals of K planes for each body, in its own frame.
+
+        Returns
+        -------
+        ndarray, (N, K, 3)
+            Points in m, in the frame of each body.
+        """
+        points = self.particle.support_point(normals.reshape(-1, 3))
+        return points.reshape(normals.shape)
+
     def __getitem__(self, selected: np.ndarray) -> "Grains":
         """Select grains by a mask (N,)."""
         return Grains(
@@ -142,8 +158,7 @@ def _convex_outlines(
     half_circle = circle[: OUTLINE_DIRECTIONS // 2]
     cos, sin = np.split(half_circle, 2, axis=1)
     normals = cos * right_body[:, None, :] + sin * up_body[:, None, :]
-    points = grains.particle.support_point(normals.reshape(-1, 3))
-    points = points.reshape(normals.shape)
+    points = grains.support_points(normals)
     picture_axes = np.stack([right_body, up_body], axis=-1)
     half = grains.scales[:, None, None] * (points @ picture_axes)
     return np.concatenate([half, -half], axis=1)
@@ -171,7 +186,8 @@ def find_top(grains: Grains) -> float:
     It is exact, from the bodies themselves.
     """
     up_body = rotation_matrices(grains.quaternions)[:, 2, :]
-    support = (grains.particle.support_point(up_body) * up_body).sum(axis=1)
+    points = grains.support_points(up_body[:, None])[:, 0]
+    support = (points * up_body).sum(axis=1)
     return float((grains.centres_m[:, 2] + grains.scales * support).max())
 
 

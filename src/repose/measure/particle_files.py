@@ -1,0 +1,242 @@
+"""Files of particles, as simulators write them: positions with sizes.
+
+Three formats are read.
+
+dump
+    Text of LAMMPS and LIGGGHTS: the last of its time steps.
+table
+    A CSV file, or columns separated by blanks, with a header.
+Yade
+    Text of ``yade.export.text``, whose first line names the columns: ``#format x_y_z_r``.
+
+`COLUMNS` lists the names that a column may have. Lengths are in the unit of the file.
+"""
+
+import re
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from repose.common.errors import InputError
+from repose.common.files import Path_
+
+DUMP_ITEM = "ITEM:"  # begins each section of a dump
+YADE_FORMAT = "#format "  # begins the text of Yade
+# Names that a column may have, by the quantity, in the order in which they are preferred.
+COLUMNS = {
+    "x": ("x", "xu"),
+    "y": ("y", "yu"),
+    "z": ("z", "zu"),
+    "radius": ("radius", "r", "rad"),
+    "diameter": ("diameter", "d"),
+    "a": ("a", "semi_axis_a"),
+    "b": ("b", "semi_axis_b"),
+    "c": ("c", "semi_axis_c"),
+    "shapex": ("shapex", "c_shape[1]"),
+    "shapey": ("shapey", "c_shape[2]"),
+    "shapez": ("shapez", "c_shape[3]"),
+    "qw": ("qw", "quatw", "c_quat[1]"),
+    "qx": ("qx", "quati", "c_quat[2]"),
+    "qy": ("qy", "quatj", "c_quat[3]"),
+    "qz": ("qz", "quatk", "c_quat[4]"),
+    "grain": ("grain", "mol", "clump", "id_multisphere"),
+}
+POSITION = ("x", "y", "z")
+SEMI_AXES = ("a", "b", "c")
+FULL_AXES = ("shapex", "shapey", "shapez")
+QUATERNION = ("qw", "qx", "qy", "qz")
+SIZES = "radius, diameter, or a, b, c with qw, qx, qy, qz"
+
+
+class Particles(NamedTuple):
+    """Positions and sizes of N bodies, in the unit of the file.
+
+    Attributes
+    ----------
+    centres : ndarray, (N, 3)
+    semi_axes : ndarray, (N, 3)
+        Three equal ones of a sphere.
+    quaternions : ndarray, (N, 4)
+        Orientations w, x, y, z, which turn the body's frame into that of the file.
+    grains : ndarray of int, (N,)
+        Number of the grain that the body belongs to; spheres of a clump share it.
+    """
+
+    centres: np.ndarray
+    semi_axes: np.ndarray
+    quaternions: np.ndarray
+    grains: np.ndarray
+
+    @property
+    def are_spheres(self) -> bool:
+        """Whether all bodies are spheres."""
+        return bool((self.semi_axes == self.semi_axes[:, :1]).all())
+
+
+def is_particle_file(path: Path_) -> bool:
+    """Tell whether a file is text, as files of particles are; pictures are not."""
+    with Path(path).open("rb") as file:
+        start = file.read(4096)
+    return b"\0" not in start and start.isascii()
+
+
+def read(path: Path_) -> Particles:
+    """Read the particles of a file.
+
+    Raises
+    ------
+    InputError
+        If a column is missing, or a number is no number or not allowed.
+    """
+    table = _read_table(Path(path))
+    if table.empty:
+        raise InputError(path, "file", "without a particle", "a row for each particle")
+    columns = _columns_of(table)
+    _require(path, table, columns, POSITION)
+    centres = _numbers(path, table, columns, POSITION)
+    semi_axes = _semi_axes(path, table, columns)
+    quaternions = np.tile([1.0, 0.0, 0.0, 0.0], (len(table), 1))
+    if "qw" in columns:
+        _require(path, table, columns, QUATERNION)
+        quaternions = _unit(path, _numbers(path, table, columns, QUATERNION))
+    grains = np.arange(len(table))
+    if "grain" in columns:
+        grains = pd.factorize(table[columns["grain"]])[0]
+    return Particles(centres, semi_axes, quaternions, grains)
+
+
+# --- formats --------------------------------------------------------------------------
+
+
+def _read_table(path: Path) -> pd.DataFrame:
+    """Read the columns of a file in one of the three formats."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError(path, "file", "no text", "text in UTF-8") from error
+    if text.startswith(DUMP_ITEM):
+        return _read_dump(path, text)
+    if text.startswith(YADE_FORMAT):
+        header, _, rows = text.partition("\n")
+        names = header.removeprefix(YADE_FORMAT).split("_")
+        return _split(path, names, rows.splitlines())
+    header = text.lstrip("\ufeff").partition("\n")[0]
+    separator = r"\s+" if not re.search("[,;\t]", header) else None
+    try:
+        return pd.read_csv(path, sep=separator, engine="python", comment="#")
+    except (ValueError, pd.errors.ParserError) as error:
+        fault = str(error).partition("\n")[0]
+        raise InputError(path, "file", fault, "a table with a header") from error
+
+
+def _read_dump(path: Path, text: str) -> pd.DataFrame:
+    """Read the last time step of a dump of LAMMPS or LIGGGHTS."""
+    lines = text.splitlines()
+    starts = [k for k, line in enumerate(lines) if line.startswith("ITEM: ATOMS")]
+    if not starts:
+        raise InputError(path, "file", "a dump without ITEM: ATOMS", "a whole dump")
+    names = lines[starts[-1]].split()[2:]
+    rows = lines[starts[-1] + 1 :]
+    counts = [k for k, line in enumerate(lines) if line == "ITEM: NUMBER OF ATOMS"]
+    n_particles = int(lines[counts[-1] + 1])
+    if len(rows) != n_particles:
+        raise InputError(
+            path,
+            "ITEM: ATOMS",
+            f"{len(rows)} rows",
+            f"{n_particles} rows, a whole dump",
+        )
+    return _split(path, names, rows)
+
+
+def _split(path: Path, names: list[str], rows: list[str]) -> pd.DataFrame:
+    """Split rows at blanks into the columns `names`."""
+    cells = [row.split() for row in rows if row.strip()]
+    for number, row in enumerate(cells, start=1):
+        if len(row) != len(names):
+            raise InputError(
+                path, f"row {number}", f"{len(row)} values", f"{len(names)}: {names}"
+            )
+    return pd.DataFrame(cells, columns=names)
+
+
+# --- columns --------------------------------------------------------------------------
+
+
+def _columns_of(table: pd.DataFrame) -> dict[str, str]:
+    """Find the column of each quantity by its names; case does not count."""
+    by_name = {str(name).strip().lower(): name for name in table.columns}
+    columns = {}
+    for quantity, names in COLUMNS.items():
+        for name in names:
+            if name in by_name:
+                columns[quantity] = by_name[name]
+                break
+    return columns
+
+
+def _require(
+    path: Path_, table: pd.DataFrame, columns: dict[str, str], needed: tuple[str, ...]
+) -> None:
+    """Refuse a table without one of the needed quantities."""
+    for quantity in needed:
+        if quantity not in columns:
+            found = ", ".join(map(str, table.columns))
+            allowed = f"a column named {' or '.join(COLUMNS[quantity])}; found: {found}"
+            raise InputError(path, f"column {quantity}", "missing", allowed)
+
+
+def _numbers(
+    path: Path_, table: pd.DataFrame, columns: dict[str, str], names: tuple[str, ...]
+) -> np.ndarray:
+    """Return the numbers (N, k) of columns."""
+    numbers = np.empty((len(table), len(names)))
+    for k, name in enumerate(names):
+        cells = table[columns[name]]
+        numbers[:, k] = pd.to_numeric(cells, errors="coerce")
+        is_bad = ~np.isfinite(numbers[:, k])
+        if is_bad.any():
+            row = int(np.flatnonzero(is_bad)[0])
+            key = f"column {columns[name]}, row {row + 1}"
+            raise InputError(path, key, cells.iloc[row], "a finite number")
+    return numbers
+
+
+def _semi_axes(path: Path_, table: pd.DataFrame, columns: dict[str, str]) -> np.ndarray:
+    """Return the semi-axes (N, 3); three equal ones where the table has a radius."""
+    has_semi_axes = set(SEMI_AXES) <= set(columns)
+    has_full_axes = set(FULL_AXES) <= set(columns)
+    if has_semi_axes:
+        semi_axes = _numbers(path, table, columns, SEMI_AXES)
+    elif has_full_axes:
+        # LAMMPS gives the diameters along the axes, and 0 for a point
+        semi_axes = 0.5 * _numbers(path, table, columns, FULL_AXES)
+    elif "radius" in columns:
+        semi_axes = np.repeat(_numbers(path, table, columns, ("radius",)), 3, axis=1)
+    elif "diameter" in columns:
+        diameters = _numbers(path, table, columns, ("diameter",))
+        semi_axes = np.repeat(0.5 * diameters, 3, axis=1)
+    else:
+        found = ", ".join(map(str, table.columns))
+        raise InputError(path, "size", "missing", f"columns {SIZES}; found: {found}")
+    is_bad = (semi_axes <= 0).any(axis=1)
+    if is_bad.any():
+        row = int(np.flatnonzero(is_bad)[0])
+        value = float(semi_axes[row].min())
+        raise InputError(path, f"size, row {row + 1}", value, "a number above 0")
+    has_turned_axes = (has_semi_axes or has_full_axes) and "qw" not in columns
+    if has_turned_axes and (semi_axes != semi_axes[:, :1]).any():
+        names = ", ".join(QUATERNION)
+        raise InputError(path, "orientation", "missing", f"columns {names}")
+    return semi_axes
+
+
+def _unit(path: Path_, quaternions: np.ndarray) -> np.ndarray:
+    """Return quaternions (N, 4) of length 1."""
+    lengths = np.linalg.norm(quaternions, axis=1, keepdims=True)
+    if (lengths == 0).any():
+        row = int(np.flatnonzero(lengths[:, 0] == 0)[0])
+        raise InputError(path, f"orientation, row {row + 1}", 0, "a quaternion")
+    return quaternions / lengths

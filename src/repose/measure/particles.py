@@ -1,0 +1,344 @@
+"""A pile of any simulator, measured from the positions and sizes of its particles.
+
+The pile is turned until gravity points down and shifted until its base lies at z = 0.
+Then it is measured as a simulated pile of this program: from several sides, by the code
+that measures photographs. Spheres may belong to clumps; ellipsoids may all differ.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from repose.common.errors import InputError, NoFlankError
+from repose.dem.rotations import rotation_matrices
+from repose.measure import pile
+from repose.measure.further_responses import measure_scatter, measure_silhouettes
+from repose.measure.particle_files import Particles
+from repose.measure.results import PileResult
+from repose.measure.settings import MeasureSettings
+from repose.measure.silhouette import Grains
+
+# Metres in a unit of length.
+UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
+# Radii [m] of grains, from a powder to a boulder; others show a wrong unit.
+RADII_M = (1e-6, 1.0)
+# Directions that may point up, by name.
+DIRECTIONS = {
+    "x": (1.0, 0.0, 0.0),
+    "-x": (-1.0, 0.0, 0.0),
+    "y": (0.0, 1.0, 0.0),
+    "-y": (0.0, -1.0, 0.0),
+    "z": (0.0, 0.0, 1.0),
+    "-z": (0.0, 0.0, -1.0),
+}
+# Grains lie on the base if their lowest points differ by less than this share of a radius.
+LAYER = 0.2
+# The base has this many times as many grains as a plane across any other direction.
+CLEARLY_MORE = 2.0
+# Gap [radii] up to which spheres count as touching: positions are rounded when written.
+TOUCHING = 1e-3
+
+
+@dataclass
+class Ellipsoids(Grains):
+    """N ellipsoids of their own semi-axes (N, 3) in m; `particle` is not read."""
+
+    semi_axes_m: Any = None
+
+    def support_points(self, normals: np.ndarray) -> np.ndarray:
+        """Compute the points (N, K, 3) at which tangent planes touch the ellipsoids."""
+        scaled = self.semi_axes_m[:, None] * normals
+        distance = np.linalg.norm(scaled, axis=-1, keepdims=True)
+        return self.semi_axes_m[:, None] * scaled / distance
+
+    def __getitem__(self, selected: np.ndarray) -> "Ellipsoids":
+        """Select ellipsoids by a mask (N,)."""
+        return Ellipsoids(
+            centres_m=self.centres_m[selected],
+            quaternions=self.quaternions[selected],
+            particle=self.particle,
+            scales=self.scales[selected],
+            semi_axes_m=self.semi_axes_m[selected],
+        )
+
+
+class _UnitSphere:
+    """A sphere of radius 1 m, which each grain scales by its own radius."""
+
+    spheres_m = np.array([[0.0, 0.0, 0.0, 1.0]])
+
+    def support_point(self, n: np.ndarray) -> np.ndarray:
+        """Compute the points at which planes of unit normals touch the sphere."""
+        return n
+
+
+@dataclass(frozen=True)
+class ParticlePile:
+    """The measured pile of a file of particles.
+
+    Attributes
+    ----------
+    result : PileResult
+        Angles by every line, and the Height.
+    additional : dict
+        ``packing_percent``, ``loose_percent`` and others of
+        `repose.measure.further_responses`.
+    up : str
+        The direction that points up in the file.
+    base : float
+        Height of the base along it, in the unit of the file.
+    n_grains, n_particles : int
+    """
+
+    result: PileResult
+    additional: dict[str, float]
+    up: str
+    base: float
+    n_grains: int
+    n_particles: int
+
+
+def measure_particles(
+    particles: Particles,
+    settings: MeasureSettings | None = None,
+    *,
+    unit: str = "m",
+    up: str | None = None,
+    base: float | None = None,
+    source: object = "particles",
+) -> ParticlePile:
+    """Measure the pile of a file of particles.
+
+    Parameters
+    ----------
+    particles : Particles
+        N bodies.
+    settings : MeasureSettings, optional
+        Those of a photograph. A missing height of a grain is the diameter of a sphere of
+        the grains' mean volume.
+    unit : str
+        Unit of lengths in the file, one of `UNITS`.
+    up : str, optional
+        Direction against gravity, one of `DIRECTIONS`. Without it, it is that across
+        which most grains lie on one plane.
+    base : float, optional
+        Height of the plate along `up`, in the unit of the file. Without it, it is that
+        of the lowest points of the grains of the lowest layer.
+    source : path
+        For messages.
+
+    Raises
+    ------
+    InputError
+        If the unit cannot be right, or the direction of gravity is not clear.
+    NoFlankError
+        If there is no pile.
+    """
+    radius = float(np.prod(particles.semi_axes.mean(axis=0)) ** (1 / 3))
+    metres = UNITS[unit]
+    low, high = RADII_M
+    if not low <= radius * metres <= high:
+        raise InputError(
+            source,
+            "radius",
+            f"{radius:.4g} {unit}",
+            f"a grain of {low:g} to {high:g} m; is the unit of lengths another one?",
+        )
+    if up is None:
+        up = find_up(particles, source)
+    bottoms = _lowest_points(particles, np.array(DIRECTIONS[up]))
+    if base is None:
+        base = _base_of(bottoms, LAYER * radius)
+
+    rotation = _rotation_to_z(np.array(DIRECTIONS[up]))
+    centres = particles.centres @ rotation.T
+    centres[:, 2] -= base
+    grains = _as_grains(particles, centres * metres, rotation, metres)
+    members = None
+    if particles.are_spheres:
+        members = _largest_pile(particles, centres)
+    settings = _with_grain_height(settings or MeasureSettings(), particles, metres)
+    result = pile.measure_pile(grains, settings, members)
+    return ParticlePile(
+        result=result,
+        additional=_additional(particles, grains, members, settings, metres),
+        up=up,
+        base=base,
+        n_grains=len(np.unique(particles.grains)),
+        n_particles=len(particles.grains),
+    )
+
+
+# --- gravity and base -----------------------------------------------------------------
+
+
+def find_up(particles: Particles, source: object = "particles") -> str:
+    """Find the direction against gravity: that of the plane on which most grains lie.
+
+    Raises
+    ------
+    InputError
+        If no direction has clearly most.
+    """
+    radius = float(np.prod(particles.semi_axes.mean(axis=0)) ** (1 / 3))
+    counts = {}
+    for name, direction in DIRECTIONS.items():
+        bottoms = _lowest_points(particles, np.array(direction))
+        base = _base_of(bottoms, LAYER * radius)
+        is_on_base = np.abs(bottoms - base) < LAYER * radius
+        # No grain of a pile lies below the plate on which the pile stands.
+        is_below = bottoms < base - LAYER * radius
+        counts[name] = int(is_on_base.sum()) - int(is_below.sum())
+    first, second = sorted(counts, key=lambda name: -counts[name])[:2]
+    if counts[first] < CLEARLY_MORE * max(counts[second], 1):
+        raise InputError(
+            source,
+            "direction of gravity",
+            f"unclear: {counts[first]} grains lie on a plane across {first}, "
+            f"{counts[second]} across {second}",
+            f"--up, one of {', '.join(DIRECTIONS)}",
+        )
+    return first
+
+
+def _lowest_points(particles: Particles, up: np.ndarray) -> np.ndarray:
+    """Compute the heights (N,) of the lowest point of each body along `up` (3,)."""
+    up_body = np.einsum("nij,i->nj", rotation_matrices(particles.quaternions), up)
+    reach = np.linalg.norm(particles.semi_axes * up_body, axis=1)
+    return particles.centres @ up - reach
+
+
+def _base_of(bottoms: np.ndarray, layer: float) -> float:
+    """Find the height of the plate: the median of the lowest layer of grains.
+
+    It is the densest layer of that thickness, so that grains that fell from the plate do
+    not count. Of several equal ones it is the lowest.
+    """
+    ordered = np.sort(bottoms)
+    ends = np.searchsorted(ordered, ordered + layer, side="right")
+    counts = ends - np.arange(len(ordered))
+    first = int(np.argmax(counts))
+    return float(np.median(ordered[first : ends[first]]))
+
+
+def _rotation_to_z(up: np.ndarray) -> np.ndarray:
+    """Make the rotation matrix (3, 3) that turns `up` (3,), along an axis, into z."""
+    k = int(np.argmax(np.abs(up)))
+    if k == 2:
+        # half a turn about x where z points down
+        return np.diag([1.0, up[2], up[2]])
+    across = np.zeros(3)
+    across[1 - k] = 1.0
+    return np.array([across, np.cross(up, across), up])
+
+
+# --- the pile -------------------------------------------------------------------------
+
+
+def _as_grains(
+    particles: Particles, centres_m: np.ndarray, rotation: np.ndarray, metres: float
+) -> Grains:
+    """Make the bodies that the silhouettes show, turned by `rotation` (3, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    if particles.are_spheres:
+        upright = np.tile([1.0, 0.0, 0.0, 0.0], (len(centres_m), 1))
+        radii_m = particles.semi_axes[:, 0] * metres
+        return Grains(centres_m, upright, _UnitSphere(), radii_m)
+    turned = Rotation.from_matrix(rotation) * Rotation.from_quat(
+        particles.quaternions, scalar_first=True
+    )
+    return Ellipsoids(
+        centres_m,
+        turned.as_quat(scalar_first=True),
+        _UnitSphere(),
+        semi_axes_m=particles.semi_axes * metres,
+    )
+
+
+def _largest_pile(particles: Particles, centres: np.ndarray) -> np.ndarray:
+    """Find the spheres (N,) of the largest set of touching grains."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
+    radii = particles.semi_axes[:, 0]
+    gap = TOUCHING * float(radii.mean())
+    pairs = cKDTree(centres).query_pairs(
+        2 * float(radii.max()) + gap, output_type="ndarray"
+    )
+    first, second = pairs[:, 0], pairs[:, 1]
+    distances = np.linalg.norm(centres[first] - centres[second], axis=1)
+    is_touching = distances <= radii[first] + radii[second] + gap
+    grains = particles.grains
+    n_grains = int(grains.max()) + 1
+    graph = coo_array(
+        (
+            np.ones(int(is_touching.sum())),
+            (grains[first[is_touching]], grains[second[is_touching]]),
+        ),
+        shape=(n_grains, n_grains),
+    )
+    labels = connected_components(graph, directed=False)[1]
+    largest = int(np.argmax(np.bincount(labels)))
+    return labels[grains] == largest
+
+
+def _with_grain_height(
+    settings: MeasureSettings, particles: Particles, metres: float
+) -> MeasureSettings:
+    """Complete the settings with the height of a grain, if it is missing."""
+    if settings.berry_height_mm is not None:
+        return settings
+    volume_m3 = _volumes(particles).sum() * metres**3
+    n_grains = len(np.unique(particles.grains))
+    diameter_mm = 1e3 * (6 / math.pi * volume_m3 / n_grains) ** (1 / 3)
+    return replace(settings, berry_height_mm=diameter_mm)
+
+
+def _volumes(particles: Particles) -> np.ndarray:
+    """Compute the volumes (N,) of the bodies; spheres of a clump may overlap."""
+    return 4 / 3 * math.pi * particles.semi_axes.prod(axis=1)
+
+
+def _additional(
+    particles: Particles,
+    grains: Grains,
+    members: np.ndarray | None,
+    settings: MeasureSettings,
+    metres: float,
+) -> dict[str, float]:
+    """Measure packing, scatter and loose grains, as far as the file allows.
+
+    The share of loose grains needs contacts, which are known of spheres; the packing
+    needs volumes, which are known of single bodies, not of clumps.
+    """
+    in_pile = members
+    if in_pile is None:
+        in_pile = np.ones(len(grains.centres_m), bool)
+    additional: dict[str, float] = {}
+    height_m, views = pile.draw_views(grains, settings, members)
+    profiles = [pile.find_profile(view)[0] for view in views]
+    volumes_m3 = _volumes(particles)[in_pile] * metres**3
+    assert settings.berry_height_mm is not None
+    try:
+        of_silhouettes = measure_silhouettes(
+            profiles,
+            mm_per_pixel=settings.mm_per_pixel,
+            height_mm=1e3 * height_m,
+            grain_mm=settings.berry_height_mm,
+            grains_mm3=1e9 * float(volumes_m3.sum()),
+        )
+    except NoFlankError:
+        of_silhouettes = {}
+    is_clumped = len(np.unique(particles.grains)) < len(particles.grains)
+    if is_clumped:
+        of_silhouettes.pop("packing_percent", None)
+    additional |= of_silhouettes
+    if members is not None:
+        centre = grains.centres_m[members].mean(axis=0) * [1.0, 1.0, 0.0]
+        scatter = measure_scatter(grains.centres_m - centre, members, math.inf)
+        additional |= scatter
+    return additional
