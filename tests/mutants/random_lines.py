@@ -1,9 +1,11 @@
 """Whether the quick tests notice wrong lines that nobody chose: `python tests/mutants/random_lines.py`.
 
-Every room of src/repose gives as many mutants. A place in it is drawn and made wrong: an operator is another one, a
-comparison is turned, a number is another number. In a clone of the last commit the quick tests that name the module run
-up to the first that fails; those of the engine without the compiler. Outside the engine, what survives meets all quick
-tests of its room. The table goes to tests/mutants/random_lines.md.
+Every room of src/repose gives as many mutants. A place in it is drawn and made wrong in one of the ways of `kinds.py`.
+In a clone of the last commit the quick tests that name the module run up to the first that fails; those of the engine
+without the compiler. Outside the engine, what survives meets all quick tests of its room. The table goes to
+tests/mutants/random_lines.md.
+
+The next draw is of 60 lines with the seed 5309272. Write the seed after it here before that one is drawn.
 """
 
 import os
@@ -11,7 +13,6 @@ import os
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy is loaded
 
 import argparse
-import ast
 import importlib
 import re
 import resource
@@ -21,16 +22,12 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+from kinds import Source
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 SOURCE = ROOT / "src/repose"
-SWAPPED = {
-    ast.Add: "-", ast.Sub: "+", ast.Mult: "/", ast.Div: "*", ast.FloorDiv: "*", ast.Mod: "*", ast.Pow: "*",
-    ast.Lt: ">", ast.Gt: "<", ast.LtE: ">=", ast.GtE: "<=", ast.Eq: "!=", ast.NotEq: "==",
-    ast.And: "or", ast.Or: "and",
-}  # fmt: skip
-SEED = 20261203  # write down the next one before it is drawn
+SEED = 5309272
 LONGEST_S = 60  # of CPU time of the tests of a module; where they take longer without a mutant, its own file alone
 MOST_S = 300  # of CPU time of these; a mutant that takes longer is caught, too
 LOADED = (
@@ -47,66 +44,30 @@ PYTEST = ("-p", "no:cacheprovider", "-o", "addopts=", "-m", "not slow", "-x", "-
 NO_TEST = 5  # status of pytest
 
 
-def places(path):
-    """(start, end, new text) of every place in a file that can be made wrong, as offsets of bytes."""
-    text = path.read_bytes()
-    starts = np.cumsum([0, *(len(line) for line in text.splitlines(keepends=True))])
-
-    def span(node):
-        return starts[node.lineno - 1] + node.col_offset, starts[
-            node.end_lineno - 1
-        ] + node.end_col_offset
-
-    def between(left, right, operator):
-        begin, end = span(left)[1], span(right)[0]
-        found = re.search(rb"[-+*/%<>=!]+|\band\b|\bor\b", text[begin:end])
-        if found and type(operator) in SWAPPED:
-            yield begin + found.start(), begin + found.end(), SWAPPED[type(operator)]
-
-    tree = ast.parse(text)
-    typed = [
-        getattr(node, name, None)
-        for node in ast.walk(tree)
-        for name in ("annotation", "returns")
-    ]
-    skipped = {
-        id(inner) for part in typed if part for inner in ast.walk(part)
-    }  # no run reads annotations
-    for node in ast.walk(tree):
-        if id(node) in skipped:
-            continue
-        if isinstance(node, ast.BinOp) and not isinstance(
-            node.left, ast.JoinedStr | ast.Constant
-        ):
-            yield from between(node.left, node.right, node.op)
-        elif isinstance(node, ast.Compare):
-            yield from between(node.left, node.comparators[0], node.ops[0])
-        elif isinstance(node, ast.BoolOp):
-            yield from between(node.values[0], node.values[1], node.op)
-        elif isinstance(node, ast.Constant) and type(node.value) in (int, float):
-            value = (
-                node.value + 1 if isinstance(node.value, int) else 2 * node.value or 1.0
-            )
-            yield (*span(node), repr(value))
-
-
 def drawn(number, seed):
+    """Draw modules with a wrong content each, the rooms one after another."""
     random = np.random.default_rng(seed)
     rooms = sorted(
         path for path in SOURCE.iterdir() if path.is_dir() and any(path.rglob("*.py"))
     )
-    found = {
-        room: [
-            (path, place)
-            for path in sorted(room.rglob("*.py"))
-            for place in places(path)
+    places = {}
+    for room in rooms[:number]:
+        sources = {
+            path: Source(path.read_bytes()) for path in sorted(room.rglob("*.py"))
+        }
+        places[room] = [
+            (path, source, place)
+            for path, source in sources.items()
+            for place in source.places()
         ]
-        for room in rooms
-    }
     chosen = []
-    for k in range(number):
-        every = found[rooms[k % len(rooms)]]
-        chosen.append(every.pop(random.integers(len(every))))
+    while len(chosen) < number:
+        of_room = places[rooms[len(chosen) % len(rooms)]]
+        path, source, place = of_room.pop(random.integers(len(of_room)))
+        wrong = place.wrong[random.integers(len(place.wrong))]
+        content = source.changed(place, wrong)
+        if content is not None:
+            chosen.append((path, place.start, content))
     return chosen
 
 
@@ -200,15 +161,15 @@ def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--mutants", type=int, default=60)
     parser.add_argument("--seed", type=int, default=SEED)
+    parser.add_argument("--out", default=HERE / "random_lines.md", type=Path)
     arguments = parser.parse_args()
     for name in LOADED:
         importlib.import_module(name)
     rows = []
     with tempfile.TemporaryDirectory() as name:
         folder = cloned(name)
-        for path, (start, end, new) in drawn(arguments.mutants, arguments.seed):
+        for path, start, wrong in drawn(arguments.mutants, arguments.seed):
             text = path.read_bytes()
-            wrong = text[:start] + new.encode() + text[end:]
             number = text[:start].count(b"\n")
             before, after = (
                 content.splitlines()[number].decode().strip()
@@ -219,7 +180,7 @@ def main():
                 f"| {path.relative_to(SOURCE)} {number + 1} | `{before}` | `{after}` | {how} |"
             )
             print(rows[-1], flush=True)
-    written(HERE / "random_lines.md", rows, "place", f", seed {arguments.seed}")
+    written(arguments.out, rows, "place", f", seed {arguments.seed}")
 
 
 if __name__ == "__main__":
