@@ -1,9 +1,7 @@
 import copy
-import functools
 import gc
 import importlib
 import os
-import pickle
 import re
 import sys
 from pathlib import Path
@@ -18,37 +16,6 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).parent))
 importlib.import_module("repose.bench")  # makes the responses known by name
 ALL_SLOW = re.compile(r"^pytestmark = \[?pytest\.mark\.slow\b", re.MULTILINE)
-
-
-def _once(function, when=lambda *_: True):
-    """A function whose results are kept for calls with equal arguments, if `when` holds for the arguments."""
-    kept = {}
-
-    @functools.wraps(function)
-    def wrapper(*arguments):
-        if not when(*arguments):
-            return function(*arguments)
-        key = pickle.dumps(arguments)
-        if key not in kept:
-            kept[key] = function(*arguments)
-        return copy.deepcopy(kept[key])
-
-    return wrapper
-
-
-def _is_built(_berry, section):
-    """Whether the particle's mesh is built from axes and mass, not read from a file, which may change."""
-    return section.stl is None
-
-
-# Hundreds of tests read the same defaults (PyYAML needs 50 ms for them) and make the same berry (3 s).
-for module, name, *when in (
-    ("repose.common.reading", "parse"),
-    ("repose.grain.support_fit", "fit_components"),
-    ("repose.grain.build", "of_settings", _is_built),
-):
-    module = importlib.import_module(module)
-    setattr(module, name, _once(getattr(module, name), *when))
 
 
 @pytest.fixture(autouse=True, scope="session")

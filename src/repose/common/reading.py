@@ -1,5 +1,7 @@
 """Strict reading of YAML: no key twice, numbers as numbers."""
 
+import copy
+import functools
 import os
 import re
 from collections.abc import Sequence
@@ -119,6 +121,14 @@ def read(path: str | os.PathLike) -> dict[str, Any]:
 
 def parse(text: str, name: str) -> Any:
     """Read YAML, and so JSON, as plain values; InputError with the file's `name` and the line for bad syntax."""
+    # The caller may change what it gets.
+    return copy.deepcopy(_parse(text, name))
+
+
+# The defaults of all studies take 50 ms to parse, and every load reads them anew.
+@functools.lru_cache(maxsize=16)
+def _parse(text: str, name: str) -> Any:
+    """Read YAML as `parse` does; the result is not to be changed."""
     loader = None
     try:
         loader = StrictLoader(text)

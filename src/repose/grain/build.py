@@ -5,6 +5,7 @@ made from the same mesh in its principal pose and compared with it: volume, mass
 principal moments and extents.
 """
 
+import functools
 import math
 from collections.abc import Mapping
 from os import PathLike
@@ -251,13 +252,35 @@ def of_settings(grain: Mapping[str, Any], section: GrainSettings) -> Particle:
         The section `berry`.
     """
     source = section.stl or MESH_FILE
-    mesh = read_stl(_mesh_content(grain, section.stl, section.mass_g), source)
-    return make_particle(
-        mesh,
-        grain["density_kg_m3"],
+    density_kg_m3 = grain["density_kg_m3"]
+    return _particle_of_file(
+        _mesh_content(grain, section.stl, section.mass_g),
+        density_kg_m3,
         kind=section.particle,
         spheres=section.spheres,
         surface=section.surface,
+        source=str(source),
+    )
+
+
+# A particle takes a second to fit, and every load of a configuration makes it anew.
+@functools.lru_cache(maxsize=8)
+def _particle_of_file(
+    content: bytes,
+    density_kg_m3: float,
+    *,
+    kind: str,
+    spheres: int | str,
+    surface: str,
+    source: str,
+) -> Particle:
+    """Make the particle of a mesh from the content of its file."""
+    return make_particle(
+        read_stl(content, source),
+        density_kg_m3,
+        kind=kind,
+        spheres=spheres,
+        surface=surface,
         stl=MESH_FILE,
         source=source,
     )
@@ -276,9 +299,17 @@ def _mesh_content(
         scan = load_mesh(stl)
         _check_sides(scan, axes_mm, stl)
         return write_stl(scan)
+    return _mesh_content_of_axes(tuple(axes_mm), mass_g, grain["density_kg_m3"])
+
+
+@functools.lru_cache(maxsize=8)
+def _mesh_content_of_axes(
+    axes_mm: tuple[float, ...], mass_g: float | None, density_kg_m3: float
+) -> bytes:
+    """Return the content of the mesh file of a grain without a scan."""
     if mass_g is None:
-        return write_stl(ellipsoid_mesh(axes_mm))
-    mesh, _ = mesh_from_axes.grain_mesh(axes_mm, mass_g, grain["density_kg_m3"])
+        return write_stl(ellipsoid_mesh(list(axes_mm)))
+    mesh, _ = mesh_from_axes.grain_mesh(list(axes_mm), mass_g, density_kg_m3)
     return write_stl(mesh)
 
 
