@@ -1,25 +1,23 @@
 """The keys of `dependencies.KEYS` beside those that each stage reads, on made-up runs."""
 
 import json
-from collections.abc import Mapping
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
 import pytest
 from goji import PARTICLE
-from pydantic import BaseModel
+from recording import RecordedMapping, RecordedSection, entry_of, without_parents
 from shared import good_run, write_jobs
 from synthetic import responses, write_poured
 from test_drum import saved
 from test_simulated_piles import cone_of_berries
 
-from repose.calibrate.responses import Response
 from repose.calibrate.strategies import strategy
+from repose.calibrate.study import Study
 from repose.cli import TYPED, VERBS, parser
-from repose.common import section
-from repose.common.section import Section
-from repose.config import dependencies, loader, models, pipeline
-from repose.stages.published import find_sibling_table
+from repose.config import dependencies, loader
+from repose.config.pipeline import PipelineConfig
 
 pytestmark = [pytest.mark.slow, pytest.mark.essential]  # every stage is run once
 
@@ -37,149 +35,85 @@ SMALL = {
 }  # fmt: skip
 
 
-class Noted(Mapping, dict):
-    """A mapping that notes the dotted keys which are read of it; reading a section is to read its keys."""
+class RecordingConfig(PipelineConfig):
+    """A configuration that records the keys that a stage reads."""
 
-    def __init__(self, content, keys, prefix=""):
-        dict.__init__(self, content)
-        self.plain, self.keys_read, self.prefix = content, keys, prefix
+    def __init__(self, plain, keys):
+        super().__init__(RecordedMapping(plain.config, keys), plain.source)
+        vars(self).update(plain=plain, keys=keys)
 
-    def __getitem__(self, key):
-        value = dict.__getitem__(self, key)
-        if isinstance(value, dict):
-            return Noted(value, self.keys_read, f"{self.prefix}{key}.")
-        self.keys_read.add(f"{self.prefix}{key}")
-        return value
+    @cached_property
+    def settings(self):
+        return RecordedSection(self.plain.settings, self.keys)
 
-    def __iter__(self):  # without it dict(...) and ** would not call __getitem__
-        return dict.__iter__(self)
+    @property
+    def definitions(self):
+        """They change no result: files of other definitions are refused."""
+        return self.plain.definitions
 
-    # to look whether a key is there is not to read it
-    __len__, __contains__, __eq__ = dict.__len__, dict.__contains__, dict.__eq__
+    def published(self, table):
+        """The tables of published sets are inputs of the rules."""
+        return self.plain.published(table)
 
-    def __or__(self, other):
-        return dict(self.items()) | dict(other.items())
+    @cached_property
+    def parameters(self):
+        self.keys.add("parameters")
+        return self.plain.parameters
 
-    def __ror__(self, other):
-        return other | dict(self.items())
+    @cached_property
+    def targets(self):
+        self.keys.add("targets")
+        return self.plain.targets
 
+    def study(self, file=None):
+        """The study of a strategy, whose settings are recorded.
 
-def is_section(field):
-    """Whether a field of the whole configuration is a section."""
-    kind = field.annotation
-    return isinstance(kind, type) and issubclass(kind, Section)
-
-
-def note_attributes(patch, keys):
-    """Note also the keys that are read as attributes of typed sections, wherever these were made."""
-    plain, fields = BaseModel.__getattribute__, models.settings_type().model_fields
-    outside = {name for name, field in fields.items() if not is_section(field)}
-    of_config, of_study = models.settings_of, pipeline.PipelineConfig.study
-    valid_sections = models.valid_sections
-    paused = []
-    kinds = {
-        name: field.annotation
-        for name, field in fields.items()
-        if isinstance(field.annotation, type)
-    }
-    sections = {
-        kind: f"{name}." for name, kind in kinds.items() if issubclass(kind, Section)
-    }
-
-    def noting(section, name):
-        value, kind = plain(section, name), type(section)
-        # `dict` of a section, and its copies, read `__dict__`
-        read = (
-            kind.model_fields
-            if name == "__dict__"
-            else (name,)
-            if name in kind.model_fields
-            else ()
-        )
-        if kind in sections and not paused:
-            keys.update(f"{sections[kind]}{key}" for key in read)
-        if kind is models.settings_type() and name in outside and not paused:
-            keys.add(name)
-        return value
-
-    def without_noting(function):
-        """To make typed sections of a configuration, or a study of them, is no use of their keys."""
-
-        def call(config, *more):
-            paused.append(True)
-            try:
-                return function(config, *more)
-            finally:
-                paused.pop()
-
-        return call
-
-    def plain_of(function):
-        return without_noting(
-            lambda config, *more: function(getattr(config, "plain", config), *more)
-        )
-
-    patch.setattr(Section, "__getattribute__", noting)
-    patch.setattr(models, "settings_of", plain_of(of_config))
-    patch.setattr(dependencies, "valid_sections", plain_of(valid_sections))
-    patch.setattr(pipeline.PipelineConfig, "study", without_noting(of_study))
-    patch.setattr(
-        section, "refuse", lambda _: None
-    )  # a check of all keys is no use of them
-
-
-def entry_of(key, listed):
-    """The entry that lists a dotted key: it or its section; without one the key."""
-    entries = (
-        key,
-        key.partition(".")[0],
-        dependencies.RESPONSES if key == "targets" else key,
-    )
-    return next((entry for entry in entries if entry in listed), key)
+        Its parameters, its targets and the name of its surrogate are handed over before
+        the strategy is called.
+        """
+        plain = self.plain.study()
+        settings = RecordedSection(plain.settings, self.keys)
+        return Study.of(plain.parameters, plain.targets, settings, self.config, file)
 
 
 @pytest.fixture(scope="module")
-def keys_read(tmp_path_factory):
-    folder, patch = tmp_path_factory.mktemp("keys"), pytest.MonkeyPatch()
-    config = pipeline.PipelineConfig.load(
+def plain():
+    return PipelineConfig.load(
         "config/config.yaml", "config/quick.yaml", overrides=SMALL
-    ).config
-    config["results_dir"] = str(folder)
-    loader.write_resolved(config, folder / "config.json")
-    found, settings = {}, Response.settings
+    )
+
+
+@pytest.fixture(scope="module")
+def keys_of_scene(plain):
+    """The keys whose values the hash of the scene stands for."""
+    keys = set()
+    dependencies.scene(RecordedMapping(plain.config, keys))
+    return keys
+
+
+@pytest.fixture(scope="module")
+def keys_read(plain, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("keys")
+    resolved = folder / "config.json"
+    loader.write_resolved(plain.config, resolved)
+    found = {}
 
     def run(verb, *words, **options):
-        """Run a stage as its rule does, without its record of provenance, which reads the listed keys."""
+        """Run a stage as its rule does, without its record of provenance."""
         keys = found.setdefault(words[0] if verb == "propose" else verb, set())
-        patch.setattr(pipeline, "read_json", lambda path, what: Noted(config, keys))
-        note_attributes(patch, keys)
-        # no result depends on these: files of other definitions are refused, and a rule has its tables as inputs
-        patch.setattr(
-            Response, "settings", lambda response, _: settings(response, config)
-        )
-        patch.setattr(
-            dependencies, "scene", lambda _: ""
-        )  # the hash of the scene stands for its keys
-        published = config["validation"]["published"]
-        patch.setattr(
-            pipeline.PipelineConfig,
-            "published",
-            lambda _, table: find_sibling_table(published, table),
-        )
         given = [f"--{key}={value}" for key, value in options.items()]
         name = [verb] if verb in TYPED else ["stage", verb]
-        given.append(f"--config={folder / 'config.json'}")
-        VERBS[verb](parser().parse_args([*name, *map(str, words), *given]))
+        arguments = parser().parse_args(
+            [*name, *map(str, words), *given, f"--config={resolved}"]
+        )
+        VERBS[verb].run(arguments, RecordingConfig(plain, keys))
 
     def poured(samples_csv, out, seeds=2):
         write_poured(out, pd.read_csv(samples_csv), 2.0, len(str(out)), seeds)
 
-    try:
-        chain(run, folder)
-        strategies(run, poured, folder)
-        pictures(run, folder)
-    finally:
-        patch.undo()
+    chain(run, folder)
+    strategies(run, poured, folder)
+    pictures(run, folder)
     return found
 
 
@@ -290,10 +224,36 @@ def test_every_stage_of_the_table_is_run_here(keys_read):
 
 
 @pytest.mark.parametrize("verb", sorted(LISTED.keys() - NOT_RUN))
-def test_a_stage_reads_the_keys_that_are_listed_and_no_others(verb, keys_read):
-    listed = set(LISTED[verb]) - {dependencies.SCENE, dependencies.MEASURED_BY}
-    read = {entry_of(key, listed) for key in keys_read[verb]}
+def test_a_stage_reads_the_keys_that_are_listed_and_no_others(
+    verb, plain, keys_read, keys_of_scene
+):
+    listed = set(LISTED[verb])
+    # A study has settings of its own, such as the noise of the user's simulator.
+    read = {
+        entry_of(key, listed)
+        for key in without_parents(keys_read[verb])
+        if key.partition(".")[0] in plain.config
+    }
+    if dependencies.SCENE in listed:
+        assert keys_of_scene <= keys_read[verb]
+        read -= {entry_of(key, listed) for key in keys_of_scene} - listed
+        read.add(dependencies.SCENE)
     if verb in SEVERAL:
-        # The pipeline hands them over as objects, before the strategy is called.
-        read |= listed & {"parameters", "surrogate"}
+        # They are handed over before the strategy is called.
+        read |= listed & {"parameters", "targets", "surrogate"}
     assert read == listed
+
+
+def test_recorded_settings_name_the_keys_that_are_read(plain):
+    keys = set()
+    recorded = RecordingConfig(plain, keys)
+    assert recorded.settings.miga.rounds == 4
+    assert recorded.config["measure"]["views"] == plain.config["measure"]["views"]
+    assert keys == {"miga.", "miga.rounds", "measure.", "measure.views"}
+    assert without_parents(keys) == {"miga.rounds", "measure.views"}
+    assert dict(recorded.settings.posterior) == dict(plain.settings.posterior)
+    assert keys > {f"posterior.{name}" for name in plain.config["posterior"]}
+    assert entry_of("miga.rounds", {"miga"}) == "miga"
+    assert entry_of("miga.rounds", {"miga.rounds"}) == "miga.rounds"
+    assert entry_of("drum.", {"drum"}) == "drum"
+    assert entry_of("drum.", {"miga"}) == "drum"

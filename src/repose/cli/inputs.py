@@ -15,6 +15,11 @@ if TYPE_CHECKING:
     from repose.calibrate.study import Study
 
 
+def _study_of_grain(args: argparse.Namespace) -> PipelineConfig | None:
+    """Load the study; a mesh that is built from axes needs none."""
+    return None if args.axes or args.stl else load(args)
+
+
 @verb(
     Option(
         "--axes",
@@ -48,9 +53,9 @@ if TYPE_CHECKING:
         help="depth of the grooves in mm (0)",
     ),
     out="results/berry",
-    study=None,  # a mesh from axes and density needs none
+    study=_study_of_grain,
 )
-def berry(args: argparse.Namespace) -> None:
+def berry(args: argparse.Namespace, study: PipelineConfig | None) -> None:
     """Compute sphericity from sizes and moduli from compression tests (Eq. 1-4); or build a mesh from axes and mass.
 
     example: --axes 6.6 5.6 4.5 --mass-g 0.11 --density 1250 --stl results/crop.stl
@@ -58,10 +63,9 @@ def berry(args: argparse.Namespace) -> None:
     from repose.common.tables import print_columns
     from repose.grain import berry
 
-    if args.axes or args.stl:
+    if study is None:
         _build_mesh(args)
         return
-    study = load(args)
     section = study.settings.berry
     berry.run(section, study.published("table1.csv"), args.out)
     print_columns(section.sizes)

@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 
 PROGRAM = "repose"
 # Makes the study of a verb from its options; None for a verb without a study.
-Loader: TypeAlias = "Callable[[argparse.Namespace], PipelineConfig | Study] | None"
+Loader: TypeAlias = (
+    "Callable[[argparse.Namespace], PipelineConfig | Study | None] | None"
+)
 # Separates the summary from the example in the docstring of a verb.
 EXAMPLE = "\n\nexample: "
 HELP_COLUMNS = 78

@@ -15,7 +15,7 @@ from repose.calibrate.strategies import names, strategy
 from repose.common import attached
 from repose.common.keys import Config
 from repose.common.provenance import engine_hash, hash_of, hash_of_file
-from repose.config.models import named_files, valid_sections
+from repose.config.models import named_files, targets_of
 from repose.config.results_folder import run_folder
 
 # Entries that are no keys of a configuration:
@@ -197,7 +197,7 @@ def scene(config: Config) -> str:
     measure = dict(selected["measure"])
     measure.pop("response", None)
     selected["measure"] = measure
-    targets = valid_sections(config).targets
+    targets = targets_of(config)
     for test in dict.fromkeys(target.apparatus for target in targets):
         selected |= simulating(config, test)
         selected |= _of_bench_test(config, test, bench(test).measured_by)
@@ -211,7 +211,7 @@ def responses(config: Config, apparatus: str | None = None) -> dict[str, Any]:
     """
     response_names = []
     profiles = {}
-    for target in valid_sections(config).targets:
+    for target in targets_of(config):
         if apparatus not in (None, target.apparatus):
             continue
         response_names.append(target.response)
@@ -291,7 +291,7 @@ def own_dataset(config: Config) -> Path | None:
         None unless the table, its piles and its grain were made by these settings, the
         table last.
     """
-    folder = Path(valid_sections(config).results_dir)
+    folder = Path(config["results_dir"])
     table = folder / "dataset.csv"
     piles = list(folder.glob(f"{run_folder(UNNAMED)}/*.json"))
     if not piles:

@@ -334,6 +334,13 @@ def valid_sections(config: Mapping[str, Any]) -> StudySettings:
     return model.model_construct(**sections)
 
 
+def targets_of(config: Mapping[str, Any]) -> tuple[TargetSettings, ...]:
+    """Make the typed targets of a configuration that was checked."""
+    adapter = _adapter(settings_type(), "targets")
+    targets: tuple[TargetSettings, ...] = adapter.validate_python(config["targets"])
+    return targets
+
+
 @cache
 def _adapter(model: type[StudySettings], name: str) -> TypeAdapter[Any]:
     """Return the validator of a top-level key."""

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from os import PathLike
+from types import SimpleNamespace
 from typing import Any
 
 from repose.measure.definitions import CALIBRATED_ANGLE, MEAN_KEYS
@@ -66,7 +67,7 @@ class MeasureSettings:
         return replace(settings, berry_height_mm=diameter_mm)
 
 
-def line_of(settings: object, definition: str | None = None) -> str:
+def line_of(settings: Any, definition: str | None = None) -> str:
     """Describe a definition of the angle with its settings, for tables and figures.
 
     Parameters
@@ -76,21 +77,23 @@ def line_of(settings: object, definition: str | None = None) -> str:
     definition : str, optional
         One of `DEFINITIONS`; the default is that of the calibrated angle.
     """
-    section = settings if isinstance(settings, Mapping) else vars(settings)
+    section = settings
+    if isinstance(settings, Mapping):
+        section = SimpleNamespace(**settings)
     if not definition:
-        definition = section["response"]
+        definition = section.response
     if definition == "secant":
         return "secant, foot to crest"
     if definition == "whole":
         return "whole side, columns"
     if definition == "straightest":
-        smallest = section["smallest_window"]
+        smallest = section.smallest_window
         return f"straightest window, at least {smallest:.2g} of the side, columns"
-    lower = _end_of_flank(section["fit_from"])
-    upper = _end_of_flank(section["fit_to"])
-    unit = "" if section["fit_to"] == ONE_GRAIN else " % of the height"
+    lower = _end_of_flank(section.fit_from)
+    upper = _end_of_flank(section.fit_to)
+    unit = "" if section.fit_to == ONE_GRAIN else " % of the height"
     part = "steepest half or more of the " if definition == "steepest" else ""
-    return f"{part}flank, {lower} to {upper}{unit}, {section['flank']}"
+    return f"{part}flank, {lower} to {upper}{unit}, {section.flank}"
 
 
 def _end_of_flank(end: float | str) -> str:
