@@ -76,6 +76,10 @@ def test_help_fits_a_screen_and_guesses_what_was_mistyped(command):
     assert "did you mean stage dataset?" in error_of(command, "datset")
     assert "did you mean" not in error_of(command, "xyzzy")
     assert error_of(command, "hepa").endswith("; did you mean heap?")
+    # The nearest of several names that are near is proposed, and no other one.
+    one_guess = error_of(command, "stage", "published_solution")
+    assert one_guess.endswith("; did you mean published_solutions?")
+    assert one_guess.count("did you mean") == 1
 
     def check():
         """Another function of the name of a verb."""

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 import shared
 
-from repose.config import advice, cost
+from repose.config import advice, check, cost
 from repose.config.models import settings_of
 
 SPHERE = {
@@ -182,3 +182,17 @@ def test_time_goes_with_the_slowest_bench_test_and_each_strategy_has_its_own_pou
     assert cost.work(config)["total_s"] > work["total_s"] + runs * cost.run_s(
         config, "drum"
     )
+
+
+@pytest.mark.parametrize(("volume_m3", "mesh_volume_m3", "is_coarse"), [
+    (1.049e-6, 1e-6, False),
+    (1.051e-6, 1e-6, True),
+    (0.951e-6, 1e-6, False),
+    (0.949e-6, 1e-6, True),
+    (1.2e-6, None, False),
+])  # fmt: skip
+def test_a_particle_is_coarse_if_its_volume_is_5_percent_off_that_of_its_mesh(
+    volume_m3, mesh_volume_m3, is_coarse
+):
+    particle = SimpleNamespace(volume_m3=volume_m3, mesh_volume_m3=mesh_volume_m3)
+    assert check.is_coarse(particle) is is_coarse

@@ -198,3 +198,24 @@ def test_what_stands_on_a_fault_is_not_reported_beside_it(quick):
         "berry.stl",
         "validation.published",
     }
+
+
+def test_values_of_snakemake_are_read_as_the_file_of_each_key_has_them(tmp_path):
+    path = written(
+        tmp_path / "mine.yaml",
+        "simulation: {time_step_s: 2e-4}\nmiga: {rounds: 20}\n",
+    )
+    # Snakemake's reader takes 2e-4 for a text, and its command line gives texts alone.
+    given = {
+        "simulation": {"time_step_s": "2e-4", "gravity_m_s2": "1.62"},
+        "miga": {"rounds": 20, "seed": "7"},
+    }
+    config, origin = loader.over_defaults(given, [path])
+    assert config["simulation"]["time_step_s"] == 2e-4
+    assert config["simulation"]["gravity_m_s2"] == 1.62
+    assert config["miga"]["rounds"] == 20
+    assert config["miga"]["seed"] == 7
+    assert origin.of("simulation.time_step_s") == str(path)
+    assert origin.of("miga.rounds") == str(path)
+    assert origin.of("simulation.gravity_m_s2") == loader.COMMAND_LINE
+    assert origin.of("miga.seed") == loader.COMMAND_LINE

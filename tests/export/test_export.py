@@ -539,6 +539,7 @@ def test_the_verb_writes_a_deck_of_clumps_or_spheres(
         "particletemplate/sphere" in (tmp_path / "in.pour").read_text()
     ) is not is_clump
     assert (tmp_path / "clump.txt").exists() is is_clump
+    assert (asked["particle"] == "multisphere") is is_clump
     assert not is_clump or asked["spheres"] == int(words[1])
 
 

@@ -149,3 +149,11 @@ def test_bad_settings_are_refused(samples, method, seed, key):
     with pytest.raises(ValidationError) as caught:
         DesignSettings(samples=samples, method=method, seed=seed)
     assert [error["loc"] for error in caught.value.errors()] == [(key,)]
+
+
+def test_a_design_of_one_parameter_has_nothing_to_exchange():
+    points = design.optimal_lhs(8, 1, seed=3)
+    expected = design.lhsdesign(8, 1, rng=np.random.default_rng(3))
+    np.testing.assert_array_equal(points, expected)
+    strata = np.floor(8 * points[:, 0])
+    assert sorted(strata) == list(range(8))

@@ -19,6 +19,7 @@ from repose.stages.job import run_once
 
 if TYPE_CHECKING:
     from repose.dem.time_steps import Limit
+    from repose.grain.particle import Particle
 
 # A smaller difference between the volumes of particle and mesh does not matter to a pile.
 LARGEST_VOLUME_CHANGE = 0.05
@@ -86,18 +87,29 @@ def describe_study(study: PipelineConfig) -> Iterator[str]:
     yield from _about_grain(study)
 
 
+def is_coarse(particle: "Particle") -> bool:
+    """Tell whether the volume of a particle is far from that of its mesh."""
+    return abs(_volume_change(particle)) > LARGEST_VOLUME_CHANGE
+
+
+def _volume_change(particle: "Particle") -> float:
+    """Return by what share a particle is larger than its mesh; 0 without a mesh."""
+    if not particle.mesh_volume_m3:
+        return 0.0
+    return float(particle.volume_m3 / particle.mesh_volume_m3 - 1)
+
+
 def _about_grain(study: PipelineConfig) -> Iterator[str]:
     """Warn of a coarse particle, and of settings of the grain that are not used."""
     particle = study.particle
     section = study.settings.berry
-    if particle.mesh_volume_m3:
-        change = particle.volume_m3 / particle.mesh_volume_m3 - 1
-        if abs(change) > LARGEST_VOLUME_CHANGE:
-            yield (
-                f"particle: WARNING: the volume of the {section.particle} differs by "
-                f"{100 * change:+.0f} % from that of the mesh; try another "
-                "berry.particle or berry.surface, or more berry.spheres"
-            )
+    if is_coarse(particle):
+        percent = 100 * _volume_change(particle)
+        yield (
+            f"particle: WARNING: the volume of the {section.particle} differs by "
+            f"{percent:+.0f} % from that of the mesh; try another "
+            "berry.particle or berry.surface, or more berry.spheres"
+        )
     if section.stl is not None and section.mass_g is not None:
         mass_g = 1e3 * particle.mass_kg
         yield (

@@ -188,3 +188,24 @@ def test_95_percent_intervals_of_predictions_hold_95_percent_of_the_means_and_to
     observed = poured()
     observed.values[:] = observed.values[:, :1]
     value_error("all alike", Kriging, observed)
+
+
+@pytest.mark.parametrize(("point", "is_sound"), [
+    (0.125, True),  # 0.125 from a good sample, 0.375 from a failed one
+    (0.375, True),  # as near to a good sample as to a failed one
+    (0.4375, False),
+    (0.625, True),  # as near to a good sample as to a failed one
+    (0.8125, True),
+    (0.9375, False),
+])  # fmt: skip
+def test_a_point_is_sound_if_no_failed_sample_is_nearer_than_a_good_one(
+    point, is_sound
+):
+    observed = Observed(
+        unit=np.array([[0.25], [0.75]]),
+        values=np.zeros((2, 1, 1)),
+        failed=np.array([[0.5], [1.0]]),
+    )
+    assert observed.is_sound(np.array([[point]])).tolist() == [is_sound]
+    many = np.full((5, 1), point)
+    assert observed.is_sound(many).tolist() == [is_sound] * 5

@@ -294,3 +294,24 @@ def test_the_loop_of_a_study_is_that_of_the_files(noisy):
     np.testing.assert_allclose(
         found.mean, solution[list(TARGETS.predicted)].to_numpy(float), rtol=1e-6
     )
+
+
+def test_the_check_has_the_mean_of_its_good_runs_and_the_standard_error_of_the_mean():
+    predicted = pd.DataFrame(
+        {"response": ["aor_deg"], "target": [40.0], "low": [30.0], "high": [32.0]}
+    )
+    dataset = pd.DataFrame(
+        {
+            "aor_deg": [30.0, 32.0, 34.0, 99.0],
+            "status": ["ok", "ok", "ok", "jammed"],
+        }
+    )
+    checked = surface.checked(predicted, dataset).iloc[0]
+    assert checked["simulated"] == pytest.approx(32.0)
+    assert checked["simulated_error"] == pytest.approx(2.0 / np.sqrt(3.0))
+    assert checked["deviation_percent"] == pytest.approx(-20.0)
+    assert checked["as_predicted"]
+
+    one_run = surface.checked(predicted, dataset.head(1)).iloc[0]
+    assert one_run["simulated"] == 30.0
+    assert np.isnan(one_run["simulated_error"])
