@@ -24,7 +24,8 @@ GOJI = (15.40, 10.41, 13.32)  # equivalent diameter of Table 1: maximum, minimum
 
 def run(out_dir, **changes):
     section = {"sizes": SIZES, "compression": COMPRESSION, "density_kg_m3": 840.47}
-    section |= {"poisson_ratio": None, "shear_modulus_pa": None}
+    section |= {"poisson_ratio": None, "shear_modulus_pa": None, "stl": None}
+    section |= {"mass_g": None, "mean_size": "axes"}
     section = GrainSettings.model_construct(**section | changes)
     berry.run(section, TABLE1, out_dir)
     return berry.of_settings(section, TABLE1)

@@ -468,23 +468,27 @@ def _measure_settings(args: argparse.Namespace) -> "MeasureSettings":
     Without a study they are the defaults, with the grain of the folder's sizes.csv if
     there is one.
     """
-    from repose.measure.settings import MeasureSettings, mean_axes_mm
+    from repose.grain.berry import mean_axes
+    from repose.grain.berry_files import read_sizes
+    from repose.measure.settings import MeasureSettings
 
     if args.grain_mm is not None:
         _require_between("--grain-mm", args.grain_mm, 0.1, 1000)
     measure: dict[str, Any] = {"berry_height_mm": None}
     sizes_csv = SIZES if Path(SIZES).is_file() else None
+    keeps_volume = True
     if args.config is not None:
         study = load(args).settings
         measure = dict(study.measure)
         sizes_csv = study.berry.sizes
+        keeps_volume = study.berry.keeps_volume
     if args.grain_mm is not None:
         measure["berry_height_mm"] = args.grain_mm
 
-    mean_axes: dict[str, float] = {}
+    axes_mm: dict[str, float] = {}
     if measure["berry_height_mm"] is None and sizes_csv is not None:
-        mean_axes = mean_axes_mm(sizes_csv)
-    return MeasureSettings.of(measure, mean_axes)
+        axes_mm = mean_axes(read_sizes(sizes_csv), keeps_volume)
+    return MeasureSettings.of(measure, axes_mm)
 
 
 @verb(

@@ -20,9 +20,16 @@ from repose.stages.job import run_once
 if TYPE_CHECKING:
     from repose.dem.time_steps import Limit
     from repose.grain.particle import Particle
+    from repose.grain.settings import GrainSettings
+    from repose.grain.size_checks import SizeGroups
 
 # A smaller difference between the volumes of particle and mesh does not matter to a pile.
 LARGEST_VOLUME_CHANGE = 0.05
+# A smaller spread of the sizes hardly changes a pile, and so does a smaller distance of
+# two groups.
+LARGEST_SPREAD = 0.1
+# Mass and density are measured to about one percent each.
+LARGEST_EXCESS = 0.02
 FEWEST_PILES = 3  # a standard deviation of fewer is a guess
 LONGEST_TRIAL_S = 60.0  # of a trial run, as estimated
 # Restitution and friction of the trial runs, as shares of their ranges.
@@ -85,6 +92,7 @@ def describe_study(study: PipelineConfig) -> Iterator[str]:
 
     yield from advice.funnel_hints(config, grain, particle, longest_s)
     yield from _about_grain(study)
+    yield from _about_sizes(study)
 
 
 def is_coarse(particle: "Particle") -> bool:
@@ -124,6 +132,79 @@ def _about_grain(study: PipelineConfig) -> Iterator[str]:
             "moduli: WARNING: berry.shear_modulus_pa and berry.poisson_ratio are used; "
             "berry.compression is not used"
         )
+
+
+def _about_sizes(study: PipelineConfig) -> Iterator[str]:
+    """Warn of measured sizes, and of a mass, that one grain cannot stand for."""
+    from repose.grain import berry, size_checks
+    from repose.grain.berry_files import SIZE_COLUMNS, read_sizes
+
+    section = study.settings.berry
+    axes = read_sizes(section.sizes)[list(SIZE_COLUMNS)]
+    products = axes.prod(axis="columns")
+    groups = size_checks.find_groups(np.cbrt(products))
+    if groups is not None and groups.ratio > 1 + LARGEST_SPREAD:
+        yield _describe_groups(groups, section.size_distribution)
+
+    spread = study.grain["scale_sd"]
+    if spread > LARGEST_SPREAD:
+        lost = 1 - axes.mean().prod() / products.mean()
+        yield _describe_spread(section, spread=spread, lost=lost)
+
+    if section.mass_g is None or section.stl is not None:
+        return
+    mean_axes = berry.mean_axes(axes, keeps_volume=False)
+    largest_mm3 = size_checks.largest_volume(list(mean_axes.values()))
+    volume_mm3 = 1e6 * section.mass_g / section.density_kg_m3
+    excess = volume_mm3 / largest_mm3 - 1
+    if excess > LARGEST_EXCESS:
+        yield (
+            f"mass: WARNING: berry.mass_g {section.mass_g:g} makes the body "
+            f"{100 * excess:.2g} % fuller than its mean axes allow, at most "
+            f"{largest_mm3:.4g} mm3 (equal axes: a sphere); check mass, density and "
+            "sizes, or leave out berry.mass_g"
+        )
+
+
+def _describe_groups(groups: "SizeGroups", distribution: str) -> str:
+    """Describe two groups of sizes, and what is poured in their place."""
+    n_grains = sum(groups.counts)
+    parts = [
+        f"{100 * count / n_grains:.2g} % of the grains have about {diameter:.3g} mm"
+        for count, diameter in zip(groups.counts, groups.diameters_mm, strict=True)
+    ]
+    poured = "equal grains of the mean volume are poured"
+    if distribution == "measured":
+        poured = "sizes of one normal distribution are poured"
+    return (
+        f"sizes: WARNING: the grains form two groups: {', '.join(parts)}; {poured}; "
+        "calibrate each group by itself"
+    )
+
+
+def _describe_spread(section: "GrainSettings", *, spread: float, lost: float) -> str:
+    """Describe a wide spread of sizes, and what it does to the simulated grain.
+
+    `spread` is the standard deviation of the diameter over its mean, and `lost` the
+    share of the mean volume that a grain of the mean axes lacks.
+    """
+    text = f"sizes: WARNING: the equivalent diameter scatters by {100 * spread:.2g} %"
+    if section.size_distribution == "measured":
+        text += ", and is drawn from a normal distribution"
+    else:
+        text += (
+            "; all grains are poured alike; berry.size_distribution: measured pours "
+            "different ones"
+        )
+    missing = f"{100 * lost:.2g} % less volume than the measured grains have on average"
+    if section.stl is None and section.mass_g is not None:
+        text += (
+            f"; the mean axes hold {missing}, and berry.mass_g makes the body fuller "
+            "by as much"
+        )
+    elif section.stl is None and not section.keeps_volume:
+        text += f"; with berry.mean_size: axes the grain has {missing}"
+    return text
 
 
 def about_step(step_s: float, limit: "Limit") -> str:

@@ -172,6 +172,30 @@ def summarise(sizes: pd.DataFrame, published: pd.DataFrame) -> pd.DataFrame:
     return table
 
 
+def mean_axes(sizes: pd.DataFrame, keeps_volume: bool) -> dict[str, float]:
+    """Compute the full axes of the mean grain [mm], by the names of their columns.
+
+    Parameters
+    ----------
+    sizes : DataFrame
+        The sizes (`read_sizes`).
+    keeps_volume : bool
+        Whether the ellipsoid of the axes has the mean volume of the ellipsoids of all
+        grains. One factor scales the three mean axes until their product is the mean of
+        the products. Otherwise the axes are the means.
+
+    Notes
+    -----
+    The volume goes with the cube of the size, so the ellipsoid of the mean axes is
+    smaller than the mean: by 10 % of its own volume where all axes scatter by 19 %.
+    """
+    axes = sizes[list(SIZE_COLUMNS)]
+    means = axes.mean()
+    if keeps_volume:
+        means *= np.cbrt(axes.prod(axis="columns").mean() / means.prod())
+    return _ten_digits(means.to_dict())
+
+
 def of_files(
     sizes_csv: str | PathLike,
     compression_csv: str | PathLike | None,
@@ -179,6 +203,7 @@ def of_files(
     density_kg_m3: float,
     poisson_ratio: float | None = None,
     shear_modulus_pa: float | None = None,
+    keeps_volume: bool = False,
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
     """Compute statistics and material of the measured grains.
 
@@ -195,6 +220,8 @@ def of_files(
     poisson_ratio, shear_modulus_pa : float, optional
         They replace the results of the compression tests. The elastic modulus follows
         by Eq. 4.
+    keeps_volume : bool
+        Whether the mean grain has the mean volume (`mean_axes`).
 
     Returns
     -------
@@ -224,7 +251,7 @@ def of_files(
         published = read_table(table1_csv, STATISTICS)
 
     is_reconstructed = bool(sizes.attrs["reconstruction"])
-    quantities = {column: sizes[column].mean() for column in SIZE_COLUMNS}
+    quantities = mean_axes(sizes, keeps_volume)
     quantities["density_kg_m3"] = density_kg_m3
     quantities["elastic_modulus_pa"] = (
         2 * (1 + elasticity.poisson_ratio) * elasticity.shear_pa
@@ -339,6 +366,7 @@ def of_settings(
         density_kg_m3=section.density_kg_m3,
         poisson_ratio=section.poisson_ratio,
         shear_modulus_pa=section.shear_modulus_pa,
+        keeps_volume=section.keeps_volume,
     )
 
 

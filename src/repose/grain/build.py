@@ -292,7 +292,7 @@ def _mesh_content(
     """Return the content of the mesh file.
 
     It is the user's scan, or without one a mesh of the mean axes and the mass, or
-    without a mass the ellipsoid of the mean axes.
+    without a mass the ellipsoid of the mean axes (`repose.grain.berry.mean_axes`).
     """
     axes_mm = [grain[name] for name in SIZE_COLUMNS]
     if stl is not None:

@@ -24,6 +24,15 @@ class GrainSettings(Section):
     )
     surface: Annotated[str, OneOf(lambda: SURFACES)]
     size_distribution: Literal["none", "measured"]
+    mean_size: Literal["volume", "axes"]
+
+    @property
+    def keeps_volume(self) -> bool:
+        """Whether the mean grain has the mean volume of the measured grains.
+
+        A scan or a mass gives another volume.
+        """
+        return self.mean_size == "volume" and self.stl is None and self.mass_g is None
 
     @field_validator("poisson_ratio", "shear_modulus_pa")
     @classmethod

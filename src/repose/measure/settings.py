@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from os import PathLike
 from types import SimpleNamespace
 from typing import Any
 
@@ -116,11 +115,3 @@ def line_for(section: object, response: str) -> str:
         if key == response:
             return line_of(section, definition)
     return ""
-
-
-def mean_axes_mm(sizes_csv: str | PathLike) -> dict[str, float]:
-    """Compute the mean axes of measured grains [mm], by the names of their columns."""
-    from repose.grain.berry_files import SIZE_COLUMNS, read_sizes
-
-    sizes = read_sizes(sizes_csv)
-    return {column: float(sizes[column].mean()) for column in SIZE_COLUMNS}
