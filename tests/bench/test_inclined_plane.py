@@ -205,7 +205,13 @@ def test_a_film_shows_the_plane_tilting_and_the_berry_on_it_and_a_plane_that_til
     for keys, allowed in (
         ({"tilting_deg_s": 20.0, "steepest_deg": 5.0}, r"tilting_deg_s.*at most 10"),
     ):
-        input_error(rf"inclined_plane\.{allowed}", PipelineConfig.of, config(**keys))
+        # The looks follow from the grain, which is made with the inputs.
+        input_error(
+            rf"inclined_plane\.{allowed}",
+            PipelineConfig.of,
+            config(**keys),
+            inputs=True,
+        )
     creeping = config()
     creeping["simulation"]["rolling_law"] = "constant_torque"
     input_error(r"simulation\.rolling_law.*lets it creep", PipelineConfig.of, creeping)

@@ -81,10 +81,10 @@ def test_the_time_step_is_eight_tenths_of_the_longest(folder):
 
 
 @pytest.mark.parametrize(("rate_per_s", "lasts_s"), [
-    # 300 grains at 100 a second; a fall of 80 mm, and 1.5 s to rest
-    (100.0, 3.0 + 0.13 + 1.5),
+    # 300 grains at 100 a second; a fall of 80 mm, and 40 sqrt(d / g) to rest
+    (100.0, 3.0 + 0.13 + 0.95),
     # poured at once, grains of 5.48 mm and 0.108 g run out: 0.58 * 750 kg/m3 * sqrt(g) * (25 mm - 1.4 d)^2.5
-    (1e4, 0.60 + 0.13 + 1.5),
+    (1e4, 0.60 + 0.13 + 0.95),
 ])  # fmt: skip
 def test_a_pour_lasts_until_the_grains_lie(folder, rate_per_s, lasts_s):
     config = PipelineConfig.load(

@@ -82,18 +82,19 @@ OK = Verdict("ok")
 
 
 def not_at_rest(
-    energy_j: float, settings: SceneSettings, when: str = ""
+    energy_j: float, settings: SceneSettings, *, advice: str, when: str = ""
 ) -> Verdict | None:
     """Judge the mean kinetic energy of a grain; None if the grains are at rest.
 
-    An energy that is not a number is no rest. `when` is added to the reason.
+    An energy that is not a number is no rest. `when` and `advice`, the change that
+    brings rest, are added to the reason.
     """
     limit = settings.simulation.rest_energy_j
     if energy_j <= limit:
         return None
     return Verdict(
         "not_at_rest",
-        f"kinetic energy {energy_j:.2e} J a grain{when}, more than {limit:.0e}",
+        f"kinetic energy {energy_j:.2e} J a grain{when}, more than {limit:.2g}; {advice}",
     )
 
 

@@ -42,8 +42,6 @@ NAME = "discharge"
 LID_M_S = 3.0
 # A grain below this height is gone.
 FLOOR_M = -0.1
-# Simulated time between two checks whether the funnel is empty.
-CHECK_INTERVAL_S = 0.05
 # Shares of the mass between whose exits the rate is measured.
 FROM_SHARE = 0.2
 TO_SHARE = 0.8
@@ -215,7 +213,7 @@ class DischargeTest(BenchTest[DischargeSettings]):
         def is_empty() -> bool:
             return bool(np.isfinite(simulation.exit_times_s).all())
 
-        every = max(1, settings.steps(CHECK_INTERVAL_S))
+        every = max(1, settings.steps(scene.scale.interval_s()))
         opened_s = math.nan
         rest_energy_j = math.nan
         n_early = 0
@@ -266,7 +264,10 @@ class DischargeTest(BenchTest[DischargeSettings]):
         if outcome.n_early:
             return Verdict("lost", f"{outcome.n_early} grains left the closed funnel")
         moving = not_at_rest(
-            outcome.rest_energy_j, settings, " when the lid was taken away"
+            outcome.rest_energy_j,
+            settings,
+            advice="take the lid away later by discharge.open_from_s",
+            when=" when the lid was taken away",
         )
         if moving is not None:
             return moving

@@ -45,8 +45,6 @@ if TYPE_CHECKING:
     from repose.measure.silhouette import Grains
 
 NAME = "drawdown"
-# Simulated time between two checks whether the grains rest.
-CHECK_INTERVAL_S = 0.05
 # Corners of the six faces of a block, see `_block`.
 FACES = (
     (0, 1, 3, 2),
@@ -334,7 +332,7 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         area = Strip(box.half_width - radius, box.half_depth - radius, box.top + radius)
         factory = Factory(area, section.berries, section.rate_per_s)
 
-        every = max(1, settings.steps(CHECK_INTERVAL_S))
+        every = max(1, settings.steps(scene.scale.interval_s()))
         n_filled = 0
         n_early = 0
         opened_s = np.nan
@@ -384,7 +382,10 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
                 "lost", "a grain lies outside the box, or left the closed chamber"
             )
         moving = not_at_rest(
-            outcome.energy_j, settings, f" {section.longest_s:g} s after the opening"
+            outcome.energy_j,
+            settings,
+            advice="give the grains more time by drawdown.longest_s",
+            when=f" {section.longest_s:g} s after the opening",
         )
         if moving is not None:
             return moving

@@ -36,8 +36,8 @@ from repose.calibrate.responses import Response
 from repose.common.section import Contradictions, Section, Seeds
 
 NAME = "drop_test"
-# Longest simulated time between two looks at the flying grain.
-LONGEST_STRIDE_S = 1e-3
+# Longest time between two looks at the flying grain, in units of `GrainScale.time_s`.
+STRIDE_TIMES = 0.027
 # Longest duration of a hit.
 LONGEST_HIT_S = 1.0
 # Time steps of a hit that are all looked at; later looks are 1 / DENSE_STEPS of the hit apart.
@@ -98,6 +98,7 @@ class _Tracker:
         self.trial = trial
         self.simulation = trial.simulation
         self.settings = trial.scene.simulation
+        self.longest_stride_s = trial.scene.scale.interval_s(STRIDE_TIMES)
         scale = float(trial.scales[0])
         self.radius_m = scale * trial.scene.particle.bounding_radius_m
 
@@ -140,7 +141,7 @@ class _Tracker:
             gravity = self.settings.gravity_m_s2
             up = self.simulation.velocities[0, 2]
             fall_s = (up + math.sqrt(up**2 + 2.0 * gravity * gap_m)) / gravity
-        return max(1, self.settings.steps(min(LONGEST_STRIDE_S, 0.5 * fall_s)))
+        return max(1, self.settings.steps(min(self.longest_stride_s, 0.5 * fall_s)))
 
 
 @dataclass(frozen=True)

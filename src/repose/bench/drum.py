@@ -562,7 +562,7 @@ class DrumTest(RotatingDrum[DrumSettings]):
             return Verdict(
                 "not_at_rest",
                 f"kinetic energy {outcome.rest_energy_j:.2e} J a grain when the rotation "
-                "began",
+                "began; begin to turn later by drum.rotate_from_s",
             )
         if outcome.slip is None:
             drop_deg = self.section(settings).slip_drop_deg

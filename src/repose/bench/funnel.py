@@ -49,6 +49,8 @@ FLOOR_M = -0.05
 CHECKS_PER_WINDOW = 4
 # Share of `rest_motion_mm` that a grain at rest would move in a window at its speed.
 STANDSTILL_SHARE = 0.01
+# What brings a moving pile to rest.
+MORE_TIME = "give the grains more time by funnel.duration_s"
 
 # --- responses ------------------------------------------------------------------------
 
@@ -199,8 +201,8 @@ class FunnelSettings(Hopper):
     factory_height_mm: OrAuto[Annotated[float, Field(ge=0, le=1000)]] = OF_OTHERS
     factory_diameter_mm: OrAuto[Annotated[float, Field(ge=1, le=5000)]] = OF_OTHERS
     orientation: Literal["random", "lying", "upright"]
-    rest_motion_mm: float = Field(gt=0, le=100)
-    rest_window_s: float = Field(ge=0.001, le=100)
+    rest_motion_mm: OrAuto[Annotated[float, Field(gt=0, le=200)]] = OF_OTHERS
+    rest_window_s: OrAuto[Annotated[float, Field(ge=0.001, le=100)]] = OF_OTHERS
 
     @property
     def funnel(self) -> Funnel:
@@ -483,7 +485,9 @@ class FunnelTest(BenchTest[FunnelSettings]):
                 "left_plate", f"{outcome.off_plate} of {n_grains} grains left the plate"
             )
         n_in_pile = int(outcome.in_pile.sum())
-        moving = not_at_rest(outcome.kinetic_energy_j / max(1, n_in_pile), settings)
+        moving = not_at_rest(
+            outcome.kinetic_energy_j / max(1, n_in_pile), settings, advice=MORE_TIME
+        )
         if moving is not None:
             return moving
         motion_mm = 1e3 * outcome.largest_motion_m
@@ -491,7 +495,8 @@ class FunnelTest(BenchTest[FunnelSettings]):
             return Verdict(
                 "not_at_rest",
                 f"a grain moved {motion_mm:.2f} mm in the last "
-                f"{section.rest_window_s:g} s, more than {section.rest_motion_mm:g}",
+                f"{section.rest_window_s:g} s, more than {section.rest_motion_mm:g}; "
+                f"{MORE_TIME}",
             )
         n_on_plate = int(outcome.on_plate.sum())
         if n_in_pile < max(FEWEST_IN_PILE, SMALLEST_PILE * n_on_plate):

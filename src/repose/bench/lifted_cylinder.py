@@ -66,8 +66,6 @@ NAME = "lifted_cylinder"
 TUBE = ("tube", "rim")
 # A grain below this height has left the plate and is gone.
 FLOOR_M = -0.05
-# Simulated time between two checks whether the grains rest, or have left the tube.
-CHECK_INTERVAL_S = 0.05
 
 # --- responses ------------------------------------------------------------------------
 
@@ -284,7 +282,7 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         )
         factory = Factory(area, capacity, section.rate_per_s)
 
-        every = max(1, settings.steps(CHECK_INTERVAL_S))
+        every = max(1, settings.steps(scene.scale.interval_s()))
         lifting_m_s = 1e-3 * section.lifting_mm_s
         n_filled = 0
         filling_height_mm = math.nan
@@ -377,7 +375,10 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
                 f"{outcome.n_off_plate} of {n_grains} grains left the plate",
             )
         moving = not_at_rest(
-            outcome.energy_j, settings, f" {section.settle_s:g} s after the lifting"
+            outcome.energy_j,
+            settings,
+            advice="give the grains more time by lifted_cylinder.settle_s",
+            when=f" {section.settle_s:g} s after the lifting",
         )
         if moving is not None:
             return moving

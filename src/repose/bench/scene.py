@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Self
 
 from repose import dem
+from repose.bench.grain_scale import GrainScale
 from repose.bench.parameters import LAW_PARAMETERS
 from repose.bench.settings import SceneSettings, SimulationSettings
 from repose.common.errors import InputError
@@ -60,6 +61,11 @@ class Scene:
     def simulation(self) -> SimulationSettings:
         """Settings of every simulation."""
         return self.settings.simulation
+
+    @property
+    def scale(self) -> GrainScale:
+        """Units of length, time and energy of the mean grain."""
+        return GrainScale.of(self.particle, self.simulation.gravity_m_s2)
 
     @property
     def measure(self) -> "MeasureSettings":

@@ -26,7 +26,7 @@ class SimulationSettings(Section):
     # Whether the normal force may pull at the end of an impact.
     tension: Literal["keep", "release"]
     # The largest mean kinetic energy of a grain in a bed at rest.
-    rest_energy_j: float = Field(gt=0, le=1.0e-3)
+    rest_energy_j: OrAuto[Annotated[float, Field(gt=0, le=1.0)]] = OF_OTHERS
     contact_law: Annotated[str, OneOf(lambda: CONTACT_LAWS)]
     rolling_law: Annotated[str, OneOf(lambda: ROLLING_LAWS)]
 
