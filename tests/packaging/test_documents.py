@@ -9,6 +9,7 @@ from shared import ROOT, run_python
 pytestmark = pytest.mark.slow
 
 DOCUMENTS = (
+    "README.md",
     "CONTRIBUTING.md",
     "docs/start.md",
     "docs/notebook.md",

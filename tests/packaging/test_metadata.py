@@ -253,9 +253,8 @@ def test_the_paper_has_the_form_of_its_journal_with_references_and_pictures_that
     assert all(
         (ROOT / path).is_file() for path in re.findall(r"!\[[^\]]*\]\(([^)]+)\)", PAPER)
     )
-    assert re.findall(r"doi = \{([^}]+)\}", (ROOT / "paper.bib").read_text()) == [
-        CITATION["references"][0]["doi"]
-    ]
+    dois = re.findall(r"doi = \{([^}]+)\}", (ROOT / "paper.bib").read_text())
+    assert CITATION["references"][0]["doi"] in dois
 
 
 def test_what_the_owner_has_to_fill_in_is_where_the_page_on_releases_says():
