@@ -1,4 +1,4 @@
-"""Whether two checkouts pour the same piles, as ensembles: a table of docs/performance.md.
+"""Whether two checkouts pour the same piles, as ensembles: a table of speed_history.md.
 
     python benchmarks/pour_ensembles.py pour FILE.npz [--seeds 64] [--processes 2]    in either checkout
     python benchmarks/pour_ensembles.py compare BEFORE.npz AFTER.npz                  in the newer one

@@ -308,7 +308,7 @@ def test_measure_prints_the_angles_of_a_drawn_pile_and_writes_the_overlay(
     assert {"left_deg", "right_deg", "aor_deg", "height_mm", *MEAN_KEYS.values()} < set(
         values
     )
-    # outside a study the line runs from foot to crest
+    # outside a study the line is fitted over the whole side
     assert values["aor_deg"] == values["aor_whole_deg"] == pytest.approx(30, abs=0.5)
     assert values["aor_secant_deg"] is None, "the height of a grain is not known"
     assert values["height_mm"] == pytest.approx(20, abs=0.3)

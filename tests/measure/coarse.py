@@ -1,6 +1,6 @@
 """Heaps of the sixty from 0.7 m, at several resolutions: what the angle loses in a coarse photograph.
 
-`python tests/measure/coarse.py` prints the table of docs/photographs.md.
+`python tests/measure/coarse.py` prints the table of docs/photograph_accuracy.md.
 """
 
 import argparse

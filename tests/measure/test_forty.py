@@ -8,7 +8,7 @@ from repose.measure.settings import MeasureSettings
 
 FEW = 8, 10  # a camera 5.5 and 6.2 degrees above the crest
 TOO_HIGH = 2  # 7.8 degrees, measured as 8.5
-HORIZON = 7017  # a strip of wood between crest and horizon is taken for the pile: docs/photographs.md
+HORIZON = 7017  # a strip of wood between crest and horizon is taken for the pile: docs/photograph_accuracy.md
 
 
 def errors(seeds, folder):

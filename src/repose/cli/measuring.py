@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 # Pixel sizes from a microscope to a heap in a hall [mm].
 SCALES = (1e-3, 100.0)
-ANGLE_LINE = "its line of the angle (default: from foot to crest)"
+ANGLE_LINE = "its line of the angle (default: over the whole side)"
 BENCHES = "funnel or lifted_cylinder, which leave a pile, turning or drawdown"
 POINTS = "three points of the drum's inner rim, or of the box's two lower inner corners"
 SIZES = "sizes.csv"  # in the folder of a crop

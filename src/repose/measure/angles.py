@@ -11,7 +11,7 @@ steepest
     The largest slope of such a regression over any stretch at least half as high as the
     flank, the whole flank among them.
 whole
-    Such a regression from foot to crest.
+    Such a regression over all of the side.
 straightest
     Such a regression through the window of the side in which distance and height
     correlate most (Li et al. 2020).
@@ -88,7 +88,7 @@ def fit_flank(
 
 
 def fit_whole_side(profile: np.ndarray, rule: str = "columns") -> Line:
-    """Fit the definition "whole": the regression over the side from foot to crest."""
+    """Fit the definition "whole": the regression over all of the side."""
     return fit_flank(profile, FOOT, float(profile[-1]), rule)
 
 
