@@ -10,9 +10,11 @@ SCHEMA = ROOT / "src/repose/stages/card.schema.json"
 PAGE = ROOT / "docs/card.md"
 HEAD = """# The material card
 
-`card.json` is the answer of a study as one file. This page and
-[card.schema.json](../src/repose/stages/card.schema.json) are made from the models in `repose.stages.card`, by
-`python tests/documents/card_files.py`. Units are SI but where a key says another. A key in *italics* may be missing.
+This page answers one question: what does each key of `card.json`, the answer of a study as one file, mean?
+
+Units are SI unless the key names another. A key in *italics* may be missing.
+[card.schema.json](../src/repose/stages/card.schema.json) is the schema. `python tests/documents/card_files.py` makes both
+from the models in `repose.stages.card`.
 """
 
 
