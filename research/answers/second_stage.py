@@ -1,0 +1,140 @@
+"""Whether a second stage of single pours near the targets gives better answers.
+
+    python -m research.answers.second_stage simulate --first 0 --last 30 --out second_stage.csv
+    python -m research.answers.second_stage summary --table second_stage.csv
+
+`simulate`: paired data sets from the process of `kept_truth.py`. Three pours of each sample are among the six of the same
+data set. Each design is fitted (8 starts in place of 20), and answers with the set of least expected loss.
+
+design    pours
+6         900    150 samples, 6 pours: the default
+6+150     1050   the same, then 150 single pours by `repose.calibrate.strategies.refined.places`: the target `refined`
+3         450    150 samples, 3 pours
+3+150     600    the same, then 150 single pours: `strategy: refined`
+
+An answer is judged by the truth: Eq. 11 in percent, the sum of the relative deviations from the targets.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from repose.calibrate.expected_loss import minimise_expected_loss
+from repose.calibrate.strategies.refined.places import places_near_targets
+from repose.common.files import read_table, write_table
+from research.answers.kept_truth import DataSet, Truth, designed
+from research.script import Script, option
+
+STREAM = 112  # of random numbers, of this study alone
+STARTS = 8
+SINGLE_POURS = 150
+TOLERANCE_PERCENT = 2.0
+FULL, FULL_SECOND, HALF, HALF_SECOND = "6", "6+150", "3", "3+150"
+PAIRS = ((HALF_SECOND, FULL), (FULL_SECOND, FULL), (HALF, FULL))
+LEVEL = 0.95
+
+script = Script("answers.second_stage", __doc__)
+
+
+@script.part(
+    "simulate",
+    "second_stage.csv",
+    option("--first", type=int, default=0, help="number of the first data set (0)"),
+    option("--last", type=int, default=30, help="number after the last (30)"),
+)
+def simulate(args, config):
+    """Simulate paired data sets, and judge the answers of all designs."""
+    study = args.study
+    truth = Truth.of_kept(study)
+    X = designed(study)
+    rows = []
+    if Path(args.out).exists():
+        rows = pd.read_csv(args.out).to_dict("records")
+    known = {row["data_set"] for row in rows}
+    for number in range(args.first, args.last):
+        if number in known:
+            continue
+        random = np.random.default_rng([STREAM, number])
+        pours = truth.pour(X, 6, random)
+        settings = study.settings.network.model_copy(
+            update={"starts": STARTS, "seed": 2026 + number}
+        )
+        for seeds, first, second in (
+            (6, FULL, FULL_SECOND),
+            (3, HALF, HALF_SECOND),
+        ):
+            data = DataSet(X, list(pours[:, :seeds]))
+            model = data.fit(study, settings)
+            rows.append(judged(study, truth, model, data, first, number))
+            unit = places_near_targets(
+                model,
+                study.parameters,
+                study.targets,
+                count=SINGLE_POURS,
+                tolerance_percent=TOLERANCE_PERCENT,
+                random=random,
+            )
+            places = study.parameters.values(unit)
+            data = data.and_pours(places, truth.pour(places, 1, random))
+            model = data.fit(study, settings)
+            rows.append(judged(study, truth, model, data, second, number))
+        write_table(args.out, pd.DataFrame(rows), float_format="%.6g")
+    return summarised(pd.DataFrame(rows)).to_string(index=False)
+
+
+def judged(study, truth, model, data, design, number):
+    """The row of an answer: its predicted and its true responses, and Eq. 11 of these."""
+    targets = study.targets
+    answer = minimise_expected_loss(model, study.parameters, targets)
+    names = study.parameters.names
+    true = truth.mean(np.array([[answer[name] for name in names]]))[0]
+    row = {"data_set": number, "design": design, "pours": data.pours}
+    row |= {name: answer[name] for name in (*names, *targets.predicted)}
+    row |= dict(zip(targets.names, true, strict=True))
+    percent = 100 * np.abs(true - targets.aim) / targets.whole
+    return row | {"eq11_percent": float(percent @ targets.weight)}
+
+
+def summarised(table):
+    """Mean of each design, and the paired differences with their bounds."""
+    by_design = table.pivot(index="data_set", columns="design", values="eq11_percent")
+    rows = []
+    for design, values in by_design.items():
+        rows.append(_row(design, "", values))
+    for design, other in PAIRS:
+        rows.append(_row(design, other, by_design[design] - by_design[other]))
+    return pd.DataFrame(rows)
+
+
+def _row(design, other, values):
+    """Mean, standard error and the two-sided bounds of a mean over the data sets."""
+    mean, error = values.mean(), values.sem()
+    reach = stats.t.ppf((1 + LEVEL) / 2, len(values) - 1) * error
+    return {
+        "design": design,
+        "less": other,
+        "data_sets": len(values),
+        "eq11_percent": mean,
+        "se": error,
+        "low": mean - reach,
+        "high": mean + reach,
+    }
+
+
+@script.part(
+    "summary",
+    "second_stage_summary.csv",
+    option("--table", default="second_stage.csv", help="table of `simulate`"),
+)
+def summary(args, config):
+    """Summarise a table of `simulate`."""
+    needed = ("data_set", "design", "eq11_percent")
+    table = summarised(read_table(args.table, needed))
+    write_table(args.out, table, float_format="%.4g")
+    return table.to_string(index=False)
+
+
+if __name__ == "__main__":
+    script.run()

@@ -1,0 +1,79 @@
+"""Places of the second stage: where the fit of the first stage may meet the targets.
+
+The first stage samples the whole ranges, and most of its runs are far from the targets.
+Which place meets them is decided where the fit comes near, and there the fit has an error
+of its own. So the second stage runs the simulator at many such places, once at each: the
+next fit learns the level of the whole region, and no place is chosen for its noise.
+"""
+
+import numpy as np
+
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.probability import within
+from repose.calibrate.search.objective import Objective
+from repose.calibrate.surrogates.base import Surrogate
+from repose.calibrate.targets import Targets
+
+# Points of the Sobol sequence that are predicted; a power of two.
+CANDIDATES = 32768
+# Points of least Eq. 11 among them, of which the errors are computed.
+NEAREST = 4096
+# Points that are predicted at once.
+CHUNK = 4096
+
+
+def places_near_targets(
+    surrogate: Surrogate,
+    space: ParameterSpace,
+    targets: Targets,
+    *,
+    count: int,
+    tolerance_percent: float,
+    random: np.random.Generator,
+) -> np.ndarray:
+    """Draw places with the probability that they meet the targets.
+
+    The probability of a place is that its true means lie within the tolerance of all
+    targets, by the prediction and its errors. No place is drawn twice.
+
+    Parameters
+    ----------
+    surrogate : Surrogate
+        One that knows its errors.
+    space : ParameterSpace
+    targets : Targets
+    count : int
+        At most `NEAREST`.
+    tolerance_percent : float
+        In percent of each target.
+    random : numpy.random.Generator
+
+    Returns
+    -------
+    numpy.ndarray, (count, d)
+        In the unit cube of the free parameters.
+    """
+    from scipy.stats import qmc
+
+    unit = qmc.Sobol(space.dimensions, scramble=False).random(CANDIDATES)
+    parts = [
+        surrogate.predict(space.values(part))
+        for part in np.split(unit, CANDIDATES // CHUNK)
+    ]
+    F, _ = Objective(targets)(np.concatenate(parts))
+    nearest = unit[np.argsort(F, kind="stable")[:NEAREST]]
+
+    X = space.values(nearest)
+    tolerance = tolerance_percent * (targets.whole / 100)
+    probability = within(
+        surrogate.predict(X),
+        surrogate.covariance(X),
+        targets.aim - tolerance,
+        targets.aim + tolerance,
+    )
+    # A place without any probability may be needed where the targets are out of reach;
+    # then the nearest ones come first.
+    order = np.arange(len(nearest), 0, -1) / len(nearest)
+    weight = probability + np.finfo(float).tiny + 1e-12 * order
+    rows = random.choice(len(nearest), count, replace=False, p=weight / weight.sum())
+    return nearest[np.sort(rows)]
