@@ -67,7 +67,8 @@ def entries(targets):
 
 MIGA = {
     "islands": 5, "population": 40, "rounds": 40, "generations": 10, "tournament": 3, "mutation_probability": 0.05,
-    "mutation_amplitude": 0.1, "solutions": 30, "distance": 0.05, "answer": "least_expected_loss", "seed": 2026,
+    "mutation_amplitude": 0.1, "solutions": 30, "distance": 0.05, "answer": "least_expected_loss",
+    "replicates": 4, "seed": 2026,
 }  # fmt: skip
 SLIP = target("drum_slip_deg", 31.0, 1.0, 20.0, 40.0, 5)
 

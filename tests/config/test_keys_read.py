@@ -29,7 +29,7 @@ SEVERAL = (
 )  # strategies; here each proposes by a stage of its name
 LISTED = dependencies.KEYS | {name: strategy(name).reads for name in SEVERAL}
 SMALL = {
-    "surrogate": "gaussian_process", "miga": {"islands": 2, "population": 10, "rounds": 4, "generations": 2},
+    "surrogate": "gaussian_process", "miga": {"islands": 2, "population": 10, "rounds": 4, "generations": 2, "replicates": 2},
     "posterior": {"walkers": 32, "steps": 100}, "sensitivity": {"samples": 64, "resamples": 20},
     "sequential": {"probability": 0.05}, "berry": {"particle": "ellipsoid"},
 }  # fmt: skip
@@ -139,6 +139,7 @@ def chain(run, at):
     run("network", **tables, out=at / "network")
     network = {"network": at / "network/network.json"}
     run("miga", **network, dataset=at / "dataset.csv", out=at / "miga")
+    run("optimism", **network, **tables, out=at / "miga")
     run("solutions", feasible=at / "miga/feasible.csv", out=at / "validation")
     run("published_solutions", out=at / "validation")
     jobs = measured(
@@ -150,6 +151,7 @@ def chain(run, at):
         pd.read_csv(at / "validation/solutions.csv"), at / "validation/heaps"
     )
     own = {"solutions": at / "validation/solutions.csv", "dataset": at / "dataset.csv"}
+    own["optimism"] = at / "miga/optimism.csv"
     run("validate", *jobs, **own, out=at / "validation")
     run("noise", runs=at / "runs.csv", out=at / "noise")
     found = {

@@ -15,6 +15,7 @@ from shared import RANGES, TARGETS, says, target
 
 from repose import __version__
 from repose.bench.parameters import PARAMETERS
+from repose.calibrate.responses import derived
 from repose.calibrate.runs import error_of
 from repose.calibrate.surrogates import load
 from repose.calibrate.targets import Targets
@@ -291,3 +292,23 @@ def test_what_piles_cannot_be_stands_below_the_first_line(tmp_path, monkeypatch)
         below == '<p class="verdict bad">500 grains cannot make it: at most 28 ± 1 deg.'
     )
     assert "It is possible" not in text
+
+
+def test_the_expected_optimism_stands_beside_each_prediction(tmp_path):
+    inputs = made_up_study(tmp_path, TARGETS, "quadratic")
+    table4 = pd.read_csv(tmp_path / "table4.csv")
+    for name in ("aor_deg", "height_mm"):
+        table4[derived(name, "optimism")] = 0.376
+        table4[derived(name, "optimism_se")] = 0.07
+    table4.to_csv(tmp_path / "table4.csv", index=False)
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    near = {"parameter": "mus_gg", "value": 0.36, "bound": 0.35}
+    summary["near_bounds"] = [near | {"standard_error": 0.03}]
+    (tmp_path / "summary.json").write_text(json.dumps(summary))
+    text = written(inputs, tmp_path)
+    assert "(expected optimism +0.38 ± 0.07)" in text
+    assert "expected optimism (deg)" in text
+    assert "0.376 ± 0.07" in text
+    assert "mus_gg 0.36 is within one standard error of the fit" in text
+    first = values_of(text)["targets"][0]
+    assert (first["optimism"], first["optimismError"]) == (0.376, 0.07)

@@ -376,3 +376,41 @@ def test_the_set_of_least_loss_is_surest_and_its_loss_the_mean_of_eq_11():
     loss = expected_loss.expected_loss(Sure(), X, TARGETS)[0]
     width = TARGETS[0].high - TARGETS[0].low
     assert loss == pytest.approx(np.mean(np.abs(draws - 66.0)) / width, rel=0.01)
+
+
+def test_a_prediction_stands_beside_its_expected_optimism(tmp_path):
+    config = study(tmp_path, 32.5)
+    table = tmp_path / "validation/representative.csv"
+    header, row = table.read_text().splitlines()
+    added = "predicted,optimism,optimism_se"
+    table.write_text(f"{header},{added}\n{row},32.76,0.3761,0.0704\n")
+    found = read(config)
+    says(
+        str(found),
+        "Predicted: aor_deg 32.76 deg (expected optimism +0.38 +- 0.07).",
+    )
+    row = found.checks[0].row()
+    assert (row["optimism"], row["optimism_error"]) == (0.3761, 0.0704)
+    # without a replicate the prediction stands alone
+    table.write_text(f"{header},{added}\n{row_without(table)}\n")
+    says(str(read(config)), "Predicted: aor_deg 32.76 deg.")
+
+
+def row_without(table):
+    """The row of a table without its optimism."""
+    return table.read_text().splitlines()[1].rsplit(",", 2)[0] + ",,"
+
+
+def test_a_parameter_near_a_bound_is_named(tmp_path):
+    config = study(tmp_path, 32.5)
+    assert "At a bound" not in str(read(config))
+    summary = tmp_path / "miga/summary.json"
+    near = {"parameter": "mus_gg", "value": 0.3588, "bound": 0.35}
+    near["standard_error"] = 0.032
+    content = json.loads(summary.read_text()) | {"near_bounds": [near]}
+    summary.write_text(json.dumps(content))
+    says(
+        str(read(config)),
+        "At a bound of the ranges, as far as the fit can tell: mus_gg 0.3588 is within "
+        "one standard error of the fit (0.032) of its bound 0.35.",
+    )

@@ -363,3 +363,32 @@ def test_the_stage_lists_the_sets_of_a_kept_study(command, tmp_path):
         for folder in (tmp_path, kept / "validation")
     )
     pd.testing.assert_frame_equal(made, known)
+
+
+def test_table_4_has_the_expected_optimism_of_each_role(study):
+    paths = write_heaps(study, select(study))
+    optimism = pd.DataFrame(
+        [
+            ("representative", "aor_deg", 0.4, 0.1, 20),
+            ("representative", "height_mm", -0.2, 0.05, 20),
+            ("spread", "aor_deg", 0.3, 0.1, 20),
+            ("spread", "height_mm", -0.1, 0.05, 20),
+        ],
+        columns=["role", "response", "optimism", "optimism_se", "replicates"],
+    )
+    found = validate.run(
+        study / "v/solutions.csv",
+        paths,
+        study / "v",
+        targets=TARGETS,
+        measure=MEASURE,
+        published=published(stored(study)),
+        optimism=optimism,
+    )
+    table4 = found["table4"]
+    assert table4["aor_optimism_deg"].tolist() == [0.4] + 5 * [0.3]
+    assert table4["height_optimism_se_mm"].tolist() == 6 * [0.05]
+    assert found["representative"]["optimism"].tolist() == [0.4, -0.2]
+    columns = list(table4)
+    after = columns[columns.index("aor_predicted_deg") + 1 :]
+    assert after[:3] == ["aor_optimism_deg", "aor_optimism_se_deg", "aor_simulated_deg"]

@@ -24,6 +24,7 @@ WITHIN = {percent: f"within_{percent:g}_percent" for percent in PERCENT}
 INSIDE = "within_ranges"
 # Status of a check that was not made.
 NOT_AGAIN = "not simulated again"
+NEAR_BOUNDS = "At a bound of the ranges, as far as the fit can tell"
 # A check decides where the probability of being inside is this or more, or the rest of
 # it or less.
 DECIDED = 0.95
@@ -79,6 +80,9 @@ class Check:
         What 100 % means, for the score of a profile.
     predicted : float or None
         By the surrogate, before the runs.
+    optimism, optimism_error : float or None
+        How much too favourable the prediction is expected to be, prediction less truth,
+        and the standard error of this number; None if unknown.
     line : str
         Description of the line whose slope an angle of a pile is.
     """
@@ -98,6 +102,8 @@ class Check:
     whole: float | None = None
     predicted: float | None = None
     line: str = ""
+    optimism: float | None = None
+    optimism_error: float | None = None
 
     @classmethod
     def of(
@@ -109,6 +115,8 @@ class Check:
         status: str,
         predicted: float | None = None,
         line: str = "",
+        optimism: float | None = None,
+        optimism_error: float | None = None,
     ) -> Self:
         """Make the check of a target."""
         return cls(
@@ -127,6 +135,8 @@ class Check:
             whole=None if target.profile is None else target.whole_value,
             predicted=predicted,
             line=line,
+            optimism=optimism,
+            optimism_error=optimism_error,
         )
 
     def row(self) -> dict[str, Any]:
@@ -145,6 +155,9 @@ class Check:
             row["whole"] = self.whole
         if self.predicted is not None:
             row["predicted"] = self.predicted
+        if self.optimism is not None:
+            row["optimism"] = self.optimism
+            row["optimism_error"] = self.optimism_error
         row["simulated"] = self.simulated
         row["standard_error"] = self.standard_error
         row["runs"] = self.runs
@@ -163,6 +176,23 @@ class Check:
         if self.predicted is None or not self.simulated or self.whole is not None:
             return None
         return 100 * abs(self.predicted / self.simulated - 1)
+
+    @property
+    def prediction(self) -> str:
+        """The prediction with its expected optimism, a clause; empty without one."""
+        if self.predicted is None:
+            return ""
+        text = f"{self.response} {self.predicted:.4g} {self.unit}".rstrip()
+        if not self.expected_optimism:
+            return text
+        return f"{text} ({self.expected_optimism})"
+
+    @property
+    def expected_optimism(self) -> str:
+        """The expected optimism of the prediction, a clause; empty where it is unknown."""
+        if self.optimism is None:
+            return ""
+        return describe_optimism(self.optimism, self.optimism_error)
 
     @property
     def verdict(self) -> Verdict:
@@ -337,6 +367,9 @@ class Result:
         Whether the study is too small for a calibration.
     labels : mapping
         Meanings of the parameters.
+    near_bounds : tuple of str
+        A clause for each parameter that is within a standard error of the fit of a bound
+        of its range (`repose.calibrate.bounds`).
     """
 
     label: str
@@ -354,6 +387,7 @@ class Result:
     small_run: bool = False
     labels: Mapping[str, str] = field(default_factory=dict)
     inside: float | None = None
+    near_bounds: tuple[str, ...] = ()
 
     @property
     def verdict(self) -> Verdict:
@@ -424,6 +458,11 @@ class Result:
             lines += [self.message, "The nearest parameters:"]
         for name, value in self.parameters.items():
             lines.append(f"  {name:7} {value:.4g}  {self.labels.get(name, name)}")
+        if self.near_bounds:
+            lines.append(f"{NEAR_BOUNDS}: {'; '.join(self.near_bounds)}.")
+        predictions = [check.prediction for check in self.checks if check.prediction]
+        if predictions:
+            lines.append(f"Predicted: {'; '.join(predictions)}.")
         lines.append("Simulated again with fresh seeds:")
         lines += [f"  {check}" for check in self.checks]
         lines += [f"  {nearness(self.checks)}", f"  {self._probability}"]
@@ -524,6 +563,14 @@ def _probability_after(checks: Iterable[Check], further_runs: int) -> float | No
             return None
         probability *= inside
     return probability
+
+
+def describe_optimism(optimism: float, error: float | None) -> str:
+    """Write the expected optimism of a prediction, a clause."""
+    text = f"expected optimism {optimism:+.2g}"
+    if error is not None and math.isfinite(error):
+        text += f" +- {error:.1g}"
+    return text
 
 
 def nearness(checks: Iterable[Check]) -> str:

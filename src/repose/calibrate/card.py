@@ -91,6 +91,8 @@ def assembled(
         "out_of_reach": answer.out_of_reach,
         "reason": answer.reason,
     }
+    if answer.near_bounds:
+        card["near_bounds"] = list(answer.near_bounds)
     if answer.small_run:
         card["small_run"] = True
     card["within"] = {

@@ -83,6 +83,16 @@ class Response:
         return derived(self.name, "predicted")
 
     @property
+    def optimism(self) -> str:
+        """Column of the expected optimism of a prediction: ``aor_optimism_deg``."""
+        return derived(self.name, "optimism")
+
+    @property
+    def optimism_error(self) -> str:
+        """Column of its standard error: ``aor_optimism_se_deg``."""
+        return derived(self.name, "optimism_se")
+
+    @property
     def simulated(self) -> str:
         """Column of the simulated response, beside its prediction: ``aor_simulated_deg``."""
         return derived(self.name, "simulated")

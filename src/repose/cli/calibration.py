@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from repose.cli.options import DATASET, FEASIBLE, NETWORK, RUNS, SAMPLES
+from repose.cli.options import DATASET, FEASIBLE, NETWORK, OPTIMISM, RUNS, SAMPLES
 from repose.cli.registry import Option, verb
 from repose.common.errors import InputError
 from repose.config.pipeline import PipelineConfig
@@ -84,6 +84,27 @@ def miga(args: argparse.Namespace, study: PipelineConfig) -> None:
         source=args.config,
     )
     print(summary["message"])
+
+
+@verb(NETWORK, DATASET, RUNS, out="results/miga")
+def optimism(args: argparse.Namespace, study: PipelineConfig) -> None:
+    """Compute by how much the predictions of the search are expected to be too favourable.
+
+    example: --network results/network/network.json --dataset results/dataset.csv
+    """
+    from repose.stages import optimism
+
+    table = optimism.run(
+        args.network,
+        args.dataset,
+        args.runs,
+        Path(args.out) / "optimism.csv",
+        parameters=study.parameters,
+        targets=study.targets,
+        settings=study.settings.miga,
+        solutions=study.settings.validation.solutions,
+    )
+    print(table.to_string(index=False))
 
 
 @verb(FEASIBLE, out="results/validation")
@@ -186,6 +207,7 @@ def _published(args: argparse.Namespace, study: PipelineConfig) -> str:
         help="file of the verb solutions",
     ),
     SUPPORT,
+    OPTIMISM,
     out="results/validation",
 )
 def validate(args: argparse.Namespace, study: PipelineConfig) -> None:
@@ -193,6 +215,8 @@ def validate(args: argparse.Namespace, study: PipelineConfig) -> None:
 
     example: results/validation/heaps/???.json
     """
+    from repose.calibrate.optimism import COLUMNS
+    from repose.common.files import read_table
     from repose.common.provenance import engine_hash
     from repose.config import dependencies
     from repose.stages import validate
@@ -213,6 +237,7 @@ def validate(args: argparse.Namespace, study: PipelineConfig) -> None:
         measure=study.settings.measure,
         published=published,
         support=_support(args, study),
+        optimism=None if args.optimism is None else read_table(args.optimism, COLUMNS),
     )
 
 

@@ -26,6 +26,10 @@ NETWORK = Option(
 FEASIBLE = Option(
     "--feasible", default="results/miga/feasible.csv", help="file of the verb miga"
 )
+OPTIMISM = Option(
+    "--optimism",
+    help="file of the verb optimism; with it predictions stand beside their optimism",
+)
 JSON = Option("--json", action="store_true", help="print as JSON")
 
 

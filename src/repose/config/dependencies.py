@@ -32,6 +32,7 @@ KEYS: dict[str, tuple[str, ...]] = {
     "dataset": (RESPONSES,),
     "network": (RESPONSES, "surrogate", "network"),
     "miga": ("parameters", "targets", "miga"),
+    "optimism": ("parameters", "targets", "miga", "validation.solutions"),
     "solutions": ("parameters", "targets", "validation.solutions"),
     "published_solutions": ("parameters", "validation.published"),
     "published_sets": (RESPONSES, "parameters", "validation.published", SCENE),

@@ -14,6 +14,7 @@ from repose.calibrate.answer import (
     Result,
     out_of_reach,
 )
+from repose.calibrate.bounds import in_words
 from repose.calibrate.targets import Target, Targets
 from repose.common.errors import InputError
 from repose.common.files import Path_, read_json
@@ -27,7 +28,8 @@ ADVICE = {
     "response_surface": "another response_surface.reach or .most_factors",
     "sequential": "a larger sequential.most_pours",
 }
-# Columns of the table of the check. A table of an older version lacks the last two.
+# Columns of the table of the check. A table of an older version may lack those that
+# are not needed.
 COLUMNS = (
     Column("response", str),
     Column("status", str),
@@ -37,6 +39,8 @@ COLUMNS = (
     *(Column(name, empty=True) for name in WITHIN.values()),
     Column(INSIDE, empty=True, needed=False),
     Column("predicted", empty=True, needed=False),
+    Column("optimism", empty=True, needed=False),
+    Column("optimism_se", empty=True, needed=False),
 )
 
 
@@ -114,6 +118,7 @@ def read(
         why=summary.get("why", ""),
         out_of_reach=out_of_reach(summary),
         small_run=small_run,
+        near_bounds=tuple(map(in_words, summary.get("near_bounds", ()))),
         within=within,
         inside=_number(first_row, INSIDE),
         labels=LABELS,
@@ -129,6 +134,8 @@ def _check(target: Target, row: Mapping[str, Any], line: str) -> Check:
         runs=int(_number(row, "n_seeds") or 0),
         status=row["status"],
         predicted=_number(row, "predicted"),
+        optimism=_number(row, "optimism"),
+        optimism_error=_number(row, "optimism_se"),
         line=line,
     )
 

@@ -196,6 +196,7 @@ def write_answer(
         check = _check(row, proposal["predicted_error"], targets)
     summary = {name: proposal[name] for name in ("feasible", "message", "why", "pours")}
     summary |= {"representative": best, "check_pours": pours}
+    summary["near_bounds"] = proposal.get("near_bounds", [])
     summary |= notes.get("summary", {})
     step = f"Check: {pours} pours of the answer that were in no fit."
     summary["steps"] = [*notes.get("steps", ()), step]

@@ -149,6 +149,12 @@ class TestRow(Section):
     predicted: float = Field(
         ABSENT, description="by the surrogate, before the runs of the check"
     )
+    optimism: float = Field(
+        ABSENT, description="how much the prediction is expected to exceed the truth"
+    )
+    optimism_error: float | None = Field(
+        ABSENT, description="standard error of the expected optimism"
+    )
     simulated: float | None
     standard_error: NotNegative | None
     runs: int = Field(ge=0)
@@ -200,6 +206,10 @@ class AnyCard(Section):
     ] = Field(description="what low and high are")
     correlations: dict[str, dict[str, Annotated[float, Field(ge=-1, le=1)]]] = Field(
         description="of the free parameters, within the same sets"
+    )
+    near_bounds: list[str] = Field(
+        ABSENT,
+        description="parameters within a standard error of the fit of a bound",
     )
     tests: Annotated[list[TestRow], Field(min_length=1)]
     met: bool | None = Field(

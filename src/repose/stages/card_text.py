@@ -6,6 +6,7 @@ from itertools import combinations
 from typing import Any
 
 from repose.calibrate.answer import (
+    NEAR_BOUNDS,
     Check,
     Verdict,
     describe_probability,
@@ -58,6 +59,8 @@ def describe(card: Card) -> str:
     for name, parameter in card["parameters"].items():
         meaning = with_remark(parameter["meaning"], parameter)
         lines.append(f"  {name:7} {_value(parameter):32} {meaning}")
+    if "near_bounds" in card:
+        lines.append(f"{NEAR_BOUNDS}: {'; '.join(card['near_bounds'])}")
     lines.append(f"correlations of 0.5 and more: {_strong_correlations(card)}")
     lines.append("tests:")
     for test in card["tests"]:
@@ -121,11 +124,12 @@ def _test_lines(test: Card) -> Iterator[str]:
         f"target {test['low']:g} to {test['high']:g}, "
         f"simulated {simulated} (runs: {test['runs']}): {state_of(test)}"
     )
-    error = _check(test).error_percent
-    if error is not None:
+    check = _check(test)
+    if check.error_percent is not None:
+        optimism = f" ({check.expected_optimism})" if check.expected_optimism else ""
         yield (
-            f"  predicted {test['predicted']:.4g}, {error:.1f} % off the simulated "
-            "(the article's solutions: below 5 %)"
+            f"  predicted {check.predicted:.4g}{optimism}, {check.error_percent:.1f} % "
+            "off the simulated (the article's solutions: below 5 %)"
         )
     definition = test["definition"]
     line = f"  definition: {definition['name'] or 'not stated'}"

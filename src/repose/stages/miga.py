@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from repose.calibrate import expected_loss
+from repose.calibrate.bounds import near_bounds
 from repose.calibrate.inversion import invert
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.responses import Definitions, require_same_definitions
@@ -76,6 +77,9 @@ def run(
     if surrogate.knows_its_errors:
         summary["representative_judged"] = expected_loss.assess_by_errors(
             surrogate, summary["representative"], targets, parameters.names
+        )
+        summary["near_bounds"] = near_bounds(
+            surrogate, summary["representative"], parameters
         )
     out = Path(out_dir)
     write_table(out / "feasible.csv", inversion.solutions)

@@ -70,6 +70,29 @@ def select_for_validation(
     return solutions.iloc[list(role_of_row)].assign(role=list(role_of_row.values()))
 
 
+def with_optimism(
+    solutions: pd.DataFrame, optimism: pd.DataFrame, responses: Sequence[Response]
+) -> pd.DataFrame:
+    """Add the expected optimism of each prediction, and its standard error.
+
+    Parameters
+    ----------
+    solutions : pandas.DataFrame
+        Parameter sets with the column `role`.
+    optimism : pandas.DataFrame
+        Result of `repose.calibrate.optimism.expected_optimism`. A role that it lacks has
+        empty cells.
+    responses : sequence of Response
+    """
+    table = solutions.copy()
+    for response in responses:
+        rows = optimism[optimism["response"] == response.name].set_index("role")
+        of_role = rows.reindex(solutions["role"])
+        table[response.optimism] = of_role["optimism"].to_numpy(float)
+        table[response.optimism_error] = of_role["optimism_se"].to_numpy(float)
+    return table
+
+
 def validate(
     solutions: pd.DataFrame, jobs: Jobs, targets: Targets, measure: object
 ) -> dict[str, pd.DataFrame]:
@@ -130,7 +153,11 @@ def table4(
     """
     table = rows[["sample", "solution", "role", *parameters_among(rows)]].copy()
     for response in responses:
-        for column in (response.predicted, response.simulated, response.error):
+        table[response.predicted] = rows[response.predicted]
+        for column in (response.optimism, response.optimism_error):
+            if column in rows:
+                table[column] = rows[column]
+        for column in (response.simulated, response.error):
             table[column] = rows[column]
         deviation = (rows[response.predicted] - rows[response.simulated]).abs()
         percent = 100 * deviation / rows[response.simulated]
@@ -192,6 +219,9 @@ def against_physical(
             "n_seeds": row["n_seeds"],
             "status": row["status"],
         }
+        if target.response.optimism in row:
+            comparison["optimism"] = row[target.response.optimism]
+            comparison["optimism_se"] = row[target.response.optimism_error]
         if measure:
             comparison["line"] = line_for(measure, target.name)
         rows.append(comparison)
@@ -260,6 +290,7 @@ def run(
     measure: object,
     published: pd.DataFrame,
     support: Support | None = None,
+    optimism: pd.DataFrame | None = None,
 ) -> dict[str, pd.DataFrame]:
     """Compare predicted and simulated responses, and write the tables.
 
@@ -278,6 +309,8 @@ def run(
         Result of `compared_with_published`.
     support : Support, optional
         Region of the samples; sets beyond it get a warning.
+    optimism : pandas.DataFrame, optional
+        Expected optimism of the predictions, from the stage `optimism`.
 
     Returns
     -------
@@ -286,6 +319,8 @@ def run(
     """
     solutions = read_samples(solutions_csv, (*CHOSEN, *targets.predicted))
     solutions = solutions.astype({"solution": str})
+    if optimism is not None:
+        solutions = with_optimism(solutions, optimism, targets.responses)
     jobs_by_bench = read_jobs(jobs, solutions, targets)
     tables = validate(solutions, jobs_by_bench, targets, measure)
     tables["published"] = published

@@ -131,6 +131,7 @@ rule validate:
         jobs=expand(rules.measure_validation_runs.output.result, runs=FOLDERS),
         published=STORED or [],
         dataset=rules.dataset.output.dataset,
+        optimism=rules.optimism.output.optimism,
     output:
         table4=f"{RESULTS}/validation/table4.csv",
         representative=f"{RESULTS}/validation/representative.csv",
@@ -150,7 +151,7 @@ rule validate:
         "Predicted beside simulated and published"
     shell:
         "python -m repose stage validate {input.jobs:q} --config {params.config:q} --solutions {input.solutions:q}"
-        " --dataset {input.dataset:q} --out {params.folder:q} > {log:q} 2>&1"
+        " --dataset {input.dataset:q} --optimism {input.optimism:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
 rule published_sets:

@@ -94,8 +94,11 @@ class MigaSettings(Section):
     answer: Literal["least_expected_loss", "least_objective"]
     """Which of the parameter sets is the answer."""
 
+    replicates: int = Field(20, ge=0, le=1000)
+    """Refits to pours drawn again, which show the optimism of a prediction; 0: none."""
+
     seed: Seed
-    """Of the random numbers of the search."""
+    """Of the random numbers of the search and of the replicates."""
 
     def of_islands(self) -> IslandSettings:
         """Select the settings of the algorithm."""

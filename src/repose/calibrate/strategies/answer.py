@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from repose.calibrate.bounds import near_bounds
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.search.settings import MigaSettings
 from repose.calibrate.strategies.base import Answer
@@ -18,8 +19,9 @@ def content(answer: Answer, space: ParameterSpace, targets: Targets) -> dict[str
     Returns
     -------
     dict
-        ``feasible``, ``message``, ``predicted_error`` (k,), the table ``solutions``, and
-        the samples ``simulated`` that are runs of the answer already.
+        ``feasible``, ``message``, ``predicted_error`` (k,), the table ``solutions``, the
+        parameters ``near_bounds`` as `repose.calibrate.bounds` finds them, and the samples
+        ``simulated`` that are runs of the answer already.
     """
     # The mean of a simulated answer is of its own runs. The check compares these runs
     # with the model, so the table has the prediction of the model.
@@ -30,12 +32,17 @@ def content(answer: Answer, space: ParameterSpace, targets: Targets) -> dict[str
             mean=answer.model.predict(point)[0],
             covariance=answer.model.covariance(point)[0],
         )
+    near = []
+    if answer.model is not None:
+        values = dict(zip(space.names, answer.values.tolist(), strict=True))
+        near = near_bounds(answer.model, values, space)
     feasible, message = verdict(answer, targets, answer.notes.get("note", ""))
     return {
         "feasible": feasible,
         "message": message,
         "predicted_error": answer.error,
         "solutions": solutions(answer, feasible, space, targets),
+        "near_bounds": near,
         "simulated": answer.simulated,
     }
 

@@ -152,6 +152,27 @@ class Surrogate(ABC):
             surrogate needs.
         """
 
+    def refit(self, X: ArrayLike, Y: ArrayLike, **noise: Unpack[Noise]) -> Self:
+        """Return a copy that has learned other responses of the same samples.
+
+        A surrogate may begin at the fit that it has, and keep its hyperparameters. By
+        default the copy is fitted anew.
+
+        Parameters
+        ----------
+        X : array (n, d)
+            The parameter sets of the fit, in any order.
+        Y : array (n, k)
+            Other responses of theirs.
+        **noise
+            As in `fit`.
+
+        Returns
+        -------
+        Surrogate
+        """
+        return copy.copy(self).fit(X, Y, **noise)
+
     @abstractmethod
     def predict(
         self, X: ArrayLike, return_std: bool = False, noise: bool = True

@@ -38,6 +38,7 @@ from repose.calibrate.surrogates.levenberg_marquardt import (
     CONVERGED,
     STATISTICS,
     TrainingSettings,
+    train_again,
     train_start,
 )
 from repose.calibrate.surrogates.samples import (
@@ -191,6 +192,38 @@ class BayesianBP(TrainingSettings, Surrogate):
         self._keep_best_start()
         return self
 
+    def refit(self, X: ArrayLike, Y: ArrayLike, **noise: Unpack[Noise]) -> Self:
+        """Train a copy on other responses, as in `Surrogate.refit`.
+
+        The training begins at the weights that were found, and keeps the scalings,
+        alpha and beta. Evidence and statistics stay those of the first fit.
+        """
+        X, Y, count, precision = checked_samples(X, Y, **noise)
+        weight = count[:, None] * precision
+        noise_covariance = noise.get("noise_covariance")
+        mixing = independent_mixing(noise_covariance, self._stretch(), precision)
+        t = scale(Y, self.output_min_, self.output_max_, self.scaled_range) @ mixing
+        end = train_again(
+            w=mix_outputs(self._weights(), mixing, self.hidden),
+            x=scale(X, self.input_min_, self.input_max_, self.scaled_range),
+            t=t,
+            root_weight=np.sqrt(weight),
+            alpha=np.atleast_1d(self.alpha_),
+            beta=self.beta_,
+            settings=self,
+        )
+        network = copy.copy(self)
+        network._mixing = mixing
+        network.training_ = {
+            "inputs": X,
+            "weight": weight,
+            "noise_covariance": noise_covariance,
+        }
+        network._set_layers(end["w"])
+        root = posterior_root(end["alpha_of_weight"], self.beta_, end["JJ"])
+        network._set_errors(root, mixing)
+        return network
+
     def _keep_best_start(self) -> None:
         """Choose the best of `ends_`, record all of them, and keep its network."""
         ends = self.ends_
@@ -224,7 +257,19 @@ class BayesianBP(TrainingSettings, Surrogate):
             raise ValueError(
                 f"none of {self.starts} starts ended with a finite evidence"
             )
-        w = mix_outputs(end["w"], np.linalg.inv(self._mixing), self.hidden)
+        self._set_layers(end["w"])
+        self.alpha_ = end["alpha"]
+        self.beta_ = end["beta"]
+        self.gamma_ = end["gamma"]
+        self.log_evidence_ = end["log_evidence"]
+        self.epochs_ = end["epochs"]
+        self.stop_reason_ = end["stop_reason"]
+        root = posterior_root(end["alpha_of_weight"], self.beta_, end["JJ"])
+        self._set_errors(root, self._mixing)
+
+    def _set_layers(self, mixed: np.ndarray) -> None:
+        """Set the layers from all weights (N,) of the mixed outputs."""
+        w = mix_outputs(mixed, np.linalg.inv(self._mixing), self.hidden)
         layers = unpack(
             w,
             inputs=len(self.input_min_),
@@ -235,14 +280,6 @@ class BayesianBP(TrainingSettings, Surrogate):
         self.b1_ = layers.b1
         self.W2_ = layers.W2
         self.b2_ = layers.b2
-        self.alpha_ = end["alpha"]
-        self.beta_ = end["beta"]
-        self.gamma_ = end["gamma"]
-        self.log_evidence_ = end["log_evidence"]
-        self.epochs_ = end["epochs"]
-        self.stop_reason_ = end["stop_reason"]
-        root = posterior_root(end["alpha_of_weight"], self.beta_, end["JJ"])
-        self._set_errors(root, self._mixing)
 
     def predict(
         self, X: ArrayLike, return_std: bool = False, noise: bool = True

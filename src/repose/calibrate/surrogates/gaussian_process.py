@@ -64,6 +64,15 @@ class GaussianProcess(Combined, Surrogate):
         self._fit([first] * Y.shape[1], bounds)
         return self
 
+    def refit(self, X: ArrayLike, Y: ArrayLike, **noise: Unpack[Noise]) -> Self:
+        """Learn other responses, as in `Surrogate.refit`; the hyperparameters stay."""
+        X, Y, _, precision = checked_samples(X, Y, **noise)
+        process = type(self)()
+        process.describe(self.inputs, self.outputs, self.definitions, self.samples)
+        process._set_samples(X, Y, precision, noise.get("noise_covariance"))
+        process._fit(self._kernels(), bounds=("fixed", "fixed", "fixed"))
+        return process
+
     def _set_samples(
         self,
         X: np.ndarray,

@@ -68,6 +68,7 @@ NEAR = 1.0  # F above its minimum, in nats, below which Laplace's approximation 
 # deviation from the best ones.
 CONVERGED = 0.01
 DESCENT = 100  # largest number of steps to the minimum of F at fixed alpha and beta
+LEAST_FALL = 0.003  # of F in a step, in nats, below which `train_again` ends
 # mu is only ever multiplied, so from 0 it could not rise again. From any number above 0
 # it rises in time: it takes at most one trial for each step that lowered it.
 SMALLEST_MU = float(np.finfo(float).tiny)
@@ -119,6 +120,10 @@ class _State(NamedTuple):
     alpha_of_weight: np.ndarray  # (N,)
     beta: float
     gamma: np.ndarray  # (classes,)
+
+    def F(self) -> float:
+        """Compute F."""
+        return float(self.beta * self.at.Ed + self.alpha @ self.at.Ew)
 
     def half_gradient(self) -> np.ndarray:
         """Compute half the gradient (N,) of F by the weights."""
@@ -227,6 +232,73 @@ def train_start(
         "stop_reason": reason,
         "decrement": state.decrement(),
         "at_cap": np.flatnonzero(state.alpha >= LARGEST_ALPHA).tolist(),
+    }
+
+
+def train_again(
+    w: np.ndarray,
+    x: np.ndarray,
+    t: np.ndarray,
+    root_weight: np.ndarray,
+    alpha: np.ndarray,
+    beta: float,
+    settings: TrainingSettings,
+) -> dict[str, np.ndarray]:
+    """Train a trained network on other outputs, with the regularisation that it has.
+
+    Parameters
+    ----------
+    w : array (N,)
+        Weights at the end of the first training.
+    x, t, root_weight, settings
+        As in `train_start`.
+    alpha : array (classes,)
+    beta : float
+
+    Returns
+    -------
+    dict
+        The weights `w` (N,), their J'J as `JJ` (N, N), and the `alpha_of_weight` (N,).
+    """
+    inputs = x.shape[1]
+    outputs = t.shape[1]
+    hidden = hidden_neurons(w.size, inputs, outputs)
+    classes = weight_classes(settings.prior, inputs, hidden, outputs)
+    size = np.array([w[members].size for members in classes], dtype=float)
+    data = _Data(
+        x=x,
+        t=t,
+        root_weight=root_weight,
+        n_means=t.size,
+        n=t.size,
+        pure_error=0.0,
+        classes=classes,
+        size=size,
+    )
+    state = _State(
+        at=_point(w, data),
+        alpha=alpha,
+        alpha_of_weight=of_each_weight(alpha, classes, w.size),
+        beta=beta,
+        gamma=size,
+    )
+    F = state.F()
+    mu = max(settings.mu, SMALLEST_MU)
+    for _ in range(DESCENT):
+        weights, next_mu = _step(state, mu, data, settings)
+        if weights is None:
+            break
+        state = state._replace(at=_point(weights, data))
+        # A damping that had to be raised would have to be raised again.
+        mu = next_mu / settings.mu_decrease if next_mu >= mu else next_mu
+        fall = F - state.F()
+        F -= fall
+        if fall < LEAST_FALL:
+            break
+    return {
+        "w": state.at.w,
+        "JJ": state.at.JJ,
+        "alpha_of_weight": state.alpha_of_weight,
     }
 
 

@@ -80,6 +80,11 @@ class NetworkEnsemble(Surrogate):
         self._set_members([best, *others])
         return self
 
+    def refit(self, X: ArrayLike, Y: ArrayLike, **noise: Unpack[Noise]) -> Self:
+        ensemble = copy.copy(self)
+        ensemble._set_members(member.refit(X, Y, **noise) for member in self.members_)
+        return ensemble
+
     def predict(
         self, X: ArrayLike, return_std: bool = False, noise: bool = True
     ) -> Any:

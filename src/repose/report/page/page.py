@@ -141,6 +141,8 @@ def _target(study: Results, target: Target) -> dict[str, Any]:
         "high": target.high,
         "simulated": simulated,
         "error": study.number(response.error),
+        "optimism": study.number(response.optimism),
+        "optimismError": study.number(response.optimism_error),
         "axis": [float(min(values) - margin), float(max(values) + margin)],
     }
 

@@ -102,6 +102,13 @@ function curvePredictor(model) {
   };
 }
 
+// By how much the prediction at the answer is expected to be too favourable.
+function optimismText({ optimism, optimismError, unit }) {
+  const sign = optimism < 0 ? "" : "+";
+  const error = optimismError === null ? "" : ` ± ${digits(optimismError, 1)}`;
+  return `expected optimism at the answer: ${sign}${digits(optimism, 2)}${error} ${unit}`;
+}
+
 function drawPredictions({ mean, std }) {
   const drawings = content.targets.map((target, k) => {
     const share = shareInside(target.low, target.high, mean[k], std[k]);
@@ -112,6 +119,7 @@ function drawPredictions({ mean, std }) {
       { class: "prediction" },
       make("p", { class: "name" }, `${target.label}: `, make("b", { id: `predicted-${target.name}` }, value)),
       gauge(target, mean[k], std[k], "predicted"),
+      ...(target.optimism === null ? [] : [make("p", { class: "note" }, optimismText(target))]),
       make("p", { class: share >= 0.5 ? "good" : "bad" }, `inside the target's range ${range}: ${percent(share)}`),
     );
   });

@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 
 from repose.bench.parameters import LABELS
-from repose.calibrate.answer import nearness
+from repose.calibrate.answer import NEAR_BOUNDS, describe_optimism, nearness
+from repose.calibrate.bounds import in_words
 from repose.calibrate.card import held, with_remark
 from repose.calibrate.designs.latin_hypercube import METHODS
 from repose.calibrate.runs import error_of
@@ -36,6 +37,7 @@ class AnswerSection:
     impossible_targets: list[str]
     origin: str
     nearness: str  # empty if the answer was not simulated again
+    near_bounds: str  # empty where no parameter is near a bound
     table: Table
     has_intervals: bool
     intervals_are_unsettled: bool
@@ -81,6 +83,7 @@ def answer(study: Results) -> AnswerSection:
         impossible_targets=impossible_targets(study.files),
         origin=_origin(study),
         nearness=_nearness(study),
+        near_bounds=_near_bounds(study),
         table=_parameter_table(study),
         has_intervals=posterior is not None,
         intervals_are_unsettled=bool(is_unsettled),
@@ -114,6 +117,12 @@ def _nearness(study: Results) -> str:
         return ""
     checks = checks_of(study)
     return nearness(replace(check, response=check.label) for check in checks)
+
+
+def _near_bounds(study: Results) -> str:
+    """Say which parameters are at a bound as far as the fit can tell; empty if none is."""
+    clauses = [in_words(near) for near in study.summary.get("near_bounds", ())]
+    return f"{NEAR_BOUNDS}: {'; '.join(clauses)}." if clauses else ""
 
 
 def _parameter_table(study: Results) -> Table:
@@ -196,6 +205,10 @@ def _response_row(study: Results, target: Target) -> list[str]:
 
     predicted = study.number(response.predicted)
     predicted_text = "" if predicted is None else f"{predicted:.4g} {unit}"
+    optimism = study.number(response.optimism)
+    if optimism is not None:
+        expected = describe_optimism(optimism, study.number(response.optimism_error))
+        predicted_text += f" ({expected.replace('+-', '±')})"
 
     simulated = study.number(response.simulated)
     error = study.number(response.error)
@@ -241,14 +254,20 @@ def _table_of_checked_sets(study: Results) -> Table | None:
     for response in study.targets.responses:
         unit = response.unit or "–"
         columns.append(f"{response.symbol} predicted ({unit})")
+        if response.optimism in study.checked_sets:
+            columns.append(f"expected optimism ({unit})")
         columns.append(f"{response.symbol} simulated ({unit})")
     rows = []
     for _, row in study.checked_sets.iterrows():
         cells = [row.get("solution"), row.get("role"), row.get("n_seeds")]
         for response in study.targets.responses:
+            cells.append(row[response.predicted])
+            if response.optimism in study.checked_sets:
+                optimism = row[response.optimism]
+                error = row[response.optimism_error]
+                cells.append(_mean_with_error(optimism, error))
             simulated = row.get(response.simulated)
             error = row.get(response.error)
-            cells.append(row[response.predicted])
             cells.append(_mean_with_error(simulated, error))
         rows.append(cells)
     return Table(columns, rows, style="sets")

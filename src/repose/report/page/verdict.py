@@ -137,4 +137,6 @@ def checks_of(study: Results) -> Iterator[Check]:
             status=status,
             predicted=study.number(response.predicted),
             line=line_for(study.measure, target.name),
+            optimism=study.number(response.optimism),
+            optimism_error=study.number(response.optimism_error),
         )

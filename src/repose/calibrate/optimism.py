@@ -1,0 +1,185 @@
+"""The expected optimism of a prediction at parameter sets that a search chose.
+
+A fit of noisy pours is too high at some places and too low at others. The search takes
+places where the fit meets the targets. Where the targets are near the edge of what is
+possible, these are mostly places where the error of the fit helps. So the prediction is
+too favourable there on average: the winner's curse.
+
+The bootstrap (E79) shows by how much. The pours of each sample are drawn again, the
+surrogate is fitted again and searched again. To a replicate, the original fit is the
+truth: prediction of the replicate less that of the original fit, at the sets that the
+replicate found, is the optimism of this replicate.
+
+  (E79)  Efron 1979, Bootstrap methods: another look at the jackknife, Annals of
+         Statistics 7
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+import pandas as pd
+
+from repose.calibrate.runs import of_bench
+from repose.calibrate.surrogates.base import Surrogate
+from repose.calibrate.targets import Targets
+from repose.calibrate.training import Replicates
+
+# A search: from a surrogate to the parameter sets (n, d) that it finds, and their roles.
+Search = Callable[[Surrogate], tuple[np.ndarray, Sequence[str]]]
+COLUMNS = ("role", "response", "optimism", "optimism_se", "replicates")
+
+
+class Pours(NamedTuple):
+    """Single pours of the samples of a fit.
+
+    Attributes
+    ----------
+    X : numpy.ndarray, (n, d)
+        The parameter sets.
+    means : numpy.ndarray, (n, k)
+        Mean responses of each.
+    counts : list of numpy.ndarray, (n,)
+        For each bench test the pours of each sample.
+    deviations : list of list of numpy.ndarray
+        For each bench test and each sample the deviations (pours, responses of the bench
+        test) from which its pours are drawn, enlarged to the scatter of a single pour.
+    columns : list of list of int
+        The responses of each bench test.
+    noise : mapping
+        What the fit is told about the noise.
+    """
+
+    X: np.ndarray
+    means: np.ndarray
+    counts: list[np.ndarray]
+    deviations: list[list[np.ndarray]]
+    columns: list[list[int]]
+    noise: Mapping[str, Any]
+
+    @classmethod
+    def of(
+        cls,
+        surrogate: Surrogate,
+        dataset: pd.DataFrame,
+        runs: pd.DataFrame,
+        targets: Targets,
+    ) -> Self | None:
+        """Collect the pours of the samples of a fit; None if none was poured twice.
+
+        Parameters
+        ----------
+        surrogate : Surrogate
+            It has the numbers of its samples and the names of its parameters.
+        dataset : pandas.DataFrame
+            A row for each sample: ``sample``, parameters, mean responses.
+        runs : pandas.DataFrame
+            Their single runs.
+        targets : Targets
+        """
+        samples = list(surrogate.samples)
+        noise = Replicates.of(runs, samples, targets)
+        if noise is None:
+            return None
+        rows = dataset.set_index("sample").loc[samples]
+        good = runs[runs["status"] == "ok"]
+        counts = []
+        deviations = []
+        columns = []
+        for apparatus, of_apparatus in targets.benches.items():
+            names = [targets.names[k] for k in of_apparatus]
+            groups = dict(list(of_bench(good, apparatus).groupby("sample")[names]))
+            values = [groups[sample].to_numpy(float) for sample in samples]
+            counts.append(np.array([len(pours) for pours in values]))
+            deviations.append(_deviations(values))
+            columns.append(list(of_apparatus))
+        return cls(
+            X=rows[list(surrogate.inputs)].to_numpy(float),
+            means=rows[list(targets.names)].to_numpy(float),
+            counts=counts,
+            deviations=deviations,
+            columns=columns,
+            noise=noise._asdict(),
+        )
+
+    def draw(self, random: np.random.Generator) -> np.ndarray:
+        """Draw the pours of each sample again; return their means (n, k)."""
+        means = self.means.copy()
+        for columns, counts, deviations in zip(
+            self.columns, self.counts, self.deviations, strict=True
+        ):
+            for sample, (count, of_sample) in enumerate(
+                zip(counts, deviations, strict=True)
+            ):
+                drawn = of_sample[random.integers(len(of_sample), size=count)]
+                means[sample, columns] += drawn.mean(axis=0)
+        return means
+
+
+def _deviations(values: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Compute the deviations of the pours of each sample.
+
+    The scatter of n pours about their own mean is (n - 1) / n of the variance of a pour
+    on average, so it is enlarged. A sample with one pour has the deviations of all others.
+    """
+    deviations = []
+    for pours in values:
+        count = len(pours)
+        enlarged = np.sqrt(count / max(count - 1, 1))
+        deviations.append(enlarged * (pours - pours.mean(axis=0)))
+    of_all = np.concatenate([of_one for of_one in deviations if len(of_one) > 1])
+    return [of_one if len(of_one) > 1 else of_all for of_one in deviations]
+
+
+def expected_optimism(
+    surrogate: Surrogate,
+    pours: Pours,
+    search: Search,
+    targets: Targets,
+    *,
+    replicates: int,
+    seed: int,
+) -> pd.DataFrame:
+    """Compute the expected optimism of predictions by the role of a set.
+
+    Parameters
+    ----------
+    surrogate : Surrogate
+        The fit of the pours.
+    pours : Pours
+    search : callable
+        It finds parameter sets and their roles in a surrogate.
+    targets : Targets
+    replicates : int
+        Number of refits, at least 2.
+    seed : int
+        Replicate k draws from default_rng([seed, k]).
+
+    Returns
+    -------
+    pandas.DataFrame
+        `COLUMNS`: for each role and response the mean over the replicates of
+        prediction less original fit, in the units of the response, and the standard
+        error of this mean.
+    """
+    differences: dict[str, list[np.ndarray]] = {}
+    for k in range(replicates):
+        random = np.random.default_rng([seed, k])
+        refitted = surrogate.refit(pours.X, pours.draw(random), **pours.noise)
+        sets, roles = search(refitted)
+        difference = refitted.predict(sets) - surrogate.predict(sets)
+        for role in dict.fromkeys(roles):
+            has_role = np.array([other == role for other in roles])
+            of_role = difference[has_role].mean(axis=0)
+            differences.setdefault(role, []).append(of_role)
+    rows = []
+    for role, of_replicates in differences.items():
+        values = np.array(of_replicates)
+        errors = np.full(values.shape[1], np.nan)
+        if len(values) > 1:
+            errors = values.std(axis=0, ddof=1) / np.sqrt(len(values))
+        for name, optimism, error in zip(
+            targets.names, values.mean(axis=0), errors, strict=True
+        ):
+            rows.append((role, name, optimism, error, len(values)))
+    return pd.DataFrame(rows, columns=list(COLUMNS))

@@ -1,0 +1,98 @@
+"""The stage `optimism`: by how much the predictions of the search are too favourable."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from repose.calibrate.inversion import invert
+from repose.calibrate.optimism import COLUMNS, Pours, Search, expected_optimism
+from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.search.settings import MigaSettings
+from repose.calibrate.surrogates import Surrogate, load
+from repose.calibrate.targets import Targets
+from repose.common.files import Path_, write_table
+from repose.stages.tables import read_dataset, read_runs
+from repose.stages.validate import select_for_validation
+
+# Rounds of the search in a replicate: it finds the sets of 870 rounds to a hundredth of
+# Eq. 11.
+ROUNDS = 20
+
+
+def search_again(
+    parameters: ParameterSpace, targets: Targets, settings: MigaSettings, count: int
+) -> Search:
+    """Make a short search that ends with the sets to simulate again.
+
+    Parameters
+    ----------
+    parameters : ParameterSpace
+    targets : Targets
+    settings : MigaSettings
+        Those of the search; at most `ROUNDS` rounds are made.
+    count : int
+        Number of sets besides the representative.
+    """
+    rounds = min(ROUNDS, settings.rounds)
+    short = settings.model_copy(update={"rounds": rounds})
+
+    def search(surrogate: Surrogate) -> tuple[np.ndarray, Sequence[str]]:
+        solutions = invert(surrogate, parameters, targets, short).solutions
+        chosen = select_for_validation(solutions, count, parameters)
+        sets = chosen[list(parameters.names)].to_numpy(float)
+        return sets, chosen["role"].tolist()
+
+    return search
+
+
+def run(
+    surrogate_json: Path_,
+    dataset_csv: Path_,
+    runs_csv: Path_,
+    out_csv: Path_,
+    *,
+    parameters: ParameterSpace,
+    targets: Targets,
+    settings: MigaSettings,
+    solutions: int,
+) -> pd.DataFrame:
+    """Write the expected optimism of the predictions of a search.
+
+    Parameters
+    ----------
+    surrogate_json : path
+        The surrogate, as the stage `network` writes it.
+    dataset_csv, runs_csv : path
+        The samples that it was fitted to, and their single runs.
+    out_csv : path
+        The table to write.
+    parameters : ParameterSpace
+    targets : Targets
+    settings : MigaSettings
+    solutions : int
+        Number of sets besides the representative that are simulated again.
+
+    Returns
+    -------
+    pandas.DataFrame
+        That of `repose.calibrate.optimism.expected_optimism`. It is empty where no
+        sample has two runs, and with ``miga.replicates: 0``.
+    """
+    surrogate = load(surrogate_json, targets.names)
+    dataset = read_dataset(dataset_csv, targets)
+    runs = read_runs(runs_csv, targets, dataset, dataset_csv)
+    pours = Pours.of(surrogate, dataset, runs, targets)
+    table = pd.DataFrame(columns=list(COLUMNS))
+    if pours is not None and settings.replicates:
+        table = expected_optimism(
+            surrogate,
+            pours,
+            search_again(parameters, targets, settings, solutions),
+            targets,
+            replicates=settings.replicates,
+            seed=settings.seed,
+        )
+    write_table(Path(out_csv), table)
+    return table
