@@ -253,7 +253,9 @@ def measured(places, config, berry, particle):
         "quaternion": np.array(quaternions),
         "in_pile": trial.largest_cluster(contacts, np.ones(len(places), bool)),
     }
-    settings = MeasureSettings.of(config["measure"] | LINE, berry)
+    settings = MeasureSettings.with_defaults(**config["measure"] | LINE).for_grain(
+        berry
+    )
     found, _ = pile_responses(
         arrays, particle, settings, config["funnel"]["plate_diameter_mm"]
     )

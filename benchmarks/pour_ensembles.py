@@ -92,7 +92,9 @@ def pour(path, seeds, processes):
 def measured(path, study):
     """Set, status and processor time of each pour, and its responses (N, R); NaN where it cannot be measured."""
     stored = np.load(path)
-    settings = MeasureSettings.of(study.config["measure"], study.grain)
+    settings = MeasureSettings.with_defaults(**study.config["measure"]).for_grain(
+        study.grain
+    )
     plate_mm = study.config["funnel"]["plate_diameter_mm"]
     arrays = {name: stored[name] for name in KEPT}
     further = [name for name in RESPONSES if name not in funnel.BASIC_NUMBERS]

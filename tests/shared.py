@@ -129,8 +129,7 @@ def study_of(
     targets, space=None, definitions=(), measure=None, surrogate="network", **sections
 ):
     """A study of targets, with some sections of its settings."""
-    how = None if measure is None else SimpleNamespace(**measure)
-    settings = SimpleNamespace(surrogate=surrogate, measure=how, **sections)
+    settings = SimpleNamespace(surrogate=surrogate, measure=measure, **sections)
     return SimpleNamespace(
         targets=targets,
         parameters=space,

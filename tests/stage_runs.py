@@ -43,7 +43,7 @@ def conclude(name, study, folders, out):
         out,
         parameters=study.parameters,
         targets=study.targets,
-        measure=study.config.get("measure"),
+        measure=study.settings.measure,
     )
 
 

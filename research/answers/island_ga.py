@@ -20,6 +20,7 @@ import numpy as np
 from scipy.optimize import differential_evolution
 
 from repose.calibrate.search.miga import MIGA, islands_ga
+from repose.calibrate.search.settings import MigaSettings
 from repose.calibrate.surrogates import make
 from repose.calibrate.surrogates.settings import NetworkSettings
 
@@ -191,7 +192,7 @@ def variant(name):
     kind, settings = VARIANTS[name]
 
     def search(problem, seed):
-        ga = kind(problem.dimensions, **settings, seed=seed)
+        ga = kind(problem.dimensions, MigaSettings.with_defaults(**settings, seed=seed))
         for _ in range(ROUNDS * GENERATIONS):
             ga.tell(problem(ga.ask() * problem.half))
         return ga.best_fitness

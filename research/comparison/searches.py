@@ -24,6 +24,7 @@ from scipy import optimize
 
 from repose.calibrate.search.miga import MIGA
 from repose.calibrate.search.objective import Objective
+from repose.calibrate.search.settings import MigaSettings
 
 STEP = 1e-6  # of the differences
 Respond = Callable[[np.ndarray], np.ndarray]
@@ -104,8 +105,8 @@ class Log:
 
 
 def miga(log: Log, seed: int, **settings: Any) -> None:
-    """Run the multi-island genetic algorithm; `settings` are arguments of `repose.calibrate.search.miga.MIGA`."""
-    search = MIGA(log.dimensions, **settings, seed=seed)
+    """Run the multi-island genetic algorithm; `settings` are keys of the section `miga`."""
+    search = MIGA(log.dimensions, MigaSettings.with_defaults(**settings, seed=seed))
     while True:
         search.tell(log(search.ask()))
 

@@ -92,7 +92,9 @@ def lines(args, config):
 def loose(args, config):
     """Move one grain to the foot or onto the crest of saved piles; see how far each line's angle goes."""
     particle = Particle.load(args.particle)
-    settings = pile.MeasureSettings.of(config["measure"], read_grain(args.berry))
+    settings = pile.MeasureSettings.with_defaults(**config["measure"]).for_grain(
+        read_grain(args.berry)
+    )
     table = loose_grain.shifts(
         args.heaps, particle, pile.with_grain_height(settings, particle)
     )

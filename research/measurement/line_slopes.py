@@ -1,7 +1,6 @@
 """The angle by each line beside that of a cone of the same Height and volume: the table of `repose.bench.reach`."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ from repose.common.files import write_table
 from repose.grain.particle import Particle
 from repose.measure import pile, saved_pours
 from repose.measure.angles import DEFINITIONS, measure_sides
-from repose.measure.settings import line_of
+from repose.measure.settings import MeasureSettings, line_of
 from repose.measure.silhouette import Grains
 
 RULES = ("columns", "levels", "rows")
@@ -33,7 +32,9 @@ SETTINGS: list[dict[str, Any]] = [
 def lines() -> dict[str, dict[str, Any]]:
     """Every line of the table by its words: the definition and the settings that it reads."""
     return {
-        line_of(one, definition): {"definition": definition}
+        line_of(MeasureSettings.with_defaults(**one), definition): {
+            "definition": definition
+        }
         | {key: one[key] for key in LINE_KEYS[definition]}
         for definition in DEFINITIONS
         for one in SETTINGS
@@ -49,7 +50,8 @@ def run(
 ) -> pd.DataFrame:
     """Write and return the table of the samples in `heaps`: ``NAME.npz``, with ``NAME.pours.json`` beside each."""
     settings = pile.with_grain_height(
-        pile.MeasureSettings.of(config["measure"], berry), particle
+        pile.MeasureSettings.with_defaults(**config["measure"]).for_grain(berry),
+        particle,
     )
     samples = pd.DataFrame(
         filter(None, (sample(path, particle, settings) for path in heaps))
@@ -95,8 +97,12 @@ def measured(
         profile, crest = pile.find_profile(view)
         row: dict[str, float] = {}
         for one in SETTINGS:
-            sides = measure_sides(profile, crest, replace(settings, **one))[0]
-            row |= {line_of(one, name): angle for name, (angle, *_) in sides.items()}
+            line_settings = settings.model_copy(update=one)
+            sides = measure_sides(profile, crest, line_settings)[0]
+            row |= {
+                line_of(line_settings, name): angle
+                for name, (angle, *_) in sides.items()
+            }
         rows.append(row)
     return {"Height": 1e3 * height_m} | pd.DataFrame(rows).mean().to_dict()
 

@@ -6,7 +6,6 @@ silhouettes. docs/measurement.md shows and discusses the tables.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -96,7 +95,9 @@ def run(
         raise InputError(
             "command line", "heaps", len(heaps), "at least two jobs of the design"
         )
-    settings = pile.with_grain_height(pile.MeasureSettings.of(section, berry), particle)
+    settings = pile.with_grain_height(
+        pile.MeasureSettings.with_defaults(**section).for_grain(berry), particle
+    )
     piles = pd.concat(
         [measured_piles(path, particle, settings) for path in heaps], ignore_index=True
     )
@@ -170,7 +171,7 @@ def variants_of_profile(
     found = {}
     for name, (changed, definition) in VARIANTS.items():
         measured, _ = measure_sides(
-            profile, crest, replace(settings, **changed), (definition,)
+            profile, crest, settings.model_copy(update=changed), (definition,)
         )
         found[name] = measured[definition][0] if definition in measured else math.nan
     return found

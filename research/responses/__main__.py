@@ -122,7 +122,7 @@ def profile(args, config):
     runs = runs[(runs["status"] == "ok") & runs["sample"].isin(table["sample"])]
     levels = profiles.levels_mm(float(runs["height_mm"].max()))
     good = set(map(tuple, runs[["sample", "seed"]].to_numpy()))
-    seen = MeasureSettings.of(config["measure"], berry)
+    seen = MeasureSettings.with_defaults(**config["measure"]).for_grain(berry)
     widths = half_widths.of_pours(args.pours, good, particle, seen, levels)
     runs = runs.merge(widths, on=["sample", "seed"])
     table = table[table["sample"].isin(runs["sample"])]

@@ -80,7 +80,7 @@ def run(
     runs = runs[[column for column in runs if column in (*known, "apparatus")]]
     poured = (runs["status"] == "ok") & _of_the_pile(runs)
     good = set(map(tuple, runs.loc[poured, ["sample", "seed"]].to_numpy()))
-    settings = pile.MeasureSettings.of(config["measure"], berry)
+    settings = pile.MeasureSettings.with_defaults(**config["measure"]).for_grain(berry)
     found = of_pours(
         pours_json, good, particle, settings, config["funnel"]["plate_diameter_mm"]
     )

@@ -5,7 +5,6 @@ All come from the same pictures, which cost more than the measurements.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -44,7 +43,9 @@ def measured(
     for view in views:
         profiles.append(pile.find_profile(view)[0])
         seen = {
-            rule: pile.measure_segmented(view, replace(settings, flank=rule)).angles
+            rule: pile.measure_segmented(
+                view, settings.model_copy(update={"flank": rule})
+            ).angles
             for rule in FLANKS
         }
         for name in COLUMNS:

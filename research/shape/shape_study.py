@@ -103,7 +103,7 @@ def _one_pour(config, kind, parameters, seed, particle, berry, folder, name):
             run.record, run.arrays, Scene.of(config, {}, berry, particle)
         )
     try:
-        settings = MeasureSettings.of(config["measure"], berry)
+        settings = MeasureSettings.with_defaults(**config["measure"]).for_grain(berry)
         return (
             run.record | measured | shape_piles.measured(run.arrays, particle, settings)
         )

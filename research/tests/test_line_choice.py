@@ -156,7 +156,7 @@ def test_a_loose_grain_touches_the_pile_where_it_is_put(tmp_path):
         assert lowest == pytest.approx(0.0 if place == "foot" else top, abs=0.004)
         long = 2 * loose_grain.reach(PARTICLE, quaternion, up)[0]
         assert (long > 0.015) == (grain == "stands")
-    settings = pile.MeasureSettings.of(
-        CONFIG["measure"] | {"views": 2, "mm_per_pixel": 0.5}, AXES
-    )
+    settings = pile.MeasureSettings.with_defaults(
+        **CONFIG["measure"] | {"views": 2, "mm_per_pixel": 0.5}
+    ).for_grain(AXES)
     assert settings.views == 2

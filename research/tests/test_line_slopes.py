@@ -13,7 +13,7 @@ from repose.bench import funnel, reach
 from repose.grain.particle import Particle
 from repose.measure.angles import DEFINITIONS
 from repose.measure.pile import measure_pile
-from repose.measure.settings import line_of
+from repose.measure.settings import MeasureSettings, line_of
 from repose.measure.silhouette import Grains
 from research.measurement import line_slopes
 
@@ -77,4 +77,7 @@ def test_the_table_of_saved_piles_is_by_the_measured_angles(tmp_path):
     row = table[table["definition"] == "whole"].iloc[0]
     assert row["mean"] == pytest.approx(np.mean(ratios), rel=1e-9)
     input_error("two samples", line_slopes.run, heaps[:1], PARTICLE, config, AXES, out)
-    assert line_of(CONFIG["measure"]) in line_slopes.lines()
+    assert (
+        line_of(MeasureSettings.with_defaults(**CONFIG["measure"]))
+        in line_slopes.lines()
+    )

@@ -18,9 +18,9 @@ from research.measurement import measurement_study
 from research.measurement.measurement_study import VARIANTS
 
 LEVELS, COLUMNS = "flank 10-80 %, levels", "flank 10-80 %, columns"
-SETTINGS = pile.MeasureSettings.of(
-    CONFIG["measure"] | {"views": 2, "mm_per_pixel": 0.5}, AXES
-)
+SETTINGS = pile.MeasureSettings.with_defaults(
+    **CONFIG["measure"] | {"views": 2, "mm_per_pixel": 0.5}
+).for_grain(AXES)
 
 
 def test_spreads_of_a_drawn_design_are_those_it_was_drawn_with():

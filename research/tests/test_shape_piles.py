@@ -1,7 +1,6 @@
 """Measurements of the shape study on a pile: the flank rules beside those of one pile, and the density of its core."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from repose.measure.silhouette import Grains
 from research.shape import shape_piles
 
 PARTICLE = fit_particle(ellipsoid_mesh([12.0, 11.0, 10.0]), 840.0)
-SETTINGS = pile.MeasureSettings(views=3, mm_per_pixel=0.5)
+SETTINGS = pile.MeasureSettings.with_defaults(views=3, mm_per_pixel=0.5)
 
 
 def cone(spacing_m, radius_m=0.1, height_m=0.065):
@@ -83,7 +82,7 @@ def test_definitions_are_those_of_a_measured_pile():
         *shape_piles.COLUMNS.values(),
     }
     for rule, name in shape_piles.FLANKS.items():
-        own = replace(SETTINGS, flank=rule)
+        own = SETTINGS.model_copy(update={"flank": rule})
         alone = pile.measure_pile(Grains.of(arrays, PARTICLE), own)
         assert found[f"aor_{name}_deg"] == pytest.approx(alone.mean_deg("flank"))
         if rule == SETTINGS.flank:

@@ -29,7 +29,7 @@ BED, EMPTY, RIM, WALL = (
     (60, 60, 60),
     (150, 140, 90),
 )  # BGR
-HOW = MeasureSettings(berry_height_mm=2.0)
+HOW = MeasureSettings.with_defaults(berry_height_mm=2.0)
 
 
 def noisy(picture):

@@ -290,7 +290,7 @@ def test_a_pile_rests_on_the_plate_is_measured_as_piles_are_and_keeps_its_sizes(
     assert record["kinetic_energy_J"] / record["berries_in_pile"] < 1e-12
     assert record["berries_on_plate"] == 120
     assert 1.8 < record["discharge_s"] < 2.2
-    settings = pile.MeasureSettings.of(heap()["measure"], BERRY)
+    settings = pile.MeasureSettings.with_defaults(**heap()["measure"]).for_grain(BERRY)
     again = pile.measure_pile(
         Grains.of(run.arrays, particle()), settings, run.arrays["in_pile"]
     )

@@ -199,7 +199,7 @@ def test_a_small_pile_is_measured_as_that_of_the_funnel_and_as_a_picture_of_it()
     )
     for name in ("aor_deg", "height_mm"):
         assert record[f"lifted_{name}"] == of_funnel[name]
-    settings = MeasureSettings.of(config()["measure"], BEAD)
+    settings = MeasureSettings.with_defaults(**config()["measure"]).for_grain(BEAD)
     picture = side_view(run.arrays, SPHERE, pile.with_grain_height(settings, SPHERE))
     photographed = pile.measure_image(
         picture, settings.mm_per_pixel, settings, base_row=picture.shape[0] - 0.5

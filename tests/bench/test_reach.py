@@ -87,7 +87,7 @@ def test_a_side_is_no_steeper_than_the_cone_of_its_mass_and_the_articles_pair_is
             1 + 1e-4
         )
     row, exact = reach.nearest_row(
-        MeasureSettings(**config["measure"] | WHOLE), "whole", 0.2
+        MeasureSettings.with_defaults(**config["measure"] | WHOLE), "whole", 0.2
     )
     assert exact
     assert row["largest"] < math.sqrt(reach.DENSEST_PACKING / funnel.PACKING)

@@ -95,6 +95,16 @@ def test_comments_docstrings_format_messages_and_types_change_nothing(package):
     assert hashes(package, "probe") != [before]
 
 
+def test_the_meaning_of_a_key_changes_nothing_and_its_bounds_do(package):
+    field = 'from pydantic import Field\nseeds = Field(ge=1, description="runs")\n'
+    (package / "probe.py").write_text(field)
+    (before,) = hashes(package, "probe")
+    (package / "probe.py").write_text(field.replace("runs", "runs of a sample"))
+    assert hashes(package, "probe") == [before]
+    (package / "probe.py").write_text(field.replace("ge=1", "ge=2"))
+    assert hashes(package, "probe") != [before]
+
+
 def test_a_data_file_counts_where_a_module_of_its_folder_names_it(package):
     (package / "probe.py").write_text('NAME = "probe.csv"\n')
     (before,) = hashes(package, "probe")

@@ -483,7 +483,7 @@ def outcome(
     scene: Scene, folder: Path
 ) -> tuple[photographs.Photograph, tuple[float, float, float]]:
     """The photograph of a scene, measured, and the truth; what was found in it lies beside it."""
-    how = MeasureSettings(berry_height_mm=scene.d)
+    how = MeasureSettings.with_defaults(berry_height_mm=scene.d)
     focal = (
         scene.focal / SIZE[0] if scene.stated else None
     )  # half of the cameras state their focal length

@@ -143,7 +143,7 @@ def measured(
     one: Scene, path: Path, focal_stated: bool = False
 ) -> photographs.Photograph:
     """The photograph, drawn if it is not there, and measured."""
-    how = MeasureSettings(berry_height_mm=one.grain_mm)
+    how = MeasureSettings.with_defaults(berry_height_mm=one.grain_mm)
     focal = one.focal / max(one.size) if focal_stated else None
     path = saved(path, lambda: photograph(one, sheet.draw()[0], sheet.size_mm()), focal)
     return photographs.measure_all([path], how, photographs.Scale())[0]

@@ -1,7 +1,6 @@
 """The definitions of the angle on profiles whose angles are known in closed form."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -209,7 +208,7 @@ def both_sides(left, right):
 
 def test_sides_hold_every_definition_or_say_why_not():
     profile, crest = both_sides(cone(0.4, 200.0), cone(0.8, 200.0))
-    how = MeasureSettings(
+    how = MeasureSettings.with_defaults(
         fit_from="berry",
         fit_to=0.9,
         flank="columns",
@@ -226,12 +225,12 @@ def test_sides_hold_every_definition_or_say_why_not():
     assert mean == pytest.approx((degrees(0.4) + degrees(0.8)) / 2)
     assert (left.ends[0][1], left.ends[1][1]) == (50.0, 180.0)
     unknown, reasons = angles.measure_sides(
-        profile, crest, replace(how, berry_height_mm=None)
+        profile, crest, how.model_copy(update={"berry_height_mm": None})
     )
     assert tuple(unknown) == ("whole", "straightest")
     assert set(reasons) == {"flank", "secant", "steepest"}
     low, reasons = angles.measure_sides(
-        profile, crest, replace(how, fit_from=0.1, fit_to=0.2)
+        profile, crest, how.model_copy(update={"fit_from": 0.1, "fit_to": 0.2})
     )
     assert "steepest" not in low
     assert "12 are needed" in reasons["steepest"]
@@ -265,10 +264,8 @@ def test_windows_levels_and_lines_are_what_their_words_say():
     )
     assert heights.tolist() == [15.0, 16.0]
     np.testing.assert_allclose(middle, [0.5 * (1.5 + 3.5), 0.5 * (1.6 + 3.6)])
-    section = vars(
-        MeasureSettings(
-            fit_from="berry", fit_to=0.8, flank="rows", smallest_window=0.25
-        )
+    section = MeasureSettings.with_defaults(
+        fit_from="berry", fit_to=0.8, flank="rows", smallest_window=0.25
     )
     assert {name: line_of(section, name) for name in angles.DEFINITIONS} == {
         "flank": "flank, one grain to 80 % of the height, rows", "secant": "secant, foot to crest",

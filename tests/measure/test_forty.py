@@ -54,6 +54,8 @@ def test_the_truth_of_a_drawing_is_its_side_view_without_perspective():
     reach = np.linalg.norm(
         np.linalg.inv(to_unit)[:, 2], axis=1
     )  # of an ellipsoid along z
-    angle, own, high = forty.truth(scene, MeasureSettings(berry_height_mm=scene.d))
+    angle, own, high = forty.truth(
+        scene, MeasureSettings.with_defaults(berry_height_mm=scene.d)
+    )
     assert high == pytest.approx((centres[:number, 2] + reach[:number]).max(), abs=0.3)
     assert own == pytest.approx(angle, abs=0.1)

@@ -1,7 +1,6 @@
 """The measurement against piles of known angle and height, drawn here without OpenCV."""
 
 import math
-from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -15,7 +14,9 @@ from repose.measure.pile import MeasureSettings, NoFlankError, read_image
 from repose.measure.profile_points import FLANK_RULES
 
 # The line of these tests: between a tenth and eight tenths of the height the drawn piles are straight.
-FLANK = MeasureSettings(response="flank", fit_from=0.1, fit_to=0.8, flank="columns")
+FLANK = MeasureSettings.with_defaults(
+    response="flank", fit_from=0.1, fit_to=0.8, flank="columns"
+)
 
 
 def measure_image(picture, mm_per_pixel, how=FLANK, **more):
@@ -225,7 +226,9 @@ def test_a_light_or_lumpy_pile_is_measured_as_it_is():
             picture = toned(cover >= 0.5, 60, 200)
             for rule, values in errors.items():
                 values.append(
-                    measure_image(picture, MM, replace(FLANK, flank=rule)).aor_deg
+                    measure_image(
+                        picture, MM, FLANK.model_copy(update={"flank": rule})
+                    ).aor_deg
                     - angle
                 )
     bias = {rule: abs(np.mean(values)) for rule, values in errors.items()}
@@ -250,7 +253,9 @@ def test_loose_berries_count_when_asked_for_and_a_narrow_mask_has_its_plate():
     )
     alone, together = (
         measure_image(picture, MM),
-        measure_image(picture, MM, replace(FLANK, largest_pile_only=False)),
+        measure_image(
+            picture, MM, FLANK.model_copy(update={"largest_pile_only": False})
+        ),
     )
     assert alone.angle.right_deg == pytest.approx(30, abs=CLEAN_DEG)
     assert together.angle.right_deg < 29

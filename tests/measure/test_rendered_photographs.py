@@ -110,7 +110,7 @@ def test_a_cone_seen_from_above_or_below_gets_its_angle_and_its_foot_back(above,
         255 * mask, mask.astype(np.float32), 0.5, mask, base, "brighter"
     )
     one = photographs.Photograph(Path(), mask, pile, facts={"mm_per_pixel": px})
-    how = MeasureSettings(berry_height_mm=6.0)
+    how = MeasureSettings.with_defaults(berry_height_mm=6.0)
     flat = photographs._measure_view(one, how)
     assert (flat.aor_deg < 30.9) == (above != 0)
     one.view, one.pile = remove_perspective(

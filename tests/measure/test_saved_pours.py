@@ -170,7 +170,7 @@ def test_further_responses_are_measured_where_they_are_targets(saved):
     assert not set(FURTHER) & set(without["summary"])
     whole = targeted("aor_deg", "height_mm", *FURTHER, "discharge_s")
     result = measure_job(Scene.of(whole, {}, AXES, whole_berry), saved)
-    settings = pile.MeasureSettings.of(whole["measure"], AXES)
+    settings = pile.MeasureSettings.with_defaults(**whole["measure"]).for_grain(AXES)
     plate = whole["funnel"]["plate_diameter_mm"]
     poured = saved_pours.first_pour(saved.with_name("007.npz"))
     expected = further_responses.of_pour(poured, whole_berry, settings, plate)
@@ -189,7 +189,9 @@ def test_further_responses_are_measured_where_they_are_targets(saved):
 def test_a_picture_of_a_simulated_pile_is_measured_as_its_first_view(
     saved, tmp_path, fit_from
 ):
-    settings = pile.MeasureSettings.of(config(fit_from=fit_from)["measure"], AXES)
+    settings = pile.MeasureSettings.with_defaults(
+        **config(fit_from=fit_from)["measure"]
+    ).for_grain(AXES)
     assert settings.berry_height_mm == pytest.approx(BERRY_MM)
     poured = saved_pours.first_pour(saved.with_name("007.npz"))
     run = funnel.FunnelTest().measure(
@@ -214,16 +216,23 @@ def test_the_lines_of_the_overlay_are_those_of_the_response_and_a_given_height_o
     saved,
 ):
     assert (
-        pile.MeasureSettings.of(
-            config(berry_height_mm=20.0)["measure"], AXES
-        ).berry_height_mm
+        pile.MeasureSettings.with_defaults(**config(berry_height_mm=20.0)["measure"])
+        .for_grain(AXES)
+        .berry_height_mm
         == 20.0
     )
-    assert pile.MeasureSettings.of(config()["measure"], {}).berry_height_mm is None
+    assert (
+        pile.MeasureSettings.with_defaults(**config()["measure"])
+        .for_grain({})
+        .berry_height_mm
+        is None
+    )
     poured = saved_pours.first_pour(saved.with_name("007.npz"))
     lines = set()
     for name in DEFINITIONS:
-        settings = pile.MeasureSettings.of(config(response=name)["measure"], AXES)
+        settings = pile.MeasureSettings.with_defaults(
+            **config(response=name)["measure"]
+        ).for_grain(AXES)
         seen = pile.measure_image(
             saved_piles.side_view(poured, PARTICLE, settings), 0.25, settings
         ).angle

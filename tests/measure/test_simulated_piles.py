@@ -99,7 +99,7 @@ def test_silhouettes_and_height_of_the_members_and_what_is_no_pile():
     assert np.abs(alone.view_height_mm - alone.height_mm).max() < MM
     assert (
         measure_pile(
-            with_stray, MeasureSettings(largest_pile_only=False), members
+            with_stray, MeasureSettings.with_defaults(largest_pile_only=False), members
         ).aor_deg
         < alone.aor_deg - 1
     )
@@ -113,7 +113,9 @@ def test_silhouettes_and_height_of_the_members_and_what_is_no_pile():
         NoFlankError,
         match=r"by 1\d pixels of 5 mm \(measure.mm_per_pixel\); a flank needs 20 by 20",
     ):
-        measure_pile(Grains(*pile, BERRY), MeasureSettings(mm_per_pixel=5.0))
+        measure_pile(
+            Grains(*pile, BERRY), MeasureSettings.with_defaults(mm_per_pixel=5.0)
+        )
 
 
 @pytest.mark.parametrize("largest_only", [True, False])
@@ -144,7 +146,9 @@ def test_cones_of_berries_have_their_angle_within_a_degree():
         for _ in range(4):
             pile = Grains(*cone_of_berries(angle, rng), BERRY)
             for rule in errors:
-                how = MeasureSettings(response="flank", fit_from=0.1, flank=rule)
+                how = MeasureSettings.with_defaults(
+                    response="flank", fit_from=0.1, flank=rule
+                )
                 errors[rule].append(measure_pile(pile, how).aor_deg - angle)
     assert abs(np.mean(errors["levels"])) < 1.0
     assert abs(np.mean(errors["levels"])) < abs(np.mean(errors["columns"]))

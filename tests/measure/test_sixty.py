@@ -132,7 +132,7 @@ def outlined(*tops):
     ([(250, 100), (300, 150), (350, 140), (351, 80)], "falls by 3"),
 ])  # fmt: skip
 def test_what_is_found_is_asked_whether_it_is_a_heap(tops, doubt):
-    how = MeasureSettings(mm_per_pixel=0.5, berry_height_mm=6.0)
+    how = MeasureSettings.with_defaults(mm_per_pixel=0.5, berry_height_mm=6.0)
     pile = outlined(*tops)
     doubts = doubts_of_pile(pile, measure_segmented(pile, how), 6.0, 0.5)
     assert bool(doubts) == bool(doubt)
@@ -156,7 +156,7 @@ def test_a_second_heap_beside_it_is_doubtful(tmp_path):
         file = tmp_path / f"{high}.png"
         cv2.imwrite(str(file), picture)
         how, scale = (
-            MeasureSettings(berry_height_mm=6.0),
+            MeasureSettings.with_defaults(berry_height_mm=6.0),
             photographs.Scale(mm_per_pixel=0.5),
         )
         (seen,) = photographs.measure_all([file], how, scale)
@@ -164,7 +164,10 @@ def test_a_second_heap_beside_it_is_doubtful(tmp_path):
 
 
 def test_a_doubt_is_printed_beside_its_photograph_and_a_layer_is_refused(tmp_path):
-    how, pile = MeasureSettings(mm_per_pixel=0.5), outlined((150, 60), (450, 62))
+    how, pile = (
+        MeasureSettings.with_defaults(mm_per_pixel=0.5),
+        outlined((150, 60), (450, 62)),
+    )
     doubt = doubts_of_pile(pile, seen := measure_segmented(pile, how), 6.0, 0.5)[0]
     one = photographs.Photograph(
         tmp_path / "a.png",
@@ -177,7 +180,7 @@ def test_a_doubt_is_printed_beside_its_photograph_and_a_layer_is_refused(tmp_pat
     text = describe([one], tables([one], how), how, tmp_path)
     assert doubt in next(line for line in text.splitlines() if line.startswith("a.png"))
     assert "note: lens not corrected\n" in text
-    how = MeasureSettings(mm_per_pixel=0.5, berry_height_mm=6.0)
+    how = MeasureSettings.with_defaults(mm_per_pixel=0.5, berry_height_mm=6.0)
     pile = outlined((100, 30), (500, 30))
     raised(
         NoFlankError,

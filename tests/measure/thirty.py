@@ -99,7 +99,7 @@ def errors(folder, kept=range(30), of_the_sheet=8, draw=0):
             cv2.imwrite(str(paths[scene.seed]), photograph(scene))
         for crop in sorted({scene.crop for scene in chosen}):
             same = [scene for scene in chosen if scene.crop == crop]
-            how = MeasureSettings(berry_height_mm=same[0].berry_mm)
+            how = MeasureSettings.with_defaults(berry_height_mm=same[0].berry_mm)
             own, of_sheet = (
                 [paths[one.seed] for one in some] for some in (same, alone)
             )
@@ -173,7 +173,9 @@ def measured(folder, scene, name="pile"):
     path = Path(folder) / f"{name}.png"
     cv2.imwrite(str(path), photograph(scene))
     return photographs.measure_all(
-        [path], MeasureSettings(berry_height_mm=scene.berry_mm), photographs.Scale()
+        [path],
+        MeasureSettings.with_defaults(berry_height_mm=scene.berry_mm),
+        photographs.Scale(),
     )[0]
 
 

@@ -19,6 +19,7 @@ from repose.grain.particle import Particle
 from repose.measure import pile, saved_pours
 from repose.measure.angles import DEFINITIONS
 from repose.measure.saved_piles import side_view
+from repose.measure.settings import MeasureSettings
 from repose.report import figures
 from repose.report.figures import (
     berries,
@@ -293,6 +294,7 @@ def test_bad_names_are_named_and_the_approach_shows_bars_and_the_pile_its_defini
     title = drawn("plane")[0].legends[0].get_title().get_text()
     assert title.startswith(plane.BARS)
     assert LINE in title.replace("\n", " ")
+    settings = MeasureSettings.with_defaults(**CONFIG["measure"])
     figure, _ = drawn("definitions")
     figure.canvas.draw()  # at the resolution of its texts' places
     text = words(figure)
@@ -304,8 +306,7 @@ def test_bad_names_are_named_and_the_approach_shows_bars_and_the_pile_its_defini
     labels = [text.get_text().split("°  ")[1] for text in figure.legends[0].get_texts()]
     assert labels[0] == f"flank: {LINE}, used"
     assert labels[1:] == [
-        f"{name}: {style.line_in_words(CONFIG['measure'], name)}"
-        for name in DEFINITIONS[1:]
+        f"{name}: {style.line_in_words(settings, name)}" for name in DEFINITIONS[1:]
     ]
     for panel in figure.axes:
         boxes = [one.get_window_extent() for one in panel.texts]
@@ -344,7 +345,9 @@ def test_the_angle_has_its_lines_in_figure_6_and_a_search_without_result_its_axe
     inputs, drawn, tmp_path
 ):
     files = inputs_of("figure06", inputs)
-    settings = pile.MeasureSettings.of(CONFIG["measure"], read_grain(files["berry"]))
+    settings = MeasureSettings.with_defaults(**CONFIG["measure"]).for_grain(
+        read_grain(files["berry"])
+    )
     image = side_view(
         saved_pours.first_pour(files["heap"]),
         Particle.load(files["particle"]),

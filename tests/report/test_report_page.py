@@ -20,7 +20,7 @@ from repose.calibrate.runs import error_of
 from repose.calibrate.surrogates import load
 from repose.calibrate.targets import Targets
 from repose.measure.angles import MEAN_KEYS
-from repose.measure.settings import line_of
+from repose.measure.settings import MeasureSettings, line_of
 from repose.report.page import page, prediction, scene, three
 from repose.report.page.templates import asset
 from repose.stages.published import STALE
@@ -129,8 +129,9 @@ def test_the_page_has_the_same_piles_by_other_lines_and_calls_stale_sets_so(tmp_
     lines = text[
         text.index("The same piles by other lines") : text.index("<h3>Table 4")
     ]
+    measure = MeasureSettings.with_defaults(**config["measure"])
     for k, name in enumerate(MEAN_KEYS):
-        says(lines, f"{line_of(config['measure'], name)}</td>", f"{30 + k} ± 0.25 deg")
+        says(lines, f"{line_of(measure, name)}</td>", f"{30 + k} ± 0.25 deg")
     assert lines.count("calibrated") == 1
     assert f"Published, {escape(STALE)}" in text
 

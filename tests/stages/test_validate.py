@@ -17,13 +17,16 @@ from repose.common.provenance import engine_hash
 from repose.config import dependencies
 from repose.config.pipeline import PipelineConfig
 from repose.measure.angles import MEAN_KEYS
+from repose.measure.settings import MeasureSettings
 from repose.stages import validate
 from repose.stages.parameter_sets import read_sample
 from repose.stages.published import read_sets, read_stored, to_simulate
 
 SPACE = ParameterSpace(PARAMETERS, np.zeros(6), np.ones(6))
 TARGETS = Targets.of(shared.TARGETS)
-MEASURE = shared.every_bench_test()["measure"] | {"response": "secant"}
+MEASURE = MeasureSettings.with_defaults(
+    **shared.every_bench_test()["measure"] | {"response": "secant"}
+)
 NOW = {
     "engine": "0123456789012345",
     "scene": "12e4567890123456",
@@ -99,7 +102,7 @@ def published(path, targets=TARGETS, names=PARAMETERS, measure=MEASURE, now=NOW)
         path,
         names=names,
         targets=targets,
-        measure=SimpleNamespace(**measure),
+        measure=measure,
         simulated_by=now,
     )
 

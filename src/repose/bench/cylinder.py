@@ -88,14 +88,54 @@ TAPPED = _density(
 class CylinderSettings(Poured):
     """The section `cylinder` of the configuration; config/README.md explains its keys."""
 
-    duration_s: float = Field(ge=0.1, le=600)
-    diameter_mm: float = Field(ge=1, le=5000)
-    height_mm: float = Field(ge=1, le=5000)
-    collar_mm: float = Field(ge=1, le=5000)
-    speed_m_s: float = Field(ge=0, le=10)
-    core_margin_mm: float = Field(ge=0, le=1000)
-    taps: int = Field(default=0, ge=0, le=1000)
-    tap_mm: float = Field(default=TAP_MM, ge=0.1, le=100)
+    duration_s: float = Field(
+        ge=0.1,
+        le=600,
+        description="simulated time; the last grain comes before its end",
+    )
+    diameter_mm: float = Field(
+        ge=1,
+        le=5000,
+        description="inner diameter of the cylinder",
+        json_schema_extra={"source": "ISO 17828: 167"},
+    )
+    height_mm: float = Field(
+        ge=1,
+        le=5000,
+        description="inner height of the cylinder",
+        json_schema_extra={"source": "ISO 17828: 228"},
+    )
+    collar_mm: float = Field(
+        ge=1,
+        le=5000,
+        description="the wall goes on above the rim by this length; grains appear at "
+        "its upper end",
+        json_schema_extra={"source": "ISO 17828: poured from 200 to 300 above the rim"},
+    )
+    speed_m_s: float = Field(
+        ge=0,
+        le=10,
+        description="speed of a grain where it appears, down; that after a fall of 50 "
+        "mm",
+    )
+    core_margin_mm: float = Field(
+        ge=0,
+        le=1000,
+        description="the core lies this far from wall, floor and rim",
+    )
+    taps: int = Field(
+        default=0,
+        ge=0,
+        le=1000,
+        description="falls of the cylinder after the pour",
+    )
+    tap_mm: float = Field(
+        default=TAP_MM,
+        ge=0.1,
+        le=100,
+        description="height of each fall",
+        json_schema_extra={"source": "ISO 787-11: 3"},
+    )
 
 
 # --- the vessel -----------------------------------------------------------------------

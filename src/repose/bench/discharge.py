@@ -82,10 +82,27 @@ FLOW = Response(
 class DischargeSettings(Hopper):
     """The section `discharge` of the configuration; config/README.md explains its keys."""
 
-    open_from_s: float = Field(ge=0.1, le=600)
-    longest_s: float = Field(ge=0.1, le=600)
-    collar_mm: float = Field(ge=1, le=5000)
-    speed_m_s: float = Field(ge=0, le=10)
+    open_from_s: float = Field(
+        ge=0.1,
+        le=600,
+        description="the lid is taken away at this time, or later if the grains move",
+    )
+    longest_s: float = Field(
+        ge=0.1,
+        le=600,
+        description="a funnel that is not empty after this time is jammed",
+    )
+    collar_mm: float = Field(
+        ge=1,
+        le=5000,
+        description="a cylinder as wide as the inlet goes on above it by this length; "
+        "grains appear at its upper end",
+    )
+    speed_m_s: float = Field(
+        ge=0,
+        le=10,
+        description="speed of a grain where it appears, down",
+    )
 
     @property
     def funnel(self) -> Funnel:

@@ -113,16 +113,56 @@ FLOW = Response(
 class DrawdownSettings(Poured):
     """The section `drawdown` of the configuration; config/README.md explains its keys."""
 
-    open_from_s: float = Field(ge=0.1, le=600)
-    longest_s: float = Field(ge=0.1, le=600)
-    width_mm: float = Field(ge=10, le=5000)
-    depth_mm: float = Field(ge=1, le=5000)
-    height_mm: float = Field(ge=1, le=5000)
-    slot_mm: float = Field(ge=1, le=5000)
-    floor_mm: float = Field(ge=0.5, le=100)
-    edge_radius_mm: float = Field(ge=0.05, le=20)
-    lower_width_mm: float = Field(ge=10, le=20000)
-    drop_mm: float = Field(ge=1, le=5000)
+    open_from_s: float = Field(
+        ge=0.1,
+        le=600,
+        description="the gate is opened at this time, or later if the grains move",
+    )
+    longest_s: float = Field(
+        ge=0.1,
+        le=600,
+        description="all grains are at rest this long after the opening",
+    )
+    width_mm: float = Field(
+        ge=10,
+        le=5000,
+        description="width of the upper chamber, across the slot",
+    )
+    depth_mm: float = Field(
+        ge=1,
+        le=5000,
+        description="depth of both chambers, along the slot",
+    )
+    height_mm: float = Field(
+        ge=1,
+        le=5000,
+        description="height of the upper chamber",
+    )
+    slot_mm: float = Field(
+        ge=1,
+        le=5000,
+        description="width of the slot in the middle of the floor",
+    )
+    floor_mm: float = Field(
+        ge=0.5,
+        le=100,
+        description="thickness of floor, walls and gate",
+    )
+    edge_radius_mm: float = Field(
+        ge=0.05,
+        le=20,
+        description="radius of the edges of floor, walls and gate",
+    )
+    lower_width_mm: float = Field(
+        ge=10,
+        le=20000,
+        description="width of the lower chamber",
+    )
+    drop_mm: float = Field(
+        ge=1,
+        le=5000,
+        description="from the lower floor to the upper side of the upper floor",
+    )
 
 
 # --- the box --------------------------------------------------------------------------

@@ -75,10 +75,21 @@ BY_SOUND = Response(
 class DropTestSettings(Section):
     """The section `drop_test` of the configuration; config/README.md explains its keys."""
 
-    surface: Literal["wall", "berry"]
-    height_mm: float = Field(ge=1, le=10000)
-    orientation: Literal["random", "lying", "upright"]
-    seeds: Seeds
+    surface: Literal["wall", "berry"] = Field(
+        description="material of the plate: `wall`, or `berry`, a flat plate of the "
+        "grains' own",
+    )
+    height_mm: float = Field(
+        ge=1,
+        le=10000,
+        description="from the plate to the lowest point of the grain",
+    )
+    orientation: Literal["random", "lying", "upright"] = Field(
+        description="of the falling grain: any, long axis level, long axis vertical",
+    )
+    seeds: Seeds = Field(
+        description="runs of each sample",
+    )
 
 
 # --- run ------------------------------------------------------------------------------

@@ -132,11 +132,34 @@ def inner_radius_mm(section: Rotating) -> float:
 class DrumSettings(Rotating):
     """The section `drum` of the configuration; config/README.md explains its keys."""
 
-    report_s: float = Field(ge=0.1, le=600)
-    longest_rotation_s: float = Field(ge=0.1, le=600)
-    settle_s: float = Field(ge=0, le=100)
-    slip_drop_deg: float = Field(ge=0.05, le=45)
-    depth_bin_mm: float = Field(ge=0.5, le=500)
+    report_s: float = Field(
+        ge=0.1,
+        le=600,
+        description="the state at this time after the start of the filling is reported",
+        json_schema_extra={"source": "4.2.2: 10, the article's whole time"},
+    )
+    longest_rotation_s: float = Field(
+        ge=0.1,
+        le=600,
+        description="without a slip, the run ends after this time of rotation",
+    )
+    settle_s: float = Field(
+        ge=0,
+        le=100,
+        description="after the drum has stopped, the bed has at most this time to come "
+        "to rest",
+    )
+    slip_drop_deg: float = Field(
+        ge=0.05,
+        le=45,
+        description="angle by which the bed's centre of mass falls in a slip, from its "
+        "highest place about the axis",
+    )
+    depth_bin_mm: float = Field(
+        ge=0.5,
+        le=500,
+        description="thickness of a layer in the depth profile of the slip",
+    )
 
 
 # --- what bench tests with a drum share -----------------------------------------------

@@ -195,14 +195,53 @@ RECORDED = Recorded(
 class FunnelSettings(Hopper):
     """The section `funnel` of the configuration; config/README.md explains its keys."""
 
-    duration_s: OrAuto[Annotated[float, Field(ge=0.1, le=600)]] = OF_OTHERS
-    outlet_height_mm: float = Field(ge=1, le=2000)
-    plate_diameter_mm: float = Field(ge=10, le=20000)
-    factory_height_mm: OrAuto[Annotated[float, Field(ge=0, le=1000)]] = OF_OTHERS
-    factory_diameter_mm: OrAuto[Annotated[float, Field(ge=1, le=5000)]] = OF_OTHERS
-    orientation: Literal["random", "lying", "upright"]
-    rest_motion_mm: OrAuto[Annotated[float, Field(gt=0, le=200)]] = OF_OTHERS
-    rest_window_s: OrAuto[Annotated[float, Field(ge=0.001, le=100)]] = OF_OTHERS
+    duration_s: OrAuto[Annotated[float, Field(ge=0.1, le=600)]] = Field(
+        default=OF_OTHERS,
+        description="longest simulated time; a pour ends when its pile rests. It must "
+        "leave `rest_window_s` after the last grain. `auto`: until the grains are "
+        "poured and have run out of the funnel, and 40 sqrt(d / gravity), 1.5 s for a "
+        "grain of 14 mm",
+        json_schema_extra={"source": "3.1: 18"},
+    )
+    outlet_height_mm: float = Field(
+        ge=1,
+        le=2000,
+        description="height of the outlet above the plate",
+        json_schema_extra={"source": "2.3: 100"},
+    )
+    plate_diameter_mm: float = Field(
+        ge=10,
+        le=20000,
+        description="diameter of the plate; a grain beyond it is lost",
+        json_schema_extra={"source": "open"},
+    )
+    factory_height_mm: OrAuto[Annotated[float, Field(ge=0, le=1000)]] = Field(
+        default=OF_OTHERS,
+        description="height above the inlet at which grains appear; `auto`: the "
+        "equivalent diameter of a grain",
+        json_schema_extra={"source": "open"},
+    )
+    factory_diameter_mm: OrAuto[Annotated[float, Field(ge=1, le=5000)]] = Field(
+        default=OF_OTHERS,
+        description="diameter of the disc in which grains appear; `auto`: the inlet's "
+        "diameter less a grain's length",
+        json_schema_extra={"source": "open"},
+    )
+    orientation: Literal["random", "lying", "upright"] = Field(
+        description="orientation of a new grain: `random`, `lying` (long axis level) "
+        "or `upright`",
+        json_schema_extra={"source": "open"},
+    )
+    rest_motion_mm: OrAuto[Annotated[float, Field(gt=0, le=200)]] = Field(
+        default=OF_OTHERS,
+        description="a pile is not at rest if a grain moves more than this in "
+        "`rest_window_s`; `auto`: d / 14, d is the equivalent diameter of a grain",
+    )
+    rest_window_s: OrAuto[Annotated[float, Field(ge=0.001, le=100)]] = Field(
+        default=OF_OTHERS,
+        description="time at the end of the pour in which the motion is measured; "
+        "`auto`: 5.3 sqrt(d / gravity)",
+    )
 
     @property
     def funnel(self) -> Funnel:

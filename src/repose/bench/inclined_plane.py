@@ -102,11 +102,29 @@ ROLL = Response(
 class InclinedPlaneSettings(Section):
     """The section `inclined_plane` of the configuration; see config/README.md."""
 
-    surface: Literal["wall", "berry", "glued"]
-    tilting_deg_s: float = Field(ge=0.01, le=20)
-    steepest_deg: float = Field(ge=1, le=89)
-    settle_s: float = Field(ge=0.01, le=100)
-    seeds: Seeds
+    surface: Literal["wall", "berry", "glued"] = Field(
+        description="`wall`; `berry`, a flat plate of the grains' material; `glued`, a "
+        "layer of grains that are held",
+    )
+    tilting_deg_s: float = Field(
+        ge=0.01,
+        le=20,
+        description="rate of tilting",
+    )
+    steepest_deg: float = Field(
+        ge=1,
+        le=89,
+        description="the tilting ends at this slope",
+    )
+    settle_s: float = Field(
+        ge=0.01,
+        le=100,
+        description="the grain that was laid down has at most this time to come to "
+        "rest",
+    )
+    seeds: Seeds = Field(
+        description="runs of each sample",
+    )
 
 
 # --- the glued layer ------------------------------------------------------------------

@@ -129,15 +129,53 @@ PILE_NAMES = {
 class LiftedCylinderSettings(Poured):
     """The section `lifted_cylinder` of the configuration; see config/README.md."""
 
-    berries: Berries = ABSENT
-    filling_height_mm: float = Field(default=ABSENT, ge=1, le=5000)
-    lift_from_s: float = Field(ge=0.1, le=600)
-    lifting_mm_s: float = Field(ge=0.1, le=5000)
-    settle_s: float = Field(ge=0.1, le=600)
-    diameter_mm: float = Field(ge=1, le=5000)
-    length_mm: float = Field(ge=1, le=5000)
-    rim_radius_mm: float = Field(ge=0.05, le=20)
-    plate_diameter_mm: float = Field(ge=10, le=20000)
+    berries: Berries = Field(
+        default=ABSENT,
+        description="number of grains",
+    )
+    filling_height_mm: float = Field(
+        default=ABSENT,
+        ge=1,
+        le=5000,
+        description="in place of `berries`: level of the bed before the lifting; "
+        "`length_mm` is longer by a grain or more",
+    )
+    lift_from_s: float = Field(
+        ge=0.1,
+        le=600,
+        description="the lifting begins at this time, or later if the grains move",
+    )
+    lifting_mm_s: float = Field(
+        ge=0.1,
+        le=5000,
+        description="speed of lifting",
+    )
+    settle_s: float = Field(
+        ge=0.1,
+        le=600,
+        description="when the tube is empty, the pile has at most this time to come to "
+        "rest",
+    )
+    diameter_mm: float = Field(
+        ge=1,
+        le=5000,
+        description="inner diameter of the tube",
+    )
+    length_mm: float = Field(
+        ge=1,
+        le=5000,
+        description="length of the tube; it is lifted by at most its length",
+    )
+    rim_radius_mm: float = Field(
+        ge=0.05,
+        le=20,
+        description="radius of its rounded lower edge",
+    )
+    plate_diameter_mm: float = Field(
+        ge=10,
+        le=20000,
+        description="diameter of the plate below",
+    )
 
     def contradictions(self) -> Contradictions:
         """Yield the filling height if none or both of the filling's two keys are given."""

@@ -8,7 +8,7 @@ berry's design (`python -m research.measurement line_slopes`).
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -190,7 +190,7 @@ def assess_targets(
     pile = Pile(
         n_grains=settings.section(funnel.NAME, funnel.FunnelSettings).berries,
         particle=particle,
-        measure=replace(measure, berry_height_mm=grain_mm),
+        measure=measure.with_grain_height(grain_mm),
         height_mm=targets["height_mm"].value,
     )
     definitions = {"aor_deg": measure.response}
@@ -288,7 +288,8 @@ def band_of_table(definition: str, pile: Pile) -> Band:
     if pile.n_grains != GRAINS:
         source.append(f"{GRAINS} grains each, changed to {pile.n_grains}")
     if not is_exact:
-        line = line_of(row.to_dict(), definition)
+        line_keys = {key: row[key] for key in LINE_KEYS[definition]}
+        line = line_of(pile.measure.model_copy(update=line_keys), definition)
         source.append(f"by the nearest line measured, '{line}'")
     return Band(
         mean=angle_deg(row["mean"]),

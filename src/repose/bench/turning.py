@@ -32,7 +32,7 @@ from repose.bench.settings import Rotating, SceneSettings
 from repose.bench.trial import Progress, Trial
 from repose.calibrate.profiles import Profile
 from repose.calibrate.responses import Response
-from repose.common.section import Contradictions
+from repose.common.section import Allowed, Contradictions
 
 NAME = "turning"
 
@@ -88,18 +88,10 @@ def speed_index(response_name: str) -> int:
 # --- section of the configuration -----------------------------------------------------
 
 
-def _per_speed(low: float, high: float) -> Any:
-    """Make the field of a key with one number, or a list with one for each speed."""
-    return Field(
-        description=f"a number from {low:g} to {high:g}, or a list of one for each speed"
-    )
-
-
 Velocity = Annotated[float, Field(ge=1.0e-4, le=10)]
 From = Annotated[float, Field(ge=0, le=600)]
 Until = Annotated[float, Field(ge=0.1, le=600)]
 _list = Field(strict=False, min_length=1, max_length=MOST_SPEEDS)
-Velocities = Annotated[tuple[Velocity, ...], _list]
 
 
 class Speed(NamedTuple):
@@ -113,10 +105,33 @@ class Speed(NamedTuple):
 class TurningSettings(Rotating):
     """The section `turning` of the configuration; config/README.md explains its keys."""
 
-    angular_velocity_rad_s: Velocity | Velocities = _per_speed(1.0e-4, 10)  # type: ignore[assignment]
-    measure_from_s: From | Annotated[tuple[From, ...], _list] = _per_speed(0, 600)
-    measure_until_s: Until | Annotated[tuple[Until, ...], _list] = _per_speed(0.1, 600)
-    tilt_deg: float = Field(default=0.0, ge=0, le=45)
+    angular_velocity_rad_s: Annotated[  # type: ignore[assignment]
+        Velocity | Annotated[tuple[Velocity, ...], _list],
+        Allowed("a number from 0.0001 to 10, or a list of one for each speed"),
+    ] = Field(
+        description="angular velocity of the drum and its caps; or a list of up to 9 "
+        "for the same filling",
+    )
+    measure_from_s: Annotated[
+        From | Annotated[tuple[From, ...], _list],
+        Allowed("a number from 0 to 600, or a list of one for each speed"),
+    ] = Field(
+        description="time of rotation at a speed from which the surface is measured; "
+        "or a list of one for each speed",
+    )
+    measure_until_s: Annotated[
+        Until | Annotated[tuple[Until, ...], _list],
+        Allowed("a number from 0.1 to 600, or a list of one for each speed"),
+    ] = Field(
+        description="time of rotation at a speed until which the surface is measured; "
+        "or a list of one for each speed",
+    )
+    tilt_deg: float = Field(
+        default=0.0,
+        ge=0,
+        le=45,
+        description="angle of the axis against the horizontal, as in a kiln",
+    )
 
     @property
     def n_speeds(self) -> int:

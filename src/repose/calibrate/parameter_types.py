@@ -8,7 +8,7 @@ from pydantic import AfterValidator, Field
 
 from repose.calibrate.parameter_space import PRIOR_WIDTHS
 from repose.common.errors import did_you_mean
-from repose.common.section import Contradictions, refuse
+from repose.common.section import Allowed, Contradictions, refuse
 
 KEYS = ("fixed", "prior", "range")
 
@@ -99,7 +99,8 @@ def parameter(low: float, high: float) -> Any:
     return Annotated[
         Any,
         AfterValidator(bounds.check),
-        Field(description=bounds.allowed, json_schema_extra=kinds),
+        Field(json_schema_extra=kinds),
+        Allowed(bounds.allowed),
     ]
 
 

@@ -15,7 +15,7 @@ from repose.calibrate.responses import derived, named
 from repose.calibrate.targets import range_about
 from repose.common import faults, places, tables
 from repose.common.errors import InputError, raise_together
-from repose.common.section import ABSENT, Section
+from repose.common.section import ABSENT, Allowed, Section
 
 MOST_FUNCTIONS = 9
 Column = Annotated[str, Field(min_length=1, max_length=60)]
@@ -25,24 +25,74 @@ Length = Annotated[float, Field(gt=0, le=1e9)]
 class MeasuredProfile(Section):
     """A measured profile and its errors; lengths in the unit of the heights."""
 
-    file: str = Field(min_length=1, max_length=1000)
-    x: Column = "x_mm"
-    z: Column = "z_mm"
-    sd: Annotated[float, Field(ge=0, le=1e9)] | Column = Field(
-        description="the standard deviation of a height, 0 or more, or the name of its column"
+    file: str = Field(
+        min_length=1,
+        max_length=1000,
+        description="CSV of the profile, rows by rising abscissa; heights may be empty "
+        "at both ends",
     )
-    repetitions: int = Field(ge=1, le=10_000)
-    functions: int = Field(default=5, ge=2, le=MOST_FUNCTIONS)
-    within: Length = ABSENT
+    x: Column = Field(
+        default="x_mm",
+        description="column of the abscissa",
+    )
+    z: Column = Field(
+        default="z_mm",
+        description="column of the height",
+    )
+    sd: Annotated[
+        Annotated[float, Field(ge=0, le=1e9)] | Column,
+        Allowed(
+            "the standard deviation of a height, 0 or more, or the name of its column"
+        ),
+    ] = Field(
+        description="standard deviation of a height, or the name of its column, of "
+        "which the root mean square counts",
+    )
+    repetitions: int = Field(
+        ge=1,
+        le=10_000,
+        description="how often the profile was measured",
+    )
+    functions: int = Field(
+        default=5,
+        ge=2,
+        le=MOST_FUNCTIONS,
+        description="number of scores, fewer than rows",
+    )
+    within: Length = Field(
+        default=ABSENT,
+        description="largest root mean square of a feasible solution; by default two "
+        "standard errors, at least 1 %",
+    )
 
 
 class BenchProfile(MeasuredProfile):
     """An entry of the list `targets`."""
 
-    response: str = Field(min_length=1, max_length=60)
-    apparatus: str = Field(default=ABSENT, min_length=1, max_length=60)
-    weight: float = Field(default=1.0, gt=0, le=1e6)
-    covered: float = Field(default=0.5, ge=0.01, le=0.99)
+    response: str = Field(
+        min_length=1,
+        max_length=60,
+        description="the measured profile, a response of a bench test",
+    )
+    apparatus: str = Field(
+        default=ABSENT,
+        min_length=1,
+        max_length=60,
+        description="the bench test that gives it; by default that of the response",
+    )
+    weight: float = Field(
+        default=1.0,
+        gt=0,
+        le=1e6,
+        description="weight of the whole profile in the search's objective",
+    )
+    covered: float = Field(
+        default=0.5,
+        ge=0.01,
+        le=0.99,
+        description="the measured line is that on which the bed covers this share of "
+        "the frames",
+    )
 
 
 class OwnProfile(MeasuredProfile):

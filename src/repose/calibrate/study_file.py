@@ -34,7 +34,7 @@ from repose.common import faults, places
 from repose.common.errors import YamlError, raise_together
 from repose.common.keys import get
 from repose.common.reading import read
-from repose.common.section import ABSENT, AUTO, Contradictions, Section, refuse
+from repose.common.section import ABSENT, AUTO, Allowed, Contradictions, Section, refuse
 from repose.common.target_range import range_about
 
 # Columns of tables that are neither a parameter nor a response.
@@ -65,12 +65,12 @@ READ_BY_ALL = (
     "sequential.tolerance_percent",
     "sequential.probability",
 )
-DEFAULT_SEEDS = 2
+# The sampler of a posterior has more walkers and fewer steps than the pipeline's.
+WALKERS = 128
+STEPS = 400
 LARGEST = 1e12
 
-Line = Annotated[
-    str, Field(pattern=r"^[^\n]*\S[^\n]*$", description="text of one line")
-]
+Line = Annotated[str, Field(pattern=r"^[^\n]*\S[^\n]*$"), Allowed("text of one line")]
 Size = Annotated[float, Field(ge=0, le=LARGEST)]
 Value = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Parameter = parameter(-1e30, 1e30)
@@ -84,7 +84,8 @@ class OwnTarget(Section):
     repetitions: int = Field(ge=1, le=10_000)
     range: Annotated[
         tuple[Value, Value],
-        Field(strict=False, description="a pair [low, high] of numbers"),
+        Field(strict=False),
+        Allowed("a pair [low, high] of numbers"),
     ] = ABSENT
     unit: Line = ""
     definition: Line = ABSENT
@@ -107,21 +108,21 @@ class OwnTarget(Section):
 class OwnSequential(Section):
     """The strategy `sequential`, whose budget is in runs."""
 
-    start_samples: int = Field(default=16, ge=2, le=10_000)
-    seeds: int = Field(default=DEFAULT_SEEDS, ge=1, le=1000)
-    batch: int = Field(default=8, ge=1, le=1000)
-    tolerance_percent: float = Field(default=1.0, ge=0.01, le=50)
-    probability: float = Field(default=0.7, ge=0.05, le=0.99)
-    most_runs: int = Field(default=120, ge=4, le=1_000_000)
+    start_samples: int = Field(ge=2, le=10_000)
+    seeds: int = Field(ge=1, le=1000)
+    batch: int = Field(ge=1, le=1000)
+    tolerance_percent: float = Field(ge=0.01, le=50)
+    probability: float = Field(ge=0.05, le=0.99)
+    most_runs: int = Field(ge=4, le=1_000_000)
 
 
 class OwnPosterior(Section):
     """The posterior of the parameters."""
 
-    discrepancy_percent: float = Field(default=2.0, ge=0, le=50)
-    discrepancy_correlation: float = Field(default=0.0, ge=0, le=0.99)
-    walkers: int = Field(default=128, ge=32, le=10_000)
-    steps: int = Field(default=400, ge=100, le=1_000_000)
+    discrepancy_percent: float = Field(ge=0, le=50)
+    discrepancy_correlation: float = Field(ge=0, le=0.99)
+    walkers: int = Field(ge=32, le=10_000)
+    steps: int = Field(ge=100, le=1_000_000)
 
 
 class StudyFile(Section):
@@ -130,12 +131,14 @@ class StudyFile(Section):
     simulator: Line
     label: Line
     seed: int = Field(ge=0, le=2**31 - 1)
-    parameters: dict[str, Parameter] = Field(  # type: ignore[valid-type]
-        description="a section with a range for each parameter"
-    )
-    targets: dict[str, OwnTarget] = Field(
-        description="a section with value, sd and repetitions for each response"
-    )
+    parameters: Annotated[
+        dict[str, Parameter],  # type: ignore[valid-type]
+        Allowed("a section with a range for each parameter"),
+    ]
+    targets: Annotated[
+        dict[str, OwnTarget],
+        Allowed("a section with value, sd and repetitions for each response"),
+    ]
     strategy: StrategyName
     seeds: int = Field(ge=1, le=1000)
     surrogate: SurrogateName
@@ -272,7 +275,10 @@ def complete_configuration(
 
 def _with_defaults(content: Mapping[str, Any], source: object) -> dict[str, Any]:
     """Return the keys of a configuration, unchecked, over the defaults of the others."""
-    seeds = _runs_of_a_sample(content)
+    defaults: dict[str, Any] = read(places.find(places.METHOD_CONFIG))
+    sequential = defaults["sequential"]
+    posterior = defaults["posterior"]
+    seeds = _runs_of_a_sample(content, otherwise=sequential["seeds"])
     config: dict[str, Any] = {
         "strategy": "sequential",
         "seeds": seeds,
@@ -281,9 +287,20 @@ def _with_defaults(content: Mapping[str, Any], source: object) -> dict[str, Any]
     }
     _require_texts_as_names(config, source)
     config["targets"] = expand_own_profiles(config.get("targets"), source)
-    defaults: dict[str, Any] = read(places.find(places.METHOD_CONFIG))
-    defaults["sequential"] = OwnSequential().model_dump() | {"seeds": seeds}
-    defaults["posterior"] = OwnPosterior().model_dump()
+    defaults["sequential"] = {
+        "start_samples": sequential["start_samples"],
+        "seeds": seeds,
+        "batch": sequential["batch"],
+        "tolerance_percent": sequential["tolerance_percent"],
+        "probability": sequential["probability"],
+        "most_runs": sequential["most_pours"],
+    }
+    defaults["posterior"] = {
+        "discrepancy_percent": posterior["discrepancy_percent"],
+        "discrepancy_correlation": posterior["discrepancy_correlation"],
+        "walkers": WALKERS,
+        "steps": STEPS,
+    }
     for name in file_model().model_fields:
         if not isinstance(defaults.get(name), Mapping):
             continue
@@ -294,13 +311,13 @@ def _with_defaults(content: Mapping[str, Any], source: object) -> dict[str, Any]
     return config
 
 
-def _runs_of_a_sample(content: Mapping[str, Any]) -> int:
+def _runs_of_a_sample(content: Mapping[str, Any], otherwise: int) -> int:
     """Return the number of runs of a sample, given at the top or in `sequential`."""
     for key in ("seeds", "sequential.seeds"):
         seeds = get(content, key)
         if isinstance(seeds, int):
             return seeds
-    return DEFAULT_SEEDS
+    return otherwise
 
 
 def _require_texts_as_names(config: Mapping[str, Any], source: object) -> None:

@@ -5,7 +5,7 @@ import math
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from repose.cli.options import BERRY, JSON, require_option
 from repose.cli.registry import CONFIG, Option, load, verb
@@ -474,21 +474,22 @@ def _measure_settings(args: argparse.Namespace) -> "MeasureSettings":
 
     if args.grain_mm is not None:
         _require_between("--grain-mm", args.grain_mm, 0.1, 1000)
-    measure: dict[str, Any] = {"berry_height_mm": None}
     sizes_csv = SIZES if Path(SIZES).is_file() else None
     keeps_volume = True
-    if args.config is not None:
+    if args.config is None:
+        settings = MeasureSettings.with_defaults()
+    else:
         study = load(args).settings
-        measure = dict(study.measure)
+        settings = study.measure
         sizes_csv = study.berry.sizes
         keeps_volume = study.berry.keeps_volume
     if args.grain_mm is not None:
-        measure["berry_height_mm"] = args.grain_mm
-
-    axes_mm: dict[str, float] = {}
-    if measure["berry_height_mm"] is None and sizes_csv is not None:
-        axes_mm = mean_axes(read_sizes(sizes_csv), keeps_volume)
-    return MeasureSettings.of(measure, axes_mm)
+        return settings.model_copy(update={"berry_height_mm": args.grain_mm})
+    if settings.berry_height_mm is None and sizes_csv is not None:
+        return settings.for_grain(
+            mean_axes(read_sizes(sizes_csv), keeps_volume)
+        )
+    return settings
 
 
 @verb(
@@ -541,14 +542,13 @@ def silhouette(args: argparse.Namespace, study: PipelineConfig) -> None:
     """
     from repose.common.files import write_image
     from repose.grain.particle import Particle
-    from repose.measure.pile import MeasureSettings
     from repose.measure.saved_piles import side_view
     from repose.measure.saved_pours import first_pour
 
     require_option(
         math.isfinite(args.azimuth), "--azimuth", args.azimuth, "a finite angle"
     )
-    settings = MeasureSettings(**dict(study.settings.measure))
+    settings = study.settings.measure
     pile = first_pour(args.heap)
     particle = Particle.load(args.particle)
     write_image(args.out, side_view(pile, particle, settings, args.azimuth))
@@ -576,7 +576,7 @@ def measure_silhouette(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.measure.photographs import drawing
 
     grain = read_grain(args.berry)
-    settings = pile.MeasureSettings.of(dict(study.settings.measure), grain)
+    settings = study.settings.measure.for_grain(grain)
     image = pile.read_image(args.picture)
     try:
         measurement = pile.measure_image(image, settings.mm_per_pixel, settings)

@@ -58,7 +58,7 @@ def conclude(args: argparse.Namespace, study: PipelineConfig) -> None:
         args.out,
         parameters=study.parameters,
         targets=study.targets,
-        measure=study.config.get("measure"),
+        measure=study.settings.measure,
     )
     for row in check.to_dict("records"):
         print(

@@ -22,6 +22,7 @@ TYPE_NAMES = {
     "boolean": "true or false",
     "array": "a list",
     "null": "null",
+    "object": "a section",
 }
 # A target without a range has one that follows from these numbers.
 NUMBERS_OF_RANGE = ("value", "sd", "repetitions")
@@ -99,8 +100,8 @@ def subschema(path: Sequence[str], model: Model) -> dict[str, Any]:
 
 def allowed_by(schema: Mapping[str, Any]) -> str:
     """Describe the allowed values of a schema."""
-    if "description" in schema and "properties" not in schema:
-        return schema["description"]
+    if "allowed" in schema:
+        return schema["allowed"]
     if "const" in schema:
         return str(schema["const"])
     if "enum" in schema:
@@ -113,10 +114,12 @@ def allowed_by(schema: Mapping[str, Any]) -> str:
         return f"a section with the keys {', '.join(schema['properties'])}"
     name = TYPE_NAMES[schema["type"]]
     if "exclusiveMinimum" in schema:
-        low, high = schema["exclusiveMinimum"], schema["maximum"]
-        return f"{name} above {low:g} and up to {high:g}"
+        low = _bound(schema["exclusiveMinimum"])
+        high = _bound(schema["maximum"])
+        return f"{name} above {low} and up to {high}"
     if "minimum" in schema:
-        low, high = _bound(schema["minimum"]), _bound(schema["maximum"])
+        low = _bound(schema["minimum"])
+        high = _bound(schema["maximum"])
         return f"{name} from {low} to {high}"
     if "maxLength" in schema:
         return f"{name} of 1 to {schema['maxLength']} characters"

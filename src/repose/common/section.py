@@ -3,18 +3,28 @@
 A section is a subclass of `Section` with one field a key::
 
     class Drop(Section):
-        seeds: int = Field(ge=1, le=100)
-        height_mm: float = Field(ge=1, le=1000)
+        seeds: int = Field(ge=1, le=100, description="runs of each sample")
+        height_mm: float = Field(ge=1, le=1000, description="height of the fall")
 
-The message about a bad value states the allowed values: the `description` of the field,
-or its type and bounds.
+The `description` is the meaning of the key. The message about a bad value states the
+allowed values: type and bounds of the field, or the words of `Allowed`. The tables of
+config/README.md are made of the fields, too (`repose.config.page`); where a value comes
+from stands in ``json_schema_extra={"source": ...}``.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetJsonSchemaHandler,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError, core_schema
 
 AUTO: Final = "auto"
@@ -45,12 +55,28 @@ CONTRADICTION = "contradiction"
 _NO_BRACES = r"^[^{}\x00-\x1f\x7f]+$"
 # Marks the types of keys that name a file.
 FILE: Final = object()
+
+
+@dataclass(frozen=True)
+class Allowed:
+    """The allowed values of a key in words, where type and bounds do not tell them.
+
+    It is written ``Annotated[str, Field(pattern=...), Allowed("a colour")]``.
+    """
+
+    words: str
+
+    def __get_pydantic_json_schema__(
+        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        """Add the words to the schema of the key."""
+        return handler(schema) | {"allowed": self.words}
+
+
 _Path = Annotated[str, Field(pattern=_NO_BRACES)]
-Path = Annotated[
-    str, Field(pattern=_NO_BRACES, description="a path of a file, without braces"), FILE
-]
+Path = Annotated[_Path, Allowed("a path of a file, without braces"), FILE]
 PathOrNull = Annotated[
-    _Path | None, Field(description="a path of a file, without braces, or null"), FILE
+    _Path | None, Allowed("a path of a file, without braces, or null"), FILE
 ]
 MOST_BERRIES = 20_000
 Berries = Annotated[int, Field(ge=1, le=MOST_BERRIES)]

@@ -2,7 +2,8 @@
 
 A stage depends on its module and on every module of `repose` that it imports, directly
 or through others. What cannot change a number is left out of the hash: comments,
-format, docstrings, type annotations of functions, and what a `raise` statement says.
+format, docstrings, type annotations of functions, what a `raise` statement says, and the
+meanings of the keys of the configuration.
 """
 
 import ast
@@ -25,8 +26,10 @@ WITHOUT_NUMBERS = (
     "repose.config",
 )
 # What is kept between calls has this form; another one is computed anew.
-FORMAT = b"1"
+FORMAT = b"2"
 DATA = (".csv", ".json", ".mplstyle", ".html", ".js", ".css", ".yaml")
+# Arguments of pydantic's `Field` that explain a key.
+MEANING = ("description", "json_schema_extra")
 _new_keys: list[str] = []  # of facts that no earlier call has kept
 
 
@@ -172,6 +175,14 @@ class _NumbersOnly(ast.NodeTransformer):
     def visit_Raise(self, node: ast.Raise) -> ast.AST:
         """Keep that something is raised, not what it says."""
         return ast.Raise(exc=None, cause=None)
+
+    def visit_Call(self, node: ast.Call) -> ast.AST:
+        """Drop the meaning of a key of the configuration, and where its value is from."""
+        if isinstance(node.func, ast.Name) and node.func.id == "Field":
+            node.keywords = [
+                keyword for keyword in node.keywords if keyword.arg not in MEANING
+            ]
+        return self.generic_visit(node)
 
     def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
         """Drop the annotation of the result."""

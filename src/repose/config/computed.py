@@ -15,6 +15,7 @@ from repose.calibrate.study_file import split_of
 from repose.common.keys import Config
 from repose.common.section import AUTO
 from repose.config.models import valid_sections
+from repose.measure.settings import COARSEST_MM_PER_PIXEL, FINEST_MM_PER_PIXEL
 from repose.stages.published import published_sets
 
 if TYPE_CHECKING:
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 
 # Pixels of a simulated pile's picture over the grain's equivalent diameter.
 PIXELS_A_GRAIN = 32
-PIXELS_MM = (0.02, 5.0)  # allowed range of measure.mm_per_pixel
 # The longest time step is an estimate: the computed one keeps a margin.
 STEP_SHARE = 0.8
 
@@ -163,9 +163,8 @@ def _split(config: Config, _grain: Grain, _particle: "Particle") -> Any:
 
 def _mm_per_pixel(_config: Config, grain: Grain, _particle: "Particle") -> float:
     """Choose pixels so small that a grain is round in the picture."""
-    low, high = PIXELS_MM
     size = float(f"{diameter_mm(grain) / PIXELS_A_GRAIN:.2g}")
-    return min(max(size, low), high)
+    return min(max(size, FINEST_MM_PER_PIXEL), COARSEST_MM_PER_PIXEL)
 
 
 def _factory_height_mm(_config: Config, grain: Grain, _particle: "Particle") -> float:

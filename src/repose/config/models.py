@@ -14,7 +14,7 @@ from pydantic import AfterValidator, Field, TypeAdapter, ValidationError, create
 
 from repose.bench import bench, names
 from repose.bench.funnel import FunnelSettings
-from repose.bench.parameters import ALLOWED, LAW_PARAMETERS, PARAMETERS
+from repose.bench.parameters import ALLOWED, LABELS, LAW_PARAMETERS, PARAMETERS
 from repose.bench.settings import SimulationSettings, WallSettings
 from repose.calibrate.designs.settings import DesignSettings
 from repose.calibrate.parameter_types import count_free, far_priors, parameter
@@ -35,6 +35,7 @@ from repose.common.section import (
     ABSENT,
     FILE,
     RISING,
+    Allowed,
     Contradictions,
     PathOrNull,
     Section,
@@ -42,7 +43,7 @@ from repose.common.section import (
 from repose.common.target_range import LEAST_RANGE, STANDARD_ERRORS, range_about
 from repose.config import results_folder
 from repose.grain.settings import GrainSettings
-from repose.measure.section import MeasureSection
+from repose.measure.settings import MeasureSettings
 from repose.stages.settings import ValidationSettings
 
 # --- types of several keys ------------------------------------------------------------
@@ -50,7 +51,8 @@ from repose.stages.settings import ValidationSettings
 LABEL = "text of 1 to 60 characters, letters, digits, _ and -"
 Label = Annotated[
     str,
-    Field(max_length=60, pattern=r"^[A-Za-z0-9_][A-Za-z0-9_-]*$", description=LABEL),
+    Field(max_length=60, pattern=r"^[A-Za-z0-9_][A-Za-z0-9_-]*$"),
+    Allowed(LABEL),
 ]
 FOLDER = (
     "a folder; letters, digits and . _ / -, without .., and no part begins with . or -"
@@ -58,12 +60,13 @@ FOLDER = (
 PATH_PART = r"[A-Za-z0-9_][A-Za-z0-9_.-]*"
 FOLDER_PATTERN = rf"^/?{PATH_PART}(/{PATH_PART})*/?$"
 _Folder = Annotated[
-    str, Field(max_length=1000, pattern=FOLDER_PATTERN, description=FOLDER)
+    str, Field(max_length=1000, pattern=FOLDER_PATTERN), Allowed(FOLDER)
 ]
 ResultsFolder = Annotated[_Folder, AfterValidator(results_folder.check_is_apart)]
 Colour = Annotated[
     str,
-    Field(pattern=r"^#[0-9a-fA-F]{6}$", description='a colour in quotes, as "#cca86b"'),
+    Field(pattern=r"^#[0-9a-fA-F]{6}$"),
+    Allowed('a colour in quotes, as "#cca86b"'),
 ]
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 
@@ -90,11 +93,15 @@ def _parameters() -> type[ParametersSettings]:
     """Make the model with the six parameters, and those of the contact laws."""
     fields: dict[str, Any] = {}
     for name in PARAMETERS:
-        fields[name] = (parameter(*ALLOWED[name]), ...)
+        field = Field(description=LABELS[name], json_schema_extra={"source": "Table 2"})
+        fields[name] = (parameter(*ALLOWED[name]), field)
     for name, further in LAW_PARAMETERS.items():
         limits = further.constant
         highest = min(limits.most, 1.0e9)
-        fields[name] = (parameter(limits.least, highest), ABSENT)
+        laws = ", ".join(f"`{law}`" for law in further.laws)
+        meaning = f"{further.label}; with {laws} alone"
+        field = Field(default=ABSENT, description=meaning)
+        fields[name] = (parameter(limits.least, highest), field)
     return create_model("Parameters", __base__=ParametersSettings, **fields)
 
 
@@ -104,20 +111,62 @@ def _parameters() -> type[ParametersSettings]:
 class TargetSettings(Section):
     """A measured response."""
 
-    response: str = Field(min_length=1, max_length=60)
-    apparatus: str = Field(min_length=1, max_length=60)
-    value: Number
-    # A target without an aim aims at its value.
-    aim: Number = ABSENT
-    sd: float = Field(ge=0, le=LARGEST)
-    repetitions: int = Field(ge=1, le=10000)
-    range: Annotated[tuple[Number, Number], Field(strict=False), RISING] = Field(
-        description="a pair [low, high] of numbers with low < high"
+    response: str = Field(
+        min_length=1,
+        max_length=60,
+        description="the measured quantity: `aor_deg`, `height_mm`, or another "
+        "response of the bench test",
+        json_schema_extra={"source": "2.3"},
     )
-    weight: float = Field(default=1.0, gt=0, le=1.0e6)
-    # The profile of which the response is a score; written by
-    # `repose.calibrate.profile_targets`.
-    profile: OfProfile = ABSENT
+    apparatus: str = Field(
+        min_length=1,
+        max_length=60,
+        description="the bench test that gives it: one with a section in the "
+        "configuration ([bench_tests.md](../docs/bench_tests.md)); by default that of "
+        "the response",
+        json_schema_extra={"source": "2.3"},
+    )
+    value: Number = Field(
+        description="mean of the physical repetitions, in the unit of the response",
+        json_schema_extra={"source": "2.3"},
+    )
+    aim: Number = Field(
+        default=ABSENT,
+        description="the search aims at this number, inside `range`; at `value` if not "
+        "given",
+        json_schema_extra={"source": "3.3"},
+    )
+    sd: float = Field(
+        ge=0,
+        le=LARGEST,
+        description="standard deviation of the repetitions",
+        json_schema_extra={"source": "2.3"},
+    )
+    repetitions: int = Field(
+        ge=1,
+        le=10000,
+        description="how often it was measured",
+        json_schema_extra={"source": "2.3"},
+    )
+    range: Annotated[
+        Annotated[tuple[Number, Number], Field(strict=False), RISING],
+        Allowed("a pair [low, high] of numbers with low < high"),
+    ] = Field(
+        description="a solution predicted inside is feasible; by default `value` ± two "
+        "standard errors, at least 1 %",
+        json_schema_extra={"source": "3.3"},
+    )
+    weight: float = Field(
+        default=1.0,
+        gt=0,
+        le=1.0e6,
+        description="weight of the response in the search's objective",
+    )
+    profile: OfProfile = Field(
+        default=ABSENT,
+        description="the profile of which the response is a score; the program writes "
+        "it",
+    )
 
     def contradictions(self) -> Contradictions:
         """Refuse a response of no bench test, and values outside the allowed range."""
@@ -184,13 +233,19 @@ class TargetSettings(Section):
 class FiguresSettings(Section):
     """The files of every figure."""
 
-    format: Annotated[tuple[Literal["png", "pdf", "svg"], ...], Field(strict=False)] = (
-        Field(
-            default=("png",),
-            description="a list of png and, beside it, pdf or svg or both",
-        )
+    format: Annotated[
+        Annotated[tuple[Literal["png", "pdf", "svg"], ...], Field(strict=False)],
+        Allowed("a list of png and, beside it, pdf or svg or both"),
+    ] = Field(
+        default=("png",),
+        description="files of each figure, beside each other under one name",
     )
-    dpi: int = Field(default=180, ge=72, le=600)
+    dpi: int = Field(
+        default=180,
+        ge=72,
+        le=600,
+        description="pixels per inch of a PNG and of the shaded parts of the others",
+    )
 
     def contradictions(self) -> Contradictions:
         """Refuse a list without the report's format, or with a format twice."""
@@ -209,26 +264,48 @@ class StudySettings(Section):
     strategies by `of_strategy`: both register themselves (`settings_type`).
     """
 
-    label: Label
-    small_run: bool
-    results_dir: ResultsFolder
-    photograph: PathOrNull
-    colour: Colour
-    strategy: StrategyName
+    label: Label = Field(
+        description="name of the study, written into results",
+    )
+    small_run: bool = Field(
+        description="marks figures and tables as results of a small run",
+    )
+    results_dir: ResultsFolder = Field(
+        description="folder for everything that is written: new, a study's already, or "
+        "one whose files have no name of a result; outside the project's own folders",
+    )
+    photograph: PathOrNull = Field(
+        description="picture of the physical pile, PNG or JPEG, for the report",
+    )
+    colour: Colour = Field(
+        description="colour of the grains in pictures and films",
+    )
+    strategy: StrategyName = Field(
+        description="how the study calibrates, and so what a run without a target "
+        "makes",
+        json_schema_extra={"source": "`published`"},
+    )
     berry: GrainSettings
     funnel: FunnelSettings
     wall: WallSettings
     parameters: ParametersSettings
     design: DesignSettings
     simulation: SimulationSettings
-    measure: MeasureSection
-    surrogate: SurrogateName
-    network: NetworkSettings
-    targets: Annotated[tuple[TargetSettings, ...], Field(strict=False)] = Field(
-        min_length=1,
-        description="a list of one or more targets: response, value, sd and "
-        "repetitions, or the file of a profile",
+    measure: MeasureSettings
+    surrogate: SurrogateName = Field(
+        description="the fast model that stands for the simulator "
+        "([which](../docs/network.md))",
+        json_schema_extra={"source": "3.2: `network`"},
     )
+    network: NetworkSettings
+    targets: Annotated[
+        tuple[TargetSettings, ...],
+        Field(strict=False, min_length=1),
+        Allowed(
+            "a list of one or more targets: response, value, sd and repetitions, or "
+            "the file of a profile"
+        ),
+    ]
     miga: MigaSettings
     validation: ValidationSettings
     posterior: PosteriorSettings

@@ -4,27 +4,78 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from repose.common.section import OneOf, Path, PathOrNull, Section, refuse
+from repose.common.section import Allowed, OneOf, Path, PathOrNull, Section, refuse
 from repose.grain.particle import KINDS, SURFACES
+
+# Of grains and of walls, here and in a card.
+ShearModulus = Annotated[float, Field(ge=1.0e3, le=1.0e12)]
+Density = Annotated[float, Field(ge=10, le=25000)]
 
 
 class GrainSettings(Section):
     """Settings of the grain; config/README.md explains the keys."""
 
-    sizes: Path
-    compression: PathOrNull
-    density_kg_m3: float = Field(ge=10, le=25000)
-    poisson_ratio: Annotated[float, Field(ge=0, le=0.49)] | None
-    shear_modulus_pa: Annotated[float, Field(ge=1.0e3, le=1.0e12)] | None
-    stl: PathOrNull
-    mass_g: Annotated[float, Field(gt=0, le=1.0e6)] | None
-    particle: Annotated[str, OneOf(lambda: KINDS)]
-    spheres: Literal["fewest"] | Annotated[int, Field(ge=1, le=64)] = Field(
-        description="fewest or an integer from 1 to 64"
+    sizes: Path = Field(
+        description="CSV: `long_mm,major_mm,minor_mm`, full axes, a row per grain, at "
+        "least 2 rows",
+        json_schema_extra={"source": "2.1, Table 1 (reconstruction)"},
     )
-    surface: Annotated[str, OneOf(lambda: SURFACES)]
-    size_distribution: Literal["none", "measured"]
-    mean_size: Literal["volume", "axes"]
+    compression: PathOrNull = Field(
+        description="CSV: "
+        "`test,force_n,length_1_mm,length_2_mm,width_1_mm,width_2_mm,breadth_mm`, a "
+        "row per test, `test` its label; not used, best null, if both moduli below are "
+        "given",
+        json_schema_extra={"source": "2.2 (reconstruction)"},
+    )
+    density_kg_m3: Density = Field(
+        description="particle density",
+        json_schema_extra={"source": "2.1, Table 2"},
+    )
+    poisson_ratio: Annotated[float, Field(ge=0, le=0.49)] | None = Field(
+        description="Poisson's ratio; null: from the compression tests (Eq. 3)",
+        json_schema_extra={"source": "Table 2"},
+    )
+    shear_modulus_pa: ShearModulus | None = Field(
+        description="shear modulus; null: from the compression tests (Eq. 2, 4)",
+        json_schema_extra={"source": "Table 2"},
+    )
+    stl: PathOrNull = Field(
+        description="mesh of a grain, closed, in mm; null: one built from the mean "
+        "axes and `mass_g`",
+        json_schema_extra={"source": "3.1"},
+    )
+    mass_g: Annotated[float, Field(gt=0, le=1.0e6)] | None = Field(
+        description="mean mass of a grain, used where `stl` is null: 42 to 78 % of the "
+        "box around the axes; null: the ellipsoid that `mean_size` gives",
+        json_schema_extra={"source": "2.1: 1.25"},
+    )
+    particle: Annotated[str, OneOf(lambda: KINDS)] = Field(
+        description="the body that stands for the grain in the simulation, made from "
+        "the mesh",
+        json_schema_extra={"source": "3.1: `multisphere`"},
+    )
+    spheres: Annotated[
+        Literal["fewest"] | Annotated[int, Field(ge=1, le=64)],
+        Allowed("fewest or an integer from 1 to 64"),
+    ] = Field(
+        description="largest number of spheres of a multisphere; `fewest`: as few as "
+        "fit the mesh",
+        json_schema_extra={"source": "open"},
+    )
+    surface: Annotated[str, OneOf(lambda: SURFACES)] = Field(
+        description="surface of a multisphere",
+        json_schema_extra={"source": "open"},
+    )
+    size_distribution: Literal["none", "measured"] = Field(
+        description="`none`: all grains are alike; `measured`: each grain has its own "
+        "scale",
+    )
+    mean_size: Literal["volume", "axes"] = Field(
+        description="the mean grain where `stl` and `mass_g` are null: `volume`: the "
+        "mean axes, scaled together to the mean volume of the ellipsoids of all rows; "
+        "`axes`: the mean axes as they are",
+        json_schema_extra={"source": "`axes`: 3.1"},
+    )
 
     @property
     def keeps_volume(self) -> bool:

@@ -13,7 +13,6 @@ OpenCV is imported where a picture is measured.
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -73,7 +72,8 @@ def measure_image(
     """
     from repose.measure.photographs.segmentation import require_upright, segment
 
-    settings = replace(settings or MeasureSettings(), mm_per_pixel=mm_per_pixel)
+    settings = settings or MeasureSettings.with_defaults()
+    settings = settings.with_scale(mm_per_pixel)
     pile = segment(image, settings.largest_pile_only, base_row)
     require_upright(pile.mask)
     return with_response(measure_segmented(pile, settings))
@@ -161,7 +161,8 @@ def measure_pile(
     NoFlankError
         If there is no pile.
     """
-    settings = with_grain_height(settings or MeasureSettings(), grains.particle)
+    settings = settings or MeasureSettings.with_defaults()
+    settings = with_grain_height(settings, grains.particle)
     height_m, piles = draw_views(grains, settings, members)
     angles = {name: np.full(settings.views, np.nan) for name in DEFINITIONS}
     heights_mm = np.full(settings.views, np.nan)
@@ -235,9 +236,7 @@ def with_grain_height(
 
     It is the particle's equivalent diameter.
     """
-    if settings.berry_height_mm is not None:
-        return settings
-    return replace(settings, berry_height_mm=1e3 * equivalent_diameter(particle))
+    return settings.with_grain_height(1e3 * equivalent_diameter(particle))
 
 
 def equivalent_diameter(particle: ConvexBody) -> float:

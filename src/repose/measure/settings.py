@@ -1,98 +1,134 @@
-"""Settings of the measurement of a pile: the section `measure` of a configuration."""
+"""The section `measure` of the configuration: how a pile is measured."""
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from types import SimpleNamespace
-from typing import Any
+from typing import Annotated, Any, Literal, Self
 
-from repose.measure.definitions import CALIBRATED_ANGLE, MEAN_KEYS
+from pydantic import Field
+
+from repose.common import method
+from repose.common.section import OF_OTHERS, Contradictions, OneOf, OrAuto, Section
+from repose.measure.definitions import CALIBRATED_ANGLE, DEFINITIONS, MEAN_KEYS
+from repose.measure.profile_points import FLANK_RULES
 
 ONE_GRAIN = "berry"  # value of `fit_from` and `fit_to` for the height of a grain
 AXES = ("long_mm", "major_mm", "minor_mm")
+# Scale of a silhouette whose grain is not known.
+MM_PER_PIXEL = 0.25
+FINEST_MM_PER_PIXEL = 0.02
+COARSEST_MM_PER_PIXEL = 5.0
 
 
-@dataclass(frozen=True)
-class MeasureSettings:
-    """Settings of the measurement of a pile.
+class MeasureSettings(Section):
+    """Settings of the measurement of a pile."""
 
-    `repose.config.models` checks those of a configuration.
-
-    Attributes
-    ----------
-    views : int
-        Number of side views, evenly over half a turn; the other half mirrors them.
-    mm_per_pixel : float
-        Scale of the silhouettes.
-    response : str
-        The definition used as the angle of repose, one of `DEFINITIONS`.
-    fit_from, fit_to : float or str
-        Ends of the flank: shares of the height, or "berry" for the height of a grain.
-    berry_height_mm : float, optional
-        Height of a grain; None means the particle's equivalent diameter.
-    largest_pile_only : bool
-        Whether loose grains are left out.
-    flank : str
-        Rule for the points of a line, one of `FLANK_RULES`.
-    smallest_window : float
-        Share of a side's points in the smallest window of the definition "straightest".
-    """
-
-    views: int = 18
-    mm_per_pixel: float = 0.25
-    response: str = "whole"
-    fit_from: float | str = 0.3
-    fit_to: float | str = 0.8
-    berry_height_mm: float | None = None
-    largest_pile_only: bool = True
-    flank: str = "levels"
-    smallest_window: float = 0.333
+    views: int = Field(
+        ge=1,
+        le=360,
+        description="side views, evenly around half a turn; the angle is their mean",
+        json_schema_extra={"source": "2.3: one"},
+    )
+    mm_per_pixel: OrAuto[
+        Annotated[float, Field(ge=FINEST_MM_PER_PIXEL, le=COARSEST_MM_PER_PIXEL)]
+    ] = Field(
+        default=OF_OTHERS,
+        description="scale of the rendered silhouette; `auto`: 1/32 of the equivalent "
+        "diameter of a grain",
+        json_schema_extra={"source": "open"},
+    )
+    response: Annotated[str, OneOf(lambda: DEFINITIONS)] = Field(
+        description="definition of the calibrated angle, `aor_deg` in all tables "
+        "([measurement.md](../docs/measurement.md#definitions))",
+        json_schema_extra={"source": "2.3: a line fit"},
+    )
+    fit_from: Literal["berry"] | Annotated[float, Field(ge=0, le=0.9)] = Field(
+        description="lower end of the flank, as a part of the pile's height; `berry`: "
+        "one grain above the plate",
+        json_schema_extra={"source": "open"},
+    )
+    fit_to: Literal["berry"] | Annotated[float, Field(ge=0.1, le=1)] = Field(
+        description="upper end of the flank, as a part of the pile's height, at least "
+        "0.1 above `fit_from`; `berry`: one grain above the plate",
+        json_schema_extra={"source": "open"},
+    )
+    berry_height_mm: Annotated[float, Field(gt=0, le=1000)] | None = Field(
+        description="height of a grain, for `secant` and `berry`; null: the equivalent "
+        "diameter of the mean grain (Eq. 1)",
+    )
+    largest_pile_only: bool = Field(
+        description="leave out grains that do not touch the pile",
+        json_schema_extra={"source": "open"},
+    )
+    flank: Annotated[str, OneOf(lambda: FLANK_RULES)] = Field(
+        description="points that the line of `flank` and `steepest` is fitted to",
+        json_schema_extra={"source": "open"},
+    )
+    smallest_window: float = Field(
+        ge=0.1,
+        le=1,
+        description="of `straightest`: the smallest window, as a part of a side's "
+        "points",
+        json_schema_extra={"source": "open"},
+    )
 
     @classmethod
-    def of(
-        cls, section: Mapping[str, Any], grain: Mapping[str, Any]
-    ) -> "MeasureSettings":
-        """Make the settings of the section `measure`.
+    def with_defaults(cls, mm_per_pixel: float = MM_PER_PIXEL, **keys: Any) -> Self:
+        """Make settings with the values of config/method.yaml for the keys left out."""
+        keys["mm_per_pixel"] = mm_per_pixel
+        return method.with_defaults(cls, "measure", keys)
 
-        If the section has no height of a grain, it is the equivalent diameter of the
-        axes of `grain`, if they are there.
+    def contradictions(self) -> Contradictions:
+        """Refuse an upper end of the fitted part that leaves the part too short for a line."""
+        start, end = self.fit_from, self.fit_to
+        if start == end == ONE_GRAIN:
+            yield "fit_to", "a number from 0.1 to 1, as measure.fit_from is berry"
+        if isinstance(start, float) and isinstance(end, float) and end < start + 0.1:
+            yield "fit_to", f"at least 0.1 above measure.fit_from, {start:g}"
+
+    def with_scale(self, mm_per_pixel: float) -> Self:
+        """Copy the settings, with another scale of the picture."""
+        return self.model_copy(update={"mm_per_pixel": mm_per_pixel})
+
+    def with_grain_height(self, height_mm: float) -> Self:
+        """Copy the settings, with the height of a grain if they have none."""
+        if self.berry_height_mm is not None:
+            return self
+        return self.model_copy(update={"berry_height_mm": height_mm})
+
+    def for_grain(self, grain: Mapping[str, Any]) -> Self:
+        """Copy the settings, with the height of a grain if they have none.
+
+        It is the equivalent diameter of the axes of `grain`, if they are there.
         """
-        settings = cls(**section)
-        if settings.berry_height_mm is not None:
-            return settings
         if any(grain.get(axis) is None for axis in AXES):
-            return settings
+            return self
         diameter_mm = math.prod(grain[axis] for axis in AXES) ** (1 / 3)
-        return replace(settings, berry_height_mm=diameter_mm)
+        return self.with_grain_height(diameter_mm)
 
 
-def line_of(settings: Any, definition: str | None = None) -> str:
+def line_of(settings: MeasureSettings, definition: str | None = None) -> str:
     """Describe a definition of the angle with its settings, for tables and figures.
 
     Parameters
     ----------
-    settings : MeasureSettings or Mapping
-        The section `measure`.
+    settings : MeasureSettings
     definition : str, optional
         One of `DEFINITIONS`; the default is that of the calibrated angle.
     """
-    section = settings
-    if isinstance(settings, Mapping):
-        section = SimpleNamespace(**settings)
     if not definition:
-        definition = section.response
+        definition = settings.response
     if definition == "secant":
         return "secant, foot to crest"
     if definition == "whole":
         return "whole side, columns"
     if definition == "straightest":
-        smallest = section.smallest_window
+        smallest = settings.smallest_window
         return f"straightest window, at least {smallest:.2g} of the side, columns"
-    lower = _end_of_flank(section.fit_from)
-    upper = _end_of_flank(section.fit_to)
-    unit = "" if section.fit_to == ONE_GRAIN else " % of the height"
+    lower = _end_of_flank(settings.fit_from)
+    upper = _end_of_flank(settings.fit_to)
+    unit = "" if settings.fit_to == ONE_GRAIN else " % of the height"
     part = "steepest half or more of the " if definition == "steepest" else ""
-    return f"{part}flank, {lower} to {upper}{unit}, {section.flank}"
+    return f"{part}flank, {lower} to {upper}{unit}, {settings.flank}"
 
 
 def _end_of_flank(end: float | str) -> str:
@@ -102,16 +138,16 @@ def _end_of_flank(end: float | str) -> str:
     return f"{100 * float(end):g}"
 
 
-def line_for(section: object, response: str) -> str:
+def line_for(settings: MeasureSettings | None, response: str) -> str:
     """Describe the line of a response that is an angle of a pile.
 
-    Return an empty text for any other response, or if `section` is None.
+    Return an empty text for any other response, or without settings.
     """
-    if section is None:
+    if settings is None:
         return ""
     if response == CALIBRATED_ANGLE:
-        return line_of(section)
+        return line_of(settings)
     for definition, key in MEAN_KEYS.items():
         if key == response:
-            return line_of(section, definition)
+            return line_of(settings, definition)
     return ""

@@ -20,7 +20,7 @@ from repose.common.errors import InputError
 from repose.common.files import Path_, read_json
 from repose.common.tables import Column
 from repose.common.tables import read as read_cells
-from repose.measure.settings import line_for
+from repose.measure.settings import MeasureSettings, line_for
 
 # Remedy by strategy, if only the prediction meets the targets.
 ADVICE = {
@@ -51,7 +51,7 @@ def read(
     *,
     label: str,
     targets: Targets,
-    measure: object,
+    measure: MeasureSettings | None,
     strategy: str,
     results_dir: Path_,
     small_run: bool = False,
@@ -69,7 +69,7 @@ def read(
     label : str
         Of the study.
     targets : Targets
-    measure : MeasureSection or mapping
+    measure : MeasureSettings or None
         The section `measure`, which defines the angles of piles.
     strategy : str
         The one that found the answer.

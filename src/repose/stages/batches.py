@@ -20,6 +20,7 @@ from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
 from repose.common.files import Path_, read_json, write_json, write_table
 from repose.measure.angles import MEAN_KEYS
+from repose.measure.settings import MeasureSettings
 from repose.stages import validate
 from repose.stages.tables import read_dataset, read_runs
 
@@ -93,7 +94,7 @@ def run_conclude(
     *,
     parameters: ParameterSpace,
     targets: Targets,
-    measure: object,
+    measure: MeasureSettings | None,
 ) -> pd.DataFrame:
     """Write the answer of a strategy, simulated again, and the tables of all batches.
 
@@ -110,7 +111,7 @@ def run_conclude(
         Folder to write.
     parameters : ParameterSpace
     targets : Targets
-    measure : MeasureSection, mapping or None
+    measure : MeasureSettings or None
         The section `measure`, which defines the angles of piles.
 
     Returns
@@ -157,7 +158,7 @@ def write_answer(
     *,
     parameters: ParameterSpace,
     targets: Targets,
-    measure: object,
+    measure: MeasureSettings | None,
 ) -> pd.DataFrame:
     """Write an answer in the files that card, final message and report read.
 

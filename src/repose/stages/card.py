@@ -11,12 +11,11 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, JsonValue, TypeAdapter, ValidationError
 
 from repose.bench.parameters import PARAMETERS, PHYSICAL_LIMITS
-from repose.bench.settings import WallSettings
 from repose.calibrate.answer import Verdict
 from repose.common.errors import InputError, raise_together
 from repose.common.files import Path_, read_json
 from repose.common.section import ABSENT, OneOf, Section
-from repose.grain.settings import GrainSettings
+from repose.grain.settings import Density, ShearModulus
 
 WHAT = "a material card"
 
@@ -35,7 +34,7 @@ class Wall(Section):
     """Material of the walls."""
 
     # The same bounds as in a configuration.
-    shear_modulus_pa: float = WallSettings.model_fields["shear_modulus_pa"]  # type: ignore[assignment]
+    shear_modulus_pa: ShearModulus
     poisson_ratio: float = Field(ge=0, le=0.5)
 
 
@@ -50,7 +49,7 @@ class Grain(Wall):
         description="standard deviation of the size over its mean; "
         "0 where all are alike",
     )
-    density_kg_m3: float = GrainSettings.model_fields["density_kg_m3"]  # type: ignore[assignment]
+    density_kg_m3: Density
     elastic_modulus_pa: Positive
     shape: Literal["ellipsoid", "smooth", "multisphere"]
     volume_mm3: Positive

@@ -23,10 +23,9 @@ from repose.calibrate.runs import error_of
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError, raise_together, require
 from repose.common.files import Path_, read_table, write_json
-from repose.common.section import Section
 from repose.grain.berry_files import SIZE_COLUMNS, read_grain
 from repose.grain.settings import GrainSettings
-from repose.measure.section import MeasureSection
+from repose.measure.settings import MeasureSettings
 from repose.stages import card
 
 if TYPE_CHECKING:
@@ -78,7 +77,7 @@ class CardSettings(Protocol):
     def simulation(self) -> SimulationSettings: ...
 
     @property
-    def measure(self) -> MeasureSection: ...
+    def measure(self) -> MeasureSettings: ...
 
     @property
     def targets(self) -> Sequence[CardTarget]: ...
@@ -243,8 +242,6 @@ def describe_response(
     dict
         ``definition`` and ``bench``, with the units in the keys.
     """
-    from repose.measure.settings import MeasureSettings
-
     test = bench(response.apparatus)
     measure = study.settings.measure
     profile = None
@@ -259,7 +256,7 @@ def describe_response(
     for key, value in response.settings(study.config).items():
         settings[key.rpartition(".")[2]] = value
     if GRAIN_HEIGHT in settings:
-        height = MeasureSettings.of(dict(measure), grain).berry_height_mm
+        height = measure.for_grain(grain).berry_height_mm
         settings[GRAIN_HEIGHT] = None if height is None else _rounded(height)
     if profile is not None:
         settings["profile"] = {
@@ -280,13 +277,14 @@ def describe_response(
     }
 
 
-def _lines(measure: Section, name: str, row: Mapping[str, Any]) -> dict[str, Any]:
+def _lines(
+    measure: MeasureSettings, name: str, row: Mapping[str, Any]
+) -> dict[str, Any]:
     """Describe the line of an angle of a pile, and the piles by every definition.
 
     Parameters
     ----------
-    measure : Section
-        The section of the measurement.
+    measure : MeasureSettings
     name : str
         A response.
     row : mapping

@@ -153,7 +153,7 @@ def run(
     angle = definitions.get(CALIBRATED_ANGLE, {})
     if "measure.response" in angle:
         section = {key.rpartition(".")[2]: value for key, value in angle.items()}
-        summary["line"] = line_of(MeasureSettings(**section))
+        summary["line"] = line_of(MeasureSettings.with_defaults(**section))
     folder = Path(out)
     write_table(folder / f"{prefix}dataset.csv", dataset)
     write_table(folder / f"{prefix}runs.csv", runs)

@@ -8,13 +8,30 @@ from repose.common.section import PathOrNull, Section
 class ValidationSettings(Section):
     """Settings of the runs that check the answer."""
 
-    # Solutions that are simulated besides the representative one.
-    solutions: int = Field(ge=1, le=9)
-    # Runs of each of them.
-    seeds: int = Field(ge=1, le=1000)
-    # Runs of the representative solution.
-    representative_seeds: int = Field(ge=1, le=1000)
-    # Table of published parameter sets.
-    published: PathOrNull
-    # Table of the same sets as they were simulated once.
-    published_simulated: PathOrNull
+    solutions: int = Field(
+        ge=1,
+        le=9,
+        description="solutions simulated again beside the representative one",
+        json_schema_extra={"source": "4.2.1: 5"},
+    )
+    seeds: int = Field(
+        ge=1,
+        le=1000,
+        description="pours per solution",
+        json_schema_extra={"source": "open"},
+    )
+    representative_seeds: int = Field(
+        ge=1,
+        le=1000,
+        description="pours of the representative solution",
+        json_schema_extra={"source": "open"},
+    )
+    published: PathOrNull = Field(
+        description="CSV of published solutions, which the target `published_sets` "
+        "simulates; null: none",
+        json_schema_extra={"source": "Table 4"},
+    )
+    published_simulated: PathOrNull = Field(
+        description="the table that `published_sets` made once, shown beside the "
+        "results; null: none",
+    )

@@ -23,8 +23,7 @@ from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
 from repose.common.files import Path_, read_table, write_table
 from repose.measure.angles import CALIBRATED_ANGLE, MEAN_KEYS
-from repose.measure.section import MeasureSection
-from repose.measure.settings import line_for, line_of
+from repose.measure.settings import MeasureSettings, line_for, line_of
 from repose.stages.dataset import Jobs, assemble, read_jobs
 from repose.stages.parameter_sets import read_samples
 from repose.stages.published import SIMULATED_BY, read_sets, read_stored
@@ -94,7 +93,7 @@ def with_optimism(
 
 
 def validate(
-    solutions: pd.DataFrame, jobs: Jobs, targets: Targets, measure: object
+    solutions: pd.DataFrame, jobs: Jobs, targets: Targets, measure: MeasureSettings
 ) -> dict[str, pd.DataFrame]:
     """Compare prediction, simulation and measurement.
 
@@ -105,7 +104,7 @@ def validate(
     jobs : mapping
         Their measured runs.
     targets : Targets
-    measure : MeasureSection or mapping
+    measure : MeasureSettings
         The section `measure`, which defines the angles of piles.
 
     Returns
@@ -132,7 +131,9 @@ def validate(
 
 
 def table4(
-    rows: pd.DataFrame, responses: Sequence[Response], measure: object = None
+    rows: pd.DataFrame,
+    responses: Sequence[Response],
+    measure: MeasureSettings | None = None,
 ) -> pd.DataFrame:
     """Make Table 4.
 
@@ -141,7 +142,7 @@ def table4(
     rows : pandas.DataFrame
         A row for each solution, with predicted and simulated responses.
     responses : sequence of Response
-    measure : MeasureSection or mapping, optional
+    measure : MeasureSettings, optional
         The section `measure`.
 
     Returns
@@ -162,14 +163,14 @@ def table4(
         deviation = (rows[response.predicted] - rows[response.simulated]).abs()
         percent = 100 * deviation / rows[response.simulated]
         table[f"{response.quantity}_error_percent"] = percent
-    if measure and set(ANGLES) <= set(rows):
+    if measure is not None and set(ANGLES) <= set(rows):
         table[list(ANGLES)] = rows[list(ANGLES)]
         table["line"] = calibrated_line(responses, measure)
     table[list(ENDED)] = rows[list(ENDED)]
     return table
 
 
-def calibrated_line(responses: Iterable[Response], measure: object) -> str:
+def calibrated_line(responses: Iterable[Response], measure: MeasureSettings) -> str:
     """Describe the lines of the responses that are angles of a pile.
 
     Without any, it is the line of the angle of repose.
@@ -185,7 +186,7 @@ def calibrated_line(responses: Iterable[Response], measure: object) -> str:
 
 
 def against_physical(
-    row: pd.Series, targets: Targets, measure: object = None
+    row: pd.Series, targets: Targets, measure: MeasureSettings | None = None
 ) -> pd.DataFrame:
     """Compare the simulation of a solution with the physical measurement.
 
@@ -194,7 +195,7 @@ def against_physical(
     row : pandas.Series
         The solution, with predicted and simulated responses.
     targets : Targets
-    measure : MeasureSection or mapping, optional
+    measure : MeasureSettings, optional
         The section `measure`. With it the column `line` says by which line an angle of a
         pile is measured.
 
@@ -222,7 +223,7 @@ def against_physical(
         if target.response.optimism in row:
             comparison["optimism"] = row[target.response.optimism]
             comparison["optimism_se"] = row[target.response.optimism_error]
-        if measure:
+        if measure is not None:
             comparison["line"] = line_for(measure, target.name)
         rows.append(comparison)
     return pd.DataFrame(rows)
@@ -287,7 +288,7 @@ def run(
     out_dir: Path_,
     *,
     targets: Targets,
-    measure: object,
+    measure: MeasureSettings,
     published: pd.DataFrame,
     support: Support | None = None,
     optimism: pd.DataFrame | None = None,
@@ -303,7 +304,7 @@ def run(
     out_dir : path
         Folder for table4.csv, representative.csv and published.csv.
     targets : Targets
-    measure : MeasureSection or mapping
+    measure : MeasureSettings
         The section `measure`.
     published : pandas.DataFrame
         Result of `compared_with_published`.
@@ -447,7 +448,7 @@ def compared_with_published(
     *,
     names: Sequence[str],
     targets: Targets,
-    measure: MeasureSection,
+    measure: MeasureSettings,
     simulated_by: Mapping[str, str],
 ) -> pd.DataFrame:
     """Compare the published sets, as they were simulated once, with the publication.
@@ -458,7 +459,7 @@ def compared_with_published(
         Table of `write_published_sets`.
     names, targets
         As in `write_published_sets`.
-    measure : MeasureSection
+    measure : MeasureSettings
         The section `measure`.
     simulated_by : mapping
         Hashes of today's engine and scene; a set with others is `stale`.

@@ -10,11 +10,19 @@ from repose.common.section import Section, Seed
 class DesignSettings(Section):
     """Settings of the design of experiments."""
 
-    method: Literal["optimal", "lhsdesign"]
-    """How the samples are chosen."""
+    method: Literal["optimal", "lhsdesign"] = Field(
+        description="`lhsdesign`: a Latin hypercube; `optimal`: one whose samples lie "
+        "as far apart as possible",
+        json_schema_extra={"source": "3.2.1; `optimal` is ours"},
+    )
 
-    samples: int = Field(ge=12, le=10000)
-    """Number of parameter sets."""
+    samples: int = Field(
+        ge=12,
+        le=10000,
+        description="number of parameter sets",
+        json_schema_extra={"source": "3.2.1: 150"},
+    )
 
-    seed: Seed
-    """Of the design and of the study."""
+    seed: Seed = Field(
+        description="seed of the design; the seeds of all pours follow from it",
+    )

@@ -1,4 +1,4 @@
-"""Multi-island genetic algorithm, section 3.3 of the paper; needs numpy alone.
+"""Multi-island genetic algorithm, section 3.3 of the paper.
 
 Five islands of 40 individuals in normalised parameters [-1, 1]: tournaments of three,
 arithmetic crossover, and mutation with probability 0.05 and amplitude 0.1. Each island
@@ -28,12 +28,12 @@ migration
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any, Self
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from repose.calibrate.search.settings import IslandSettings, MigaSettings
+from repose.calibrate.search.settings import MigaSettings
 
 
 class MIGA:
@@ -45,8 +45,8 @@ class MIGA:
     ----------
     dimensions : int
         Number of genes.
-    **settings
-        Fields of `repose.calibrate.search.settings.IslandSettings`.
+    settings : MigaSettings, optional
+        By default those of config/method.yaml.
 
     Attributes
     ----------
@@ -60,13 +60,13 @@ class MIGA:
     Raises
     ------
     ValueError
-        If a setting is out of its limits.
+        If there is no gene.
     """
 
-    def __init__(self, dimensions: int, **settings: Any) -> None:
+    def __init__(self, dimensions: int, settings: MigaSettings | None = None) -> None:
         if not dimensions >= 1:
             raise ValueError(f"dimensions is {dimensions!r}; expected at least 1")
-        self.settings = IslandSettings(**settings)
+        self.settings = settings or MigaSettings.with_defaults()
         islands = self.settings.islands
         population = self.settings.population
         self.shape = (islands, population, dimensions)
@@ -81,11 +81,6 @@ class MIGA:
         self.best_fitness = math.inf
         self.generation = 0
         self.evaluations = 0
-
-    @classmethod
-    def of(cls, dimensions: int, settings: MigaSettings) -> Self:
-        """Make the algorithm of a study."""
-        return cls(dimensions, **asdict(settings.of_islands()))
 
     def ask(self) -> np.ndarray:
         """Return the current population (islands * population, dimensions).
@@ -228,7 +223,8 @@ def islands_ga(
     target : float, optional
         The search ends early at a value not above it.
     **settings
-        Fields of `repose.calibrate.search.settings.IslandSettings`.
+        Fields of `repose.calibrate.search.settings.MigaSettings`; those left out have
+        the values of config/method.yaml.
 
     Returns
     -------
@@ -243,7 +239,7 @@ def islands_ga(
     low, high = _checked_bounds(bounds).T
     if rounds < 1:
         raise ValueError(f"rounds is {rounds!r}; expected at least 1")
-    miga = MIGA(len(low), **settings)
+    miga = MIGA(len(low), MigaSettings.with_defaults(**settings))
     half_width = (high - low) / 2
     history = []
 

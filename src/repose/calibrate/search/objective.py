@@ -273,7 +273,7 @@ def search(
     -------
     Search
     """
-    miga = MIGA.of(inputs, settings)
+    miga = MIGA(inputs, settings)
     archive = Archive(
         inputs, settings.distance, ARCHIVED_PER_SOLUTION * settings.solutions
     )

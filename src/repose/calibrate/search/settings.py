@@ -1,116 +1,99 @@
 """The section `miga` of the configuration: the search, and the choice of the answer."""
 
-from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal, Self
 
 from pydantic import Field
 
+from repose.common import method
 from repose.common.section import Contradictions, Section, Seed, Share
-
-
-@dataclass(frozen=True)
-class IslandSettings:
-    """Settings of `repose.calibrate.search.miga.MIGA`; by default the published ones.
-
-    Attributes
-    ----------
-    islands : int
-    population : int
-        Individuals of each island.
-    generations : int
-        Number of generations between two migrations.
-    tournament : int
-        Individuals that compete to be a parent.
-    mutation_probability : float
-        Of each gene.
-    mutation_amplitude : float
-        Standard deviation of a gene's change.
-    seed : int
-        Of the random numbers.
-
-    Raises
-    ------
-    ValueError
-        If a setting is out of its limits.
-    """
-
-    islands: int = 5
-    population: int = 40
-    generations: int = 10
-    tournament: int = 3
-    mutation_probability: float = 0.05
-    mutation_amplitude: float = 0.1
-    seed: int = 2026
-
-    def __post_init__(self) -> None:
-        limits = {
-            "islands": 1,
-            "population": 2,
-            "generations": 1,
-            "tournament": 1,
-            "mutation_amplitude": 0,
-        }
-        for name, limit in limits.items():
-            value = getattr(self, name)
-            if not value >= limit:
-                raise ValueError(f"{name} is {value!r}; expected at least {limit}")
-        if not 0 <= self.mutation_probability <= 1:
-            raise ValueError(
-                f"mutation_probability is {self.mutation_probability!r}; "
-                "expected 0 to 1"
-            )
 
 
 class MigaSettings(Section):
     """Settings of the search; config/README.md explains the keys."""
 
-    islands: int = Field(ge=1, le=100)
-    """Number of islands."""
+    islands: int = Field(
+        ge=1,
+        le=100,
+        description="number of islands",
+        json_schema_extra={"source": "3.3.1: 5"},
+    )
 
-    population: int = Field(ge=4, le=10000)
-    """Individuals of each island."""
+    population: int = Field(
+        ge=4,
+        le=10000,
+        description="individuals on each island",
+        json_schema_extra={"source": "3.3.1: 40"},
+    )
 
-    rounds: int = Field(ge=1, le=100000)
-    """Number of migrations."""
+    rounds: int = Field(
+        ge=1,
+        le=100000,
+        description="number of migrations",
+        json_schema_extra={"source": "3.3.1: 870"},
+    )
 
-    generations: int = Field(ge=1, le=10000)
-    """Number of generations between two migrations."""
+    generations: int = Field(
+        ge=1,
+        le=10000,
+        description="generations between two migrations",
+        json_schema_extra={"source": "3.3.1: 10"},
+    )
 
-    tournament: int = Field(ge=1, le=1000)
-    """Individuals that compete to be a parent."""
+    tournament: int = Field(
+        ge=1,
+        le=1000,
+        description="individuals that compete to be a parent, at most `population`",
+        json_schema_extra={"source": "3.3.1: 3"},
+    )
 
-    mutation_probability: Share
-    """Of each gene."""
+    mutation_probability: Share = Field(
+        description="probability that a gene changes",
+        json_schema_extra={"source": "3.3.1: 0.05"},
+    )
 
-    mutation_amplitude: Share
-    """Standard deviation of a gene's change, in half ranges."""
+    mutation_amplitude: Share = Field(
+        description="standard deviation of a gene's change, in half ranges",
+        json_schema_extra={"source": "3.3.1: 0.1"},
+    )
 
-    solutions: int = Field(ge=10, le=1000)
-    """Largest number of solutions that are kept."""
+    solutions: int = Field(
+        ge=10,
+        le=1000,
+        description="feasible solutions kept, best first",
+        json_schema_extra={"source": "4.1.2: 90"},
+    )
 
-    distance: float = Field(ge=0, le=0.5)
-    """Least distance between two solutions, in half ranges."""
+    distance: float = Field(
+        ge=0,
+        le=0.5,
+        description="two kept solutions lie at least this far apart, in parameters "
+        "normalised to [-1, 1]",
+        json_schema_extra={"source": "open"},
+    )
 
-    answer: Literal["least_expected_loss", "least_objective"]
-    """Which of the parameter sets is the answer."""
+    answer: Literal["least_expected_loss", "least_objective"] = Field(
+        description="the representative solution: of least expected loss, where the "
+        "surrogate knows its errors, or of least objective (Eq. 11)",
+        json_schema_extra={"source": "4.2.1: `least_objective`"},
+    )
 
-    replicates: int = Field(20, ge=0, le=1000)
-    """Refits to pours drawn again, which show the optimism of a prediction; 0: none."""
+    replicates: int = Field(
+        default=20,
+        ge=0,
+        le=1000,
+        description="refits to pours drawn again, which show the optimism of a "
+        "prediction; 0: none",
+    )
 
-    seed: Seed
-    """Of the random numbers of the search and of the replicates."""
+    seed: Seed = Field(
+        description="seed of the search and of the replicates",
+        json_schema_extra={"source": "3.3.1: 2026"},
+    )
 
-    def of_islands(self) -> IslandSettings:
-        """Select the settings of the algorithm."""
-        return IslandSettings(
-            islands=self.islands,
-            population=self.population,
-            generations=self.generations,
-            tournament=self.tournament,
-            mutation_probability=self.mutation_probability,
-            mutation_amplitude=self.mutation_amplitude,
-            seed=self.seed,
-        )
+    @classmethod
+    def with_defaults(cls, **keys: Any) -> Self:
+        """Make settings with the values of config/method.yaml for the keys left out."""
+        return method.with_defaults(cls, "miga", keys)
 
     def contradictions(self) -> Contradictions:
         """Refuse a tournament larger than its population."""

@@ -47,7 +47,7 @@ from repose.calibrate.surrogates.samples import (
     independent_mixing,
     pure_error,
 )
-from repose.calibrate.surrogates.settings import NetworkSettings
+from repose.calibrate.surrogates.settings import AS_PUBLISHED, NetworkSettings
 from repose.calibrate.surrogates.two_layer import (
     ARRAYS,
     PRIORS,
@@ -93,10 +93,10 @@ class BayesianBP(TrainingSettings, Surrogate):
         their own too, so an input without effect fades (M94).
     """
 
-    hidden: int = 12
-    starts: int = 20
+    hidden: int = AS_PUBLISHED.hidden
+    starts: int = AS_PUBLISHED.starts
     scaled_range: tuple[float, float] = (0.1, 0.9)
-    seed: int = 2026
+    seed: int = AS_PUBLISHED.seed
 
     is_network = True
     of_all_samples = False  # as published: fitted to the training part

@@ -40,6 +40,7 @@ import numpy as np
 
 from repose.calibrate.surrogates.evidence import log_evidence, of_each_weight
 from repose.calibrate.surrogates.samples import NO_SCATTER, Scatter
+from repose.calibrate.surrogates.settings import AS_PUBLISHED
 from repose.calibrate.surrogates.two_layer import (
     hidden_neurons,
     jacobian,
@@ -78,15 +79,15 @@ SMALLEST_MU = float(np.finfo(float).tiny)
 class TrainingSettings:
     """Settings of the training of a start."""
 
-    epochs: int = 1500  # largest number of accepted steps
+    epochs: int = AS_PUBLISHED.epochs  # largest number of accepted steps
     # Mean squared error of the scaled outputs at which training stops.
-    goal: float = 1e-4
+    goal: float = AS_PUBLISHED.goal
     mu: float = 0.005  # Marquardt's damping
     mu_decrease: float = 0.1
     mu_increase: float = 10.0
     mu_max: float = 1e10
     min_gradient: float = 1e-7  # norm of the gradient of F at which a start ends
-    prior: str = "one"  # one of `two_layer.PRIORS`
+    prior: str = AS_PUBLISHED.prior  # one of `two_layer.PRIORS`
 
 
 class _Data(NamedTuple):

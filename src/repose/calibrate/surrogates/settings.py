@@ -9,6 +9,7 @@ from repose.calibrate.surrogates.two_layer import PRIORS
 from repose.common.section import (
     AUTO,
     OF_OTHERS,
+    Allowed,
     Contradictions,
     OneOf,
     OrAuto,
@@ -18,6 +19,8 @@ from repose.common.section import (
     refuse,
 )
 
+# The training of the article. The networks of the library have these values where none
+# are given; those of a study are in its configuration.
 PUBLISHED: dict[str, Any] = {
     "hidden": 12,
     "epochs": 1500,
@@ -31,7 +34,7 @@ PUBLISHED: dict[str, Any] = {
 }
 SHARES = "three shares (training, validation, test) that sum to 1"
 LARGEST_ROUNDING = 1e-6  # of the sum of the shares
-Shares = Annotated[tuple[Share, Share, Share], Field(strict=False, description=SHARES)]
+Shares = Annotated[tuple[Share, Share, Share], Field(strict=False), Allowed(SHARES)]
 
 
 class NetworkSettings(Section):
@@ -40,32 +43,60 @@ class NetworkSettings(Section):
     config/README.md explains the keys.
     """
 
-    hidden: int = Field(ge=1, le=100)
-    """Neurons of the hidden layer."""
+    hidden: int = Field(
+        ge=1,
+        le=100,
+        description="neurons of the hidden layer",
+        json_schema_extra={"source": "3.2: 12"},
+    )
 
-    epochs: int = Field(ge=1, le=100000)
-    """Largest number of steps of a start."""
+    epochs: int = Field(
+        ge=1,
+        le=100000,
+        description="largest number of epochs of a start",
+        json_schema_extra={"source": "3.2: 1500"},
+    )
 
-    goal: Share
-    """Mean squared error of the scaled outputs at which training stops."""
+    goal: Share = Field(
+        description="mean squared error of the scaled outputs at which training ends; "
+        "0: at the objective's minimum",
+        json_schema_extra={"source": "3.2: 1e-4"},
+    )
 
-    split: OrAuto[Shares] = OF_OTHERS
-    """Shares of the samples for training, validation and test."""
+    split: OrAuto[Shares] = Field(
+        default=OF_OTHERS,
+        description="shares of training, validation and test samples, sum 1; `auto`: "
+        "0.70, 0.15, 0.15 for a network, else 0.85, 0, 0.15",
+        json_schema_extra={"source": "4.1.1: 0.70, 0.15, 0.15"},
+    )
 
-    starts: int = Field(ge=1, le=1000)
-    """Number of starts of the training."""
+    starts: int = Field(
+        ge=1,
+        le=1000,
+        description="trainings from different first weights; of those that converged "
+        "the one with the largest evidence is used",
+        json_schema_extra={"source": "open"},
+    )
 
-    prior: Annotated[str, OneOf(lambda: PRIORS)]
-    """Which weights share a regularisation."""
+    prior: Annotated[str, OneOf(lambda: PRIORS)] = Field(
+        description="weights that share a regularisation: `one` for all, `layers`, or "
+        "`inputs`, one for each input ([network.md](../docs/network.md))",
+        json_schema_extra={"source": "3.2: one"},
+    )
 
-    replicates: bool
-    """Whether the runs of each sample give the noise."""
+    replicates: bool = Field(
+        description="whether the noise comes from the runs of one sample",
+    )
 
-    validation_noise: bool
-    """Whether the errors of a first fit at the validation samples give the noise."""
+    validation_noise: bool = Field(
+        description="whether the correlation of the noises comes from the errors at "
+        "the validation samples",
+    )
 
-    seed: Seed
-    """Of the split and of the first weights."""
+    seed: Seed = Field(
+        description="seed of split and starts",
+        json_schema_extra={"source": "4.1.1: 2026"},
+    )
 
     @classmethod
     def of(cls, keys: Mapping[str, Any]) -> Self:

@@ -7,44 +7,72 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from repose.common.section import PathOrNull, Section, Seed
+from repose.common.section import Allowed, PathOrNull, Section, Seed
 
 
 class PosteriorSettings(Section):
     """Settings of the posterior of the parameters."""
 
-    shape_study: PathOrNull
-    """Table whose models give the discrepancy; null: the next two keys state it."""
+    shape_study: PathOrNull = Field(
+        description="table `combinations.csv` of a shape study, or null; it takes the "
+        "place of the next two keys",
+    )
 
-    discrepancy_percent: float = Field(ge=0, le=100)
-    """Standard deviation of each response's discrepancy, in percent of its value."""
+    discrepancy_percent: float = Field(
+        ge=0,
+        le=100,
+        description="stated standard deviation of the model's error, in percent of "
+        "each response's physical mean",
+    )
 
-    discrepancy_correlation: float = Field(ge=0, le=0.99)
-    """Correlation of the discrepancies within a bench test."""
+    discrepancy_correlation: float = Field(
+        ge=0,
+        le=0.99,
+        description="correlation of the stated discrepancies of two responses of the "
+        "same bench test, without its sign; 0: independent",
+    )
 
-    measured_correlation: (
-        Literal["simulated"] | Annotated[float, Field(ge=-0.99, le=0.99)]
-    ) = Field(description="simulated or a number from -0.99 to 0.99")
-    """Correlation of the measured responses; simulated: that of the simulated runs."""
+    measured_correlation: Annotated[
+        Literal["simulated"] | Annotated[float, Field(ge=-0.99, le=0.99)],
+        Allowed("simulated or a number from -0.99 to 0.99"),
+    ] = Field(
+        description="correlation of the errors of two measured responses of one bench "
+        "test; `simulated`: as in simulated pours",
+    )
 
-    walkers: int = Field(ge=14, le=1000)
-    """Walkers of each ensemble of the sampler."""
+    walkers: int = Field(
+        ge=14,
+        le=1000,
+        description="walkers in each of the four ensembles of the sampler",
+    )
 
-    steps: int = Field(ge=100, le=1000000)
-    """Steps of each walker."""
+    steps: int = Field(
+        ge=100,
+        le=1000000,
+        description="steps per walker; the first half is dropped",
+    )
 
-    seed: Seed
-    """Of the random numbers of the sampler."""
+    seed: Seed = Field(
+        description="seed of the sampler",
+    )
 
 
 class SensitivitySettings(Section):
     """Settings of Sobol's indices."""
 
-    samples: Literal[64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768, 65536]
-    """Number of points of the sequence."""
+    samples: Literal[64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768, 65536] = (
+        Field(
+            description="points of the Sobol sequence; the surrogate is evaluated "
+            "eight times as often",
+        )
+    )
 
-    resamples: int = Field(ge=20, le=10000)
-    """Number of resamples of the bootstrap."""
+    resamples: int = Field(
+        ge=20,
+        le=10000,
+        description="resamples of the bootstrap",
+    )
 
-    seed: Seed
-    """Of the sequence and of the bootstrap."""
+    seed: Seed = Field(
+        description="seed of sequence and bootstrap",
+    )

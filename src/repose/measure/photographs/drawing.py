@@ -1,7 +1,5 @@
 """Pictures of a measurement: boundary, lines and Height in the measured picture."""
 
-from dataclasses import replace
-
 import cv2
 import numpy as np
 
@@ -115,7 +113,8 @@ def process_panels(
     dict
         In this order ``grey``, ``binary``, ``edge`` and ``boundary`` (the overlay).
     """
-    settings = replace(settings or MeasureSettings(), mm_per_pixel=mm_per_pixel)
+    settings = settings or MeasureSettings.with_defaults()
+    settings = settings.with_scale(mm_per_pixel)
     pile = segment(image, settings.largest_pile_only, base_row)
     measurement = with_response(measure_segmented(pile, settings))
     binary = pile.mask * np.uint8(255)

@@ -430,7 +430,7 @@ def _measure_view(photograph: Photograph, settings: MeasureSettings) -> Measurem
     """Measure the part taken for the pile; NoFlankError if its sides differ much."""
     assert photograph.pile is not None
     scale = photograph.facts["mm_per_pixel"]
-    settings = replace(settings, mm_per_pixel=scale)
+    settings = settings.with_scale(scale)
     measurement = with_response(measure_segmented(photograph.pile, settings))
     difference = abs(measurement.angle.left_deg - measurement.angle.right_deg)
     if difference > LARGEST_DIFFERENCE_DEG:

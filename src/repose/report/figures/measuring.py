@@ -11,6 +11,7 @@ from repose.measure.angles import DEFINITIONS
 from repose.measure.photographs.segmentation import segment
 from repose.measure.saved_piles import side_view
 from repose.measure.saved_pours import first_pour
+from repose.measure.settings import MeasureSettings
 from repose.measure.silhouette import Grains
 
 from . import style
@@ -45,9 +46,7 @@ def definitions(inputs: Inputs, study: StudyView) -> Figure:
     calibrates the definition {measure[response]}; ``repose docs measurement`` compares
     them.
     """
-    settings = pile.MeasureSettings.of(
-        vars(study.settings.measure), read_grain(inputs["berry"])
-    )
+    settings = study.settings.measure.for_grain(read_grain(inputs["berry"]))
     pour = first_pour(inputs["heap"])
     particle = Particle.load(inputs["particle"])
     figure = style.new_figure(style.PAGE, 4.4)
@@ -59,7 +58,7 @@ def definitions(inputs: Inputs, study: StudyView) -> Figure:
 
 
 def _draw_first_view(
-    panel: Axes, image: np.ndarray, settings: pile.MeasureSettings
+    panel: Axes, image: np.ndarray, settings: MeasureSettings
 ) -> pile.Measurement:
     """Draw a silhouette with both lines of each definition, and give its measurement.
 
@@ -92,7 +91,7 @@ def _draw_first_view(
             panel.plot(
                 (column - crest) * scale, (measured.base_row - row) * scale, **look
             )
-        words = style.line_in_words(vars(settings), name)
+        words = style.line_in_words(settings, name)
         if is_calibrated:
             words += ", used"
         panel.plot([], [], label=f"{angle.aor_deg:.1f}°  {name}: {words}", **look)
@@ -108,7 +107,7 @@ def _draw_first_view(
     return measured
 
 
-def _draw_levels(panel: Axes, height_mm: float, settings: pile.MeasureSettings) -> None:
+def _draw_levels(panel: Axes, height_mm: float, settings: MeasureSettings) -> None:
     """Draw the heights between which lines are fitted, and the height of one grain."""
     levels = [(settings.berry_height_mm or 0.0, "one grain")]
     for share in (settings.fit_from, settings.fit_to):

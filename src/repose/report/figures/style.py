@@ -6,7 +6,7 @@ Colour-blind readers can tell the colours apart.
 import io
 import math
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,7 +25,7 @@ from repose.calibrate.responses import Response
 from repose.calibrate.targets import Target, Targets
 from repose.common.errors import InputError
 from repose.common.files import Path_, write_bytes
-from repose.measure.settings import line_of
+from repose.measure.settings import MeasureSettings, line_of
 
 if TYPE_CHECKING:
     from repose.report.renderer.scenery import Camera
@@ -179,21 +179,20 @@ def parameter_label(name: str) -> str:
     return f"{SYMBOLS[name]} ({unit or '–'})"
 
 
-def line_in_words(section: Mapping[str, Any], definition: str | None = None) -> str:
+def line_in_words(settings: MeasureSettings, definition: str | None = None) -> str:
     """Say which line a definition of the angle draws; default: the calibrated one.
 
-    `section` is the section `measure` of the configuration. The words are simpler than
-    those of `line_of`, which stand in tables.
+    The words are simpler than those of `line_of`, which stand in tables.
     """
-    definition = definition or section["response"]
+    definition = definition or settings.response
     if definition == "secant":
         return "line from the foot to the crest"
     if definition == "whole":
         return "line fitted to the whole side"
     if definition == "straightest":
-        percent = 100 * section["smallest_window"]
+        percent = 100 * settings.smallest_window
         return f"line fitted to the straightest {percent:.2g} % or more of the side"
-    _, height_band, _ = line_of(section, "flank").split(", ")
+    _, height_band, _ = line_of(settings, "flank").split(", ")
     if definition == "steepest":
         return (
             f"line fitted to the steepest half or more of the side from {height_band}"
@@ -206,7 +205,7 @@ def explain_symbols(figure: Figure, config: Config) -> None:
     shown_text = " ".join(text.get_text() for text in figure.findobj(Text))
     lines = []
     if {"targets", "measure"} <= config.keys():
-        line = line_in_words(vars(StudyView(config).settings.measure))
+        line = line_in_words(StudyView(config).settings.measure)
         for response in targets_of(config).responses:
             is_calibrated_angle = "measure.response" in response.definition
             if is_calibrated_angle and response.symbol in shown_text:

@@ -15,6 +15,7 @@ from repose.measure import pile
 from repose.measure.photographs import drawing
 from repose.measure.saved_piles import side_view
 from repose.measure.saved_pours import first_pour
+from repose.measure.settings import MeasureSettings
 from repose.measure.silhouette import Grains, outlines
 
 from . import panels, style
@@ -106,9 +107,7 @@ def measurement(inputs: Inputs, study: StudyView) -> Figure:
     the right one (green), each with its angle. The title names the line. The tables take
     the mean over {measure[views]} view(s).
     """
-    settings = pile.MeasureSettings.of(
-        vars(study.settings.measure), read_grain(inputs["berry"])
-    )
+    settings = study.settings.measure.for_grain(read_grain(inputs["berry"]))
     particle = Particle.load(inputs["particle"])
     image = side_view(first_pour(inputs["heap"]), particle, settings)
     scale = settings.mm_per_pixel
@@ -143,7 +142,7 @@ def measurement(inputs: Inputs, study: StudyView) -> Figure:
 def _name_lines(
     panel: Axes,
     measured: pile.Measurement,
-    settings: pile.MeasureSettings,
+    settings: MeasureSettings,
     height_mm: float,
 ) -> None:
     """Write the angle of each flank beside its line, and the mean above them.
@@ -170,7 +169,7 @@ def _name_lines(
             color=[value / 255 for value in reversed(bgr)],
         )
     panel.set_title(f"d  boundary, Height {measured.height_mm:.1f} mm")
-    line_words = style.line_in_words(vars(settings))
+    line_words = style.line_in_words(settings)
     panel.set_title(
         f"angle of this view {angle.aor_deg:.1f}°, {line_words}", loc="right"
     )

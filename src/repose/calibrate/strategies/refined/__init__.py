@@ -23,21 +23,48 @@ LARGEST_BLOCKS = 100
 class RefineSettings(Section):
     """The section `refine`; config/README.md explains the keys."""
 
-    # Most rounds after the first.
-    rounds: int = Field(ge=0, le=90)
-    # Runs of the proposal.
-    seeds: int = Field(ge=2, le=1000)
-    # Runs of the proposal in one job.
-    block: int = Field(ge=1, le=1000)
-    # Samples around the proposal, and the runs of each.
-    neighbours: int = Field(ge=0, le=99)
-    neighbour_seeds: int = Field(ge=1, le=1000)
-    # Half the width of the box that is searched, in ranges.
-    reach: float = Field(ge=0.01, le=1)
-    # Largest deviation of a simulated mean from its target.
-    tolerance_percent: Percent
-    # Largest standard error of a simulated mean, in percent of its target.
-    standard_error_percent: Percent
+    rounds: int = Field(
+        ge=0,
+        le=90,
+        description="refits at most; round 0, the main chain's answer, comes before "
+        "the first",
+    )
+    seeds: int = Field(
+        ge=2,
+        le=1000,
+        description="pours of each round's proposal",
+    )
+    block: int = Field(
+        ge=1,
+        le=1000,
+        description="pours of the proposal in one job, and one sample of the refit; at "
+        "least `seeds` / 100",
+    )
+    neighbours: int = Field(
+        ge=0,
+        le=99,
+        description="points around the proposal that are poured with it; 0 or at least "
+        "2",
+    )
+    neighbour_seeds: int = Field(
+        ge=1,
+        le=1000,
+        description="pours per neighbour",
+    )
+    reach: float = Field(
+        ge=0.01,
+        le=1,
+        description="largest distance of the neighbours and of the next search from "
+        "the proposal, as a share of each parameter's range",
+    )
+    tolerance_percent: Percent = Field(
+        description="largest distance of the simulated mean from the `value` of each "
+        "target, in percent of the value",
+    )
+    standard_error_percent: Percent = Field(
+        description="the standard error of each of these means must be below this "
+        "percentage of the target",
+    )
 
     def contradictions(self) -> Contradictions:
         """Refuse impossible numbers of jobs or neighbours."""

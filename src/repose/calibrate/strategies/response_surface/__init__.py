@@ -30,24 +30,49 @@ FITTED = ("anova", "effects", "statistics")
 class ResponseSurfaceSettings(Section):
     """The section `response_surface`; config/README.md explains the keys."""
 
-    # Runs of each sample.
-    seeds: Seeds
-    # Samples of the Plackett-Burman design.
-    screening_runs: Literal[8, 12, 16, 20, 24]
-    # Largest p of a parameter that is kept.
-    significance: float = Field(gt=0, le=0.5)
-    # Most parameters of the surface.
-    most_factors: int = Field(ge=2, le=7)
-    # Steps of the ascent.
-    steps: int = Field(ge=1, le=50)
-    # Design of the surface.
-    surface: Literal["box_behnken", "rotatable", "face_centred"]
-    # Samples at the centre of a design.
-    centres: int = Field(ge=1, le=50)
-    # From the centre of the surface to its outermost level, in ranges.
-    reach: float = Field(ge=0.01, le=0.5)
-    # Samples at the optimum.
-    checks: int = Field(ge=2, le=500)
+    seeds: Seeds = Field(
+        description="pours of each run of a design; their mean is the run's response",
+    )
+    screening_runs: Literal[8, 12, 16, 20, 24] = Field(
+        description="runs of the Plackett-Burman design, at least the free parameters "
+        "and two more",
+    )
+    significance: float = Field(
+        gt=0,
+        le=0.5,
+        description="a parameter whose effect has a smaller p goes on",
+    )
+    most_factors: int = Field(
+        ge=2,
+        le=7,
+        description="parameters that go on at most; at least 3 for `box_behnken`, 2 "
+        "for the others",
+    )
+    steps: int = Field(
+        ge=1,
+        le=50,
+        description="steps of the path of ascent, to the end of the first range",
+    )
+    surface: Literal["box_behnken", "rotatable", "face_centred"] = Field(
+        description="design of the surface",
+    )
+    centres: int = Field(
+        ge=1,
+        le=50,
+        description="runs at its centre and at the screening's; at least 3 for "
+        "`box_behnken`",
+    )
+    reach: float = Field(
+        ge=0.01,
+        le=0.5,
+        description="distance of its outermost level from its centre, as a share of "
+        "each parameter's range",
+    )
+    checks: int = Field(
+        ge=2,
+        le=500,
+        description="runs of the check, `seeds` pours each",
+    )
 
     @property
     def fewest_factors(self) -> int:

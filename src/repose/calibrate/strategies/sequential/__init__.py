@@ -25,20 +25,40 @@ if TYPE_CHECKING:
 class SequentialSettings(Section):
     """The section `sequential`; config/README.md explains the keys."""
 
-    # Samples of the start, all over the ranges.
-    start_samples: int = Field(ge=4, le=999)
-    # Runs of each sample.
-    seeds: Seeds
-    # Samples of each batch after the start.
-    batch: int = Field(ge=1, le=100)
-    # Tolerance of each target.
-    tolerance_percent: Annotated[float, Field(gt=0, le=50)]
-    # Probability of meeting all targets at which the search ends.
-    probability: float = Field(ge=0.05, le=0.99)
-    # The budget of runs.
-    most_pours: int = Field(ge=8, le=9999)
-    # Runs that check the answer.
-    checks: int = Field(ge=2, le=500)
+    start_samples: int = Field(
+        ge=4,
+        le=999,
+        description="samples of the start, a Latin hypercube all over the ranges",
+    )
+    seeds: Seeds = Field(
+        description="pours of each sample; at least 2, as the noise comes from pours "
+        "of one sample",
+    )
+    batch: int = Field(
+        ge=1,
+        le=100,
+        description="samples of a batch, poured in parallel",
+    )
+    tolerance_percent: Annotated[float, Field(gt=0, le=50)] = Field(
+        description="the answer shall lie within this percentage of every target's "
+        "`aim`",
+    )
+    probability: float = Field(
+        ge=0.05,
+        le=0.99,
+        description="it stops when the answer does so with this probability",
+    )
+    most_pours: int = Field(
+        ge=8,
+        le=9999,
+        description="budget: pours of each bench test of the targets, the check left "
+        "out; at least `start_samples` times `seeds`",
+    )
+    checks: int = Field(
+        ge=2,
+        le=500,
+        description="pours of the answer, with seeds of their own",
+    )
 
 
 @register("sequential")

@@ -1,0 +1,139 @@
+"""The tables of config/README.md, made from the fields of the sections.
+
+``python -m repose.config.page`` writes them into the page. A table stands between the
+lines ``<!-- keys: NAME -->`` and ``<!-- end -->``; the text around it is written by hand.
+"""
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from pydantic.fields import FieldInfo
+from pydantic_core import PydanticUndefined
+
+from repose.calibrate.profile_targets import BenchProfile
+from repose.common import faults, places
+from repose.common.reading import read
+from repose.common.section import ABSENT, Section
+from repose.config.models import TargetSettings, settings_type
+
+PAGE = "config/README.md"
+TABLE = re.compile(r"<!-- keys: (\w+) -->\n.*?<!-- end -->", re.DOTALL)
+HEAD = """\
+| key | meaning | unit | values | default | source |
+|---|---|---|---|---|---|"""
+# Units by the ends of the keys; a longer end is tried before a shorter one.
+UNITS = {
+    "_mm_per_pixel": "mm",
+    "_kg_m3": "kg/m3",
+    "_m_s2": "m/s2",
+    "_rad_s": "rad/s",
+    "_deg_s": "deg/s",
+    "_mm_s": "mm/s",
+    "_m_s": "m/s",
+    "_per_s": "1/s",
+    "_percent": "%",
+    "_deg": "deg",
+    "_mm": "mm",
+    "_pa": "Pa",
+    "_g": "g",
+    "_j": "J",
+    "_s": "s",
+}
+
+
+class Table(NamedTuple):
+    """A table of the page."""
+
+    model: type[Section]
+    values: Mapping[str, Any]  # of config/method.yaml
+
+
+def page(text: str) -> str:
+    """Return the page, with its tables made anew."""
+    tables_by_name = tables()
+
+    def made_anew(match: re.Match[str]) -> str:
+        """Return a table between its two lines."""
+        name = match[1]
+        rows = "\n".join(_rows(tables_by_name[name]))
+        return f"<!-- keys: {name} -->\n\n{HEAD}\n{rows}\n\n<!-- end -->"
+
+    return TABLE.sub(made_anew, text)
+
+
+def tables() -> dict[str, Table]:
+    """Return all tables by the names that the page gives them."""
+    method = read(places.root() / places.METHOD_CONFIG)
+    whole = settings_type()
+    made = {
+        "study": Table(whole, method),
+        "targets": Table(TargetSettings, {}),
+        "profile": Table(BenchProfile, {}),
+    }
+    for name, field in whole.model_fields.items():
+        model = _section(field)
+        if model is not None:
+            made[name] = Table(model, method.get(name, {}))
+    return made
+
+
+def _section(field: FieldInfo) -> type[Section] | None:
+    """Return the model of a key that is a section; None for any other key."""
+    kind = field.annotation
+    if isinstance(kind, type) and issubclass(kind, Section):
+        return kind
+    return None
+
+
+def _rows(table: Table) -> Iterator[str]:
+    """Yield a row for each key that a user gives, in the order of the fields."""
+    for name, field in table.model.model_fields.items():
+        is_explained = field.description is not None
+        if not is_explained or _section(field) is not None:
+            continue
+        extra = field.json_schema_extra
+        source = extra.get("source", "ours") if isinstance(extra, dict) else "ours"
+        if name in table.values:
+            default = _in_yaml(table.values[name])
+        elif field.default in (PydanticUndefined, ABSENT):
+            default = ""
+        else:
+            default = _in_yaml(field.default)
+        cells = (
+            f"`{name}`",
+            field.description,
+            _unit(name),
+            faults.allowed(name, table.model),
+            default,
+            source,
+        )
+        yield f"| {' | '.join(str(cell) for cell in cells)} |"
+
+
+def _unit(key: str) -> str:
+    """Return the unit that the name of a key ends with; `-` for a key without unit."""
+    for end, unit in UNITS.items():
+        if f"_{key}".endswith(end):
+            return unit
+    return "-"
+
+
+def _in_yaml(value: Any) -> str:
+    """Write a default as it stands in a file."""
+    if isinstance(value, str):
+        return f"`{value}`"
+    return f"`{json.dumps(value)}`"
+
+
+def main() -> None:
+    """Write the tables into the page of the checkout."""
+    path = Path(places.root()) / PAGE
+    text = page(path.read_text(encoding="utf-8"))
+    path.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
