@@ -3,10 +3,14 @@
 Its source is the whole checkout, so that a link between two pages holds here and on a code host alike.
 """
 
+import importlib
 import os
+import pkgutil
 import re
 import sys
 from pathlib import Path
+
+from sphinx.util.docutils import SphinxDirective
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "src"))
@@ -92,6 +96,21 @@ def as_prose(app, what, name, obj, options, lines):
         lines[number] = "`".join(parts)
 
 
+class Modules(SphinxDirective):
+    """Show every module of a package, in alphabetical order: `.. modules:: PACKAGE`."""
+
+    required_arguments = 1
+
+    def run(self):
+        package = importlib.import_module(self.arguments[0])
+        lines = [
+            f".. automodule:: {package.__name__}.{module.name}"
+            for module in pkgutil.iter_modules(package.__path__)
+        ]
+        return self.parse_text_to_nodes("\n".join(lines))
+
+
 def setup(app):
+    app.add_directive("modules", Modules)
     # after napoleon, which comes at 500
     app.connect("autodoc-process-docstring", as_prose, priority=600)

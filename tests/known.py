@@ -19,3 +19,12 @@ def is_known(name, text):
     np.testing.assert_allclose(
         *(list(map(float, NUMBER.findall(each))) for each in (one, other)), 1e-5, 1e-12
     )
+
+
+def has_known_lines(name, lines):
+    """Find every line of a file among these lines; others may be added."""
+    path = Path(__file__).with_suffix("") / name
+    if "REPOSE_WRITE_KNOWN" in os.environ:
+        path.write_text("\n".join(lines) + "\n")
+    known = path.read_text().splitlines()
+    assert [line for line in known if line not in lines] == []

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 from goji import AXES_MM, BERRY, PARTICLE, named, own_example
-from known import is_known
+from known import has_known_lines, is_known
 from refusals import input_error, not_refused, value_error
 from shared import BUILT_IN, ROOT
 
@@ -144,11 +144,19 @@ def test_the_scenes_of_the_built_in_bench_tests_are_known():
         scenes[test.name] = test.world(scene, PARTICLE.bounding_radius_m) | {
             "ends_s": test.duration_s(scene.settings)
         }
-        scenes[test.name] |= {
-            one.name: (one.unit, one.low, one.high, one.definition)
-            for one in test.responses
-        }
     is_known("scenes.txt", pprint.pformat(scenes, width=120, compact=True))
+
+
+def test_the_responses_of_the_built_in_bench_tests_are_known():
+    has_known_lines(
+        "responses.txt",
+        [
+            f"{response.apparatus}: {response.name} in {response.unit} from "
+            f"{response.low:g} to {response.high:g}, by {', '.join(response.definition)}"
+            for test in map(bench, BUILT_IN)
+            for response in test.responses
+        ],
+    )
 
 
 def test_a_bench_test_that_cannot_run_is_refused():

@@ -39,7 +39,9 @@ EXAMPLES = {
 }
 
 
-@pytest.mark.parametrize("what", ["contact law", "response", "surrogate", "strategy"])
+@pytest.mark.parametrize(
+    "what", ["contact law", "response", "figure", "surrogate", "strategy"]
+)
 def test_contributing_shows_how_to_add_one(what):
     assert f"CONTRIBUTING.md: Add a {what}" in EXAMPLES
 
@@ -50,9 +52,12 @@ def test_the_example_runs(name, tmp_path):
 
 
 PLACES = {
-    "contact law": "src/repose/dem/laws/hertz.py", "bench test": "src/repose/bench/drop.py",
-    "surrogate": "src/repose/calibrate/surrogates/cubic_surface.py", "strategy": "src/repose/calibrate/strategies/random_search.py",
-}  # fmt: skip
+    "contact law": "src/repose/dem/laws/hertz.py",
+    "bench test": "src/repose/bench/drop.py",
+    "figure": "src/repose/report/figures/response_histograms.py",
+    "surrogate": "src/repose/calibrate/surrogates/cubic_surface.py",
+    "strategy": "src/repose/calibrate/strategies/random_search.py",
+}
 
 
 def file_to_add(what):

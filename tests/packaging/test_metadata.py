@@ -48,6 +48,8 @@ ARCHIVE = json.loads((ROOT / ".zenodo.json").read_text())
 AUTHORS = [author["name"] for author in CITATION["authors"]]
 PAGE = (ROOT / "docs" / "reference.md").read_text()
 SHOWN = set(re.findall(r"^\.\. automodule:: (\S+)$", PAGE, re.MULTILINE))
+# `docs/conf.py` shows every module of these packages.
+SHOWN_PACKAGES = re.findall(r"^\.\. modules:: (\S+)$", PAGE, re.MULTILINE)
 FRONT, PAPER = (ROOT / "paper.md").read_text().removeprefix("---\n").split("\n---\n", 1)
 
 
@@ -195,7 +197,8 @@ def test_the_reference_shows_each_public_name_of_the_engine_and_each_law():
         law.kernel.__module__
         for law in (*CONTACT_LAWS.values(), *ROLLING_LAWS.values())
     }
-    assert not homes - SHOWN, homes - SHOWN
+    missing = {home for home in homes if home.rpartition(".")[0] not in SHOWN_PACKAGES}
+    assert not missing - SHOWN
 
 
 def test_version_and_date_are_those_of_the_newest_release_and_the_archive_says_what_the_citation_says():

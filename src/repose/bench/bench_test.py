@@ -245,7 +245,11 @@ class BenchTest(ABC, Generic[S]):
         cannot be measured, as in every run that is not ``ok``.
         """
         if record["status"] == "ok":
-            return {**record, **self.measure_arrays(arrays, scene)}
+            measured = {**record, **self.measure_arrays(arrays, scene)}
+            for response in self.responses:
+                if response.computed_from:
+                    measured[response.name] = response.of(measured)
+            return measured
         return {**record, **dict.fromkeys((*self.response_names, *self.numbers))}
 
     def check_targets(
@@ -272,7 +276,7 @@ class BenchTest(ABC, Generic[S]):
         """
         for target in self.target_responses(settings.config):
             name = target.name
-            if measured[name] is None:
+            if target.of(measured) is None:
                 return {
                     "status": self.missing_status.get(name, "no_flank"),
                     "reason": reasons.get(name, f"{name} cannot be measured"),

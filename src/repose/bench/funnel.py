@@ -581,19 +581,29 @@ class FunnelTest(BenchTest[FunnelSettings]):
         from repose.measure.saved_piles import pile_responses
 
         settings = scene.settings
+        targets = self.target_responses(settings.config)
+        computed = [response for response in targets if response.computed_from]
+        needed = [
+            name
+            for response in targets
+            for name in response.computed_from or (response.name,)
+        ]
         others = [
-            response.name
-            for response in self.target_responses(settings.config)
-            if response.name not in BASIC_NUMBERS and response.name not in record
+            name
+            for name in dict.fromkeys(needed)
+            if name not in BASIC_NUMBERS and name not in record
         ]
         verdict = {key: record[key] for key in ("seed", "status", "reason")}
-        measured: dict[str, Any] = dict.fromkeys((*BASIC_NUMBERS, *others))
+        names = (*BASIC_NUMBERS, *others, *(response.name for response in computed))
+        measured: dict[str, Any] = dict.fromkeys(names)
         if record["status"] == "ok":
             plate_mm = self.section(settings).plate_diameter_mm
             responses, reasons = pile_responses(
                 arrays, scene.particle, scene.measure, plate_mm, others
             )
             measured |= responses
+            numbers = {**record, **measured}
+            measured |= {response.name: response.of(numbers) for response in computed}
             verdict |= self.check_targets({**record, **measured}, settings, reasons)
         rest = {key: value for key, value in record.items() if key not in verdict}
         return verdict | measured | rest

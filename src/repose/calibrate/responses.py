@@ -41,6 +41,9 @@ class Response:
     function : function, optional
         ``function(run)`` is the number of a measured run, a mapping, or None where it
         could not be measured. By default the run has it by the name of the response.
+    computed_from : tuple of str
+        Names of the measured numbers that `function` needs. Where one of them could not
+        be measured, the response is None and `function` is not called.
     profile : str
         Name of the profile of which it is a score (`repose.calibrate.profiles`); empty
         for any other number.
@@ -57,12 +60,15 @@ class Response:
     function: Callable[[Mapping[str, Any]], float | None] | None = field(
         default=None, compare=False
     )
+    computed_from: tuple[str, ...] = ()
     profile: str = ""
 
     def of(self, run: Mapping[str, Any]) -> float | None:
         """Find the number in a measured run; None where it could not be measured."""
         if self.function is None:
             return run.get(self.name)
+        if any(run.get(name) is None for name in self.computed_from):
+            return None
         return self.function(run)
 
     def settings(self, config: Mapping[str, Any]) -> dict[str, Any]:

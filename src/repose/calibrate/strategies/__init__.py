@@ -4,8 +4,11 @@ The key `strategy` of the configuration chooses one. Importing this package regi
 every strategy (`repose.calibrate.strategies.base`).
 """
 
-# The line that registers each strategy.
-from repose.calibrate.strategies import published, refined, response_surface, sequential  # noqa: F401
+# Each import registers a strategy. They are listed in this order.
+from repose.calibrate.strategies import published  # noqa: F401, isort: skip
+from repose.calibrate.strategies import refined  # noqa: F401, isort: skip
+from repose.calibrate.strategies import response_surface  # noqa: F401, isort: skip
+from repose.calibrate.strategies import sequential  # noqa: F401, isort: skip
 from repose.calibrate.strategies.base import (
     Answer,
     Batch,

@@ -3,11 +3,8 @@
 To add a surrogate to the package, import its module here.
 """
 
-from repose.calibrate.surrogates import (
-    bayesian_bp,
-    gaussian_process,
-    network_ensemble,
-    quadratic,
-)
-
-__all__ = ["bayesian_bp", "gaussian_process", "network_ensemble", "quadratic"]
+# They are listed in this order.
+from repose.calibrate.surrogates import bayesian_bp  # noqa: F401, isort: skip
+from repose.calibrate.surrogates import gaussian_process  # noqa: F401, isort: skip
+from repose.calibrate.surrogates import network_ensemble  # noqa: F401, isort: skip
+from repose.calibrate.surrogates import quadratic  # noqa: F401, isort: skip

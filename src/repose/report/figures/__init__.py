@@ -4,28 +4,28 @@ from pathlib import Path
 
 from repose.common.errors import InputError, require
 
-from . import (  # noqa: F401  (registers the figures)
-    berries,
-    checks,
-    discrepancy,
-    measuring,
-    noise,
-    plane,
-    posterior,
-    profiles,
-    refinement,
-    region,
-    response_surface,
-    rotation,
-    samples,
-    search,
-    sensitivity,
-    sequential,
-    style,
-    surrogate,
-    testbench,
-)
+from . import style
 from .registry import FIGURES, Config, Drawn, Inputs
+
+# Each import registers the figures of a module, in this order.
+from repose.report.figures import berries  # noqa: F401, isort: skip
+from repose.report.figures import checks  # noqa: F401, isort: skip
+from repose.report.figures import discrepancy  # noqa: F401, isort: skip
+from repose.report.figures import measuring  # noqa: F401, isort: skip
+from repose.report.figures import noise  # noqa: F401, isort: skip
+from repose.report.figures import plane  # noqa: F401, isort: skip
+from repose.report.figures import posterior  # noqa: F401, isort: skip
+from repose.report.figures import profiles  # noqa: F401, isort: skip
+from repose.report.figures import refinement  # noqa: F401, isort: skip
+from repose.report.figures import region  # noqa: F401, isort: skip
+from repose.report.figures import response_surface  # noqa: F401, isort: skip
+from repose.report.figures import rotation  # noqa: F401, isort: skip
+from repose.report.figures import samples  # noqa: F401, isort: skip
+from repose.report.figures import search  # noqa: F401, isort: skip
+from repose.report.figures import sensitivity  # noqa: F401, isort: skip
+from repose.report.figures import sequential  # noqa: F401, isort: skip
+from repose.report.figures import surrogate  # noqa: F401, isort: skip
+from repose.report.figures import testbench  # noqa: F401, isort: skip
 
 
 def draw(
