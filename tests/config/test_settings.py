@@ -45,7 +45,8 @@ def without_names(text):
     """A text in which "all strategies" stands for their names, and so on."""
     for kind, names_of_kind in REGISTERED.items():
         text = text.replace(json.dumps(names_of_kind), json.dumps(f"all {kind}"))
-        text = text.replace(" or ".join(names_of_kind), f"all {kind}")
+        name = "|".join(map(re.escape, names_of_kind))
+        text = re.sub(rf"\b(?:{name})(?: or (?:{name})\b)+", f"all {kind}", text)
     return text
 
 
