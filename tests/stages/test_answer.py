@@ -11,7 +11,7 @@ import pytest
 import shared
 from refusals import input_error
 from scipy import stats
-from shared import ROOT, studied, targets_of
+from shared import ROOT, says, studied, targets_of
 from stage_runs import answer_of
 
 from repose.bench.parameters import PARAMETERS
