@@ -35,6 +35,7 @@ ANGLE_DEG, ONE_ANGLE_DEG, DENSITY_PERCENT = 0.5, 1.0, 0.5
 DECKS_STEP_S = 8e-6  # two piles of the middle row have it
 THIRD = 3
 STIFF = 0.1  # of the discharges at least: a softer grain that falls may pass through the plug
+NOT_RECORDED = "not recorded"  # hash of the engine of the runs before it was noted
 OTHERS_ROW, OTHERS_MODULUS = 1, 0.1  # of the tilted drum with other grains and walls
 
 
@@ -159,7 +160,10 @@ def predictions(kind: str) -> pd.DataFrame:
         for folder in (PUBLISHED, OUT)
         for path in folder.glob(f"{kind}_*_seed_*.json")
     }
-    return pd.DataFrame([read_json(path) for _name, path in sorted(files.items())])
+    table = pd.DataFrame([read_json(path) for _name, path in sorted(files.items())])
+    if "engine" not in table:
+        table["engine"] = NOT_RECORDED
+    return table.fillna({"engine": NOT_RECORDED})
 
 
 def run_all() -> None:

@@ -4,6 +4,10 @@
 
 reads the predictions of results/published/lifted_piles and the results of a copy of its repository, prints both side by
 side, and writes compared_KIND.csv there. README.md has the rules of the judgement; they are older than the predictions.
+Without REPOSITORY the tables compared_KIND.csv are judged as they are.
+
+The other project keeps `statistics.pstdev` of the seeds of a row (its calibration/runner.py): of two seeds half of their
+difference. The standard deviation of one seed is then sqrt 2 times that. All columns of both sides are read as the latter.
 """
 
 import argparse
@@ -30,6 +34,9 @@ OF_THEIRS = [
     "trial",
     "role",
 ]  # columns that say where they keep a run
+# Column with the number of their seeds; where there is none, it is `SEEDS_THERE`.
+COUNTS = {"row": "n_ok", "drum": "drum_n_ok", "tilted": "n_ok"}
+SEEDS_THERE = 2
 DECISIVE = {"grain": "sphere", "walls": "cover"}  # of drums
 
 
@@ -54,6 +61,23 @@ def ours(kind: str) -> pd.DataFrame:
     )
 
 
+def seeds_there(kind: str, both: pd.DataFrame) -> pd.Series:
+    """Number of their seeds of each row."""
+    if kind in COUNTS:
+        return both[COUNTS[kind]]
+    return pd.Series(SEEDS_THERE, index=both.index)
+
+
+def seed_scatter(population_sd: pd.Series, seeds: pd.Series | int) -> pd.Series:
+    """Standard deviation of one seed, from that of a population of so many."""
+    return population_sd * np.sqrt(seeds / (seeds - 1))
+
+
+def root_mean_square(values: pd.Series) -> float:
+    """Root of the mean square."""
+    return float(np.sqrt((values**2).mean()))
+
+
 def compared(kind: str, repository: str) -> pd.DataFrame:
     """Both side by side, a line for each row that has two seeds here."""
     test, own, other, _ = KINDS[kind]
@@ -61,6 +85,9 @@ def compared(kind: str, repository: str) -> pd.DataFrame:
         table_of(repository, test).drop(columns=OF_THEIRS, errors="ignore"),
         on="row",
         suffixes=("", "_theirs"),
+    )
+    both["seeds_sd_theirs"] = seed_scatter(
+        both[f"{other}_std"], seeds_there(kind, both)
     )
     both["difference"] = both[own] - both[other]
     if kind == "discharge":
@@ -72,14 +99,30 @@ def compared(kind: str, repository: str) -> pd.DataFrame:
     return both[both["seeds"] > 1].dropna(subset=["difference"])
 
 
+def scatters(kind: str, both: pd.DataFrame) -> tuple[float, float]:
+    """Standard deviation of one seed here and there, in the unit of the differences."""
+    _, own, other, _ = KINDS[kind]
+    here, there = both["seeds_sd"], both["seeds_sd_theirs"]
+    if kind == "discharge":
+        here, there = 100.0 * here / both[own], 100.0 * there / both[other]
+    return root_mean_square(here), root_mean_square(there)
+
+
 def judged(kind: str, both: pd.DataFrame) -> str:
     """The sentence of a kind."""
     _, own, other, most = KINDS[kind]
     off, unit = both["difference"], "%" if kind == "discharge" else "deg"
+    here, there = scatters(kind, both)
+    # Equal engines would differ by the scatter of the means of the seeds.
+    shares = (1 / both["seeds"]).mean(), (1 / seeds_there(kind, both)).mean()
+    equal = np.sqrt(here**2 * shares[0] + there**2 * shares[1])
+    chi_squared = float((off**2).sum() / equal**2)
     words = [
         f"{kind}: {len(both)} rows, root mean square {np.sqrt((off**2).mean()):.2f} {unit} (at most {most:g})",
         f"mean {off.mean():+.2f} +- {off.std() / np.sqrt(len(off)):.2f}, largest {off.abs().max():.2f}",
-        f"two seeds here differ by {np.sqrt(2.0 * (both['seeds_sd'] ** 2).mean()):.2f} (root mean square)",
+        f"one seed scatters by {here:.2f} here and {there:.2f} there, two differ by {np.sqrt(2.0) * here:.2f} and "
+        f"{np.sqrt(2.0) * there:.2f}, equal engines by {equal:.2f} (root mean square)",
+        f"chi squared {chi_squared:.0f} on {len(both)}, p {stats.chi2.sf(chi_squared, len(both)):.2g}",
     ]
     if len(both) > 2:
         line = stats.linregress(both[other], both[own])
@@ -98,7 +141,9 @@ def main() -> None:
     """Print the comparison and write its tables."""
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument(
-        "repository", help="a clone of JoshuaMayo-vectr/DEM-calibration"
+        "repository",
+        nargs="?",
+        help="a clone of JoshuaMayo-vectr/DEM-calibration; without it the kept tables are judged",
     )
     parser.add_argument(
         "--kinds",
@@ -108,11 +153,14 @@ def main() -> None:
         help="tables of the others stay unread",
     )
     asked = parser.parse_args()
-    repository = asked.repository
     for kind in asked.kinds:
-        if (PUBLISHED / f"predicted_{kind}.csv").is_file():
-            both = compared(kind, repository)
-            write_table(PUBLISHED / f"compared_{kind}.csv", both.reset_index())
+        table = PUBLISHED / f"compared_{kind}.csv"
+        if asked.repository is None:
+            if table.is_file():
+                print(judged(kind, pd.read_csv(table)))
+        elif (PUBLISHED / f"predicted_{kind}.csv").is_file():
+            both = compared(kind, asked.repository)
+            write_table(table, both.reset_index())
             print(judged(kind, both))
 
 

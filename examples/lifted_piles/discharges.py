@@ -38,6 +38,7 @@ from lifted_piles import (
 )
 
 from repose.common.files import read_json, write_json
+from repose.common.provenance import engine_hash
 from repose.dem import (
     Contact,
     Cylinder,
@@ -196,6 +197,7 @@ def one(row: int, seed: int, modulus: float) -> dict:
         "grains": simulation.n_bodies,
         "time_step_s": simulation.time_step_s,
         "processor_s": time.process_time() - began,
+        "engine": engine_hash(),
     }
     write_json(path, record)
     return record

@@ -37,6 +37,7 @@ from scipy.spatial.transform import Rotation
 
 from repose.bench.drum import Drum
 from repose.common.files import read_json, write_json
+from repose.common.provenance import engine_hash
 from repose.dem import Contact, Material, Motion, Shape, Simulation
 from repose.dem.rotations import random_quaternion
 
@@ -292,6 +293,7 @@ def one(
         "left": int((~DRUM.holds(simulation.positions)).sum()),
         "time_step_s": simulation.time_step_s,
         "processor_s": time.process_time() - began,
+        "engine": engine_hash(),
     }
     write_json(path, record)
     return record

@@ -17,6 +17,7 @@ import pandas as pd
 from scipy.spatial.distance import cdist
 
 from repose.common.files import read_json, write_json, write_npz
+from repose.common.provenance import engine_hash
 from repose.dem import (
     Contact,
     Cylinder,
@@ -382,6 +383,7 @@ def one(row: int, seed: int, modulus: float, time_step_s: float | None = None) -
         "time_step_s": simulation.time_step_s,
         "steps": int(simulation.steps),
         "processor_s": time.process_time() - began,
+        "engine": engine_hash(),
     }
     arrays = {
         f"{when}_{key}": values.astype(np.float32)

@@ -1,14 +1,19 @@
 """The example of the lifted piles: its measures beside known shapes and a slow twin, and a small pile."""
 
 import importlib.util
+import json
+import re
+import statistics
 import sys
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from shared import ROOT
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "lifted_piles"))
+import compare
 import discharges
 import drums
 import lifted_piles
@@ -250,3 +255,66 @@ def test_grains_rest_over_the_plug_and_run_out_when_it_is_drawn(monkeypatch):
     assert 10 < gone.sum() < 250  # the others lie on the plate
     assert (simulation.positions[~gone, 2] > 0.0).all()
     assert (np.hypot(*simulation.positions[~gone, :2].T) < 0.04).all()
+
+
+def test_a_seed_scatters_by_more_than_the_population_of_two():
+    pair = [24.0, 25.5]
+    half = pd.Series([statistics.pstdev(pair)])
+    assert half[0] == pytest.approx(0.75)
+    assert compare.seed_scatter(half, 2)[0] == pytest.approx(statistics.stdev(pair))
+    five = [24.0, 25.5, 23.0, 26.0, 24.5]
+    scatter = compare.seed_scatter(pd.Series([statistics.pstdev(five)]), 5)
+    assert scatter[0] == pytest.approx(statistics.stdev(five))
+
+
+def test_equal_engines_have_the_chi_squared_of_their_number_of_rows():
+    """Two engines that only differ by seeds: the judgement must not find a difference."""
+    rng = np.random.default_rng(6)
+    n_rows = 4_000
+    truth = rng.uniform(15.0, 35.0, (n_rows, 1))
+    here = truth + rng.normal(0.0, 0.9, (n_rows, 2))
+    there = truth + rng.normal(0.0, 0.75, (n_rows, 2))
+    both = pd.DataFrame(
+        {
+            "angle_deg": here.mean(axis=1),
+            "seeds": 2,
+            "seeds_sd": here.std(axis=1, ddof=1),
+            "aor": there.mean(axis=1),
+            "aor_std": there.std(axis=1),
+            "n_ok": 2,
+        }
+    )
+    both["difference"] = both["angle_deg"] - both["aor"]
+    both["seeds_sd_theirs"] = compare.seed_scatter(both["aor_std"], both["n_ok"])
+    assert compare.scatters("row", both) == pytest.approx((0.9, 0.75), rel=0.04)
+    words = compare.judged("row", both)
+    chi_squared = float(re.search(r"chi squared (\d+) on 4000", words).group(1))
+    # The standard deviation of chi squared is 89, and the scatters are estimates, too.
+    assert chi_squared == pytest.approx(n_rows, abs=600)
+
+
+def test_the_page_has_the_numbers_of_the_kept_tables():
+    page = (lifted_piles.HERE / "README.md").read_text()
+    both = pd.read_csv(ROOT / compare.PUBLISHED / "compared_row.csv")
+    here, there = compare.scatters("row", both)
+    equal = np.sqrt((here**2 + there**2) / 2)
+    chi_squared = (both["difference"] ** 2).sum() / equal**2
+    assert f"scatters by {here:.2f} degrees here and by {there:.2f} there" in page
+    assert f"equal engines would differ by {equal:.2f}" in page
+    assert f"is {chi_squared:.0f} on {len(both)}" in page
+    drums_there = pd.read_csv(ROOT / compare.PUBLISHED / "compared_drum.csv")
+    here, there = compare.scatters("drum", drums_there)
+    assert f"drum scatters by {here:.2f} degrees here\nand by {there:.2f} there" in page
+    rates = pd.read_csv(ROOT / compare.PUBLISHED / "compared_discharge.csv")
+    here, there = compare.scatters("discharge", rates)
+    assert f"discharge scatters by {here:.1f} % here and by {there:.1f} % there" in page
+
+
+def test_records_without_an_engine_say_so(monkeypatch, tmp_path):
+    for number, engine in enumerate(({}, {"engine": "abc"})):
+        record = {"row": number, "angle_deg": 20.0, **engine}
+        path = tmp_path / f"row_{number}_seed_1_modulus_1.json"
+        path.write_text(json.dumps(record))
+    monkeypatch.setattr(campaign, "OUT", tmp_path)
+    monkeypatch.setattr(campaign, "PUBLISHED", tmp_path)
+    assert campaign.predictions("row")["engine"].tolist() == ["not recorded", "abc"]
