@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from refusals import input_error
 from shared import ROOT
 
 from repose.config import check
@@ -136,6 +137,14 @@ def test_a_mass_makes_no_grain_fuller_than_a_sphere(study):
     ratio = np.mean(sizes[:, 0] ** 3) / np.mean(sizes[:, 0]) ** 3
     assert f"{100 * (1 - 1 / ratio):.2g} % less volume" in spread
     assert f"{100 * (ratio - 1):.2g} % fuller" in fuller
+
+
+def test_a_mass_that_no_body_of_the_mean_axes_has_names_the_way_out(study):
+    # The true mean mass of pellets of 1.2 and 3 mm
+    fault = input_error(
+        "mass_g is 0.011914", study, read_sizes(TWO_GROUPS), mass_g=0.011914
+    )
+    assert "without it, the mean volume of the sizes is taken" in fault.allowed
 
 
 def test_a_long_grain_may_be_fuller_than_an_ellipsoid(study):

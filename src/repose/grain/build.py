@@ -309,7 +309,14 @@ def _mesh_content_of_axes(
     """Return the content of the mesh file of a grain without a scan."""
     if mass_g is None:
         return write_stl(ellipsoid_mesh(list(axes_mm)))
-    mesh, _ = mesh_from_axes.grain_mesh(list(axes_mm), mass_g, density_kg_m3)
+    try:
+        mesh, _ = mesh_from_axes.grain_mesh(list(axes_mm), mass_g, density_kg_m3)
+    except InputError as error:
+        if error.key != "mass_g":
+            raise
+        # Where sizes scatter, the right mass is too much for the mean axes.
+        allowed = f"{error.allowed}; without it, the mean volume of the sizes is taken"
+        raise InputError(error.source, error.key, error.value, allowed) from error
     return write_stl(mesh)
 
 
