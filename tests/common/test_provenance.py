@@ -41,12 +41,20 @@ def changed(**sections):
     return CONFIG | {name: CONFIG[name] | keys for name, keys in sections.items()}
 
 
-def run(verb, paths, write, config=CONFIG, apparatus=None, strategy=None):
+def run(
+    verb,
+    paths,
+    write,
+    config=CONFIG,
+    apparatus=None,
+    strategy=None,
+    check=None,
+):
     def settings_of(one, bench_test):
         return dependencies.settings_of(one, verb, bench_test, name=strategy)
 
     runs = {"pour": "made", "measure_runs": "measured"}.get(verb, "")
-    with provenance.stage(verb, paths, settings_of, apparatus, runs, strategy):
+    with provenance.stage(verb, paths, settings_of, apparatus, runs, strategy, check):
         provenance.note_config(config)
         write()
 
@@ -96,16 +104,21 @@ def test_readers_leave_the_record_out_and_without_a_stage_a_file_is_plain(tmp_pa
     ("pour", {"network": {"hidden": 3}}, {"simulation": {"gravity_m_s2": 1.62}}),
     ("pour", {"funnel": {"seeds": 9}}, {"funnel": {"berries": 9}}),
     ("measure_runs", {"miga": {"islands": 9}}, {"measure": {"mm_per_pixel": 9.0}}),
-    ("network", {"funnel": {"berries": 9}}, {"network": {"hidden": 3}}),
+    ("network", {"miga": {"islands": 9}}, {"network": {"hidden": 3}}),
+    ("network", {"drum": {"seeds": 9}}, {"simulation": {"gravity_m_s2": 1.62}}),
+    ("miga", {"posterior": {"walkers": 99}}, {"network": {"hidden": 3}}),
+    ("material_card", {}, {"funnel": {"berries": 9}}),
 ])  # fmt: skip
-def test_settings_are_those_that_the_stage_reads(tmp_path, verb, same, other):
-    hashes = []
+def test_settings_are_those_that_the_stage_and_the_results_it_reads_stand_on(
+    tmp_path, verb, same, other
+):
+    settings = []
     for k, changes in enumerate(({}, {"design": {}}, same, other)):
         path = tmp_path / f"{k}.json"
         config = changed(**changes) | {"label": f"study {k}", "results_dir": str(k)}
         run(verb, (), lambda path=path: files.write_json(path, {}), config)
-        hashes.append(attached.read(path)["settings"])
-    assert hashes[0] == hashes[1] == hashes[2] != hashes[3]
+        settings.append(attached.read(path)["settings"])
+    assert settings[0] == settings[1] == settings[2] != settings[3]
 
 
 def test_a_berrys_sizes_count_by_their_content(tmp_path):
@@ -181,6 +194,61 @@ def test_results_of_other_settings_or_another_engine_are_found(tmp_path, monkeyp
     assert dependencies.outdated(CONFIG, paths) == [str(path)]
 
 
+OTHER_TARGETS = [CONFIG["targets"][0] | {"value": 31.0}, *CONFIG["targets"][1:]]
+MOON = {"simulation": {"gravity_m_s2": 1.62}}
+# A file that a stage made, the stage that reads it, another study, and the setting that is named.
+INPUTS = {
+    "a pour of another gravity": ("pour", "measure_runs", MOON, "simulation.gravity_m_s2 is 9.81; expected 1.62"),
+    "its piles, behind a table": ("dataset", "network", MOON, "simulation.gravity_m_s2 is 9.81; expected 1.62"),
+    "its piles, behind a network": ("network", "miga", MOON, "simulation.gravity_m_s2 is 9.81; expected 1.62"),
+    "its piles, behind an answer": ("miga", "material_card", MOON, "simulation.gravity_m_s2 is 9.81; expected 1.62"),
+    "other ranges": ("network", "miga", {"parameters": {"mus_gg": [0.2, 0.9]}}, "parameters.mus_gg is "),
+    "another target": ("miga", "solutions", {"targets": OTHER_TARGETS}, "targets.0.value is "),
+    "another grain": ("pour", "measure_runs", {"berry": {"density_kg_m3": 900.0}}, "berry.density_kg_m3 is "),
+    "what a section has besides": ("design", "dataset", {"design": {"optimum": 1}}, "design.optimum is None; expected 1"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", INPUTS)
+def test_an_input_of_another_study_is_refused_with_the_key_and_both_values(
+    tmp_path, name
+):
+    made_by, read_by, sections, words = INPUTS[name]
+    path = tmp_path / "result.csv"
+    run(
+        made_by,
+        (),
+        lambda: files.write_table(path, pd.DataFrame({"x": [1]})),
+        apparatus="funnel",
+    )
+    lists = {key: value for key, value in sections.items() if isinstance(value, list)}
+    mappings = {key: sections[key] for key in set(sections) - set(lists)}
+    other = changed(**mappings) | lists
+
+    def checked(config, inputs):
+        dependencies.require_same_study(config, inputs, "other.json")
+
+    def read_it(config):
+        out = tmp_path / "out.json"
+        run(read_by, [path], lambda: files.write_json(out, {}), config, check=checked)
+
+    fault = input_error(f"result.csv: {words}", read_it, other)
+    assert "as in other.json: results of one study" in str(fault)
+    assert not (tmp_path / "out.json").exists()
+    read_it(CONFIG | {"label": "other", "results_dir": "other"})
+    read_it(changed(sensitivity={"samples": 128}))
+
+
+@pytest.mark.parametrize("content", [{}, {"x": [1, {"y": 2}]}])
+def test_the_record_is_the_last_line_of_a_json_file(tmp_path, content):
+    path = tmp_path / "a.json"
+    run("design", (), lambda: files.write_json(path, content))
+    lines = path.read_text().splitlines()
+    assert lines[-2].startswith(' "provenance": {')
+    assert lines[-1] == "}"
+    assert files.read_json(path) == content
+
+
 def test_the_datasets_piles_are_a_studys_own_while_its_settings_and_files_are_theirs(
     tmp_path,
 ):
@@ -239,7 +307,8 @@ def test_an_outdated_batch_and_what_a_study_no_longer_has(tmp_path):
         pour(tmp_path / "b.json", apparatus="drum"),
         tmp_path / "c.json",
     ]
-    run("propose", (), lambda: files.write_json(paths[0], {}))
+    earlier = {"verb": "propose", "settings": "0123456789abcdef", "origin": ""}
+    files.write_json(paths[0], {"provenance": earlier | {"seed": 1, "engine": None}})
     run("propose", (), lambda: files.write_json(paths[2], {}), strategy="sequential")
     lacking = {
         key: value

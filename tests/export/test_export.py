@@ -19,6 +19,7 @@ from repose import export
 from repose.bench.scene import materials_of
 from repose.bench.space import contact_space
 from repose.common.errors import InputError
+from repose.config import dependencies
 from repose.config.pipeline import PipelineConfig
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 from repose.export import edem, laws, surface, yade
@@ -578,9 +579,36 @@ def test_a_card_brings_the_configuration_beside_it(monkeypatch, tmp_path, comman
     command(*words)
     value = shown["parameters"]["mus_gg"]["value"]
     assert f"{value:.6g}" in (tmp_path / "deck" / "edem.md").read_text()
+    shown["simulation"] = {"time_step_s": 1e-6, "gravity_m_s2": 1.62}
+    (tmp_path / "card.json").write_text(json.dumps(shown))
+    assert (
+        "simulation.gravity_m_s2 is 1.62; expected 9.81"
+        in command(*words, status=2).err
+    )
+    shown["simulation"]["gravity_m_s2"] = 9.81
+    (tmp_path / "card.json").write_text(json.dumps(shown))
     berry["density_kg_m3"] = 841.0
     assert (
         "grain.density_kg_m3 is 1250.0; expected 841.0" in command(*words, status=2).err
+    )
+
+
+def test_a_card_with_a_record_of_its_settings_goes_with_its_own_study_alone(
+    tmp_path, command
+):
+    """Also where nothing differs that the card itself says."""
+    config = PipelineConfig.load(CONFIG).config
+    shown = json.loads((ROOT / "crops/cards/wheat.json").read_text())
+    record = {"verb": "material_card", "origin": "", "seed": 1, "engine": None}
+    record["settings"] = dependencies.settings_of(config, "material_card")
+    card = tmp_path / "card.json"
+    card.write_text(json.dumps(shown | {"provenance": record}))
+    changed = config | {"miga": config["miga"] | {"islands": 7}}
+    (tmp_path / "mine.json").write_text(json.dumps(changed))
+    other = ["--configfile", tmp_path / "mine.json", "--out", tmp_path / "deck"]
+    done = command("export", "--to", "edem", "--card", card, *other, status=2)
+    assert (
+        f"{card}: miga.islands is {config['miga']['islands']}; expected 7" in done.err
     )
 
 

@@ -62,27 +62,6 @@ def test_a_run_tells_the_processor_time_of_all_its_processes_and_keeps_that_of_e
     assert told in done[-1].stderr.splitlines()[-1]
 
 
-def test_where_snakemakes_records_are_lost_those_of_the_results_tell_what_to_make_again(
-    project,
-):
-    words = (TARGET, *QUICK)
-    snakemake(project, *words, status=0)
-    shutil.rmtree(project / ".snakemake")
-    before = (project / TARGET).read_text()
-    result = "repose: error: results/quick/design/samples.csv and 1 more results were made with other settings"
-    assert result not in snakemake(project, "-n", *words).stderr
-    assert (
-        result
-        not in snakemake(project, "-n", *words, "--config", "funnel={seeds: 3}").stderr
-    )
-    changed = (*words, "--config", "design={seed: 5}")
-    assert result in snakemake(project, "-n", *changed).stderr
-    snakemake(project, *changed, status=2)
-    snakemake(project, *changed, "--forceall", status=0)
-    assert result not in snakemake(project, "-n", *changed).stderr
-    assert (project / TARGET).read_text() != before
-
-
 @pytest.mark.essential
 def test_a_start_says_once_what_its_piles_cannot_be_and_a_dry_run_nothing(project):
     line = "reach: WARNING: Target out of reach: "

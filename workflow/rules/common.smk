@@ -19,11 +19,11 @@ from repose.config import cost, results_folder, dependencies
 from repose.config.workflow_run import (
     WorkflowRun,
     check_folder,
-    fault_of_lost_records,
+    check_when_planned,
     study_of_workflow,
 )
 from repose.common import places
-from repose.common.errors import BAD_INPUT, InputError, one_message, print_fault
+from repose.common.errors import BAD_INPUT, InputError, one_message
 from repose.common.provenance import engine_hash
 from repose.common.source_code import code_hash
 from repose.stages.published import find_sibling_table, read_stored, tables, to_simulate

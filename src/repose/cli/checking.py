@@ -114,6 +114,7 @@ def _print_pours(pours: "Pours") -> None:
     Option(
         "--runs",
         help="runs.csv of earlier pours, for the noise (default: the runs of the study, if any)",
+        recorded=False,  # they may be of another study
     ),
     config=FILES,
     study=_load_or_propose,

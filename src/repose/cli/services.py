@@ -2,7 +2,9 @@
 
 import argparse
 import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from repose.cli.options import JSON
 from repose.cli.registry import Option, verb
@@ -49,6 +51,18 @@ def provenance(args: argparse.Namespace) -> None:
     if args.json:
         print(json.dumps(record, indent=1))
         return
-    width = max(len(key) for key in record)
-    for key, value in record.items():
+    lines = _dotted(record)
+    width = max(len(key) for key in lines)
+    for key, value in lines.items():
         print(f"{key:<{width}}  {value}")
+
+
+def _dotted(section: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return the values of nested mappings by dotted keys."""
+    values: dict[str, Any] = {}
+    for key, value in section.items():
+        if isinstance(value, dict):
+            values |= _dotted(value, f"{prefix}{key}.")
+        else:
+            values[f"{prefix}{key}"] = value
+    return values

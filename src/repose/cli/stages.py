@@ -50,10 +50,13 @@ def recorded(
     def settings_of(config: Mapping[str, Any], apparatus: str | None) -> Any:
         from repose.config import dependencies
 
-        berry_is_made = hasattr(args, "particle") and args.particle is None
-        return dependencies.settings_of(
-            config, args.verb, apparatus, berry_is_made, strategy
-        )
+        return dependencies.settings_of(config, args.verb, apparatus, strategy)
+
+    def check(config: Mapping[str, Any], inputs: provenance.Inputs) -> None:
+        from repose.config import dependencies
+
+        source = ", ".join(configs_of(args))
+        dependencies.require_same_study(config, inputs, source)
 
     return provenance.stage(
         args.verb,
@@ -62,6 +65,7 @@ def recorded(
         apparatus=getattr(args, "apparatus", None),
         runs=runs,
         strategy=strategy,
+        check=check,
     )
 
 

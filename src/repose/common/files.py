@@ -69,11 +69,19 @@ def write_json(path: Path_, content: Any, indent: int = 1) -> None:
 
 
 def json_text(content: Any, indent: int = 1) -> str:
-    """Return content as JSON, a mapping with the record of the current stage."""
+    """Return content as JSON, a mapping with the record of the current stage.
+
+    The record is the last line of the mapping.
+    """
+    text = json.dumps(content, indent=indent, default=_plain)
     record = provenance.current()
     if record and isinstance(content, Mapping):
-        content = {**content, attached.KEY: record}
-    return json.dumps(content, indent=indent, default=_plain)
+        beginning = text.removesuffix("}").rstrip()
+        comma = "," if content else ""
+        space = " " * indent
+        entry = f"{space}{json.dumps(attached.KEY)}: {json.dumps(record)}"
+        text = f"{beginning}{comma}\n{entry}\n}}"
+    return text
 
 
 def write_table(

@@ -27,6 +27,7 @@ from repose.common.source_code import code_hash
 
 Record = Mapping[str, Any]
 Config = Mapping[str, Any]
+Inputs = Iterable[tuple[Path, Record | None]]  # files with their records
 # A run depends on the simulator, the bench tests and the grains.
 ENGINE = ("dem", "grain", "bench")
 CPU_INFO = Path("/proc/cpuinfo")
@@ -44,6 +45,7 @@ class _Stage:
     inputs: list[tuple[Path, Record | None]]  # its files with their records
     settings_of: Callable[[Config, str | None], Any]  # chooses those that it reads
     simulates: bool
+    check: Callable[[Config, Inputs], None] | None  # whether files are of its study
     config: Config | None = None
     record: dict[str, Any] | None = None  # made when the first file is written
 
@@ -59,6 +61,7 @@ def stage(
     apparatus: str | None = None,
     runs: Literal["", "made", "measured"] = "",
     strategy: str | None = None,
+    check: Callable[[Config, Inputs], None] | None = None,
 ) -> Iterator[None]:
     """Write the record of a stage into every file that is written meanwhile.
 
@@ -78,6 +81,9 @@ def stage(
         measures.
     strategy : str, optional
         The strategy whose batches the stage serves.
+    check : callable, optional
+        Gets the configuration and the input files with their records, as soon as the
+        stage has its configuration; raises an InputError for a file of another study.
 
     Raises
     ------
@@ -93,7 +99,7 @@ def stage(
         about["apparatus"] = apparatus or _first_entry(inputs, "apparatus")
     if strategy:
         about["strategy"] = strategy
-    token = _current.set(_Stage(about, inputs, settings_of, simulates=runs == "made"))
+    token = _current.set(_Stage(about, inputs, settings_of, runs == "made", check))
     try:
         yield
     finally:
@@ -101,9 +107,18 @@ def stage(
 
 
 def note_config(config: Config) -> None:
-    """Give the current stage, if there is one, its whole configuration."""
+    """Give the current stage, if there is one, its whole configuration.
+
+    Raises
+    ------
+    InputError
+        If its input files are results of another study.
+    """
     running = _current.get()
     if running is not None:
+        # A stage may change the one that it has.
+        if running.config is None and running.check is not None:
+            running.check(config, running.inputs)
         running.config = config
         running.record = None
 
@@ -127,23 +142,28 @@ def _record(running: _Stage) -> dict[str, Any]:
     chosen = None
     seed = None
     if running.config is not None:
-        chosen = running.settings_of(running.config, running.about.get("apparatus"))
+        apparatus = running.about.get("apparatus")
+        chosen = as_recorded(running.settings_of(running.config, apparatus))
         seed = running.config["design"]["seed"]
-    settings = hash_of(chosen)
     origins = set()
     for path, record in running.inputs:
         origins.add(record["origin"] if record else hash_of_file(path))
     return {
         **running.about,
-        "settings": settings,
+        "settings": chosen,
         "engine": engine,
-        "origin": hash_of([running.about, settings, engine, sorted(origins)]),
+        "origin": hash_of([running.about, hash_of(chosen), engine, sorted(origins)]),
         "seed": seed,
         **machine(),
     }
 
 
-def _first_entry(inputs: Iterable[tuple[Path, Record | None]], key: str) -> Any:
+def as_recorded(settings: Any) -> Any:
+    """Return settings as a record has them: JSON has lists for tuples."""
+    return json.loads(json.dumps(settings))
+
+
+def _first_entry(inputs: Inputs, key: str) -> Any:
     """Return the first entry of a key among the records of files; None without one."""
     for _, record in inputs:
         if record and record.get(key):
@@ -151,7 +171,7 @@ def _first_entry(inputs: Iterable[tuple[Path, Record | None]], key: str) -> Any:
     return None
 
 
-def refuse_mixture(inputs: Iterable[tuple[Path, Record | None]]) -> None:
+def refuse_mixture(inputs: Inputs) -> None:
     """Raise InputError for results that do not belong together.
 
     These are results of two engines, and runs of a bench test, which become rows of one

@@ -1,21 +1,30 @@
 """The settings that each stage of the workflow reads.
 
-A rule hands them to Snakemake as a parameter, so that their change runs the stage again.
-The record of a result has their hash, so that a result of other settings is found.
+They are those that the stage itself reads, and those of the results that it reads. A
+rule hands them to Snakemake as a parameter, so that their change runs the stage again.
+The record of a result has them, so that a result of other settings is found.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from repose.bench import bench, bench_tests
 from repose.calibrate.seeds import UNNAMED
 from repose.calibrate.strategies import names, strategy
 from repose.common import attached
+from repose.common.errors import InputError
 from repose.common.keys import Config
-from repose.common.provenance import engine_hash, hash_of, hash_of_file
-from repose.config.models import named_files, targets_of
+from repose.common.provenance import (
+    Inputs,
+    Record,
+    as_recorded,
+    engine_hash,
+    hash_of,
+    hash_of_file,
+)
+from repose.config.models import named_files, targets_of, valid_sections
 from repose.config.results_folder import run_folder
 
 # Entries that are no keys of a configuration:
@@ -58,6 +67,25 @@ KEYS: dict[str, tuple[str, ...]] = {
     ),
     "conclude": ("parameters", "targets", "measure"),
 }
+# Stages whose results a stage reads, directly. `RUNS` are the runs of the targets.
+RUNS = "runs"
+READS: dict[str, tuple[str, ...]] = {
+    "dataset": (RUNS,),
+    "network": ("dataset",),
+    "miga": ("network",),
+    "solutions": ("miga",),
+    "validate": ("solutions", RUNS),
+    "drum_tables": ("drum",),
+    "noise": ("dataset",),
+    "posterior": ("miga",),
+    "sensitivity": ("network",),
+    "plausible": ("posterior",),
+    "next": ("plausible",),
+    "conclude": (RUNS,),
+}
+# Stages whose results are compared with a study. Rules choose the keys of pictures, and
+# of the studies in `research`.
+COMPARED = {*KEYS, "pour", "measure_runs", "heap", "drum", "propose", "material_card"}
 # No result depends on the name of the study, its folder, or the format of its figures.
 WITHOUT_EFFECT = ("label", "results_dir", "figures")
 
@@ -66,10 +94,9 @@ def settings_of(
     config: Config,
     stage: str,
     apparatus: str | None = None,
-    makes_grain: bool = False,
     name: str | None = None,
 ) -> dict[str, Any]:
-    """Select the settings that a stage reads.
+    """Select the settings that a stage, and the results that it reads, depend on.
 
     Parameters
     ----------
@@ -79,10 +106,8 @@ def settings_of(
         Name of the stage.
     apparatus : str, optional
         Bench test of a stage that simulates or measures; by default the funnel.
-    makes_grain : bool, optional
-        Whether the stage makes grain and particle itself.
     name : str, optional
-        Strategy of the stage `propose`.
+        Strategy of the stages `propose` and `conclude`.
 
     Returns
     -------
@@ -90,30 +115,44 @@ def settings_of(
         Values by section or dotted key. A hash of its content stands in place of the
         path of a file.
     """
-    test = apparatus or UNNAMED
+    return _with_contents(_selected(config, stage, apparatus or UNNAMED, name))
+
+
+def _selected(
+    config: Config, stage: str, test: str, name: str | None
+) -> dict[str, Any]:
+    """Select the settings of a stage, with the paths of files."""
+    grain = sections(config, *KEYS["shape"])
     if stage == "pour":
-        selected = simulating(config, test)
-    elif stage == "drum":
-        selected = simulating(config, "drum")
-    elif stage == "measure_runs":
-        selected = measuring(config, test)
-    elif stage == "heap":
-        selected = simulating(config) | measuring(config)
-    else:
-        selected = _of_other_stage(config, stage, name)
-    if makes_grain:
-        selected |= sections(config, *KEYS["shape"])
-    return _with_contents(selected)
+        return grain | simulating(config, test)
+    if stage == "drum":
+        return grain | simulating(config, "drum")
+    if stage in ("measure_runs", "heap"):
+        return grain | simulating(config, test) | measuring(config, test)
+    if stage == RUNS:
+        return grain | _of_runs(config)
+
+    keys = KEYS.get(stage)
+    if name is not None:
+        of_strategy = strategy(name).reads
+        keys = None if of_strategy is None else (*(keys or ()), *of_strategy)
+    if keys is None:
+        return {
+            key: value for key, value in config.items() if key not in WITHOUT_EFFECT
+        }
+    selected: dict[str, Any] = {}
+    for earlier in READS.get(stage, ()):
+        selected |= _selected(config, earlier, test, None)
+    return selected | sections(config, *keys)
 
 
-def _of_other_stage(config: Config, stage: str, name: str | None) -> dict[str, Any]:
-    """Select the settings of a stage that neither simulates nor measures."""
-    if stage in KEYS:
-        return sections(config, *KEYS[stage])
-    keys = None if name is None else strategy(name).reads
-    if keys is not None:
-        return sections(config, *keys)
-    return {key: value for key, value in config.items() if key not in WITHOUT_EFFECT}
+def _of_runs(config: Config) -> dict[str, Any]:
+    """Select the settings of the measured runs of all targets, and their parameters."""
+    selected = sections(config, "parameters")
+    targets = valid_sections(config).targets
+    for test in dict.fromkeys(target.apparatus for target in targets):
+        selected |= simulating(config, test) | measuring(config, test)
+    return selected | responses(config)
 
 
 def sections(config: Config, *keys: str) -> dict[str, Any]:
@@ -245,6 +284,89 @@ def _content_hash(path: str | PathLike) -> str | None:
 # --- results of other settings --------------------------------------------------------
 
 
+class Difference(NamedTuple):
+    """A setting of a result that the study has otherwise."""
+
+    key: str
+    then: Any
+    now: Any
+
+
+def difference(
+    config: Config, record: Record | None, is_of_engine: bool = True
+) -> Difference | None:
+    """Find a setting in which a result differs from the study.
+
+    Parameters
+    ----------
+    config : mapping
+        The resolved configuration of the study.
+    record : mapping or None
+        The record of the result; without one there is nothing to compare.
+    is_of_engine : bool
+        Whether the engine is compared, too.
+
+    Returns
+    -------
+    Difference or None
+        The first difference, in the order of the keys; None if there is none.
+    """
+    if record is None or record["verb"] not in COMPARED:
+        return None
+    then = record["settings"]
+    apparatus = record.get("apparatus")
+    name = record.get("strategy")
+    is_known = apparatus in (None, *config) and name in (None, *names())
+    # Before version 0.5 a record had a hash of its settings.
+    if not isinstance(then, Mapping) or not is_known:
+        return None
+    now = as_recorded(settings_of(config, record["verb"], apparatus, name))
+    if then != now:
+        return _first_difference(then, now)
+    engine = engine_hash()
+    if is_of_engine and record["engine"] not in (None, engine):
+        return Difference("engine", record["engine"], engine)
+    return None
+
+
+def _first_difference(then: Any, now: Any, prefix: str = "") -> Difference:
+    """Find the first key, and inside it the innermost, that two settings differ in."""
+    if isinstance(then, Mapping) and isinstance(now, Mapping):
+        # The hash of a scene says less than the keys that it is made of.
+        for key in sorted({*then, *now}, key=lambda key: (key == SCENE, key)):
+            if then.get(key) != now.get(key):
+                return _first_difference(then.get(key), now.get(key), f"{prefix}.{key}")
+    if isinstance(then, list) and isinstance(now, list) and len(then) == len(now):
+        for k, (one, other) in enumerate(zip(then, now, strict=True)):
+            if one != other and isinstance(one, Mapping):
+                return _first_difference(one, other, f"{prefix}.{k}")
+    return Difference(prefix.removeprefix("."), then, now)
+
+
+def require_same_study(config: Config, inputs: Inputs, source: str) -> None:
+    """Raise InputError if an input of a stage is a result of other settings.
+
+    Parameters
+    ----------
+    config : mapping
+        The resolved configuration of the stage.
+    inputs : iterable of (Path, mapping or None)
+        Files with their records.
+    source : str
+        The file of the configuration, for the message.
+    """
+    for path, record in inputs:
+        found = difference(config, record, is_of_engine=False)
+        if found is not None:
+            raise InputError(
+                path,
+                found.key,
+                found.then,
+                f"{found.now}, as in {source}: results of one study; give the "
+                "configuration of this file, or make the file again with this one",
+            )
+
+
 def outdated(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
     """Find results of other settings or of another engine.
 
@@ -260,27 +382,7 @@ def outdated(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
     list of str
         The paths of such results.
     """
-    return [str(path) for path in paths if not _is_current(config, path)]
-
-
-def _is_current(config: Config, path: str | PathLike) -> bool:
-    """Tell whether a result is of this configuration and engine, as far as its record says."""
-    record = attached.read(path)
-    if record is None or record.get("seed") is None:
-        return True  # of a stage that reads no configuration
-    apparatus = record.get("apparatus")
-    name = record.get("strategy")
-    is_known = apparatus in (None, *config) and name in (None, *names())
-    if not is_known or (record["verb"] == "propose" and name is None):
-        return True  # of a version that recorded less
-    if record["engine"] not in (None, engine_hash()):
-        return False
-    # A stage that somebody ran by hand may have made the grain itself.
-    for makes_grain in (False, True):
-        settings = settings_of(config, record["verb"], apparatus, makes_grain, name)
-        if record["settings"] == hash_of(settings):
-            return True
-    return False
+    return [str(path) for path in paths if difference(config, attached.read(path))]
 
 
 def own_dataset(config: Config) -> Path | None:

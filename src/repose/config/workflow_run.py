@@ -6,23 +6,20 @@ that has jobs begins with `WorkflowRun.begin`, and prints its times when it ends
 """
 
 import atexit
-import math
 import os
 import sys
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from repose.common import usage
+from repose.common import attached, usage
+from repose.common.errors import InputError, one_message
 from repose.common.lock import take_folder
 from repose.config import dependencies, loader, results_folder
 from repose.config.pipeline import PipelineConfig
 
-LOGS = Path(".snakemake/log")  # snakemake writes one for each of its runs
-LOG_NAME = "%Y-%m-%dT%H%M%S.%f.snakemake.log"  # by when the run began, in local time
 FAULT = "repose: error:"  # begins the line in which a stage refuses its input
 
 
@@ -69,56 +66,53 @@ def _as_typed(path: str) -> str:
     return os.path.relpath(absolute, here) if is_below else absolute
 
 
-def fault_of_lost_records(
-    study: PipelineConfig, results: Iterable[str], outputs: Iterable[str]
-) -> str:
-    """Describe results of other settings, or of another engine, that Snakemake cannot know.
+def check_when_planned(workflow: Any, study: PipelineConfig) -> None:
+    """Let Snakemake check the results that it will not make again, once it knows them.
 
-    Snakemake compares the settings of results with its records of them. The oldest of
-    its logs tells when these records began; for an older result its own record counts.
+    Snakemake compares settings by its own records of them. These may be lost, changed
+    by ``--touch``, or left out by ``--rerun-triggers``; the records of the results count.
 
     Parameters
     ----------
+    workflow : snakemake.workflow.Workflow
+        The workflow that reads the Snakefile.
     study : PipelineConfig
         The study whose results the folder should hold.
-    results : iterable of str
-        Paths of results; those that do not exist are left out.
-    outputs : iterable of str
-        Paths that rules write, with their wildcards in braces.
-
-    Returns
-    -------
-    str
-        A sentence; empty if there are no such results.
     """
-    folder = Path(study.settings.results_dir)
-    # The batches of a strategy are known once they are made.
-    is_output = results_folder.pattern_of(outputs).fullmatch
-    files = map(str, sorted(folder.glob("*/batch_*/**/*.json")))
-    batches = filter(is_output, files)
-    records_began_s = _start_of_records_s()
-    unknown = []
-    for path in (*results, *batches):
-        if os.path.exists(path) and os.stat(path).st_mtime < records_began_s:
-            unknown.append(path)
-    outdated = dependencies.outdated(study.config, unknown)
-    if not outdated:
-        return ""
-    return (
-        f"{outdated[0]} and {len(outdated) - 1} more results were made with other "
-        "settings or by another engine, and the records of snakemake are lost: add "
-        "--forceall"
-    )
+    # Snakemake calls a function of ours at the start of its jobs, and so never in a dry
+    # run, nor where it finds nothing to do.
+    build = workflow._build_dag
+
+    def build_and_check() -> None:
+        build()
+        with one_message():
+            _check_results(study, _kept(workflow, study.settings.results_dir))
+
+    workflow._build_dag = build_and_check
 
 
-def _start_of_records_s() -> float:
-    """Return when the first run began of which Snakemake has a log; inf without logs."""
-    starts_s = []
-    for log in LOGS.glob("*.log"):
-        # a file of another name is no log of a run
-        with suppress(ValueError):
-            starts_s.append(datetime.strptime(log.name, LOG_NAME).timestamp())
-    return min(starts_s, default=math.inf)
+def _kept(workflow: Any, folder: str) -> Iterator[str]:
+    """Yield the results in a folder on which a run stands and which it does not make."""
+    for job in workflow.dag.jobs:
+        if workflow.touch or not workflow.dag.needrun(job):
+            for path in job.output:
+                if path.startswith(f"{folder}/") and os.path.isfile(path):
+                    yield str(path)
+
+
+def _check_results(study: PipelineConfig, paths: Iterable[str]) -> None:
+    """Raise InputError for the first of the results that is of other settings."""
+    for path in sorted(paths):
+        found = dependencies.difference(study.config, attached.read(path))
+        if found is not None:
+            raise InputError(
+                path,
+                found.key,
+                found.then,
+                f"{found.now}, as in this study: this run would keep the result, and mix "
+                "results of two studies; add --forceall (pours of equal settings are "
+                "kept), take the earlier value, or choose another results_dir",
+            )
 
 
 class WorkflowRun:

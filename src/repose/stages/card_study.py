@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 GRAIN = ("density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa", "poisson_ratio")
 WALL = ("shear_modulus_pa", "poisson_ratio")
 SIMULATION = ("time_step_s", "gravity_m_s2")
+GRAVITY = "simulation.gravity_m_s2"
 # This key names the definition of a response that has several.
 CHOSEN_DEFINITION = "measure.response"
 GRAIN_HEIGHT = "berry_height_mm"
@@ -371,6 +372,9 @@ def require_one_study(
 ) -> None:
     """Raise InputError if a card and a configuration are not of one study.
 
+    A card without the record of its settings, as of an earlier version, is compared by
+    what it says itself.
+
     Parameters
     ----------
     content : mapping
@@ -387,12 +391,14 @@ def require_one_study(
     Raises
     ------
     InputError
-        If label, grain, wall, contact laws or a bench test differ.
+        If label, grain, wall, contact laws, gravity or a bench test differ.
     """
     of_card = _values_of_card(content)
     of_study = _values_of_study(study, grain, content["tests"])
     different = []
     for key, value in of_study.items():
+        if key == GRAVITY and GRAVITY not in of_card:
+            continue
         if not _is_same(of_card.get(key), value):
             different.append(key)
     if different:
@@ -411,6 +417,8 @@ def _values_of_card(content: Mapping[str, Any]) -> dict[str, Any]:
     for part in ("grain", "wall", "laws"):
         for key, value in content[part].items():
             values[f"{part}.{key}"] = value
+    if "simulation" in content:  # cards of earlier versions lack it
+        values[GRAVITY] = content["simulation"]["gravity_m_s2"]
     for test in content["tests"]:
         for key, value in test["bench"].items():
             values[f"{test['apparatus']}.{key}"] = value
@@ -432,6 +440,7 @@ def _values_of_study(
         values[f"wall.{key}"] = getattr(study.settings.wall, key)
     for key, law in laws(study.settings.simulation).items():
         values[f"laws.{key}"] = law
+    values[GRAVITY] = study.settings.simulation.gravity_m_s2
     for test in tests:
         section = study.config.get(test["apparatus"], {})
         for key in test["bench"]:
