@@ -16,7 +16,7 @@ import pytest
 from refusals import input_error, raised
 
 from repose.bench.parameters import LAW_PARAMETERS
-from repose.common import files, ledger, lock, places, tables
+from repose.common import files, ledger, lock, places, tables, usage
 from repose.common.lock import joined_folder, take_folder
 
 TABLE = pd.DataFrame(
@@ -236,6 +236,41 @@ def test_a_lock_follows_no_link(tmp_path, name):
 
     raised(OSError, "symbolic link", hold)
     assert mine.read_text() == "mine"
+
+
+def test_a_line_and_the_name_of_the_holder_follow_no_link(tmp_path):
+    mine = tmp_path / "mine.txt"
+    mine.write_text("mine")
+    (tmp_path / "benchmarks").mkdir()
+    (tmp_path / usage.TABLE).symlink_to(mine)
+    usage.note(tmp_path)
+    assert mine.read_text() == "mine"
+    for flag in (os.O_APPEND, os.O_TRUNC):
+        with (
+            pytest.raises(OSError, match="symbolic link"),
+            ledger.opened(tmp_path / usage.TABLE, flag),
+        ):
+            pass
+    assert mine.read_text() == "mine"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no rights of groups")
+def test_a_lock_is_open_to_the_group_or_the_message_says_what_to_set(
+    tmp_path, monkeypatch
+):
+    before = os.umask(0o002)
+    try:
+        with take_folder(tmp_path):
+            assert (tmp_path / lock.WORKFLOW).stat().st_mode & 0o777 == 0o664
+    finally:
+        os.umask(before)
+
+    def denied(*_, **__):
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr("filelock.FileLock.acquire", denied)
+    words = r"\.lock: access is 'for others'; expected write access for you; .*umask 002.*chmod -R g\+rwX"
+    input_error(words, take_folder, tmp_path)
 
 
 @pytest.fixture

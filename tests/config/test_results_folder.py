@@ -1,13 +1,16 @@
 """The folder of results, and what a stage stands on."""
 
 import copy
+import os
 from pathlib import Path
 
-from refusals import input_error
+import pandas as pd
+from refusals import input_error, raised
 from shared import ROOT, check_all, put
 
 from repose.bench import bench, names
-from repose.common.files import write_json, write_text
+from repose.common import ledger, provenance
+from repose.common.files import write_json, write_table, write_text
 from repose.config import dependencies, results_folder
 from repose.config.models import named_files
 from repose.config.pipeline import PipelineConfig
@@ -76,6 +79,65 @@ def test_a_folder_that_is_not_a_studys_own_or_around_the_working_one_is_refused(
     PipelineConfig.of(config)
 
 
+def test_a_folder_that_has_lost_its_lists_is_taken_over_by_the_records_of_its_results(
+    config, tmp_path
+):
+    """As after a copy without hidden files."""
+    folder = tmp_path / "data"
+    outputs = [f"{folder}/{name}" for name in ("dataset.csv", "heaps/{sample}.json")]
+    config["results_dir"] = str(folder)
+
+    def check():
+        results_folder.check_no_foreign_files(str(folder), outputs)
+
+    (folder / "published").mkdir(parents=True)
+    (folder / "published/table.csv").write_text("theirs")
+    table = pd.DataFrame({"x": [1]})
+    with provenance.stage("dataset", (), lambda *_: {}):
+        provenance.note_config(config)
+        write_table(folder / "dataset.csv", table)
+        write_json(folder / "heaps/001.json", {"x": 1})
+    write_json(folder / "config.json", config)
+    check()
+    for path in folder.rglob(ledger.LEDGER):
+        path.unlink()
+    check()
+    (folder / "heaps/002.json").write_text("theirs")
+    input_error("heaps/002.json: file is 'there already'", check)
+    (folder / "heaps/002.json").unlink()
+
+    assert results_folder.take_over(str(folder), outputs) == 2
+    assert results_folder.take_over(str(folder), outputs) == 0
+    check()
+    kept = {*folder.rglob("*")}
+    assert folder / "published/.repose" not in kept
+    (folder / "heaps/001.json").write_text("edited")
+    input_error("heaps/001.json: content is 'something else'", check)
+    write_json(folder / "config.json", {})
+    write_table(folder / "dataset.csv", table)
+    assert {*folder.rglob("*")} == kept
+
+
+def test_a_folder_that_cannot_be_listed_is_reported(tmp_path, monkeypatch):
+    (tmp_path / "heaps").mkdir()
+    (tmp_path / ledger.LEDGER).touch()
+    scandir = os.scandir
+
+    def denied(path):
+        if str(path).endswith("heaps"):
+            raise PermissionError(13, "Permission denied", path)
+        return scandir(path)
+
+    monkeypatch.setattr(os, "scandir", denied)
+    raised(
+        PermissionError,
+        "heaps",
+        results_folder.check_no_foreign_files,
+        str(tmp_path),
+        [f"{tmp_path}/heaps/{{sample}}.json"],
+    )
+
+
 def test_a_folder_with_somebodys_files_is_refused_and_a_studys_is_taken(
     config, tmp_path
 ):
@@ -95,6 +157,8 @@ def test_a_folder_with_somebodys_files_is_refused_and_a_studys_is_taken(
     input_error("there is figures, which no study of repose wrote", check)
     write_json(tmp_path / "data/config.json", config)
     check()
+    os.remove(tmp_path / "data/.repose")
+    input_error("move it away, or choose another folder", check)
     (tmp_path / "link").symlink_to(tmp_path / "nothing")
     for way in ("data/figures/figure02.png/results", "link", "link/results"):
         config["results_dir"] = str(tmp_path / way)

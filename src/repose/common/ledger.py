@@ -9,7 +9,8 @@ import hashlib
 import os
 import re
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
@@ -21,7 +22,7 @@ LINE = re.compile(r"([0-9a-f]{64})  (.+)")
 # What a full disk may have left of a line.
 CUT_OFF = re.compile(r"[0-9a-f]{0,64}|[0-9a-f]{64} .*")
 ALLOWED = "a new name, or a file that repose wrote and nobody changed since"
-# A ledger that is a link is not followed. Windows has the second flag alone.
+# A file that is a link is not followed. Windows has the second flag alone.
 OPEN_FLAGS = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)
 
 
@@ -136,12 +137,24 @@ def _note(path: Path, digest: str) -> None:
     """Add a file to its folder's ledger."""
     if digest in _digests(path.parent)[path.name]:
         return
-    flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | OPEN_FLAGS
-    handle = os.open(path.parent / LEDGER, flags, 0o666)
-    try:
+    with opened(path.parent / LEDGER, os.O_APPEND) as handle:
         # One write, so that lines of jobs do not mix. It begins with a new line, so
         # that it is whole after a line that a full disk cut off.
         os.write(handle, os.fsencode(f"\n{digest}  {path.name}\n"))
+
+
+@contextmanager
+def opened(path: str | os.PathLike, flag: int) -> Iterator[int]:
+    """Open a file to write into it, in the way of a flag such as `os.O_APPEND`.
+
+    Yields
+    ------
+    int
+        The open file, for `os.write`. A link is not followed: it is an OSError.
+    """
+    handle = os.open(path, os.O_WRONLY | os.O_CREAT | flag | OPEN_FLAGS, 0o666)
+    try:
+        yield handle
     finally:
         os.close(handle)
 

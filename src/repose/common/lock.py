@@ -17,6 +17,7 @@ from pathlib import Path
 
 from repose.common import usage
 from repose.common.errors import InputError
+from repose.common.ledger import opened
 
 # A workflow holds the first of these files in its folder of results. Each of its jobs
 # holds one of its own, whose name begins with the second.
@@ -59,7 +60,8 @@ def take_folder(folder: str | os.PathLike) -> Held:
         allowed = "one at a time; wait until it has ended"
         raise InputError(folder, "workflow", holder, allowed)
     _wait_for_jobs(folder)
-    path.write_text(f"process {os.getpid()} on {platform.node()}", encoding="utf-8")
+    with opened(path, os.O_TRUNC) as handle:
+        os.write(handle, f"process {os.getpid()} on {platform.node()}".encode())
     return held
 
 
@@ -124,6 +126,15 @@ def _lock(path: Path, wait: bool = True) -> Held:
     lock = FileLock(path, blocking=wait, fallback_to_soft=False)
     try:
         return lock.acquire()
+    except PermissionError as error:
+        blocked = path if path.exists() else path.parent
+        raise InputError(
+            blocked,
+            "access",
+            "for others",
+            "write access for you; where a group works in one folder, each of its users "
+            f"sets `umask 002`, and its owner calls `chmod -R g+rwX {path.parent}` once",
+        ) from error
     except OSError as error:
         if error.errno not in NO_LOCKS:
             raise

@@ -11,8 +11,11 @@ import time
 from collections import defaultdict
 from collections.abc import Iterable
 from contextlib import suppress
+from operator import methodcaller
 from pathlib import Path
 from typing import NamedTuple
+
+from repose.common.ledger import opened, write_in_one_move
 
 TABLE = "benchmarks/processes.csv"
 # A job has a log and a benchmark of one name in these folders.
@@ -64,11 +67,11 @@ def note(folder: str | os.PathLike) -> None:
     # If the disk is full, the job itself has its files.
     with suppress(OSError):
         table.parent.mkdir(exist_ok=True)
-        with table.open("a", encoding="utf-8") as handle:
-            is_new = handle.tell() == 0
-            header = ",".join(Used._fields) + "\n"
+        with opened(table, os.O_APPEND) as handle:
+            is_new = os.fstat(handle).st_size == 0
+            header = ",".join(Used._fields) + "\n" if is_new else ""
             # One write, so that lines of processes that end together do not mix.
-            handle.write(header + line if is_new else line)
+            os.write(handle, f"{header}{line}".encode())
 
 
 def _log() -> str:
@@ -121,4 +124,4 @@ def _correct_benchmark(path: Path, processes: Iterable[Used]) -> None:
     cpu_s = sum(process.cpu_s for process in processes if process.ended_s >= began_s)
     values[names.index("cpu_time")] = f"{cpu_s:.2f}"
     text = "\n".join([*rows, "\t".join(values)]) + "\n"
-    path.write_text(text, encoding="utf-8")
+    write_in_one_move(path, methodcaller("write", text.encode()))

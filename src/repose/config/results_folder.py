@@ -5,7 +5,6 @@ names. So a study starts only in a folder that is new or a study's already, and 
 file of somebody else has the name of a result.
 """
 
-import itertools
 import os
 import re
 from collections.abc import Iterable, Iterator
@@ -14,7 +13,7 @@ from pathlib import Path
 from repose import bench as apparatus
 from repose.calibrate import strategies
 from repose.calibrate.seeds import UNNAMED
-from repose.common import ledger, places
+from repose.common import attached, ledger, places
 from repose.common.errors import InputError, raise_together
 from repose.common.ledger import LEDGER
 from repose.common.section import Contradictions, refuse
@@ -36,6 +35,8 @@ PROJECT_FOLDERS = (
 )
 # Folders in the folder of results whose files every job writes anew.
 WITHOUT_RESULTS = ("benchmarks", "logs")
+# Files that a run writes, which are no results.
+WITHOUT_RECORD = ("config.json", "benchmarks/calls.csv")
 # Wildcards of rules that stand for a number.
 NUMBERS = ("sample", "job", "seed", "batch")
 # A wildcard in braces, as {sample} or with its constraint {sample,\d+}.
@@ -132,18 +133,22 @@ def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
     InputError
         With all faults: a result was changed, or a file that no study wrote has the
         name of a result, or the folder is no study's.
+    OSError
+        If a folder cannot be listed.
     """
     if not os.path.isdir(results_dir):
         return
     outputs = list(outputs)
     names = _names_of_results(results_dir, outputs)
-    if names and not (Path(results_dir) / LEDGER).is_file():
+    unlisted = set(_unlisted(results_dir, names))
+    has_list = (Path(results_dir) / LEDGER).is_file()
+    if names and not has_list and not unlisted:
         raise InputError(
             "configuration",
             "results_dir",
             results_dir,
             f"a new folder, or the folder of a study; there is {names[0]}, which no "
-            "study of repose wrote",
+            "study of repose wrote: move it away, or choose another folder",
         )
     is_result = pattern_of(outputs).fullmatch
 
@@ -155,7 +160,7 @@ def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
         recorded = ledger.names(folder)
         for name in files:
             path = f"{folder}/{name}"
-            if name in recorded or not is_result(path):
+            if name in recorded or path in unlisted or not is_result(path):
                 continue
             # An empty file holds nothing to lose; snakemake makes such marks.
             if os.path.isfile(path) and os.path.getsize(path) > 0:
@@ -180,10 +185,54 @@ def _folders_of_results(
     Only those of the given `names` are searched.
     """
     yield results_dir, names
-    searched = [name for name in names if name not in WITHOUT_RESULTS]
-    walks = [os.walk(f"{results_dir}/{name}") for name in searched]
-    for folder, _, files in itertools.chain.from_iterable(walks):
-        yield folder, files
+    for name in names:
+        path = f"{results_dir}/{name}"
+        if name not in WITHOUT_RESULTS and os.path.isdir(path):
+            yield from _walk(path)
+
+
+def _walk(folder: str) -> Iterator[tuple[str, list[str]]]:
+    """Yield each folder below a folder, itself first, with its files.
+
+    A folder that cannot be listed is an OSError.
+    """
+
+    def refuse_folder(error: OSError) -> None:
+        raise error
+
+    for inner, _, files in os.walk(folder, onerror=refuse_folder):
+        yield inner, files
+
+
+def _unlisted(results_dir: str, names: list[str]) -> Iterator[str]:
+    """Yield the results in folders that have lost their lists, by their records.
+
+    Copies often leave out hidden files. Only those of the given `names` are searched.
+    """
+    for folder, files in _folders_of_results(results_dir, names):
+        if not (Path(folder) / LEDGER).is_file():
+            for name in files:
+                path = f"{folder}/{name}"
+                if attached.read(path) is not None:
+                    yield path
+
+
+def take_over(results_dir: str, outputs: Iterable[str]) -> int:
+    """Note the results in folders that have lost their lists, and count them.
+
+    They are the files with a record of provenance. What a run writes beside them is
+    noted with them: the resolved configuration and the times of the runs. `outputs` are
+    as in `check_no_foreign_files`.
+    """
+    results = list(_unlisted(results_dir, _names_of_results(results_dir, outputs)))
+    if not results:
+        return 0
+    beside = [f"{results_dir}/{name}" for name in WITHOUT_RECORD]
+    sidecars = [f"{path}{attached.SIDECAR}" for path in results]
+    for path in (*results, *sidecars, *beside):
+        if os.path.isfile(path) and not os.path.islink(path):
+            ledger.adopt(path)
+    return len(results)
 
 
 def _changed_result(path: str) -> InputError:

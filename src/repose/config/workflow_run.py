@@ -16,6 +16,7 @@ from typing import Any
 
 from repose.common import attached, usage
 from repose.common.errors import InputError, one_message
+from repose.common.ledger import LEDGER
 from repose.common.lock import take_folder
 from repose.config import dependencies, loader, results_folder
 from repose.config.pipeline import PipelineConfig
@@ -130,11 +131,16 @@ class WorkflowRun:
         self.began_s = _start_of_process_s()
         self._held = ExitStack()  # the folder of results
 
-    def begin(self) -> None:
+    def begin(self, outputs: Iterable[str]) -> None:
         """Hold the folder of results, and write the configuration that its jobs read.
 
         The folder is held until the process ends. Then the times of the run are
         printed, after all that Snakemake prints.
+
+        Parameters
+        ----------
+        outputs : iterable of str
+            Paths that rules write, with their wildcards in braces.
 
         Raises
         ------
@@ -142,6 +148,14 @@ class WorkflowRun:
             If another run of the workflow holds the folder.
         """
         self._held.enter_context(take_folder(self.folder))
+        count = results_folder.take_over(self.folder, outputs)
+        if count:
+            print(
+                f"repose: note: {self.folder} has lost its lists of written files "
+                f"({LEDGER}), as copies leave hidden files out; {count} results are "
+                "taken over by their records",
+                file=sys.stderr,
+            )
         self.write_configuration()
         atexit.register(self._report_times)
 
