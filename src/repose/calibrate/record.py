@@ -14,26 +14,28 @@ import pandas as pd
 from repose.calibrate.strategies.base import Answer, Batch, strategy
 from repose.calibrate.strategies.runs import (
     NUMBERS,
-    OK,
     TURN,
     TURNS,
     checked_runs,
+    columns_of,
+    judge_runs,
+    needed_responses,
     next_number,
     rows_of,
     runs_of,
-    with_fixed,
+    unread_columns,
+    with_missing,
     without_point,
 )
 from repose.common import ledger
 from repose.common.errors import InputError, require
 from repose.common.files import write_table
 from repose.common.lock import exclusive
-from repose.common.tables import Column, check, check_columns, refuse
+from repose.common.tables import Column, check, check_columns, refuse, renaming
 
 if TYPE_CHECKING:
     from repose.calibrate.study import Study
 
-FAILED = "failed"
 # Relative difference up to which two parameters are the same: a table may have been
 # rounded by a spreadsheet.
 SAME = 1e-6
@@ -84,12 +86,14 @@ class Record:
         self._is_record = False
         # The last proposal, by the runs before it.
         self._proposals: dict[str, Batch | Answer] = {}
+        # Columns that are not read, of which `new_unread_columns` told.
+        self._described: set[str] = set()
         self.read()
 
     def read(self) -> None:
         """Read the file, to which other processes may have added runs."""
         if self.file is not None and self.file.exists():
-            rows = rows_of(self.file)
+            rows = rows_of(self.file, self.study)
             self._is_record = bool(rows) and TURN in rows[0]
             self._replace_rows(rows, self.file)
 
@@ -153,7 +157,7 @@ class Record:
 
     def add(self, table: pd.DataFrame) -> None:
         """Add the runs of a table, as `Study.tell` takes it."""
-        table = _checked_table(table)
+        table = _checked_table(table, columns_of(self.study))
         with nullcontext() if self.file is None else exclusive(self.file):
             self.read()
             if "sample" in table:
@@ -161,10 +165,7 @@ class Record:
             else:
                 runs = self._earlier_runs(table)
             if "run" not in table and len(self.data):
-                numbers = ["sample", "run", TURN]
-                _refuse_repeated_runs(
-                    runs.drop(columns=numbers, errors="ignore"), self.data, SOURCE
-                )
+                _refuse_repeated_runs(runs, self.data, SOURCE)
             rows = []
             for row in runs.to_dict("records"):
                 rows.append({key: _as_text(value) for key, value in row.items()})
@@ -178,9 +179,9 @@ class Record:
         first run of a turn.
         """
         assert self.file is not None
-        rows = rows_of(path)
+        rows = rows_of(path, self.study)
         runs = checked_runs(self.study, rows, path, enough=False)
-        rows = with_fixed(rows, self.study.parameters)
+        rows = with_missing(rows, self.study)
         self.file.parent.mkdir(parents=True, exist_ok=True)
         with exclusive(self.file):
             self.read()
@@ -190,6 +191,13 @@ class Record:
             numbered = self._numbered(rows, sets)
             source = f"{self.file} with {path}"
             self._replace_rows([*self._rows, *numbered], source, write=True)
+
+    def new_unread_columns(self) -> list[str]:
+        """Describe the columns that are not read, each once: when it begins to vary."""
+        sentences = unread_columns(self.study, self._rows)
+        new = [sentences[name] for name in sentences if name not in self._described]
+        self._described.update(sentences)
+        return new
 
     def _numbered(
         self, rows: Sequence[Mapping[str, Any]], sets: pd.DataFrame
@@ -307,10 +315,6 @@ class Record:
         They get their parameters, the number of the run, a status and the turn.
         """
         asked = self.asked
-        missing = [name for name in self.study.targets.names if name not in table]
-        if missing:
-            words = f"also {', '.join(missing)}"
-            raise InputError(SOURCE, "columns", list(table), words)
         if "run" not in table:
             table = table.assign(run=_next_runs(asked, table))
         asked_numbers = pd.MultiIndex.from_frame(asked[["sample", "run"]].astype(str))
@@ -341,7 +345,8 @@ class Record:
         Rows with the same parameters are runs of one sample.
         """
         space = self.study.parameters
-        needed = (*space.free, *self.study.targets.names)
+        statuses = table.get("status")
+        needed = (*space.free, *needed_responses(self.study, statuses))
         missing = [name for name in needed if name not in table]
         if missing:
             words = f"sample; or also {', '.join(missing)}"
@@ -357,14 +362,26 @@ class Record:
         return numbered.assign(**{TURN: self._turn.number})
 
     def _with_responses(self, runs: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
-        """Add the statuses and responses of a table to runs, and the turn."""
-        names = list(self.study.targets.names)
-        is_complete = table[names].notna().all(axis=1)
-        status = pd.Series(np.where(is_complete, OK, FAILED))
-        if "status" in table:
-            status = table["status"].astype(object).fillna(status)
-        responses = {name: table[name] for name in names}
-        return runs.assign(status=status, **responses, **{TURN: self._turn.number})
+        """Add the statuses and responses of a table to runs, and the turn.
+
+        The columns that are not read are kept, too.
+        """
+        cells = {str(name): column.tolist() for name, column in table.items()}
+        check_columns(SOURCE, cells, needed_responses(self.study, cells.get("status")))
+        outcomes = judge_runs(cells, self.study.targets.names)
+        refuse(SOURCE, outcomes.faults)
+        names = columns_of(self.study)
+        unread = {
+            name: column
+            for name, column in cells.items()
+            if name not in names and all(map(pd.api.types.is_scalar, column))
+        }
+        return runs.assign(
+            status=outcomes.statuses,
+            **outcomes.values,
+            **unread,
+            **{TURN: self._turn.number},
+        )
 
 
 def _points(table: pd.DataFrame, names: Sequence[str]) -> list[Point]:
@@ -408,7 +425,7 @@ def _refuse_repeated_runs(
     new: pd.DataFrame, data: pd.DataFrame, source: object
 ) -> None:
     """Refuse a good run without a number all of whose values are in the record."""
-    names = [name for name in new if name != "sample"]
+    names = [name for name in data if name != "sample"]
     known = set(_points(data, names))
     for k, run in enumerate(_points(new, names), start=1):
         # A run that failed is never among them, as its responses are NaN.
@@ -417,15 +434,21 @@ def _refuse_repeated_runs(
             raise InputError(f"{source}, row {k}", "row", "there twice", words)
 
 
-def _checked_table(table: Any) -> pd.DataFrame:
-    """Return a table with a plain index; InputError for what is no table of runs."""
+def _checked_table(table: Any, names: Sequence[str]) -> pd.DataFrame:
+    """Return a table with a plain index, its columns by these names where it has them.
+
+    Raises
+    ------
+    InputError
+        For what is no table of runs.
+    """
     if not isinstance(table, pd.DataFrame):
         raise InputError(SOURCE, "type", type(table).__name__, "a pandas.DataFrame")
     repeated = list(map(str, table.columns[table.columns.duplicated()]))
     if repeated:
         raise InputError(SOURCE, "column", repeated[0], "each column once")
     require(not table.empty, SOURCE, "rows", 0, "a row for each run")
-    check_columns(SOURCE, table, (), optional=("status", *NUMBERS))
+    table = table.rename(columns=renaming(table, names))
     for key in NUMBERS:
         if key not in table:
             continue

@@ -1,6 +1,7 @@
 """A study: it asks for runs of any simulator, takes their results, and calibrates."""
 
 import json
+import warnings
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from functools import cached_property
@@ -270,19 +271,27 @@ class Study:
         ----------
         runs : pandas.DataFrame
             `sample` and a column for each response, for any of the runs that `ask` gave,
-            in any order; NaN for a run that failed. With a column `run`, the number of
-            the run. Other columns are not read, but parameters must equal those of
-            `ask`. Without `sample` these are runs made before, which also need a column
-            for each parameter.
+            in any order. A run failed if a response is missing, NaN, None or infinite,
+            or if a column `status` says anything but ok. With a column `run`, the number
+            of the run. Other columns are kept and not read, but parameters must equal
+            those of `ask`. Without `sample` these are runs made before, which also need
+            a column for each parameter.
 
         Raises
         ------
         InputError
-            If these are not runs that `ask` gave, or a number is not finite. Nothing is
+            If these are not runs that `ask` gave, or a response is a text. Nothing is
             added then.
+
+        Warns
+        -----
+        UserWarning
+            Of each column that is not read, once it varies.
         """
         # The record reads the file itself, under its lock.
         self._record.add(runs)
+        for sentence in self._record.new_unread_columns():
+            warnings.warn(sentence, stacklevel=2)
 
     def calibrate(self, simulate: Simulate) -> "Calibration":
         """Simulate all that the strategy asks for, and return the answer.
@@ -292,8 +301,9 @@ class Study:
         Parameters
         ----------
         simulate : function
-            It takes a row of `ask` as a mapping, and returns the responses by name; NaN
-            for a run that failed.
+            It takes a row of `ask` as a mapping, and returns the responses by name. A
+            run failed if it returns None, or if a response is missing, NaN, None,
+            infinite or no number, or with a `status` that says anything but ok.
 
         Returns
         -------
@@ -302,20 +312,32 @@ class Study:
         Raises
         ------
         InputError
-            If a response is missing or not a number.
+            If it returns no mapping.
         """
-        names = list(self.targets.names)
         if not callable(simulate):
             words = "a function of a row of `ask`"
             raise InputError("study", "simulate", simulate, words)
         while not self.done:
-            for _, run in self.ask().groupby(["sample", "run"], sort=False):
-                responses = simulate(run.to_dict("records")[0])
-                if not isinstance(responses, Mapping) or set(names) - set(responses):
-                    words = f"a function that returns a mapping with {', '.join(names)}"
-                    raise InputError("study", "simulate", [responses], words)
-                self.tell(run.assign(**{name: responses[name] for name in names}))
+            for run in self.ask().to_dict("records"):
+                self.tell(self._told(run, simulate(dict(run))))
         return self.answer()
+
+    def _told(self, run: Mapping[str, Any], result: object) -> "pd.DataFrame":
+        """Write what a function gave for a run of `ask` as a table for `tell`."""
+        import pandas as pd
+
+        from repose.calibrate.strategies.runs import cells_of_result
+
+        try:
+            content = {} if result is None else dict(result)  # type: ignore[call-overload]
+        except (TypeError, ValueError):
+            names = ", ".join(self.targets.names)
+            words = f"a function that returns a mapping with {names}"
+            raise InputError("study", "simulate", [result], words) from None
+        cells, doubt = cells_of_result(content, self.targets.names)
+        if doubt:
+            warnings.warn(doubt, stacklevel=3)
+        return pd.DataFrame([{**cells, **run}])
 
     def answer(self) -> "Calibration":
         """Return the parameters that meet the targets, with their certainty.

@@ -67,6 +67,8 @@ def tell(args: argparse.Namespace, study: "Study") -> None:
     record = Record(study, args.out)
     record.add_file(args.runs)
     print_columns(args.runs)
+    for sentence in record.new_unread_columns():
+        _warn(f"{args.runs}: {sentence}")
     runs = record.data
     n_failed = int((runs["status"] != "ok").sum())
     failed = f", {n_failed} failed" if n_failed else ""
@@ -128,13 +130,19 @@ def calibrate(args: argparse.Namespace, study: "Study") -> None:
     example: results.csv --config own.yaml --out own
     """
     from repose.calibrate import calibration
-    from repose.calibrate.strategies.runs import read_runs
+    from repose.calibrate.strategies.runs import checked_runs, rows_of, unread_columns
     from repose.common.ledger import check_replaceable
+    from repose.common.tables import print_columns
 
     report_html = Path(args.out) / "report.html"
     for name in (*calibration.TABLES, *calibration.RECORDS, report_html.name):
         check_replaceable(Path(args.out) / name)
-    found = calibration.calibrate(study, read_runs(args.runs, study))
+    rows = rows_of(args.runs, study)
+    runs = checked_runs(study, rows, args.runs)
+    print_columns(args.runs)
+    for sentence in unread_columns(study, rows).values():
+        _warn(f"{args.runs}: {sentence}")
+    found = calibration.calibrate(study, runs)
     found.save(args.out)
     print(found)
     n_failed = found.summary["failed_runs"]

@@ -10,6 +10,7 @@ import os
 import re
 import sys
 import unicodedata
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -17,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from repose.common.attached import plain_file
-from repose.common.errors import InputError, raise_together, require
+from repose.common.errors import InputError, raise_together, require, shown
 from repose.common.summary_rows import find_summary_row
 
 if TYPE_CHECKING:
@@ -30,9 +31,14 @@ Fault = tuple[int, str, Any, str]
 TABLE = "a CSV file"
 UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 SEPARATORS = ",;\t"
+# A column that is not read is described by so many of its values.
+FEW_VALUES = 5
+# So many such columns are described.
+MOST_DESCRIBED = 30
 NUMBER = re.compile(
     r"\s*[+-]?((\d+\.?\d*|\.\d+)(e[+-]?\d+)?|nan|inf)\s*", re.ASCII | re.IGNORECASE
 )
+WHOLE = re.compile(r"\d+", re.ASCII)
 WITH_COMMA = re.compile(r"[+-]?\d*,\d+(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 WITH_POINT = re.compile(r"[+-]?\d*\.\d+(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 
@@ -44,8 +50,7 @@ class Column:
     Parameters
     ----------
     name : str
-        Name in the header. Capitals, blanks around it, and how its accents are
-        composed do not matter.
+        Name in the header, in any form (`renaming`).
     kind : type
         ``float``, ``int`` or ``bool``; ``str`` for a text; ``object`` for a column
         whose cells are not checked.
@@ -104,7 +109,7 @@ class Column:
             if not self.empty and not str(cell).strip():
                 raise ValueError("empty")
             return cell
-        if self.empty and _is_missing(cell):
+        if self.empty and is_missing(cell):
             return math.nan
         if self.kind is bool:
             return _truth(cell)
@@ -187,6 +192,14 @@ def is_measured(cells: Iterable[str]) -> bool:
     return is_number(cells) and any(WITH_POINT.fullmatch(cell) for cell in cells)
 
 
+def _numbers_rows(cells: Iterable[str]) -> bool:
+    """Tell whether a column numbers the rows: whole numbers, most of them, each once."""
+    cells = list(cells)
+    filled = [cell for cell in cells if cell]
+    is_whole = all(WHOLE.fullmatch(cell) for cell in filled)
+    return is_whole and len(set(filled)) == len(filled) > len(cells) / 2
+
+
 # What the rooms above call it.
 is_plain = is_number
 
@@ -196,6 +209,7 @@ def read(
     columns: Iterable[str | Column],
     what: str = TABLE,
     others: Callable[[Iterable[str]], bool] = is_number,
+    optional: Iterable[str] = (),
 ) -> Table:
     """Read a table that has these columns.
 
@@ -210,7 +224,9 @@ def read(
         What the file should be, for messages.
     others : callable
         Tells from the cells of any other column whether it holds numbers. A cell of
-        such a column may be empty.
+        such a column may be empty, unless the column numbers the rows.
+    optional : iterable of str
+        Names of other columns that the table may have.
 
     Returns
     -------
@@ -227,7 +243,8 @@ def read(
     declared = {one.name: one for one in columns if isinstance(one, Column)}
     names = [one.name if isinstance(one, Column) else one for one in columns]
     needed = [name for name in names if name not in declared or declared[name].needed]
-    table.text = table.text.rename(columns=_renaming(table.text, names))
+    new_names = renaming(table.text, [*names, *optional])
+    table.text = table.text.rename(columns=new_names)
     check_columns(path, table.text, needed, what)
 
     checked = list(declared.values())
@@ -235,7 +252,8 @@ def read(
         if name not in declared:
             kind = float if others(table.text[name]) else object
             words = "a finite number, as most cells of this column"
-            checked.append(Column(name, kind, empty=True, words=words))
+            is_empty = not _numbers_rows(table.text[name])
+            checked.append(Column(name, kind, empty=is_empty, words=words))
     values, faults = check(table.text, checked)
     refuse(path, [*faults, *_summary_faults(table.text, declared)])
 
@@ -290,13 +308,9 @@ def refuse(source: object, faults: Iterable[Fault]) -> None:
 
 
 def check_columns(
-    path: object,
-    table: Iterable[str],
-    columns: Iterable[str],
-    what: str = TABLE,
-    optional: Collection[str] = (),
+    path: object, table: Iterable[str], columns: Iterable[str], what: str = TABLE
 ) -> None:
-    """Raise InputError if columns are missing, or if one is there in another form.
+    """Raise InputError if columns are missing.
 
     Parameters
     ----------
@@ -308,18 +322,32 @@ def check_columns(
         Names that it must have.
     what : str
         What the table should be, for messages.
-    optional : collection of str
-        Names that it may have. If it has such a name in capitals only, nobody would
-        read the column, so this is a fault.
     """
     found = [str(name) for name in table]
     columns = tuple(columns)
     of_what = "" if what == TABLE else f" of {what}"
-    allowed = f"columns {', '.join(columns)}{of_what}; found: {', '.join(found)}"
     for name in columns:
+        allowed = f"columns {', '.join(columns)}{of_what}; found: {', '.join(found)}"
+        for other in found:
+            allowed += _difference(name, other)
         require(name in found, path, f"column {name}", "missing", allowed)
-    for name, declared in _renaming(found, optional).items():
-        raise InputError(path, "column", name, f"{declared}, written so")
+
+
+def _difference(name: str, other: str) -> str:
+    """Say by code points how two names differ that look alike; empty for others.
+
+    Names may look alike if they differ only where one of them is not ASCII.
+    """
+    pairs = list(zip(name, other, strict=False))
+    different = [(a, b) for a, b in pairs if a != b]
+    if len(name) != len(other) or not different:
+        return ""
+    if any(a.isascii() and b.isascii() for a, b in different):
+        return ""
+    points = ", ".join(
+        f"U+{ord(b):04X} where {name} has U+{ord(a):04X}" for a, b in different
+    )
+    return f"; {other} has {points}"
 
 
 def describe_columns(columns: Mapping[str, Sequence[Any]]) -> list[str]:
@@ -339,7 +367,7 @@ def describe_columns(columns: Mapping[str, Sequence[Any]]) -> list[str]:
     """
     lines = []
     for name, cells in columns.items():
-        texts = [str(cell).strip() for cell in cells if not _is_missing(cell)]
+        texts = [str(cell).strip() for cell in cells if not is_missing(cell)]
         if not texts or not all(NUMBER.fullmatch(text) for text in texts):
             continue
         numbers = np.array([float(text) for text in texts])
@@ -348,6 +376,49 @@ def describe_columns(columns: Mapping[str, Sequence[Any]]) -> list[str]:
             f"from {numbers.min():.4g} to {numbers.max():.4g}"
         )
     return lines
+
+
+def describe_unread(
+    columns: Mapping[str, Sequence[Any]], if_few: str
+) -> dict[str, str]:
+    """Describe columns that nothing reads by their values; constant ones are left out.
+
+    Parameters
+    ----------
+    columns : mapping of str to sequence
+        The cells by column.
+    if_few : str
+        What follows where a column has few values, as a column of outcomes has.
+
+    Returns
+    -------
+    dict of str to str
+        A sentence by column, the most frequent values first, such as ``column done is
+        not read; it has 'True' 12 times, 'False' 4 times``.
+    """
+    sentences: dict[str, str] = {}
+    further = 0
+    for name, cells in columns.items():
+        values = Counter("" if is_missing(cell) else str(cell) for cell in cells)
+        if len(values) < 2:
+            continue
+        if len(sentences) == MOST_DESCRIBED:
+            further += 1
+            continue
+        counts = [
+            f"{shown(value)} {'once' if count == 1 else f'{count} times'}"
+            for value, count in values.most_common(FEW_VALUES)
+        ]
+        has_few = len(values) <= FEW_VALUES and len(values) < len(cells)
+        others = len(values) - len(counts)
+        more = f" and {others} other values" if others else ""
+        sentences[name] = (
+            f"column {name} is not read; it has {', '.join(counts)}{more}"
+            f"{if_few if has_few else ''}"
+        )
+    if further:
+        sentences[""] = f"{further} further columns are not read"
+    return sentences
 
 
 def print_columns(path: Path_) -> None:
@@ -380,8 +451,7 @@ def sheet(path: Path_, what: str = TABLE) -> Table:
     Raises
     ------
     InputError
-        If the file cannot be read as a table, has a column twice, or has a comment
-        that looks like a row: a `#DIV/0!` of a spreadsheet would hide its row.
+        If the file cannot be read as a table, or has a column twice.
     """
     text = _decoded(path, what).replace("\r\n", "\n").replace("\r", "\n")
     lines = text.split("\n")
@@ -391,11 +461,10 @@ def sheet(path: Path_, what: str = TABLE) -> Table:
     # An empty line in the place of a comment keeps the numbers of lines in messages.
     rows = ["" if skip else line for line, skip in zip(lines, is_comment, strict=True)]
 
-    header = next((line for line in rows if line.strip()), "")
-    separator = _separator_of(header)
-    _refuse_commented_rows(path, comments, header, separator)
+    separator = _separator_of(_header_of(rows))
     cells = _parsed(path, "\n".join(rows), separator, what)
-    names = cells.iloc[0].tolist()
+    # A cell of the header may have several lines, as Design-Expert writes it.
+    names = [" ".join(name.split()) for name in cells.iloc[0]]
     cells = cells.iloc[1:].reset_index(drop=True)
 
     used = [k for k, name in enumerate(names) if name or (cells[k] != "").any()]
@@ -425,26 +494,22 @@ def _decoded(path: Path_, what: str) -> str:
     return text
 
 
+def _header_of(lines: Iterable[str]) -> str:
+    """Return the header, which ends at a line outside of quotes."""
+    header = ""
+    for line in lines:
+        header += line
+        if header.strip() and header.count('"') % 2 == 0:
+            break
+    return header
+
+
 def _separator_of(header: str) -> str:
     """Find what separates the cells of a table from its header."""
     separator = max(SEPARATORS, key=header.count)
     if separator not in header and " " in header.strip():
         return r"\s+"
     return separator
-
-
-def _refuse_commented_rows(
-    path: Path_, comments: Iterable[str], header: str, separator: str
-) -> None:
-    """Refuse a comment with as many cells as the header that are mostly numbers."""
-    n_cells = len(re.split(separator, header.strip()))
-    for comment in comments:
-        _, *others = (cell.strip(' "') for cell in re.split(separator, comment))
-        is_row = len(others) == n_cells - 1 and is_number(
-            cell.replace(",", ".") for cell in others
-        )
-        allowed = "a row that begins without #, or a comment in other words"
-        require(not is_row, path, "line", comment.strip(), allowed)
 
 
 def _parsed(path: Path_, text: str, separator: str, what: str) -> "pd.DataFrame":
@@ -493,11 +558,12 @@ def _with_decimal_points(path: Path_, cells: "pd.DataFrame") -> "pd.DataFrame":
     return cells.where(~has_comma, with_points)
 
 
-def _renaming(found: Iterable[str], declared: Iterable[str]) -> dict[str, str]:
+def renaming(found: Iterable[str], declared: Iterable[str]) -> dict[str, str]:
     """Find columns whose names differ from declared ones in their form alone.
 
-    A form is how accents are composed, capitals, and blanks around the name. Columns
-    that share a form keep their names, as it is open which of them is meant.
+    A form is how accents are composed, which of two equal signs stands for a letter
+    (the micro sign or the Greek mu), capitals, and blanks. Columns that share a form
+    keep their names, as it is open which of them is meant.
 
     Returns
     -------
@@ -505,18 +571,23 @@ def _renaming(found: Iterable[str], declared: Iterable[str]) -> dict[str, str]:
         Declared names by names that were found.
     """
     found = list(found)
-    forms = [_normal_form(name) for name in found]
-    renaming = {}
-    for name in declared:
-        form = _normal_form(name)
-        if name not in found and forms.count(form) == 1:
-            renaming[found[forms.index(form)]] = name
-    return renaming
+    declared = set(declared)
+    others = [name for name in found if name not in declared]
+    forms = Counter(normal_form(name) for name in others)
+    missing = {normal_form(name): name for name in declared.difference(found)}
+    return {
+        name: missing[normal_form(name)]
+        for name in others
+        if normal_form(name) in missing and forms[normal_form(name)] == 1
+    }
 
 
-def _normal_form(name: str) -> str:
+def normal_form(name: object) -> str:
     """Return a name in the form in which names are compared."""
-    return unicodedata.normalize("NFC", str(name).strip().casefold())
+    # Characters without a width, such as the mark of UTF-8, have the category Cf.
+    visible = [c for c in str(name) if unicodedata.category(c) != "Cf"]
+    form = unicodedata.normalize("NFKC", "".join(visible)).casefold()
+    return unicodedata.normalize("NFKC", " ".join(form.split()))
 
 
 def _read_column(
@@ -555,7 +626,7 @@ def _shown(column: Column, cell: Any) -> Any:
     return number if math.isfinite(number) else cell
 
 
-def _is_missing(cell: Any) -> bool:
+def is_missing(cell: Any) -> bool:
     """Tell whether a cell holds nothing: an empty text, None, or NaN."""
     if isinstance(cell, str):
         return cell.strip().casefold() in ("", "nan")
@@ -577,10 +648,11 @@ def _truth(cell: Any) -> bool:
 def _summary_faults(
     cells: "pd.DataFrame", declared: Mapping[str, Column]
 ) -> list[Fault]:
-    """Find a row that sums up others in the columns that are declared as numbers."""
+    """Find a row that sums up others in the declared columns of numbers."""
     numbers = {}
     for name, column in declared.items():
-        if name in cells and column.kind in (int, float):
+        is_text = column.kind in (str, bool)
+        if name in cells and not is_text and is_number(cells[name]):
             numbers[name] = cells[name].tolist()
     found = find_summary_row(numbers)
     if found is None:

@@ -78,7 +78,7 @@ def test_a_function_is_calibrated_and_a_start_that_fails_does_not_end_a_study(
     assert study().calibrate(fails_first).parameters["b"] == pytest.approx(
         0.5, abs=0.06
     )
-    input_error("a mapping with y, z", study().calibrate, lambda row: {})
+    input_error("a mapping with y, z", study().calibrate, lambda row: 3.0)
     one_fails = [{"y": np.nan}, {}]
     says_why = "z is 0.0; expected results that differ; all [123]. good runs"
     input_error(
@@ -161,11 +161,9 @@ def test_a_record_that_cannot_be_written_keeps_nothing(tmp_path, monkeypatch):
     one.tell(results(asked).assign(status=None).drop(columns="run")[::2])
     assert one.runs["status"].tolist() == ["ok"] * 8
     input_error("there twice", one.tell, results(asked).drop(columns="run")[::2])
-    input_error(
-        "column is 'Status'; expected status",
-        one.tell,
-        results(asked).assign(Status="failed"),
-    )
+    other = study()
+    other.tell(results(asked).assign(Status="diverged"))
+    assert other.runs["status"].tolist() == ["diverged"] * 16
 
 
 def test_what_is_left_of_a_turn_is_asked_for_also_after_runs_made_before(tmp_path):
@@ -297,14 +295,14 @@ def test_what_is_wrong_is_told_by_its_name(tmp_path):
         (lambda: study().tell(good[:0]), "a row for each run"),
         (lambda: study().calibrate(lambda row: {"y": row["a"], "z": 5.0}), "z is 5.0; expected results that differ"),
         (lambda: study().tell(good.assign(sample=np.nan).drop(columns="run")), "sample is 'missing'"),
-        (lambda: study().tell(good.assign(z=1e300 * good["z"])), "row 1: z is .* within 1e100 of 0"),
+        (lambda: study().tell(good.assign(z="steep")), "row 1: z is 'steep'; expected a finite number, or for a failed"),
         (lambda: study().calibrate(lambda row: {"y": row["a"], "z": 2 * row["a"]}), "targets is 'y, z'; .* none of"),
         (lambda: Study({"y_se": (0, 1)}, {"y": (1.0, 0.1)}), "with _se at its end"),
         (lambda: (c := Study({"c": (1e-10, 9e-10)}, {"y": (1.0, 0.1)})).tell(c.ask().assign(c=3e-10, y=1)), "'changed"),
         (lambda: study().calibrate(3), "a function of a row"),
         (lambda: study().calibrate(lambda row: {"y": math.nan, "z": 1.0}), "samples with a good run is 0; .* not fail"),
         (lambda: study().calibrate(lambda row: 3.0), r"simulate is \[3.0.*a mapping with y, z"),
-        (lambda: study().calibrate(lambda row: None), "a mapping with y, z"),
+        (lambda: study().calibrate(lambda row: None), "samples with a good run is 0; .* not fail"),
     ]  # fmt: skip
     assert not not_refused(lambda case: case(), cases, InputError)
 

@@ -3,9 +3,10 @@
 It has the runs of a batch, is checked where the runs come back, and gives means by sample.
 """
 
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -22,12 +23,18 @@ from repose.common.tables import (
     Fault,
     check,
     check_columns,
+    describe_unread,
+    is_missing,
     is_plain,
+    plain_number,
     read,
     refuse,
+    renaming,
 )
 
 OK = "ok"
+# Status of a run that gives none itself, but has no finite number for a response.
+FAILED = "failed"
 # Statuses of a good run. A number such as 0 or 1 may mean either.
 GOOD = (
     OK,
@@ -49,11 +56,9 @@ WHOLE = re.compile(r"\d+\.0")
 NUMBERS = ("sample", "run")
 TURNS = Column(TURN, int, low=0, high=1e9, empty=True)
 OPTIONAL = ("status", TURN)
-# The largest size of a response.
+# The largest size of a response; a larger one counts as infinite.
 LARGEST = 1e100
-RESPONSE = (
-    "a finite number within 1e100 of 0; a run that failed has another `status` than ok"
-)
+RESPONSE = "a finite number, or for a failed run NaN"
 # Smallest eigenvalue of the correlations of responses that follow from each other.
 ALIKE = 1e-12
 # A table may have been rounded by a spreadsheet, by this share of a range.
@@ -168,16 +173,49 @@ def runs_by_bench(data: pd.DataFrame, targets: Targets) -> pd.DataFrame:
 
 def read_runs(path: Path_, study: Study) -> pd.DataFrame:
     """Read a CSV file of runs and check it by `checked_runs`."""
-    return checked_runs(study, rows_of(path), path)
+    return checked_runs(study, rows_of(path, study), path)
 
 
-def rows_of(path: Path_) -> Rows:
-    """Read the rows of a CSV file of runs as text."""
+def columns_of(study: Study) -> tuple[str, ...]:
+    """Name the columns that are read of a table of runs."""
+    return (*NUMBERS, *OPTIONAL, *study.parameters.names, *study.targets.names)
+
+
+def unread_columns(study: Study, rows: Rows) -> dict[str, str]:
+    """Describe each column of a table of runs that is not read, unless it is constant.
+
+    Such a column may say that a run failed, in words of its own.
+
+    Returns
+    -------
+    dict of str to str
+        A sentence by the name of the column.
+    """
+    names = dict.fromkeys(name for row in rows for name in row)
+    cells = {
+        name: [row.get(name) for row in rows]
+        for name in names
+        if name not in columns_of(study)
+    }
+    name_it = (
+        "; where it says whether a run is good, name it status, with ok for a good run"
+    )
+    return describe_unread(cells, if_few=name_it)
+
+
+def rows_of(path: Path_, study: Study) -> Rows:
+    """Read the rows of a CSV file of runs as text, by the names of the study."""
+    # The cells of parameters and responses are checked with all other runs.
+    names = (TURN, *study.parameters.names, *study.targets.names)
+    columns = [Column(name, object, needed=False) for name in names]
     status = Column("status", str, needed=False, empty=True)
-    table = read(path, [status], "a CSV file of runs")
+    table = read(path, [*columns, status], "a CSV file of runs", optional=NUMBERS)
     for key in NUMBERS:
         if key in table.values:
-            table.values[key] = without_point(table.values[key])
+            cells = without_point(table.values[key])
+            allowed = "a number, as in the other rows; a row that sums up is no run"
+            refuse(path, [(k, key, "", allowed) for k, c in enumerate(cells) if not c])
+            table.values[key] = cells
     return table.rows()
 
 
@@ -197,10 +235,10 @@ def checked_runs(
 ) -> pd.DataFrame:
     """Check a table of runs.
 
-    The columns of fixed parameters, ``sample``, ``run`` and ``status`` are optional. A
-    run with another status than ``ok`` failed; its responses are not read. Rows with the
-    same parameters are replicates. Samples are numbered in the order of their first run,
-    unless the table numbers them.
+    The columns of fixed parameters, ``sample``, ``run`` and ``status`` are optional, and
+    those of the responses where every run failed. `judge_runs` says which runs failed.
+    Rows with the same parameters are replicates. Samples are numbered in the order of
+    their first run, unless the table numbers them.
 
     Parameters
     ----------
@@ -229,36 +267,23 @@ def checked_runs(
     space = study.parameters
     parameters = list(space.names)
     responses = study.targets.names
-    check_columns(
-        source,
-        rows[0],
-        (*space.free, *responses),
-        optional=(*OPTIONAL, *NUMBERS, *parameters),
-    )
-    rows = with_fixed(rows, space)
+    new_names = renaming(rows[0], columns_of(study))
+    rows = [{new_names.get(key, key): row[key] for key in row} for row in rows]
+    needed = needed_responses(study, [row.get("status") for row in rows])
+    check_columns(source, rows[0], (*space.free, *needed))
+    rows = with_missing(rows, study)
     columns = (*parameters, *responses, *OPTIONAL)
     cells = {name: [row.get(name) for row in rows] for name in columns}
 
     # Check all columns, and refuse the table once with all faults.
-    statuses = _statuses(cells["status"])
-    failed_rows = {k for k, status in enumerate(statuses) if status != OK}
     low, high = space.complete(np.array([space.low, space.high]))
     parameter_columns = map(_parameter, parameters, low.tolist(), high.tolist())
-    response_columns = [
-        Column(name, float, -LARGEST, LARGEST, words=RESPONSE) for name in responses
-    ]
     sets, faults_of_sets = check(cells, parameter_columns)
-    values, faults_of_responses = check(cells, response_columns, failed_rows)
+    outcomes = judge_runs(cells, responses)
     turns, faults_of_turns = check(cells, [TURNS])
-    faults = [
-        *faults_of_sets,
-        *faults_of_responses,
-        *faults_of_turns,
-        *_faults_of_statuses(statuses),
-    ]
-    refuse(source, faults)
+    refuse(source, [*faults_of_sets, *outcomes.faults, *faults_of_turns])
 
-    table = pd.DataFrame({"status": statuses, **sets, **values})
+    table = pd.DataFrame({"status": outcomes.statuses, **sets, **outcomes.values})
     # Undo the rounding of a spreadsheet.
     table[parameters] = np.clip(table[parameters].to_numpy(float), low, high)
     numbers = _numbers_of_samples(table[parameters], rows, study, source)
@@ -270,22 +295,116 @@ def checked_runs(
     return table
 
 
-def _statuses(cells: Sequence[Any]) -> list[str]:
-    """Return the status of each run: `OK` for all words for a good run."""
-    statuses = []
-    for cell in cells:
-        status = str(cell or OK).strip()
-        statuses.append(OK if status.casefold() in GOOD else status)
-    return statuses
+class Outcomes(NamedTuple):
+    """Which runs failed, and the responses of the others."""
+
+    statuses: list[str]
+    # Responses by name; NaN in all of them for a run that failed.
+    values: dict[str, list[float]]
+    faults: list[Fault]
 
 
-def _faults_of_statuses(statuses: Sequence[str]) -> list[Fault]:
-    """List the statuses that are numbers, of which the meaning is not known."""
-    return [
+def judge_runs(
+    cells: Mapping[str, Sequence[Any]], responses: Sequence[str]
+) -> Outcomes:
+    """Decide which runs failed: the contract of tables, `tell` and `calibrate`.
+
+    A run is good if its status says so, or if it has none, and if each response is a
+    finite number. Any other run failed. It is data, and it enters no fit.
+
+    Parameters
+    ----------
+    cells : mapping of str to sequence
+        `status` and the responses by column; a missing column has no cells.
+    responses : sequence of str
+        Names of the responses.
+
+    Returns
+    -------
+    Outcomes
+        Faults are a text in place of a response, and a status that is a number.
+    """
+    n_runs = len(next(iter(cells.values())))
+    statuses = [_status(cell) for cell in cells.get("status", [None] * n_runs)]
+    faults = [
         (k, "status", status, "ok, or a word such as failed")
         for k, status in enumerate(statuses)
         if is_plain([status])
     ]
+    is_failed = {k for k, status in enumerate(statuses) if status != OK}
+    numbers = {
+        name: [_finite_or_nan(cell) for cell in cells.get(name, [None] * n_runs)]
+        for name in responses
+    }
+    columns = [Column(name, empty=True, words=RESPONSE) for name in responses]
+    values, faults_of_responses = check(numbers, columns, is_failed)
+    for k, numbers_of_run in enumerate(zip(*values.values(), strict=True)):
+        if not np.isfinite(numbers_of_run).all():
+            statuses[k] = FAILED if statuses[k] == OK else statuses[k]
+            for column in values.values():
+                column[k] = math.nan
+    return Outcomes(statuses, values, [*faults, *faults_of_responses])
+
+
+def cells_of_result(
+    result: Mapping[Any, Any], responses: Sequence[str]
+) -> tuple[dict[str, Any], str]:
+    """Write what a function gave for a run as cells for `judge_runs` without a fault.
+
+    Whatever stands in place of a number, the run failed, and the campaign goes on.
+
+    Parameters
+    ----------
+    result : mapping
+        Responses by name, and perhaps a `status` and other values.
+    responses : sequence of str
+        Names of the responses.
+
+    Returns
+    -------
+    cells : dict
+        NaN for a response without a number.
+    doubt : str
+        A sentence where a response has no number and no status says why; else empty.
+    """
+    cells = {str(key): value for key, value in result.items()}
+    without_number = []
+    for name in responses:
+        try:
+            cells[name] = plain_number(cells[name])
+        except (KeyError, TypeError, ValueError, OverflowError):
+            if name not in cells or not is_missing(cells[name]):
+                without_number.append(name)
+            cells[name] = math.nan
+    status = str(cells.get("status", ""))
+    if is_plain([status]):
+        # A number may mean anything; no run with one is good.
+        cells["status"] = f"status {status}"
+    if not without_number or not result or _status(cells.get("status")) != OK:
+        return cells, ""
+    names = ", ".join(without_number)
+    return cells, f"a run without a number for {names} failed; simulate gave {result}"
+
+
+def needed_responses(study: Study, statuses: Iterable[Any] | None) -> tuple[str, ...]:
+    """Name the responses that a table needs: none where each run failed by its status."""
+    is_needed = statuses is None or OK in map(_status, statuses)
+    return tuple(study.targets.names) if is_needed else ()
+
+
+def _status(cell: Any) -> str:
+    """Return a status: `OK` for none, and for all words for a good run."""
+    status = OK if cell is None or is_missing(cell) else str(cell).strip()
+    return OK if status.casefold() in GOOD else status
+
+
+def _finite_or_nan(cell: Any) -> Any:
+    """Return NaN for an infinite number, and any other cell as it is."""
+    try:
+        is_infinite = abs(plain_number(cell)) > LARGEST
+    except (TypeError, ValueError, OverflowError):
+        return cell
+    return math.nan if is_infinite else cell
 
 
 def _require_enough_samples(
@@ -385,12 +504,9 @@ def _refuse_mixed_samples(
     refuse(source, faults)
 
 
-def with_fixed(rows: Rows, space: ParameterSpace) -> list[dict[str, Any]]:
-    """Add columns for all fixed parameters to the rows."""
-    missing = {}
-    for name, value in space.fixed.items():
-        if rows and name not in rows[0]:
-            missing[name] = value
+def with_missing(rows: Rows, study: Study) -> list[dict[str, Any]]:
+    """Add the columns of fixed parameters, and empty ones of responses, to the rows."""
+    missing = {**study.parameters.fixed, **dict.fromkeys(study.targets.names, "")}
     return [missing | dict(row) for row in rows]
 
 

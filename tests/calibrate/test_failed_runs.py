@@ -1,0 +1,212 @@
+"""One contract for a run that failed: a table, `tell` and a function say it in the same ways."""
+
+import math
+import warnings
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from refusals import input_error
+
+from repose import Study
+from repose.bench.bench_test import bench
+from repose.calibrate.record import Record
+from repose.calibrate.strategies.runs import (
+    cells_of_result,
+    checked_runs,
+    judge_runs,
+    unread_columns,
+)
+
+# What a run gives for its responses y and z, and the status that it then has.
+FAILURES = {
+    "NaN": ({"y": math.nan, "z": 1.0}, "failed"),
+    "infinite": ({"y": 2.0, "z": math.inf}, "failed"),
+    "minus infinite": ({"y": -math.inf, "z": 1.0}, "failed"),
+    "beyond 1e100": ({"y": 2.0, "z": -1e101}, "failed"),
+    "None": ({"y": None, "z": None}, "failed"),
+    "a number of numpy": ({"y": np.float32("inf"), "z": np.float64(1)}, "failed"),
+    "a status beside numbers": ({"y": 2.0, "z": 1.0, "status": "jammed"}, "jammed"),
+    "a status beside NaN": ({"y": math.nan, "z": 1.0, "status": "lost"}, "lost"),
+    "ok without a number": ({"y": math.nan, "z": 1.0, "status": "ok"}, "failed"),
+}
+GOOD = {"y": 2.0, "z": 1.0}
+
+
+def study(file=None):
+    return Study(
+        {"a": (0.0, 1.0)},
+        {"y": (1.0, 0.05), "z": (0.5, 0.05)},
+        file=file,
+        sequential={"start_samples": 4},
+    )
+
+
+def statuses(runs):
+    """The status of each run; one without `ok` has no number at all."""
+    is_good = (runs["status"] == "ok").to_numpy()
+    assert (runs[["y", "z"]].notna().to_numpy() == is_good[:, None]).all()
+    return runs["status"].tolist()
+
+
+def results(asked):
+    """Good results of all runs, which differ."""
+    return asked.assign(y=2 + asked["a"], z=1 - asked["a"] ** 2)
+
+
+@pytest.mark.parametrize("name", FAILURES)
+def test_a_failed_run_is_the_same_for_a_table_for_tell_and_for_a_function(
+    name, tmp_path
+):
+    result, status = FAILURES[name]
+    asked = study().ask()
+    table = results(asked).astype({"y": object, "z": object})
+    table["status"] = None
+    for key, value in result.items():
+        table.loc[2, key] = value
+    expected = ["ok", "ok", status] + ["ok"] * 5
+
+    told = study()
+    told.tell(table)
+    assert statuses(told.runs) == expected
+
+    table.to_csv(tmp_path / "new.csv", index=False)
+    record = Record(study(), tmp_path / "record.csv")
+    record.add_file(tmp_path / "new.csv")
+    assert statuses(record.data) == expected
+    # What is written says the same when it is read again.
+    assert statuses(Record(study(), tmp_path / "record.csv").data) == expected
+
+    rows = iter(results(asked).to_dict("records"))
+    results_of_function = [result if k == 2 else next(rows) for k in range(8)]
+    assert statuses(campaign(results_of_function)) == expected
+
+
+def campaign(results_of_function):
+    """The runs of the start, with these results of the function that simulates."""
+    one = study()
+    given = iter(results_of_function)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Study, "done", property(lambda self: len(self.runs) >= 8))
+        patch.setattr(Study, "answer", lambda self: self.runs)
+        return one.calibrate(lambda row: next(given))
+
+
+def test_a_function_may_leave_out_numbers_and_the_campaign_goes_on():
+    """What a table is refused for, as it can be mended, does not end a campaign."""
+    rows = results(study().ask())[["y", "z"]].to_dict("records")
+    rows[1] = None
+    rows[2] = {"status": "diverged"}
+    rows[3] = {"status": 139}
+    rows[4] = pd.Series({"y": 2.5, "z": 0.5})
+    assert statuses(campaign(rows)) == [
+        "ok", "failed", "diverged", "status 139", "ok", "ok", "ok", "ok",
+    ]  # fmt: skip
+    for wrong in ({"y": 2.0}, {"y": 2.0, "z": "many"}, {"angle": 3.0, "y": 2.0}):
+        rows[1] = wrong
+        with pytest.warns(UserWarning, match=r"without a number for z failed; .*'y'"):
+            assert statuses(campaign(rows))[1] == "failed"
+    for wrong in (3.0, [1.0, 2.0], "good"):
+        rows[1] = wrong
+        input_error("a function that returns a mapping with y, z", campaign, rows)
+    # A function that says that it failed says enough.
+    for right in (None, {}, {"status": "lost"}, {"y": math.nan, "z": None}):
+        assert cells_of_result(right or {}, ["y", "z"])[1] == ""
+
+
+def test_a_table_of_failed_runs_needs_no_responses(tmp_path):
+    asked = study().ask()
+    told = study()
+    told.tell(asked[["sample", "run"]].assign(status="diverged"))
+    assert statuses(told.runs) == ["diverged"] * 8
+    (tmp_path / "new.csv").write_text("a,status\n0.1,lost\n0.2,lost\n")
+    record = Record(study(), tmp_path / "record.csv")
+    record.add_file(tmp_path / "new.csv")
+    (tmp_path / "new.csv").write_text("a,y,z\n0.3,2,1\n")
+    record.add_file(tmp_path / "new.csv")
+    assert statuses(record.data) == ["lost", "lost", "ok"]
+    input_error(
+        "column z is 'missing'; expected columns y, z; found: sample, run, y",
+        study().tell,
+        asked[["sample", "run"]].assign(y=1.0),
+    )
+
+
+def test_no_failed_run_enters_a_mean():
+    table = results(study().ask())
+    table.loc[0, "status"] = "jammed"
+    table.loc[0, ["y", "z"]] = 1e6
+    runs = checked_runs(study(), table.fillna({"status": "ok"}))
+    assert runs["y"].max() < 3.0
+    outcomes = judge_runs({"y": ["1", "2"], "status": ["OK ", "No"]}, ["y"])
+    assert outcomes.statuses == ["ok", "No"]
+    assert outcomes.values["y"] == pytest.approx([1.0, math.nan], nan_ok=True)
+
+
+UNREAD = {
+    "converged": [False, True, True, False, True, True, True, True],
+    "exit_code": [1, 0, 0, 1, 0, 0, 0, 0],
+    "error": ["segfault", "", "", "segfault", "", "", "", ""],
+}
+
+
+@pytest.mark.parametrize("name", UNREAD)
+def test_a_column_that_may_be_an_outcome_is_named_with_its_values(name, tmp_path):
+    table = results(study().ask()).assign(**{name: UNREAD[name]}, solver="X")
+    one = study()
+    with pytest.warns(UserWarning, match="is not read") as caught:
+        one.tell(table)
+    (sentence,) = (str(warning.message) for warning in caught)
+    often, seldom = (str(UNREAD[name][k]) for k in (1, 0))
+    assert sentence.startswith(
+        f"column {name} is not read; it has {often!r} 6 times, {seldom!r} 2 times; "
+    )
+    assert "name it status, with ok for a good run" in sentence
+    # Once is enough, and a constant column says nothing.
+    assert one._record.new_unread_columns() == []
+
+
+def test_a_column_that_varies_from_run_to_run_is_named_by_some_values():
+    table = results(study().ask())
+    one = study()
+    for k, row in enumerate(table.to_dict("records")):
+        cells = pd.DataFrame([row]).assign(wall_s=1.5 * k)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            one.tell(cells)
+        # One value alone is constant.
+        assert len(caught) == (1 if k == 1 else 0)
+    many = unread_columns(one, table.assign(wall_s=table.index).to_dict("records"))
+    assert many == {
+        "wall_s": "column wall_s is not read; it has '0' once, '1' once, '2' once, "
+        "'3' once, '4' once and 3 other values"
+    }
+    wide = [{f"c{k}": row for k in range(40)} for row in range(3)]
+    assert len(unread_columns(one, wide)) == 31
+    assert unread_columns(one, wide)[""] == "10 further columns are not read"
+
+
+def test_the_verbs_name_columns_that_are_not_read(tmp_path, command):
+    (tmp_path / "own.yaml").write_text(
+        "simulator: X\nlabel: a\nseed: 1\nparameters: {a: [0, 1]}\n"
+        "targets: {y: {value: 1, sd: 0.1, repetitions: 2}}\n"
+    )
+    (tmp_path / "new.csv").write_text("a,y,state\n0.1,1,OK\n0.2,2,FAILED\n0.3,3,OK\n")
+    words = ["tell", tmp_path / "new.csv", "--config", tmp_path / "own.yaml"]
+    told = command(*words, "--out", tmp_path / "runs.csv").err
+    assert (
+        "new.csv: column state is not read; it has 'OK' 2 times, 'FAILED' once" in told
+    )
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e9])
+def test_a_run_of_our_engine_without_a_finite_response_failed(value, monkeypatch):
+    test = bench("funnel")
+    measured = {"status": "ok", "seed": 1, "aor_deg": value}
+    monkeypatch.setattr(test, "measure", lambda *_: measured)
+    monkeypatch.setattr(test, "target_responses", lambda _: ())
+    angle = next(one for one in test.responses if one.name == "aor_deg")
+    monkeypatch.setattr(test, "responses", (angle,))
+    scene = SimpleNamespace(settings=SimpleNamespace(config={}))
+    assert test.result({}, {}, scene)["status"] == "out_of_bounds"
