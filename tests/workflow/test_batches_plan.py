@@ -121,9 +121,7 @@ def test_the_strategy_chooses_what_a_study_makes(strategy, project):
     assert planned(project, *words)["batch_pour"] == SAMPLES[strategy][0]
     records = (project / ".snakemake").rename(project / "lost")
     other = snakemake(project, "-n", *words, f"{strategy}={{checks: 3}}", status=2)
-    assert (
-        f"{strategy}/batch_0/proposal.json: {strategy}.checks is " in other.stderr
-    )
+    assert f"{strategy}/batch_0/proposal.json: {strategy}.checks is " in other.stderr
     shutil.rmtree(project / ".snakemake", ignore_errors=True)
     records.rename(project / ".snakemake")
     assert not {"propose", "batch_pour"} & set(

@@ -486,9 +486,7 @@ def _measure_settings(args: argparse.Namespace) -> "MeasureSettings":
     if args.grain_mm is not None:
         return settings.model_copy(update={"berry_height_mm": args.grain_mm})
     if settings.berry_height_mm is None and sizes_csv is not None:
-        return settings.for_grain(
-            mean_axes(read_sizes(sizes_csv), keeps_volume)
-        )
+        return settings.for_grain(mean_axes(read_sizes(sizes_csv), keeps_volume))
     return settings
 
 
