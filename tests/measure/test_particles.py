@@ -22,7 +22,7 @@ from repose.measure.settings import MeasureSettings
 from repose.measure.silhouette import Grains, find_top
 
 RADIUS = 0.005  # m
-SETTINGS = MeasureSettings(
+SETTINGS = MeasureSettings.with_defaults(
     views=6, mm_per_pixel=0.25, response="whole", berry_height_mm=2e3 * RADIUS
 )
 

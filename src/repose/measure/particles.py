@@ -6,7 +6,7 @@ that measures photographs. Spheres may belong to clumps; ellipsoids may all diff
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -159,7 +159,7 @@ def measure_particles(
     members = None
     if particles.are_spheres:
         members = _largest_pile(particles, centres)
-    settings = _with_grain_height(settings or MeasureSettings(), particles, metres)
+    settings = _with_grain_height(settings or MeasureSettings.with_defaults(), particles, metres)
     result = pile.measure_pile(grains, settings, members)
     return ParticlePile(
         result=result,
@@ -295,7 +295,7 @@ def _with_grain_height(
     volume_m3 = _volumes(particles).sum() * metres**3
     n_grains = len(np.unique(particles.grains))
     diameter_mm = 1e3 * (6 / math.pi * volume_m3 / n_grains) ** (1 / 3)
-    return replace(settings, berry_height_mm=diameter_mm)
+    return settings.with_grain_height(diameter_mm)
 
 
 def _volumes(particles: Particles) -> np.ndarray:
