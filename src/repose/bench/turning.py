@@ -105,10 +105,10 @@ class Speed(NamedTuple):
 class TurningSettings(Rotating):
     """The section `turning` of the configuration; config/README.md explains its keys."""
 
-    angular_velocity_rad_s: Annotated[  # type: ignore[assignment]
+    angular_velocity_rad_s: Annotated[
         Velocity | Annotated[tuple[Velocity, ...], _list],
         Allowed("a number from 0.0001 to 10, or a list of one for each speed"),
-    ] = Field(
+    ] = Field(  # type: ignore[assignment]
         description="angular velocity of the drum and its caps; or a list of up to 9 "
         "for the same filling",
     )
