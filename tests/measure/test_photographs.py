@@ -6,6 +6,7 @@ import zlib
 import cv2
 import numpy as np
 import pytest
+import yaml
 from PIL import Image
 from refusals import input_error
 from shared import ROOT, says
@@ -186,6 +187,47 @@ def test_a_shadow_below_the_pile_is_refused_unless_the_plate_is_known(
     assert first_of(measure(*words, "--base-row", "299.5"))[
         "height_mm"
     ] == pytest.approx(80, abs=0.5)
+
+
+def test_a_picture_without_a_length_has_angles_and_targets_without_height(
+    tmp_path, command
+):
+    """Its angles are those that any scale gives; what needs a length is left out."""
+    photograph(tmp_path / "a.png")
+    words = ["measure", tmp_path / "a.png", "--grain-mm", 6, "--out", tmp_path / "out"]
+    with_length = first_of(command(*words, "--mm-per-pixel", 0.3, "--json"))
+    needs_length = {"height_mm", "aor_secant_deg"}
+    assert not needs_length & {k for k, v in with_length.items() if v is None}
+
+    said = command(*words)
+    assert "no length is known, so there are angles alone, without Height" in said.out
+    assert " mm" not in said.out.splitlines()[0]
+    row = first_of(command(*words, "--json"))
+    assert {key for key in row if row[key] is None} == needs_length
+    angles = [key for key in row if key.endswith("_deg") and key not in needs_length]
+    assert len(angles) == 7
+    for key in angles:
+        assert row[key] == with_length[key]
+
+    targets = yaml.safe_load((tmp_path / "out/targets.yaml").read_text())["targets"]
+    assert [target["response"] for target in targets] == ["aor_deg"]
+    low = command(*words, "--base-row", 200, "--json")
+    assert first_of(low)["aor_deg"] != row["aor_deg"]
+
+
+def test_what_a_doubtful_pile_says_needs_no_length(tmp_path, measure):
+    picture = np.full((340, 600, 3), 220, np.uint8)
+    cv2.fillPoly(picture, [np.array(PILE)], (40, 40, 40))
+    cv2.rectangle(picture, (400, 160), (470, 300), (40, 40, 40), -1)
+    cv2.imwrite(str(tmp_path / "pile.png"), picture)
+    notes = [
+        first_of(measure(tmp_path / "pile.png", *scale))["note"]
+        for scale in ((), ("--mm-per-pixel", 0.5), ("--mm-per-pixel", 2))
+    ]
+    doubts = [note.partition("doubtful")[2] for note in notes]
+    assert doubts[0]
+    assert doubts[0] == doubts[1] == doubts[2]
+    assert " mm" not in doubts[0]
 
 
 def test_a_level_length_gives_the_scale_and_turns_the_photograph(tmp_path, measure):

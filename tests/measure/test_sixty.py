@@ -129,7 +129,7 @@ def outlined(*tops):
     ([(300, 150)], None), ([(200, 100), (280, 40), (420, 80)], "as of two heaps"),
     ([(150, 60), (450, 62)], "its top is level"),
     ([(230, 50), (299, 50), (300, 150), (301, 50), (370, 50)], "something else stands behind it"),
-    ([(250, 100), (300, 150), (350, 140), (351, 80)], "falls by 3"),
+    ([(250, 100), (300, 150), (350, 140), (351, 80)], "falls by 4"),
 ])  # fmt: skip
 def test_what_is_found_is_asked_whether_it_is_a_heap(tops, doubt):
     how = MeasureSettings.with_defaults(mm_per_pixel=0.5, berry_height_mm=6.0)

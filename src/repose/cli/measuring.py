@@ -396,7 +396,8 @@ def _measure_apparatus(
 def _scale(args: argparse.Namespace) -> "Scale":
     """Read the scale from the command line.
 
-    It is that of --mm-per-pixel or --length, or else of the printed sheet.
+    It is that of --mm-per-pixel or --length, or else of the printed sheet; without any
+    of them there is none.
     """
     from repose.measure.photographs.photograph import Scale
 
@@ -413,14 +414,7 @@ def _scale(args: argparse.Namespace) -> "Scale":
         _require_between("--mm-per-pixel", args.mm_per_pixel, *SCALES)
         _refuse_lens(args)
         return Scale(args.square_mm, args.mm_per_pixel, args.base_row)
-    if args.base_row is not None:
-        raise InputError(
-            "command line",
-            "--base-row",
-            args.base_row,
-            "with --mm-per-pixel or --length",
-        )
-    return Scale(args.square_mm)
+    return Scale(args.square_mm, base_row=args.base_row)
 
 
 def _scale_of_length(args: argparse.Namespace) -> "Scale":

@@ -24,7 +24,7 @@ class Measurement:
     response: str  # the definition used as the angle of repose
     angles: dict[str, Angle]  # by definition
     reasons: dict  # why the other definitions could not be measured
-    height_mm: float  # of the highest point over the plate
+    height_mm: float  # of the highest point over the plate; NaN without a scale
     base_row: float  # row of the plate
     top: tuple  # column and row of the highest point
     contour: np.ndarray  # (M, 2), column and row of the boundary's pixels
@@ -44,13 +44,13 @@ class Measurement:
         """List the numbers by name, rounded to 0.001.
 
         These are both sides of the response, the Height and every definition, None for
-        one that could not be measured.
+        what could not be measured.
         """
         record: dict[str, float | None] = {
             "left_deg": round(self.angle.left_deg, 3),
             "right_deg": round(self.angle.right_deg, 3),
             "aor_deg": round(self.angle.aor_deg, 3),
-            "height_mm": round(self.height_mm, 3),
+            "height_mm": _finite_or_none(round(self.height_mm, 3)),
         }
         for definition, key in MEAN_KEYS.items():
             angle = self.angles.get(definition)

@@ -20,8 +20,8 @@ from repose.measure.results import Measurement
 DOUBT = "doubtful"  # begins each doubt
 BASE_ROW = "give --base-row, the row of the plate, or show the printed sheet"
 LOW_BASE = (
-    "its lowest row lies {depth_mm:.1f} mm below its {part}: a shadow at the foot, or "
-    "the camera looks down on it or is rolled (--length makes a line level); "
+    "its lowest row lies {depth:.1%} of its height below its {part}: a shadow at the "
+    "foot, or the camera looks down on it or is rolled (--length makes a line level); "
     f"{BASE_ROW}"
 )
 
@@ -77,8 +77,8 @@ def doubts_of_pile(
     height_mm = measurement.height_mm
     if height_mm < LOWEST_PILE_GRAINS * grain_mm:
         raise NoFlankError(
-            f"it is {height_mm:.1f} mm high, less than {LOWEST_PILE_GRAINS:g} grains: "
-            "a layer, no pile"
+            f"it is {height_mm / grain_mm:.1f} grains high, less than "
+            f"{LOWEST_PILE_GRAINS:g}: a layer, no pile"
         )
     profile, crest = find_profile(pile)
     sides = (profile[: crest + 1][::-1], profile[crest:])  # from the crest outwards
@@ -107,8 +107,8 @@ def _doubt_of_rise(sides: Sequence[np.ndarray], size: _Size) -> str:
     if rise_mm <= limit_mm:
         return ""
     return (
-        f"{DOUBT}: away from its crest the outline rises by {rise_mm:.0f} mm, as of "
-        "two heaps"
+        f"{DOUBT}: away from its crest the outline rises by "
+        f"{rise_mm / size.height_mm:.0%} of the Height, as of two heaps"
     )
 
 
@@ -126,8 +126,8 @@ def _doubt_of_drop(sides: Sequence[np.ndarray], size: _Size) -> str:
     if drop_mm <= limit_mm:
         return ""
     return (
-        f"{DOUBT}: the outline falls by {drop_mm:.0f} mm at once, as of a box behind "
-        "the heap"
+        f"{DOUBT}: the outline falls by {drop_mm / size.height_mm:.0%} of the Height at "
+        "once, as of a box behind the heap"
     )
 
 
@@ -150,8 +150,8 @@ def _doubt_of_flanks(
     else:
         cause = "something else stands behind it"
     return (
-        f"{DOUBT}: the lines of its flanks meet {meeting_mm:.0f} mm over the plate, "
-        f"its top lies at {height_mm:.0f} mm: {cause}"
+        f"{DOUBT}: the lines of its flanks meet at {meeting_mm / height_mm:.0%} of the "
+        f"Height: {cause}"
     )
 
 
@@ -164,7 +164,7 @@ def _doubt_of_resolution(measurement: Measurement, mm_per_pixel: float) -> str:
     return (
         f"{DOUBT}: the photograph is too coarse: the pile is {height_px} pixels high, "
         f"{MIN_HEIGHT_PX} are needed; the angle may be off by {angle_error:.1f} "
-        f"degrees, the Height by {2 * mm_per_pixel:.1f} mm"
+        "degrees, the Height by 2 pixels"
     )
 
 
@@ -211,15 +211,14 @@ def require_foot(
     shadow_rows = finding.shadow_below(image, pile.mask)
     if shadow_rows > LARGEST_SHADOW_GRAINS * grain_px:
         part = "grains, with the colour of the background"
-        depth_mm = shadow_rows * mm_per_pixel
-        raise NoFlankError(LOW_BASE.format(depth_mm=depth_mm, part=part))
+        raise NoFlankError(LOW_BASE.format(depth=shadow_rows / rows.size, part=part))
 
     is_widest = widths[rows] >= 0.99 * widths.max()
     widest_row = rows[np.flatnonzero(is_widest)[-1]]
     underside_rows = rows[-1] - widest_row
     if underside_rows > LARGEST_UNDERSIDE_GRAINS * grain_px:
-        depth_mm = underside_rows * mm_per_pixel
-        raise NoFlankError(LOW_BASE.format(depth_mm=depth_mm, part="widest row"))
+        depth = underside_rows / rows.size
+        raise NoFlankError(LOW_BASE.format(depth=depth, part="widest row"))
 
 
 def doubts_of_base(image: np.ndarray, pile: Segmentation, grain_px: float) -> list[str]:

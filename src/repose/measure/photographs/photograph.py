@@ -1,8 +1,8 @@
 """Photographs of repeated piles: each is measured or refused.
 
 The printed sheet (`repose.measure.photographs.sheet`) gives scale, tilt, lens and the
-plate. With a scale alone, the photograph must be level, without distortion, and before
-a plain background.
+plate. Without it, the photograph must be level, without distortion, and before a plain
+background; where no length is known, it has angles alone.
 """
 
 import math
@@ -55,6 +55,10 @@ NO_SHEET = (
     "the printed sheet is not seen; without one the scale is given by --mm-per-pixel "
     "or --length"
 )
+NO_LENGTH = (
+    "no length is known, so there are angles alone, without Height and secant; the "
+    "printed sheet, --mm-per-pixel or --length gives one. The photograph must be level"
+)
 # Entries of a photograph's EXIF data
 EXIF_CAMERA = 0x8769
 EXIF_FOCAL_LENGTH_35MM = 0xA405
@@ -73,7 +77,7 @@ class Scale:
     square_mm : float
         Side of a square of the printed sheet; the other fields do not count with it.
     mm_per_pixel : float, optional
-        Scale without the sheet; None means that the sheet gives it.
+        Scale without the sheet; None means that the sheet gives it, or nothing.
     base_row : float, optional
         Row of the plate; None means the pile's lowest row.
     level_deg : float
@@ -103,7 +107,8 @@ class Photograph:
     refused : str
         The reason why it was refused; empty if it was not.
     facts : dict
-        Its ``mm_per_pixel``; with a sheet also ``tilt_deg`` and ``look_down_deg``.
+        Its ``mm_per_pixel``, if it is known; with a sheet also ``tilt_deg`` and
+        ``look_down_deg``.
     note : str
         A warning for the reader of the numbers; may be empty.
     doubts : sequence of str
@@ -118,6 +123,11 @@ class Photograph:
     facts: dict[str, float] = field(default_factory=dict)
     note: str = ""
     doubts: Sequence[str] = ()
+
+    @property
+    def mm_per_pixel(self) -> float:
+        """Its scale; 1 where it is not known, so that lengths are in pixels."""
+        return self.facts.get("mm_per_pixel", 1.0)
 
     @property
     def remarks(self) -> str:
@@ -246,7 +256,8 @@ def measure_all(
     Raises
     ------
     InputError
-        If a photograph of the sheet alone does not show it.
+        If a photograph of the sheet alone does not show it, or if the row of the plate
+        is given beside a sheet.
     """
     if scale.mm_per_pixel is not None:
         return [measure_plain(path, settings, scale) for path in paths]
@@ -255,6 +266,11 @@ def measure_all(
         if sheets[path] is None:
             allowed = "a photograph that shows the printed sheet"
             raise InputError(path, "sheet", "not seen", allowed)
+    if not camera_of_size:
+        return [measure_plain(path, settings, scale) for path in paths]
+    if scale.base_row is not None:
+        allowed = "nothing, as the printed sheet shows the plate"
+        raise InputError("command line", "--base-row", scale.base_row, allowed)
     results = []
     for path in paths:
         image, _ = read_photograph(path)
@@ -429,8 +445,7 @@ def _fine_view(
 def _measure_view(photograph: Photograph, settings: MeasureSettings) -> Measurement:
     """Measure the part taken for the pile; NoFlankError if its sides differ much."""
     assert photograph.pile is not None
-    scale = photograph.facts["mm_per_pixel"]
-    settings = settings.with_scale(scale)
+    settings = settings.with_scale(photograph.mm_per_pixel)
     measurement = with_response(measure_segmented(photograph.pile, settings))
     difference = abs(measurement.angle.left_deg - measurement.angle.right_deg)
     if difference > LARGEST_DIFFERENCE_DEG:
@@ -471,18 +486,26 @@ def _require_complete(mask: np.ndarray, hidden: np.ndarray) -> None:
 def measure_plain(path: Path, settings: MeasureSettings, scale: Scale) -> Photograph:
     """Measure a photograph without a sheet, or a silhouette.
 
-    `scale` has a `mm_per_pixel`.
+    Without a `mm_per_pixel` of `scale` it has the angles that need no length.
     """
-    assert scale.mm_per_pixel is not None
     image, reduction = read_photograph(path)
     base_row = None if scale.base_row is None else scale.base_row / reduction
     image, base_row = _level(image, scale.level_deg, base_row)
-    mm_per_pixel = scale.mm_per_pixel * reduction
-    photograph = Photograph(path, image, facts={"mm_per_pixel": mm_per_pixel})
+    photograph = Photograph(path, image)
+    if scale.mm_per_pixel is None:
+        # Lengths are in pixels now, and that of a grain is not known in them.
+        settings = settings.model_copy(update={"berry_height_mm": None})
+        photograph.note = NO_LENGTH
+    else:
+        photograph.facts["mm_per_pixel"] = scale.mm_per_pixel * reduction
     try:
         _measure_level(photograph, settings, base_row)
     except (NoFlankError, InputError) as error:  # such as a base below the picture
         photograph.refused = str(error)
+        if scale.mm_per_pixel is None:
+            photograph.refused += f"; {NO_SHEET}"
+    if photograph.measurement is not None and scale.mm_per_pixel is None:
+        photograph.measurement = replace(photograph.measurement, height_mm=math.nan)
     return photograph
 
 
@@ -494,7 +517,7 @@ def _measure_level(
     Raises NoFlankError if it shows no pile, and InputError if its base is impossible.
     """
     image = photograph.view
-    mm_per_pixel = photograph.facts["mm_per_pixel"]
+    mm_per_pixel = photograph.mm_per_pixel
     grain_mm = settings.berry_height_mm
     pile = segment(image, settings.largest_pile_only, base_row)
     photograph.pile = pile

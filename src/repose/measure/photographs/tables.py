@@ -217,9 +217,10 @@ def _lines_of_photographs(photographs: Sequence[Photograph]) -> list[str]:
             numbers = (
                 f"left {measurement.angle.left_deg:.2f} deg, "
                 f"right {measurement.angle.right_deg:.2f} deg, "
-                f"angle of repose {measurement.aor_deg:.2f} deg, "
-                f"Height {measurement.height_mm:.2f} mm"
+                f"angle of repose {measurement.aor_deg:.2f} deg"
             )
+            if math.isfinite(measurement.height_mm):
+                numbers += f", Height {measurement.height_mm:.2f} mm"
             missing = [
                 f"no {definition}: {reason}"
                 for definition, reason in measurement.reasons.items()
