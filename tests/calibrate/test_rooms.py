@@ -30,15 +30,24 @@ def test_a_mistyped_section_is_an_error_of_mypy(tmp_path):
     snippet = tmp_path / "snippet.py"
     snippet.write_text(
         "from repose import PipelineConfig, Study\n"
+        "from repose.report.page.study import Results\n"
+        "from repose.report.study_view import StudyView\n"
+        "from repose.stages.card_study import CardStudy\n"
         "def of_study(study: Study) -> int:\n"
         "    return study.settings.miga.rounds + study.settings.migaa.rounds\n"
         "def of_config(config: PipelineConfig) -> int:\n"
         "    return config.settings.miga.rounds + config.settings.migaa.rounds\n"
         "def of_key(config: PipelineConfig) -> int:\n"
         "    return config.settings.miga.nonsense\n"
+        "def of_figure(study: StudyView) -> int:\n"
+        "    return study.settings.miga.rounds + study.settings.migaa.rounds\n"
+        "def of_page(results: Results) -> int:\n"
+        "    return results.measure.viewss if results.measure else 0\n"
+        "def of_card(study: CardStudy) -> int:\n"
+        "    return study.settings.measure.views + study.settings.meassure.views\n"
     )
     words = ["--config-file", str(ROOT / "pyproject.toml"), str(snippet)]
     printed, _, _ = api.run(words)
     errors = [line for line in printed.splitlines() if "snippet.py" in line]
-    assert [line.split(":")[1] for line in errors] == ["3", "5", "7"]
+    assert [line.split(":")[1] for line in errors] == ["6", "8", "10", "12", "14", "16"]
     assert all("has no attribute" in line for line in errors)

@@ -13,14 +13,12 @@ import pandas as pd
 from repose.calibrate import expected_loss
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.search.objective import HISTORY, Objective, Preference, search
-from repose.calibrate.search.settings import MigaSettings
+from repose.calibrate.search.settings import LEAST_LOSS, MigaSettings
 from repose.calibrate.surrogates import Surrogate
 from repose.calibrate.surrogates.support import Support
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
 
-# Value of `miga.answer`: the answer is the set of least expected loss.
-LEAST_LOSS = "least_expected_loss"
 # Fewest rows of the solutions, so that the validation always has points to choose from.
 FEWEST_ROWS = 10
 

@@ -1,50 +1,51 @@
-"""The study behind a picture: its configuration as typed sections, without a new check."""
+"""The study behind a picture: the configuration, or the sections that the picture reads."""
 
 from collections.abc import Mapping
 from functools import cached_property
-from types import SimpleNamespace
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.targets import Targets
+from repose.common.section import Section
+
+if TYPE_CHECKING:
+    from repose.config.models import StudySettings
 
 Config = Mapping[str, Any]
+S = TypeVar("S", bound=Section)
 
 
 class StudyView:
     """The study behind a figure or a report.
 
-    The configuration was checked before. It may hold only the sections that a figure
-    reads, so it is not checked again and a missing section is no error.
-
     Parameters
     ----------
     config : mapping
-        The configuration, or some of its sections, as plain values.
+        The configuration as plain values, as `PipelineConfig.config`. It was checked
+        before, and is not checked again. It may hold only the sections that a figure
+        reads.
     """
 
     def __init__(self, config: Config) -> None:
         self.config = config
 
     @cached_property
-    def settings(self) -> Any:
-        """The sections of the configuration as attributes, such as `settings.drum`."""
-        from pydantic import BaseModel
-
+    def settings(self) -> "StudySettings":
+        """The typed sections; to read one that is missing is an AttributeError."""
         from repose.config.models import settings_type  # slow to import
 
-        fields = settings_type().model_fields
-        settings = SimpleNamespace()
+        model = settings_type()
+        sections: dict[str, Any] = {}
         for name, value in self.config.items():
-            model = fields[name].annotation if name in fields else None
-            if (
-                isinstance(value, Mapping)
-                and isinstance(model, type)
-                and issubclass(model, BaseModel)
-            ):
-                value = model.model_construct(**value)
-            setattr(settings, name, value)
-        return settings
+            kind = model.model_fields[name].annotation
+            if isinstance(kind, type) and issubclass(kind, Section):
+                value = kind.model_construct(**value)
+            sections[name] = value
+        return model.model_construct(**sections)
+
+    def section(self, name: str, model: type[S]) -> S:
+        """Return the section of a bench test besides the funnel, by its model."""
+        return model.model_construct(**self.config[name])
 
     @cached_property
     def targets(self) -> Targets:

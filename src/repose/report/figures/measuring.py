@@ -8,7 +8,6 @@ from repose.grain.berry_files import read_grain
 from repose.grain.particle import Particle
 from repose.measure import pile
 from repose.measure.angles import DEFINITIONS
-from repose.measure.photographs.segmentation import segment
 from repose.measure.saved_piles import side_view
 from repose.measure.saved_pours import first_pour
 from repose.measure.settings import MeasureSettings
@@ -64,6 +63,8 @@ def _draw_first_view(
 
     `image` (H, W) is a grey picture. Lengths are in mm, distances from the crest.
     """
+    from repose.measure.photographs.segmentation import segment  # slow to import
+
     scale = settings.mm_per_pixel
     silhouette = segment(image, settings.largest_pile_only, image.shape[0] - 0.5)
     measured = pile.measure_segmented(silhouette, settings)

@@ -8,6 +8,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from repose.bench.drum import NAME as DRUM
+from repose.bench.drum import DrumSettings
 from repose.common.files import read_npz, read_table
 from repose.grain.particle import Particle
 from repose.measure import bed
@@ -70,14 +72,16 @@ def states(inputs: Inputs, study: StudyView) -> Figure:
         if "runs" in inputs:
             runs = read_table(inputs["runs"], ("status", *SLIP_COLUMNS))
         turned_deg = float(arrays["turned_before_deg"])
-        words = _slip_in_words(turned_deg, runs, study.settings.drum)
+        words = _slip_in_words(turned_deg, runs, study.section(DRUM, DrumSettings))
         figure.supxlabel(words, fontsize=7.5)
     else:
         figure.supxlabel("NO SLIP in this run", fontsize=7.5, color=style.RED)
     return figure
 
 
-def _slip_in_words(turned_deg: float, runs: pd.DataFrame, settings: Any) -> str:
+def _slip_in_words(
+    turned_deg: float, runs: pd.DataFrame, settings: DrumSettings
+) -> str:
     """Say how far and how long the drum turned before the first slip.
 
     The words give this run, and the mean of all runs that slipped if there are several.
@@ -113,7 +117,7 @@ def _draw_side_view(
     from repose.report.renderer.render import render_pile
     from repose.report.renderer.scenery import look_at
 
-    settings = study.settings.drum
+    settings = study.section(DRUM, DrumSettings)
     centres = arrays[f"position_{state}"].astype(float)
     quaternions = arrays[f"quaternion_{state}"].astype(float)
     scales = arrays.get("scale", np.ones(len(centres)))
@@ -183,14 +187,14 @@ def course(inputs: Inputs, study: StudyView) -> Figure:
     profile = read_table(inputs["profile"], ("seed", "depth_mm", "moved_mm"))
     runs = read_table(inputs["runs"], ("seed", "status"))
     figure, (left, right) = panels.grid(2, 2.9, width_ratios=(1.5, 1))
-    _draw_angles(left, record, runs, study.settings.drum)
+    _draw_angles(left, record, runs, study.section(DRUM, DrumSettings))
     _draw_layers(right, profile)
     style.name_panels((left, right))
     return figure
 
 
 def _draw_angles(
-    panel: Axes, record: pd.DataFrame, runs: pd.DataFrame, settings: Any
+    panel: Axes, record: pd.DataFrame, runs: pd.DataFrame, settings: DrumSettings
 ) -> None:
     """Draw the angles of surface and bed over time, and the start of the first slip.
 

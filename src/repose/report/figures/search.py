@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from repose.bench.parameters import SYMBOLS
-from repose.calibrate.inversion import LEAST_LOSS
+from repose.calibrate.search.settings import LEAST_LOSS
 from repose.calibrate.targets import Target
 from repose.common.files import read_json, read_table
 from repose.report.study_view import parameter_ranges

@@ -1,11 +1,10 @@
 """The answer of the sequential strategy over the pours: probability and responses."""
 
-from typing import Any
-
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from repose.calibrate.strategies.sequential import SequentialSettings
 from repose.calibrate.targets import Target
 from repose.common.files import read_table
 
@@ -63,7 +62,9 @@ def sequential(inputs: Inputs, study: StudyView) -> Figure:
     return figure
 
 
-def _draw_probability(panel: Axes, batches: pd.DataFrame, settings: Any) -> None:
+def _draw_probability(
+    panel: Axes, batches: pd.DataFrame, settings: SequentialSettings
+) -> None:
     """Draw the probability of meeting the targets after each batch.
 
     Besides the one of the best point these are the one that the pours left can reach,

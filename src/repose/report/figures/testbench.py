@@ -8,11 +8,11 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
+from repose.bench.funnel import FunnelSettings
 from repose.common.files import read_npz
 from repose.grain.berry_files import read_grain
 from repose.grain.particle import Particle
 from repose.measure import pile
-from repose.measure.photographs import drawing
 from repose.measure.saved_piles import side_view
 from repose.measure.saved_pours import first_pour
 from repose.measure.settings import MeasureSettings
@@ -107,6 +107,8 @@ def measurement(inputs: Inputs, study: StudyView) -> Figure:
     the right one (green), each with its angle. The title names the line. The tables take
     the mean over {measure[views]} view(s).
     """
+    from repose.measure.photographs import drawing  # slow to import
+
     settings = study.settings.measure.for_grain(read_grain(inputs["berry"]))
     particle = Particle.load(inputs["particle"])
     image = side_view(first_pour(inputs["heap"]), particle, settings)
@@ -149,6 +151,8 @@ def _name_lines(
 
     `height_mm` is the height of the picture.
     """
+    from repose.measure.photographs import drawing  # slow to import
+
     angle = measured.angles[settings.response]
     scale = settings.mm_per_pixel
     flanks = (
@@ -264,7 +268,7 @@ def _draw_grains(panel: Axes, inputs: Inputs, colour: str) -> None:
     panel.set_title(title, fontsize=7)
 
 
-def _draw_funnel(panel: Axes, walls: Any, settings: Any) -> None:
+def _draw_funnel(panel: Axes, walls: Any, settings: FunnelSettings) -> None:
     """Draw the walls of the funnel on both sides, and its rounded rim.
 
     `settings` is the section `funnel`.
@@ -281,7 +285,9 @@ def _draw_funnel(panel: Axes, walls: Any, settings: Any) -> None:
         panel.add_patch(Circle(centre, rim_radius, color=style.BLACK, zorder=3))
 
 
-def _draw_levels(panel: Axes, settings: Any, factory: float, half_view: float) -> None:
+def _draw_levels(
+    panel: Axes, settings: FunnelSettings, factory: float, half_view: float
+) -> None:
     """Draw lines at the place where grains are made, at the outlet and at the plate."""
     levels = {
         "grains are made here": factory,
@@ -309,7 +315,9 @@ def _draw_levels(panel: Axes, settings: Any, factory: float, half_view: float) -
     )
 
 
-def _draw_dimensions(panel: Axes, settings: Any, top: float, half_inlet: float) -> None:
+def _draw_dimensions(
+    panel: Axes, settings: FunnelSettings, top: float, half_inlet: float
+) -> None:
     """Draw measured arrows: diameters across, heights at the left.
 
     `settings` is the section `funnel`, `top` the height of the inlet.

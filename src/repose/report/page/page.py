@@ -149,7 +149,7 @@ def _target(study: Results, target: Target) -> dict[str, Any]:
 
 def _pour(study: Results) -> dict[str, Any] | None:
     """Give the pour of the 3-D view as plain values; None without a trajectory."""
-    if "trajectory" not in study.files:
+    if "trajectory" not in study.files or study.settings is None:
         return None
     pour = scene.for_page(
         study.files["trajectory"],

@@ -12,6 +12,7 @@ from repose.calibrate.answer import NEAR_BOUNDS, describe_optimism, nearness
 from repose.calibrate.bounds import in_words
 from repose.calibrate.card import held, with_remark
 from repose.calibrate.designs.latin_hypercube import METHODS
+from repose.calibrate.designs.settings import DesignSettings
 from repose.calibrate.runs import error_of
 from repose.calibrate.targets import Target
 from repose.calibrate.uncertainty.posterior import LARGEST_R_HAT
@@ -235,6 +236,8 @@ def _table_of_angle_definitions(study: Results) -> Table | None:
     if not set(MEAN_KEYS.values()) <= set(study.answer_row.index):
         return None
     measure = study.measure
+    if measure is None:
+        return None
     calibrated_lines = {line_for(measure, name) for name in study.targets.names}
     rows = []
     for definition, column in MEAN_KEYS.items():
@@ -301,10 +304,10 @@ def _steps(study: Results) -> list[str]:
         return list(study.summary["steps"])
     bench_tests = " and ".join(study.targets.apparatus).replace("_", " ")
     simulated = read_json(study.files["dataset_summary"], {"text": str})
-    steps = [
-        _design_step(study),
-        f"Simulation of the bench test ({bench_tests}): {simulated['text']}",
-    ]
+    steps = []
+    if study.settings is not None:
+        steps.append(_design_step(study, study.settings.design))
+    steps.append(f"Simulation of the bench test ({bench_tests}): {simulated['text']}")
     if study.surrogate is not None:
         surrogate = study.surrogate.name.replace("_", " ")
         steps.append(f"Surrogate ({surrogate}): {_accuracy(study)}")
@@ -318,9 +321,8 @@ def _steps(study: Results) -> list[str]:
     return steps
 
 
-def _design_step(study: Results) -> str:
+def _design_step(study: Results, design: DesignSettings) -> str:
     """Say which parameter sets were simulated."""
-    design = study.settings.design
     n_free = study.parameters.dimensions
     n_parameters = len(study.parameters.names)
     searched = f"{n_free} parameters"

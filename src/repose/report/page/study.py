@@ -5,7 +5,7 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import date
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -26,6 +26,10 @@ from repose.report.study_view import Config, StudyView
 from repose.stages.batches import data_of
 from repose.stages.dataset import read_job
 from repose.stages.tables import read_dataset, read_runs
+
+if TYPE_CHECKING:
+    from repose.config.models import StudySettings
+    from repose.measure.settings import MeasureSettings
 
 Files = Mapping[str, str]  # paths by name
 
@@ -105,7 +109,7 @@ class Results:
     summary: Mapping[str, Any]
     date: str
     origin: Mapping[str, Any]
-    settings: Any = None
+    settings: "StudySettings | None" = None
     files: Mapping[str, Any] = field(default_factory=dict)
     captions: Mapping[str, str] = field(default_factory=lambda: captions.STUDY_FIGURES)
 
@@ -115,9 +119,9 @@ class Results:
         return self.answer_row[list(self.parameters.names)].to_numpy(float)
 
     @property
-    def measure(self) -> Any:
+    def measure(self) -> "MeasureSettings | None":
         """The section `measure` of the configuration, or None without one."""
-        return getattr(self.settings, "measure", None)
+        return None if self.settings is None else self.settings.measure
 
     def number(self, column: str) -> float | None:
         """Give a number of the answer's row; None if it is missing."""
