@@ -9,28 +9,30 @@ import sys
 # Before numpy is loaded, as in a verb: the matrices are small.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-import pandas
-
 from repose.calibrate import strategies
-from repose.bench import names, reach
-from repose.stages import answer as answers
-from repose.stages import validate as checks
+from repose.bench import names
 from repose.config import cost, results_folder, dependencies
 from repose.config.workflow_run import (
-    WorkflowRun,
     check_folder,
     check_when_planned,
-    study_of_workflow,
+    run_of_workflow,
 )
 from repose.common import places
 from repose.common.errors import BAD_INPUT, InputError, one_message
 from repose.common.provenance import engine_hash
 from repose.common.source_code import code_hash
-from repose.stages.published import find_sibling_table, read_stored, tables, to_simulate
+from repose.stages.published import (
+    FIRST_PUBLISHED,
+    columns_of_stored,
+    find_sibling_table,
+    stored_columns,
+    tables,
+    to_simulate,
+)
+from repose.stages.settings import SEEDS_OF_NEXT, SETS_OF_NEXT
 from repose.calibrate.seeds import PURPOSES, pour_seeds
-from repose.dem.cache import source_hash
+from repose.dem.sources import source_hash
 from repose.report import figures
-from repose.stages import next_measurement
 from repose.calibrate.surrogates import surrogate_class
 
 # The verbs run under the Python that runs snakemake, whether its environment is activated or not.
@@ -50,14 +52,14 @@ with one_message():
         if set("{}") & set(place):  # snakemake takes them for wildcards
             allowed = "a folder without braces"
             raise InputError("installation", "folder", place, allowed)
-    STUDY = study_of_workflow(
+    RUN = run_of_workflow(
         config,
         configfiles=workflow.overwrite_configfiles,
         has_command_line=bool(workflow.config_settings.config),
         inputs=workflow.is_main_process,
     )
+STUDY = RUN.study
 config = STUDY.config
-RUN = WorkflowRun(STUDY)
 RESULTS = config["results_dir"]
 CONFIG = f"{RESULTS}/config.json"
 # Rules that make the products of the study's strategy: those of the article's method, and of a strategy with several batches.

@@ -12,25 +12,28 @@ import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from repose.common import attached, usage
 from repose.common.errors import InputError, one_message
 from repose.common.ledger import LEDGER
 from repose.common.lock import take_folder
-from repose.config import dependencies, loader, results_folder
+from repose.config import dependencies, earlier_check, loader, results_folder
 from repose.config.pipeline import PipelineConfig
 
 FAULT = "repose: error:"  # begins the line in which a stage refuses its input
 
 
-def study_of_workflow(
+def run_of_workflow(
     config: Mapping[str, Any],
     configfiles: Sequence[str],
     has_command_line: bool,
     inputs: bool,
-) -> PipelineConfig:
-    """Make the study of what Snakemake calls `config`.
+) -> "WorkflowRun":
+    """Make the run, with its study, of what Snakemake calls `config`.
+
+    A configuration that an earlier run has checked is not checked again
+    (`repose.config.earlier_check`).
 
     Parameters
     ----------
@@ -45,7 +48,7 @@ def study_of_workflow(
 
     Returns
     -------
-    PipelineConfig
+    WorkflowRun
 
     Raises
     ------
@@ -54,9 +57,16 @@ def study_of_workflow(
     """
     files = [_as_typed(path) for path in configfiles]
     source = loader.COMMAND_LINE if has_command_line else loader.WORKFLOW
-    return PipelineConfig.of(
-        *loader.over_defaults(config, files, source), inputs=inputs
-    )
+    layered = loader.over_defaults(config, files, source)
+    fingerprint = earlier_check.fingerprint(layered.config)
+    numbers = earlier_check.numbers(layered.config, fingerprint)
+    if numbers is not None:
+        completed = earlier_check.with_numbers(layered.config, numbers)
+        return WorkflowRun(PipelineConfig.of(completed, layered.origin))
+    study = PipelineConfig.of(layered.config, layered.origin, inputs=inputs)
+    if not inputs:
+        return WorkflowRun(study)
+    return WorkflowRun(study, FirstCheck(layered.config, fingerprint))
 
 
 def _as_typed(path: str) -> str:
@@ -116,6 +126,13 @@ def _check_results(study: PipelineConfig, paths: Iterable[str]) -> None:
             )
 
 
+class FirstCheck(NamedTuple):
+    """A configuration that this run was the first to check."""
+
+    config: Mapping[str, Any]  # as its files have it
+    fingerprint: str
+
+
 class WorkflowRun:
     """A run of the workflow in this process.
 
@@ -123,10 +140,15 @@ class WorkflowRun:
     ----------
     study : PipelineConfig
         The study that it works on.
+    first_check : FirstCheck, optional
+        What later commands need not check again; None where they know it already.
     """
 
-    def __init__(self, study: PipelineConfig) -> None:
+    def __init__(
+        self, study: PipelineConfig, first_check: FirstCheck | None = None
+    ) -> None:
         self.study = study
+        self.first_check = first_check
         self.folder = study.settings.results_dir
         self.began_s = _start_of_process_s()
         self._held = ExitStack()  # the folder of results
@@ -157,6 +179,8 @@ class WorkflowRun:
                 file=sys.stderr,
             )
         self.write_configuration()
+        if self.first_check is not None:
+            earlier_check.write(*self.first_check, resolved=self.study.config)
         atexit.register(self._report_times)
 
     def write_configuration(self) -> None:

@@ -14,7 +14,7 @@ import pickle
 import sys
 import uuid
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import FunctionType
 from typing import IO, Any, cast
@@ -27,37 +27,14 @@ from numba.core.compiler import CompileResult
 from numba.core.runtime import rtsys
 from numba.core.serialize import dumps
 
+from .sources import outside_sources, source_hash
+
 try:
     import fcntl
 except ImportError:
     # Windows: each of several processes that need the same code at one time compiles
     # it.
     fcntl = None  # type: ignore[assignment]
-
-PACKAGE = Path(__file__).parent
-# Sources of laws from other packages, by module and function.
-_outside_sources: dict[str, str] = {}
-
-
-def _package_sources() -> Iterator[bytes]:
-    """Yield names and texts of all files of this package."""
-    for path in sorted(PACKAGE.rglob("*.py")):
-        yield path.relative_to(PACKAGE).as_posix().encode() + path.read_bytes()
-
-
-# Taken when the package is imported: an edit after that is not what runs.
-_PACKAGE_HASH = hashlib.sha256(b"".join(_package_sources()))
-
-
-def source_hash() -> str:
-    """Hash the sources of `repose.dem` and of laws from other packages.
-
-    The hash has 16 hexadecimal digits.
-    """
-    digest = _PACKAGE_HASH.copy()
-    for name, source in sorted(_outside_sources.items()):
-        digest.update(f"{name}\n{source}".encode())
-    return digest.hexdigest()[:16]
 
 
 def folder() -> str:
@@ -264,7 +241,7 @@ def add_source(*functions: Callable[..., Any] | None) -> None:
         for module in sorted({function.__module__, *_called_modules(function)}):
             if not module.startswith(package):
                 key = f"{module} {function.__name__}"
-                _outside_sources[key] = _source(module, function)
+                outside_sources[key] = _source(module, function)
 
 
 def _globals_used(function: FunctionType) -> dict[str, Any]:

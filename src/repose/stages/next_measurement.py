@@ -29,11 +29,8 @@ from repose.common.files import Path_, read_table, write_table
 from repose.measure.angles import MEAN_KEYS
 from repose.measure.further_responses import CALIBRATED_ANGLE
 from repose.stages.job import measure_job
+from repose.stages.settings import SETS_OF_NEXT
 
-# Number of parameter sets that are drawn from the posterior.
-SETS = 16
-# Runs of each in each bench test: the fewest that show the scatter.
-SEEDS = 2
 COLUMNS = [
     "response",
     "apparatus",
@@ -52,7 +49,7 @@ FEWEST_SETS = 4
 
 
 def plausible_sets(draws_csv: Path_, seed: int, out: Path_) -> pd.DataFrame:
-    """Write `SETS` draws of the posterior as samples.
+    """Write `SETS_OF_NEXT` draws of the posterior as samples.
 
     Parameters
     ----------
@@ -74,12 +71,12 @@ def plausible_sets(draws_csv: Path_, seed: int, out: Path_) -> pd.DataFrame:
         If there are fewer draws.
     """
     draws = read_table(draws_csv, PARAMETERS)
-    if len(draws) < SETS:
-        raise InputError(draws_csv, "rows", len(draws), f"{SETS} or more")
+    if len(draws) < SETS_OF_NEXT:
+        raise InputError(draws_csv, "rows", len(draws), f"{SETS_OF_NEXT} or more")
     random = np.random.default_rng(seed)
-    rows = np.sort(random.choice(len(draws), SETS, replace=False))
+    rows = np.sort(random.choice(len(draws), SETS_OF_NEXT, replace=False))
     samples = draws.loc[rows, list(parameters_among(draws))].reset_index(drop=True)
-    samples.insert(0, "sample", range(1, SETS + 1))
+    samples.insert(0, "sample", range(1, SETS_OF_NEXT + 1))
     write_table(out, samples, float_format="%.10g")
     return samples
 

@@ -1,19 +1,25 @@
 """Published tables for comparison with results."""
 
-from collections.abc import Collection, Iterable
+import csv
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from repose.bench.parameters import PARAMETERS
 from repose.calibrate.responses import Response
+from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
 from repose.common.files import Path_, read_table
 from repose.common.tables import Column, is_number, read
+from repose.measure.definitions import CALIBRATED_ANGLE, MEAN_KEYS
 from repose.stages.parameter_sets import OF_SETS
 
 if TYPE_CHECKING:
     import pandas as pd
 
+# Number of the first published set. The solutions of a study are numbered from 1, and
+# their numbers stay below it.
+FIRST_PUBLISHED = 101
 # Most sets of each of the two tables: their sample numbers are 101 to 999.
 MOST = 449
 # Beside the published solutions: sets of other works, with their source and wall.
@@ -125,6 +131,49 @@ def check_published(path: Path_ | None) -> None:
 def read_stored(path: Path_) -> "pd.DataFrame":
     """Read the published sets as `snakemake published_sets` simulated them."""
     return read_table(path, STORED)
+
+
+def columns_of_stored(path: Path_) -> list[str]:
+    """Read the names of the columns of such a table; `read_stored` checks the rest."""
+    with open(path, encoding="utf-8-sig", newline="") as file:
+        return next(csv.reader(file), [])
+
+
+def stored_columns(
+    columns: Iterable[str],
+    *,
+    names: Sequence[str],
+    targets: Targets,
+    definition: str,
+) -> dict[Response, str]:
+    """Find the responses of a study in a table of simulated published sets.
+
+    Parameters
+    ----------
+    columns : iterable of str
+        Of the table.
+    names : sequence of str
+        Parameters of the study.
+    targets : Targets
+    definition : str
+        How the study takes the angle of repose (`measure.response`).
+
+    Returns
+    -------
+    dict
+        The column of each response that the table has; empty if it lacks a parameter.
+    """
+    present = set(columns)
+    if not set(names) <= present:
+        return {}
+    found = {}
+    for response in targets.responses:
+        column = response.name
+        if column == CALIBRATED_ANGLE:
+            column = MEAN_KEYS[definition]
+        if column in present:
+            found[response] = column
+    return found
 
 
 def published_sets(path: Path_ | None) -> list[dict[str, float]]:

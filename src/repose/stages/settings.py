@@ -1,8 +1,13 @@
-"""The section `validation` of the configuration: the check of the answer."""
+"""Settings of stages: the section `validation`, and the numbers of the study `next`."""
 
 from pydantic import Field
 
 from repose.common.section import PathOrNull, Section
+
+# Number of parameter sets that the study `next` draws from the posterior.
+SETS_OF_NEXT = 16
+# Runs of each in each bench test: the fewest that show the scatter.
+SEEDS_OF_NEXT = 2
 
 
 class ValidationSettings(Section):

@@ -26,7 +26,13 @@ from repose.measure.angles import CALIBRATED_ANGLE, MEAN_KEYS
 from repose.measure.settings import MeasureSettings, line_for, line_of
 from repose.stages.dataset import Jobs, assemble, read_jobs
 from repose.stages.parameter_sets import read_samples
-from repose.stages.published import SIMULATED_BY, read_sets, read_stored
+from repose.stages.published import (
+    FIRST_PUBLISHED,
+    SIMULATED_BY,
+    read_sets,
+    read_stored,
+    stored_columns,
+)
 
 CHOSEN = ("solution", "role")
 ENDED = ("n_seeds", "status", "reason")
@@ -34,9 +40,6 @@ ENDED = ("n_seeds", "status", "reason")
 ANGLES = tuple(
     column for name in MEAN_KEYS.values() for column in (name, error_of(name))
 )
-# Number of the first published set. The solutions of a study are numbered from 1, and
-# their numbers stay below it.
-FIRST_PUBLISHED = 101
 
 
 def select_for_validation(
@@ -404,43 +407,6 @@ def write_published_sets(
     table = table.assign(**simulated_by)
     write_table(out_csv, table)
     return table
-
-
-def stored_columns(
-    columns: Iterable[str],
-    *,
-    names: Sequence[str],
-    targets: Targets,
-    definition: str,
-) -> dict[Response, str]:
-    """Find the responses of a study in a table of simulated published sets.
-
-    Parameters
-    ----------
-    columns : iterable of str
-        Of the table.
-    names : sequence of str
-        Parameters of the study.
-    targets : Targets
-    definition : str
-        How the study takes the angle of repose (`measure.response`).
-
-    Returns
-    -------
-    dict
-        The column of each response that the table has; empty if it lacks a parameter.
-    """
-    present = set(columns)
-    if not set(names) <= present:
-        return {}
-    found = {}
-    for response in targets.responses:
-        column = response.name
-        if column == CALIBRATED_ANGLE:
-            column = MEAN_KEYS[definition]
-        if column in present:
-            found[response] = column
-    return found
 
 
 def compared_with_published(

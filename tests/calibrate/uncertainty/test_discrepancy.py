@@ -433,7 +433,7 @@ def test_bits_by_hand_the_most_informative_first_and_plausible_sets(tmp_path):
     )
     assert (list(samples.columns), len(samples)) == (
         ["sample", *PARAMETERS],
-        next_measurement.SETS,
+        next_measurement.SETS_OF_NEXT,
     )
     for values in pd.read_csv(tmp_path / "samples.csv")[list(PARAMETERS)].to_numpy():
         assert np.isclose(draws.to_numpy(), values, rtol=1e-9).all(axis=1).sum() == 1

@@ -5,14 +5,12 @@ OWN_SOLUTIONS = [
 PUBLISHED_NAMES = to_simulate(
     config["validation"]["published"], STUDY.targets.responses, STUDY.parameters.names
 )
-PUBLISHED_SOLUTIONS = [
-    f"{checks.FIRST_PUBLISHED + k}" for k in range(len(PUBLISHED_NAMES))
-]
+PUBLISHED_SOLUTIONS = [f"{FIRST_PUBLISHED + k}" for k in range(len(PUBLISHED_NAMES))]
 STORED = config["validation"]["published_simulated"]
 # Whether the stored table of simulated published sets can be set beside this study.
 PUBLISHED_IS_STORED = bool(STORED) and bool(
-    checks.stored_columns(
-        read_stored(STORED),
+    stored_columns(
+        columns_of_stored(STORED),
         names=STUDY.parameters.names,
         targets=STUDY.targets,
         definition=STUDY.settings.measure.response,

@@ -23,6 +23,8 @@ def tables_in(folders):
 
 def samples_of_batch(strategy, number):
     """Numbers of seeds by sample of a batch, once it is proposed."""
+    import pandas  # slow to import
+
     made = checkpoints.propose.get(strategy=strategy, batch=number).output.samples
     return pandas.read_csv(made).set_index("sample")["seeds"].to_dict()
 

@@ -38,7 +38,7 @@ use rule pour as next_pour with:
         f"{RESULTS}/benchmarks/next/{{runs}}/{{sample}}.tsv"
     params:
         purpose="next",
-        seeds=next_measurement.SEEDS,
+        seeds=SEEDS_OF_NEXT,
         more=["--keep-runs"],
     message:
         "Plausible set {wildcards.sample}, {wildcards.runs}"
@@ -50,7 +50,7 @@ rule next:
         pours=expand(
             rules.next_pour.output.pours,
             runs=[runs for name, runs in RUN_FOLDERS.items() if config.get(name)],
-            sample=[f"{k:03d}" for k in range(1, next_measurement.SETS + 1)],
+            sample=[f"{k:03d}" for k in range(1, SETS_OF_NEXT + 1)],
         ),
     output:
         table=f"{NEXT}/next.csv",

@@ -12,11 +12,11 @@ from typing import Any, TypeVar
 import numpy as np
 
 from .. import walls as wall_types
-from ..cache import source_hash
 from ..errors import InputError
 from ..kernels import state as st
 from ..materials import Contact, Material
 from ..shapes import Clump, Shape
+from ..sources import source_hash
 from ..walls import Motion
 from ..world import World
 from .whole import write_whole

@@ -1,0 +1,99 @@
+"""The check of a configuration by an earlier run of the workflow.
+
+Snakemake reads the Snakefile for each of its commands. The first command checks the
+configuration with its grain and the files that it names, and computes each `auto`. A run
+keeps the numbers in RESULTS/checked.json, with a hash of all that they follow from, so
+that the next command need not make the grain again.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from repose.common import ledger
+from repose.common.errors import InputError
+from repose.common.files import read_json, write_json
+from repose.common.keys import Config, get
+from repose.common.provenance import hash_of, hash_of_file
+from repose.common.source_code import code_hash
+from repose.config import computed
+from repose.config.models import named_files
+from repose.stages.published import find_sibling_table
+
+FILE = "checked.json"
+# Rooms whose code checks a configuration or computes a number of it.
+ROOMS = ("common", "config", "stages", "bench", "measure", "calibrate", "grain", "dem")
+
+
+def fingerprint(config: Config) -> str:
+    """Hash a configuration as its files have it, the files that it names, and the code."""
+    paths = [get(config, key) for key in named_files()]
+    published = get(config, "validation.published")
+    if isinstance(published, str):
+        paths.append(find_sibling_table(published, "table1.csv"))
+    targets = config.get("targets")
+    for target in targets if isinstance(targets, list) else []:
+        if isinstance(target, Mapping):
+            paths.append(target.get("file"))
+    contents = {}
+    for path in paths:
+        if path is not None and Path(path).is_file():
+            contents[str(path)] = hash_of_file(path)
+    code = code_hash(*ROOMS, follow_imports=False)
+    return hash_of({"config": config, "files": contents, "code": code})
+
+
+def numbers(config: Config, checked: str) -> dict[str, Any] | None:
+    """Return the numbers that an earlier run computed of the same configuration.
+
+    Parameters
+    ----------
+    config : mapping
+        The configuration as its files have it.
+    checked : str
+        Its `fingerprint`.
+
+    Returns
+    -------
+    dict or None
+        Each number by its dotted key; None without a check of the same configuration.
+    """
+    folder = config.get("results_dir")
+    if not isinstance(folder, str):
+        return None
+    path = Path(folder) / FILE
+    if not (path.is_file() and ledger.is_own_file(path)):
+        return None
+    try:
+        content = read_json(path, {"fingerprint": str, "numbers": dict})
+    except InputError:
+        return None
+    return content["numbers"] if content["fingerprint"] == checked else None
+
+
+def with_numbers(config: Config, known: Mapping[str, Any]) -> dict[str, Any]:
+    """Copy a configuration, with these numbers in place of each `auto`."""
+    completed = dict(config)
+    for setting in computed.to_compute(config):
+        completed = computed.with_value(completed, setting, known[setting.key])
+    return completed
+
+
+def write(config: Config, checked: str, resolved: Config) -> None:
+    """Keep the numbers of a checked configuration for later commands.
+
+    Parameters
+    ----------
+    config : mapping
+        The configuration as its files have it.
+    checked : str
+        Its `fingerprint`.
+    resolved : mapping
+        The same configuration, with a number in place of each `auto`.
+    """
+    known = {
+        setting.key: get(resolved, setting.key)
+        for setting in computed.to_compute(config)
+    }
+    path = Path(resolved["results_dir"]) / FILE
+    write_json(path, {"fingerprint": checked, "numbers": known})
