@@ -12,12 +12,12 @@ script = Script("shape", __doc__)
 
 def depends_on(config, apparatus):
     """List the settings that a cell depends on; `config` is its own, without other cells' settings."""
-    found = dependencies.simulating(config) | dependencies.simulating(
+    found = dependencies.simulation_settings(config) | dependencies.simulation_settings(
         config, "cylinder"
     )
     found |= dependencies.sections(
         config, "measure", "targets"
-    ) | dependencies.measuring(config, "cylinder")
+    ) | dependencies.measurement_settings(config, "cylinder")
     return (
         found
         | dependencies.settings_of(config, "berry")

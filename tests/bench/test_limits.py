@@ -76,7 +76,7 @@ def refused_by_check(config, particle, berry):
         * berry["shear_modulus_pa"]
         * (1 + berry["poisson_ratio"])
     }
-    return [key for key, _ in making.unstable(config, particle, berry)] == [
+    return [key for key, _ in making.time_step_faults(config, particle, berry)] == [
         "simulation.time_step_s"
     ]
 

@@ -26,7 +26,7 @@ def test_a_time_step_far_below_the_longest_is_reported_with_the_saved_time():
         (4.0e-6, "; with 3.2e-05 s a run takes 12 % of the time"),
         (3.0e-5, ""),
     ):
-        assert check.about_step(step_s, limit).endswith(
+        assert check.describe_time_step(step_s, limit).endswith(
             f"; maximum 4.09e-05 s: as a pile has it{hint}"
         )
 
@@ -64,7 +64,7 @@ def test_the_cost_is_that_of_the_least_disturbed_pour(monkeypatch):
         "funnel": whole["funnel"] | {"berries": grains},
         "parameters": ranges,
     }
-    assert cost.measured_berry_step_s(config, {}, None) == pytest.approx(
+    assert cost.measure_grain_step_s(config, {}, None) == pytest.approx(
         50e-6 / grains, rel=0.05
     )
 

@@ -185,13 +185,13 @@ def test_results_of_other_settings_or_another_engine_are_found(tmp_path, monkeyp
     path, own = pour(tmp_path / "a.json"), tmp_path / "own.json"
     own.write_text("{}")
     paths = [path, own, tmp_path / "missing.json"]
-    assert dependencies.outdated(CONFIG, paths) == []
-    assert dependencies.outdated(changed(network={"hidden": 3}), paths) == []
-    assert dependencies.outdated(changed(simulation={"gravity_m_s2": 1.62}), paths) == [
-        str(path)
-    ]
+    assert dependencies.find_outdated(CONFIG, paths) == []
+    assert dependencies.find_outdated(changed(network={"hidden": 3}), paths) == []
+    assert dependencies.find_outdated(
+        changed(simulation={"gravity_m_s2": 1.62}), paths
+    ) == [str(path)]
     monkeypatch.setattr(dependencies, "engine_hash", lambda: "edited")
-    assert dependencies.outdated(CONFIG, paths) == [str(path)]
+    assert dependencies.find_outdated(CONFIG, paths) == [str(path)]
 
 
 OTHER_TARGETS = [CONFIG["targets"][0] | {"value": 31.0}, *CONFIG["targets"][1:]]
@@ -254,7 +254,7 @@ def test_the_datasets_piles_are_a_studys_own_while_its_settings_and_files_are_th
 ):
     config = CONFIG | {"results_dir": str(tmp_path)}
     piles, table = tmp_path / "heaps/001.json", tmp_path / "dataset.csv"
-    assert dependencies.own_dataset(config) is None
+    assert dependencies.find_own_dataset(config) is None
     run("berry", (), lambda: files.write_json(tmp_path / "berry/berry.json", {}))
     poured = pour(tmp_path / "heaps/001.pours.json")
 
@@ -273,33 +273,33 @@ def test_the_datasets_piles_are_a_studys_own_while_its_settings_and_files_are_th
         )
 
     measured()
-    assert dependencies.own_dataset(config) == table
+    assert dependencies.find_own_dataset(config) == table
     for section in (
         {"berry": {"density_kg_m3": 900.0}},
         {"measure": {"views": 3}},
         {"funnel": {"berries": 7}},
     ):
         assert (
-            dependencies.own_dataset(
+            dependencies.find_own_dataset(
                 changed(**section) | {"results_dir": str(tmp_path)}
             )
             is None
         ), section
     measured(changed(measure={"views": 3}))
-    assert dependencies.own_dataset(config) is None
+    assert dependencies.find_own_dataset(config) is None
     measured()
     os.utime(table, (0, 0))  # older than a pile
-    assert dependencies.own_dataset(config) is None
+    assert dependencies.find_own_dataset(config) is None
     table.write_text("x")
     (tmp_path / "dataset.csv.provenance.json").unlink()
-    assert dependencies.own_dataset(config) is None
+    assert dependencies.find_own_dataset(config) is None
 
 
 def test_an_outdated_batch_and_what_a_study_no_longer_has(tmp_path):
     path = tmp_path / "proposal.json"
     run("propose", (), lambda: files.write_json(path, {}), strategy="sequential")
-    assert dependencies.outdated(changed(network={"hidden": 3}), [path]) == []
-    assert dependencies.outdated(changed(sequential={"checks": 3}), [path]) == [
+    assert dependencies.find_outdated(changed(network={"hidden": 3}), [path]) == []
+    assert dependencies.find_outdated(changed(sequential={"checks": 3}), [path]) == [
         str(path)
     ]
     paths = [
@@ -315,7 +315,7 @@ def test_an_outdated_batch_and_what_a_study_no_longer_has(tmp_path):
         for key, value in changed(sequential={"checks": 3}).items()
         if key != "drum"
     }
-    assert dependencies.outdated(lacking, paths) == [str(paths[2])]
+    assert dependencies.find_outdated(lacking, paths) == [str(paths[2])]
 
 
 def test_the_processor_type_is_reported_with_what_stands_in_for_another(

@@ -137,7 +137,7 @@ def test_time_goes_with_the_slowest_bench_test_and_each_strategy_has_its_own_pou
         ("surface", 17, 3),
         ("check", 8, 3),
     )
-    work = cost.work(config, 1e-7, pours)
+    work = cost.estimate_work(config, 1e-7, pours)
     assert work["total_s"] == pytest.approx(
         48 * cost.JOB_START_S + 144 * work["pour_s"]
     )
@@ -152,7 +152,7 @@ def test_time_goes_with_the_slowest_bench_test_and_each_strategy_has_its_own_pou
         "seeds": 8,
         "representative_seeds": 16,
     }
-    work = cost.work(config, 1e-7)
+    work = cost.estimate_work(config, 1e-7)
     assert work["total_s"] == pytest.approx(
         cost.REST_S + 32 * cost.JOB_START_S + 144 * work["pour_s"]
     )
@@ -170,16 +170,18 @@ def test_time_goes_with_the_slowest_bench_test_and_each_strategy_has_its_own_pou
     )
     config = second
     config["simulation"]["time_step_s"] = 2.5e-4
-    work = cost.work(config)
+    work = cost.estimate_work(config)
     solutions = (("representative", 1, 32), ("validation", 5, 12))
     assert work["pours"] == (("design", 150, 6), *solutions)
     config["simulation"]["time_step_s"] /= 2
-    assert cost.costs(config)["published_sets"].startswith("84 pours")  # seven sets
-    assert cost.work(config)["total_s"] > 1.65 * work["total_s"]
+    assert cost.describe_costs(config)["published_sets"].startswith(
+        "84 pours"
+    )  # seven sets
+    assert cost.estimate_work(config)["total_s"] > 1.65 * work["total_s"]
     config["simulation"]["time_step_s"] *= 2
     config["targets"].append(shared.target("drum_slip_deg", 40, 1, 35, 45))
     runs = (150 + 1 + 5) * config["drum"]["seeds"]
-    assert cost.work(config)["total_s"] > work["total_s"] + runs * cost.run_s(
+    assert cost.estimate_work(config)["total_s"] > work["total_s"] + runs * cost.run_s(
         config, "drum"
     )
 

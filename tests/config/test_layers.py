@@ -13,7 +13,7 @@ import repose
 from repose.calibrate.study import Study
 from repose.common import places, reading
 from repose.config import loader
-from repose.config.loader import own_crop_under
+from repose.config.loader import find_substitute_crop
 from repose.config.making import ConfigChecks
 from repose.config.pipeline import PipelineConfig
 
@@ -100,8 +100,8 @@ def test_a_complete_file_and_the_built_in_crop_stand_in_for_the_folders_own(
     (tmp_path / "config.yaml").unlink()
     (tmp_path / "mine.yaml").write_text("label: mine\n")
     own = places.root() / places.DEFAULT_CONFIG
-    assert own_crop_under("mine.yaml") == own
-    assert own_crop_under(str(own.parent / "quick.yaml")) is None
+    assert find_substitute_crop("mine.yaml") == own
+    assert find_substitute_crop(str(own.parent / "quick.yaml")) is None
 
 
 def test_a_fault_names_the_file_it_came_from(tmp_path):

@@ -247,19 +247,22 @@ def test_a_run_stands_on_what_it_reads_in_any_order_and_not_on_its_measurement(c
         ):
             changed = put(copy.deepcopy(config), f"{section}.{key}", "another")
             is_measurement = (section, key) in (*of_measure, *measured_by)
-            is_same = dependencies.simulating(changed, name) == dependencies.simulating(
-                config, name
-            )
+            is_same = dependencies.simulation_settings(
+                changed, name
+            ) == dependencies.simulation_settings(config, name)
             assert is_same is is_measurement, (section, key)
             if is_measurement:
-                assert dependencies.measuring(changed, name) != dependencies.measuring(
-                    config, name
-                )
+                assert dependencies.measurement_settings(
+                    changed, name
+                ) != dependencies.measurement_settings(config, name)
                 assert dependencies.settings_of(
                     changed, "next"
                 ) != dependencies.settings_of(config, "next"), (section, key)
         other = turned(config)
-        for what in (dependencies.simulating, dependencies.measuring):
+        for what in (
+            dependencies.simulation_settings,
+            dependencies.measurement_settings,
+        ):
             assert str(what(other, name)) == str(what(config, name))
         assert str(dependencies.sections(other, "berry", "miga")) == str(
             dependencies.sections(config, "berry", "miga")

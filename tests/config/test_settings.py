@@ -480,7 +480,7 @@ def test_a_study_may_do_without_compression_tests_and_published_solutions(config
     PipelineConfig.of(config).check_inputs()
     config["validation"]["published"] = None
     PipelineConfig.of(config).check_inputs()
-    assert cost.costs(config)["published_sets"].startswith("0 pours")
+    assert cost.describe_costs(config)["published_sets"].startswith("0 pours")
 
 
 def test_inputs_are_checked_against_the_berry_and_the_disc(config):

@@ -357,7 +357,7 @@ def poured(number, default, mean, particles, seen):
     faults = [*test.contradictions(scene.settings), *test.misfits(scene.settings, axes)]
     one = {"parameters": {name: {"fixed": value} for name, value in parameters.items()}}
     one["validation"] = config["validation"] | {"published": None}
-    faults += making.unstable(config | one, particle, berry)
+    faults += making.time_step_faults(config | one, particle, berry)
     if faults:
         return row | {
             "status": "refused",

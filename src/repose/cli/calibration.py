@@ -155,7 +155,7 @@ def published_sets(args: argparse.Namespace, study: PipelineConfig) -> None:
     # Both the runs and their measurements must be of this engine and scene.
     measurements = [Path(job) for job in args.jobs]
     runs = [path.with_suffix(".pours.json") for path in measurements]
-    outdated = dependencies.outdated(study.config, [*measurements, *runs])
+    outdated = dependencies.find_outdated(study.config, [*measurements, *runs])
     if outdated:
         raise InputError(
             outdated[0],

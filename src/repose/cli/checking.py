@@ -73,7 +73,7 @@ def check(args: argparse.Namespace, study: PipelineConfig) -> None:
     _print_lines(check.trials(study, grain_step_s, elapsed_seconds_shown))
 
     pours = cost.strategy_pours(settings, settings.strategy)
-    work = cost.work(study.config, grain_step_s, pours)
+    work = cost.estimate_work(study.config, grain_step_s, pours)
     _print_pours(work["pours"])
     minutes = work["total_s"] / args.cores / 60
     print(
@@ -203,7 +203,7 @@ def _grain_step_s(study: PipelineConfig) -> float:
         "or two of a core"
     )
     with elapsed_seconds_shown(sentence):
-        return cost.measured_berry_step_s(study.config, study.grain, study.particle)
+        return cost.measure_grain_step_s(study.config, study.grain, study.particle)
 
 
 @contextlib.contextmanager

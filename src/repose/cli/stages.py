@@ -73,7 +73,7 @@ def note_built_in_crop(*files: str) -> None:
     """Print a note if the built-in crop stands in for a missing configuration."""
     from repose.config import loader
 
-    built_in_crop = loader.own_crop_under(*files)
+    built_in_crop = loader.find_substitute_crop(*files)
     if built_in_crop is None:
         return
     # A study of another simulator has no crop.

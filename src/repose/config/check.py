@@ -82,17 +82,17 @@ def describe_study(study: PipelineConfig) -> Iterator[str]:
     config = study.config
     grain = study.grain
     particle = study.particle
-    yield from reach.warnings(config, particle, dependencies.own_dataset(config))
+    yield from reach.warnings(config, particle, dependencies.find_own_dataset(config))
 
     limit = computed.longest_step(config, particle, grain)
-    yield about_step(study.settings.simulation.time_step_s, limit)
+    yield describe_time_step(study.settings.simulation.time_step_s, limit)
 
     def longest_s(other_grain: Mapping[str, Any]) -> float:
         return computed.longest_step(config, particle, other_grain).time_step_s
 
     yield from advice.funnel_hints(config, grain, particle, longest_s)
-    yield from _about_grain(study)
-    yield from _about_sizes(study)
+    yield from _describe_grain(study)
+    yield from _describe_sizes(study)
 
 
 def is_coarse(particle: "Particle") -> bool:
@@ -107,7 +107,7 @@ def _volume_change(particle: "Particle") -> float:
     return float(particle.volume_m3 / particle.mesh_volume_m3 - 1)
 
 
-def _about_grain(study: PipelineConfig) -> Iterator[str]:
+def _describe_grain(study: PipelineConfig) -> Iterator[str]:
     """Warn of a coarse particle, and of settings of the grain that are not used."""
     particle = study.particle
     section = study.settings.berry
@@ -134,7 +134,7 @@ def _about_grain(study: PipelineConfig) -> Iterator[str]:
         )
 
 
-def _about_sizes(study: PipelineConfig) -> Iterator[str]:
+def _describe_sizes(study: PipelineConfig) -> Iterator[str]:
     """Warn of measured sizes, and of a mass, that one grain cannot stand for."""
     from repose.grain import berry, size_checks
     from repose.grain.berry_files import SIZE_COLUMNS, read_sizes
@@ -207,9 +207,9 @@ def _describe_spread(section: "GrainSettings", *, spread: float, lost: float) ->
     return text
 
 
-def about_step(step_s: float, limit: "Limit") -> str:
+def describe_time_step(step_s: float, limit: "Limit") -> str:
     """Describe a time step and its maximum, with the time that a longer one saves."""
-    maximum = computed.rounded_down(limit.time_step_s, digits=3)
+    maximum = computed.round_down(limit.time_step_s, digits=3)
     text = (
         f"time step: simulation.time_step_s is {step_s:g} s; "
         f"maximum {maximum:.3g} s: {limit.reason}"
@@ -336,7 +336,7 @@ def costs(
     settings = study.settings
     misfits: dict[str, str] = {}
     for name in strategies.others():
-        reason = cost.strategy_misfit(settings, name)
+        reason = cost.explain_strategy_misfit(settings, name)
         if reason is not None:
             misfits[name] = reason
 
@@ -367,7 +367,7 @@ def _cost_row(
     study: PipelineConfig, name: str, pours: cost.Pours | None, grain_step_s: float
 ) -> str:
     """Write the row of a strategy in the table of costs."""
-    work = cost.work(study.config, grain_step_s, pours)
+    work = cost.estimate_work(study.config, grain_step_s, pours)
     counts = [sets * seeds for _, sets, seeds in work["pours"]]
     n_pours = str(sum(counts))
     if name == "sequential":
@@ -391,7 +391,7 @@ def catalogue(files: list[str]) -> str:
     try:
         study = PipelineConfig.load(*files)
         config = study.config
-        descriptions = cost.costs(config)
+        descriptions = cost.describe_costs(config)
         for name in strategies.others():
             descriptions[name] = _describe_strategy_cost(study, name)
     except InputError:
@@ -411,10 +411,10 @@ def catalogue(files: list[str]) -> str:
 
 def _describe_strategy_cost(study: PipelineConfig, strategy: str) -> str:
     """Describe the cost of a strategy, or why the configuration does not fit it."""
-    misfit = cost.strategy_misfit(study.settings, strategy)
+    misfit = cost.explain_strategy_misfit(study.settings, strategy)
     if misfit:
         return misfit
     pours = cost.strategy_pours(study.settings, strategy)
-    minutes = cost.work(study.config, pours=pours)["total_s"] / 60
+    minutes = cost.estimate_work(study.config, pours=pours)["total_s"] / 60
     n_pours = sum(sets * seeds for _, sets, seeds in pours or ())
     return f"at most {n_pours} pours, about {minutes:.0f} min on one core, by itself"

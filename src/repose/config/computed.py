@@ -52,7 +52,7 @@ class Computed(NamedTuple):
         The key.
     reads : tuple of str
         The sections, and keys outside sections, that the number follows from.
-    of : callable
+    compute : callable
         Computes the number from the configuration, the mean grain and its particle. The
         last two are None unless `needs_grain`.
     """
@@ -60,7 +60,7 @@ class Computed(NamedTuple):
     section: str
     name: str
     reads: tuple[str, ...]
-    of: Callable[[Config, Any, Any], Any]
+    compute: Callable[[Config, Any, Any], Any]
 
     @property
     def key(self) -> str:
@@ -132,7 +132,7 @@ def longest_step(config: Config, particle: "Particle", mean: Grain) -> "Limit":
     return longest_time_step(Scene.of(config, critical, mean, particle))
 
 
-def rounded_down(value: float, digits: int) -> float:
+def round_down(value: float, digits: int) -> float:
     """Round a positive number down to a number of significant digits."""
     unit = 10.0 ** (math.floor(math.log10(value)) - (digits - 1))
     return float(f"{math.floor(value / unit) * unit:.{digits}g}")
@@ -140,7 +140,7 @@ def rounded_down(value: float, digits: int) -> float:
 
 def advised_step_s(longest_s: float) -> float:
     """Recommend a time step: `STEP_SHARE` of the longest, rounded down to two digits."""
-    return rounded_down(STEP_SHARE * longest_s, digits=2)
+    return round_down(STEP_SHARE * longest_s, digits=2)
 
 
 def axes_mm(grain: Grain) -> Sequence[float]:
@@ -245,20 +245,45 @@ def _time_step_s(config: Config, grain: Grain, particle: "Particle") -> float:
 
 
 COMPUTED = (
-    Computed("network", "split", ("surrogate",), _split),
-    Computed("measure", "mm_per_pixel", ("berry",), _mm_per_pixel),
-    Computed("funnel", "factory_height_mm", ("berry",), _factory_height_mm),
+    Computed("network", "split", reads=("surrogate",), compute=_split),
+    Computed("measure", "mm_per_pixel", reads=("berry",), compute=_mm_per_pixel),
     Computed(
-        "funnel", "factory_diameter_mm", ("berry", "funnel"), _factory_diameter_mm
+        "funnel", "factory_height_mm", reads=("berry",), compute=_factory_height_mm
     ),
-    Computed("funnel", "rest_motion_mm", ("berry", "simulation"), _rest_motion_mm),
-    Computed("funnel", "rest_window_s", ("berry", "simulation"), _rest_window_s),
-    Computed("simulation", "rest_energy_j", ("berry", "simulation"), _rest_energy_j),
-    Computed("funnel", "duration_s", ("berry", "funnel", "simulation"), _duration_s),
+    Computed(
+        "funnel",
+        "factory_diameter_mm",
+        reads=("berry", "funnel"),
+        compute=_factory_diameter_mm,
+    ),
+    Computed(
+        "funnel",
+        "rest_motion_mm",
+        reads=("berry", "simulation"),
+        compute=_rest_motion_mm,
+    ),
+    Computed(
+        "funnel",
+        "rest_window_s",
+        reads=("berry", "simulation"),
+        compute=_rest_window_s,
+    ),
+    Computed(
+        "simulation",
+        "rest_energy_j",
+        reads=("berry", "simulation"),
+        compute=_rest_energy_j,
+    ),
+    Computed(
+        "funnel",
+        "duration_s",
+        reads=("berry", "funnel", "simulation"),
+        compute=_duration_s,
+    ),
     Computed(
         "simulation",
         "time_step_s",
-        ("berry", "wall", "parameters", "validation", "simulation"),
-        _time_step_s,
+        reads=("berry", "wall", "parameters", "validation", "simulation"),
+        compute=_time_step_s,
     ),
 )

@@ -39,15 +39,15 @@ class Rule(NamedTuple):
     faults: Callable[[], Pairs]
 
 
-def before_numbers(config: Mapping[str, Any]) -> list[Rule]:
+def rules_before_numbers(config: Mapping[str, Any]) -> list[Rule]:
     """List the rules that are applied before any `auto` is computed.
 
     A time step needs the constants of the contact law.
     """
     settings = valid_sections(config)
     return [
-        Rule(("targets",), partial(_of_targets, settings, config)),
-        Rule(("parameters", "simulation"), partial(_of_the_contact_law, settings)),
+        Rule(("targets",), partial(_target_faults, settings, config)),
+        Rule(("parameters", "simulation"), partial(_contact_law_faults, settings)),
     ]
 
 
@@ -55,7 +55,7 @@ def rules(config: Mapping[str, Any]) -> list[Rule]:
     """List the rules for a configuration whose `auto` are numbers."""
     from repose.calibrate.strategies import cost
 
-    used = used_tests(config)
+    used = tests_in_use(config)
     scene = SceneSettings(config)
     settings = valid_sections(config)
     rules = []
@@ -65,30 +65,30 @@ def rules(config: Mapping[str, Any]) -> list[Rule]:
     rules += [
         Rule(
             ("surrogate", "parameters", "network", "design"),
-            partial(_of_the_surrogate, settings),
+            partial(_surrogate_faults, settings),
         ),
         Rule(
             ("surrogate", "network", "design", "targets"),
-            partial(_of_the_validation, settings),
+            partial(_validation_faults, settings),
         ),
         Rule(
             ("network", "targets", *(test.name for test in used)),
-            partial(_of_seeds, settings),
+            partial(_seed_faults, settings),
         ),
         Rule(
             ("strategy", *cost.others(), "targets", "parameters"),
-            partial(_of_the_strategy, settings),
+            partial(_strategy_faults, settings),
         ),
     ]
     return rules
 
 
-def used_tests(config: Mapping[str, Any]) -> list[BenchTest[Any]]:
+def tests_in_use(config: Mapping[str, Any]) -> list[BenchTest[Any]]:
     """Return the bench tests whose section is in the configuration."""
     return [test for test in bench_tests() if test.name in config]
 
 
-def _of_the_strategy(settings: StudySettings) -> Pairs:
+def _strategy_faults(settings: StudySettings) -> Pairs:
     """Refuse values with which the strategy cannot run."""
     from repose.calibrate.strategies import cost
 
@@ -101,11 +101,11 @@ def _of_the_strategy(settings: StudySettings) -> Pairs:
     )
 
 
-def _of_the_surrogate(settings: StudySettings) -> Pairs:
+def _surrogate_faults(settings: StudySettings) -> Pairs:
     """Refuse fewer samples for training than the surrogate needs."""
     from repose.calibrate.surrogates import names, surrogate_class
 
-    training = _samples(settings, part=0)
+    training = _sample_faults(settings, part=0)
     needed = surrogate_class(settings.surrogate).least_samples(settings.free)
     if training >= needed:
         return
@@ -121,10 +121,13 @@ def _of_the_surrogate(settings: StudySettings) -> Pairs:
     )
 
 
-def _of_the_validation(settings: StudySettings) -> Pairs:
+def _validation_faults(settings: StudySettings) -> Pairs:
     """Refuse fewer validation samples than show the noise of all targets."""
     targets = len(settings.targets)
-    if settings.network.validation_noise and _samples(settings, part=1) <= targets:
+    if (
+        settings.network.validation_noise
+        and _sample_faults(settings, part=1) <= targets
+    ):
         yield (
             "network.split",
             f"a second share that leaves more than {targets} validation samples, or "
@@ -132,13 +135,13 @@ def _of_the_validation(settings: StudySettings) -> Pairs:
         )
 
 
-def _samples(settings: StudySettings, part: int) -> int:
+def _sample_faults(settings: StudySettings, part: int) -> int:
     """Count the samples of the design for training (part 0) or validation (part 1)."""
     # The floating-point product may lie just below an integer: 0.7 * 90 is 62.99999.
     return int(settings.network.split[part] * settings.design.samples + 1e-9)
 
 
-def _of_the_contact_law(settings: StudySettings) -> Pairs:
+def _contact_law_faults(settings: StudySettings) -> Pairs:
     """Refuse force laws that lack parameters, and parameters of another law."""
     contact_law = settings.simulation.contact_law
     rolling_law = settings.simulation.rolling_law
@@ -166,7 +169,7 @@ def _of_the_contact_law(settings: StudySettings) -> Pairs:
         yield f"parameters.{name}", f"absent: it belongs to {configured}"
 
 
-def _of_seeds(settings: StudySettings) -> Pairs:
+def _seed_faults(settings: StudySettings) -> Pairs:
     """Refuse too few runs of a sample to compare them, in a bench test of the targets."""
     if not settings.network.replicates:
         return
@@ -179,7 +182,7 @@ def _of_seeds(settings: StudySettings) -> Pairs:
             )
 
 
-def _of_targets(settings: StudySettings, config: Mapping[str, Any]) -> Pairs:
+def _target_faults(settings: StudySettings, config: Mapping[str, Any]) -> Pairs:
     """Refuse targets of a bench test without a section, and a response given twice."""
     earlier_responses = set()
     for k, target in enumerate(settings.targets):

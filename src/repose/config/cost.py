@@ -12,13 +12,13 @@ from repose.bench.space import contact_space
 from repose.calibrate.responses import response
 from repose.calibrate.strategies import cost as strategies
 from repose.common.keys import Config
-from repose.config.contradictions import used_tests
+from repose.config.contradictions import tests_in_use
 from repose.config.models import StudySettings, valid_sections
 from repose.grain.particle import Particle
 from repose.stages.published import to_simulate
 
 # Measured on one core of a common server.
-SECONDS_A_BERRY_STEP = 8e-8
+SECONDS_A_GRAIN_STEP = 8e-8
 SECONDS_A_VIEW = 0.01
 # Start of the two processes of a job: its simulation and its measurement.
 JOB_START_S = 2.5
@@ -40,7 +40,7 @@ Pours = Sequence[tuple[str, int, int]]
 
 
 def run_s(
-    config: Config, name: str, berry_step_s: float = SECONDS_A_BERRY_STEP
+    config: Config, name: str, grain_step_s: float = SECONDS_A_GRAIN_STEP
 ) -> float:
     """Estimate the wall time of a run of a bench test on one core.
 
@@ -52,8 +52,8 @@ def run_s(
         The configuration.
     name : str
         Of the bench test.
-    berry_step_s : float
-        Time for one step of one grain [s], as from `measured_berry_step_s`.
+    grain_step_s : float
+        Time for one step of one grain [s], as from `measure_grain_step_s`.
 
     Returns
     -------
@@ -66,7 +66,7 @@ def run_s(
     # While grains are poured, half of them are there on average.
     filling = min(duration, grains / _rate_per_s(settings, name))
     filled = duration - 0.5 * filling
-    return berry_step_s * grains * filled / settings.simulation.time_step_s
+    return grain_step_s * grains * filled / settings.simulation.time_step_s
 
 
 def grains_of(settings: StudySettings, name: str) -> int:
@@ -103,7 +103,7 @@ def strategy_pours(settings: StudySettings, name: str) -> Pours | None:
     return strategies.pours(name, settings.of_strategy(name), settings.free)
 
 
-def strategy_misfit(settings: StudySettings, name: str) -> str | None:
+def explain_strategy_misfit(settings: StudySettings, name: str) -> str | None:
     """Explain why a strategy cannot run with this configuration; None if it can."""
     section = settings.of_strategy(name)
     return strategies.reason_against(
@@ -134,7 +134,7 @@ def _most_seeds(config: Config) -> int:
     return max(numbers)
 
 
-def measured_berry_step_s(
+def measure_grain_step_s(
     config: Config, grain: Mapping[str, Any], particle: Particle
 ) -> float:
     """Measure the time of one step of one grain in a pile, on a core of this machine.
@@ -184,9 +184,9 @@ def measured_berry_step_s(
     return min(times_s)
 
 
-def work(
+def estimate_work(
     config: Config,
-    berry_step_s: float = SECONDS_A_BERRY_STEP,
+    grain_step_s: float = SECONDS_A_GRAIN_STEP,
     pours: Pours | None = None,
 ) -> dict[str, Any]:
     """Estimate the cost of a study on one core.
@@ -195,7 +195,7 @@ def work(
     ----------
     config : mapping
         The configuration.
-    berry_step_s : float
+    grain_step_s : float
         Time for one step of one grain [s].
     pours : sequence, optional
         The runs of a strategy, from `strategy_pours`. By default those of the article's
@@ -211,10 +211,10 @@ def work(
     settings = valid_sections(config)
     names = _tests_of_targets(settings)
     views_s = SECONDS_A_VIEW * settings.measure.views
-    times_s = {"funnel": run_s(config, "funnel", berry_step_s) + views_s}
+    times_s = {"funnel": run_s(config, "funnel", grain_step_s) + views_s}
     for name in (*names, "drum"):
         if name not in times_s and settings.bench(name) is not None:
-            times_s[name] = run_s(config, name, berry_step_s)
+            times_s[name] = run_s(config, name, grain_step_s)
 
     if pours is None:
         pours = _article_pours(settings)
@@ -290,19 +290,19 @@ SENTENCES = {
 }
 
 
-def costs(config: Config) -> dict[str, str]:
+def describe_costs(config: Config) -> dict[str, str]:
     """Describe the cost of each study in `SENTENCES`: its runs, and their time.
 
     The time with the surrogate alone, seconds to minutes, is left out.
     """
     settings = valid_sections(config)
-    calibration = work(config)
+    calibration = estimate_work(config)
     pour_s = calibration["pour_s"]
 
     descriptions = dict.fromkeys(SENTENCES, "no pours besides the calibration")
     n_pours = sum(sets * seeds for _, sets, seeds in calibration["pours"])
     minutes = calibration["total_s"] / 60
-    has_other_tests = {test.name for test in used_tests(config)} != {"funnel"}
+    has_other_tests = {test.name for test in tests_in_use(config)} != {"funnel"}
     others = " and the other bench tests" if has_other_tests else ""
     descriptions["calibration"] = (
         f"{n_pours} pours{others}, about {minutes:.0f} min on one core"

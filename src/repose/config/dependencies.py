@@ -124,11 +124,15 @@ def _selected(
     """Select the settings of a stage, with the paths of files."""
     grain = sections(config, *KEYS["shape"])
     if stage == "pour":
-        return grain | simulating(config, test)
+        return grain | simulation_settings(config, test)
     if stage == "drum":
-        return grain | simulating(config, "drum")
+        return grain | simulation_settings(config, "drum")
     if stage in ("measure_runs", "heap"):
-        return grain | simulating(config, test) | measuring(config, test)
+        return (
+            grain
+            | simulation_settings(config, test)
+            | measurement_settings(config, test)
+        )
     if stage == RUNS:
         return grain | _of_runs(config)
 
@@ -151,7 +155,9 @@ def _of_runs(config: Config) -> dict[str, Any]:
     selected = sections(config, "parameters")
     targets = valid_sections(config).targets
     for test in dict.fromkeys(target.apparatus for target in targets):
-        selected |= simulating(config, test) | measuring(config, test)
+        selected |= simulation_settings(config, test) | measurement_settings(
+            config, test
+        )
     return selected | responses(config)
 
 
@@ -205,7 +211,7 @@ def _of_bench_test(config: Config, test: str, keys: Iterable[str]) -> dict[str, 
     return sections(config, *(f"{test}.{key}" for key in keys))
 
 
-def simulating(config: Config, apparatus: str = UNNAMED) -> dict[str, Any]:
+def simulation_settings(config: Config, apparatus: str = UNNAMED) -> dict[str, Any]:
     """Select the settings that one run of a bench test reads.
 
     Neither its measurement nor the number of its seeds is among them.
@@ -219,7 +225,7 @@ def simulating(config: Config, apparatus: str = UNNAMED) -> dict[str, Any]:
     return selected
 
 
-def measuring(config: Config, apparatus: str = UNNAMED) -> dict[str, Any]:
+def measurement_settings(config: Config, apparatus: str = UNNAMED) -> dict[str, Any]:
     """Select the settings that the measurement of a run reads."""
     test = bench(apparatus)
     selected = sections(config, "measure")
@@ -239,7 +245,7 @@ def scene(config: Config) -> str:
     selected["measure"] = measure
     targets = targets_of(config)
     for test in dict.fromkeys(target.apparatus for target in targets):
-        selected |= simulating(config, test)
+        selected |= simulation_settings(config, test)
         selected |= _of_bench_test(config, test, bench(test).measured_by)
     return hash_of(_with_contents(selected))
 
@@ -367,7 +373,7 @@ def require_same_study(config: Config, inputs: Inputs, source: str) -> None:
             )
 
 
-def outdated(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
+def find_outdated(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
     """Find results of other settings or of another engine.
 
     Parameters
@@ -385,7 +391,7 @@ def outdated(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
     return [str(path) for path in paths if difference(config, attached.read(path))]
 
 
-def own_dataset(config: Config) -> Path | None:
+def find_own_dataset(config: Config) -> Path | None:
     """Find the study's own dataset.csv.
 
     Returns
@@ -400,7 +406,9 @@ def own_dataset(config: Config) -> Path | None:
     if not piles:
         return None
     files = [*folder.glob("berry/*.json"), *piles, table]
-    if any(attached.read(path) is None for path in files) or outdated(config, files):
+    if any(attached.read(path) is None for path in files) or find_outdated(
+        config, files
+    ):
         return None
     newest_pile = max(path.stat().st_mtime for path in piles)
     return table if table.stat().st_mtime >= newest_pile else None

@@ -18,7 +18,7 @@ from repose.common.provenance import hash_of, hash_of_file
 from repose.common.source_code import code_hash
 from repose.config import computed
 from repose.config.models import named_files
-from repose.stages.published import find_sibling_table
+from repose.stages.published import find_sibling_table, tables
 
 FILE = "checked.json"
 # Rooms whose code checks a configuration or computes a number of it.
@@ -30,7 +30,7 @@ def fingerprint(config: Config) -> str:
     paths = [get(config, key) for key in named_files()]
     published = get(config, "validation.published")
     if isinstance(published, str):
-        paths.append(find_sibling_table(published, "table1.csv"))
+        paths += [*tables(published), find_sibling_table(published, "table1.csv")]
     targets = config.get("targets")
     for target in targets if isinstance(targets, list) else []:
         if isinstance(target, Mapping):

@@ -81,10 +81,10 @@ def read_layers(files: Sequence[Path_], overrides: Config | None = None) -> Laye
     paths = [places.find(path) for path in files]
     read_once: Any = functools.cache(read)
     if paths:
-        layered = _over_each_other(paths, overrides, read_once)
+        layered = _merge_files(paths, overrides, read_once)
         if not _lacks_keys(layered.config):
             return layered
-    return _over_each_other(layers(paths, read_once), overrides, read_once)
+    return _merge_files(layers(paths, read_once), overrides, read_once)
 
 
 def over_defaults(
@@ -120,18 +120,18 @@ def over_defaults(
         contents = [*map(read_once, files), given]
         default_files = layers((), read_once, contents)
     needed_files = default_files if _lacks_keys(given) else []
-    defaults = _over_each_other(needed_files, read=read_once)
+    defaults = _merge_files(needed_files, read=read_once)
 
     # Find the file of each value, the last first.
     sources = []
     for path in (*default_files, study, *files):
         sources.append(Layer(str(path), read_once(path)))
     origin: dict[str, str] = {}
-    values = _as_in_files(given, "", sources, origin, otherwise)
+    values = _values_of_files(given, "", sources, origin, otherwise)
 
     config = _merge(defaults.config, values, {}, "")
     return Layered(
-        _with_files_resolved(config),
+        _resolve_named_files(config),
         Origin(
             {**defaults.origin.origin, **origin},
             default=str(files[-1]) if files else otherwise,
@@ -140,7 +140,7 @@ def over_defaults(
     )
 
 
-def _as_in_files(
+def _values_of_files(
     value: Any,
     key: str,
     sources: Sequence[Layer],
@@ -156,7 +156,7 @@ def _as_in_files(
         section = {}
         for name, item in value.items():
             dotted = f"{key}.{name}" if key else name
-            section[name] = _as_in_files(item, dotted, sources, origin, otherwise)
+            section[name] = _values_of_files(item, dotted, sources, origin, otherwise)
         origin[key] = otherwise
         for source in sources:
             if isinstance(_value_at(source.content, key), dict):
@@ -166,7 +166,7 @@ def _as_in_files(
     # All values of the command line are texts, and so are some numbers of files.
     parsed = value
     if otherwise == COMMAND_LINE or EXPONENT.match(str(value)):
-        parsed = _parsed(value)
+        parsed = _parse_texts(value)
     for source in reversed(sources):
         value_of_file = _value_at(source.content, key)
         if value_of_file in (value, parsed):
@@ -226,7 +226,7 @@ def layers(
     return [*defaults, *files]
 
 
-def own_crop_under(*files: Path_) -> Path | None:
+def find_substitute_crop(*files: Path_) -> Path | None:
     """Return the file of the built-in crop if it stands in for a missing configuration.
 
     It does where a configuration uses it in a folder that has no configuration. The
@@ -242,7 +242,7 @@ def own_crop_under(*files: Path_) -> Path | None:
         return None
     if built_in_crop in paths:
         return built_in_crop
-    if paths and not _lacks_keys(_over_each_other(paths).config):
+    if paths and not _lacks_keys(_merge_files(paths).config):
         return None
     if built_in_crop in layers(paths):
         return built_in_crop
@@ -265,7 +265,7 @@ def _is_a_crop(config: Config) -> bool:
     return not isinstance(grain.get("density_kg_m3"), str)
 
 
-def _over_each_other(
+def _merge_files(
     files: Sequence[Path_], overrides: Config | None = None, read: Read = read
 ) -> Layered:
     """Merge the values of files and the overrides; note the file of each key."""
@@ -273,13 +273,13 @@ def _over_each_other(
     origin: dict[str, str] = {}
     for path in files:
         _merge(config, read(path), origin, str(path))
-    _merge(config, _parsed(overrides or {}), origin, COMMAND_LINE)
+    _merge(config, _parse_texts(overrides or {}), origin, COMMAND_LINE)
     default = str(files[-1]) if files else ""
     shared = str(places.find(places.METHOD_CONFIG))
-    return Layered(_with_files_resolved(config), Origin(origin, default, shared))
+    return Layered(_resolve_named_files(config), Origin(origin, default, shared))
 
 
-def _with_files_resolved(config: dict[str, Any]) -> dict[str, Any]:
+def _resolve_named_files(config: dict[str, Any]) -> dict[str, Any]:
     """Replace the named files that the working folder lacks by the program's own.
 
     The configuration is changed in place, and returned.
@@ -310,14 +310,14 @@ def is_resolved(*files: Path_) -> bool:
     return Path(path).name == RESOLVED and ledger.is_own_file(path)
 
 
-def _parsed(value: Any) -> Any:
+def _parse_texts(value: Any) -> Any:
     """Read the texts in a value as YAML: the command line gives 2 and [1, 2] as text."""
     from repose.common.reading import parse
 
     if isinstance(value, dict):
-        return {key: _parsed(item) for key, item in value.items()}
+        return {key: _parse_texts(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_parsed(item) for item in value]
+        return [_parse_texts(item) for item in value]
     if isinstance(value, str) and value.strip():
         return parse(value, COMMAND_LINE)
     return value

@@ -14,7 +14,7 @@ from repose.common import faults
 from repose.common.errors import InputError, YamlError, raise_together
 from repose.common.keys import Origin, get, owner_of
 from repose.config import computed, results_folder
-from repose.config.contradictions import Rule, before_numbers, rules, used_tests
+from repose.config.contradictions import Rule, rules, rules_before_numbers, tests_in_use
 from repose.config.models import StudySettings, settings_type, valid_sections
 from repose.grain.particle import Particle
 from repose.stages.published import check_published, find_sibling_table, read_stored
@@ -26,7 +26,7 @@ STEP = ("simulation", "wall", "parameters", "validation")
 Result = TypeVar("Result")
 
 
-def unstable(
+def time_step_faults(
     config: Mapping[str, Any], particle: Particle, mean: Mapping[str, Any]
 ) -> Iterator[tuple[str, str]]:
     """Yield the key and the allowed values of a time step that the engine would refuse.
@@ -108,12 +108,12 @@ class ConfigChecks:
             self._read_files()
         if inputs or any(setting.needs_grain for setting in pending):
             self._make_grain()
-        self._apply(before_numbers(self.config))
+        self._apply(rules_before_numbers(self.config))
         for setting in pending:
             self._compute(setting)
         self._apply(rules(self.config))
         if inputs:
-            self._fit_together()
+            self._check_fit()
         raise_together(self.faults)
         self.inputs_are_checked = inputs
 
@@ -128,7 +128,7 @@ class ConfigChecks:
         if not self.inputs_are_checked:
             self._read_files()
             self._make_grain()
-            self._fit_together()
+            self._check_fit()
             raise_together(self.faults)
             self.inputs_are_checked = True
         return self.mean, self.particle
@@ -271,7 +271,7 @@ class ConfigChecks:
         value = None
         if self._may_read(*setting.reads) and not lacks_grain:
             value = self._result_of(
-                setting.key, setting.of, self.config, self.mean, self.particle
+                setting.key, setting.compute, self.config, self.mean, self.particle
             )
         if value is None:
             self.bad.add(setting.key)
@@ -284,13 +284,13 @@ class ConfigChecks:
                 allowed = f"{fault.allowed}; `auto` gives this number"
                 self._add([(fault.key, allowed)])
 
-    def _fit_together(self) -> None:
+    def _check_fit(self) -> None:
         """Check the grain against the bench tests and the time step."""
         if self.mean is None:
             return
         axes_mm = computed.axes_mm(self.mean)
-        for test in used_tests(self.config):
+        for test in tests_in_use(self.config):
             if self._may_read(test.name):
                 self._add(test.misfits(SceneSettings(self.config), axes_mm))
         if self.particle is not None and self._may_read(*STEP):
-            self._add(unstable(self.config, self.particle, self.mean))
+            self._add(time_step_faults(self.config, self.particle, self.mean))

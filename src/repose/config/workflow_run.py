@@ -55,7 +55,7 @@ def run_of_workflow(
     InputError
         With all faults of the configuration.
     """
-    files = [_as_typed(path) for path in configfiles]
+    files = [_relative_to_here(path) for path in configfiles]
     source = loader.COMMAND_LINE if has_command_line else loader.WORKFLOW
     layered = loader.over_defaults(config, files, source)
     fingerprint = earlier_check.fingerprint(layered.config)
@@ -69,7 +69,7 @@ def run_of_workflow(
     return WorkflowRun(study, FirstCheck(layered.config, fingerprint))
 
 
-def _as_typed(path: str) -> str:
+def _relative_to_here(path: str) -> str:
     """Return a path relative to the working directory if it lies below it."""
     here = os.getcwd()
     absolute = os.path.abspath(path)

@@ -159,7 +159,9 @@ def measure_particles(
     members = None
     if particles.are_spheres:
         members = _largest_pile(particles, centres)
-    settings = _with_grain_height(settings or MeasureSettings.with_defaults(), particles, metres)
+    settings = _with_grain_height(
+        settings or MeasureSettings.with_defaults(), particles, metres
+    )
     result = pile.measure_pile(grains, settings, members)
     return ParticlePile(
         result=result,

@@ -105,7 +105,7 @@ def test_the_configured_strategy_is_in_the_table_and_no_pour_is_timed_before_the
         assert "probability that the answer" in capsys.readouterr().out
         return 1e-7
 
-    monkeypatch.setattr(cost, "measured_berry_step_s", timed)
+    monkeypatch.setattr(cost, "measure_grain_step_s", timed)
     path = written(
         tmp_path / "mine.yaml",
         f"strategy: {strategy}\nresults_dir: {tmp_path}/results\n",
@@ -127,7 +127,7 @@ def test_the_configured_strategy_is_in_the_table_and_no_pour_is_timed_before_the
     }
     pours |= {
         "published": [
-            sum(sets * seeds for _, sets, seeds in cost.work(config)["pours"])
+            sum(sets * seeds for _, sets, seeds in cost.estimate_work(config)["pours"])
         ]
     }
     assert [int(row[1]) for row in marked] == pours[strategy]
@@ -138,7 +138,7 @@ def test_the_configured_strategy_is_in_the_table_and_no_pour_is_timed_before_the
 def test_a_strategy_that_does_not_fit_is_left_out(
     free, fitting, tmp_path, monkeypatch, command
 ):
-    monkeypatch.setattr(cost, "measured_berry_step_s", lambda *_: 1e-7)
+    monkeypatch.setattr(cost, "measure_grain_step_s", lambda *_: 1e-7)
     fixed = "".join(f"  {name}: {{fixed: 0.3}}\n" for name in PARAMETERS[free:])
     text = f"parameters:\n{fixed}results_dir: {tmp_path}/results\nmeasure: {{response: whole}}\n"
     out = command("plan", "--config", written(tmp_path / "mine.yaml", text)).out
