@@ -1,7 +1,6 @@
 """Campaigns with real pours: how often a strategy ends within 1 % of its target, judged by seeds that it has not seen.
 
     python -m research.answers.real_campaigns sequential --out results/real
-    python -m research.answers.real_campaigns refine --out results/real
 
 The stages and the seeds are those of the workflow. They are called in one process, which saves the start of a Python
 for each job. A campaign that was stopped goes on after its last finished job.
@@ -12,11 +11,6 @@ sequential
     Five campaigns of the default berry as `config/config.yaml` has it. Their targets are the quantiles of 10, 30, 50,
     70 and 90 % of the Height over the pool; `design.seed` is 4000, 4001, ... The answer of each is poured with 96
     fresh seeds. It is right if their mean is within 1 % of the target.
-refine
-    Five campaigns for the published Height. Campaign k, from 0, takes the samples k + 1, k + 6, k + 11, ... of the
-    recommended design, 30 samples of 6 pours: so few that the starts are off. `design.seed` is 5000, 5001, ... At most
-    three refits, 64 seeds of each proposal, and 2 of each neighbour. It is right if the loop says so: the mean of 64
-    fresh seeds within 1 % of the target, with a standard error below 0.7 %.
 
 Every campaign that was begun is in the table, with any result. The table's record of provenance names what the
 campaigns' own files stand on; `--campaigns` without a number makes the table anew from finished campaigns.
@@ -34,7 +28,6 @@ from repose.common import provenance
 from repose.common.files import read_table, write_table
 from repose.config import loader
 from repose.config.pipeline import PipelineConfig
-from repose.stages import dataset
 
 HEIGHT_ALONE = Path("results/published/height_alone")
 QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9)
@@ -155,36 +148,10 @@ def sequential(folder, number):
     }
 
 
-def refine(folder, number):
-    """A campaign of the refinement loop; its rounds as rows of the table."""
-    section = {"rounds": 3, "seeds": 64, "neighbour_seeds": 2}
-    campaign = Campaign(folder, {"design": {"seed": 5000 + number}, "refine": section})
-    for name in ("dataset", "runs"):
-        table = pd.read_csv(HEIGHT_ALONE / f"{name}.csv")
-        table[(table["sample"] - 1) % CAMPAIGNS == number].to_csv(
-            folder / f"{name}.csv", index=False
-        )
-    summary = dataset.counts(
-        *(pd.read_csv(folder / f"{name}.csv") for name in ("dataset", "runs"))
-    )
-    definitions = json.loads((HEIGHT_ALONE / "dataset_summary.json").read_text())[
-        "definitions"
-    ]
-    (folder / "dataset_summary.json").write_text(
-        json.dumps(summary | {"definitions": definitions})
-    )
-    campaign.batches("refined", [folder])
-    others = ["batch", "pours", "reason", "warning", "usable", "why"]
-    table = pd.read_csv(folder / "answer/batches.csv").drop(columns=others)
-    table.insert(0, "campaign", number)
-    return table.to_dict("records")
-
-
 def collect(folder, kind):
     """Write one table of all campaigns, with the record of what their answers stand on."""
     tables = sorted(folder.glob(f"{kind}_?/campaign.csv"))
-    file = {"sequential": "answer/check.csv", "refine": "answer/batches.csv"}[kind]
-    answers = [path.parent / file for path in tables]
+    answers = [path.parent / "answer/check.csv" for path in tables]
     with provenance.stage(f"{kind}_campaigns", answers, lambda config, _: config):
         write_table(
             folder / f"{kind}.csv", pd.concat([read_table(path) for path in tables])
@@ -195,7 +162,7 @@ def main():
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("kind", choices=("sequential", "refine"))
+    parser.add_argument("kind", choices=("sequential",))
     parser.add_argument("--out", type=Path, default=Path("results/real"))
     parser.add_argument("--campaigns", type=int, nargs="*", default=range(CAMPAIGNS))
     args = parser.parse_args()
@@ -203,8 +170,7 @@ def main():
         folder = args.out / f"{args.kind}_{number}"
         folder.mkdir(parents=True, exist_ok=True)
         began = time.process_time()
-        found = {"sequential": sequential, "refine": refine}[args.kind](folder, number)
-        table = pd.DataFrame(found if isinstance(found, list) else [found])
+        table = pd.DataFrame([sequential(folder, number)])
         write_table(folder / "campaign.csv", table, float_format="%.5g")
         print(
             table.to_string(),

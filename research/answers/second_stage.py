@@ -2,6 +2,7 @@
 
     python -m research.answers.second_stage simulate --first 0 --last 30 --out second_stage.csv
     python -m research.answers.second_stage summary --table second_stage.csv
+    python -m research.answers.second_stage pour --processes 2 --minutes 120 --out second_stage_pours.csv
 
 `simulate`: paired data sets from the process of `kept_truth.py`. Three pours of each sample are among the six of the same
 data set. Each design is fitted (8 starts in place of 20), and answers with the set of least expected loss.
@@ -13,6 +14,10 @@ design    pours
 3+150     600    the same, then 150 single pours: `strategy: refined`
 
 An answer is judged by the truth: Eq. 11 in percent, the sum of the relative deviations from the targets.
+
+`pour`: the same with real pours, for two kept data sets (`recommended`, `comparison`), with 20 starts. The pours of the
+designs are kept; those of the second stages and 256 fresh ones of each answer are made, 2,136 in all, two hours of a
+core or less. Finished pours stay in tables beside the result, and the same command goes on.
 """
 
 from pathlib import Path
@@ -23,8 +28,10 @@ from scipy import stats
 
 from repose.calibrate.expected_loss import minimise_expected_loss
 from repose.calibrate.strategies.refined.places import places_near_targets
+from repose.common.errors import InputError
 from repose.common.files import read_table, write_table
-from research.answers.kept_truth import DataSet, Truth, designed
+from research.answers.kept_truth import KEPT, DataSet, Truth, designed
+from research.answers.seeds_per_sample import Rows, pouring, seeds_of
 from research.script import Script, option
 
 STREAM = 112  # of random numbers, of this study alone
@@ -121,6 +128,120 @@ def _row(design, other, values):
         "low": mean - reach,
         "high": mean + reach,
     }
+
+
+KEPT_SETS = ("recommended", "comparison")
+FRESH = 256
+
+
+def kept_data(study, name, seeds):
+    """The good ones of the first pours of each sample in a kept data set."""
+    targets = study.targets
+    runs = read_table(KEPT / name / "runs.csv", ("sample", "status", *targets.names))
+    first = runs.groupby("sample", sort=False).head(seeds)
+    good = dict(list(first[first["status"] == "ok"].groupby("sample")))
+    samples = read_table(
+        KEPT / name / "dataset.csv", ("sample", *study.parameters.names)
+    ).set_index("sample")
+    names = list(targets.names)
+    X = samples.loc[list(good), list(study.parameters.names)].to_numpy(float)
+    return DataSet(X, [runs[names].to_numpy(float) for runs in good.values()])
+
+
+@script.part(
+    "pour",
+    "second_stage_pours.csv",
+    option("--processes", type=int, default=2, help="that pour at the same time (2)"),
+    option(
+        "--minutes", type=float, default=120.0, help="for each table of pours (120)"
+    ),
+    option("--fresh", type=int, default=FRESH, help=f"pours of each answer ({FRESH})"),
+    option("--sets", nargs="+", default=KEPT_SETS, help="kept data sets"),
+    simulates=True,
+)
+def pour(args, config):
+    """Judge the answers of the three designs by fresh pours."""
+    study = args.study
+    settings = study.settings.network
+    out = Path(args.out)
+    rows = []
+    for number, name in enumerate(args.sets):
+        answers = {}
+        for seeds, first, second in ((6, FULL, FULL_SECOND), (3, HALF, HALF_SECOND)):
+            data = kept_data(study, name, seeds)
+            model = data.fit(study, settings)
+            answers[first] = answer_of(study, model)
+            unit = places_near_targets(
+                model,
+                study.parameters,
+                study.targets,
+                count=SINGLE_POURS,
+                tolerance_percent=TOLERANCE_PERCENT,
+                random=np.random.default_rng([STREAM, 1, number, seeds]),
+            )
+            places = study.parameters.values(unit)
+            path = out.with_name(f"{out.stem}_{name}_{second}.csv")
+            key = [number, seeds]
+            values = poured(args, path, places, count=1, key=key)
+            is_good = [len(of_place) > 0 for of_place in values]
+            data = DataSet(
+                np.vstack([data.X, places[is_good]]),
+                [*data.values, *(of_place for of_place in values if len(of_place))],
+            )
+            answers[second] = answer_of(study, data.fit(study, settings))
+        for k, design in enumerate((FULL, FULL_SECOND, HALF_SECOND)):
+            path = out.with_name(f"{out.stem}_{name}_{design}_answer.csv")
+            point = answers[design][None]
+            values = poured(args, path, point, count=args.fresh, key=[number, 100 + k])
+            rows.append(
+                {"data_set": name, "design": design} | of_pours(study, values[0])
+            )
+        write_table(out, pd.DataFrame(rows), float_format="%.5g")
+    return pd.DataFrame(rows).to_string(index=False)
+
+
+def answer_of(study, model):
+    """The parameters (d,) of least expected loss."""
+    answer = minimise_expected_loss(model, study.parameters, study.targets)
+    return np.array([answer[name] for name in study.parameters.names])
+
+
+def poured(args, path, X, *, count, key):
+    """Good pours (pours, k) of each parameter set of X, with seeds of this study alone."""
+    study = args.study
+    tasks = []
+    for row in range(len(X)):
+        seeds = seeds_of(study.settings.design.seed, STREAM, [*key, row], count)
+        tasks += [
+            {"place": row, "pour": pour, "seed": seed, "row": row}
+            for pour, seed in enumerate(seeds)
+        ]
+    keys = ("place", "pour")
+    work = pouring(study, keys, X)
+    table = Rows(path, keys).complete(tasks, work, args.processes, args.minutes)
+    if len(table) < len(tasks):
+        allowed = f"{len(tasks)} pours: the same command goes on"
+        raise InputError(path, "pours", len(table), allowed)
+    good = table[table["status"] == "ok"]
+    names = list(study.targets.names)
+    return [
+        good.loc[good["place"] == row, names].to_numpy(float) for row in range(len(X))
+    ]
+
+
+def of_pours(study, values):
+    """Means of the fresh pours of an answer, and Eq. 11 of them in percent, with bounds."""
+    targets = study.targets
+    row = {"pours": len(values)}
+    for k, target in enumerate(targets):
+        row[target.name] = values[:, k].mean()
+        row[target.response.error] = values[:, k].std(ddof=1) / np.sqrt(len(values))
+    random = np.random.default_rng(STREAM)
+    again = random.integers(len(values), size=(4000, len(values)))
+    means = np.vstack([values.mean(axis=0), values[again].mean(axis=1)])
+    percent = 100 * np.abs(means - targets.aim) / targets.whole @ targets.weight
+    low, high = np.quantile(percent[1:], [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    return row | {"eq11_percent": percent[0], "low": low, "high": high}
 
 
 @script.part(

@@ -223,7 +223,7 @@ def test_every_key_is_explained_known_and_computed_where_it_may_be_auto():
 
 
 BAD_VALUES = (
-    ("refine.reach", 0, "a number from 0.01 to 1"), ("funnel.seeds", 0, "an integer from 1 to 100"),
+    ("refine.pours", 1, "an integer from 2 to 4096"), ("funnel.seeds", 0, "an integer from 1 to 100"),
     ("funnel.seeds", 2.0, "an integer"), ("funnel.seeds", "8", "an integer"),
     ("simulation.rest_energy_j", 0, "above 0"), ("simulation.tension", "maybe", "keep or release"),
     ("funnel", 3, "a section with the keys berries"), ("berry.poisson_ratio", 0.5, "a number from 0 to 0.49 or null"),
@@ -254,7 +254,7 @@ BAD_VALUES = (
     ("funnel.factory_diameter_mm", 151.0, "at most funnel.inlet_diameter_mm"),
     ("funnel.plate_diameter_mm", 30.0, "at least funnel.outlet_diameter_mm"),
     ("funnel.rest_window_s", 18.0, "below funnel.duration_s"), ("funnel.duration_s", 16.0, "above 16.8"),
-    ("miga.tournament", 41, "at most miga.population"), ("refine.neighbours", 1, "0 or at least 2"),
+    ("miga.tournament", 41, "at most miga.population"),
     ("drum.wall_thickness_mm", 100.0, "below half of drum.outer_diameter_mm"),
     ("drum.factory_height_mm", 95.0, "inside the drum"), ("drum.rotate_from_s", 1.7, "above 1.798"),
     ("drum.report_s", 4.0, "at least drum.rotate_from_s"),
@@ -457,15 +457,6 @@ def test_a_strategy_that_cannot_run_with_its_section_is_refused(quick):
     check_all(
         check_message,
         [(f"{key} {value}", key, value, allowed) for key, value, allowed in MISFITS],
-    )
-
-
-def test_a_proposal_is_cut_into_a_hundred_blocks_at_most(config):
-    config["refine"] |= {"seeds": 801, "block": 8}
-    input_error(
-        r"refine\.block is 8; expected at least refine.seeds / 100",
-        PipelineConfig.of,
-        config,
     )
 
 

@@ -243,7 +243,6 @@ def inputs_of(name, inputs):
         "figure14": {"published": "table3"}, "validation": {"published": "table4"}, "noise": {"runs": "noise_runs"},
         "plane": {"pool": "dataset", "fresh": "dataset"}, "figure13": {"fresh": "dataset"},
         "corner": {"summary": "posterior_summary", "stored": "published"}, "region": {"summary": "posterior_summary"},
-        "approach": {"summary": "refined_summary"},
     }  # fmt: skip
     files = {"stl": "berry", "berry": "axes"} | further.get(name, {})
     return {

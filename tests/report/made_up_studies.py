@@ -7,7 +7,6 @@ import numpy as np
 import pandas as pd
 
 from repose.bench.space import contact_space
-from repose.calibrate.responses import derived
 from repose.calibrate.targets import Targets
 from repose.calibrate.uncertainty import noise
 
@@ -20,7 +19,6 @@ def write(folder, config):
     rng = np.random.default_rng(2)
     _noise(folder, rng, targets)
     _uncertainty(folder, rng, space, targets)
-    _rounds(folder, targets)
     _discrepancy(folder, space)
     _region(folder, space)
 
@@ -129,17 +127,3 @@ def _region(folder, space):
     )
     table = pairs.merge(cells, how="cross").assign(least_implausibility=1.0, share=1.0)
     table.to_csv(folder / "region.csv", index=False)
-
-
-def _rounds(folder, targets):
-    """Three rounds of a refinement; the second gave no pile, the third is within."""
-    rounds = pd.DataFrame({"round": [0, 1, 2], "n_seeds": [64, 20, 63]})
-    rounds["outcome"] = ["not within", "no pile", "within"]
-    shares = {"target": [1, 1, 1], "predicted": [1, 1.001, 1]}
-    shares |= {"simulated": [0.96, np.nan, 1.005], "se": [0.006, np.nan, 0.005]}
-    for one, (what, share) in itertools.product(targets, shares.items()):
-        rounds[derived(one.name, what)] = one.value * np.array(share)
-    rounds.to_csv(folder / "batches.csv", index=False)
-    (folder / "refined_summary.json").write_text(
-        json.dumps({"why": "round 2 meets both targets"})
-    )

@@ -53,7 +53,7 @@ def as_ours(folder):
 
 def snakemake(project, *words, status=None):
     """Run snakemake in a fork, so that its imports are loaded once for all calls; `status` is what it must end with."""
-    for module in ("snakemake.cli", "repose.calibrate.strategies.refined.refine"):
+    for module in ("snakemake.cli", "repose.calibrate.strategies.refined.strategy"):
         importlib.import_module(module)
     began_s = time.perf_counter()
     with TemporaryFile() as out, TemporaryFile() as err:

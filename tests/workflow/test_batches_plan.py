@@ -25,14 +25,9 @@ pytestmark = pytest.mark.slow
 # come the path, a Box-Behnken design in three factors, and the check.
 SAMPLES = {"sequential": [8, 2, 2, 1], "response_surface": [8 + 3, 2 + 1, 12 + 3, 2]}
 SECTIONS = {"sequential": {"probability": 0.99}, "response_surface": {}}
-END = {"conclude_refined", "draw_approach", "refined", "total"}
+END = {"conclude_refined", "refined", "total"}
 ROUND = {"propose", "batch_pour", "measure_batch_runs", "batch_dataset"} | END
-JOBS = {
-    1001: 2,
-    1002: 2,
-    1101: 2,
-    1102: 2,
-}  # two blocks of the proposal and two neighbours, with their seeds
+JOBS = {1001: 1, 1002: 1, 1003: 1, 1004: 1}  # places near the targets, a pour at each
 
 
 def poured(folder, seed):
@@ -174,7 +169,7 @@ def proposed(folder, answer=False):
     )
 
 
-def test_bench_tests_of_the_targets_are_run_by_rounds_until_the_answer(finished):
+def test_bench_tests_of_the_targets_are_run_by_stages_until_the_answer(finished):
     project, words = finished
     (project / "mine.yaml").write_text(
         json.dumps({"targets": MIXED, "posterior": {"shape_study": None}})
@@ -207,12 +202,12 @@ def test_bench_tests_of_the_targets_are_run_by_rounds_until_the_answer(finished)
             f"--apparatus {name} " in line and "--purpose refined " in line
             for line in poured
         )
-        assert all("--seeds 2 " in line for line in poured)
+        assert all("--seeds 1 " in line for line in poured)
     shutil.rmtree(folder)
     project, words = finished
     words = (*words, "--", "refined")
     assert set(planned(project, *words)) == {"propose", *END}, (
-        "until round 0 is proposed no other is planned"
+        "until the second stage is proposed no answer is planned"
     )
     assert not (ROUND - {"total"}) & set(planned(project, *words[:-2], "--forceall"))
     folder = project / "results/quick/refined/batch_1"

@@ -13,8 +13,8 @@ from repose.calibrate.targets import Target
 
 # Remedy if only the prediction meets the targets.
 MORE_POURS = (
-    "`repose run refined`, which pours near the answer; or more samples, or more seeds "
-    "for each"
+    "`repose run refined`, which pours where the fit may meet the targets; or more "
+    "samples, or more seeds for each"
 )
 CARD = "card.json"
 REPORT = "report.html"

@@ -20,13 +20,19 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 import pandas as pd
 
+from repose.calibrate.inversion import invert
+from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.runs import of_bench
+from repose.calibrate.search.settings import MigaSettings
 from repose.calibrate.surrogates.base import Surrogate
 from repose.calibrate.targets import Targets
 from repose.calibrate.training import Replicates
 
 # A search: from a surrogate to the parameter sets (n, d) that it finds, and their roles.
 Search = Callable[[Surrogate], tuple[np.ndarray, Sequence[str]]]
+REPRESENTATIVE = "representative"
+# Rounds of the search in a replicate.
+ROUNDS = 20
 COLUMNS = ("role", "response", "optimism", "optimism_se", "replicates")
 
 
@@ -183,3 +189,22 @@ def expected_optimism(
         ):
             rows.append((role, name, optimism, error, len(values)))
     return pd.DataFrame(rows, columns=list(COLUMNS))
+
+
+def short(settings: MigaSettings) -> MigaSettings:
+    """Limit a search to the `ROUNDS` that a replicate makes."""
+    rounds = min(ROUNDS, settings.rounds)
+    return settings.model_copy(update={"rounds": rounds})
+
+
+def representative_again(
+    space: ParameterSpace, targets: Targets, settings: MigaSettings
+) -> Search:
+    """Make a short search that ends with the representative set alone."""
+
+    def search(surrogate: Surrogate) -> tuple[np.ndarray, Sequence[str]]:
+        solutions = invert(surrogate, space, targets, short(settings)).solutions
+        chosen = solutions[solutions["representative"]]
+        return chosen[list(space.names)].to_numpy(float), [REPRESENTATIVE]
+
+    return search

@@ -465,6 +465,8 @@ def _keys_read(name: str, content: Mapping[str, Any]) -> set[str]:
     if begins_with_design:
         keys.update(DESIGNED)
     later = strategy(name).reads
+    if strategy(name).seeds_key is not None:
+        keys.discard("seeds")
     if later:
         keys.update(later)
     elif not begins_with_design:

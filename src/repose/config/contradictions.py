@@ -18,6 +18,7 @@ from repose.bench.parameters import (
     parameters_of_law,
 )
 from repose.bench.settings import SceneSettings
+from repose.calibrate.strategies import strategy
 from repose.config.models import StudySettings, valid_sections
 
 # Dotted keys, each with its allowed values.
@@ -72,7 +73,7 @@ def rules(config: Mapping[str, Any]) -> list[Rule]:
             partial(_validation_faults, settings),
         ),
         Rule(
-            ("network", "targets", *(test.name for test in used)),
+            ("network", "targets", "strategy", "refine", *(test.name for test in used)),
             partial(_seed_faults, settings),
         ),
         Rule(
@@ -174,9 +175,10 @@ def _seed_faults(settings: StudySettings) -> Pairs:
     if not settings.network.replicates:
         return
     for name in dict.fromkeys(target.apparatus for target in settings.targets):
-        if settings.seeds_of(name) < 2:
+        if settings.design_seeds(name) < 2:
+            key = strategy(settings.strategy).seeds_key
             yield (
-                f"{name}.seeds",
+                key or f"{name}.seeds",
                 "at least 2, or network.replicates: false, since single runs show no "
                 "noise",
             )

@@ -240,7 +240,7 @@ def _article_pours(settings: StudySettings) -> Pours:
     """Count the runs of the article's method in the funnel."""
     validation = settings.validation
     return (
-        ("design", settings.design.samples, settings.funnel.seeds),
+        ("design", settings.design.samples, settings.design_seeds("funnel")),
         ("representative", 1, validation.representative_seeds),
         ("validation", validation.solutions, validation.seeds),
     )
@@ -263,7 +263,7 @@ def _article_s(
     n_sets = sum(sets for _, sets, _ in pours)
     for name in _tests_of_targets(settings):
         if name != "funnel":
-            seeds = settings.seeds_of(name)
+            seeds = settings.design_seeds(name)
             total_s += n_sets * (JOB_START_S + seeds * times_s[name])
     return total_s
 
@@ -282,7 +282,7 @@ SENTENCES = {
     "next": (
         "What to measure next: the information of each further response and bench test."
     ),
-    "refined": "More pours near the answer, until it meets the targets.",
+    "refined": "A second stage: single pours where the fit may meet the targets.",
     "published_sets": (
         "The published parameter sets in this simulator: a table that changes with "
         "engine and scene."
@@ -307,8 +307,8 @@ def describe_costs(config: Config) -> dict[str, str]:
     descriptions["calibration"] = (
         f"{n_pours} pours{others}, about {minutes:.0f} min on one core"
     )
-    refined = _describe_pours(_most_refine_pours(settings), pour_s)
-    descriptions["refined"] = f"at most {refined}"
+    n_refined = settings.refine.pours + settings.refine.seeds
+    descriptions["refined"] = _describe_pours(n_refined, pour_s)
     n_published = _n_published_sets(settings) * settings.validation.seeds
     descriptions["published_sets"] = _describe_pours(n_published, pour_s)
     return descriptions
@@ -320,13 +320,6 @@ def _describe_pours(n_pours: int, pour_s: float) -> str:
     return (
         f"{n_pours} pours, about {minutes:.0f} min on one core, besides the calibration"
     )
-
-
-def _most_refine_pours(settings: StudySettings) -> int:
-    """Count the most runs of the strategy that refines the answer."""
-    refine = settings.refine
-    pours_per_round = refine.seeds + refine.neighbours * refine.neighbour_seeds
-    return refine.rounds * pours_per_round
 
 
 def _n_published_sets(settings: StudySettings) -> int:

@@ -321,8 +321,19 @@ class StudySettings(Section):
         return section
 
     def seeds_of(self, name: str) -> int:
-        """Return the number of runs of a sample of the design in a bench test."""
+        """Return the number of runs of a sample in a bench test."""
         seeds: int = getattr(self.bench(name), "seeds")  # noqa: B009
+        return seeds
+
+    def design_seeds(self, name: str) -> int:
+        """Return the runs of a sample of the strategy's design in a bench test."""
+        from repose.calibrate.strategies import strategy
+
+        key = strategy(self.strategy).seeds_key
+        if key is None:
+            return self.seeds_of(name)
+        section, field = key.split(".")
+        seeds: int = getattr(getattr(self, section), field)
         return seeds
 
     def of_strategy(self, name: str) -> Section | None:

@@ -229,7 +229,7 @@ class PipelineConfig:
             simulator="repose",
             strategy=settings.strategy,
             surrogate=settings.surrogate,
-            seeds=settings.seeds_of(self.targets.apparatus[0]),
+            seeds=settings.design_seeds(self.targets.apparatus[0]),
             design=settings.design,
             network=settings.network,
             miga=settings.miga,

@@ -24,7 +24,7 @@ from repose.measure.settings import MeasureSettings, line_for
 
 # Remedy by strategy, if only the prediction meets the targets.
 ADVICE = {
-    "refined": "larger refine.rounds or refine.seeds",
+    "refined": "a larger refine.pours",
     "response_surface": "another response_surface.reach or .most_factors",
     "sequential": "a larger sequential.most_pours",
 }

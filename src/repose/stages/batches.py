@@ -189,6 +189,7 @@ def write_answer(
         "solution": "1",
         "role": "representative",
         **best,
+        **_optimism(notes.get("optimism", ()), targets),
         **_simulated(checked, targets),
     }
     if "check" in notes:
@@ -230,6 +231,17 @@ def _check(
         for target, mean in zip(targets, table["simulated"], strict=True)
     ]
     return table
+
+
+def _optimism(rows: Sequence[Mapping[str, Any]], targets: Targets) -> dict[str, float]:
+    """Name the expected optimism of the answer's prediction as Table 4 does."""
+    columns = {}
+    for target in targets:
+        for row in rows:
+            if row["response"] == target.name:
+                columns[target.response.optimism] = row["optimism"]
+                columns[target.response.optimism_error] = row["optimism_se"]
+    return columns
 
 
 def _simulated(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from repose.calibrate.inversion import invert
-from repose.calibrate.optimism import COLUMNS, Pours, Search, expected_optimism
+from repose.calibrate.optimism import COLUMNS, Pours, Search, expected_optimism, short
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.search.settings import MigaSettings
 from repose.calibrate.surrogates import Surrogate, load
@@ -15,10 +15,6 @@ from repose.calibrate.targets import Targets
 from repose.common.files import Path_, write_table
 from repose.stages.tables import read_dataset, read_runs
 from repose.stages.validate import select_for_validation
-
-# Rounds of the search in a replicate: it finds the sets of 870 rounds to a hundredth of
-# Eq. 11.
-ROUNDS = 20
 
 
 def search_again(
@@ -31,15 +27,13 @@ def search_again(
     parameters : ParameterSpace
     targets : Targets
     settings : MigaSettings
-        Those of the search; at most `ROUNDS` rounds are made.
+        Those of the search, of which a replicate makes a few rounds.
     count : int
         Number of sets besides the representative.
     """
-    rounds = min(ROUNDS, settings.rounds)
-    short = settings.model_copy(update={"rounds": rounds})
 
     def search(surrogate: Surrogate) -> tuple[np.ndarray, Sequence[str]]:
-        solutions = invert(surrogate, parameters, targets, short).solutions
+        solutions = invert(surrogate, parameters, targets, short(settings)).solutions
         chosen = select_for_validation(solutions, count, parameters)
         sets = chosen[list(parameters.names)].to_numpy(float)
         return sets, chosen["role"].tolist()

@@ -27,14 +27,7 @@ SECTION = {
     "steps": 5,
 }
 SECTION |= {"surface": "box_behnken", "centres": 5, "reach": 0.25, "checks": 8}
-REFINE = {
-    "seeds": 20,
-    "block": 8,
-    "neighbours": 4,
-    "neighbour_seeds": 3,
-    "tolerance_percent": 1.0,
-}
-REFINE |= {"standard_error_percent": 0.7}
+REFINE = {"pours": 20, "tolerance_percent": 2.0, "design_seeds": 3, "seeds": 8}
 SETTINGS = ResponseSurfaceSettings(**SECTION)
 MATTER = {"mus_gg", "mur_gg", "mus_gp"}
 

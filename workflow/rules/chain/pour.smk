@@ -31,7 +31,7 @@ rule pour:
         apparatus=apparatus,
         purpose="design",
         sample=lambda wildcards: wildcards.sample,
-        seeds=lambda wildcards: config[apparatus(wildcards)]["seeds"],
+        seeds=lambda wildcards: STUDY.settings.design_seeds(apparatus(wildcards)),
         more=["--keep-runs", "--measure"],
         settings=lambda wildcards: settings_of("pour", apparatus(wildcards)),
         code=engine_hash(),

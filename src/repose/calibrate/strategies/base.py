@@ -118,6 +118,9 @@ class Strategy(ABC, Generic[SectionType]):
     begins_with_design : bool
         Whether its first batch is the article's design, which the workflow simulates as
         such.
+    seeds_key : str or None
+        Key with the runs of each sample of its design; None where the design has those
+        of the published strategy.
     files : tuple of str
         Notes of its answer that the workflow writes: names with `.csv` for tables, with
         `.json` for mappings.
@@ -130,6 +133,7 @@ class Strategy(ABC, Generic[SectionType]):
     settings: ClassVar[type[Section] | None] = None
     repeats_points: ClassVar[bool] = False
     begins_with_design: ClassVar[bool] = False
+    seeds_key: ClassVar[str | None] = None
     files: ClassVar[tuple[str, ...]] = ()
     reads: ClassVar[tuple[str, ...] | None] = None
 

@@ -16,7 +16,6 @@ from repose.report.figures import noise  # noqa: F401, isort: skip
 from repose.report.figures import plane  # noqa: F401, isort: skip
 from repose.report.figures import posterior  # noqa: F401, isort: skip
 from repose.report.figures import profiles  # noqa: F401, isort: skip
-from repose.report.figures import refinement  # noqa: F401, isort: skip
 from repose.report.figures import region  # noqa: F401, isort: skip
 from repose.report.figures import response_surface  # noqa: F401, isort: skip
 from repose.report.figures import rotation  # noqa: F401, isort: skip

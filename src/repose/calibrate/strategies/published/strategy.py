@@ -24,11 +24,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     space = study.parameters
     settings = study.settings
     if data.empty:
-        section = settings.design
-        unit = design.points(
-            section.samples, space.dimensions, section.method, section.seed
-        )
-        return Batch(samples_of(space, unit, settings.seeds))
+        return design_batch(study, settings.seeds)
     samples = samples_of_runs(data, space, study.targets)
     training, support = fit_surrogate(study, samples, data)
     inversion = invert(
@@ -36,6 +32,16 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     )
     why = "the batch is simulated: the search on its surrogate answers"
     return answer_of(study, training.model, inversion, data, why, settings.seeds)
+
+
+def design_batch(study: Study, seeds: int) -> Batch:
+    """Make the batch of the design, with a number of runs of each sample."""
+    space = study.parameters
+    section = study.settings.design
+    unit = design.points(
+        section.samples, space.dimensions, section.method, section.seed
+    )
+    return Batch(samples_of(space, unit, seeds))
 
 
 def fit_surrogate(

@@ -1,172 +1,111 @@
-"""Proposals of the strategy `refined`: the published batch, then rounds.
+"""Proposals of the strategy `refined`: the published batch, the second stage, the answer.
 
-`repose.calibrate.strategies.refined.refine` says how one round follows from another.
+`repose.calibrate.strategies.refined.places` says where the second stage runs.
+docs/refinement.md says why.
 """
 
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from repose.calibrate.inversion import Inversion, invert
-from repose.calibrate.strategies.base import Answer, Batch
-from repose.calibrate.strategies.published import strategy as published
+from repose.calibrate.inversion import invert
+from repose.calibrate.optimism import Pours, expected_optimism, representative_again
+from repose.calibrate.seeds import PURPOSES
+from repose.calibrate.strategies.base import Answer, Batch, samples_of
 from repose.calibrate.strategies.published.strategy import (
     answer_of,
+    design_batch,
     fit_surrogate,
-    probability_of,
 )
-from repose.calibrate.strategies.refined import refine
-from repose.calibrate.strategies.refined.rounds import (
-    OF_A_ROUND,
-    PROPOSAL,
-    claim,
-    goes_on,
-    jobs,
-    judge,
-    objective_of,
-    round_of,
-    why_stopped,
-)
-from repose.calibrate.strategies.runs import runs_by_bench, samples_of_runs
+from repose.calibrate.strategies.refined.places import places_near_targets
+from repose.calibrate.strategies.runs import next_number, runs_by_bench, samples_of_runs
 from repose.calibrate.study import Study
-from repose.calibrate.surrogates.base import Surrogate
 from repose.calibrate.training import Training
-from repose.common.errors import InputError
-
-
-class Round(NamedTuple):
-    """A proposal, with the fit and the search behind it."""
-
-    training: Training
-    model: Surrogate  # of the training, corrected near the last proposal
-    inversion: Inversion
-    proposal: pd.DataFrame  # of `refine.propose`
-
-
-def follow(study: Study, data: pd.DataFrame, number: int) -> Round:
-    """Make a round from the runs of the design and of the rounds before it.
-
-    Parameters
-    ----------
-    study : Study
-    data : pandas.DataFrame
-        All runs; those of this round and later ones are left out.
-    number : int
-        Of the round, from 0.
-    """
-    space = study.parameters
-    settings = study.settings
-    if settings.design.samples >= OF_A_ROUND:
-        allowed = (
-            f"below {OF_A_ROUND}, from where the samples of the rounds are numbered"
-        )
-        raise InputError(
-            "configuration", "design.samples", settings.design.samples, allowed
-        )
-    earlier = data[data["sample"].map(round_of) < number]
-    samples = samples_of_runs(earlier, space, study.targets)
-    rounds = samples["sample"].map(round_of)
-    samples["round"] = rounds.where(rounds >= 0).astype("Int64")
-    training, support = fit_surrogate(study, samples, earlier)
-    model = training.model
-    if number == 0:
-        inversion = invert(model, space, study.targets, settings.miga, support=support)
-    else:
-        # The proposal is the first sample of the last round.
-        last_proposal = samples[rounds == number - 1].iloc[0]
-        centre = last_proposal[list(space.names)].astype(float).to_dict()
-        model, inversion = refine.search(model, samples, centre, study, support)
-    proposal = refine.propose(inversion.solutions, model, study, number)
-    return Round(training, model, inversion, proposal)
 
 
 def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
-    """Propose the published batch, then rounds, then answer."""
-    if data.empty:
-        return published.propose(study, data)
-    number = int(data["sample"].map(round_of).max())
-    if number < 0:
-        why = "the answer of the search is simulated"
-        return _batch(follow(study, data, 0), {"why": why})
-
-    # Judge the last round by its runs.
-    targets = study.targets
+    """Propose the published batch, then the second stage, then answer."""
     section = study.settings.refine
-    last_round = follow(study, data, number)
-    runs = runs_by_bench(data, targets)
-    verdict = judge(last_round.proposal, runs, study, number)
-    verdict["usable"] = _count_usable(study, data, number)
-    verdict_before = None
-    if number > 0:
-        objective = objective_of(jobs(section, number - 1), runs, targets)
-        verdict_before = {"objective": objective}
+    if data.empty:
+        return design_batch(study, section.design_seeds)
+    space = study.parameters
+    samples = samples_of_runs(data, space, study.targets)
+    # All samples of the second stage train: the test samples stay the design's.
+    is_second = _is_of_second_stage(samples["sample"], study)
+    samples["round"] = pd.Series(1, samples.index).where(is_second).astype("Int64")
+    training, support = fit_surrogate(study, samples, data)
+    if not is_second.any():
+        return _second_stage(study, training, data)
 
-    if number < section.rounds and goes_on(verdict, verdict_before):
-        why = f"round {number} is {verdict['outcome']}: {verdict['reason']}"
-        next_round = follow(study, data, number + 1)
-        return _batch(next_round, {"row": verdict, "why": why})
-    why = why_stopped(verdict, section.rounds, targets, verdict_before)
-    answer = answer_of(
-        study, last_round.model, last_round.inversion, data, why, section.seeds
+    inversion = invert(
+        training.model, space, study.targets, study.settings.miga, support=support
     )
-    notes = {**answer.notes, "row": verdict, **_notes_of_end(verdict, why, study)}
-    answer = replace(answer, notes=notes)
-    return _with_simulated_means(answer, study, last_round.proposal, data)
-
-
-def _count_usable(study: Study, data: pd.DataFrame, number: int) -> int:
-    """Count the good samples of a round."""
-    samples = samples_of_runs(data, study.parameters, study.targets)
-    good = samples.loc[samples["status"] == "ok", "sample"]
-    return int(good.map(round_of).eq(number).sum())
-
-
-def _batch(round_: Round, notes: Mapping[str, Any]) -> Batch:
-    """Make the batch of a round; its notes also have the fit and the search behind it."""
-    return Batch(
-        round_.proposal,
-        {**notes, "fit": round_.training.metrics, "search": round_.inversion.summary},
-    )
-
-
-def _notes_of_end(verdict: Mapping[str, Any], why: str, study: Study) -> dict[str, Any]:
-    """Describe the end of the rounds, for the summary and the report."""
-    n_rounds = verdict["round"] + 1
-    simulated = claim(verdict, study.targets)
+    why = "the places near the targets are simulated: the search on all runs answers"
+    answer = answer_of(study, training.model, inversion, data, why, section.seeds)
     steps = (
-        f"Design: {study.settings.design.samples} parameter sets, and a search on their "
-        "surrogate.",
-        f"Rounds: {n_rounds}, each of the search's answer and its neighbours. They "
-        f"stopped: {why}.",
-        f"Simulated: {simulated}.",
+        f"Design: {study.settings.design.samples} parameter sets, and a surrogate of "
+        "their runs.",
+        f"Second stage: {int(is_second.sum())} places where this surrogate may meet the "
+        "targets, a run at each.",
+        "Search: the surrogate of all runs, over the whole ranges.",
     )
-    summary = {
-        "met": verdict["outcome"] == "within",
-        "rounds": n_rounds,
-        "solution": {name: verdict[name] for name in study.parameters.names},
-        "claim": simulated,
+    notes = {
+        **answer.notes,
+        "steps": steps,
+        "fit": training.metrics,
+        "optimism": _optimism(study, training, samples, data),
     }
-    return {"summary": summary, "steps": steps}
+    return replace(answer, notes=notes)
 
 
-def _with_simulated_means(
-    answer: Answer, study: Study, proposal: pd.DataFrame, data: pd.DataFrame
-) -> Answer:
-    """Replace the predicted means of the answer by the means of its own runs.
+def _is_of_second_stage(numbers: pd.Series, study: Study) -> pd.Series:
+    """Tell which samples are of the second stage: they follow those of the design."""
+    return pd.to_numeric(numbers) > study.settings.design.samples
 
-    They stay where the runs are too few for a covariance.
+
+def _second_stage(study: Study, training: Training, data: pd.DataFrame) -> Batch:
+    """Make the batch of single runs near the targets."""
+    section = study.settings.refine
+    space = study.parameters
+    random = np.random.default_rng([study.settings.design.seed, PURPOSES["refined"]])
+    unit = places_near_targets(
+        training.model,
+        space,
+        study.targets,
+        count=section.pours,
+        tolerance_percent=section.tolerance_percent,
+        random=random,
+    )
+    first = max(next_number(data), study.settings.design.samples + 1)
+    samples = samples_of(space, unit, 1, first)
+    predicted = training.model.predict(samples[list(space.names)].to_numpy(float))
+    samples[list(study.targets.predicted)] = predicted
+    why = "the fit may meet the targets at these places; a run at each decides"
+    return Batch(samples, {"why": why, "fit": training.metrics})
+
+
+def _optimism(
+    study: Study, training: Training, samples: pd.DataFrame, data: pd.DataFrame
+) -> list[dict[str, object]]:
+    """Compute the expected optimism of the answer's prediction, a row for each response.
+
+    It is empty where no sample has two runs.
     """
-    targets = study.targets
-    numbers = proposal.loc[proposal["role"] == PROPOSAL, "sample"]
-    answer = replace(answer, simulated=tuple(numbers))
-    is_of_answer = data["sample"].isin(numbers)
-    values = data.loc[is_of_answer, list(targets.names)].dropna()
-    mean = values.mean().to_numpy()
-    covariance = values.cov().to_numpy() / max(len(values), 1)
-    if len(values) <= len(targets) or np.linalg.matrix_rank(covariance) < len(targets):
-        return answer
-    probability = probability_of(mean[None], covariance[None], targets)
-    return replace(answer, mean=mean, covariance=covariance, probability=probability)
+    settings = study.settings.miga
+    runs = runs_by_bench(data, study.targets)
+    pours = Pours.of(training.model, samples, runs, study.targets)
+    if pours is None or not settings.replicates:
+        return []
+    table = expected_optimism(
+        training.model,
+        pours,
+        representative_again(study.parameters, study.targets, settings),
+        study.targets,
+        replicates=settings.replicates,
+        seed=settings.seed,
+    )
+    return [
+        {str(key): value for key, value in row.items()}
+        for row in table.to_dict("records")
+    ]
