@@ -70,7 +70,10 @@ class GrainSettings(Section):
         description="`none`: all grains are alike; `measured`: each grain has its own "
         "scale",
     )
+    # Results of versions without this key are of the mean axes; a new study takes the
+    # value of method.yaml.
     mean_size: Literal["volume", "axes"] = Field(
+        default="axes",
         description="the mean grain where `stl` and `mass_g` are null: `volume`: the "
         "mean axes, scaled together to the mean volume of the ellipsoids of all rows; "
         "`axes`: the mean axes as they are",
