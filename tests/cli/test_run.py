@@ -92,6 +92,42 @@ def test_a_target_that_no_rule_makes_is_named_with_the_nearest(tmp_path):
     assert "did you mean uncertainty?" in done.stderr
 
 
+def test_a_dotted_key_is_answered_with_the_form_that_snakemake_takes(given, command):
+    for entry, form in {
+        "funnel.seeds=2": "'funnel={seeds: 2}'",
+        "a.b.c=1": "'a={b: {c: 1}}'",
+    }.items():
+        message = (
+            f"--config is '{entry}'; expected a section with its keys, as in {form}"
+        )
+        assert message in command("run", "--config", entry, status=2).err
+    assert given == []
+
+
+def test_where_home_cannot_be_written_the_caches_lie_in_the_folder_of_the_run(
+    tmp_path, monkeypatch, given, command
+):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    command("run", "-n")
+    assert "XDG_CACHE_HOME" not in os.environ
+    access = os.access
+    monkeypatch.setattr(
+        os, "access", lambda path, mode: path != tmp_path and access(path, mode)
+    )
+    # monkeypatch restores what the verb sets
+    monkeypatch.setenv("XDG_CACHE_HOME", "")
+    command("run", "-n")
+    assert os.environ["XDG_CACHE_HOME"] == str(tmp_path / ".snakemake/cache")
+
+
+def test_a_number_of_threads_that_numba_cannot_take_is_named(monkeypatch, command):
+    monkeypatch.setenv("NUMBA_NUM_THREADS", "0")
+    message = "environment: NUMBA_NUM_THREADS is '0'; expected a whole number from 1"
+    assert message in command("docs", status=2).err
+
+
 def test_without_snakemake_the_message_says_what_to_install(monkeypatch, command):
     monkeypatch.setitem(sys.modules, "snakemake.cli", None)
     assert "repose-dem[workflow]" in command("run", status=2).err

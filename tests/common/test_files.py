@@ -238,6 +238,24 @@ def test_a_lock_follows_no_link(tmp_path, name):
     assert mine.read_text() == "mine"
 
 
+def test_what_cannot_be_a_path_is_refused_by_name(tmp_path):
+    loop = tmp_path / "loop"
+    loop.symlink_to(loop)
+    cases = {
+        "": "the path of a file$",
+        5: "the path of a file$",
+        "x" * 300 + ".csv": "File name too long",
+        "a\0.csv": "null byte",
+        str(loop): "symbolic links",
+    }
+    for name, reason in cases.items():
+        input_error(
+            f"study: file is .*; expected .*{reason}", files.path_of, "file", name
+        )
+    for name in ("a.csv", "new/a.csv", tmp_path):
+        assert files.path_of("file", name) == Path(name)
+
+
 def test_a_line_and_the_name_of_the_holder_follow_no_link(tmp_path):
     mine = tmp_path / "mine.txt"
     mine.write_text("mine")

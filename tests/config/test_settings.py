@@ -3,6 +3,7 @@
 import copy
 import importlib
 import json
+import pickle
 import pkgutil
 import re
 
@@ -17,6 +18,7 @@ from repose.bench import bench, names
 from repose.bench.parameters import LAW_PARAMETERS
 from repose.calibrate import strategies
 from repose.calibrate import surrogates as surrogate
+from repose.calibrate.study import Study
 from repose.calibrate.study_file import OwnPosterior, OwnSequential, StudyFile
 from repose.common import faults
 from repose.common.section import Section
@@ -529,3 +531,14 @@ def test_resolved_configuration_is_rewritten_only_when_it_changed(config, tmp_pa
     config["label"] = "other"
     loader.write_resolved(config, path)
     assert PipelineConfig.load(path).config["label"] == "other"
+
+
+def test_a_study_and_a_configuration_can_be_handed_to_another_process():
+    """As joblib, dask and multiprocessing do, also after their settings were made."""
+    config = PipelineConfig.load(ROOT / "config/quick.yaml")
+    label = config.settings.label
+    study = Study({"mus": (0.1, 0.9), "mur": (0.01, 0.2)}, {"aor_deg": (30.0, 1.0)})
+    assert pickle.loads(pickle.dumps(config)).settings.label == label
+    for one in (study, config.study()):
+        again = pickle.loads(pickle.dumps(one))
+        assert again.ask().equals(one.ask())

@@ -25,7 +25,7 @@ from repose.cli import calibration, cards, strategies, own_simulator, uncertaint
 from repose.cli import pictures, services  # noqa: F401, isort: skip
 from repose.cli.registry import PROGRAM, VERBS, Verb
 from repose.cli.stages import stage
-from repose.common.errors import BAD_INPUT, InputError, print_fault
+from repose.common.errors import BAD_INPUT, InputError, print_fault, require
 
 # The verbs that a person types, in the groups of the help. All others are stages, called
 # by the rules of the workflow.
@@ -84,6 +84,7 @@ def main(words: Sequence[str] | None = None) -> int:
     elif rest:
         parser().error(f"unrecognized arguments: {' '.join(rest)}")
     try:
+        _check_threads()
         return _run(verb, args)
     except ModuleNotFoundError as error:
         library = (error.name or "").partition(".")[0]
@@ -123,6 +124,14 @@ def _run(verb: Verb, args: argparse.Namespace) -> int:
     return status or 0
 
 
+def _check_threads() -> None:
+    """Refuse a number of threads at which numba ends with a traceback."""
+    name = "NUMBA_NUM_THREADS"
+    number = os.environ.get(name, "1")
+    is_number = number.isdecimal() and int(number) >= 1
+    require(is_number, "environment", name, number, "a whole number from 1, or none")
+
+
 class Printable:
     """A stream that writes control characters as backslash escapes.
 
@@ -151,7 +160,7 @@ def _check_out(args: argparse.Namespace) -> None:
     out = getattr(args, "out", None)
     if out is None:
         return
-    path = Path(out).resolve()
+    path = Path(os.path.realpath(out))
     is_root = path == path.parent
     if not out or is_root:
         raise InputError(

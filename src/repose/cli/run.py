@@ -7,6 +7,7 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from repose.cli.interruption import Interruption
@@ -84,6 +85,7 @@ def run(args: argparse.Namespace) -> int:
             "command line", "folder", os.getcwd(), "a folder into which you may write"
         )
     note_built_in_crop(*args.configfile)
+    _provide_cache(args.directory or ".")
 
     arguments = snakemake_arguments(args)
     status = call_snakemake(main, arguments)
@@ -113,6 +115,30 @@ def _check_configuration_options(args: argparse.Namespace) -> None:
             entry,
             "KEY=VALUE; a target goes before the options",
         )
+        key, _, value = entry.partition("=")
+        require_option(
+            key.isidentifier(),
+            "--config",
+            entry,
+            f"a section with its keys, as in '{_in_section(key, value)}'",
+        )
+
+
+def _in_section(key: str, value: str) -> str:
+    """Write a dotted key as snakemake takes it: the section with its keys in braces."""
+    section, *inner = key.split(".")
+    for name in reversed(inner):
+        value = f"{{{name}: {value}}}"
+    return f"{section}={value}"
+
+
+def _provide_cache(folder: str) -> None:
+    """Let snakemake and numba keep their caches in a folder if HOME cannot be written."""
+    place = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser()
+    while not place.exists() and place != place.parent:
+        place = place.parent
+    if not os.access(place, os.W_OK):
+        os.environ["XDG_CACHE_HOME"] = os.path.abspath(f"{folder}/.snakemake/cache")
 
 
 def _check_targets(words: list[str], arguments: list[str]) -> None:

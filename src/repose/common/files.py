@@ -36,9 +36,17 @@ KIND_NAMES = {
 
 
 def path_of(name: str, path: Any) -> Path:
-    """Return an argument as a path; InputError for what is none."""
+    """Return an argument as a path; InputError for what cannot be one."""
     is_path = isinstance(path, Path_) and bool(str(path))
     require(is_path, "study", name, path, "the path of a file")
+    try:
+        os.stat(path)
+    except (FileNotFoundError, NotADirectoryError, PermissionError):
+        pass  # whoever reads or writes the file reports it
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        allowed = f"the path of a file; {reason}"
+        raise InputError("study", name, path, allowed) from error
     return Path(path)
 
 

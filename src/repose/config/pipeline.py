@@ -158,6 +158,10 @@ class PipelineConfig:
             f"strategy {settings.strategy}>"
         )
 
+    def __reduce__(self) -> Any:
+        # The types of the sections are made when they are needed, in each process.
+        return type(self), (self.config, self.source)
+
     @cached_property
     def settings(self) -> "StudySettings":
         """The configuration as typed sections, such as `config.settings.funnel.seeds`."""

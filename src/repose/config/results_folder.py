@@ -55,7 +55,7 @@ def check_is_apart(results_dir: str) -> str:
 
     This is a validator of the configuration.
     """
-    folder = Path(results_dir).resolve()
+    folder = Path(os.path.realpath(results_dir))  # also of a link to itself
     roots = {Path.cwd(), places.root().resolve()}
     kept = [places.PACKAGE]
     for root in roots:
