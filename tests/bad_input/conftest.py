@@ -1,6 +1,5 @@
 """How a case of bad input is run, and what every answer to one has in common."""
 
-import functools
 import re
 
 import pytest
@@ -8,7 +7,6 @@ import pytest
 from repose import cli
 
 SENTENCE = r"repose: error: (.+: .+ is .+; expected .+|.+\[Errno \d+\] .+|unknown .+: expected .+)"
-one_parser = functools.cache(cli.parser)  # making it takes longer than most refusals
 
 
 def content(folder):
@@ -22,7 +20,6 @@ def content(folder):
 def refused(tmp_path, monkeypatch, command):
     """Runs a verb that must end with status 2, a sentence for each fault, and nothing written; gives the sentences."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(cli, "parser", one_parser)
 
     def run(*words):
         before = content(tmp_path)

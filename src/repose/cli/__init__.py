@@ -7,6 +7,7 @@ load none of them.
 
 import argparse
 import difflib
+import functools
 import io
 import os
 import re
@@ -168,6 +169,7 @@ def _check_out(args: argparse.Namespace) -> None:
         )
 
 
+@functools.cache
 def parser() -> argparse.ArgumentParser:
     """Make the parser of all verbs, and of the stages below the verb `stage`."""
     main_parser = argparse.ArgumentParser(
