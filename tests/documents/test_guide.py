@@ -1,4 +1,4 @@
-"""CONTRIBUTING's guide, step by step in a copy of the checkout: what it adds works, and the tests pass.
+"""The guide of CONTRIBUTING, step by step in a copy of the checkout: what it adds works, and the tests pass.
 
 A section of the guide names the new module and shows its code, or the file to copy; it
 also shows the line that registers the module, and names the file of that line.
