@@ -87,9 +87,7 @@ def test_in_a_crops_folder_it_is_that_of_the_sizes_which_need_a_grain(
 ):
     monkeypatch.chdir(tmp_path)
     assert _measure_settings(NOTHING_GIVEN).berry_height_mm is None
-    (tmp_path / "sizes.csv").write_text(
-        "long_mm,major_mm,minor_mm\n9,4,3\n7,4,1\n"
-    )
+    (tmp_path / "sizes.csv").write_text("long_mm,major_mm,minor_mm\n9,4,3\n7,4,1\n")
     # The mean of the products 108 and 28
     mean_diameter = 68 ** (1 / 3)
     assert _measure_settings(NOTHING_GIVEN).berry_height_mm == pytest.approx(

@@ -222,8 +222,12 @@ class _Version(argparse.Action):
 def _unknown_verb(words: list[str]) -> str | None:
     """Return a message about a verb or stage that does not exist; None if it exists."""
     if words[:1] == [STAGE]:
-        return _unknown_name("stage", words[1:], STAGES, f"{PROGRAM} {STAGE} --help")
-    return _unknown_name("verb", words, (*TYPED, STAGE), f"{PROGRAM} --help")
+        return _unknown_name(
+            "stage", words[1:], known=STAGES, listing=f"{PROGRAM} {STAGE} --help"
+        )
+    return _unknown_name(
+        "verb", words, known=(*TYPED, STAGE), listing=f"{PROGRAM} --help"
+    )
 
 
 def _unknown_name(

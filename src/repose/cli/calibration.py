@@ -258,5 +258,7 @@ def _support(args: argparse.Namespace, study: PipelineConfig) -> "Support | None
     from repose.calibrate.surrogates.support import Support
 
     definitions, summary = read_definitions(args.dataset)
-    require_same_definitions(definitions, summary, study.definitions, args.config)
+    require_same_definitions(
+        definitions, summary, expected=study.definitions, source=args.config
+    )
     return Support.of_dataset(args.dataset, study.parameters)

@@ -108,4 +108,4 @@ def material_card(args: argparse.Namespace, study: PipelineConfig) -> None:
         small_run=settings.small_run,
     )
     files = {name: getattr(args, name) for name in FILES}
-    card_study.run(study, result, files, args.out)
+    card_study.run(study, result, files=files, out=args.out)

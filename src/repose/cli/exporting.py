@@ -62,7 +62,9 @@ def export(args: argparse.Namespace) -> None:
     if study is not None:
         source = _from_study(args, study)
         if card is not None:
-            cards.require_one_study(card, args.card, study, args.config, source.grain)
+            cards.require_one_study(
+                card, args.card, study=study, source=args.config, grain=source.grain
+            )
     else:
         assert card is not None
         source = _from_card(args, card)
@@ -70,7 +72,7 @@ def export(args: argparse.Namespace) -> None:
         values = {name: row["value"] for name, row in card["parameters"].items()}
     else:
         assert study is not None
-        values = parameters(args.set, args.samples, args.sample, study)
+        values = parameters(args.set, args.samples, sample=args.sample, study=study)
     job = make(
         config=source.config,
         parameters=values,

@@ -90,10 +90,10 @@ def _build_mesh(args: argparse.Namespace) -> None:
     mesh, exponent = mesh_from_axes.grain_mesh(
         args.axes,
         args.mass_g,
-        density,
-        args.taper,
-        args.wrinkles,
-        args.wrinkle_depth_mm,
+        density_kg_m3=density,
+        taper=args.taper,
+        wrinkles=args.wrinkles,
+        wrinkle_depth_mm=args.wrinkle_depth_mm,
         source="command line",
     )
     stl = mesh.export(file_type="stl")

@@ -118,9 +118,11 @@ def measure(args: argparse.Namespace) -> None:
     scale = _scale(args)
     settings = _measure_settings(args)
     if args.bench in piles:
-        _measure_piles(args, pictures, overlays, scale, settings)
+        _measure_piles(
+            args, pictures, overlays=overlays, scale=scale, settings=settings
+        )
     else:
-        _measure_apparatus(args, pictures, overlays, settings)
+        _measure_apparatus(args, pictures, overlays=overlays, settings=settings)
 
 
 def _are_particle_files(names: Sequence[str]) -> bool:
@@ -311,7 +313,9 @@ def _measure_piles(
     )
 
     lens_pictures = [Path(name) for name in args.lens]
-    results = photographs.measure_all(pictures, settings, scale, lens_pictures)
+    results = photographs.measure_all(
+        pictures, settings, scale=scale, lens=lens_pictures
+    )
     for photograph, overlay in zip(results, overlays, strict=True):
         if photograph.measurement is None:
             image = drawing.overlay_of_refused(photograph.view, photograph.pile)
@@ -332,11 +336,11 @@ def _measure_piles(
     out = Path(args.out)
     measured = tables(results, settings, args.doubtful)
     responses = _photographed_piles()[args.bench]
-    write_tables(measured, settings, out, args.bench, responses)
+    write_tables(measured, settings, out=out, bench=args.bench, responses=responses)
     if args.json:
         print(json_text(as_record(measured)))
     else:
-        print(describe(results, measured, settings, out))
+        print(describe(results, measured, settings=settings, out=out))
 
 
 def _measure_apparatus(
@@ -383,7 +387,7 @@ def _measure_apparatus(
     measured = photographs.tables(results, args.bench)
     # Each response has a column of its own name.
     columns = {name: name for name in photographs.RESPONSES[args.bench]}
-    write_tables(measured, settings, out, args.bench, columns)
+    write_tables(measured, settings, out=out, bench=args.bench, responses=columns)
     if args.bench == "turning":
         turning = scene.section("turning", TurningSettings)
         write_table(out / "profile.csv", photographs.profile(results, turning))
@@ -439,7 +443,9 @@ def _scale_of_length(args: argparse.Namespace) -> "Scale":
     mm_per_pixel, level_deg = result
     _require_between("--length", mm_per_pixel, *SCALES)
     _refuse_lens(args)
-    return Scale(args.square_mm, mm_per_pixel, args.base_row, level_deg)
+    return Scale(
+        args.square_mm, mm_per_pixel, base_row=args.base_row, level_deg=level_deg
+    )
 
 
 def _refuse_lens(args: argparse.Namespace) -> None:
@@ -543,7 +549,9 @@ def silhouette(args: argparse.Namespace, study: PipelineConfig) -> None:
     settings = study.settings.measure
     pile = first_pour(args.heap)
     particle = Particle.load(args.particle)
-    write_image(args.out, side_view(pile, particle, settings, args.azimuth))
+    write_image(
+        args.out, side_view(pile, particle, settings=settings, azimuth_deg=args.azimuth)
+    )
 
 
 @verb(

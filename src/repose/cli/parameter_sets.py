@@ -197,4 +197,6 @@ def pour_seeds(
             f"from 1 to {MOST_SEEDS}, without --seed",
         )
     sample = args.sample or 0
-    return streams.pour_seeds(study_seed, args.purpose, sample, args.seeds, apparatus)
+    return streams.pour_seeds(
+        study_seed, args.purpose, number=sample, count=args.seeds, apparatus=apparatus
+    )

@@ -31,7 +31,7 @@ def figure(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.report import figures
 
     inputs = pairs(args.input, "--input")
-    figures.draw(args.name, inputs, args.out, study.config)
+    figures.draw(args.name, inputs, out_path=args.out, config=study.config)
 
 
 @verb(
@@ -102,4 +102,4 @@ def report(args: argparse.Namespace, study: PipelineConfig) -> None:
 
     files = pairs(args.input, "--input")
     tables = pairs(args.table, "--table")
-    page.write(study.config, args.jobs, files, tables, args.out)
+    page.write(study.config, args.jobs, files=files, tables=tables, out_path=args.out)

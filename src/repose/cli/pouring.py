@@ -81,7 +81,7 @@ def pour(args: argparse.Namespace, study: PipelineConfig) -> None:
     pours = run_job(**job, keeps_runs=args.keep_runs)
     print(pours)
     if args.measure:
-        _keep_measurement(args, study, job["scene"], pours)
+        _keep_measurement(args, study, scene=job["scene"], pours=pours)
 
 
 def _keep_measurement(
@@ -139,7 +139,7 @@ def _scene(
     from repose.bench import Scene
 
     grain, particle = berry_and_particle(study, args.berry, args.particle)
-    return Scene.of(study.config, values, grain, particle)
+    return Scene.of(study.config, values, grain=grain, particle=particle)
 
 
 def _job(
@@ -152,7 +152,7 @@ def _job(
 
     test = bench(apparatus, "command line")
     section(study.config, apparatus)
-    values = parameters(args.set, args.samples, args.sample, study)
+    values = parameters(args.set, args.samples, sample=args.sample, study=study)
     seeds = pour_seeds(args, study.settings.design.seed, apparatus)
     step_s = study.settings.simulation.time_step_s
     duration_s = test.duration_s(SceneSettings(study.config))
@@ -213,7 +213,7 @@ def measure_runs(args: argparse.Namespace, study: PipelineConfig) -> None:
 
     scene = _scene(args, study, {})
     for path in job_files(args.pours, args.samples, POURS):
-        result = measure_job(scene, path, args.out, args.keep_runs)
+        result = measure_job(scene, path, out_dir=args.out, keeps_runs=args.keep_runs)
         template = bench_of(result).summary
         for run in result["runs"]:
             print(f"{path}: {describe(run, template)}")
@@ -234,7 +234,7 @@ def drum(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.stages import drum_tables
 
     section(study.config, "drum")
-    values = parameters(args.set, args.samples, args.sample, study)
+    values = parameters(args.set, args.samples, sample=args.sample, study=study)
     scene = _scene(args, study, values)
     results = drum_tables.run_job(scene, run_seeds(args.seed), args.out)
     if args.json:

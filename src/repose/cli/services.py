@@ -26,7 +26,9 @@ def bench(args: argparse.Namespace, study: PipelineConfig) -> None:
         settings.validation.published, study.parameters.names
     )
     particles = {settings.berry.particle: study.particle}
-    result = speed.run(study.config, particles, study.grain, parameters)
+    result = speed.run(
+        study.config, particles, berry=study.grain, parameters=parameters
+    )
     if args.json:
         print(json.dumps(result, indent=1))
     else:

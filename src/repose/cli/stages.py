@@ -50,7 +50,9 @@ def recorded(
     def settings_of(config: Mapping[str, Any], apparatus: str | None) -> Any:
         from repose.config import dependencies
 
-        return dependencies.settings_of(config, args.verb, apparatus, strategy)
+        return dependencies.settings_of(
+            config, args.verb, apparatus=apparatus, name=strategy
+        )
 
     def check(config: Mapping[str, Any], inputs: provenance.Inputs) -> None:
         from repose.config import dependencies

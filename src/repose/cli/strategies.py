@@ -28,8 +28,8 @@ def propose(args: argparse.Namespace, study: PipelineConfig) -> None:
     proposal = batches.run_propose(
         args.strategy,
         study.study(),
-        args.batches,
-        args.out,
+        folders=args.batches,
+        out_dir=args.out,
         definitions=study.definitions,
         source=args.config,
     )

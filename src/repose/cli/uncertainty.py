@@ -111,7 +111,7 @@ def next(args: argparse.Namespace, study: PipelineConfig) -> None:
 
     grain, particle = berry_and_particle(study, args.berry, args.particle)
     every_response = {"targets": next_measurement.every_response()}
-    scene = Scene.of(study.config | every_response, {}, grain, particle)
+    scene = Scene.of(study.config | every_response, {}, grain=grain, particle=particle)
     table = next_measurement.run(
         args.pours,
         scene,

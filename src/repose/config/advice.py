@@ -99,7 +99,9 @@ def funnel_hints(
     n_grains = funnel.berries
     if not volume.fits:
         n_grains = max(n_grains, needed_grains(config, particle.volume_m3))
-    yield from scene_size.advice(config, diameter_mm(grain), height_mm, n_grains)
+    yield from scene_size.advice(
+        config, diameter_mm(grain), height_mm=height_mm, poured=n_grains
+    )
 
 
 def _describe_stiffness(

@@ -71,7 +71,9 @@ def smaller_scene(files: Iterable[str], grains: int) -> Iterator[str]:
         study = PipelineConfig.load(*files, overrides=overrides, inputs=True)
         height_mm = 1e3 * advice.height_m(study.config, study.grain)
         diameter_mm = computed.diameter_mm(study.grain)
-        yield from scene_size.advice(study.config, diameter_mm, height_mm, grains)
+        yield from scene_size.advice(
+            study.config, diameter_mm, height_mm=height_mm, poured=grains
+        )
 
 
 def describe_study(study: PipelineConfig) -> Iterator[str]:
@@ -90,7 +92,9 @@ def describe_study(study: PipelineConfig) -> Iterator[str]:
     def longest_s(other_grain: Mapping[str, Any]) -> float:
         return computed.longest_step(config, particle, other_grain).time_step_s
 
-    yield from advice.funnel_hints(config, grain, particle, longest_s)
+    yield from advice.funnel_hints(
+        config, grain, particle=particle, longest_s=longest_s
+    )
     yield from _describe_grain(study)
     yield from _describe_sizes(study)
 
@@ -349,11 +353,13 @@ def costs(
                 ("batches", batches, section.seeds),
                 ("check", 1, section.checks),
             )
-            yield _cost_row(study, "sequential", pours, grain_step_s)
+            yield _cost_row(study, "sequential", pours=pours, grain_step_s=grain_step_s)
     if "response_surface" not in misfits:
         most_pours = cost.strategy_pours(settings, "response_surface")
-        yield _cost_row(study, "response_surface", most_pours, grain_step_s)
-    yield _cost_row(study, "published", None, grain_step_s)
+        yield _cost_row(
+            study, "response_surface", pours=most_pours, grain_step_s=grain_step_s
+        )
+    yield _cost_row(study, "published", pours=None, grain_step_s=grain_step_s)
 
     for name, reason in misfits.items():
         yield f"{name}: {reason}"

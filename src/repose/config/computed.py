@@ -129,7 +129,7 @@ def longest_step(config: Config, particle: "Particle", mean: Grain) -> "Limit":
     # The parameters of contact laws, such as a cohesion, make contacts stiffer.
     for name in parameters_among(ranges)[len(PARAMETERS) :]:
         critical[name] = ranges[name][1]
-    return longest_time_step(Scene.of(config, critical, mean, particle))
+    return longest_time_step(Scene.of(config, critical, grain=mean, particle=particle))
 
 
 def round_down(value: float, digits: int) -> float:

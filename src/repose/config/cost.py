@@ -107,7 +107,7 @@ def explain_strategy_misfit(settings: StudySettings, name: str) -> str | None:
     """Explain why a strategy cannot run with this configuration; None if it can."""
     section = settings.of_strategy(name)
     return strategies.reason_against(
-        name, section, settings.free, len(settings.targets)
+        name, section, free=settings.free, responses=len(settings.targets)
     )
 
 
@@ -173,7 +173,9 @@ def measure_grain_step_s(
 
     times_s = []
     for _ in range(REPEATS):
-        scene = Scene.of(small_config, parameters, grain, particle, 1)
+        scene = Scene.of(
+            small_config, parameters, grain=grain, particle=particle, seed=1
+        )
         start = time.perf_counter()
         cpu_start = time.process_time()
         # A pile that rests early would leave no steps to time.

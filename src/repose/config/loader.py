@@ -127,9 +127,11 @@ def over_defaults(
     for path in (*default_files, study, *files):
         sources.append(Layer(str(path), read_once(path)))
     origin: dict[str, str] = {}
-    values = _values_of_files(given, "", sources, origin, otherwise)
+    values = _values_of_files(
+        given, "", sources=sources, origin=origin, otherwise=otherwise
+    )
 
-    config = _merge(defaults.config, values, {}, "")
+    config = _merge(defaults.config, values, origin={}, source="")
     return Layered(
         _resolve_named_files(config),
         Origin(
@@ -156,7 +158,9 @@ def _values_of_files(
         section = {}
         for name, item in value.items():
             dotted = f"{key}.{name}" if key else name
-            section[name] = _values_of_files(item, dotted, sources, origin, otherwise)
+            section[name] = _values_of_files(
+                item, dotted, sources=sources, origin=origin, otherwise=otherwise
+            )
         origin[key] = otherwise
         for source in sources:
             if isinstance(_value_at(source.content, key), dict):
@@ -272,8 +276,8 @@ def _merge_files(
     config: dict[str, Any] = {}
     origin: dict[str, str] = {}
     for path in files:
-        _merge(config, read(path), origin, str(path))
-    _merge(config, _parse_texts(overrides or {}), origin, COMMAND_LINE)
+        _merge(config, read(path), origin=origin, source=str(path))
+    _merge(config, _parse_texts(overrides or {}), origin=origin, source=COMMAND_LINE)
     default = str(files[-1]) if files else ""
     shared = str(places.find(places.METHOD_CONFIG))
     return Layered(_resolve_named_files(config), Origin(origin, default, shared))
@@ -345,5 +349,5 @@ def _merge(
         if not is_merged:
             config[key] = copy.deepcopy(value)
         # After a copy this only notes the source of the inner keys.
-        _merge(config[key], value, origin, source, f"{dotted}.")
+        _merge(config[key], value, origin=origin, source=source, prefix=f"{dotted}.")
     return config

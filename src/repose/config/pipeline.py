@@ -243,7 +243,13 @@ class PipelineConfig:
             refine=settings.refine,
             others=others,
         )
-        return Study.of(self.parameters, self.targets, calibration, self.config, file)
+        return Study.of(
+            self.parameters,
+            self.targets,
+            settings=calibration,
+            config=self.config,
+            file=file,
+        )
 
     def published(self, table: str) -> Path | None:
         """Return the path of a table of the published solutions, such as ``table3.csv``.
@@ -283,7 +289,9 @@ class PipelineConfig:
         """
         from repose.bench import Scene
 
-        return Scene.of(self.config, parameters, self.grain, self.particle, seed)
+        return Scene.of(
+            self.config, parameters, grain=self.grain, particle=self.particle, seed=seed
+        )
 
     def check_inputs(self) -> None:
         """Check the named files, and that grain, bench test and time step fit together.

@@ -66,7 +66,7 @@ def run_propose(
     """
     for folder in folders:
         of_batch, path = read_definitions(Path(folder) / "dataset.csv")
-        require_same_definitions(of_batch, path, definitions, source)
+        require_same_definitions(of_batch, path, expected=definitions, source=source)
     data = read(folders, study.targets)
     try:
         proposal = strategy(name).propose(study, data)
@@ -328,7 +328,9 @@ def tables_of(
         dataset = read_dataset(dataset_csv, targets)
         samples.append(dataset)
         runs_csv = Path(folder) / "runs.csv"
-        runs.append(read_runs(runs_csv, targets, dataset, dataset_csv))
+        runs.append(
+            read_runs(runs_csv, targets, dataset=dataset, dataset_csv=dataset_csv)
+        )
     return pd.concat(samples, ignore_index=True), pd.concat(runs, ignore_index=True)
 
 

@@ -144,9 +144,9 @@ def run(
     made = make(
         study,
         answer,
-        grain,
-        particle,
-        feasible,
+        grain=grain,
+        particle=particle,
+        feasible=feasible,
         posterior=posterior,
         dataset_csv=files["dataset"],
         row=row,
@@ -208,7 +208,13 @@ def make(
     ).items():
         tests[name]["reach"] = found.record()
     return assembled(
-        about, tests, answer, study.parameters, feasible, posterior, labels=LABELS
+        about,
+        tests,
+        answer=answer,
+        space=study.parameters,
+        solutions=feasible,
+        posterior=posterior,
+        labels=LABELS,
     )
 
 
@@ -598,7 +604,10 @@ def _filled(particle: "Particle", n_spheres: int) -> "Particle":
     points_m, _, triangles = tessellate(particle, 48, 96)
     mesh = trimesh.Trimesh(1e3 * points_m, triangles)
     filled = build.make_particle(
-        principal_pose(mesh), particle.density_kg_m3, "multisphere", n_spheres
+        principal_pose(mesh),
+        particle.density_kg_m3,
+        kind="multisphere",
+        spheres=n_spheres,
     )
     # The mesh is a little smaller than the body.
     return replace(

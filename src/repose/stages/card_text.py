@@ -29,7 +29,9 @@ def verdict(card: Card) -> str:
     )
     checks = map(_check, card["tests"])
     state = state_of(card)
-    line = in_one_line(state, checks, reason, card.get("small_run", False))
+    line = in_one_line(
+        state, checks, reason=reason, small_run=card.get("small_run", False)
+    )
     text = f"{card['material']}: {line}"
     # Where the targets are not met, the line has the reason.
     return f"{text}\n{reason}" if state is Verdict.MET else text

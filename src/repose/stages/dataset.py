@@ -245,7 +245,7 @@ def read_job(path: Path_, targets: Targets) -> tuple[Job, str]:
             raise InputError(path, f"runs[{i}].status", value, ", ".join(statuses))
         if run["status"] == "ok":
             for target in targets_of_bench:
-                _check_response(run, i, target, path)
+                _check_response(run, i, target=target, path=path)
     seeds = [run.get("seed") for run in job["runs"]]
     has_repeated = len(set(map(str, seeds))) < len(seeds)
     if None in seeds or has_repeated:

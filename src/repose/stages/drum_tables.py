@@ -104,7 +104,7 @@ def run(
     InputError
         If a file is missing or none of `run_job`, or a seed is there twice.
     """
-    scene = Scene.of(config, {}, {}, particle)
+    scene = Scene.of(config, {}, grain={}, particle=particle)
     runs: list[MeasuredRun] = []
     seeds = set()
     for path in map(Path, json_paths):

@@ -197,7 +197,7 @@ def measured(scene: Scene, path: Path) -> dict[str, Any]:
     for pour in pours:
         # The arrays of a spoiled run may hold anything.
         needed = test.required_arrays if pour["status"] == "ok" else ()
-        arrays = pour_arrays(positions, pour["seed"], path, needed)
+        arrays = pour_arrays(positions, pour["seed"], source=path, kinds=needed)
         runs.append(test.result(pour, arrays, scene))
     targets = test.target_responses(scene.settings.config)
     columns = test.recorded.beginning_with(tuple(target.name for target in targets))

@@ -64,11 +64,15 @@ def run(
         If the surrogate has other responses or definitions.
     """
     surrogate = load(surrogate_json, targets.names)
-    require_same_definitions(surrogate.definitions, surrogate_json, definitions, source)
+    require_same_definitions(
+        surrogate.definitions, surrogate_json, expected=definitions, source=source
+    )
     published = None
     if table3_csv is not None:
         published = read_table(table3_csv, ("parameter", *INTERVAL))
-    inversion = invert(surrogate, parameters, targets, settings, support)
+    inversion = invert(
+        surrogate, parameters, targets=targets, settings=settings, support=support
+    )
     intervals = inversion.intervals
     if published is not None:
         columns = published.set_index("parameter")[list(INTERVAL)]
@@ -76,7 +80,10 @@ def run(
     summary = inversion.summary
     if surrogate.knows_its_errors:
         summary["representative_judged"] = expected_loss.assess_by_errors(
-            surrogate, summary["representative"], targets, parameters.names
+            surrogate,
+            summary["representative"],
+            targets=targets,
+            names=parameters.names,
         )
         summary["near_bounds"] = near_bounds(
             surrogate, summary["representative"], parameters

@@ -54,14 +54,16 @@ def run(
         If the tables are damaged, are of other definitions or have too few samples.
     """
     dataset = read_dataset(dataset_csv, targets)
-    runs = read_runs(runs_csv, targets, dataset, dataset_csv)
+    runs = read_runs(runs_csv, targets, dataset=dataset, dataset_csv=dataset_csv)
     of_dataset, summary_json = read_definitions(dataset_csv)
-    require_same_definitions(of_dataset, summary_json, definitions, source)
+    require_same_definitions(
+        of_dataset, summary_json, expected=definitions, source=source
+    )
     training = train(
         dataset,
         runs,
-        targets,
-        settings,
+        targets=targets,
+        settings=settings,
         names=parameters_among(dataset),
         definitions=definitions or of_dataset,
         source=dataset_csv,

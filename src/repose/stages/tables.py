@@ -23,7 +23,7 @@ def read_dataset(dataset_csv: Path_, targets: Targets) -> pd.DataFrame:
         dataset_csv,
         ("sample", *PARAMETERS, "status", "n_seeds", *targets.names, *targets.errors),
     )
-    _check_count(dataset, dataset_csv, dataset_csv, "samples")
+    _check_count(dataset, dataset_csv, dataset_csv=dataset_csv, key="samples")
     _refuse_repeated_rows(dataset, ["sample"], dataset_csv)
     sets = dataset[list(parameters_among(dataset))].to_dict("records")
     for row, values in enumerate(sets, start=1):
@@ -44,13 +44,15 @@ def read_runs(
     _refuse_repeated_rows(runs, key, runs_csv)
     if not has_benches:
         _check_responses(runs, targets, runs_csv)
-    _check_count(runs, runs_csv, dataset_csv, "runs")
+    _check_count(runs, runs_csv, dataset_csv=dataset_csv, key="runs")
     in_one_table = set(runs["sample"]).symmetric_difference(dataset["sample"])
     if in_one_table:
         words = f"the samples of {dataset_csv}, all of them"
         raise InputError(runs_csv, "sample", min(in_one_table), words)
     if not has_benches:
-        _check_means(runs, dataset, targets, runs_csv, dataset_csv)
+        _check_means(
+            runs, dataset, targets=targets, runs_csv=runs_csv, dataset_csv=dataset_csv
+        )
     return runs
 
 
@@ -103,7 +105,8 @@ def _check_responses(table: pd.DataFrame, targets: Targets, path: object) -> Non
     is_ok = table["status"] == "ok"
     for target in targets:
         name = target.name
-        low, high = target.response.low, target.response.high
+        low = target.response.low
+        high = target.response.high
         is_wrong = is_ok & ~table[name].between(low, high)
         if is_wrong.any():
             row = int(is_wrong.to_numpy().argmax())

@@ -326,7 +326,7 @@ def run(
     if optimism is not None:
         solutions = with_optimism(solutions, optimism, targets.responses)
     jobs_by_bench = read_jobs(jobs, solutions, targets)
-    tables = validate(solutions, jobs_by_bench, targets, measure)
+    tables = validate(solutions, jobs_by_bench, targets=targets, measure=measure)
     tables["published"] = published
     for name, table in tables.items():
         if support is not None and name != "representative":

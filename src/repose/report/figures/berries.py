@@ -46,9 +46,15 @@ def sizes_and_sphericity(inputs: Inputs, study: StudyView) -> Figure:
     for panel, length, (_, label, colour) in zip(
         size_panels, lengths, GRAIN_AXES, strict=True
     ):
-        _draw_histogram(panel, length, f"{label} (mm)", colour, "mm")
+        _draw_histogram(panel, length, label=f"{label} (mm)", colour=colour, unit="mm")
     sphericity = 100 * berry.sphericity(*lengths)
-    _draw_histogram(sphericity_panel, sphericity, "sphericity (%)", style.PURPLE, "%")
+    _draw_histogram(
+        sphericity_panel,
+        sphericity,
+        label="sphericity (%)",
+        colour=style.PURPLE,
+        unit="%",
+    )
     style.name_panels(axes_of_histograms)
     size_panels[0].set_ylabel("number of grains")
     size_panels[0].yaxis.set_major_locator(MaxNLocator(integer=True))
@@ -131,17 +137,20 @@ def particle_and_mesh(inputs: Inputs, study: StudyView) -> Figure:
     figure.set_layout_engine("compressed")
     mesh_panel, *particle_panels = figure.subplots(1, 4)
     mesh_words = f"{len(mesh.faces)} triangles"
-    _describe(mesh_panel, "a  mesh", simulated.mesh, mesh_words)
+    _describe(mesh_panel, "a  mesh", body=simulated.mesh, words=mesh_words)
     mesh_panel.imshow(render_mesh(mesh_in_m, **view))
     style.scale_bar(
-        mesh_panel, look_at(frame_m, **camera), np.zeros(3), max(mesh_in_m.extents)
+        mesh_panel,
+        look_at(frame_m, **camera),
+        place_m=np.zeros(3),
+        extent_m=max(mesh_in_m.extents),
     )
     for panel, kind, letter in zip(particle_panels, KINDS, "bcd", strict=True):
         try:
-            particle = _particle_of_kind(kind, mesh, simulated, study)
+            particle = _particle_of_kind(kind, mesh, simulated=simulated, study=study)
         except InputError as error:
             words = "\n".join(textwrap.wrap(str(error), 34))
-            _describe(panel, f"{letter}  {kind}", None, words)
+            _describe(panel, f"{letter}  {kind}", body=None, words=words)
             continue
         picture = render_bodies(
             np.zeros((1, 3)),
@@ -157,7 +166,7 @@ def particle_and_mesh(inputs: Inputs, study: StudyView) -> Figure:
             f"off by {1e3 * particle.deviation_max_m:.2f} mm at most,\n"
             f"{1e3 * particle.deviation_rms_m:.3f} mm rms"
         )
-        _describe(panel, f"{letter}  {kind}{remark}", particle, words)
+        _describe(panel, f"{letter}  {kind}{remark}", body=particle, words=words)
     return figure
 
 
@@ -171,7 +180,11 @@ def _particle_of_kind(
         return simulated
     settings = study.settings.berry
     return build.make_particle(
-        mesh, simulated.density_kg_m3, kind, settings.spheres, settings.surface
+        mesh,
+        simulated.density_kg_m3,
+        kind=kind,
+        spheres=settings.spheres,
+        surface=settings.surface,
     )
 
 

@@ -78,7 +78,7 @@ def validation(inputs: Inputs, study: StudyView) -> Figure:
     for row, target in zip(axes, targets, strict=True):
         ours = row[0]
         _draw_predicted_and_simulated(
-            ours, _sorted_by_name(solutions), target, SIMULATED_HERE
+            ours, _sorted_by_name(solutions), target=target, marks=SIMULATED_HERE
         )
         ours.set_ylabel(style.response_label(target.response))
         if not responses_of_others:
@@ -86,7 +86,10 @@ def validation(inputs: Inputs, study: StudyView) -> Figure:
         theirs = row[1]
         if target.response in responses_of_others:
             _draw_predicted_and_simulated(
-                theirs, _sorted_by_name(others, "P"), target, SIMULATED_BY_OTHERS
+                theirs,
+                _sorted_by_name(others, "P"),
+                target=target,
+                marks=SIMULATED_BY_OTHERS,
             )
         else:
             theirs.axis("off")
@@ -207,7 +210,9 @@ def _draw_measurement(panel: Axes, table: pd.DataFrame, target: Target) -> np.nd
     Returns the places (n,) of the solutions on the x axis.
     """
     words = "measured ± standard deviation of one repetition"
-    style.band(panel, target.value - target.sd, target.value + target.sd, words)
+    style.band(
+        panel, target.value - target.sd, high=target.value + target.sd, label=words
+    )
     panel.axhline(target.value, color=style.GREEN, lw=0.9, label="measured mean")
     panel.set_xticks(range(len(table)), table["name"])
     panel.set_xlim(-0.6, len(table) - 0.4)

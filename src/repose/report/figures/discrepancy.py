@@ -58,7 +58,7 @@ def over_the_discrepancy(inputs: Inputs, study: StudyView) -> Figure:
     axes = panels.panels_in(below, len(names), 3)
     ranges = parameter_ranges(study.parameters)
     for panel, name in zip(axes, names, strict=True):
-        _draw_intervals(panel, name, stated, of_shape_study)
+        _draw_intervals(panel, name, stated=stated, of_shape_study=of_shape_study)
         panel.set(ylabel=style.parameter_label(name), ylim=ranges[name])
     for panel in axes[max(0, len(names) - 3) :]:
         panel.set_xlabel("assumed error (%)")

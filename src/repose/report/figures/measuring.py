@@ -27,7 +27,8 @@ LINE_STYLES = dict(
     zip(DEFINITIONS, ("-", "-", "-", (0, (4, 2)), (0, (2, 1))), strict=True)
 )
 # Greys of the silhouette and of the background.
-PILE_GREY, BACKGROUND_GREY = 205, 255
+PILE_GREY = 205
+BACKGROUND_GREY = 255
 
 
 @figure(

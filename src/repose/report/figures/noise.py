@@ -53,14 +53,14 @@ def noise_floor(inputs: Inputs, study: StudyView) -> Figure:
         name = target.name
         good = runs[(runs["status"] == "ok") & runs[name].notna()]
         look = style.series(k)
-        _draw_runs(panel, good, name, look["color"])
+        _draw_runs(panel, good, column=name, colour=look["color"])
         panel.set(
             xlabel="samples, in order of their mean (line)",
             ylabel=style.response_label(target.response),
         )
         _write_deviations(panel, target.response.unit, deviations[name])
-        _draw_standard_error(error_panel, seeds, target, look)
-        _draw_reachable_r2(r2_panel, seeds, target, look)
+        _draw_standard_error(error_panel, seeds, target=target, look=look)
+        _draw_reachable_r2(r2_panel, seeds, target=target, look=look)
     _finish_panels_over_seeds(error_panel, r2_panel)
     style.name_panels([*of_responses, error_panel, r2_panel])
     error_panel.legend()

@@ -100,7 +100,7 @@ def _draw_planes(calibration: Calibration, figure: FigureBase) -> None:
         answer=calibration.solutions.iloc[0],
     )
     axes = panels.panels_in(figure, math.comb(len(targets), 2))
-    plane.draw(axes, targets, data, BARS)
+    plane.draw(axes, targets, data=data, legend_title=BARS)
 
 
 def _draw_history(calibration: Calibration, figure: FigureBase) -> None:
@@ -114,8 +114,8 @@ def _draw_history(calibration: Calibration, figure: FigureBase) -> None:
 
     axes = panels.panels_in(figure, len(study.targets))
     for k, (panel, target) in enumerate(zip(axes, study.targets, strict=True)):
-        style.off_target(panel, target, tolerance, "batch")
-        _draw_samples(panel, calibration.samples, target, batch)
+        style.off_target(panel, target, percent=tolerance, xlabel="batch")
+        _draw_samples(panel, calibration.samples, target=target, batch=batch)
         _draw_answer(
             panel,
             target,
@@ -190,4 +190,4 @@ def _draw_corner(calibration: Calibration, figure: FigureBase) -> None:
         sets=solutions[solutions["feasible"]],
         sets_label=SET_LABEL,
     )
-    posterior.draw_corner(figure, study.parameters, study.targets, data)
+    posterior.draw_corner(figure, study.parameters, targets=study.targets, data=data)

@@ -100,7 +100,7 @@ def planes(inputs: Inputs, study: StudyView) -> Figure:
 
     width = style.PAGE if len(targets) > 2 else 0.75 * style.PAGE
     figure, axes = panels.grid(math.comb(len(targets), 2), 4.7, width=width)
-    draw(axes, targets, PlaneData(samples, solutions, answer), BARS)
+    draw(axes, targets, data=PlaneData(samples, solutions, answer), legend_title=BARS)
     return figure
 
 
@@ -110,10 +110,10 @@ def draw(
     """Draw a panel for each pair of targets; the legend's title explains the bars."""
     pairs = combinations(targets, 2)
     for panel, (across, up) in zip(axes, pairs, strict=True):
-        _draw_samples(panel, data.samples, across, up)
+        _draw_samples(panel, data.samples, across=across, up=up)
         _draw_targets(panel, across, up)
-        _draw_solutions(panel, data.solutions, across, up)
-        _draw_answer(panel, data.answer, across, up)
+        _draw_solutions(panel, data.solutions, across=across, up=up)
+        _draw_answer(panel, data.answer, across=across, up=up)
     style.name_panels(axes)
     style.one_legend(
         axes,

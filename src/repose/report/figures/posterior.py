@@ -112,7 +112,7 @@ def corner(inputs: Inputs, study: StudyView) -> Figure:
         published_sets=published_sets,
     )
     figure = style.new_figure(style.PAGE, style.PAGE)
-    draw_corner(figure, study.parameters, study.targets, data)
+    draw_corner(figure, study.parameters, targets=study.targets, data=data)
     return figure
 
 
@@ -124,7 +124,7 @@ def _published_sets(table: pd.DataFrame, names: Iterable[str]) -> list[Published
     by_source = table.groupby(["source", "wall"])
     # Sources beyond the last marker are left out.
     return [
-        PublishedSets(marker, source, wall, rows)
+        PublishedSets(marker, source, wall=wall, table=rows)
         for marker, ((source, wall), rows) in zip(
             PUBLISHED_MARKERS, by_source, strict=False
         )
@@ -142,9 +142,17 @@ def draw_corner(
     pair_panels = panels.panels_of_pairs(figure, parameters)
     for panel, across, down in pair_panels:
         if across == down:
-            _draw_marginal(panel, draws[across], parameters, table.loc[across])
+            _draw_marginal(
+                panel, draws[across], parameters=parameters, row=table.loc[across]
+            )
             continue
-        _draw_contours(panel, draws[across], draws[down], ranges[across], ranges[down])
+        _draw_contours(
+            panel,
+            draws[across],
+            down=draws[down],
+            x_range=ranges[across],
+            y_range=ranges[down],
+        )
         panel.scatter(
             data.sets[across], data.sets[down], s=5, color=style.RED, lw=0, zorder=4
         )
@@ -171,7 +179,10 @@ def draw_corner(
     )
     last_panel = pair_panels[-1].axes
     handles = _legend_handles(
-        last_panel, data, bool(parameters.prior), has_published_intervals
+        last_panel,
+        data,
+        has_prior=bool(parameters.prior),
+        has_published_intervals=has_published_intervals,
     )
     figure.legend(
         handles=handles, loc="upper left", bbox_to_anchor=(0.63, 0.8), fontsize=7.5
@@ -388,7 +399,7 @@ def draw_intervals(panel: Axes, table: pd.DataFrame) -> None:
     for row_number, row in table.iterrows():
         is_first = row_number == 0
         y = n_parameters - 1 - row_number
-        _draw_interval_strip(panel, row, y, is_first)
+        _draw_interval_strip(panel, row, y=y, is_first=is_first)
     panel.text(
         1.03,
         n_parameters - 0.45,

@@ -53,7 +53,7 @@ def profiles(inputs: Inputs, study: StudyView) -> Figure:
             "simulated ± SE": (profile.heights(simulated), height_error),
         }
         height_sd = of_profile[0].sd * np.sqrt(profile.functions)
-        draw(panel, profile, height_sd, lines)
+        draw(panel, profile, sd=height_sd, lines=lines)
     style.name_panels(axes)
     return figure
 

@@ -79,7 +79,7 @@ def not_excluded(inputs: Inputs, study: StudyView) -> Figure:
         if row == column:
             _name_parameter(panel, names[row], edges[row])
             continue
-        cells = _cells_of_pair(table, names, row, column)
+        cells = _cells_of_pair(table, names, row=row, column=column)
         panel_edges = edges[column], edges[row]
         if row > column:
             _draw_misfit(panel, cells["least_implausibility"], *panel_edges)

@@ -153,7 +153,9 @@ def contours(inputs: Inputs, study: StudyView) -> Figure:
     for target, model in zip(targets, models, strict=True):
         point = np.array([optimum[name] for name in model.factors])
         for pair in pairs:
-            _draw_contours(next(unused_axes), model, target, pair, point)
+            _draw_contours(
+                next(unused_axes), model, target=target, pair=pair, point=point
+            )
     return figure
 
 
@@ -191,7 +193,7 @@ def _fit_models(inputs: Inputs, targets: Targets) -> list[Model]:
     """Fit the surface of each response."""
     samples = read_table(inputs["samples"], ("sample",))
     dataset = read_table(inputs["dataset"], ("sample",))
-    return models_of(samples, dataset, targets, "quadratic")
+    return models_of(samples, dataset, targets=targets, order="quadratic")
 
 
 def _term_label(term: str) -> str:

@@ -62,7 +62,9 @@ def states(inputs: Inputs, study: StudyView) -> Figure:
     figure.get_layout_engine().set(w_pad=0.02, h_pad=0.02)
     axes = figure.subplots(1, len(shown))
     for k, (panel, state) in enumerate(zip(axes, shown, strict=True)):
-        angle_deg = _draw_side_view(panel, arrays, state, particle, study)
+        angle_deg = _draw_side_view(
+            panel, arrays, state=state, particle=particle, study=study
+        )
         turned_deg = float(arrays[f"turned_{state}_deg"])
         letter = style.letter(k)
         panel.set_title(f"{letter}  {TITLES[state]}: surface {angle_deg:.1f}°")
@@ -147,11 +149,15 @@ def _draw_side_view(
 
     mm_per_pixel = study.settings.measure.mm_per_pixel
     filled = bed.side_view(
-        Grains(centres, quaternions, particle, scales), inside.radius_m, mm_per_pixel
+        Grains(centres, quaternions, particle=particle, scales=scales),
+        inside.radius_m,
+        mm_per_pixel,
     )
-    surface = bed.surface_of(filled, inside.radius_m, mm_per_pixel, settings.fit_share)
+    surface = bed.surface_of(
+        filled, inside.radius_m, mm_per_pixel=mm_per_pixel, fit_share=settings.fit_share
+    )
     camera = look_at(frame, **view)
-    style.scale_bar(panel, camera, np.zeros(3), 2 * inside.radius_m)
+    style.scale_bar(panel, camera, place_m=np.zeros(3), extent_m=2 * inside.radius_m)
     # The line lies in the plane y = 0.
     x, y, _ = camera.project(np.insert(surface.line_m, 1, 0.0, axis=1))
     panel.plot(x, y, color="white", lw=2.6, solid_capstyle="butt")
@@ -187,7 +193,7 @@ def course(inputs: Inputs, study: StudyView) -> Figure:
     profile = read_table(inputs["profile"], ("seed", "depth_mm", "moved_mm"))
     runs = read_table(inputs["runs"], ("seed", "status"))
     figure, (left, right) = panels.grid(2, 2.9, width_ratios=(1.5, 1))
-    _draw_angles(left, record, runs, study.section(DRUM, DrumSettings))
+    _draw_angles(left, record, runs=runs, settings=study.section(DRUM, DrumSettings))
     _draw_layers(right, profile)
     style.name_panels((left, right))
     return figure

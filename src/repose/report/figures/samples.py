@@ -101,7 +101,7 @@ def responses_over_parameters(inputs: Inputs, study: StudyView) -> Figure:
     )
     figure, parameter_panels = panels.panels_over_parameters(targets, parameters, 1.45)
     for panel, target, name in parameter_panels:
-        _draw_response(panel, table, name, target.response)
+        _draw_response(panel, table, name=name, response=target.response)
     figure.supxlabel(_account(table), fontsize=style.SMALL_TEXT_PT)
     return figure
 

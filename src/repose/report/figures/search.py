@@ -65,7 +65,7 @@ def feasible_solutions(inputs: Inputs, study: StudyView) -> Figure:
     figure = style.new_figure(style.PAGE, max(height_of_strips, height_of_responses))
     places = figure.add_gridspec(len(targets), 2, width_ratios=(1.7, 1))
     left = figure.add_subplot(places[:, 0])
-    _draw_parameter_strips(left, solutions, study, published)
+    _draw_parameter_strips(left, solutions, study=study, published=published)
     for k, target in enumerate(targets):
         panel = figure.add_subplot(places[k, 1])
         _draw_response_strip(panel, solutions, target)
@@ -75,7 +75,7 @@ def feasible_solutions(inputs: Inputs, study: StudyView) -> Figure:
     if study.config.get("miga", {}).get("answer") == LEAST_LOSS:
         words = f"{HEIGHTS_WORDS}; {LEAST_LOSS_WORDS}"
     style.below(figure, words)
-    _write_title(figure, left, solutions, summary)
+    _write_title(figure, left, solutions=solutions, summary=summary)
     return figure
 
 
@@ -128,7 +128,7 @@ def _draw_parameter_strips(
         place = (solutions[name].to_numpy() - low) / (high - low)
         # The first strip names the marks in the legend.
         hidden = "" if row == 0 else "_"
-        _draw_strip(panel, y, place, is_answer, hidden)
+        _draw_strip(panel, y, place=place, is_answer=is_answer, hidden=hidden)
         if published is not None:
             ends = published.loc[name, ["low", "high"]].astype(float).to_numpy()
             panel.plot(

@@ -47,7 +47,9 @@ def sequential(inputs: Inputs, study: StudyView) -> Figure:
     figure, axes = panels.grid(1 + len(targets), 2.2, columns=3, extra_height=0.4)
     _draw_probability(axes[0], batches, settings)
     for panel, target in zip(axes[1:], targets, strict=True):
-        style.off_target(panel, target, settings.tolerance_percent, "pours")
+        style.off_target(
+            panel, target, percent=settings.tolerance_percent, xlabel="pours"
+        )
         _draw_predictions(panel, batches, target)
         _draw_check(panel, check, target, x=1.06 * float(batches["pours"].iloc[-1]))
     style.one_legend(axes, loc="outside lower center", ncols=3)

@@ -290,7 +290,7 @@ def band(panel: Axes, low: float, high: float, label: str) -> None:
 
 def near_enough(panel: Axes, percent: float) -> None:
     """Draw the tolerance of a deviation in percent as a band about zero."""
-    band(panel, -percent, percent, f"near enough, ±{percent:g} %")
+    band(panel, -percent, high=percent, label=f"near enough, ±{percent:g} %")
     panel.axhline(0, color=GREY, lw=0.7)
 
 

@@ -131,7 +131,9 @@ def network_structure(inputs: Inputs, study: StudyView) -> Figure:
     for (x, y), symbol in zip(layers.outputs, symbols, strict=True):
         panel.text(x + 0.11, y, symbol, ha="left", va="center", fontsize=8)
     heights = layers.inputs[:, 1]
-    _write_influence(panel, influence, heights, symbols, column_width)
+    _write_influence(
+        panel, influence, heights=heights, symbols=symbols, column_width=column_width
+    )
 
     left = -0.5 - column_width * n_outputs
     right = 2.45 + 0.055 * max(0, longest_symbol - 6)
@@ -157,11 +159,13 @@ def influence_of_inputs(
     low = parameters.low
     high = parameters.high
     try:
-        sobol = indices(respond, low, high, INFLUENCE_POINTS, 1, seed)
+        sobol = indices(
+            respond, low, high=high, samples=INFLUENCE_POINTS, resamples=1, seed=seed
+        )
     except ValueError:
         # An output is constant.
         return influence
-    _, means = main_effects(respond, low, high, seed, points=2)
+    _, means = main_effects(respond, low, high=high, seed=seed, points=2)
     influence.share[:, free_columns] = sobol["total"]
     influence.direction[:, free_columns] = np.sign(means[:, 1] - means[:, 0]).T
     return influence
@@ -187,8 +191,8 @@ def _draw_connections(panel: Axes, share: np.ndarray, layers: Layers) -> None:
     mean_share = share.mean(axis=0)
     thickness = mean_share / (mean_share.max() or 1.0)
     no_thickness = np.zeros(len(layers.hidden))
-    _connect(panel, layers.inputs, layers.hidden, thickness)
-    _connect(panel, layers.hidden, layers.outputs, no_thickness)
+    _connect(panel, layers.inputs, next_nodes=layers.hidden, thickness=thickness)
+    _connect(panel, layers.hidden, next_nodes=layers.outputs, thickness=no_thickness)
 
 
 def _connect(

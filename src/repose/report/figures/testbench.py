@@ -91,9 +91,9 @@ def simulated_pile(inputs: Inputs, study: StudyView) -> Figure:
     style.scale_bar(
         panel,
         look_at(frame_m, **view),
-        axis_m,
-        np.ptp(centres_of_pile[:, 0]),
-        " at the pile's axis",
+        place_m=axis_m,
+        extent_m=np.ptp(centres_of_pile[:, 0]),
+        words_after=" at the pile's axis",
     )
     return figure
 
@@ -137,7 +137,7 @@ def measurement(inputs: Inputs, study: StudyView) -> Figure:
         panel.set(title=f"{letter}  {title}", xlabel="x (mm)")
         if letter in "ad":
             panel.set_ylabel("z (mm)")
-    _name_lines(axes["d"], measured, settings, height_mm)
+    _name_lines(axes["d"], measured, settings=settings, height_mm=height_mm)
     return figure
 
 
@@ -225,8 +225,8 @@ def apparatus(inputs: Inputs, study: StudyView) -> Figure:
         aspect="equal",
         xticks=np.arange(-150, 151, 50),
     )
-    _draw_levels(panel, settings, factory, half_view)
-    _draw_dimensions(panel, settings, top, half_inlet)
+    _draw_levels(panel, settings, factory=factory, half_view=half_view)
+    _draw_dimensions(panel, settings, top=top, half_inlet=half_inlet)
     panel.set(xlabel="x (mm)", ylabel="z (mm)")
     return figure
 
@@ -244,8 +244,8 @@ def _draw_grains(panel: Axes, inputs: Inputs, colour: str) -> None:
     grains = Grains(
         record["position"][frame],
         record["quaternion"][frame],
-        particle,
-        record.get("scale", 1.0),
+        particle=particle,
+        scales=record.get("scale", 1.0),
     )
     is_there = np.isfinite(grains.centres_m).all(axis=1)
     # The nearest are drawn last; the view is along y, and x points right.

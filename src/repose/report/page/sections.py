@@ -151,15 +151,15 @@ def _parameter_row(study: Results, name: str, value: float) -> list[str]:
 
     if study.posterior is None:
         interval_cells = []
-        interval = held(parameters, name, value, value, value)
+        interval = held(parameters, name, value=value, low=value, high=value)
     else:
         row = study.posterior.loc[name]
         interval = held(
             parameters,
             name,
-            value,
-            float(row["credible_low"]),
-            float(row["credible_high"]),
+            value=value,
+            low=float(row["credible_low"]),
+            high=float(row["credible_high"]),
         )
         interval_cells = [
             f"{interval['low']:.3g} to {interval['high']:.3g}",

@@ -227,7 +227,9 @@ def _surrogate(
     if "runs" not in files:
         return None
     samples = read_dataset(files["dataset"], targets)
-    runs = read_runs(files["runs"], targets, samples, files["dataset"])
+    runs = read_runs(
+        files["runs"], targets, dataset=samples, dataset_csv=files["dataset"]
+    )
     observed = arrange_runs(data_of(samples, runs, targets), parameters, targets)
     return SpaceKriging(Kriging(observed), parameters)
 

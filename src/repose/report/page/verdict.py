@@ -55,7 +55,9 @@ def verdict_of(study: Results) -> VerdictText:
         out_of_reach=out_of_reach(study.summary),
         small_run=study.is_small_run,
     )
-    line = in_one_line(result.verdict, checks, result.reason, result.small_run)
+    line = in_one_line(
+        result.verdict, checks, reason=result.reason, small_run=result.small_run
+    )
     if result.feasible and result.verdict is Verdict.UNCHECKED:
         line = line.replace(
             f"targets {Verdict.UNCHECKED}", "targets predicted to be met"

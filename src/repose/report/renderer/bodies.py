@@ -112,13 +112,20 @@ def place_bodies(
         spheres = np.asarray(getattr(shape, "spheres_m", ()))
         if len(spheres):
             drawn_shapes[shape_id] = _Ball()
-            parts = _spheres_of(members, spheres, centres, turn, scales, ball_id)
+            parts = _spheres_of(
+                members,
+                spheres,
+                centres=centres,
+                turn=turn,
+                scales=scales,
+                ball_id=ball_id,
+            )
         else:
             parts = _Parts(
                 centres[members],
                 scales[members],
-                np.full(len(members), shape_id),
-                members,
+                shape_ids=np.full(len(members), shape_id),
+                owner=members,
             )
         parts_of_shapes.append(parts)
     columns = zip(*parts_of_shapes, strict=True)
@@ -161,6 +168,6 @@ def _spheres_of(
     return _Parts(
         centres[owner] + scales[owner, None] * offsets,
         scales[owner] * spheres_of_members[:, 3],
-        np.full(len(owner), ball_id),
-        owner,
+        shape_ids=np.full(len(owner), ball_id),
+        owner=owner,
     )

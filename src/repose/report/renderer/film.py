@@ -77,14 +77,14 @@ def animate_pour(
     look |= view
     look |= {
         "walls": walls,
-        "frame_m": _frame_of_pour(positions[-1], particle, scales, walls),
+        "frame_m": _frame_of_pour(positions[-1], particle, scales=scales, walls=walls),
         "scales": scales,
     }
     pictures = [
         render_pile(positions[k], record["quaternion"][k], particle, **look)
         for k in _spread(record["time_s"], frames)
     ]
-    _write_within(pictures, FRAME_S, out_path, MAX_BYTES)
+    _write_within(pictures, FRAME_S, out_path=out_path, max_bytes=MAX_BYTES)
 
 
 def _frame_of_pour(
@@ -147,15 +147,15 @@ def animate(
         render_bodies(
             frames["position"][k],
             frames["quaternion"][k],
-            shapes,
-            frames["shape"],
-            frames["scale"],
-            settings[k],
+            shapes=shapes,
+            shape_ids=frames["shape"],
+            scales=frames["scale"],
+            setting=settings[k],
             **view,
         )
         for k in _spread(times, pictures)
     ]
-    _write_within(drawn, FRAME_S, out_path, MAX_BYTES)
+    _write_within(drawn, FRAME_S, out_path=out_path, max_bytes=MAX_BYTES)
 
 
 def _settings_of(
@@ -179,7 +179,7 @@ def _frame_of_ends(
     centres = centres[np.isfinite(centres).all(axis=1)].astype(float)
     largest_scale = float(frames["scale"].max(initial=0.0))
     radius = max(shape.bounding_radius_m for shape in shapes) * largest_scale
-    return outline(centres, radius, last.frusta, last.panels)
+    return outline(centres, radius, walls=last.frusta, panels=last.panels)
 
 
 def animate_drum(
@@ -216,7 +216,7 @@ def animate_drum(
             record["position"][k], record["quaternion"][k], particle, **look
         )
         pictures.append(picture)
-    _write_within(pictures, DRUM_FRAME_S, out_path, DRUM_MAX_BYTES)
+    _write_within(pictures, DRUM_FRAME_S, out_path=out_path, max_bytes=DRUM_MAX_BYTES)
 
 
 def drum_inside(section: "DrumSettings", turned_rad: float) -> DrumInside:
@@ -224,7 +224,10 @@ def drum_inside(section: "DrumSettings", turned_rad: float) -> DrumInside:
     thickness_m = 1e-3 * section.wall_thickness_mm
     radius_m = 0.5e-3 * section.outer_diameter_mm - thickness_m
     return DrumInside(
-        radius_m, 1e-3 * section.length_mm, thickness_m, float(turned_rad)
+        radius_m,
+        1e-3 * section.length_mm,
+        thickness_m=thickness_m,
+        turned_rad=float(turned_rad),
     )
 
 

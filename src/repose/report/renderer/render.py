@@ -125,21 +125,30 @@ def render_bodies(  # noqa: PLR0913  (each has a default that a picture may chan
     bodies = place_bodies(
         centres,
         np.asarray(quaternions, float)[shown],
-        shapes,
-        shown_ids,
-        shown_scales,
+        shapes=shapes,
+        shape_ids=shown_ids,
+        scales=shown_scales,
     )
     if frame_m is None:
-        frame_m = outline(centres, bodies.largest_m, setting.frusta, setting.panels)
+        frame_m = outline(
+            centres, bodies.largest_m, walls=setting.frusta, panels=setting.panels
+        )
     camera = look_at(frame_m, width * supersample, height * supersample, **angles)
     tints = shading.tints_of(
         shown[bodies.owner],
         shown_ids[bodies.owner],
-        len(centres_m),
-        len(shapes),
-        colour,
+        count=len(centres_m),
+        shapes=len(shapes),
+        colour=colour,
     )
-    return shading.paint(camera, bodies, tints, frame_m, setting, supersample)
+    return shading.paint(
+        camera,
+        bodies,
+        tints=tints,
+        frame=frame_m,
+        setting=setting,
+        supersample=supersample,
+    )
 
 
 def render_mesh(
@@ -166,8 +175,15 @@ def render_mesh(
         largest_m=float(np.linalg.norm(mesh.extents)) / 2,
     )
     camera = look_at(frame_m, width * supersample, height * supersample, **angles)
-    tints = shading.tints_of(first, first, 1, 1, colour)
-    return shading.paint(camera, bodies, tints, frame_m, Setting(None), supersample)
+    tints = shading.tints_of(first, first, count=1, shapes=1, colour=colour)
+    return shading.paint(
+        camera,
+        bodies,
+        tints=tints,
+        frame=frame_m,
+        setting=Setting(None),
+        supersample=supersample,
+    )
 
 
 def render_simulation(simulation: Simulation, **view: Any) -> np.ndarray:
@@ -179,9 +195,9 @@ def render_simulation(simulation: Simulation, **view: Any) -> np.ndarray:
     return render_bodies(
         centres,
         simulation.quaternions,
-        list(simulation.shapes.values()),
-        simulation.shape_ids,
-        simulation.scales,
-        setting_of(simulation),
+        shapes=list(simulation.shapes.values()),
+        shape_ids=simulation.shape_ids,
+        scales=simulation.scales,
+        setting=setting_of(simulation),
         **view,
     )

@@ -132,7 +132,13 @@ def look_at(
     # The distance at which each point is just in view.
     reach = margin * (np.abs(offset[:, :2]) * 2 / (width, height)).max(axis=1)
     distance = np.max(reach * focal - offset[:, 2])
-    return Camera(centre @ axes + distance * back, axes, focal, width, height)
+    return Camera(
+        centre @ axes + distance * back,
+        axes,
+        focal_px=focal,
+        width=width,
+        height=height,
+    )
 
 
 def boxes(centres: np.ndarray, reach: float) -> np.ndarray:
@@ -178,10 +184,12 @@ def funnel_walls(funnel: Funnel) -> list[Frustum]:
     # The rounded rim lets the cone end a little outside the outlet's own circle.
     slope = math.tan(math.radians(funnel.cone_angle_deg))
     cone_end = inlet_radius - (top - neck) / slope
-    cone = Frustum(neck, cone_end, top, inlet_radius)
+    cone = Frustum(neck, cone_end, z_high_m=top, r_high_m=inlet_radius)
     if funnel.tube_length_m <= 0:
         return [cone]
-    tube = Frustum(funnel.outlet_height_m, outlet_radius, neck, outlet_radius)
+    tube = Frustum(
+        funnel.outlet_height_m, outlet_radius, z_high_m=neck, r_high_m=outlet_radius
+    )
     return [tube, cone]
 
 
@@ -216,7 +224,9 @@ def setting_of(
         if is_endless and faces_up and not len(others):
             plate = float(plane[2])
             continue
-        corners = plane_polygon(plane, simulation.lower, simulation.upper, others)
+        corners = plane_polygon(
+            plane, simulation.lower, upper=simulation.upper, others=others
+        )
         if len(corners) > 2:
             panels.append(Panel(corners))
 
@@ -226,7 +236,9 @@ def setting_of(
     frusta = []
     for cone, frame in zip(cones, frames, strict=False):
         (r_low, z_low), (r_high, z_high) = cone_circles(cone.line)
-        frusta.append(Frustum(z_low, r_low, z_high, r_high, tuple(frame)))
+        frusta.append(
+            Frustum(z_low, r_low, z_high_m=z_high, r_high_m=r_high, frame=tuple(frame))
+        )
     frames_of_meshes = frames[len(frames) - len(meshes) :]
     for mesh, frame in zip(meshes, frames_of_meshes, strict=True):
         corners = in_world(np.asarray(frame, float), mesh.vertices_m)

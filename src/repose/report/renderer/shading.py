@@ -133,12 +133,12 @@ def paint(
     for rows in camera.bands(supersample):
         rays = camera.rays(rows)
         image = np.broadcast_to(BACKGROUND, rays.shape).copy()
-        band = Band(image, view.rows(rows), rays, lit[rows], sky[rows])
+        band = Band(image, view.rows(rows), rays=rays, lit=lit[rows], sky=sky[rows])
         _paint_plate(band, camera, frame)
         _paint_backdrop(band, camera, setting.backdrop)
         _paint_panels(band)
         _paint_bodies(band, camera, tints)
-        _blend_walls(band, camera, setting.frusta, order)
+        _blend_walls(band, camera, walls=setting.frusta, order=order)
         # Average the rays of each pixel.
         fine = np.clip(image, 0, 1).reshape(-1, supersample, width, supersample, 3)
         first_row = rows.start // supersample
@@ -217,7 +217,9 @@ def _light_map(bodies: Bodies, axes: np.ndarray) -> LightMap:
     shape = (int(y.max()) + 2, int(x.max()) + 2)
     # The rows count upwards, so what is anticlockwise in a picture is clockwise here.
     clockwise = bodies.triangles[:, ::-1]
-    heights, *_ = raster.draw(x, y, place[..., 2], clockwise, shape)
+    heights, *_ = raster.draw(
+        x, y, near=place[..., 2], triangles=clockwise, shape=shape
+    )
     return LightMap(heights, low, pixel_m)
 
 

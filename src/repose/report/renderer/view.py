@@ -41,7 +41,9 @@ def look(camera: Camera, bodies: Bodies, setting: Setting) -> View:
     """Give the view of a camera on bodies in a setting."""
     shape = (camera.height, camera.width)
     x, y, near = camera.project(bodies.vertices)
-    nearest, body, triangle, weights = raster.draw(x, y, near, bodies.triangles, shape)
+    nearest, body, triangle, weights = raster.draw(
+        x, y, near=near, triangles=bodies.triangles, shape=shape
+    )
     view = View(
         body=body,
         plate=np.zeros(shape, bool),
@@ -51,10 +53,19 @@ def look(camera: Camera, bodies: Bodies, setting: Setting) -> View:
     )
     for rows in camera.bands():
         band = view.rows(rows)
-        _add_setting(band, nearest[rows], camera.eye_m, camera.rays(rows), setting)
+        _add_setting(
+            band,
+            nearest[rows],
+            eye=camera.eye_m,
+            rays=camera.rays(rows),
+            setting=setting,
+        )
         hit = band.hit
         band.normal[hit] = _normals_of_bodies(
-            bodies, band.body[hit], triangle[rows][hit], weights[rows][hit]
+            bodies,
+            band.body[hit],
+            triangle=triangle[rows][hit],
+            weights=weights[rows][hit],
         )
     return view
 
