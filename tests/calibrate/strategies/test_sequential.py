@@ -252,7 +252,8 @@ def test_further_pours_may_move_a_mean_by_three_standard_deviations_of_what_they
         noise=np.array([[4.0]]),
         predict=lambda _: (np.array([[65.0]]), np.array([[[4.0]]])),
     )
-    goal = Goal(np.array([60.0]), np.array([1.0]), SPACE, np.ones(1))
+    aim = np.array([60.0])
+    goal = Goal(aim, np.ones(1), SPACE, np.ones(1), low=aim - 1, high=aim + 1)
     off = 5 - 3 * np.sqrt(2)
     expected = norm.cdf((1 - off) / np.sqrt(2)) - norm.cdf((-1 - off) / np.sqrt(2))
     assert goal.reachable(model, np.zeros((1, 6)), 1) == pytest.approx(

@@ -18,6 +18,7 @@ from repose.calibrate.strategies.sequential import SequentialSettings
 from repose.calibrate.strategies.sequential.goal import Goal
 from repose.calibrate.strategies.sequential.kriging import Kriging, Observed
 from repose.calibrate.strategies.sequential.reach import Reach, reach
+from repose.calibrate.surrogates.support import Support
 from repose.calibrate.targets import Targets
 
 # Points over the whole ranges that are compared first.
@@ -36,9 +37,6 @@ IN_DOUBT = 0.8
 OUT_OF_REACH = 0.3
 # Points with a smaller distance, in ranges, are the same.
 SAME = 1e-9
-# If even the most probable point is less probable than this, it is merely the point of
-# largest error, and the nearest point is the answer instead.
-NO_CHANCE = 1e-6
 # The noise limits a probability that further runs cannot raise by more than this.
 LEAST_GAIN = 0.01
 
@@ -76,7 +74,7 @@ class Advice(NamedTuple):
         Points of the unit cube to simulate next.
     answer : numpy.ndarray, (d,)
         The point that meets the targets most probably. At the end it is the nearest
-        point, if the targets are out of reach or have no chance to be met.
+        point, if the targets are out of reach or no point is predicted to meet them.
     probability : float
         That the answer meets the targets.
     mean, error : numpy.ndarray, (k,)
@@ -87,6 +85,10 @@ class Advice(NamedTuple):
         Runs at one point that the noise alone requires.
     reach : Reach
         Whether any parameter set meets the targets.
+    is_nearest : bool
+        Whether the answer is the nearest point.
+    model : Kriging
+        The model of the runs.
     """
 
     stop: str | None
@@ -98,6 +100,8 @@ class Advice(NamedTuple):
     reachable: float
     needed: int
     reach: Reach
+    is_nearest: bool
+    model: Kriging
 
 
 def start(space: ParameterSpace, section: SequentialSettings, seed: int) -> np.ndarray:
@@ -156,9 +160,11 @@ def advise(
         is_past_start=done > section.start_samples * section.seeds,
     )
 
-    # Where the targets are not met, the nearest point is the best answer.
-    has_no_chance = stop is not None and probability < NO_CHANCE
-    if stop == "out_of_reach" or has_no_chance:
+    # Where the targets cannot be met, the most probable point is merely that of the
+    # largest error, and the nearest point is the best answer.
+    is_unmet = stop in ("budget", "noise") and no_point_meets(model, goal, ranking)
+    is_nearest = stop == "out_of_reach" or is_unmet
+    if is_nearest:
         answer = nearest(model, goal, observed, ranking.points)
         probability = _probability(model, goal, answer)
 
@@ -183,6 +189,8 @@ def advise(
         reachable=reachable,
         needed=goal.needed(model.noise, section.probability),
         reach=attainable,
+        is_nearest=is_nearest,
+        model=model,
     )
 
 
@@ -222,20 +230,34 @@ def _reason_to_stop(
     return None
 
 
+def no_point_meets(model: Kriging, goal: Goal, ranking: Scored) -> bool:
+    """Tell whether no ranked point is predicted inside the ranges of all targets."""
+    points = ranking.points[np.isfinite(ranking.scores)]
+    mean, _ = model.predict(points)
+    return not goal.is_in_ranges(mean).any()
+
+
 def nearest(
     model: Kriging, goal: Goal, observed: Observed, points: np.ndarray
 ) -> np.ndarray:
     """Find the point (d,) of least expected deviation from the targets.
 
     The deviation is Eq. 11 of the paper, without a prior. The search starts from
-    `points` (m, d).
+    `points` (m, d) and from the samples. The point is one that the runs support: where
+    samples are thin, as in the corners of a Box-Behnken design, the model is uncertain,
+    so that anything may be near there.
     """
+    d = observed.unit.shape[1]
+    names = [str(k) for k in range(d)]
+    support = Support(observed.unit, low=np.zeros(d), high=np.ones(d), names=names)
 
     def score(unit: np.ndarray) -> np.ndarray:
         mean, covariance = model.predict(unit)
-        return -goal.expected_deviation(mean, covariance)
+        deviation = goal.expected_deviation(mean, covariance)
+        return np.where(support.is_thin(unit), -np.inf, -deviation)
 
-    return _refined(points, score, observed, np.random.default_rng(1)).best
+    starts = np.vstack([observed.unit, points])
+    return _refined(starts, score, observed, np.random.default_rng(1)).best
 
 
 def _probability(model: Kriging, goal: Goal, point: np.ndarray) -> float:

@@ -39,6 +39,8 @@ class Goal(NamedTuple):
     half: np.ndarray  # (k,), half width of the tolerance
     space: ParameterSpace
     weight: np.ndarray  # (k,), of Eq. 11 of the paper, over the width of the range
+    low: np.ndarray  # (k,), of the ranges of the targets
+    high: np.ndarray  # (k,)
 
     @classmethod
     def of(
@@ -53,7 +55,14 @@ class Goal(NamedTuple):
             half=tolerance_percent / 100 * targets.whole,
             space=space,
             weight=targets.weight / (targets.high - targets.low),
+            low=targets.low,
+            high=targets.high,
         )
+
+    def is_in_ranges(self, responses: np.ndarray) -> np.ndarray:
+        """Mark the responses (m, k) that lie in the ranges of all targets."""
+        is_inside = (responses >= self.low) & (responses <= self.high)
+        return np.all(is_inside, axis=1)
 
     def of_responses(self, responses: np.ndarray) -> Deviations:
         """Compute the deviations of responses (..., k) from the goal.

@@ -206,6 +206,16 @@ class Kriging(Combined):
         between = np.einsum("smi,smj->mij", deviations, deviations) / len(deviations)
         return self.unmixed(means.mean(axis=0)), within + between
 
+    def mean(self, unit: np.ndarray) -> np.ndarray:
+        """Predict mean responses (m, k) as `predict`, in far less time."""
+        means = np.array(
+            [
+                [process.mean(unit - 0.5) for process in processes]
+                for processes in self.sets
+            ]
+        )
+        return self.unmixed(means.transpose(0, 2, 1).mean(axis=0))
+
     def _left_out(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Predict each sample from all the others.
 
@@ -254,9 +264,9 @@ class SpaceKriging:
 
         The options are those of `repose.calibrate.surrogates.base.Surrogate.predict`.
         """
-        mean, covariance = self._predict(X)
         if not return_std:
-            return mean
+            return self.model.mean(self.space.unit(np.asarray(X, dtype=float)))
+        mean, covariance = self._predict(X)
         variances = np.diagonal(covariance + noise * self.model.noise, axis1=1, axis2=2)
         return mean, np.sqrt(variances)
 

@@ -11,6 +11,7 @@ may be so short that a rough surface explains the noise.
 """
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -127,8 +128,21 @@ def nugget(unit: np.ndarray, means: np.ndarray, shares: np.ndarray) -> float:
     shares : array (n,)
         Variance of each of the means, in variances of a single run.
     """
+    # A proposal and its answer ask for the same, which takes minutes with many runs.
+    arrays = [np.ascontiguousarray(array, float) for array in (unit, means, shares)]
+    return _nugget_of(*(array.tobytes() for array in arrays), unit.shape[1])
+
+
+@lru_cache(maxsize=32)
+def _nugget_of(
+    unit_bytes: bytes, means_bytes: bytes, shares_bytes: bytes, d: int
+) -> float:
+    """Estimate a nugget from the bytes of its arrays, which can be kept."""
     from repose.calibrate.surrogates.process import Process, smooth
 
+    unit = np.frombuffer(unit_bytes).reshape(-1, d)
+    means = np.frombuffer(means_bytes)
+    shares = np.frombuffer(shares_bytes)
     rounding = 1e-9 * float(np.abs(means).max())
     scale = max(float(means.std()), rounding, LEAST_SCALE)
     values = (means - means.mean()) / scale

@@ -15,11 +15,11 @@ from repose.calibrate.probability import within
 from repose.calibrate.strategies.base import SO_FAR, Answer, Batch, samples_of
 from repose.calibrate.strategies.runs import check_responses, next_number
 from repose.calibrate.strategies.sequential.advise import (
-    NO_CHANCE,
     Advice,
     advise,
     alternatives,
     nearest,
+    no_point_meets,
     ranked,
     start,
 )
@@ -67,7 +67,14 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
         samples = samples_of(space, advice.batch, section.seeds, next_number(data))
         return Batch(samples, notes)
     final_notes = notes | _notes_of_end(notes, study, data)
-    return answer(study, data, advice.answer, why=notes["why"], notes=final_notes)
+    return answer(
+        study,
+        data,
+        advice.answer,
+        why=notes["why"],
+        notes=final_notes,
+        model=advice.model,
+    )
 
 
 def _start(study: Study, data: pd.DataFrame, notes: Mapping[str, Any]) -> Batch:
@@ -115,6 +122,7 @@ def answer(
     point: np.ndarray | None = None,
     why: str = SO_FAR,
     notes: Mapping[str, Any] | None = None,
+    model: Kriging | None = None,
 ) -> Answer:
     """Give the answer after the runs so far.
 
@@ -125,11 +133,13 @@ def answer(
         The runs so far.
     point : numpy.ndarray, (d,), optional
         The answer in the unit cube. By default it is the point that meets the targets
-        most probably, or the nearest one if none has a chance to meet them.
+        most probably, or the nearest one if none is predicted to meet them.
     why : str, optional
         Why no more runs are needed.
     notes : mapping, optional
         Further results, as in `Answer`.
+    model : Kriging, optional
+        That of these runs, where it is known already.
 
     Raises
     ------
@@ -140,7 +150,7 @@ def answer(
     targets = study.targets
     observed = arrange_runs(data, space, targets)
     try:
-        model = Kriging(observed, known_noise(study, observed))
+        model = model or Kriging(observed, known_noise(study, observed))
     except ValueError as error:
         raise _input_error(error, data, targets) from None
     goal = _goal(study)
@@ -148,7 +158,7 @@ def answer(
     others = alternatives(ranking, model, targets, study.settings.miga)
     if point is None:
         point = ranking.best
-        if goal.probability(*model.predict(point[None]))[0] < NO_CHANCE:
+        if no_point_meets(model, goal, ranking):
             point = nearest(model, goal, observed, ranking.points)
             why = f"{why}; {NEAREST}"
     unit = point[None]
@@ -290,9 +300,8 @@ def _why(advice: Advice) -> str:
     if advice.stop is None:
         return f"{len(advice.batch)} more samples are poured"
     why = WHY[advice.stop]
-    has_no_chance = advice.probability < NO_CHANCE
     # The sentence on targets out of reach says so already.
-    if advice.stop in ("budget", "noise") and has_no_chance:
+    if advice.stop in ("budget", "noise") and advice.is_nearest:
         return f"{why}; {NEAREST}"
     return why
 

@@ -1,0 +1,72 @@
+"""Where no parameter set meets a target, the answer is the nearest place that runs support.
+
+The surface is a known quadratic with its top, 30, at 0.3 of the coded units of textbook
+designs; the target lies above it. In the far corners, where no design has a run but that
+of the factorial, the surface lies below 19. There a model is uncertain enough to make any
+target look possible.
+"""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from repose import Study
+from repose.calibrate.designs.box_behnken import box_behnken
+from repose.calibrate.designs.central_composite import central_composite
+from repose.calibrate.strategies.base import strategy
+from repose.calibrate.surrogates.support import Support
+
+TOP, CENTRE, CURVATURE, NOISE = 30.0, 0.3, 6.0, 0.3
+DESIGNS = {
+    "rotatable": central_composite(2, "rotatable", 5),
+    "face-centred": central_composite(3, "face_centred", 5),
+    "Box-Behnken": box_behnken(3, 5),
+}
+
+
+def surface(coded):
+    return TOP - CURVATURE * ((coded - CENTRE) ** 2).sum(axis=-1)
+
+
+def answer_of(coded, target, seed):
+    """The answer from one run of each row of a design, in coded units."""
+    noise = NOISE * np.random.default_rng(seed).normal(size=len(coded))
+    names = [f"p{k}" for k in range(coded.shape[1])]
+    farthest = np.abs(coded).max()
+    study = Study(
+        dict.fromkeys(names, (-farthest, farthest)),
+        {"y": (target, 0.5, 10)},
+        seed=1,
+    )
+    runs = pd.DataFrame(coded, columns=names)
+    study.tell(runs.assign(y=surface(coded) + noise, run=range(len(runs))))
+    answer = strategy("sequential").answer(study, study.runs)
+    support = Support(
+        coded, np.full(len(names), -farthest), np.full(len(names), farthest), names
+    )
+    return answer, support
+
+
+@pytest.mark.parametrize("design", DESIGNS)
+@pytest.mark.parametrize(
+    ("target", "seed"),
+    [(36.0, 1)]
+    + [pytest.param(t, k, marks=pytest.mark.slow) for t in (33, 45) for k in (2, 3)],
+)
+def test_the_answer_is_near_the_top_of_the_surface(design, target, seed):
+    coded = getattr(DESIGNS[design], "coded", DESIGNS[design])
+    answer, support = answer_of(coded, target, seed)
+    # Nearer than all but the best runs of the design, and no corner.
+    assert surface(answer.values) > TOP - 2.0
+    assert not support.is_thin(answer.values[None])[0]
+    assert answer.why.endswith("the answer is the nearest")
+    # A prediction from what is supported is true.
+    assert abs(answer.mean[0] - surface(answer.values)) < 3 * answer.error[0]
+
+
+def test_a_target_below_the_top_is_met_as_before():
+    """The nearest is no answer where a set is predicted inside the range."""
+    answer, _ = answer_of(DESIGNS["rotatable"].coded, 28.0, 1)
+    assert abs(answer.mean[0] - 28.0) < 0.02 * 28.0
+    assert "nearest" not in answer.why
+    assert abs(surface(answer.values) - 28.0) < 3 * answer.error[0]
