@@ -1,9 +1,12 @@
 """The record of a study's runs, the only part of a study that grows."""
 
 import itertools
+import math
 import os
-from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
+from decimal import Decimal
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -39,6 +42,8 @@ if TYPE_CHECKING:
 # Relative difference up to which two parameters are the same: a table may have been
 # rounded by a spreadsheet.
 SAME = 1e-6
+# By this share of a range a parameter that a table rounds may differ at most.
+LARGEST_ROUNDING = 0.05
 SOURCE = "the table of runs"
 
 Row = dict[str, Any]
@@ -65,8 +70,8 @@ class Record:
 
     A turn is a proposal with its runs; it ends when all of them are in the record. A
     proposal depends only on the study and on the runs of the turns before, so a study
-    that goes on from its file asks for the same samples as before. Several processes may
-    add parts of a turn.
+    that goes on from its file asks for the same samples as before. Several processes, and
+    several threads, may add parts of a turn, in any order.
 
     Parameters
     ----------
@@ -88,7 +93,24 @@ class Record:
         self._proposals: dict[str, Batch | Answer] = {}
         # Columns that are not read, of which `new_unread_columns` told.
         self._described: set[str] = set()
+        # Held by the thread that reads or adds runs.
+        self._lock = threading.RLock()
         self.read()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return all but the lock, which belongs to the threads of one process."""
+        return {key: value for key, value in vars(self).items() if key != "_lock"}
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        """Take a state, and make a lock."""
+        vars(self).update(state, _lock=threading.RLock())
+
+    @contextmanager
+    def current(self) -> Iterator["Record"]:
+        """Give the record with all runs so far to one thread at a time."""
+        with self._lock:
+            self.read()
+            yield self
 
     def read(self) -> None:
         """Read the file, to which other processes may have added runs."""
@@ -123,11 +145,25 @@ class Record:
     def _turn(self) -> _Turn:
         """The turn that is not complete yet, or else a new one."""
         last = self._last_turn
+        data = self.sorted_data
         if last:
-            proposal = self._propose(self.data[self._turn_numbers < last])
+            proposal = self._propose(data[np.sort(self._turn_numbers) < last])
             if len(self._missing_runs(proposal)):
                 return _Turn(proposal, last)
-        return _Turn(self._propose(self.data), last + 1)
+        return _Turn(self._propose(data), last + 1)
+
+    @property
+    def sorted_data(self) -> pd.DataFrame:
+        """The runs by turn, sample and run: in the order in which they were asked for.
+
+        So a proposal does not depend on which run ended first.
+        """
+        if self.data.empty:
+            return self.data
+        numbers = pd.Series([row["run"] for row in self._rows])
+        runs = pd.to_numeric(numbers, errors="coerce")
+        order = np.lexsort((runs, self.data["sample"], self._turn_numbers))
+        return self.data.iloc[order].reset_index(drop=True)
 
     def _propose(self, data: pd.DataFrame) -> Batch | Answer:
         """Ask the strategy for its proposal after some runs."""
@@ -155,10 +191,16 @@ class Record:
         ]
         return asked[is_missing].reset_index(drop=True)
 
-    def add(self, table: pd.DataFrame) -> None:
-        """Add the runs of a table, as `Study.tell` takes it."""
+    def add(self, table: pd.DataFrame) -> list[str]:
+        """Add the runs of a table, as `Study.tell` takes it.
+
+        Returns
+        -------
+        list of str
+            Result of `new_unread_columns`.
+        """
         table = _checked_table(table, columns_of(self.study))
-        with nullcontext() if self.file is None else exclusive(self.file):
+        with self._lock, nullcontext() if self.file is None else exclusive(self.file):
             self.read()
             if "sample" in table:
                 runs = self._runs_of_the_turn(table)
@@ -171,6 +213,7 @@ class Record:
                 rows.append({key: _as_text(value) for key, value in row.items()})
             source = SOURCE if self.file is None else self.file
             self._replace_rows([*self._rows, *rows], source, write=True)
+            return self.new_unread_columns()
 
     def add_file(self, path: str | os.PathLike) -> None:
         """Add the runs of a CSV file; on an InputError the record stays as it was.
@@ -183,7 +226,7 @@ class Record:
         runs = checked_runs(self.study, rows, path, enough=False)
         rows = with_missing(rows, self.study)
         self.file.parent.mkdir(parents=True, exist_ok=True)
-        with exclusive(self.file):
+        with self._lock, exclusive(self.file):
             self.read()
             if "run" not in rows[0] and len(self.data):
                 _refuse_repeated_runs(runs, self.data, path)
@@ -329,11 +372,14 @@ class Record:
             raise InputError(SOURCE, "sample and run", list(wrong[0]), words)
         rows = asked_numbers.get_indexer(numbers)
         runs = asked.iloc[rows].reset_index(drop=True)
-        for name in self.study.parameters.names:
+        space = self.study.parameters
+        sizes = dict(zip(space.free, space.high - space.low, strict=True))
+        for name in space.names:
             if name not in table:
                 continue
-            values = _numbers(table, name)
-            if not np.allclose(values, runs[name], rtol=SAME, atol=0):
+            size = sizes.get(name, abs(space.fixed.get(name, 0.0)))
+            pairs = zip(_numbers(table, name), runs[name], strict=True)
+            if not all(_is_rounded(value, asked, size) for value, asked in pairs):
                 words = "the parameters that `ask` gave, or no such column"
                 raise InputError(SOURCE, name, "changed", words)
         completed = self._with_responses(runs, table)
@@ -404,6 +450,19 @@ def _index_of_asked(
             is_same &= (asked[key].astype(str) == str(row[key]).strip()).to_numpy()
     same = asked[is_same]
     return same.index[0] if len(same) else None
+
+
+def _is_rounded(value: float, asked: float, size: float) -> bool:
+    """Tell whether a number is another to the digits that it has, or the same.
+
+    `size` is that of the range. Sample and number tell which run it is.
+    """
+    if math.isclose(value, asked, rel_tol=SAME):
+        return True
+    last_digit = 10.0 ** int(
+        Decimal(repr(float(value))).normalize().as_tuple().exponent
+    )
+    return abs(value - asked) <= min(0.501 * last_digit, LARGEST_ROUNDING * size)
 
 
 def _first_free_run(sample: str, known: set[tuple[str, str]]) -> str:

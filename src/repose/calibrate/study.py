@@ -1,9 +1,11 @@
 """A study: it asks for runs of any simulator, takes their results, and calibrates."""
 
 import json
+import threading
 import warnings
-from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
+from contextlib import AbstractContextManager, nullcontext
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -21,7 +23,10 @@ if TYPE_CHECKING:
     from repose.calibrate.calibration import Calibration
     from repose.calibrate.record import Record
 
-Simulate = Callable[[dict[str, Any]], Mapping[str, float]]
+Simulate = Callable[[dict[str, Any]], Mapping[str, Any] | None]
+Run = dict[str, Any]
+# Held while a study makes its record, so that its threads have the same.
+_MAKING_RECORD = threading.Lock()
 
 
 class Study:
@@ -212,16 +217,17 @@ class Study:
         )
 
     @cached_property
-    def _record(self) -> "Record":
+    def _made_record(self) -> "Record":
         """The runs as this process knows them."""
         from repose.calibrate.record import Record
 
         return Record(self, self.file)
 
-    def _current_record(self) -> "Record":
-        """Return the runs so far, with those that other processes added to the file."""
-        self._record.read()
-        return self._record
+    @property
+    def _record(self) -> "Record":
+        """The record, which several threads share; its lock is held to use it."""
+        with _MAKING_RECORD:
+            return self._made_record
 
     @property
     def runs(self) -> "pd.DataFrame":
@@ -229,13 +235,14 @@ class Study:
 
         The responses of a run that failed are NaN.
         """
-        return self._current_record().data
+        with self._record.current() as record:
+            return record.data
 
     @property
     def proposal(self) -> Batch | Answer:
         """The strategy's proposal after these runs: the next samples, or the answer."""
-        with _one_thread():
-            return self._current_record().proposal
+        with self._record.current() as record, _one_thread():
+            return record.proposal
 
     @property
     def done(self) -> bool:
@@ -259,13 +266,14 @@ class Study:
         InputError
             If the runs so far do not determine the model of the strategy.
         """
-        with _one_thread():
-            return self._current_record().asked
+        with self._record.current() as record, _one_thread():
+            return record.asked
 
     def tell(self, runs: "pd.DataFrame") -> None:
         """Add results of runs.
 
-        With a file they are on the disk afterwards, and several processes may add to it.
+        Several threads may tell one study. With a file the runs are on the disk
+        afterwards, and several processes may add to it.
 
         Parameters
         ----------
@@ -288,15 +296,17 @@ class Study:
         UserWarning
             Of each column that is not read, once it varies.
         """
-        # The record reads the file itself, under its lock.
-        self._record.add(runs)
-        for sentence in self._record.new_unread_columns():
+        for sentence in self._record.add(runs):
             warnings.warn(sentence, stacklevel=2)
 
-    def calibrate(self, simulate: Simulate) -> "Calibration":
+    def calibrate(
+        self, simulate: Simulate, workers: int | Executor = 1
+    ) -> "Calibration":
         """Simulate all that the strategy asks for, and return the answer.
 
-        With a file each run is on the disk as soon as it is made.
+        With a file each run is on the disk as soon as it is made. The runs of a batch do
+        not depend on each other, so several may be made at a time; the answer is the
+        same.
 
         Parameters
         ----------
@@ -305,6 +315,11 @@ class Study:
             run failed if it returns None, or if a response is missing, NaN, None,
             infinite or no number, or with a `status` that says anything but ok.
 
+        workers : int or concurrent.futures.Executor
+            Runs that are made at a time, in threads of this process: enough where a
+            function starts a program and waits for it. An executor makes them in its own
+            way, such as in processes.
+
         Returns
         -------
         Calibration
@@ -312,14 +327,17 @@ class Study:
         Raises
         ------
         InputError
-            If it returns no mapping.
+            If it returns no mapping. An exception of `simulate` is raised, too, once
+            the runs that were begun are told.
         """
         if not callable(simulate):
             words = "a function of a row of `ask`"
             raise InputError("study", "simulate", simulate, words)
-        while not self.done:
-            for run in self.ask().to_dict("records"):
-                self.tell(self._told(run, simulate(dict(run))))
+        with _executor(workers) as executor:
+            while not self.done:
+                asked = self.ask().to_dict("records")
+                for run, result in _results(simulate, asked, executor):
+                    self.tell(self._told(run, result))
         return self.answer()
 
     def _told(self, run: Mapping[str, Any], result: object) -> "pd.DataFrame":
@@ -360,8 +378,48 @@ class Study:
         if self.runs.empty:
             words = "results of the runs that `ask` gave: `tell` adds them"
             raise InputError("study", "runs", 0, words)
-        with _one_thread():
-            return calibrate(self, self.runs, self.proposal)
+        with self._record.current() as record, _one_thread():
+            return calibrate(self, record.sorted_data, record.proposal)
+
+
+def _executor(
+    workers: int | Executor,
+) -> AbstractContextManager[Executor | None]:
+    """Return what makes several runs at a time; None for one after another."""
+    if isinstance(workers, Executor):
+        return nullcontext(workers)
+    is_count = isinstance(workers, int) and not isinstance(workers, bool)
+    if not is_count or workers < 1:
+        words = "an integer from 1, or an Executor of concurrent.futures"
+        raise InputError("study", "workers", workers, words)
+    return nullcontext() if workers == 1 else ThreadPoolExecutor(workers)
+
+
+def _results(
+    simulate: Simulate, asked: Sequence[Run], executor: Executor | None
+) -> Iterator[tuple[Run, Any]]:
+    """Simulate runs, and yield each with its result as soon as it is made.
+
+    An exception is raised after the results of the runs that had begun with it.
+    """
+    if executor is None:
+        for run in asked:
+            yield run, simulate(dict(run))
+        return
+    futures = {executor.submit(simulate, dict(run)): run for run in asked}
+    error: BaseException | None = None
+    for future in as_completed(futures):
+        if future.cancelled():
+            continue
+        failure = future.exception()
+        if failure is None:
+            yield futures[future], future.result()
+        elif error is None:
+            error = failure
+            for other in futures:
+                other.cancel()
+    if error is not None:
+        raise error
 
 
 def _one_thread() -> AbstractContextManager[Any]:

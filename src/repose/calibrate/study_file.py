@@ -250,6 +250,7 @@ def complete_configuration(
     from repose.calibrate.strategies import cost
 
     config = _with_defaults(content, source)
+    config = faults.with_whole_numbers(config, file_model())
     raise_together(faults.check(config, str(source), file_model()).faults)
     for name in SEEDED:
         config[name] = config[name] | {"seed": config["seed"]}

@@ -64,6 +64,34 @@ def check(config: Any, source: str | Origin, model: Model) -> Checked:
     return Checked(faults, missing | {fault.key for fault in faults})
 
 
+def with_whole_numbers(config: Any, model: Model) -> Any:
+    """Return a configuration with 3.0 as 3 wherever a key is an integer.
+
+    R, MATLAB and many writers of JSON write whole numbers so.
+    """
+    for error in _errors(config, model):
+        value = at(config, error.path)
+        if not isinstance(value, float) or not value.is_integer():
+            continue
+        kinds = subschema(error.path, model)
+        types = [kind.get("type") for kind in (kinds, *kinds.get("anyOf", ()))]
+        if "integer" in types:
+            config = _with_value(config, error.path, int(value))
+    return config
+
+
+def _with_value(config: Any, path: Sequence[str], value: Any) -> Any:
+    """Return a copy of a configuration with another value at a key."""
+    if not path:
+        return value
+    step, *rest = path
+    if isinstance(config, Mapping):
+        return {**config, step: _with_value(config[step], rest, value)}
+    entries = list(config)
+    entries[int(step)] = _with_value(entries[int(step)], rest, value)
+    return entries
+
+
 def lacks_keys(config: Mapping[str, Any], model: Model) -> bool:
     """Return whether a section of a configuration lacks a key, whatever the values."""
     for error in _errors(config, model):

@@ -89,7 +89,8 @@ Share = Annotated[float, Field(ge=0, le=1)]
 class Section(BaseModel):
     """A section: its keys are known, its numbers are finite, and no value is converted.
 
-    So 8.0 is no integer, and true is no number.
+    So true is no number. A whole number may be 8.0 in a file
+    (`repose.common.faults.with_whole_numbers`).
     """
 
     model_config = ConfigDict(

@@ -93,6 +93,7 @@ class ConfigChecks:
             With all faults.
         """
         self._complete_targets()
+        self.config = faults.with_whole_numbers(self.config, settings_type())
         found = faults.check(self.config, self.source, settings_type())
         self.faults = found.faults
         self.bad = found.keys

@@ -321,3 +321,34 @@ def test_a_study_needs_no_locks_of_the_system(tmp_path):
         cwd=tmp_path,
     )
     assert done.stdout.strip() == "32"
+
+
+def test_parameters_may_be_rounded_where_sample_and_run_tell_which_run_it_is():
+    asked = study().ask()
+    for digits in (2, 3, 6):
+        one = study()
+        one.tell(results(asked).round({"a": digits, "b": digits}))
+        # The record has what was asked for.
+        assert one.runs["a"].tolist() == asked["a"].tolist()
+    one = study()
+    swapped = results(asked)
+    swapped["a"] = swapped["a"].to_numpy()[::-1]
+    input_error("a is 'changed'", one.tell, swapped.round({"a": 3}))
+    input_error("a is 'changed'", one.tell, results(asked).assign(a=asked["a"] + 1e-4))
+    input_error("a is 'changed'", one.tell, results(asked).round({"a": 0}))
+
+
+def test_whole_floats_are_integers_where_a_key_is_one():
+    def settings(number):
+        return Study(
+            {"a": (0.0, 1.0)},
+            {"y": (1.0, 0.05, number(3))},
+            seed=number(3),
+            sequential={"start_samples": number(8), "tolerance_percent": 2},
+        ).config
+
+    assert settings(float) == settings(int)
+    assert isinstance(settings(float)["sequential"]["start_samples"], int)
+    input_error("seed is 3.5; expected an integer", study, seed=3.5)
+    input_error("seed is true; expected an integer", study, seed=True)
+    input_error("seed is inf", study, seed=math.inf)
