@@ -1,5 +1,6 @@
 """From the runs of any simulator to the answer with its certainty."""
 
+import sys
 from collections.abc import Mapping
 from html import escape
 from pathlib import Path
@@ -37,6 +38,8 @@ from repose.calibrate.uncertainty.settings import PosteriorSettings
 from repose.common.errors import require
 from repose.common.files import Path_, path_of, write_json, write_table
 
+# From so many samples on a step of the answer takes minutes, and it is told.
+MANY_SAMPLES = 400
 # Files of `save`.
 TABLES = ("samples.csv", "solutions.csv", "posterior.csv", "draws.csv")
 RECORDS = ("posterior.json", "summary.json", "card.json")
@@ -250,6 +253,7 @@ def calibrate(
     """
     space, targets, settings = study.parameters, study.targets, study.settings
     check_responses(runs, targets)
+    _tell_step("fit the model of the responses", runs)
     if isinstance(proposal, Answer):
         answer = proposal
     else:
@@ -262,6 +266,7 @@ def calibrate(
     has_replicates = REPLICATES in noise.sources.values()
     freedom = observed.freedom if has_replicates else 0
     inference_settings = posterior_settings(settings.posterior, freedom, len(targets))
+    _tell_step("draw the posterior of the parameters", runs)
     posterior = infer(
         model,
         support,
@@ -304,6 +309,13 @@ def calibrate(
         posterior=posterior,
         summary=summary,
     )
+
+
+def _tell_step(step: str, runs: pd.DataFrame) -> None:
+    """Print on stderr what begins, where there are so many samples that it takes long."""
+    n_samples = runs["sample"].nunique()
+    if n_samples >= MANY_SAMPLES:
+        print(f"repose: {n_samples} samples: {step}", file=sys.stderr, flush=True)
 
 
 def posterior_settings(

@@ -209,3 +209,25 @@ def test_a_point_is_sound_if_no_failed_sample_is_nearer_than_a_good_one(
     assert observed.is_sound(np.array([[point]])).tolist() == [is_sound]
     many = np.full((5, 1), point)
     assert observed.is_sound(many).tolist() == [is_sound] * 5
+
+
+def test_a_mean_alone_has_the_bits_of_a_prediction():
+    random = np.random.default_rng(1)
+    unit = random.random((12, 2))
+    means = np.column_stack([unit.sum(axis=1), unit[:, 0] ** 2])
+    values = means[:, None] + 0.1 * random.normal(size=(12, 2, 2))
+    model = Kriging(Observed(unit, values))
+    points = random.random((20, 2))
+    np.testing.assert_array_equal(model.mean(points), model.predict(points)[0])
+
+
+def test_a_nugget_is_estimated_once(monkeypatch):
+    from repose.calibrate.strategies.sequential import noise
+    from repose.calibrate.surrogates import process
+
+    random = np.random.default_rng(2)
+    unit = random.random((12, 2))
+    means, shares = unit[:, 0] + 0.1 * random.normal(size=12), np.ones(12)
+    first = noise.nugget(unit, means, shares)
+    monkeypatch.setattr(process, "Process", None)
+    assert noise.nugget(unit.copy(), means.copy(), shares) == first
