@@ -30,8 +30,9 @@ def table(tmp_path):
 
 @pytest.fixture
 def entry(table):
-    profile = {"response": "turning_profile_mm", "file": str(table)}
-    return profile | {
+    return {
+        "response": "turning_profile_mm",
+        "file": str(table),
         "sd": 1.2,
         "repetitions": 4,
         "functions": 3,
@@ -41,56 +42,71 @@ def entry(table):
 
 
 def study_of(quick, entry):
-    return PipelineConfig.of(
-        quick.config | {"targets": [*quick.config["targets"], entry]}
-    )
+    targets = [*quick.config["targets"], entry]
+    return PipelineConfig.of(quick.config | {"targets": targets})
 
 
-def test_a_profile_becomes_a_target_for_each_score_with_its_errors(quick, entry):
+def scores_of(study):
+    return [target for target in study.targets if target.profile is not None]
+
+
+def test_a_profile_becomes_a_target_for_each_score(quick, entry):
+    scores = scores_of(study_of(quick, entry))
+    assert [score.name for score in scores] == [
+        "turning_profile_1_mm",
+        "turning_profile_2_mm",
+        "turning_profile_3_mm",
+    ]
+    profile = scores[0].profile
+    assert profile.x == (-30, -20, -10, 0, 10), "the last height is empty"
+    values = [score.value for score in scores]
+    np.testing.assert_allclose(values, profile.scores(profile.z))
+    assert {score.whole for score in scores} == {profile.whole}
+
+
+def test_errors_and_ranges_of_the_scores_add_up_to_those_of_the_heights(quick, entry):
+    scores = scores_of(study_of(quick, entry))
+    assert [score.weight for score in scores] == pytest.approx([1 / 3] * 3)
+    assert sum(score.sd**2 for score in scores) == pytest.approx(1.2**2)
+    widths = [score.high - score.low for score in scores]
+    assert np.sqrt(np.square(widths).sum()) == pytest.approx(2 * 0.9)
+
+
+def test_the_card_has_the_abscissae_of_the_scores_alone(quick, entry):
     study = study_of(quick, entry)
-    own = [target for target in study.targets if target.profile is not None]
-    assert [target.name for target in own] == [
-        f"turning_profile_{k}_mm" for k in (1, 2, 3)
-    ]
-    profile = own[0].profile
-    assert profile.x == (-30, -20, -10, 0, 10)  # the last height is empty
-    np.testing.assert_allclose(
-        [target.value for target in own], profile.scores(profile.z)
-    )
-    assert [target.weight for target in own] == pytest.approx([1 / 3] * 3)
-    # errors and ranges of the scores add up to those of the heights
-    assert sum(target.sd**2 for target in own) == pytest.approx(1.2**2)
-    assert sum((target.high - target.low) ** 2 for target in own) == pytest.approx(
-        (2 * 0.9) ** 2
-    )
-    assert {target.whole for target in own} == {profile.whole}
-    settings = [
-        describe_response(study, target.response, {})["definition"]["settings"]
-        for target in study.targets
-    ]
-    assert [one.get("profile", {}).get("x") for one in settings] == [None] * (
-        len(settings) - 3
-    ) + 3 * [[*profile.x]]
-    own = {key: value for key, value in entry.items() if key != "functions"}
-    input_error("rows is 5; expected more than functions, 5", study_of, quick, own)
-    own = study_of(quick, entry | {"sd": "sd_mm", "z": "low_mm"}).targets[-1]
-    assert (own.sd, own.profile.x) == (
-        pytest.approx(1 / np.sqrt(3)),
-        (-20, -10, 0, 10, 20),
-    )
+    for target in study.targets:
+        described = describe_response(study, target.response, {})
+        settings = described["definition"]["settings"]
+        if target.profile is None:
+            assert "profile" not in settings
+        else:
+            assert settings["profile"]["x"] == [-30, -20, -10, 0, 10]
+
+
+def test_heights_and_errors_may_stand_in_other_columns(quick, entry):
+    study = study_of(quick, entry | {"sd": "sd_mm", "z": "low_mm"})
+    last = study.targets[-1]
+    assert last.profile.x == (-20, -10, 0, 10, 20)
+    # Each height has an error of 1 mm, which three scores share.
+    assert last.sd == pytest.approx(1 / np.sqrt(3))
+
+
+def test_a_profile_has_more_heights_than_scores(quick, entry):
+    del entry["functions"]
+    input_error("rows is 5; expected more than functions, 5", study_of, quick, entry)
+
+
+def test_a_score_without_its_profile_is_refused(quick):
     number = {
         "response": "turning_profile_1_mm",
         "apparatus": "turning",
         "value": 1.0,
         "sd": 1.0,
+        "repetitions": 1,
+        "range": [0.0, 2.0],
     }
-    number |= {"repetitions": 1, "range": [0.0, 2.0]}
-    input_error(
-        "turning_profile_mm with the file of its measured heights",
-        study_of,
-        quick,
-        number,
-    )
+    message = "turning_profile_mm with the file of its measured heights"
+    input_error(message, study_of, quick, number)
 
 
 def test_scores_are_defined_by_abscissae_and_share_and_percents_are_of_the_height(

@@ -216,59 +216,61 @@ def test_a_changed_result_and_somebodys_file_in_the_place_of_a_result_are_report
     assert all(path.read_text() == "mine" for path in mine)
 
 
-def turned(value):
-    return (
-        {key: turned(value[key]) for key in reversed(value)}
-        if isinstance(value, dict)
-        else value
-    )
+def in_reverse_order(value):
+    """A configuration whose sections have their keys in reverse order."""
+    if not isinstance(value, dict):
+        return value
+    return {key: in_reverse_order(value[key]) for key in reversed(value)}
 
 
-def test_a_run_stands_on_what_it_reads_in_any_order_and_not_on_its_measurement(config):
+def changed_key(config, section, key):
+    return put(copy.deepcopy(config), f"{section}.{key}", "another")
+
+
+def test_a_run_stands_on_its_scene_and_not_on_its_measurement(config):
     def check(name):
-        measured_by = [(name, key) for key in bench(name).measured_by]
-        of_measure = [("measure", key) for key in config["measure"]]
-        own = [
+        measured_by = bench(name).measured_by
+        scene = [("design", "seed")]
+        scene += [("wall", key) for key in config["wall"]]
+        scene += [("simulation", key) for key in config["simulation"]]
+        scene += [
             (name, key)
             for key in config[name]
-            if key != "seeds" and (name, key) not in measured_by
+            if key != "seeds" and key not in measured_by
         ]
-        shared = [
-            (section, key)
-            for section in ("wall", "simulation")
-            for key in config[section]
-        ]
-        for section, key in (
-            *of_measure,
-            *measured_by,
-            *own,
-            *shared,
-            ("design", "seed"),
-        ):
-            changed = put(copy.deepcopy(config), f"{section}.{key}", "another")
-            is_measurement = (section, key) in (*of_measure, *measured_by)
-            is_same = dependencies.simulation_settings(
-                changed, name
-            ) == dependencies.simulation_settings(config, name)
-            assert is_same is is_measurement, (section, key)
-            if is_measurement:
-                assert dependencies.measurement_settings(
-                    changed, name
-                ) != dependencies.measurement_settings(config, name)
-                assert dependencies.settings_of(
-                    changed, "next"
-                ) != dependencies.settings_of(config, "next"), (section, key)
-        other = turned(config)
-        for what in (
-            dependencies.simulation_settings,
-            dependencies.measurement_settings,
-        ):
-            assert str(what(other, name)) == str(what(config, name))
-        assert str(dependencies.sections(other, "berry", "miga")) == str(
-            dependencies.sections(config, "berry", "miga")
-        )
+        before = dependencies.simulation_settings(config, name)
+        for section, key in scene:
+            changed = changed_key(config, section, key)
+            assert dependencies.simulation_settings(changed, name) != before, (
+                section,
+                key,
+            )
+
+        measurement = [("measure", key) for key in config["measure"]]
+        measurement += [(name, key) for key in measured_by]
+        for section, key in measurement:
+            changed = changed_key(config, section, key)
+            assert dependencies.simulation_settings(changed, name) == before, (
+                section,
+                key,
+            )
+            for select in (
+                lambda one: dependencies.measurement_settings(one, name),
+                lambda one: dependencies.settings_of(one, "next"),
+            ):
+                assert select(changed) != select(config), (section, key)
 
     check_all(check, [(name, name) for name in names() if name in config])
+
+
+def test_the_order_of_keys_changes_no_settings(config):
+    other = in_reverse_order(config)
+    for select in (dependencies.simulation_settings, dependencies.measurement_settings):
+        for name in names():
+            if name in config:
+                assert str(select(other, name)) == str(select(config, name)), name
+    settings = dependencies.sections(config, "berry", "miga")
+    assert str(dependencies.sections(other, "berry", "miga")) == str(settings)
 
 
 def test_keys_of_a_bench_test_define_what_its_targets_are():
