@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from goji import BERRY, PARTICLE, ROOT, named, recommended
+from goji import BERRY, PARTICLE, ROOT, check_named_time, named, recommended
 from refusals import input_error
 
 from repose.bench import Scene, bench, cylinder
@@ -87,7 +87,9 @@ def test_a_filling_is_judged_sizes_count_by_mass_and_a_tap_lifts_a_berry_by_its_
     status, reason = judged(low)
     assert status == "not_full"
     assert "above it" in reason
-    assert judged(full, 1e-6)[0] == "not_at_rest"
+    status, reason = judged(full, 1e-6)
+    assert status == "not_at_rest"
+    check_named_time(TEST, reason)
     assert judged(full + np.array([0.02, 0, 0]))[0] == "lost"
     assert judged(full, unstable="why") == ("unstable", "why")
     own = config(**SMALL)

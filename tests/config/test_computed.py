@@ -20,7 +20,12 @@ KEYS = [setting.key for setting in computed.COMPUTED]
 def by_hand():
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(CROPS / "soybean")
-        return PipelineConfig.load("config.yaml").config
+        # The crop states the limits of its kept runs, which are those of a goji berry.
+        overrides = {
+            "simulation": {"rest_energy_j": "auto"},
+            "funnel": {"rest_motion_mm": "auto", "rest_window_s": "auto"},
+        }
+        return PipelineConfig.load("config.yaml", overrides=overrides).config
 
 
 @pytest.fixture

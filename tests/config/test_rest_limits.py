@@ -10,6 +10,7 @@ from shared import ROOT
 
 from repose.bench import Scene, bench
 from repose.bench.grain_scale import GrainScale, rounded
+from repose.bench.inclined_plane import Tilting
 from repose.bench.settings import SceneSettings
 from repose.config.computed import REST_TIME
 from repose.config.pipeline import PipelineConfig
@@ -198,3 +199,13 @@ def test_a_moving_pile_names_the_key_to_change(potatoes):
     verdict = funnel.judge(funnel.pour(scene), scene.settings)
     assert verdict.status == "not_at_rest"
     assert "more time by funnel.duration_s" in verdict.reason
+
+
+def test_a_grain_that_moves_on_the_plane_names_the_key_to_change(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    settings = SceneSettings(
+        {"inclined_plane": bench("inclined_plane").example["inclined_plane"]}
+    )
+    verdict = bench("inclined_plane").judge(Tilting(restless="grain"), settings)
+    assert verdict.status == "not_at_rest"
+    assert verdict.reason.endswith("by inclined_plane.settle_s")
