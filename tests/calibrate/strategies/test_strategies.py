@@ -17,7 +17,7 @@ STUDY = {
     "targets": {"angle_deg": (30.0, 1.2), "time": (4.0, 0.2, 10)}, "seed": 1,
     "sequential": {"start_samples": 12, "batch": 4, "most_runs": 40}, "posterior": {"walkers": 32, "steps": 100},
     "design": {"samples": 24},
-    "miga": {"islands": 2, "population": 20, "rounds": 10, "generations": 5, "solutions": 10},
+    "miga": {"islands": 2, "population": 20, "rounds": 10, "generations": 5, "solutions": 10, "replicates": 2},
     "refine": {"pours": 6, "design_seeds": 2, "seeds": 4},
     "response_surface": {"seeds": 2, "steps": 3, "checks": 2, "surface": "rotatable"},
 }  # fmt: skip
