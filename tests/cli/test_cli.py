@@ -55,10 +55,22 @@ def test_every_verb_explains_itself_with_an_example_that_parses(command):
 
 
 def test_help_fits_a_screen_and_guesses_what_was_mistyped(command):
+    first = ["new", "check", "measure", "run", "card", "export", "marker"]
+    for words, names in {
+        ("--help",): first,
+        ("help",): first,
+        ("help", "all"): list(TYPED),
+    }.items():
+        lines = command(*words).out.splitlines()
+        listed = [line.split()[0] for line in lines if re.match(" {2}[a-z]", line)]
+        assert listed == names
+        assert max(map(len, lines)) <= 80
+        assert not [
+            line for line in lines if line.endswith("...") and "VERB" not in line
+        ]
+    assert command("help", "card").out == command("card", "--help").out
+    assert command("DOCS").out == command("docs").out
     out = command("--help").out
-    assert [
-        line.split()[0] for line in out.splitlines() if re.match(" {2}[a-z]", line)
-    ] == list(TYPED)
     assert len(TYPED) <= 25
     assert len(out.splitlines()) <= 45
     assert "example:" in out
@@ -70,6 +82,9 @@ def test_help_fits_a_screen_and_guesses_what_was_mistyped(command):
         name for names in GROUPS.values() for name in names if name not in VERBS
     ]
     assert "did you mean measure?" in error_of(command, "mesure")
+    assert "did you mean run uncertainty?" in error_of(command, "uncertainy")
+    file = "did you mean repose run --configfile mine.yaml?"
+    assert file in error_of(command, "mine.yaml")
     assert "did you mean dataset?" in error_of(command, "stage", "datset")
     assert "did you mean stage dataset?" in error_of(command, "datset")
     assert "did you mean" not in error_of(command, "xyzzy")

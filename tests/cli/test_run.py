@@ -104,6 +104,23 @@ def test_a_dotted_key_is_answered_with_the_form_that_snakemake_takes(given, comm
     assert given == []
 
 
+def test_what_a_call_of_run_may_hold(given, command, tmp_path, monkeypatch):
+    """A file after --config is pointed to --configfile, and a dry run may read a folder of others."""
+    said = command("run", "--config", "mine.yaml", status=2).err
+    assert "a file is given by --configfile mine.yaml" in said
+    missing = command("run", "--directory", str(tmp_path / "new"), status=2).err
+    assert "expected a folder that is there" in missing
+    assert not (tmp_path / "new").exists()
+    command("run", "--cores", "2", "--cores", "3")
+    assert given[given.index("--cores") + 1] == "3"
+    access = os.access
+    monkeypatch.setattr(
+        os, "access", lambda path, mode: path != "." and access(path, mode)
+    )
+    assert "you may write" in command("run", status=2).err
+    command("run", "-n")
+
+
 def test_where_home_cannot_be_written_the_caches_lie_in_the_folder_of_the_run(
     tmp_path, monkeypatch, given, command
 ):

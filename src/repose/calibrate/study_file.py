@@ -332,6 +332,11 @@ def _require_texts_as_names(config: Mapping[str, Any], source: object) -> None:
             if not isinstance(name, str):
                 words = "text as each name; put it in quotes"
                 wrong.append(YamlError(str(source), section, name, words))
+            elif name.startswith("#"):
+                words = (
+                    "names that do not begin with #, which begins a comment in tables"
+                )
+                wrong.append(YamlError(str(source), section, name, words))
     raise_together(wrong)
 
 

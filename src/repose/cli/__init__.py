@@ -13,7 +13,7 @@ import os
 import re
 import sys
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import nullcontext, redirect_stdout
 from pathlib import Path
 from typing import Any
@@ -28,10 +28,12 @@ from repose.cli.registry import PROGRAM, VERBS, Verb
 from repose.cli.stages import stage
 from repose.common.errors import BAD_INPUT, InputError, print_fault, require
 
-# The verbs that a person types, in the groups of the help. All others are stages, called
-# by the rules of the workflow.
+# The verbs that a person types, in the groups of the help; the first ones are enough for
+# a study. All others are stages, called by the rules of the workflow.
+FIRST = "a study"
 GROUPS = {
-    "a study": ("new", "marker", "measure", "check", "plan", "run", "card", "export"),
+    FIRST: ("new", "check", "measure", "run", "card", "export", "marker"),
+    "before a study": ("plan",),
     "your own simulator": ("design", "tell", "ask", "calibrate"),
     "one pile, one picture": ("heap", "figure", "film", "provenance"),
     "how sure the answer is": ("noise", "posterior", "sensitivity", "next"),
@@ -41,6 +43,7 @@ GROUPS = {
 TYPED = tuple(name for names in GROUPS.values() for name in names)
 STAGES = tuple(name for name in VERBS if name not in TYPED)
 STAGE = "stage"
+HELP = "help"
 # Control characters, but for tab and new line.
 CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 # Libraries that only some verbs need.
@@ -72,6 +75,13 @@ def main(words: Sequence[str] | None = None) -> int:
     """
     _prepare_stdout()
     words = list(sys.argv[1:] if words is None else words)
+    if words:
+        words[0] = _without_case(words[0], (*TYPED, STAGE, HELP))
+    if words == [HELP, "all"]:
+        print(_verbs_in_groups(GROUPS))
+        return 0
+    if words[:1] == [HELP]:
+        words = [*words[1:], "--help"]
     problem = _unknown_verb(words)
     if problem is not None:
         print_fault(problem)
@@ -79,10 +89,9 @@ def main(words: Sequence[str] | None = None) -> int:
 
     args, rest = parser().parse_known_args(words)
     verb = VERBS[args.verb]
-    if verb.passes_on:
-        args.rest = rest
-        args.words = words
-    elif rest:
+    args.rest = rest
+    args.words = words
+    if rest and not verb.passes_on:
         parser().error(f"unrecognized arguments: {' '.join(rest)}")
     try:
         _check_threads()
@@ -157,13 +166,16 @@ def _escaped(match: re.Match[str]) -> str:
 
 
 def _check_out(args: argparse.Namespace) -> None:
-    """Refuse to write to the root of the file system, or to a path without a name."""
-    out = getattr(args, "out", None)
-    if out is None:
+    """Refuse to write to the root of the file system, or to a path without a name.
+
+    The home folder may be written as ~, which some shells leave as it is after `=`.
+    """
+    if getattr(args, "out", None) is None:
         return
+    out = args.out = os.path.expanduser(args.out)
     path = Path(os.path.realpath(out))
     is_root = path == path.parent
-    if not out or is_root:
+    if not out or is_root or not out.isprintable():
         raise InputError(
             "command line", "--out", out, "the path of a file or folder to write"
         )
@@ -174,10 +186,10 @@ def parser() -> argparse.ArgumentParser:
     """Make the parser of all verbs, and of the stages below the verb `stage`."""
     main_parser = argparse.ArgumentParser(
         prog=PROGRAM,
-        description="Calibrates the contact parameters of a discrete element model from "
-        "a pile of grains.",
+        description="Calibrates the contact parameters of a discrete element model\n"
+        "from a pile of grains.",
         usage=f"{PROGRAM} [--version] VERB ...",
-        epilog=_verbs_in_groups(),
+        epilog=_verbs_in_groups([FIRST]),
         formatter_class=argparse.RawDescriptionHelpFormatter,
         add_help=False,
     )
@@ -242,29 +254,50 @@ def _unknown_name(
     message = (
         f"unknown {kind} {words[0]!r}: expected one of those that `{listing}` lists"
     )
-    for similar in difflib.get_close_matches(words[0], (*known, *STAGES), 1):
-        call = similar if similar in known else f"{STAGE} {similar}"
+    if Path(words[0]).suffix in (".yaml", ".yml", ".json"):
+        return f"{message}; did you mean {PROGRAM} run --configfile {words[0]}?"
+    targets = _targets()
+    for similar in difflib.get_close_matches(
+        words[0].lower(), (*known, *targets, *STAGES), 1
+    ):
+        call = similar
+        if similar not in known:
+            call = f"{'run' if similar in targets else STAGE} {similar}"
         message += f"; did you mean {call}?"
     return message
 
 
-def _verbs_in_groups() -> str:
-    """List every verb that a person types, by groups, and an example."""
+def _without_case(word: str, known: Sequence[str]) -> str:
+    """Return the known name that a word is in capitals; the word if there is none."""
+    return word.lower() if word.lower() in known else word
+
+
+def _targets() -> tuple[str, ...]:
+    """Name the studies that `repose run` makes."""
+    from repose.config import cost
+
+    return tuple(name for name in cost.SENTENCES if name.isidentifier())
+
+
+def _verbs_in_groups(titles: Iterable[str]) -> str:
+    """List the verbs that a person types, by groups, and an example."""
     lines: list[str] = []
-    for title, names in GROUPS.items():
+    for title in titles:
         lines.append(f"{title}:")
-        lines += [_listed(name) for name in names]
+        lines += [_listed(name) for name in GROUPS[title]]
         lines.append("")
-    lines.append(
-        f"`{PROGRAM} VERB --help` explains a verb. `{PROGRAM} {STAGE} --help` lists the "
-        "stages of the workflow."
-    )
-    lines.append(f"example: {PROGRAM} check --config config/paper.yaml")
+    lines += [
+        f"`{PROGRAM} VERB --help` explains a verb, `{PROGRAM} help all` lists all verbs,",
+        f"`{PROGRAM} {STAGE} --help` the stages of the workflow.",
+        f"example: {PROGRAM} check --configfile config/paper.yaml",
+    ]
     return "\n".join(lines)
 
 
 def _listed(name: str) -> str:
-    """Write a verb and the beginning of its summary in one line."""
+    """Write a verb and the beginning of its summary, in lines of 80 columns."""
     clause = VERBS[name].summary.partition(";")[0].removesuffix(".")
     clause = clause[:1].lower() + clause[1:]
-    return f"  {name:20} {textwrap.shorten(clause, 76, placeholder=' ...')}"
+    return textwrap.fill(
+        clause, 80, initial_indent=f"  {name:20} ", subsequent_indent=23 * " "
+    )

@@ -31,7 +31,13 @@ Card = Mapping[str, Any]
         help="the study's configuration (default: config.json in the folder of the card, "
         "if it is there)",
     ),
-    Option("--to", required=True, choices=PROGRAMS, help="the program"),
+    Option(
+        "--to",
+        required=True,
+        type=str.lower,
+        choices=list(PROGRAMS),
+        help="the program",
+    ),
     Option("--card", help="card.json of the finished study: its parameters"),
     *PARAMETER_SET,
     Option(

@@ -97,6 +97,13 @@ def ask(args: argparse.Namespace, study: "Study") -> None:
     )
     from repose.common.files import write_table
 
+    is_given = "runs" in vars(args).get("given", ())
+    if is_given and not Path(args.runs).exists():
+        print(
+            f"repose: note: there is no record {args.runs}: these are the runs of the "
+            "start",
+            file=sys.stderr,
+        )
     table = study.ask()
     proposal = study.proposal
     runs = study.runs

@@ -68,11 +68,8 @@ CONFIG = Option(
 )
 
 
-class Once(argparse.Action):
-    """An option that may be given once; a second value would silently replace it.
-
-    The names of the options on the command line are collected in ``namespace.given``.
-    """
+class Given(argparse.Action):
+    """An option whose name is noted in ``namespace.given``; the last value counts."""
 
     def __call__(
         self,
@@ -82,10 +79,7 @@ class Once(argparse.Action):
         option_string: str | None = None,
     ) -> None:
         """Store the value; called by argparse."""
-        given = vars(namespace).setdefault("given", set())
-        if self.dest in given:
-            raise argparse.ArgumentError(self, "given again; expected once")
-        given.add(self.dest)
+        vars(namespace).setdefault("given", set()).add(self.dest)
         setattr(namespace, self.dest, values)
 
 
@@ -161,7 +155,7 @@ class Verb(NamedTuple):
         for option in self.options:
             keywords = option.keywords
             if not option.is_positional:
-                keywords = {"action": Once} | keywords
+                keywords = {"action": Given} | keywords
             parser.add_argument(*option.names, **keywords)
 
 

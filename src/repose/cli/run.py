@@ -25,6 +25,7 @@ SEVERAL: dict[str, Any] = {
 }
 ORDER = "each over the one before it; one of the program's own needs no copy"
 OF_SIGNAL = 128  # exit status of a program that a signal ended, less its number
+DRY = {"-n", "--dry-run", "--dryrun"}
 HANDED_ON = (
     "configfile",
     "config",
@@ -80,7 +81,15 @@ def run(args: argparse.Namespace) -> int:
 
         print(catalogue(args.configfile))
         return 0
-    if args.directory is None and not os.access(".", os.W_OK):
+    if args.directory is not None:
+        require_option(
+            os.path.isdir(args.directory),
+            "--directory",
+            args.directory,
+            "a folder that is there",
+        )
+    is_dry = not DRY.isdisjoint(args.rest)
+    if args.directory is None and not is_dry and not os.access(".", os.W_OK):
         raise InputError(
             "command line", "folder", os.getcwd(), "a folder into which you may write"
         )
@@ -109,6 +118,9 @@ def _check_configuration_options(args: argparse.Namespace) -> None:
     for path in args.configfile:
         read(path)
     for entry in args.config:
+        if Path(entry).suffix in (".yaml", ".yml", ".json") and "=" not in entry:
+            allowed = f"KEY=VALUE; a file is given by --configfile {entry}"
+            raise InputError("command line", "--config", entry, allowed)
         require_option(
             "=" in entry,
             "--config",

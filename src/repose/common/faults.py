@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from repose.common.errors import InputError, YamlError
+from repose.common.errors import MOST_REPORTED, InputError, YamlError
 from repose.common.keys import Origin, at, origin_of, owner_of
 from repose.common.section import AUTO, CONTRADICTION
 
@@ -229,12 +229,17 @@ def _faults(
 ) -> Iterator[InputError]:
     """Yield the errors as faults, each with the file of its key."""
     explained = _ranges_without_numbers(errors)
+    n_guesses = 0
     for error in errors:
         key = ".".join(error.path)
         if error.type in UNKNOWN:
             section = subschema(error.path, model)
             known = sorted(section["properties"])
-            similar = difflib.get_close_matches(str(error.unknown), known, 1)
+            # More faults are not reported one by one.
+            similar: list[str] = []
+            if n_guesses < MOST_REPORTED:
+                similar = difflib.get_close_matches(str(error.unknown), known, 1)
+                n_guesses += 1
             # The key that was meant is not reported as missing, too.
             explained.add(".".join([*error.path, *similar]))
             yield _unknown_key(error, config, source, known, similar)

@@ -241,9 +241,12 @@ def read_npz(
     unreadable = (*attached.UNREADABLE, TypeError, MemoryError)
     try:
         with np.load(attached.plain_file(path), allow_pickle=False) as store:
+            # Before anything is unpacked: a small file may hold gigabytes of zeros.
+            for key in keys:
+                require(key in store.files, path, key, None, f"an array in {what}")
             arrays = {name: store[name] for name in store.files if name != attached.KEY}
+    except InputError:
+        raise
     except unreadable as error:
         raise InputError(path, "arrays", str(error), what) from error
-    for key in keys:
-        require(key in arrays, path, key, None, f"an array in {what}")
     return arrays

@@ -145,6 +145,10 @@ def _parse(text: str, name: str) -> Any:
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 0
         fault = line or "?", error.problem, "valid YAML (indent by spaces, no tabs)"
+        if "escape" in (error.problem or ""):
+            fault = *fault[:2], r"a path in single quotes, as in 'C:\data\sizes.csv'"
+        elif r"'\t'" in (error.problem or ""):
+            fault = *fault[:2], "blanks in place of the tab"
         if found := _without_colon(text.splitlines()[:line]):
             fault = *found, "KEY: VALUE, with a space after the colon"
         raise InputError(name, f"line {fault[0]}", *fault[1:]) from None

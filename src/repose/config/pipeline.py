@@ -10,7 +10,7 @@ from repose.calibrate.responses import Definitions
 from repose.common import provenance
 from repose.common.errors import InputError
 from repose.common.files import Path_, path_of, read_json
-from repose.common.keys import Origin
+from repose.common.keys import Origin, origin_of
 from repose.config import loader
 from repose.stages.published import find_sibling_table
 
@@ -79,12 +79,8 @@ class PipelineConfig:
             path_of("file", file)
         if not overrides and not inputs and loader.is_resolved(*files):
             return cls.of_results(files[0])
-        try:
-            content, source = loader.read_layers(files, overrides)
-            config = cls.of(content, source, inputs=inputs)
-        except InputError:
-            _refuse_other_simulators(files)
-            raise
+        content, source = loader.read_layers(files, overrides)
+        config = cls.of(content, source, inputs=inputs)
         provenance.note_config(config.config)
         return config
 
@@ -120,6 +116,14 @@ class PipelineConfig:
         if not isinstance(config, Mapping):
             words = "a mapping of sections"
             raise InputError(source, "configuration", config, words)
+        if "simulator" in config:
+            raise InputError(
+                origin_of(source, "simulator"),
+                "simulator",
+                config["simulator"],
+                "a study of our own simulator; for one of yours see "
+                "`repose docs own_simulator`",
+            )
         making = ConfigChecks(dict(config), source)
         making.complete(inputs)
         made = cls(making.config, source)
@@ -309,17 +313,3 @@ class PipelineConfig:
         from repose.config.making import ConfigChecks
 
         return ConfigChecks(self.config, self.source)
-
-
-def _refuse_other_simulators(files: tuple[Path_, ...]) -> None:
-    """Refuse a file that names a simulator: it is a configuration of `repose.Study`."""
-    for file in files:
-        if not Path(file).is_file():
-            continue
-        content = loader.read(file)
-        if "simulator" in content:
-            words = (
-                "a study of our own simulator; for one of yours see "
-                "`repose docs own_simulator`"
-            )
-            raise InputError(file, "simulator", content["simulator"], words) from None
