@@ -3,6 +3,7 @@
 import copy
 import pickle
 import threading
+import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 
 import pandas as pd
@@ -106,6 +107,20 @@ def test_what_was_made_when_a_run_breaks_off_is_kept(tmp_path):
         resumed = Study.resume(tmp_path / f"{workers}.csv")
         assert len(resumed.ask()) == 12 - n_kept
         assert len(resumed.calibrate(simulate, workers=workers)) == 12
+
+
+@pytest.mark.usefixtures("first_batch")
+def test_runs_that_have_not_begun_are_left_where_a_result_is_refused():
+    begun = []
+
+    def gives_no_mapping(row):
+        begun.append(row)
+        time.sleep(0.1)
+        return 3.0
+
+    one = study(samples=6, seeds=16)
+    input_error("returns a mapping", one.calibrate, gives_no_mapping, workers=2)
+    assert len(begun) < 96
 
 
 def test_the_order_of_the_results_changes_no_proposal():

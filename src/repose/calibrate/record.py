@@ -422,12 +422,14 @@ class Record:
             for name, column in cells.items()
             if name not in names and all(map(pd.api.types.is_scalar, column))
         }
-        return runs.assign(
-            status=outcomes.statuses,
+        completed = {
+            **runs,
+            "status": outcomes.statuses,
             **outcomes.values,
             **unread,
-            **{TURN: self._turn.number},
-        )
+            TURN: self._turn.number,
+        }
+        return pd.DataFrame(completed)
 
 
 def _points(table: pd.DataFrame, names: Sequence[str]) -> list[Point]:

@@ -3,8 +3,8 @@
 import json
 import threading
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed
 from contextlib import AbstractContextManager, nullcontext
 from functools import cached_property
 from pathlib import Path
@@ -408,18 +408,27 @@ def _results(
         return
     futures = {executor.submit(simulate, dict(run)): run for run in asked}
     error: BaseException | None = None
-    for future in as_completed(futures):
-        if future.cancelled():
-            continue
-        failure = future.exception()
-        if failure is None:
-            yield futures[future], future.result()
-        elif error is None:
-            error = failure
-            for other in futures:
-                other.cancel()
+    try:
+        for future in as_completed(futures):
+            if future.cancelled():
+                continue
+            failure = future.exception()
+            if failure is None:
+                yield futures[future], future.result()
+            elif error is None:
+                error = failure
+                _cancel(futures)
+    finally:
+        # Also where a result is refused, or a person breaks off.
+        _cancel(futures)
     if error is not None:
         raise error
+
+
+def _cancel(futures: Iterable[Future[Any]]) -> None:
+    """Cancel the runs that have not begun."""
+    for future in futures:
+        future.cancel()
 
 
 def _one_thread() -> AbstractContextManager[Any]:
