@@ -23,7 +23,7 @@ from repose.stages import answer as stages_answer
 
 TARGET = shared.target("aor_deg", 32.0, 2.0, 31.0, 34.0)
 HANDLER = re.search(
-    r"^onsuccess:\n((?: {4}.*\n)+)",
+    r"^onsuccess:\n((?: {4}.*\n|\n(?= ))+)",
     (ROOT / "workflow/Snakefile").read_text(),
     re.MULTILINE,
 )

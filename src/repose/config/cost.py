@@ -62,14 +62,14 @@ def run_s(
     """
     settings = valid_sections(config)
     duration = bench(name).duration_s(SceneSettings(config))
-    grains = grains_of(settings, name)
+    grains = count_grains(settings, name)
     # While grains are poured, half of them are there on average.
     filling = min(duration, grains / _rate_per_s(settings, name))
     filled = duration - 0.5 * filling
     return grain_step_s * grains * filled / settings.simulation.time_step_s
 
 
-def grains_of(settings: StudySettings, name: str) -> int:
+def count_grains(settings: StudySettings, name: str) -> int:
     """Return the number of grains in a bench test.
 
     It is 1 for a bench test of a single grain. A bench test that is filled to a height
@@ -89,7 +89,7 @@ def _rate_per_s(settings: StudySettings, name: str) -> float:
 
 def disk_mb(settings: StudySettings, pours: int) -> float:
     """Estimate the disk space of `pours` runs in each bench test of the targets [MB]."""
-    grains = sum(grains_of(settings, name) for name in _tests_of_targets(settings))
+    grains = sum(count_grains(settings, name) for name in _tests_of_targets(settings))
     return 1e-6 * BYTES_A_GRAIN * grains * pours
 
 
@@ -119,10 +119,10 @@ def longest_job_s(config: Config) -> float:
     """
     names = {"funnel", "drum", *_tests_of_targets(valid_sections(config))}
     longest_run_s = max(run_s(config, name) for name in names if name in config)
-    return JOB_START_S + _most_seeds(config) * longest_run_s
+    return JOB_START_S + _largest_number_of_seeds(config) * longest_run_s
 
 
-def _most_seeds(config: Config) -> int:
+def _largest_number_of_seeds(config: Config) -> int:
     """Return the largest number of runs of a parameter set in any section."""
     numbers: list[int] = []
     for section in config.values():

@@ -83,7 +83,7 @@ def run_propose(
         content |= {"answer": True, "why": proposal.why}
         content |= answer.content(proposal, study.parameters, study.targets)
     write_table(Path(out_dir) / "samples.csv", proposal.samples)
-    write_json(Path(out_dir) / PROPOSAL, _plain(content))
+    write_json(Path(out_dir) / PROPOSAL, _as_json(content))
     return content
 
 
@@ -190,7 +190,7 @@ def write_answer(
         "role": "representative",
         **best,
         **_optimism(notes.get("optimism", ()), targets),
-        **_simulated(checked, targets),
+        **_summarise_runs(checked, targets),
     }
     if "check" in notes:
         check = pd.DataFrame(notes["check"])
@@ -244,7 +244,7 @@ def _optimism(rows: Sequence[Mapping[str, Any]], targets: Targets) -> dict[str, 
     return columns
 
 
-def _simulated(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
+def _summarise_runs(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
     """Compute means, standard errors and number of the answer's runs, as in Table 4."""
     good = runs[runs["status"] == "ok"]
     row: dict[str, Any] = {}
@@ -286,14 +286,14 @@ def _batches(proposals: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     return pd.DataFrame(rows_with_note or rows)
 
 
-def _plain(value: Any) -> Any:
+def _as_json(value: Any) -> Any:
     """Make a note plain for JSON: a table becomes its columns, NaN becomes None."""
     if isinstance(value, pd.DataFrame):
         value = value.to_dict("list")
     if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in value.items()}
+        return {key: _as_json(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [_as_json(item) for item in value]
     if isinstance(value, float) and math.isnan(value):
         return None
     return value

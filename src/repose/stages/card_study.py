@@ -264,7 +264,7 @@ def describe_response(
         settings[key.rpartition(".")[2]] = value
     if GRAIN_HEIGHT in settings:
         height = measure.for_grain(grain).berry_height_mm
-        settings[GRAIN_HEIGHT] = None if height is None else _rounded(height)
+        settings[GRAIN_HEIGHT] = None if height is None else _round(height)
     if profile is not None:
         settings["profile"] = {
             "x": list(profile.x),
@@ -330,23 +330,23 @@ def _grain(
     is_alike: bool, grain: Mapping[str, Any], particle: "Particle"
 ) -> dict[str, Any]:
     """Describe the grain as simulated; `is_alike` where all have the mean size."""
-    spheres_mm = [[_rounded(1e3 * x) for x in row] for row in particle.spheres_m]
-    half_axes_mm = [[_rounded(1e3 * x) for x in row] for row in particle.semi_axes_m]
+    spheres_mm = [[_round(1e3 * x) for x in row] for row in particle.spheres_m]
+    half_axes_mm = [[_round(1e3 * x) for x in row] for row in particle.semi_axes_m]
     return {
         "mean_axes_mm": [grain[key] for key in SIZE_COLUMNS],
         "measured": int(grain["n"]),
         "relative_spread": 0.0 if is_alike else float(grain["scale_sd"]),
         **{key: grain[key] for key in GRAIN},
         "shape": particle.kind,
-        "volume_mm3": _rounded(1e9 * particle.volume_m3),
-        "mass_g": _rounded(1e3 * particle.mass_kg),
-        "inertia_kg_m2": [_rounded(float(x)) for x in particle.inertia_kg_m2],
+        "volume_mm3": _round(1e9 * particle.volume_m3),
+        "mass_g": _round(1e3 * particle.mass_kg),
+        "inertia_kg_m2": [_round(float(x)) for x in particle.inertia_kg_m2],
         "ellipsoids_mm": half_axes_mm,
         "spheres_mm": spheres_mm,
     }
 
 
-def _rounded(value: float) -> float:
+def _round(value: float) -> float:
     """Round to six digits; more are not measured."""
     return float(f"{value:.6g}")
 
@@ -590,10 +590,10 @@ def particle_of(
     )
     if spheres is None or spheres == 1 or particle.is_clump:
         return particle
-    return _filled(particle, spheres)
+    return _fill_with_spheres(particle, spheres)
 
 
-def _filled(particle: "Particle", n_spheres: int) -> "Particle":
+def _fill_with_spheres(particle: "Particle", n_spheres: int) -> "Particle":
     """Fill a smooth particle with spheres."""
     import trimesh  # slow to import
 

@@ -175,11 +175,13 @@ def compare(first: Card, second: Card) -> str:
         rows.append([name, *(_simulated(of_card.get(name)) for of_card in tests)])
     if "simulator" not in first and "simulator" not in second:
         for key in COMPARED:
-            rows.append([key, *(_plain(card["grain"][key]) for card in cards)])
-    return "\n".join([*_aligned(rows), *_differences(first, second)])
+            rows.append(
+                [key, *(_write_value_of_key(card["grain"][key]) for card in cards)]
+            )
+    return "\n".join([*_align_columns(rows), *_describe_differences(first, second)])
 
 
-def _aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
+def _align_columns(rows: Sequence[Sequence[str]]) -> Iterator[str]:
     """Write rows of three cells and a note in columns."""
     widths = [max(len(row[k]) for row in rows) for k in range(3)]
     for row in rows:
@@ -187,7 +189,7 @@ def _aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
         yield "  ".join([*cells, *row[3:]]).rstrip()
 
 
-def _differences(first: Card, second: Card) -> Iterator[str]:
+def _describe_differences(first: Card, second: Card) -> Iterator[str]:
     """Describe in sentences how two cards differ, the grain aside."""
     simulators = [card.get("simulator", "repose") for card in (first, second)]
     if simulators[0] != simulators[1]:
@@ -201,8 +203,8 @@ def _differences(first: Card, second: Card) -> Iterator[str]:
                     f"Another law, {name}: {law} | {other_law}. "
                     "The same parameters would give other piles."
                 )
-    yield from _different_definitions(first, second)
-    yield from _different_bench_tests(first, second)
+    yield from _describe_different_definitions(first, second)
+    yield from _describe_different_bench_tests(first, second)
     if first["interval"] != second["interval"]:
         yield (
             f"The intervals differ in kind: {first['interval']} | {second['interval']}."
@@ -211,7 +213,7 @@ def _differences(first: Card, second: Card) -> Iterator[str]:
         yield "The versions of the simulator differ."
 
 
-def _different_definitions(first: Card, second: Card) -> Iterator[str]:
+def _describe_different_definitions(first: Card, second: Card) -> Iterator[str]:
     """Describe in sentences the responses that two cards define differently."""
     definitions, others = (
         {test["response"]: test["definition"] for test in card["tests"]}
@@ -228,24 +230,28 @@ def _different_definitions(first: Card, second: Card) -> Iterator[str]:
                 "Their numbers must not be compared."
             )
         elif definition != others[response]:
-            unlike = _unlike(definition["settings"], others[response]["settings"])
+            unlike = _list_unlike_keys(
+                definition["settings"], others[response]["settings"]
+            )
             yield f"{response} is measured with other settings: {unlike}."
 
 
-def _different_bench_tests(first: Card, second: Card) -> Iterator[str]:
+def _describe_different_bench_tests(first: Card, second: Card) -> Iterator[str]:
     """Describe in sentences the bench tests that two cards did with other settings."""
     others = _bench_settings(second)
     for name, settings in _bench_settings(first).items():
         if name in others and settings != others[name]:
-            yield f"Another {name}: {_unlike(settings, others[name])}."
+            yield f"Another {name}: {_list_unlike_keys(settings, others[name])}."
 
 
-def _unlike(first: Card, second: Card) -> str:
+def _list_unlike_keys(first: Card, second: Card) -> str:
     """List the keys whose values differ, with both values."""
     texts = []
     for key in {**first, **second}:
         if first.get(key) != second.get(key):
-            texts.append(f"{key} {_plain(first.get(key))} | {_plain(second.get(key))}")
+            texts.append(
+                f"{key} {_write_value_of_key(first.get(key))} | {_write_value_of_key(second.get(key))}"
+            )
     return "; ".join(texts)
 
 
@@ -315,10 +321,12 @@ def _moduli(material: Card) -> str:
 
 def _settings(section: Card) -> str:
     """List keys with their values."""
-    return ", ".join(f"{key} {_plain(value)}" for key, value in section.items())
+    return ", ".join(
+        f"{key} {_write_value_of_key(value)}" for key, value in section.items()
+    )
 
 
-def _plain(value: Any) -> str:
+def _write_value_of_key(value: Any) -> str:
     """Write a value of a configuration."""
     if value is None:
         return "none"

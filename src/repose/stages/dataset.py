@@ -63,7 +63,7 @@ def assemble(
         for name, columns_of_bench in record.items():
             runs = jobs[name][sample]["runs"]
             by_bench[name] = summarise_runs(runs, columns_of_bench)
-        summaries.append(_merged(by_bench))
+        summaries.append(_merge_summaries(by_bench))
 
     # Each target with its standard error, then all other columns of the bench tests.
     columns = list(ENDED_STATUSES)
@@ -74,7 +74,7 @@ def assemble(
     means = pd.DataFrame(summaries, columns=list(dict.fromkeys(columns)))
     sets = samples[["sample", *parameters_among(samples)]].reset_index(drop=True)
     dataset = pd.concat([sets, means], axis=1)
-    return dataset, _all_runs(samples["sample"], jobs, targets)
+    return dataset, _tabulate_runs(samples["sample"], jobs, targets)
 
 
 def recorded_columns(apparatus: str, targets: Targets) -> Recorded:
@@ -272,7 +272,7 @@ def _targets_of(targets: Targets, apparatus: str) -> tuple[Target, ...]:
     return tuple(target for target in targets if target.response.apparatus == apparatus)
 
 
-def _merged(summaries: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
+def _merge_summaries(summaries: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
     """Merge the summaries of a sample, which come by bench test.
 
     The status is that of the first bench test that failed.
@@ -295,7 +295,9 @@ def _merged(summaries: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
     return merged
 
 
-def _all_runs(samples: Iterable[int], jobs: Jobs, targets: Targets) -> pd.DataFrame:
+def _tabulate_runs(
+    samples: Iterable[int], jobs: Jobs, targets: Targets
+) -> pd.DataFrame:
     """Make the table of single runs: sample after sample, bench test after bench test."""
     columns = ["sample"]
     if len(targets.apparatus) > 1:

@@ -170,12 +170,12 @@ def tables(
     return {
         "runs": table,
         "summary": summarise(table),
-        "record": _joined(records),
-        "profile": _joined(profiles),
+        "record": _join_tables(records),
+        "profile": _join_tables(profiles),
     }
 
 
-def _joined(tables_by_seed: "Mapping[Any, pd.DataFrame]") -> "pd.DataFrame":
+def _join_tables(tables_by_seed: "Mapping[Any, pd.DataFrame]") -> "pd.DataFrame":
     """Join the tables of all runs, with the column `seed`."""
     import pandas as pd
 

@@ -77,14 +77,14 @@ def read_measurement(pours: Path) -> dict[str, Any] | None:
     if not is_own_file(path) or attached.read(path) != provenance.current():
         return None
     kept = read_json(path)
-    return kept["result"] if kept["of"] == _measured_from(pours) else None
+    return kept["result"] if kept["of"] == _hash_sources(pours) else None
 
 
 def write_measurement(pours: Path, result: Mapping[str, Any]) -> None:
     """Keep the measurement of a saved job, unless a damaged or foreign file is there."""
     path = _measurement_file(pours)
     if _is_free(path):
-        write_json(path, {"of": _measured_from(pours), "result": result})
+        write_json(path, {"of": _hash_sources(pours), "result": result})
 
 
 def _measurement_file(pours: Path) -> Path:
@@ -92,7 +92,7 @@ def _measurement_file(pours: Path) -> Path:
     return pours.parent / FOLDER / f"{pours.name.removesuffix(POURS)}.json"
 
 
-def _measured_from(pours: Path) -> dict[str, str]:
+def _hash_sources(pours: Path) -> dict[str, str]:
     """Hash what a measurement depends on besides its record."""
     files = (pours, positions_file(pours))
     hashes = {path.name: provenance.hash_of_file(path) for path in files}

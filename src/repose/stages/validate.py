@@ -340,7 +340,7 @@ def run(
 # --- the published sets ---------------------------------------------------------------
 
 
-def _numbered(published_csv: Path_, names: Iterable[str]) -> pd.DataFrame:
+def _read_numbered_sets(published_csv: Path_, names: Iterable[str]) -> pd.DataFrame:
     """Read the published sets, numbered from 101."""
     sets = read_sets(published_csv, names)
     return sets.assign(sample=range(FIRST_PUBLISHED, FIRST_PUBLISHED + len(sets)))
@@ -350,7 +350,7 @@ def write_published_solutions(
     published_csv: Path_, names: Sequence[str], out_csv: Path_
 ) -> pd.DataFrame:
     """Write the published parameter sets to simulate; return the table."""
-    table = _numbered(published_csv, names)[["sample", *names]]
+    table = _read_numbered_sets(published_csv, names)[["sample", *names]]
     write_table(out_csv, table)
     return table
 
@@ -385,7 +385,7 @@ def write_published_sets(
     pandas.DataFrame
         The table.
     """
-    sets = _numbered(published_csv, names)
+    sets = _read_numbered_sets(published_csv, names)
     simulated, _ = assemble(sets, read_jobs(jobs, sets, targets), targets)
     descriptions = [name for name in ("solution", "source", "wall") if name in sets]
     table = sets[["sample", *descriptions, *names]].copy()
