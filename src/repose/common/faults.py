@@ -94,10 +94,13 @@ def _with_value(config: Any, path: Sequence[str], value: Any) -> Any:
 
 def lacks_keys(config: Mapping[str, Any], model: Model) -> bool:
     """Return whether a section of a configuration lacks a key, whatever the values."""
-    for error in _errors(config, model):
-        section = at(config, error.path[:-1])
-        if error.type == "missing" and isinstance(section, Mapping):
-            return True
+    try:
+        model.model_validate(config)
+    except ValidationError as error:
+        for detail in error.errors(include_url=False, include_input=False):
+            section = at(config, detail["loc"][:-1])
+            if detail["type"] == "missing" and isinstance(section, Mapping):
+                return True
     return False
 
 
