@@ -43,6 +43,7 @@ def simulation(
     walls=None,
     dt=1e-5,
     capacity=2,
+    body=GOJI,
     **keywords,
 ):
     axes = np.atleast_2d(semi_axes)
@@ -57,7 +58,7 @@ def simulation(
     contacts = {("body", "body"): contact, ("body", "wall"): wall_contact or contact}
     return OneShape(
         shapes,
-        {"body": GOJI, "wall": PVC},
+        {"body": body, "wall": PVC},
         contacts,
         dt,
         capacity=capacity,

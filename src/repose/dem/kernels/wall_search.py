@@ -22,7 +22,7 @@ from .walls import search_curved, search_plane
 
 
 @inlined
-def find_on_plane(bodies, flat, clumps, walls, counts, parts, wall, i, scratch):
+def find_on_plane(bodies, flat, curved, clumps, walls, counts, parts, wall, i, scratch):
     """Find new contacts of body i with a plane.
 
     Returns how far the body may move before the next search [m].
@@ -30,7 +30,9 @@ def find_on_plane(bodies, flat, clumps, walls, counts, parts, wall, i, scratch):
     if len(clumps) == 0:
         plane = walls.planes[wall]
         geometry = scratch.geometry
-        return search_plane(bodies, flat, counts, parts, plane, wall, i, geometry)
+        return search_plane(
+            bodies, flat, curved, counts, parts, plane, wall, i, geometry
+        )
     return spheres_at_wall(
         bodies,
         flat,
@@ -86,7 +88,7 @@ def search_walls(
     for wall in range(walls.planes.shape[0]):
         if reading >= flat.limit[wall, i]:
             free_distance = find_on_plane(
-                bodies, flat, clumps, walls, counts, parts, wall, i, scratch
+                bodies, flat, curved, clumps, walls, counts, parts, wall, i, scratch
             )
             flat.limit[wall, i] = reading + free_distance
         next_search = min(next_search, flat.limit[wall, i])

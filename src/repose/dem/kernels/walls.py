@@ -1,14 +1,16 @@
 """Contacts of smooth bodies with planes, cones and ring edges: found, and followed.
 
 `search_plane` and `search_curved` look for new contacts of a body; `follow_wall` keeps a
-contact with a cone or ring up to date from step to step (see `wall_contact`).
+contact with a cone or ring up to date from step to step (see `wall_contact`). Search and
+force ask for the same point of the body, the touching point, whether it lies on the wall.
 
 A contact begins where a body in front of the wall reaches it. A body that overlaps the
 wall's surface beyond the wall's end, or from behind, is "past the wall": a contact that
 began with this overlap would throw it. So it has no contact until it has been clear of
 the surface. `WallContacts.deepest` is the largest overlap with which a contact may
-begin. It is infinite, but for a body past the wall it is the overlap at the other wall
-from which the body slides onto this one.
+begin. It is infinite, but for a body past a curved wall it is the overlap at the other
+wall from which the body slides onto this one. For a body past a plane it is 0.0; from a
+curved wall it slides onto the plane with the overlap that it has there at most.
 
 Reads `Bodies.rows` and the rows of the walls. Writes the lists of `WallContacts` (body,
 wall, data), its `limit` and `deepest`, and `counts`.
@@ -27,7 +29,7 @@ from .frames import (
     row_in_frame,
     write_plane,
 )
-from .geometry import extent
+from .geometry import extent, support_terms, tangents
 from .jit import inlined, kernel
 from .lists import move_contact, put_contact
 from .neighbours import take_place
@@ -149,7 +151,7 @@ def touches_others(contacts, n, body, ignored):
 
 @inlined
 def overlap_elsewhere(contacts, n, body, wall):
-    """Return the deepest overlap of a body with the other curved walls, or 0.0."""
+    """Return the deepest overlap of a body with the curved walls but `wall`, or 0.0."""
     depth = 0.0
     for k in range(n):
         if contacts.body[k] == body and contacts.wall[k] != wall:
@@ -364,12 +366,29 @@ def search_ring(
     return nearest if nearest < FAR else 0.0
 
 
+@inlined
+def touching_distance(row, parts, nx, ny, nz, dx, dy, dz):
+    """Return the distance of a body's touching point from the axis of a disc [m].
+
+    (nx, ny, nz) is the normal of the disc, (dx, dy, dz) the way from the body's centre
+    to the middle of the disc. The force takes the same point (`tile.plane_geometry`).
+    """
+    ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
+    _h, along_u, along_w, _q_uu, _q_uw, _q_ww = support_terms(
+        row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
+    )
+    along_u -= ux * dx + uy * dy + uz * dz
+    along_w -= wx * dx + wy * dy + wz * dz
+    return math.sqrt(along_u * along_u + along_w * along_w)
+
+
 @kernel
-def search_plane(bodies, contacts, counts, parts, plane, wall, i, geometry):
+def search_plane(bodies, contacts, curved, counts, parts, plane, wall, i, geometry):
     """Search for the contact of body i with a plane.
 
-    Returns how far the body may move before the next search [m]; while a contact lasts,
-    no search is due.
+    `contacts` are those with planes, `curved` those with cones and rings. Returns how
+    far the body may move before the next search [m]; while a contact lasts, no search
+    is due.
     """
     row = bodies.rows[i]
     nx, ny, nz = vector_at(plane, st.PLANE_NORMAL)
@@ -381,13 +400,19 @@ def search_plane(bodies, contacts, counts, parts, plane, wall, i, geometry):
     if gap > 0.0:
         contacts.deepest[wall, i] = math.inf
         return gap
-    square = max(dx * dx + dy * dy + dz * dz - height * height, 0.0)
-    distance_beyond = math.sqrt(square) - plane[st.PLANE_RADIUS]
-    # the centre is beyond the edge of the disc, or behind it: the body is past the wall
-    if distance_beyond > 0.0 or height < 0.0:
+    distance = touching_distance(row, parts, nx, ny, nz, dx, dy, dz)
+    is_on_disc = distance <= plane[st.PLANE_RADIUS]
+    # the touching point is beyond the edge of the disc, or the centre is behind it: the
+    # body is past the wall
+    if height < 0.0 or not is_on_disc:
         contacts.deepest[wall, i] = 0.0
     if contacts.deepest[wall, i] == 0.0:
-        return -gap
+        # It stays past the wall, unless it slides onto the disc from a curved wall that
+        # ends there: the rim about a lid. There it overlaps the rim more than the disc.
+        depth = overlap_elsewhere(curved, counts[st.N_CURVED], i, -1)
+        if height < 0.0 or not is_on_disc or -gap > depth:
+            return -gap
+        contacts.deepest[wall, i] = math.inf
     set_vector(geometry, cg.NORMAL, nx, ny, nz)
     k = add_wall_contact(contacts, counts, st.N_PLANE, i, wall, geometry)
     if k >= 0:
