@@ -421,3 +421,14 @@ def test_no_other_code_of_the_program_writes_or_removes_a_file():
             ):
                 found.append(f"{name}:{node.lineno} {called}")
     assert not found
+
+
+def test_an_array_that_is_missing_is_named_before_any_is_unpacked(
+    tmp_path, monkeypatch
+):
+    path = tmp_path / "a.npz"
+    np.savez_compressed(path, x=np.zeros(3))
+    unpacked = []
+    monkeypatch.setattr(np.lib.npyio.NpzFile, "__getitem__", unpacked.append)
+    input_error(r"a\.npz: time_s is None", files.read_npz, path, ("time_s",))
+    assert unpacked == []

@@ -20,7 +20,7 @@ from repose.calibrate import strategies
 from repose.calibrate import surrogates as surrogate
 from repose.calibrate.study import Study
 from repose.calibrate.study_file import OwnPosterior, OwnSequential, StudyFile
-from repose.common import faults
+from repose.common import faults, reading
 from repose.common.section import Section
 from repose.config import cost, loader, page
 from repose.config.computed import COMPUTED
@@ -542,3 +542,26 @@ def test_a_study_and_a_configuration_can_be_handed_to_another_process():
     for one in (study, config.study()):
         again = pickle.loads(pickle.dumps(one))
         assert again.ask().equals(one.ask())
+
+
+def test_a_study_of_another_simulator_is_told_as_such_and_nothing_else_of_it():
+    own = {"simulator": "EDEM", "parameters": {"mus": [0.1, 0.9]}}
+    words = r"^own.yaml: simulator is 'EDEM'; expected a study of our own simulator"
+    input_error(words, PipelineConfig.of, own, "own.yaml")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (r'sizes: "C:\Users\x.csv"', "line 1 is .*expected a path in single quotes"),
+        ("small_run: \ttrue", "line 1 is .*; expected blanks in place of the tab"),
+    ],
+)
+def test_a_path_in_double_quotes_and_a_tab_are_told_with_what_to_write(text, words):
+    input_error(words, reading.parse, text, "a.yaml")
+
+
+def test_a_parameter_that_begins_a_comment_is_refused():
+    targets = {"aor_deg": (30.0, 1.0)}
+    words = "parameters is '#f'; expected names that do not begin with #"
+    input_error(words, Study, {"#f": (0.1, 0.9)}, targets)
