@@ -18,17 +18,18 @@ import pandas as pd
 
 from repose.bench import Scene, bench, names
 from repose.bench.bounds import OVERLAP_LIMIT, SPEED_LIMIT, Bounded
-from repose.bench.parameters import PARAMETERS
+from repose.bench.parameters import PAIRS, PARAMETERS
 from repose.bench.scene import longest_time_step
 from repose.bench.settings import SceneSettings
 from repose.config import making
 from repose.config.pipeline import PipelineConfig
-from repose.dem.constants import OF_LAWS
+from repose.dem.constants import OF_LAWS, TWISTED_BY, TWISTING
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 from repose.grain import berry as berries
 from repose.grain import build
 from repose.grain.settings import GrainSettings
 
+ROOT = Path(__file__).parents[2]
 PARTICLES = {
     "ellipsoid": {"particle": "ellipsoid", "mass_g": None}, "smooth": {"particle": "smooth"},
     "smooth_sizes": {"particle": "smooth", "size_distribution": "measured"},
@@ -37,7 +38,8 @@ PARTICLES = {
     "rough": {"particle": "multisphere", "spheres": 16, "surface": "rough"},
     "sphere": {"particle": "ellipsoid", "mass_g": None},  # all of its axes are alike
 }  # fmt: skip
-HIGHEST = {"mus_gg": 1.0, "mur_gg": 0.5, "mus_gp": 1.0, "mur_gp": 0.5}  # of friction
+# Lowest and highest value of each kind of parameter.
+RANGES = {"e": (0.02, 1.0), "mus": (0.0, 1.5), "mur": (0.0, 1.0), "mut": (0.0, 1.0)}
 MOST_STEPS = 40_000  # most pours; MANY_SHARE of them have MANY berries and as many steps as they need
 FALLS = 40  # time of a pour, over that of a fall by a berry's length
 MANY, MANY_SHARE = 300, 0.01
@@ -151,12 +153,16 @@ def drawn(number, default, mean, particles):
         berry |= dict.fromkeys(("major_mm", "minor_mm"), long_mm)
     berry["shear_modulus_pa"] = float(10 ** rng.uniform(4.0, 9.0))
     parameters = {
-        key: float(rng.uniform(0.0, HIGHEST.get(key, 1.0))) for key in PARAMETERS
+        key: float(rng.uniform(*RANGES[key.split("_")[0]])) for key in PARAMETERS
     }
-    parameters |= {key: float(rng.uniform(0.05, 0.95)) for key in ("e_gg", "e_gp")}
     config["simulation"]["tension"] = str(rng.choice(["keep", "release"]))
     config["simulation"]["contact_law"] = str(rng.choice(list(CONTACT_LAWS)))
     config["simulation"]["rolling_law"] = str(rng.choice(list(ROLLING_LAWS)))
+    if config["simulation"]["rolling_law"] in TWISTED_BY and rng.random() < 0.5:
+        parameters |= {
+            f"{TWISTING.short}_{pair}": float(rng.uniform(*RANGES[TWISTING.short]))
+            for pair in PAIRS
+        }
     config["berry"]["size_distribution"] = PARTICLES[name].get(
         "size_distribution", "none"
     )
@@ -244,12 +250,13 @@ def _drum(rng, d, span_s, n):
 
 
 def _cylinder(rng, d, span_s, n):
-    """A cylinder for berries of length d [mm] that fills for half of a span of time."""
+    """A cylinder for berries of length d [mm] that fills for half of a span of time, and is tapped."""
     diameter = rng.uniform(2.0, 4.0)
     return {
         "berries": n, "rate_per_s": 2.0 * n / span_s, "duration_s": span_s, "diameter_mm": diameter * d,
         "height_mm": rng.uniform(0.06, 0.2) * n / diameter**2 * d, "collar_mm": rng.uniform(4.0, 10.0) * d,
         "core_margin_mm": 0.02 * d, "speed_m_s": float(rng.uniform(0.0, 1.0)),
+        "taps": int(rng.integers(0, 6)), "tap_mm": rng.uniform(0.02, 0.3) * d,
     }  # fmt: skip
 
 
@@ -265,12 +272,13 @@ def _discharge(rng, d, span_s, n):
 
 
 def _turning(rng, d, span_s, n):
-    """A drum for berries of length d [mm] that fills for a third of a span of time, then turns at the same speed."""
+    """A drum for berries of length d [mm] that fills for a third of a span of time, then turns; half are tilted."""
     drum = _drum(rng, d, span_s, n)
     shared = "berries rate_per_s rotate_from_s outer_diameter_mm wall_thickness_mm length_mm factory_height_mm record_s"
     measured = {"measure_from_s": 2 * span_s / 3, "measure_until_s": span_s}
     speed = {"angular_velocity_rad_s": min(10.0, rng.uniform(1.0, 6.0) / (span_s / 3))}
-    return {key: drum[key] for key in shared.split()} | speed | measured
+    tilt = {"tilt_deg": float(rng.choice([0.0, rng.uniform(0.0, 45.0)]))}
+    return {key: drum[key] for key in shared.split()} | speed | measured | tilt
 
 
 def _lifted_cylinder(rng, d, span_s, n):
@@ -356,6 +364,9 @@ def poured(number, default, mean, particles, seen):
     axes = [berry[key] for key in ("long_mm", "major_mm", "minor_mm")]
     faults = [*test.contradictions(scene.settings), *test.misfits(scene.settings, axes)]
     one = {"parameters": {name: {"fixed": value} for name, value in parameters.items()}}
+    # a study has a free parameter
+    mus_gp = parameters["mus_gp"]
+    one["parameters"]["mus_gp"] = [mus_gp, mus_gp + 0.01]
     one["validation"] = config["validation"] | {"published": None}
     faults += making.time_step_faults(config | one, particle, berry)
     if faults:
@@ -420,18 +431,11 @@ def counted(table):
     return ends.join(violations).join(largest)
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=2000, help="cases 0 to COUNT - 1")
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument(
-        "--out", default=Path(__file__).with_name("pours.csv"), type=Path
-    )
-    args = parser.parse_args()
-    done = set(pd.read_csv(args.out)["number"]) if args.out.is_file() else set()
-    config = PipelineConfig.load("config/config.yaml").config
+def study():
+    """The default's configuration and mean grain, and the body of each kind of particle."""
+    config = PipelineConfig.load(ROOT / "config/config.yaml").config
     section = config["berry"]
-    table1 = "resources/published/table1.csv"
+    table1 = ROOT / "resources/published/table1.csv"
     mean = berries.of_files(
         section["sizes"], section["compression"], table1, section["density_kg_m3"]
     )[1]
@@ -444,6 +448,19 @@ def main():
     particles = {
         name: build.of_settings(means[name], own) for name, own in settings.items()
     }
+    return config, mean, particles
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=2000, help="cases 0 to COUNT - 1")
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument(
+        "--out", default=Path(__file__).with_name("pours.csv"), type=Path
+    )
+    args = parser.parse_args()
+    done = set(pd.read_csv(args.out)["number"]) if args.out.is_file() else set()
+    config, mean, particles = study()
     warnings.simplefilter("ignore", RuntimeWarning)  # what overflows in an explosion
     seen = [Seen()]
     Bounded.look = noting(seen)
