@@ -92,7 +92,7 @@ class DropTest(BenchTest[DropSettings]):
         with trial.bound(height_m).guard():
             fill(trial, factory, last_step)
             trial.run_to(last_step)
-        outcome = Outcome(unstable=trial.broken)
+        outcome = Outcome(unstable=trial.broken, overlap_share=trial.overlap_share)
         return self.make_run(scene, outcome, trial.grains(), trial.frames())
 
     def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:

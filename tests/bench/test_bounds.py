@@ -159,6 +159,17 @@ def test_a_run_that_explodes_is_unstable_and_says_what_to_do(name, monkeypatch):
     )
 
 
+@pytest.mark.parametrize(("modulus_pa", "is_noted"), [(4.3e4, False), (2e3, True)])
+def test_a_run_whose_grains_overlap_deeply_at_its_end_notes_it(modulus_pa, is_noted):
+    soft = BERRY | {"shear_modulus_pa": modulus_pa}
+    one = Scene.of(config(), SET, soft, PARTICLE, 1)
+    run = bench("cylinder").run(one)
+    assert run.record["status"] != "unstable"
+    assert ("overlap_share" in run.record) == is_noted
+    if is_noted:
+        assert 0.1 < run.record["overlap_share"] < 0.5
+
+
 @pytest.mark.parametrize("name", ["funnel", "drum", "cylinder"])
 def test_looking_moves_no_bit(name, monkeypatch):
     def final(every):

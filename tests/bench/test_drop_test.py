@@ -6,9 +6,11 @@ from functools import partial
 import numpy as np
 import pytest
 from goji import BEAD, PARTICLE, SPHERE, example, named
+from shared import says
 
 from repose.bench import Scene, bench, drop_test
 from repose.bench.scene import longest_time_step
+from repose.calibrate.runs import describe
 from repose.stages.job import run_once
 
 TEST = drop_test.DropTest()
@@ -61,6 +63,38 @@ def test_a_flight_of_known_height_and_duration_and_a_long_berry_loses_height_to_
     assert np.ptp(found) > 0.02
     again, _ = dropped(0.8, particle=PARTICLE, berry=soft, step_share=0.5, seed=3)
     assert again == falls[2][0]
+
+
+def test_a_hit_of_a_soft_grain_notes_its_overlap():
+    stiff, _ = dropped(0.5, height_mm=20.0, berry=STIFF | {"shear_modulus_pa": 1e6})
+    assert "overlap_share" not in stiff
+    soft, _ = dropped(0.5, height_mm=20.0, berry=STIFF | {"shear_modulus_pa": 1e4})
+    assert (stiff["status"], soft["status"]) == ("ok", "ok")
+    # Hertz: m v^2 / 2 = 8/15 E* sqrt(R) overlap^2.5; damping lessens it
+    speed_squared = 2.0 * 9.81 * 0.02
+    modulus_pa = 2e4 / (1.0 - BEAD["poisson_ratio"])
+    stiffness = 16.0 / 15.0 * modulus_pa * math.sqrt(5e-3)
+    elastic_m = (SPHERE.mass_kg * speed_squared / stiffness) ** 0.4
+    assert 0.6 * elastic_m / 0.01 < soft["overlap_share"] < 1.05 * elastic_m / 0.01
+    line = describe(soft, TEST.summary)
+    says(line, "WARNING: bodies overlap by up to", "berry.shear_modulus_pa")
+    assert "WARNING" not in describe(stiff, TEST.summary)
+
+
+@pytest.mark.parametrize("orientation", ["lying", "upright"])
+def test_a_grain_that_loses_nothing_is_a_good_run(orientation):
+    """It lands lower than it left, or is heard a time step later: up to some percent above 1."""
+    for seed in (1, 2, 3):
+        record, _ = dropped(
+            1.0,
+            particle=PARTICLE,
+            berry=STIFF | {"shear_modulus_pa": 1e6},
+            step_share=0.5,
+            seed=seed,
+            orientation=orientation,
+        )
+        assert record["status"] == "ok"
+        assert 0.5 < record["sound_restitution"] < 1.1
 
 
 @pytest.mark.slow

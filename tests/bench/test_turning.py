@@ -1,5 +1,6 @@
 """The drum in steady turning: how a run is judged, the mean of the steady part, and beds with and without friction."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -158,7 +159,18 @@ def test_speeds_have_their_times_angles_and_profiles_and_a_run_is_judged():
         TEST,
         one,
         held,
-        [("unstable", {"unstable": "why"}), ("lost", {"holds_all": False})],
+        [
+            ("unstable", {"unstable": "why"}),
+            ("lost", {"holds_all": False}),
+            ("lost", {"n_unplaced": 3}),
+        ],
+    )
+    outside = TEST.status_of(replace(held, holds_all=False), settings)
+    assert outside.reason == "a grain is outside the drum"
+    unplaced = TEST.status_of(replace(held, n_unplaced=3), settings)
+    n_grains = TEST.section(settings).berries
+    assert unplaced.reason == (
+        f"3 of {n_grains} grains found no place in the drum before it turned"
     )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from refusals import value_error
 from scipy import stats
-from shared import one_run, run_python
+from shared import one_run, run_python, says
 
 from repose.calibrate import variance
 from repose.calibrate.runs import Recorded, error_of, summarise_runs
@@ -27,6 +27,12 @@ def test_the_mean_its_error_and_the_targets_in_front():
         0.0,
     )
     assert summary["discharge_s"] == pytest.approx(17.0)
+    deep = [one_run(1) | {"overlap_share": 0.12}, one_run(2, "jammed")]
+    says(
+        summarise_runs(deep, RECORDED)["reason"],
+        "1 of 2 runs jammed",
+        "bodies overlap by up to 12 %",
+    )
     single = summarise_runs([one_run(1)], RECORDED)
     assert (single["status"], single["aor_deg"], single["aor_se_deg"]) == (
         "ok",

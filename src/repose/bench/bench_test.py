@@ -16,12 +16,13 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
+from repose.bench.bounds import NOTED_OVERLAP
 from repose.bench.scene import Scene, grain_simulation
 from repose.bench.settings import S, SceneSettings
 from repose.bench.trial import Progress
 from repose.calibrate import responses as response_registry
 from repose.calibrate.responses import Response
-from repose.calibrate.runs import Recorded
+from repose.calibrate.runs import OVERLAP_SHARE, Recorded
 from repose.calibrate.seeds import UNNAMED
 from repose.common.errors import InputError
 from repose.common.section import Contradictions
@@ -66,9 +67,13 @@ class Outcome:
     unstable : str
         Message about the bound that the run broke (`repose.bench.bounds`); empty if it
         broke none.
+    overlap_share : float
+        Largest overlap in the state that is measured, over the smallest extent of its
+        grain (`Trial.overlap_share`).
     """
 
     unstable: str = ""
+    overlap_share: float = 0.0
 
 
 class Verdict(NamedTuple):
@@ -212,7 +217,10 @@ class BenchTest(ABC, Generic[S]):
         frames: Any = None,
         **numbers: float,
     ) -> Run:
-        """Judge a run and write its record; a number that is not finite becomes None."""
+        """Judge a run and write its record; a number that is not finite becomes None.
+
+        Overlaps above `NOTED_OVERLAP` are noted as ``overlap_share``.
+        """
         verdict = self.status_of(outcome, scene.settings)
         record: dict[str, Any] = {
             "seed": int(scene.seed),
@@ -221,6 +229,8 @@ class BenchTest(ABC, Generic[S]):
         }
         for name, number in numbers.items():
             record[name] = number if math.isfinite(number) else None
+        if outcome.overlap_share > NOTED_OVERLAP:
+            record[OVERLAP_SHARE] = round(outcome.overlap_share, 3)
         return Run(record, arrays, frames)
 
     @abstractmethod

@@ -31,6 +31,8 @@ SPEED_LIMIT = 3.0
 ENERGY_TOLERANCE = 0.1
 # Largest overlap over the smallest extent of a grain.
 OVERLAP_LIMIT = 0.5
+# A record notes an overlap above this share: forces of contacts hold for small ones.
+NOTED_OVERLAP = 0.1
 # Time steps between two checks of the speeds.
 CHECK_INTERVAL = 2000
 # Checks of the speeds per check of energy and overlaps, which takes ten times as long.
@@ -57,6 +59,9 @@ class Bounded:
     ----------
     broken : str
         Message about the bound that was broken inside `guard`; empty if none was.
+    overlap_share : float
+        Largest overlap at the last check of overlaps, over the smallest extent of the
+        smaller grain. The last check is that of the state that is measured.
     """
 
     def __init__(
@@ -76,6 +81,7 @@ class Bounded:
             float(shape.half_extents_m.min()) for shape in simulation.shapes.values()
         )
         self.broken = ""
+        self.overlap_share = 0.0
         self._last_check = 0
 
     def _lowest_and_fall(self, top_m: float) -> tuple[float, float]:
@@ -178,6 +184,7 @@ class Bounded:
     def _check_overlaps(self) -> None:
         """Raise if grains pass through each other or through walls."""
         simulation = self.simulation
+        self.overlap_share = 0.0
         pairs, overlaps = simulation.overlaps()
         deepest = self._too_deep(overlaps, simulation.scales[pairs].min(axis=1))
         if deepest is not None:
@@ -190,12 +197,17 @@ class Bounded:
             bodies = f"grain {grains[deepest]} and the wall {wall!r}"
             self._raise_overlap(bodies, overlaps[deepest])
 
+    def shares(self, overlaps: np.ndarray, scales: np.ndarray) -> np.ndarray:
+        """Divide overlaps by the smallest extents of grains of these scales."""
+        return overlaps / scales / self.thickness_m
+
     def _too_deep(self, overlaps: np.ndarray, scales: np.ndarray) -> int | None:
-        """Find the deepest overlap of grains of these scales; None if it is allowed."""
+        """Note the deepest overlap of grains of these scales; None if it is allowed."""
         if not len(overlaps):
             return None
-        share = overlaps / scales / self.thickness_m
+        share = self.shares(overlaps, scales)
         deepest = int(np.argmax(share))
+        self.overlap_share = max(self.overlap_share, float(share[deepest]))
         return deepest if share[deepest] > OVERLAP_LIMIT else None
 
     def _raise_overlap(self, bodies: str, overlap_m: float) -> None:

@@ -397,6 +397,7 @@ class CylinderTest(BenchTest[CylinderSettings]):
             energy_j=trial.energy_j(),
             length_m=float(trial.scene.particle.axes_m.max()),
             unstable=trial.broken,
+            overlap_share=trial.overlap_share,
         )
 
     def judge(self, outcome: Filling, settings: SceneSettings) -> Verdict:

@@ -255,6 +255,7 @@ class DischargeTest(BenchTest[DischargeSettings]):
             n_early=n_early,
             n_late=int(has_left.sum()) - n_early,
             unstable=trial.broken,
+            overlap_share=trial.overlap_share,
         )
         arrays = {
             "exit_s": np.where(has_left, exit_s, np.nan),

@@ -400,6 +400,7 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
             n_over_slot=int(np.sum(is_over_slot)),
             energy_j=trial.energy_j(),
             unstable=trial.broken,
+            overlap_share=trial.overlap_share,
         )
         arrays = trial.grains()
         arrays["exit_s"] = exit_times - opened_s

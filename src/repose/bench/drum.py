@@ -165,11 +165,12 @@ class DrumSettings(Rotating):
 # --- what bench tests with a drum share -----------------------------------------------
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class DrumOutcome(Outcome):
     """A drum that has turned."""
 
-    holds_all: bool  # whether all grains are there, and inside the drum
+    holds_all: bool  # whether all grains that were added are inside the drum
+    n_unplaced: int = 0  # grains that found no place when the drum was filled
 
 
 R = TypeVar("R", bound=Rotating)
@@ -221,18 +222,27 @@ class RotatingDrum(BenchTest[R]):
         )
         return trial, Factory(area, section.berries, section.rate_per_s)
 
+    def n_unplaced(self, trial: Trial) -> int:
+        """Count the grains that found no place."""
+        return int(trial.simulation.capacity - trial.simulation.n_bodies)
+
     def holds_all(self, trial: Trial) -> bool:
-        """Tell whether all grains are there, and inside the drum."""
+        """Tell whether all grains that were added are inside the drum."""
         simulation = trial.simulation
-        if simulation.n_bodies < simulation.capacity:
-            return False
         drum = Drum.of(self.section(trial.scene.settings))
         return bool(drum.holds(simulation.positions).all())
 
     def judge(self, outcome: DrumOutcome, settings: SceneSettings) -> Verdict:
         """Judge a stable run before it is measured."""
         if not outcome.holds_all:
-            return Verdict("lost", "a grain is missing, or outside the drum")
+            return Verdict("lost", "a grain is outside the drum")
+        if outcome.n_unplaced:
+            n_grains = self.section(settings).berries
+            return Verdict(
+                "lost",
+                f"{outcome.n_unplaced} of {n_grains} grains found no place in the drum "
+                "before it turned",
+            )
         return OK
 
     def surface_of(
@@ -571,8 +581,10 @@ class DrumTest(RotatingDrum[DrumSettings]):
             report=report,
             rotation_from_s=recorder.start_s,
             rest_energy_j=rest_energy_j,
+            n_unplaced=self.n_unplaced(trial),
             holds_all=self.holds_all(trial),
             unstable=trial.broken,
+            overlap_share=trial.overlap_share,
         )
 
     def judge(self, outcome: DrumOutcome, settings: SceneSettings) -> Verdict:

@@ -393,6 +393,7 @@ def _final_state(
         us_per_step=wall_time.us_per_step,
         frames=trial.frames(),
         unstable=trial.broken,
+        overlap_share=trial.overlap_share,
     )
 
 

@@ -470,6 +470,8 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
                 outcome = Tilting(restless=body, unstable=f"{body}: {trial.broken}")
             elif not motions:
                 outcome = Tilting(restless=body)
+            overlap_share = max(outcome.overlap_share, trial.overlap_share)
+            outcome = replace(outcome, overlap_share=overlap_share)
             columns = np.array(motions).reshape(-1, len(COLUMNS)).T
             for name, column in zip(COLUMNS, columns, strict=True):
                 arrays[f"{body}_{name}"] = column

@@ -372,6 +372,7 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
             energy_j=float(energies.mean()) if len(energies) else math.nan,
             grain_mm=1e3 * float(scene.particle.axes_m.max()),
             unstable=trial.broken,
+            overlap_share=trial.overlap_share,
         )
         return self.make_run(
             scene,

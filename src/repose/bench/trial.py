@@ -78,6 +78,11 @@ class Trial:
         """Message about the bound that the run broke; empty where it broke none."""
         return self.bounded.broken
 
+    @property
+    def overlap_share(self) -> float:
+        """Largest overlap at the last check, over the smallest extent of its grain."""
+        return self.bounded.overlap_share
+
     def run_to(self, step: int) -> None:
         """Advance to a time step; do nothing if it has passed.
 

@@ -273,7 +273,12 @@ class TurningTest(RotatingDrum[TurningSettings]):
         }
         if section.n_speeds > 1:
             arrays["speed"] = np.array(frames.speed)
-        outcome = DrumOutcome(holds_all=self.holds_all(trial), unstable=trial.broken)
+        outcome = DrumOutcome(
+            n_unplaced=self.n_unplaced(trial),
+            holds_all=self.holds_all(trial),
+            unstable=trial.broken,
+            overlap_share=trial.overlap_share,
+        )
         return self.make_run(scene, outcome, arrays, trial.frames())
 
     def _turn(self, trial: Trial, speed: Speed, index: int, frames: _Frames) -> None:

@@ -13,6 +13,9 @@ from repose.calibrate.responses import derived
 if TYPE_CHECKING:
     import pandas as pd
 
+# Key of a run whose bodies overlap deeply: the largest overlap, as a share of a grain.
+OVERLAP_SHARE = "overlap_share"
+
 
 def error_of(column: str) -> str:
     """Name the column of the standard error of a quantity.
@@ -90,7 +93,8 @@ def summarise_runs(
     failed = [run for run in runs if run["status"] != "ok"]
     is_usable = len(ok) > 0 and 2 * len(ok) >= len(runs)
     summary: dict[str, Any] = dict.fromkeys(recorded.summary)
-    summary["reason"] = reason(failed, len(runs))
+    texts = [reason(failed, len(runs)), overlap_warning(runs)]
+    summary["reason"] = "; ".join(filter(None, texts))
     summary["n_seeds"] = len(ok)
     if not is_usable:
         statuses = Counter(run["status"] for run in failed)
@@ -145,9 +149,31 @@ def describe(run: Mapping[str, Any], template: str) -> str:
     """Describe a measured run by the template of its bench test, or a failed one."""
     if run["status"] != "ok":
         return f"seed {run['seed']}: {run['status']}: {run['reason']}"
+    warning = ""
+    if overlaps := overlap_warning([run]):
+        warning = f"; WARNING: {overlaps}"
     try:
         numbers = template.format(**run)
     except (KeyError, TypeError):
         # A response that is no target may not have been measured.
-        return f"seed {run['seed']}: ok"
-    return f"seed {run['seed']}: {numbers}"
+        return f"seed {run['seed']}: ok{warning}"
+    return f"seed {run['seed']}: {numbers}{warning}"
+
+
+def overlap_warning(runs: Sequence[Mapping[str, Any]]) -> str:
+    """Warn of ok runs whose bodies overlap deeply; empty without any.
+
+    Such a run has an `OVERLAP_SHARE`, the largest overlap over the smallest extent of
+    its grain.
+    """
+    shares = [
+        run[OVERLAP_SHARE]
+        for run in runs
+        if run["status"] == "ok" and OVERLAP_SHARE in run
+    ]
+    if not shares:
+        return ""
+    return (
+        f"bodies overlap by up to {100 * max(shares):.0f} % of the smallest extent of a "
+        "grain; a higher berry.shear_modulus_pa lessens it"
+    )
