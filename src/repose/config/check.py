@@ -13,7 +13,7 @@ from repose.calibrate.runs import describe
 from repose.calibrate.strategies import cost as strategies
 from repose.common.errors import InputError
 from repose.common.section import MOST_BERRIES
-from repose.config import advice, computed, cost, dependencies, loader
+from repose.config import advice, computed, cost, dependencies, hits, loader
 from repose.config.pipeline import PipelineConfig
 from repose.stages.job import run_once
 
@@ -88,6 +88,8 @@ def describe_study(study: PipelineConfig) -> Iterator[str]:
 
     limit = computed.longest_step(config, particle, grain)
     yield describe_time_step(study.settings.simulation.time_step_s, limit)
+    lowest = {name: low for name, (low, _) in computed.ranges_of(config).items()}
+    yield from hits.low_restitutions(study.scene(study.parameters.centre), lowest)
 
     def longest_s(other_grain: Mapping[str, Any]) -> float:
         return computed.longest_step(config, particle, other_grain).time_step_s

@@ -115,10 +115,7 @@ def longest_step(config: Config, particle: "Particle", mean: Grain) -> "Limit":
     from repose.bench.scene import longest_time_step
 
     settings = valid_sections(config)
-    ranges = {
-        name: range_of(name, entry, ALLOWED)
-        for name, entry in settings.parameters.given.items()
-    }
+    ranges = ranges_of(config)
 
     # A low restitution damps most, which shortens the step: take the lowest value that
     # is simulated.
@@ -130,6 +127,12 @@ def longest_step(config: Config, particle: "Particle", mean: Grain) -> "Limit":
     for name in parameters_among(ranges)[len(PARAMETERS) :]:
         critical[name] = ranges[name][1]
     return longest_time_step(Scene.of(config, critical, grain=mean, particle=particle))
+
+
+def ranges_of(config: Config) -> dict[str, tuple[float, float]]:
+    """Return lowest and highest value of each parameter; of a fixed one twice its value."""
+    given = valid_sections(config).parameters.given
+    return {name: range_of(name, entry, ALLOWED) for name, entry in given.items()}
 
 
 def round_down(value: float, digits: int) -> float:

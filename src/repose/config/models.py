@@ -75,7 +75,11 @@ Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 
 
 class ParametersSettings(Section):
-    """The contact parameters."""
+    """The contact parameters.
+
+    A restitution is that of a hit in many time steps; with the step of `auto` a hit
+    returns less, see `repose.config.hits`.
+    """
 
     @property
     def given(self) -> dict[str, Any]:
