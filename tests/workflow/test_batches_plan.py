@@ -126,15 +126,11 @@ def test_the_strategy_chooses_what_a_study_makes(strategy, project):
     (project / "mine.yaml").write_text(
         json.dumps({"targets": MIXED, "posterior": {"shape_study": None}})
     )
-    mixed = (
-        "--configfile",
-        "config/quick.yaml",
-        "mine.yaml",
-        "--rerun-triggers",
-        "mtime",
-        "--",
-        strategy,
-    )
+    mixed = ("--configfile", "config/quick.yaml", "mine.yaml", "--", strategy)
+    kept = snakemake(project, "-n", "--rerun-triggers", "mtime", *mixed, status=2)
+    assert f"{strategy}/batch_0/proposal.json: targets." in kept.stderr
+    samples = str((first / "samples.csv").relative_to(project))
+    snakemake(project, "--cores", "1", *mixed[:-1], samples, status=0)
     assert planned(project, *mixed)["batch_pour"] == 2 * SAMPLES[strategy][0]
     says(
         snakemake(project, "-n", "-p", *mixed).stdout,
