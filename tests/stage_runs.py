@@ -43,7 +43,8 @@ def conclude(name, study, folders, out):
         out,
         parameters=study.parameters,
         targets=study.targets,
-        measure=study.settings.measure,
+        # a study in Python has no section `measure`
+        measure=getattr(study.settings, "measure", None),
     )
 
 

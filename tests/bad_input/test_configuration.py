@@ -165,6 +165,7 @@ OPTIONAL = (
     ),
     *(f"parameters.{name}" for name in LAW_PARAMETERS),
     *(setting.key for setting in COMPUTED),
+    "berry.mean_size",  # absent in results of earlier versions
 )
 
 

@@ -236,7 +236,9 @@ def of_last_positions(heights_m, exits_s, radius_m=0.005):
         scales=np.ones(n), present=np.ones(n, bool), radius=radius_m, exit_times_s=np.array(exits_s),
         contacts=lambda: np.column_stack([np.arange(n - 1), np.arange(1, n)]), kinetic_energies=lambda: np.zeros(n),
     )  # fmt: skip
-    trial = SimpleNamespace(simulation=simulation, frames=lambda: None, broken="")
+    trial = SimpleNamespace(
+        simulation=simulation, frames=lambda: None, broken="", overlap_share=0.0
+    )
     return funnel._final_state(trial, 0.1, None, funnel._WallTime(1.0, 1.0))
 
 

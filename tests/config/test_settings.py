@@ -175,8 +175,8 @@ def test_a_target_may_leave_out_its_bench_test_and_its_range(config):
     slip, height = PipelineConfig.of(config).config["targets"]
     assert (slip["apparatus"], slip["range"]) == (
         "drum",
-        [39.0, 41.0],
-    )  # a standard error to each side
+        [38.0, 42.0],
+    )  # two standard errors to each side
     assert (height["apparatus"], height["range"]) == (
         "funnel",
         [39.6, 40.4],
@@ -227,7 +227,7 @@ def test_every_key_is_explained_known_and_computed_where_it_may_be_auto():
 
 BAD_VALUES = (
     ("refine.pours", 1, "an integer from 2 to 4096"), ("funnel.seeds", 0, "an integer from 1 to 100"),
-    ("funnel.seeds", 2.0, "an integer"), ("funnel.seeds", "8", "an integer"),
+    ("funnel.seeds", 2.5, "an integer"), ("funnel.seeds", "8", "an integer"),
     ("simulation.rest_energy_j", 0, "above 0"), ("simulation.tension", "maybe", "keep or release"),
     ("funnel", 3, "a section with the keys berries"), ("berry.poisson_ratio", 0.5, "a number from 0 to 0.49 or null"),
     ("berry.sizes", None, "a path"), ("label", "", "text of 1 to 60 characters"),
@@ -356,7 +356,7 @@ def test_what_follows_from_a_wrong_or_mistyped_key_is_reported_once(config):
             "a large scatter",
             "sd",
             900.0,
-            "so small that the mean with its standard error",
+            "so small that the mean with two standard errors",
         )
     ]
     check_all(check_key, cases)

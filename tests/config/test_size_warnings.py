@@ -53,7 +53,7 @@ def study(tmp_path, monkeypatch):
 
 
 def warnings(study):
-    return [line for line in check._about_sizes(study) if "WARNING" in line]
+    return [line for line in check._describe_sizes(study) if "WARNING" in line]
 
 
 def spheres(spread, count=400):

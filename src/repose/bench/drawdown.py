@@ -12,7 +12,7 @@ drags none of them along.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -459,8 +459,8 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         }
 
         # The view is along the slot. Both wedges are measured, though they need not touch.
-        view = replace(scene.measure, views=1)
-        view_of_all = replace(view, largest_pile_only=False)
+        view = scene.measure.model_copy(update={"views": 1})
+        view_of_all = view.model_copy(update={"largest_pile_only": False})
         box = Box.of(self.section(scene.settings))
         wedges = Grains(
             back_to_back(centres, box), arrays["quaternion"], particle, scales

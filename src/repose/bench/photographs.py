@@ -8,7 +8,7 @@ looks the same from any distance, other than a cone's.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import combinations
 from pathlib import Path
 from typing import NamedTuple
@@ -299,9 +299,11 @@ def measure_box(
         (
             above_name,
             above,
-            replace(how, mm_per_pixel=left.mm_per_pixel, largest_pile_only=False),
+            how.model_copy(
+                update={"mm_per_pixel": left.mm_per_pixel, "largest_pile_only": False}
+            ),
         ),
-        (below_name, below.image, replace(how, mm_per_pixel=below.mm_per_pixel)),
+        (below_name, below.image, how.with_scale(below.mm_per_pixel)),
     ):
         try:
             pile = segment(view, settings.largest_pile_only, len(view) - 0.5)

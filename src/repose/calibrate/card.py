@@ -172,4 +172,8 @@ def _kind_of(name: str, space: ParameterSpace) -> str:
 def _made_by() -> dict[str, Any]:
     """Name the version, configuration, engine and seed that made the card."""
     record = provenance.current() or provenance.machine()
-    return {name: record.get(key) for name, key in RECORDED.items()}
+    made_by = {name: record.get(key) for name, key in RECORDED.items()}
+    settings = made_by["configuration"]
+    if isinstance(settings, Mapping):
+        made_by["configuration"] = provenance.hash_of(settings)
+    return made_by

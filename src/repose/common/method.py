@@ -5,7 +5,6 @@ from typing import Any, TypeVar
 
 from repose.common import faults, places
 from repose.common.errors import raise_together
-from repose.common.reading import read
 from repose.common.section import Section
 
 S = TypeVar("S", bound=Section)
@@ -14,6 +13,8 @@ S = TypeVar("S", bound=Section)
 @cache
 def _values() -> dict[str, Any]:
     """Read the program's own config/method.yaml."""
+    from repose.common.reading import read  # loads PyYAML
+
     return read(places.root() / places.METHOD_CONFIG)
 
 

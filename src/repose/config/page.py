@@ -19,7 +19,7 @@ from repose.common.reading import read
 from repose.common.section import ABSENT, Section
 from repose.config.models import TargetSettings, settings_type
 
-PAGE = "config/README.md"
+PAGE = Path("config", "README.md")
 TABLE = re.compile(r"<!-- keys: (\w+) -->\n.*?<!-- end -->", re.DOTALL)
 HEAD = """\
 | key | meaning | unit | values | default | source |

@@ -12,6 +12,7 @@ Yade
 `COLUMNS` lists the names that a column may have. Lengths are in the unit of the file.
 """
 
+import mimetypes
 import re
 from pathlib import Path
 from typing import NamedTuple
@@ -76,7 +77,10 @@ class Particles(NamedTuple):
 
 
 def is_particle_file(path: Path_) -> bool:
-    """Tell whether a file is text, as files of particles are; pictures are not."""
+    """Tell whether a file may hold particles: it is text, and its name no picture's."""
+    kind, _ = mimetypes.guess_type(path)
+    if kind is not None and kind.startswith("image/"):
+        return False
     with Path(path).open("rb") as file:
         start = file.read(4096)
     return b"\0" not in start and start.isascii()

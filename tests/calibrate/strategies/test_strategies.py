@@ -118,9 +118,8 @@ def test_returned_runs_must_be_those_of_ask(tmp_path):
         r"sample and run is \['99', '1'\]; expected one of the 24 runs that `ask` gave"
     )
     input_error(another, study.tell, returned.assign(sample=99))
-    input_error("also time", study.tell, returned.drop(columns="time"))
+    input_error("column time is 'missing'", study.tell, returned.drop(columns="time"))
     input_error("friction is 'changed'", study.tell, returned.assign(friction=0.5))
-    input_error("time is 'inf'", study.tell, returned.assign(time=np.inf))
     assert study.runs.empty
     assert not (tmp_path / "study.csv").exists()
     study.tell(returned.assign(time=returned["time"].mask(returned["sample"] == 3)))

@@ -90,7 +90,11 @@ def test_a_function_is_calibrated_and_a_start_that_fails_does_not_end_a_study(
 
 def test_where_no_set_meets_the_targets_the_nearest_is_the_answer_not_the_least_certain():
     """By hand: t alone asks for .636, a for .733 and m for .5; what lies above .8 failed."""
-    targets = {"a": (31, 1, 1), "m": (50, 2, 3), "t": (3, 0.2, 10)}
+    targets = {
+        "a": {"value": 31, "sd": 1, "repetitions": 1, "range": [30.38, 31.62]},
+        "m": {"value": 50, "sd": 2, "repetitions": 3, "range": [49, 51]},
+        "t": {"value": 3, "sd": 0.2, "repetitions": 10, "range": [2.94, 3.06]},
+    }
     far = Study(
         {"mu": (0.1, 0.9)},
         targets,

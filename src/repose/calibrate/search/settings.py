@@ -80,7 +80,6 @@ class MigaSettings(Section):
     )
 
     replicates: int = Field(
-        default=20,
         ge=0,
         le=1000,
         description="refits to pours drawn again, which show the optimism of a "
