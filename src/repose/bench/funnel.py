@@ -197,10 +197,8 @@ class FunnelSettings(Hopper):
 
     duration_s: OrAuto[Annotated[float, Field(ge=0.1, le=600)]] = Field(
         default=OF_OTHERS,
-        description="longest simulated time; a pour ends when its pile rests. It must "
-        "leave `rest_window_s` after the last grain. `auto`: until the grains are "
-        "poured and have run out of the funnel, and 40 sqrt(d / gravity), 1.5 s for a "
-        "grain of 14 mm",
+        description="longest simulated time; a pour ends when its pile rests; `auto`: "
+        "40 sqrt(d / gravity) after the funnel is empty",
         json_schema_extra={"source": "3.1: 18"},
     )
     outlet_height_mm: float = Field(
@@ -234,8 +232,8 @@ class FunnelSettings(Hopper):
     )
     rest_motion_mm: OrAuto[Annotated[float, Field(gt=0, le=200)]] = Field(
         default=OF_OTHERS,
-        description="a pile is not at rest if a grain moves more than this in "
-        "`rest_window_s`; `auto`: d / 14, d is the equivalent diameter of a grain",
+        description="largest motion of a grain at rest in `rest_window_s`; `auto`: 1/14 "
+        "of the grain's diameter",
     )
     rest_window_s: OrAuto[Annotated[float, Field(ge=0.001, le=100)]] = Field(
         default=OF_OTHERS,

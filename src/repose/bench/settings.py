@@ -40,8 +40,8 @@ class SimulationSettings(Section):
     )
     rest_energy_j: OrAuto[Annotated[float, Field(gt=0, le=1.0)]] = Field(
         default=OF_OTHERS,
-        description="a pile with more kinetic energy per grain is not at rest; `auto`: "
-        "5.8e-6 of the energy that lifts a grain by its diameter d",
+        description="largest mean kinetic energy of a grain at rest; `auto`: 5.8e-6 m g d, "
+        "with its mass and diameter",
     )
     contact_law: Annotated[str, OneOf(lambda: CONTACT_LAWS)] = Field(
         description="force law of a contact",

@@ -275,8 +275,8 @@ class StudySettings(Section):
         description="marks figures and tables as results of a small run",
     )
     results_dir: ResultsFolder = Field(
-        description="folder for everything that is written: new, a study's already, or "
-        "one whose files have no name of a result; outside the project's own folders",
+        description="folder for everything that is written: new, or one of this study; "
+        "outside the project's own folders",
     )
     photograph: PathOrNull = Field(
         description="picture of the physical pile, PNG or JPEG, for the report",

@@ -106,11 +106,22 @@ def _rows(table: Table) -> Iterator[str]:
             f"`{name}`",
             field.description,
             _unit(name),
-            faults.allowed(name, table.model),
+            _short(faults.allowed(name, table.model)),
             default,
             source,
         )
         yield f"| {' | '.join(str(cell) for cell in cells)} |"
+
+
+def _short(allowed: str) -> str:
+    """Shorten the allowed values of a message to a cell of a table."""
+    numbers = re.fullmatch(r"(\d+)(?: or \d+){9,} or (\d+)", allowed)
+    if numbers:
+        return f"{numbers[1]}, 2 x {numbers[1]} and so on to {numbers[2]}"
+    pair = allowed.replace("a pair [low, high] of numbers", "[low, high]")
+    return pair.replace(
+        "with low < high; or fixed; or prior with", "; fixed; or prior:"
+    )
 
 
 def _unit(key: str) -> str:

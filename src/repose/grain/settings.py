@@ -45,8 +45,8 @@ class GrainSettings(Section):
         json_schema_extra={"source": "3.1"},
     )
     mass_g: Annotated[float, Field(gt=0, le=1.0e6)] | None = Field(
-        description="mean mass of a grain, used where `stl` is null: 42 to 78 % of the "
-        "box around the axes; null: the ellipsoid that `mean_size` gives",
+        description="mean mass of a grain without `stl`: 42 to 78 % of the box around "
+        "the axes; null: by `mean_size`",
         json_schema_extra={"source": "2.1: 1.25"},
     )
     particle: Annotated[str, OneOf(lambda: KINDS)] = Field(
@@ -74,9 +74,8 @@ class GrainSettings(Section):
     # value of method.yaml.
     mean_size: Literal["volume", "axes"] = Field(
         default="axes",
-        description="the mean grain where `stl` and `mass_g` are null: `volume`: the "
-        "mean axes, scaled together to the mean volume of the ellipsoids of all rows; "
-        "`axes`: the mean axes as they are",
+        description="the mean grain without `stl` and `mass_g`: `volume` scales the mean "
+        "axes to the mean volume; `axes` keeps them",
         json_schema_extra={"source": "`axes`: 3.1"},
     )
 

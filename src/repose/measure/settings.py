@@ -47,8 +47,8 @@ class MeasureSettings(Section):
         json_schema_extra={"source": "open"},
     )
     fit_to: Literal["berry"] | Annotated[float, Field(ge=0.1, le=1)] = Field(
-        description="upper end of the flank, as a part of the pile's height, at least "
-        "0.1 above `fit_from`; `berry`: one grain above the plate",
+        description="upper end of the flank, as a part of the height; `berry`: one grain "
+        "above the plate",
         json_schema_extra={"source": "open"},
     )
     berry_height_mm: Annotated[float, Field(gt=0, le=1000)] | None = Field(
