@@ -292,6 +292,15 @@ def test_runs_together_decide_by_their_joint_probability():
     assert together.verdict is answer.Verdict.MET
 
 
+def test_two_runs_do_not_show_how_two_responses_are_correlated():
+    """Through two runs there is always a line: their joint probability is 0 or large."""
+    check = answer.Check("a", "own", "", 5.0, 1.0, 5, 4.0, 6.0, 5.0, 0.5, 2, "ok")
+    found = answer.Result("two", {}, True, "", (check, check), "", {}, inside=0.0)
+    each = stats.t(df=1, loc=5.0, scale=0.5)
+    assert found.probability == pytest.approx((each.cdf(6.0) - each.cdf(4.0)) ** 2)
+    assert found.verdict is answer.Verdict.UNDECIDED
+
+
 def test_one_run_decides_nothing_and_runs_without_scatter_decide_at_once():
     one = answer.Check("a", "own", "", 5.0, 1.0, 5, 4.0, 6.0, 5.0, None, 1, "ok")
     found = answer.Result("one", {}, True, "", (one,), "", {})

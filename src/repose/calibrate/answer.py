@@ -402,7 +402,10 @@ class Result:
     @property
     def probability(self) -> float | None:
         """Probability that all means lie inside their ranges; None if it is unknown."""
-        if self.inside is not None:
+        n_runs = min(check.runs for check in self.checks)
+        # So few runs do not show how their responses are correlated.
+        is_correlation_known = n_runs > len(self.checks) + 1
+        if self.inside is not None and is_correlation_known:
             return self.inside
         return _probability_after(self.checks, 0)
 
