@@ -32,6 +32,11 @@ class RecordedSection:
             return found.__get__(self)
         raise AttributeError(f"{name} of a section is not recorded")
 
+    def model_copy(self, *, update: dict[str, Any] | None = None) -> "RecordedSection":
+        """A copy of the section with other values, which records its reads, too."""
+        copied = self._section.model_copy(update=update)
+        return RecordedSection(copied, self._keys, self._prefix)
+
     def _read(self, name: str) -> Any:
         value = getattr(self._section, name)
         if isinstance(value, Section):

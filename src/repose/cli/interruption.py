@@ -9,9 +9,14 @@ import os
 import signal
 import threading
 from types import FrameType, TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
+
+if TYPE_CHECKING:
+    import psutil
 
 END = b"\0"  # no signal has the number 0: it ends the thread that reads signals
+# Interval at which jobs are looked for that started after the signal.
+REPEAT_S = 0.5
 
 
 class Interruption:
@@ -25,6 +30,8 @@ class Interruption:
 
     def __init__(self) -> None:
         self.signal_number: int | None = None
+        self._interrupted_jobs: set[psutil.Process] = set()
+        self._has_ended = threading.Event()
 
     def __enter__(self) -> Self:
         # A process under nohup ignores SIGHUP, and goes on doing so.
@@ -54,6 +61,7 @@ class Interruption:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        self._has_ended.set()
         signal.set_wakeup_fd(self._earlier_pipe)
         for number, handler in self._earlier.items():
             signal.signal(number, handler)
@@ -78,17 +86,26 @@ class Interruption:
         signal.signal(number, signal.SIG_DFL)
         if self.signal_number is None:
             self.signal_number = number
-        _interrupt_jobs()
+        self._interrupt_jobs()
+        # The exception may be lost where a library catches it, and Snakemake may just
+        # have been about to start a job.
+        threading.Thread(target=self._interrupt_new_jobs, daemon=True).start()
         raise KeyboardInterrupt
 
+    def _interrupt_new_jobs(self) -> None:
+        """Interrupt jobs that start after the signal, until the run has ended."""
+        while not self._has_ended.wait(REPEAT_S):
+            self._interrupt_jobs()
 
-def _interrupt_jobs() -> None:
-    """Send SIGINT to the jobs, for which Snakemake waits.
+    def _interrupt_jobs(self) -> None:
+        """Send SIGINT once to each job, for which Snakemake waits.
 
-    Ctrl-C on a terminal has reached them; a signal to this program alone has not.
-    """
-    import psutil
+        Ctrl-C on a terminal has reached them; a signal to this program alone has not.
+        """
+        import psutil  # of the extra `workflow`
 
-    for job in psutil.Process().children(recursive=True):
-        with contextlib.suppress(psutil.NoSuchProcess):
-            job.send_signal(signal.SIGINT)
+        for job in psutil.Process().children(recursive=True):
+            if job not in self._interrupted_jobs:
+                self._interrupted_jobs.add(job)
+                with contextlib.suppress(psutil.NoSuchProcess):
+                    job.send_signal(signal.SIGINT)
