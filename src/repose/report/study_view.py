@@ -37,6 +37,9 @@ class StudyView:
         model = settings_type()
         sections: dict[str, Any] = {}
         for name, value in self.config.items():
+            # the studies in research/ add sections of their own
+            if name not in model.model_fields:
+                continue
             kind = model.model_fields[name].annotation
             if isinstance(kind, type) and issubclass(kind, Section):
                 value = kind.model_construct(**value)
