@@ -227,15 +227,16 @@ class Check:
         float or None
             None without a mean or a standard error.
         """
-        from scipy.stats import t
+        from scipy.special import stdtr  # the distribution function of Student's t
 
         if self.simulated is None or self.standard_error is None or self.runs < 2:
             return None
         if self.standard_error == 0:
             return float(self.low <= self.simulated <= self.high)
         error = self.standard_error * math.sqrt(self.runs / runs)
-        mean = t(df=runs - 1, loc=self.simulated, scale=error)
-        return float(mean.cdf(self.high) - mean.cdf(self.low))
+        below_high = stdtr(runs - 1, (self.high - self.simulated) / error)
+        below_low = stdtr(runs - 1, (self.low - self.simulated) / error)
+        return float(below_high - below_low)
 
     @property
     def label(self) -> str:

@@ -71,6 +71,11 @@ class Particles(NamedTuple):
     grains: np.ndarray
 
     @property
+    def mean_radius(self) -> float:
+        """Cube root of the product of the mean semi-axes."""
+        return float(np.prod(self.semi_axes.mean(axis=0)) ** (1 / 3))
+
+    @property
     def are_spheres(self) -> bool:
         """Whether all bodies are spheres."""
         return bool((self.semi_axes == self.semi_axes[:, :1]).all())

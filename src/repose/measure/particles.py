@@ -136,7 +136,7 @@ def measure_particles(
     NoFlankError
         If there is no pile.
     """
-    radius = float(np.prod(particles.semi_axes.mean(axis=0)) ** (1 / 3))
+    radius = particles.mean_radius
     metres = UNITS[unit]
     low, high = RADII_M
     if not low <= radius * metres <= high:
@@ -165,7 +165,9 @@ def measure_particles(
     result = pile.measure_pile(grains, settings, members)
     return ParticlePile(
         result=result,
-        additional=_additional(particles, grains, members, settings, metres),
+        additional=_measure_shape_and_scatter(
+            particles, grains, members, settings, metres
+        ),
         up=up,
         base=base,
         n_grains=len(np.unique(particles.grains)),
@@ -184,7 +186,7 @@ def find_up(particles: Particles, source: object = "particles") -> str:
     InputError
         If no direction has clearly most.
     """
-    radius = float(np.prod(particles.semi_axes.mean(axis=0)) ** (1 / 3))
+    radius = particles.mean_radius
     counts = {}
     for name, direction in DIRECTIONS.items():
         bottoms = _lowest_points(particles, np.array(direction))
@@ -305,7 +307,7 @@ def _volumes(particles: Particles) -> np.ndarray:
     return 4 / 3 * math.pi * particles.semi_axes.prod(axis=1)
 
 
-def _additional(
+def _measure_shape_and_scatter(
     particles: Particles,
     grains: Grains,
     members: np.ndarray | None,
