@@ -151,7 +151,7 @@ def test_cards_of_other_studies_or_simulators_and_arrays_of_another_kind_are_ref
         *["export", "--to=edem", f"--card={CARD}"], "--config=config/config.yaml"
     )
     assert (
-        f"{CARD}: material is 'wheat'; expected recommended, as in config/config.yaml"
+        f"{CARD}: material is 'wheat'; expected goji_berry, as in config/config.yaml"
         in message
     )
     for key in (
