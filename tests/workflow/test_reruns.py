@@ -63,9 +63,12 @@ def test_a_run_tells_the_processor_time_of_all_its_processes_and_keeps_that_of_e
 
 
 @pytest.mark.essential
-def test_a_start_says_once_what_its_piles_cannot_be_and_a_dry_run_nothing(project):
+def test_a_call_that_pours_says_once_what_its_piles_cannot_be(project):
     line = "reach: WARNING: Target out of reach: "
-    words = (TARGET, *QUICK, "--forceall", "--config", "measure={response: whole}")
+    options = (*QUICK, "--config", "measure={response: whole}")
+    design = snakemake(project, TARGET, *options, status=0)
+    assert "reach: " not in design.stderr
+    words = ("results/quick/heaps/001.pours.json", *options)
     assert "reach: " not in snakemake(project, "-n", *words).stderr
     done = snakemake(project, *words, status=0)
     said = [text for text in done.stderr.splitlines() if text.startswith("reach: ")]
@@ -76,7 +79,8 @@ def test_a_start_says_once_what_its_piles_cannot_be_and_a_dry_run_nothing(projec
         "posterior": {"shape_study": None},
     }
     (project / "mine.json").write_text(json.dumps(drum))
-    done = snakemake(project, TARGET, *QUICK, "mine.json", "--forceall", status=0)
+    words = ("results/quick/drum_runs/001.pours.json", *QUICK, "mine.json")
+    done = snakemake(project, *words, "--forceall", status=0)
     assert "reach: " not in done.stderr
 
 

@@ -2,6 +2,7 @@
 
 import argparse
 import contextlib
+import itertools
 import os
 import shlex
 import subprocess
@@ -154,25 +155,51 @@ def _provide_cache(folder: str) -> None:
 
 
 def _check_targets(words: list[str], arguments: list[str]) -> None:
-    """Raise InputError for a target, among further words of a call, that is no rule.
+    """Raise InputError for a target that is no rule, or is nearly a file of the study.
 
-    Files and options are left to snakemake, which has named them already.
+    Other files and the options are left to snakemake, which has named them already.
+
+    Parameters
+    ----------
+    words : list of str
+        What follows `repose run`, but for the options of `run` itself.
+    arguments : list of str
+        Snakemake's command line.
     """
-    targets = [word for word in words if word.isidentifier()]
-    if not targets:
-        return
+    # Targets stand before the options; a word behind an option may be its value.
+    targets = list(itertools.takewhile(lambda word: not word.startswith("-"), words))
     options = [word for word in arguments if word not in words]
+    names = [target for target in targets if target.isidentifier()]
+    files = [target for target in targets if os.sep in target]
+    if names:
+        rules = [
+            line for line in _listing("--list-rules", options) if line.isidentifier()
+        ]
+        for name in names:
+            if rules and name not in rules:
+                guess = did_you_mean(name, rules)
+                expected = f"a rule of the workflow, or a file{guess}"
+                raise InputError("command line", "target", name, expected)
+    if files:
+        # The first column holds the files, below its head.
+        lines = _listing("--summary", options)[1:]
+        outputs = [line.partition("\t")[0] for line in lines]
+        for file in files:
+            guess = did_you_mean(file, outputs)
+            if guess and file not in outputs:
+                expected = f"a file that a rule of the workflow makes{guess}"
+                raise InputError("command line", "target", file, expected)
+
+
+def _listing(option: str, options: list[str]) -> list[str]:
+    """Return the lines that snakemake prints for an option that runs no job."""
     listing = subprocess.run(
-        [sys.executable, "-m", "snakemake", *options, "--list-rules"],
+        [sys.executable, "-m", "snakemake", *options, option],
         capture_output=True,
         text=True,
         check=False,
     )
-    rules = [line for line in listing.stdout.splitlines() if line.isidentifier()]
-    for target in targets:
-        if rules and target not in rules:
-            expected = f"a rule of the workflow, or a file{did_you_mean(target, rules)}"
-            raise InputError("command line", "target", target, expected)
+    return listing.stdout.splitlines()
 
 
 def snakemake_arguments(args: argparse.Namespace) -> list[str]:
