@@ -18,7 +18,6 @@ if __name__ == "__main__":
         signal.signal(signal.SIGINT, signal.SIG_DFL)
         status = main()
         sys.stderr.flush()
-        os._exit(
-            status
-        )  # Python's own end frees every object of every library first, which takes .1 s
+        # Python's own end frees every object of every library first, which takes 0.1 s.
+        os._exit(status)
     sys.exit(main())

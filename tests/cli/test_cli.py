@@ -4,6 +4,7 @@ import io
 import json
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -125,6 +126,13 @@ def test_help_loads_no_slow_library_and_the_module_ends_with_2_on_bad_input():
     )
     os.close(write)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_closed_stderr_does_not_change_the_end_of_a_call():
+    program = shlex.join([sys.executable, "-m", "repose"])
+    for words, status in {"docs": 0, "docs nowhere": 2}.items():
+        done = subprocess.run(["sh", "-c", f"{program} {words} 2>&-"])
+        assert done.returncode == status, words
 
 
 @pytest.mark.slow

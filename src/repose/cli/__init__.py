@@ -73,7 +73,7 @@ def main(words: Sequence[str] | None = None) -> int:
         Exit status: 0, 2 for faulty input, 3 where `card check` finds targets that are
         not met.
     """
-    _prepare_stdout()
+    _prepare_streams()
     words = list(sys.argv[1:] if words is None else words)
     if words:
         words[0] = _without_case(words[0], (*TYPED, STAGE, HELP))
@@ -116,9 +116,10 @@ def main(words: Sequence[str] | None = None) -> int:
         return BAD_INPUT
 
 
-def _prepare_stdout() -> None:
-    """Make printing safe where stdout is closed, or its encoding lacks a character."""
+def _prepare_streams() -> None:
+    """Make printing safe where a stream is closed, or lacks a character."""
     sys.stdout = sys.stdout or io.StringIO()
+    sys.stderr = sys.stderr or io.StringIO()
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
 
