@@ -221,11 +221,13 @@ def design():
     least, most = min(shares, key=shares.get), max(shares, key=shares.get)
     narrowest, widest = share_left_open()
     return (
-        f"Before any search, {len(meeting)} of the {len(samples)} simulated parameter sets already meet both targets.\n"
-        f"They cover most of each range: {100 * shares[least]:.0f} % of that of `{least}`, {100 * shares['e_gg']:.0f} % of that of `e_gg`, "
-        f"{100 * shares[most]:.0f} % of that of `{most}`.\n"
-        "The pile by itself determines none of the six parameters: with ten measured piles and a plausible error of the model,\n"
-        f"each 95 % interval keeps {100 * narrowest:.0f} to {100 * widest:.0f} % of its width.\n"
+        "Many different parameter sets give the measured pile, so the pile alone cannot tell them apart.\n"
+        f"In the default run, {len(meeting)} of the {len(samples)} simulated parameter sets meet both targets before any search.\n"
+        f"Together they span most of each searched range, from {100 * shares[least]:.0f} % of the range of `{least}` "
+        f"to {100 * shares[most]:.0f} % of that of `{most}`.\n"
+        "With ten measured piles and a plausible error of the model, the 95 % interval of each parameter "
+        f"keeps {100 * narrowest:.0f} to {100 * widest:.0f} % of its width.\n"
+        "So the pile by itself determines none of the six parameters.\n"
     )
 
 
@@ -244,9 +246,11 @@ def bounds():
     low, high = bounds_of(DEFAULT, "mus_gg")
     distance = (answer["mus_gg"] - low) / (high - low)
     return (
-        f"{'; '.join(listed_bounds)}.\n"
-        f"The answer itself lies {100 * distance:.1f} % of that range above the bound.\n"
-        f"The bound is the article's (Table 2), so the search may have been cut off there.\n"
+        "If many solutions lie at the end of a searched range, better ones may lie beyond it. "
+        "A solution is a parameter set that is predicted to meet the targets.\n"
+        f"In the default run, {'; '.join(listed_bounds)}, the static friction between two berries.\n"
+        f"The answer itself lies only {100 * distance:.1f} % of that range above the bound.\n"
+        "We took the bound from the article (Table 2), so the search may have been cut off there.\n"
     )
 
 
