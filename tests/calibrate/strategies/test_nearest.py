@@ -70,3 +70,24 @@ def test_a_target_below_the_top_is_met_as_before():
     assert abs(answer.mean[0] - 28.0) < 0.02 * 28.0
     assert "nearest" not in answer.why
     assert abs(surface(answer.values) - 28.0) < 3 * answer.error[0]
+
+
+@pytest.mark.slow
+def test_the_surfaces_of_response_surface_end_at_the_top():
+    """Its steps make their own designs, so it calls the surface as a simulator."""
+    names = ["p0", "p1", "p2"]
+    random = np.random.default_rng(1)
+
+    def simulate(row):
+        coded = np.array([row[name] for name in names])
+        return {"y": surface(coded) + NOISE * random.normal()}
+
+    study = Study(
+        dict.fromkeys(names, (-1.7, 1.7)),
+        {"y": (36.0, 0.5, 10)},
+        seed=1,
+        strategy="response_surface",
+    )
+    answer = study.calibrate(simulate).parameters
+    coded = np.array([answer[name] for name in names])
+    assert surface(coded) > TOP - 0.5
