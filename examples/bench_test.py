@@ -1,6 +1,6 @@
 """A bench test: grains are dropped on a plate, and how far they spread is a response.
 
-Copied to `src/repose/bench/drop.py` and imported in `repose/bench/__init__.py`, it is
+Copied to `src/repose/bench/spread.py` and imported in `repose/bench/__init__.py`, it is
 known to every part of the program: `targets:` may name its response, and pours, tables
 and workflow run it. Here it is registered by running it.
 """
@@ -19,7 +19,7 @@ from repose.bench.trial import Progress, Trial
 from repose.calibrate.responses import Response
 from repose.common.section import Contradictions
 
-NAME = "drop"
+NAME = "spread"
 # 1. What it gives. `definition` names the keys on which the number depends.
 SPREAD = Response(
     name="spread_mm",
@@ -29,13 +29,13 @@ SPREAD = Response(
     apparatus=NAME,
     low=0.0,
     high=1000.0,
-    definition=("drop.height_mm",),
+    definition=("spread.height_mm",),
 )
 
 
 # 2. What its section of the configuration holds: each key with its type and bounds.
 class DropSettings(Poured):
-    """The section `drop`, with the keys of every test that pours."""
+    """The section `spread`, with the keys of every test that pours."""
 
     height_mm: float = Field(ge=1, le=1000)
     duration_s: float = Field(ge=0.1, le=60)
@@ -53,7 +53,7 @@ class DropTest(BenchTest[DropSettings]):
     summary = "spread {spread_mm:.1f} mm"
     # A small and quick run, for the tests.
     example: ClassVar = {
-        "drop": {
+        "spread": {
             "berries": 20,
             "rate_per_s": 20.0,
             "seeds": 2,
@@ -109,7 +109,7 @@ class DropTest(BenchTest[DropSettings]):
         section = self.section(settings)
         fall_s = (2e-3 * section.height_mm / settings.simulation.gravity_m_s2) ** 0.5
         if section.duration_s < fall_s:
-            yield "drop.duration_s", f"at least {fall_s:.2g}, the time of the fall"
+            yield "spread.duration_s", f"at least {fall_s:.2g}, the time of the fall"
 
 
 def main(berries: int = 20, duration_s: float = 2.0) -> None:
@@ -121,7 +121,7 @@ def main(berries: int = 20, duration_s: float = 2.0) -> None:
 
     test = bench(NAME)
     config = PipelineConfig.load("config/quick.yaml").config
-    config["drop"] = test.example["drop"] | {
+    config["spread"] = test.example["spread"] | {
         "berries": berries,
         "rate_per_s": 2.0 * berries / duration_s,
         "duration_s": duration_s,

@@ -191,7 +191,7 @@ def test_a_response_of_one_file(checkout):
 @pytest.mark.essential
 def test_a_bench_test_of_two_files(checkout):
     checkout.add_module("bench test")
-    # `test_bench.py` pours and measures the bench test `drop`.
+    # `test_bench.py` pours and measures the bench test `spread`.
     checkout.check(
         "test_bench or test_configuration",
         "tests/bench/test_bench.py",
