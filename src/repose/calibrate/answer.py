@@ -7,7 +7,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any, Self
 
-from repose.calibrate.chance import PERCENT
+from repose.calibrate.chance import PERCENT, chance_in_range
 from repose.calibrate.responses import named as known_response
 from repose.calibrate.targets import Target
 
@@ -214,8 +214,7 @@ class Check:
     def probability_after(self, runs: int) -> float | None:
         """Compute the probability as it would be after some number of runs.
 
-        The mean and the scatter of the runs are those of the runs that were made. Without
-        prior knowledge the true mean has a t distribution about the mean of the runs.
+        The mean and the scatter of the runs are those of the runs that were made.
 
         Parameters
         ----------
@@ -227,16 +226,11 @@ class Check:
         float or None
             None without a mean or a standard error.
         """
-        from scipy.special import stdtr  # the distribution function of Student's t
-
         if self.simulated is None or self.standard_error is None or self.runs < 2:
             return None
-        if self.standard_error == 0:
-            return float(self.low <= self.simulated <= self.high)
+        # The standard error of a mean falls with the root of the number of runs.
         error = self.standard_error * math.sqrt(self.runs / runs)
-        below_high = stdtr(runs - 1, (self.high - self.simulated) / error)
-        below_low = stdtr(runs - 1, (self.low - self.simulated) / error)
-        return float(below_high - below_low)
+        return chance_in_range(self.simulated, error, runs, self.low, self.high)
 
     @property
     def label(self) -> str:
@@ -266,14 +260,14 @@ class Check:
         percent_of_one = 100 / self._whole_of_measured
         # Rounding may give -0.0, which the sum turns into 0.0.
         percent = round(percent_of_one * difference, 1) + 0.0
-        error = ""
+        error_text = ""
         if self.standard_error is not None:
-            error = f" +- {percent_of_one * self.standard_error:.1f}"
-        in_deviations = ""
+            error_text = f" +- {percent_of_one * self.standard_error:.1f}"
+        deviations_text = ""
         if self.sd > 0:
-            count = abs(difference) / self.sd
-            in_deviations = f" ({count:.2f} standard deviations of a repetition)"
-        return f"{self.response} {percent:+.1f}{error} %{in_deviations}"
+            deviations = abs(difference) / self.sd
+            deviations_text = f" ({deviations:.2f} standard deviations of a repetition)"
+        return f"{self.response} {percent:+.1f}{error_text} %{deviations_text}"
 
     @property
     def miss(self) -> str:
@@ -455,15 +449,7 @@ class Result:
         return f"{self.label}: {line}"
 
     def __str__(self) -> str:
-        lines = [self.headline]
-        if self.feasible:
-            lines.append("The calibrated parameters:")
-        else:
-            lines += [self.message, "The nearest parameters:"]
-        for name, value in self.parameters.items():
-            lines.append(f"  {name:7} {value:.4g}  {self.labels.get(name, name)}")
-        if self.near_bounds:
-            lines.append(f"{NEAR_BOUNDS}: {'; '.join(self.near_bounds)}.")
+        lines = [self.headline, *self._parameter_lines()]
         predictions = [check.prediction for check in self.checks if check.prediction]
         if predictions:
             lines.append(f"Predicted: {'; '.join(predictions)}.")
@@ -483,6 +469,18 @@ class Result:
             wider = "" if self.feasible else "wider parameters or targets; "
             lines.append(f"What helps: {wider}{self.advice}.")
         return "\n".join(lines)
+
+    def _parameter_lines(self) -> list[str]:
+        """Write the parameters, a line for each, and those at a bound of their range."""
+        if self.feasible:
+            lines = ["The calibrated parameters:"]
+        else:
+            lines = [self.message, "The nearest parameters:"]
+        for name, value in self.parameters.items():
+            lines.append(f"  {name:7} {value:.4g}  {self.labels.get(name, name)}")
+        if self.near_bounds:
+            lines.append(f"{NEAR_BOUNDS}: {'; '.join(self.near_bounds)}.")
+        return lines
 
     @property
     def _probability(self) -> str:
@@ -521,15 +519,23 @@ def in_one_line(
 
 
 def undecided(probability: float | None, checks: Sequence[Check]) -> str:
-    """Write how many further runs would decide, a sentence without its full stop."""
+    """Write how many further runs would decide, a sentence without its full stop.
+
+    Parameters
+    ----------
+    probability : float or None
+        That all means lie inside their ranges; None if it is unknown.
+    checks : sequence of Check
+        One for each target.
+    """
     if probability is None:
         return "Fewer than two runs gave a number, so that their mean has no error"
-    needed = further_runs(checks)
-    if needed is None:
+    n_runs = further_runs(checks)
+    if n_runs is None:
         ending = f"more than {MOST_FURTHER_RUNS} further runs would decide"
     else:
-        noun = "run" if needed == 1 else "runs"
-        ending = f"about {needed} further {noun} would decide, if the means stay"
+        noun = "run" if n_runs == 1 else "runs"
+        ending = f"about {n_runs} further {noun} would decide, if the means stay"
     return (
         f"By these runs alone all means lie inside with a probability of "
         f"{100 * probability:.0f} %; {ending}"
@@ -559,7 +565,10 @@ def further_runs(checks: Sequence[Check]) -> int | None:
 
 
 def _probability_after(checks: Iterable[Check], further_runs: int) -> float | None:
-    """Compute the probability that all means lie inside, after some further runs."""
+    """Compute the probability that all means lie inside, after some further runs.
+
+    The responses count as independent. None if the probability of a check is unknown.
+    """
     probability = 1.0
     for check in checks:
         inside = check.probability_after(check.runs + further_runs)

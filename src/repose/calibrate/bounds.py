@@ -41,25 +41,24 @@ def near_bounds(
         the parameter.
     """
     point = np.array([[float(answer[name]) for name in space.names]])
-    error = np.sqrt(np.diagonal(surrogate.covariance(point)[0]))
-    found = []
+    response_errors = np.sqrt(np.diagonal(surrogate.covariance(point)[0]))
+    near = []
     for name, low, high in zip(space.free, space.low, space.high, strict=True):
         value = float(answer[name])
-        ends = np.clip(value + REACH * (high - low) * np.array([-1.0, 1.0]), low, high)
-        two_points = np.repeat(point, 2, axis=0)
-        two_points[:, space.names.index(name)] = ends
-        difference = np.diff(surrogate.predict(two_points), axis=0)[0]
-        slope = np.abs(difference) / (ends[1] - ends[0])
-        if not slope.any():
-            continue
+        width = high - low
+        ends = np.clip(value + REACH * width * np.array([-1.0, 1.0]), low, high)
+        slopes = _slopes(surrogate, point, space.names.index(name), ends)
         # A response that does not depend on the parameter says nothing about it.
-        moves = slope > 0
-        standard_error = float(np.min(error[moves] / slope[moves]))
+        has_slope = slopes > 0
+        if not has_slope.any():
+            continue
+        errors = response_errors[has_slope] / slopes[has_slope]
+        standard_error = float(np.min(errors))
 
         bound = float(low if value - low <= high - value else high)
-        is_determined = standard_error <= LARGEST * (high - low)
+        is_determined = standard_error <= LARGEST * width
         if is_determined and abs(value - bound) <= standard_error:
-            found.append(
+            near.append(
                 {
                     "parameter": name,
                     "value": value,
@@ -67,7 +66,28 @@ def near_bounds(
                     "standard_error": standard_error,
                 }
             )
-    return found
+    return near
+
+
+def _slopes(
+    surrogate: Predictor, point: np.ndarray, column: int, ends: np.ndarray
+) -> np.ndarray:
+    """Compute the steepness (k,) of each response along one parameter, without sign.
+
+    Parameters
+    ----------
+    surrogate : Predictor
+    point : numpy.ndarray, (1, p)
+        The answer.
+    column : int
+        Of the parameter.
+    ends : numpy.ndarray, (2,)
+        Two values of the parameter, the smaller one first.
+    """
+    two_points = np.repeat(point, 2, axis=0)
+    two_points[:, column] = ends
+    difference = np.diff(surrogate.predict(two_points), axis=0)[0]
+    return np.abs(difference) / (ends[1] - ends[0])
 
 
 def in_words(near: Mapping[str, Any]) -> str:

@@ -66,9 +66,10 @@ def assembled(
     dict
         The content of card.json.
     """
-    draws = solutions if posterior is None else posterior[1]
+    sets = solutions if posterior is None else posterior[1]
+    # A parameter that is the same in all sets has no correlation; the card says 0.
+    correlations = sets[list(space.free)].corr().fillna(0.0).round(4)
     intervals = ends(space, solutions, posterior)
-    correlations = draws[list(space.free)].corr().fillna(0.0).round(4)
     parameters = {}
     for name in space.names:
         value = answer.parameters[name]
@@ -115,13 +116,13 @@ def ends(
     else:
         table = posterior[0].set_index("parameter")
         low, high = table["credible_low"], table["credible_high"]
-    found: dict[str, Ends] = {}
+    intervals: dict[str, Ends] = {}
     for name in space.names:
         if name in space.free:
-            found[name] = (float(low[name]), float(high[name]))
+            intervals[name] = (float(low[name]), float(high[name]))
         else:
-            found[name] = (None, None)
-    return found
+            intervals[name] = (None, None)
+    return intervals
 
 
 def held(
@@ -133,12 +134,25 @@ def held(
 ) -> dict[str, Any]:
     """Widen a parameter's interval to hold its value.
 
+    An interval of draws or of solutions need not contain the answer. An answer at a bound
+    of the searched range cannot be inside, so its interval stays as it is.
+
+    Parameters
+    ----------
+    space : ParameterSpace
+    name : str
+        Of the parameter.
+    value : float
+        The parameter in the answer.
+    low, high : float or None
+        Ends of the interval; None for a fixed parameter.
+
     Returns
     -------
     dict
-        ``low`` and ``high``, None for a fixed parameter; ``at_bound`` where the value
-        lies at the bound of what was searched, and the interval is left as it is;
-        ``widened`` where the interval did not hold the value.
+        ``low`` and ``high``, None for a fixed parameter; ``at_bound``, "lower" or
+        "upper", where the value lies at this bound; ``widened`` where the interval did
+        not hold the value.
     """
     if name not in space.free or low is None or high is None:
         return {"low": None, "high": None}

@@ -1,11 +1,14 @@
-"""Probability that the pile of a parameter set meets all targets, by its own runs."""
+"""Probability that the true means of a parameter set meet the targets, by its runs.
+
+Student's t distribution describes a true mean, given few runs.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from repose.calibrate.targets import Targets
+from repose.calibrate.targets import Target, Targets
 
 # Percents of the aims that are reported with every answer.
 PERCENT = (1.0, 2.0)
@@ -21,7 +24,8 @@ def chance_of_meeting(
     """Compute how probably the true means of the simulator meet the targets.
 
     Without prior knowledge the mean, given n runs, has a multivariate t distribution
-    about the mean of the runs, with n - 1 degrees of freedom.
+    about the mean of the runs, with n - 1 degrees of freedom. The probabilities are
+    shares of random draws from it, because responses of one bench test are correlated.
 
     Parameters
     ----------
@@ -38,35 +42,75 @@ def chance_of_meeting(
         two runs gave the response.
     """
     random = np.random.default_rng(SEED)
-    chances: dict[str, float | None] = dict.fromkeys((*targets.names, "all"))
-    all_met = np.ones(DRAWS, dtype=bool)
+    probabilities: dict[str, float | None] = dict.fromkeys((*targets.names, "all"))
+    are_all_met = np.ones(DRAWS, dtype=bool)
     for bench in targets.apparatus:
-        of_bench = [target for target in targets if target.response.apparatus == bench]
+        targets_of_bench = [
+            target for target in targets if target.response.apparatus == bench
+        ]
         rows = []
         for run in runs.get(bench, ()):
             if run["status"] == "ok":
-                rows.append([run[target.name] for target in of_bench])
+                rows.append([run[target.name] for target in targets_of_bench])
         if len(rows) < 2:
-            return chances
+            return probabilities
+
         means = _draw_means(np.array(rows, dtype=float), random)
-        for k, target in enumerate(of_bench):
-            low, high = target.low, target.high
-            if percent is not None:
-                tolerance = percent / 100 * target.whole
-                low, high = target.aim - tolerance, target.aim + tolerance
-            is_met = (means[:, k] >= low) & (means[:, k] <= high)
-            chances[target.name] = float(is_met.mean())
-            all_met &= is_met
-    chances["all"] = float(all_met.mean())
-    return chances
+        for mean, target in zip(means.T, targets_of_bench, strict=True):
+            low, high = _interval(target, percent)
+            is_met = (mean >= low) & (mean <= high)
+            probabilities[target.name] = float(is_met.mean())
+            are_all_met &= is_met
+    probabilities["all"] = float(are_all_met.mean())
+    return probabilities
+
+
+def _interval(target: Target, percent: float | None) -> tuple[float, float]:
+    """Return the ends of the tolerance about the aim, or of the range without one."""
+    if percent is None:
+        return target.low, target.high
+    tolerance = percent / 100 * target.whole
+    return target.aim - tolerance, target.aim + tolerance
+
+
+def chance_in_range(
+    mean: float, standard_error: float, runs: int, low: float, high: float
+) -> float:
+    """Compute how probably the true mean of one response lies in a range.
+
+    It has Student's t distribution about the mean of the runs. `chance_of_meeting` draws
+    from the same distribution of several responses.
+
+    Parameters
+    ----------
+    mean : float
+        Of the runs.
+    standard_error : float
+        Of this mean.
+    runs : int
+        Number of the runs, at least two.
+    low, high : float
+        Ends of the range.
+    """
+    from scipy.special import stdtr  # the distribution function of Student's t
+
+    if standard_error == 0:
+        return float(low <= mean <= high)
+    below_high = stdtr(runs - 1, (high - mean) / standard_error)
+    below_low = stdtr(runs - 1, (low - mean) / standard_error)
+    return float(below_high - below_low)
 
 
 def _draw_means(values: np.ndarray, random: np.random.Generator) -> np.ndarray:
-    """Draw the true mean (DRAWS, k), given runs (n, k)."""
+    """Draw true means (DRAWS, k) of k responses, given their values (n, k) in n runs.
+
+    A multivariate t is a normal vector over the root of a chi-square number divided by
+    its degrees of freedom.
+    """
     n, k = values.shape
-    covariance = np.cov(values, rowvar=False).reshape(k, k) / n
-    # The root of the covariance, also where it is singular.
-    eigenvalues, eigenvectors = np.linalg.eigh(covariance)
+    covariance_of_mean = np.cov(values, rowvar=False).reshape(k, k) / n
+    # A root of the covariance by its eigenvalues, which exists also where it is singular.
+    eigenvalues, eigenvectors = np.linalg.eigh(covariance_of_mean)
     root = eigenvectors * np.sqrt(np.maximum(eigenvalues, 0.0))
     normal = random.normal(size=(DRAWS, k)) @ root.T
     chi_square = random.chisquare(n - 1, size=(DRAWS, 1))

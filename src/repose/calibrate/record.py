@@ -1,4 +1,4 @@
-"""The record of a study's runs, the only part of a study that grows."""
+"""The table of a study's runs, to which `Study.tell` adds rows."""
 
 import itertools
 import math
@@ -143,11 +143,14 @@ class Record:
 
     @cached_property
     def _turn(self) -> _Turn:
-        """The turn that is not complete yet, or else a new one."""
+        """The last turn while some of its runs are missing, or else a new one."""
         last = self._last_turn
         data = self.sorted_data
         if last:
-            proposal = self._propose(data[np.sort(self._turn_numbers) < last])
+            # The proposal of a turn depends on the runs of the turns before it alone. The
+            # rows of `data` are in the order of their turns.
+            is_before = np.sort(self._turn_numbers) < last
+            proposal = self._propose(data[is_before])
             if len(self._missing_runs(proposal)):
                 return _Turn(proposal, last)
         return _Turn(self._propose(data), last + 1)
@@ -166,17 +169,20 @@ class Record:
         return self.data.iloc[order].reset_index(drop=True)
 
     def _propose(self, data: pd.DataFrame) -> Batch | Answer:
-        """Ask the strategy for its proposal after some runs."""
+        """Ask the strategy for its proposal after the runs of `data`.
+
+        The last proposal is kept, because computing it again may take minutes.
+        """
         key = data.to_csv()
         if key in self._proposals:
             return self._proposals[key]
+        chosen = strategy(self.study.settings.strategy)
         try:
-            proposal = strategy(self.study.settings.strategy).propose(
-                self.study, data.reset_index(drop=True)
-            )
+            proposal = chosen.propose(self.study, data.reset_index(drop=True))
         except InputError as error:
             if self.file is None or error.source != "runs":
                 raise
+            # Name the file, which the strategy does not know.
             raise InputError(self.file, error.key, error.value, error.allowed) from None
         self._proposals = {key: proposal}
         return proposal
@@ -200,7 +206,9 @@ class Record:
             Result of `new_unread_columns`.
         """
         table = _checked_table(table, columns_of(self.study))
-        with self._lock, nullcontext() if self.file is None else exclusive(self.file):
+        # Other threads and other processes wait until the runs are added.
+        file_lock = nullcontext() if self.file is None else exclusive(self.file)
+        with self._lock, file_lock:
             self.read()
             if "sample" in table:
                 runs = self._runs_of_the_turn(table)
@@ -255,14 +263,18 @@ class Record:
         rows : sequence of mapping
             Runs of any table.
         sets : pandas.DataFrame
-            Their parameters.
+            The parameters of these rows.
         """
         asked, turn = self._asked_in_turn(list(sets))
-        numbers = self._numbers_of_rows(rows, sets, asked)
-        # Runs that were not asked for open no turn of their own.
+        numbers = self._number_rows(rows, sets, asked)
+
+        # A new turn begins with a run that was asked for. Without such a run, all rows
+        # belong to the turn before it.
+        is_new_turn = turn != self._last_turn
         turn_of_others = turn
-        if turn != self._last_turn and not any(number.was_asked for number in numbers):
+        if is_new_turn and not any(number.was_asked for number in numbers):
             turn_of_others = turn - 1
+
         numbered = []
         for number, row in zip(numbers, rows, strict=True):
             turn_of_row = turn if number.was_asked else turn_of_others
@@ -276,31 +288,50 @@ class Record:
             )
         return numbered
 
-    def _numbers_of_rows(
+    def _number_rows(
         self,
         rows: Sequence[Mapping[str, Any]],
         sets: pd.DataFrame,
         asked: pd.DataFrame,
     ) -> list[_RunNumber]:
-        """Find sample and run of each row; each run that was asked for is given once."""
+        """Find the sample and the run of each row.
+
+        Parameters
+        ----------
+        rows : sequence of mapping
+            Runs of any table, with or without `sample` and `run`.
+        sets : pandas.DataFrame
+            The parameters of these rows.
+        asked : pandas.DataFrame
+            The runs that the strategy asks for, with `sample`, `run` and parameters.
+
+        Returns
+        -------
+        list of _RunNumber
+            One for each row.
+        """
         names = list(sets)
-        samples = self._samples_by_point(asked, names)
+        sample_of_point = self._samples_by_point(asked, names)
         new_samples = itertools.count(self._first_new_sample(asked))
-        known = {(row["sample"], row["run"]) for row in self._rows}
+        occupied = {(row["sample"], row["run"]) for row in self._rows}
+        open_runs = asked.copy()
         numbers = []
         for row, point in zip(rows, _points(sets, names), strict=True):
-            index = _index_of_asked(asked, row, point, names)
+            index = _first_match(open_runs, row, point, names)
             if index is not None:
-                sample = str(asked.at[index, "sample"])
-                run = str(asked.at[index, "run"])
-                asked = asked.drop(index=index)
+                # The row is a run that the strategy asked for, which no later row can be.
+                sample = str(open_runs.at[index, "sample"])
+                run = str(open_runs.at[index, "run"])
+                open_runs = open_runs.drop(index=index)
             else:
-                if point not in samples:
-                    samples[point] = next(new_samples)
-                sample = row.get("sample", str(samples[point]))
-                run = row.get("run", _first_free_run(sample, known))
+                # The row keeps its own numbers. Missing ones come from the other runs with
+                # the same parameters.
+                if point not in sample_of_point:
+                    sample_of_point[point] = next(new_samples)
+                sample = row.get("sample", str(sample_of_point[point]))
+                run = row.get("run", _first_free_run(sample, occupied))
             numbers.append(_RunNumber(sample, run, was_asked=index is not None))
-            known.add((sample, run))
+            occupied.add((sample, run))
         return numbers
 
     def _asked_in_turn(self, names: Sequence[str]) -> tuple[pd.DataFrame, int]:
@@ -332,9 +363,18 @@ class Record:
     def _replace_rows(
         self, rows: Sequence[Mapping[str, Any]], source: object, write: bool = False
     ) -> None:
-        """Check rows together, and keep them in place of the present ones.
+        """Check all rows together, and put them in place of the present ones.
 
-        Each row gets a sample and a run. With `write` they are written to the file.
+        A row without `sample` or `run` gets these numbers.
+
+        Parameters
+        ----------
+        rows : sequence of mapping
+            All runs of the study, as text.
+        source : object
+            File of the rows, for an error.
+        write : bool, optional
+            Whether the rows are written to the file.
         """
         data = checked_runs(self.study, rows, source, enough=False)
         runs = data.groupby("sample").cumcount() + 1
@@ -350,59 +390,80 @@ class Record:
             write_table(self.file, pd.DataFrame(numbered))
         self.data = data
         self._rows = numbered
+        # Forget the cached turn, which depends on the rows.
         self.__dict__.pop("_turn", None)
 
     def _runs_of_the_turn(self, table: pd.DataFrame) -> pd.DataFrame:
         """Complete a table of all or some of the runs that were asked for.
 
         They get their parameters, the number of the run, a status and the turn.
+
+        Parameters
+        ----------
+        table : pandas.DataFrame
+            `sample` and the responses; perhaps `run`, `status` and the parameters.
         """
         asked = self.asked
         if "run" not in table:
             table = table.assign(run=_next_runs(asked, table))
+
+        # Find each row among the runs that were asked for, by sample and run as text.
         asked_numbers = pd.MultiIndex.from_frame(asked[["sample", "run"]].astype(str))
         numbers = pd.MultiIndex.from_frame(table[["sample", "run"]].astype(str))
-        wrong = sorted(set(numbers) - set(asked_numbers))
-        wrong = wrong or sorted(numbers[numbers.duplicated()])
-        if wrong:
+        unknown = sorted(set(numbers) - set(asked_numbers))
+        repeated = sorted(numbers[numbers.duplicated()])
+        if unknown or repeated:
+            first = [*unknown, *repeated][0]
             words = (
                 f"one of the {len(asked)} runs that `ask` gave, each once; a failed run "
                 "has NaN as responses"
             )
-            raise InputError(SOURCE, "sample and run", list(wrong[0]), words)
+            raise InputError(SOURCE, "sample and run", list(first), words)
         rows = asked_numbers.get_indexer(numbers)
         runs = asked.iloc[rows].reset_index(drop=True)
+
+        self._refuse_other_parameters(table, runs)
+        completed = self._with_responses(runs, table)
+        return completed.sort_values(["sample", "run"], ignore_index=True)
+
+    def _refuse_other_parameters(self, table: pd.DataFrame, runs: pd.DataFrame) -> None:
+        """Refuse a table whose parameters are not those of the runs, up to rounding."""
         space = self.study.parameters
-        sizes = dict(zip(space.free, space.high - space.low, strict=True))
+        widths = dict(zip(space.free, space.high - space.low, strict=True))
         for name in space.names:
             if name not in table:
                 continue
-            size = sizes.get(name, abs(space.fixed.get(name, 0.0)))
+            # The size of a parameter limits how much a spreadsheet may have rounded it.
+            size = widths.get(name, abs(space.fixed.get(name, 0.0)))
             pairs = zip(_numbers(table, name), runs[name], strict=True)
             if not all(_is_rounded(value, asked, size) for value, asked in pairs):
                 words = "the parameters that `ask` gave, or no such column"
                 raise InputError(SOURCE, name, "changed", words)
-        completed = self._with_responses(runs, table)
-        return completed.sort_values(["sample", "run"], ignore_index=True)
 
     def _earlier_runs(self, table: pd.DataFrame) -> pd.DataFrame:
         """Complete a table of runs that were made before, which have no numbers.
 
         Rows with the same parameters are runs of one sample.
+
+        Parameters
+        ----------
+        table : pandas.DataFrame
+            A column for each free parameter and each response; perhaps `status`.
         """
         space = self.study.parameters
-        statuses = table.get("status")
-        needed = (*space.free, *needed_responses(self.study, statuses))
-        missing = [name for name in needed if name not in table]
+        responses = needed_responses(self.study, table.get("status"))
+        missing = [name for name in (*space.free, *responses) if name not in table]
         if missing:
             words = f"sample; or also {', '.join(missing)}"
             raise InputError(SOURCE, "columns", list(table), words)
-        sets = pd.DataFrame(
-            {
-                name: _numbers(table, name) if name in table else space.fixed[name]
-                for name in space.names
-            }
-        )
+
+        # A fixed parameter may be left out of the table.
+        columns = {}
+        for name in space.names:
+            is_given = name in table
+            columns[name] = _numbers(table, name) if is_given else space.fixed[name]
+        sets = pd.DataFrame(columns)
+
         rows = self._with_responses(sets, table).to_dict("records")
         numbered = pd.DataFrame(self._numbered(rows, sets))
         return numbered.assign(**{TURN: self._turn.number})
@@ -410,17 +471,24 @@ class Record:
     def _with_responses(self, runs: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
         """Add the statuses and responses of a table to runs, and the turn.
 
-        The columns that are not read are kept, too.
+        Columns of plain values that nothing reads are kept, too.
+
+        Parameters
+        ----------
+        runs : pandas.DataFrame
+            Parameters and numbers of the runs.
+        table : pandas.DataFrame
+            Results of the same runs, in the same order.
         """
         cells = {str(name): column.tolist() for name, column in table.items()}
         check_columns(SOURCE, cells, needed_responses(self.study, cells.get("status")))
         outcomes = judge_runs(cells, self.study.targets.names)
         refuse(SOURCE, outcomes.faults)
-        names = columns_of(self.study)
+        known_names = columns_of(self.study)
         unread = {
             name: column
             for name, column in cells.items()
-            if name not in names and all(map(pd.api.types.is_scalar, column))
+            if name not in known_names and all(map(pd.api.types.is_scalar, column))
         }
         completed = {
             **runs,
@@ -439,12 +507,13 @@ def _points(table: pd.DataFrame, names: Sequence[str]) -> list[Point]:
     return list(table[list(names)].itertuples(index=False, name=None))
 
 
-def _index_of_asked(
+def _first_match(
     asked: pd.DataFrame, row: Mapping[str, Any], point: Point, names: Sequence[str]
 ) -> Any:
-    """Return the index of the first run to make that a row can be; None without one.
+    """Return the index of the first run in `asked` that a row can be; None without one.
 
-    It has the same parameters, and the same sample and run where the row has them.
+    This run has the parameters `point`, which are those of the row. It has also the
+    sample and the run of the row, where the row names them.
     """
     is_same = np.isclose(asked[list(names)], point, rtol=SAME, atol=0).all(axis=1)
     for key in ("sample", "run"):
@@ -467,10 +536,10 @@ def _is_rounded(value: float, asked: float, size: float) -> bool:
     return abs(value - asked) <= min(0.501 * last_digit, LARGEST_ROUNDING * size)
 
 
-def _first_free_run(sample: str, known: set[tuple[str, str]]) -> str:
+def _first_free_run(sample: str, occupied: set[tuple[str, str]]) -> str:
     """Return the first number that no run of a sample has."""
     for number in itertools.count(1):
-        if (sample, str(number)) not in known:
+        if (sample, str(number)) not in occupied:
             return str(number)
     raise AssertionError("the numbers do not end")
 
@@ -496,7 +565,15 @@ def _refuse_repeated_runs(
 
 
 def _checked_table(table: Any, names: Sequence[str]) -> pd.DataFrame:
-    """Return a table with a plain index, its columns by these names where it has them.
+    """Check the form of a table of runs, and return it with plain row numbers.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        As a person gives it to `Study.tell`.
+    names : sequence of str
+        Columns that the study knows. A column that is spelled a little differently gets
+        the name from here.
 
     Raises
     ------
@@ -509,6 +586,7 @@ def _checked_table(table: Any, names: Sequence[str]) -> pd.DataFrame:
     if repeated:
         raise InputError(SOURCE, "column", repeated[0], "each column once")
     require(not table.empty, SOURCE, "rows", 0, "a row for each run")
+
     table = table.rename(columns=renaming(table, names))
     for key in NUMBERS:
         if key not in table:
@@ -516,6 +594,7 @@ def _checked_table(table: Any, names: Sequence[str]) -> pd.DataFrame:
         if table[key].isna().any():
             words = "a number in each row, as `ask` gave it"
             raise InputError(SOURCE, key, "missing", words)
+        # Write 3.0 as 3, since the numbers are compared as text.
         table = table.assign(**{key: without_point(table[key])})
     return table.reset_index(drop=True)
 

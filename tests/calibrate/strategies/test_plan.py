@@ -61,8 +61,12 @@ def test_the_noise_of_the_runs_and_chances_between_scatters_by_hand():
         table[table["noise_percent"] == one]["within_1_percent"].to_numpy()
         for one in (low, high)
     ]
-    assert plan.chances(1, low)["within_1_percent"].to_numpy() == pytest.approx(own[0])
-    middle = plan.chances(1, float(np.sqrt(low * high)))["within_1_percent"].to_numpy()
+    assert plan.success_by_budget(1, low)[
+        "within_1_percent"
+    ].to_numpy() == pytest.approx(own[0])
+    middle = plan.success_by_budget(1, float(np.sqrt(low * high)))[
+        "within_1_percent"
+    ].to_numpy()
     assert middle == pytest.approx((own[0] + own[1]) / 2)
     shares, trials = pd.Series([0.0, 0.6, 1.0]), pd.Series([40, 40, 80])
     by_hand = [beta(1, 41).std(), beta(25, 17).std(), beta(81, 1).std()]
@@ -112,7 +116,10 @@ def test_the_configured_strategy_is_in_the_table_and_no_pour_is_timed_before_the
     )
     lines = command("plan", "--config", path).out.splitlines()
     marked = [line.split() for line in lines if line.split()[0] == f"*{strategy}"]
-    section, budgets = config["response_surface"], plan.chances(1, 5.0)["pours"]
+    section, budgets = (
+        config["response_surface"],
+        plan.success_by_budget(1, 5.0)["pours"],
+    )
     sets = (
         section["screening_runs"]
         + section["steps"]

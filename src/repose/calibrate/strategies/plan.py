@@ -1,4 +1,4 @@
-"""The cost of a calibration before its first run.
+"""The number of runs that a calibration needs, estimated before its first run.
 
 The noise alone asks for a number of runs, and a budget has a probability of success.
 
@@ -92,16 +92,19 @@ def plan(
         noise_percent=percent,
         measured=runs is not None,
         needed=needed,
-        budgets=chances(len(targets), float(percent.max())),
+        budgets=success_by_budget(len(targets), float(percent.max())),
     )
 
 
-def chances(responses: int, percent: float) -> pd.DataFrame:
-    """Interpolate the table of probabilities for the scatter of a run.
+def success_by_budget(n_targets: int, percent: float) -> pd.DataFrame:
+    """Estimate how probably the sequential strategy succeeds with each budget.
+
+    The probabilities are interpolated in the table `success.csv`, over the logarithm of
+    the scatter.
 
     Parameters
     ----------
-    responses : int
+    n_targets : int
         Number of targets; the largest number of the table stands for any larger one.
     percent : float
         Scatter of a run in percent of the target.
@@ -112,21 +115,24 @@ def chances(responses: int, percent: float) -> pd.DataFrame:
         The `budgets` of `Plan`.
     """
     table = pd.read_csv(SUCCESS)
-    n_targets = min(responses, table["responses"].max())
-    table = table[table["responses"] == n_targets].sort_values("noise_percent")
-    shares = [f"within_{tolerance:g}_percent" for tolerance in TOLERANCES]
-    errors = [f"{name}_se" for name in shares]
-    for name, error in zip(shares, errors, strict=True):
+    nearest_number = min(n_targets, table["responses"].max())
+    table = table[table["responses"] == nearest_number].sort_values("noise_percent")
+
+    # Add the standard error of each probability, in a column of its own.
+    probabilities = [f"within_{tolerance:g}_percent" for tolerance in TOLERANCES]
+    errors = [f"{name}_se" for name in probabilities]
+    for name, error in zip(probabilities, errors, strict=True):
         table[error] = share_error(table[name], table["truths"])
 
+    # Interpolate each column between the scatters of the table, for each budget.
     rows = []
-    for pours, group in table.groupby("pours"):
-        log_noise = np.log(group["noise_percent"])
+    for pours, rows_of_budget in table.groupby("pours"):
+        log_noise = np.log(rows_of_budget["noise_percent"])
         row = {"pours": pours}
-        for name in (*shares, *errors):
-            row[name] = np.interp(np.log(percent), log_noise, group[name])
+        for name in (*probabilities, *errors):
+            row[name] = np.interp(np.log(percent), log_noise, rows_of_budget[name])
         rows.append(row)
-    return pd.DataFrame(rows, columns=["pours", *shares, *errors])
+    return pd.DataFrame(rows, columns=["pours", *probabilities, *errors])
 
 
 def share_error(share: pd.Series, trials: pd.Series) -> pd.Series:
@@ -150,7 +156,15 @@ def measured_noise(
 ) -> np.ndarray:
     """Estimate the covariance (k, k) of a run about the mean of its sample.
 
-    Responses of different bench tests are independent.
+    Responses of different bench tests are independent, so their covariance is 0.
+
+    Parameters
+    ----------
+    runs : pandas.DataFrame
+        `sample`, `status` and the k responses.
+    targets : Targets
+    source : object, optional
+        File of the runs, for an error.
 
     Raises
     ------
@@ -158,11 +172,12 @@ def measured_noise(
         If too few samples have two good runs.
     """
     noise = np.zeros((len(targets), len(targets)))
-    for apparatus, columns in targets.benches.items():
+    for bench, columns in targets.benches.items():
         names = [targets.names[k] for k in columns]
-        rows = of_bench(runs, apparatus)
-        is_good = (rows["status"] == "ok") & rows[names].notna().all(axis=1)
-        good = rows[is_good]
+        runs_of_test = of_bench(runs, bench)
+        is_ok = runs_of_test["status"] == "ok"
+        is_good = is_ok & runs_of_test[names].notna().all(axis=1)
+        good = runs_of_test[is_good]
         values = good[names].to_numpy(float)
         covariance, freedom = within_covariance(values, good["sample"])
         has_full_rank = np.linalg.matrix_rank(covariance) == len(columns)
@@ -172,6 +187,7 @@ def measured_noise(
                 "not all alike"
             )
             raise InputError(source, "runs that determine the noise", freedom, allowed)
+        # Put the block of this bench test at the rows and columns of its responses.
         noise[np.ix_(columns, columns)] = covariance
     return noise
 
