@@ -281,11 +281,13 @@ class Check:
     @property
     def numbers(self) -> str:
         """The simulated mean, or else the predicted one, with the measured mean."""
+        # The name of a response of the user's own stays as it is written.
         label = self.label
         if known_response(self.response) is not None:
             label = label[0].upper() + label[1:]
         if self.line:
             label += f" ({self.line})"
+
         value = self.simulated
         kind = ""
         if value is None:

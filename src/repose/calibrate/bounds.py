@@ -1,4 +1,4 @@
-"""Parameters of an answer that are as good as at a bound of their ranges.
+"""Find the parameters of an answer that are at a bound of their range, within their error.
 
 The distance of a parameter from a bound is compared with the standard error of the fit,
 moved along this parameter: the standard error of a predicted response at the answer,

@@ -1,4 +1,4 @@
-"""From the runs of any simulator to the answer with its certainty."""
+"""The calibration of any simulator from its runs: the answer and its certainty."""
 
 import sys
 from collections.abc import Mapping
@@ -98,11 +98,10 @@ class Calibration(NamedTuple):
     def intervals(self) -> dict[str, dict[str, Any]]:
         """The answer's values with their intervals by name, as the card has them."""
         space = self.study.parameters
-        ends = cards.ends(space, self.solutions, self._posterior_tables)
+        ends_of_parameters = cards.ends(space, self.solutions, self._posterior_tables)
         intervals = {}
-        for name in space.names:
+        for name, (low, high) in ends_of_parameters.items():
             value = self.parameters[name]
-            low, high = ends[name]
             interval = cards.held(space, name, value, low, high)
             intervals[name] = {"value": value, **interval}
         return intervals
@@ -116,6 +115,7 @@ class Calibration(NamedTuple):
     def card(self) -> dict[str, Any]:
         """The material card, as `save` writes it."""
         settings = self.study.settings
+        # Of a simulator of the user's own no bench test is known, only a definition.
         tests = {}
         for name in self.study.targets.names:
             definition: dict[str, Any] = {
@@ -196,11 +196,20 @@ class Calibration(NamedTuple):
                 interval = f"[{row['low']:.4g}, {row['high']:.4g}]"
             text = f"  {name} {row['value']:.4g} {interval}"
             lines.append(cards.with_remark(text, row))
-        model = self.model.name.replace("_", " ")
-        lines.append(f"Predicted by {model}, not simulated again:")
-        answer = self.answer
+        model_name = self.model.name.replace("_", " ")
+        lines.append(f"Predicted by {model_name}, not simulated again:")
+        lines += self._prediction_lines()
+        lines.append(
+            "Probability that the simulator's means there lie "
+            f"{describe_probability(self.probability)}."
+        )
+        return "\n".join(lines)
+
+    def _prediction_lines(self) -> list[str]:
+        """Compare each predicted response with its target, in a line."""
+        lines = []
         for target, mean, error in zip(
-            self.study.targets, answer.mean, answer.error, strict=True
+            self.study.targets, self.answer.mean, self.answer.error, strict=True
         ):
             unit = f" {target.response.unit}".rstrip()
             lines.append(
@@ -208,11 +217,7 @@ class Calibration(NamedTuple):
                 f"{target.off_percent(mean):+.2f} % off the target {target.aim:g}, "
                 f"range {target.low:g} to {target.high:g}{unit}"
             )
-        lines.append(
-            "Probability that the simulator's means there lie "
-            f"{describe_probability(self.probability)}."
-        )
-        return "\n".join(lines)
+        return lines
 
     def __repr__(self) -> str:
         return f"<Calibration of {self.study.settings.label}>\n{self}"
@@ -251,7 +256,9 @@ def calibrate(
     InputError
         If the runs do not determine an answer.
     """
-    space, targets, settings = study.parameters, study.targets, study.settings
+    space = study.parameters
+    targets = study.targets
+    settings = study.settings
     check_responses(runs, targets)
     _tell_step("fit the model of the responses", runs)
     if isinstance(proposal, Answer):
@@ -260,9 +267,12 @@ def calibrate(
         answer = strategy(settings.strategy).answer(study, runs)
     observed = arrange_runs(runs, space, targets)
     noise = estimate_noise(study, observed)
+    # A strategy may answer without a model over the whole ranges.
     model = answer.model or SpaceKriging(Kriging(observed, noise.covariance), space)
     samples = _samples(study, runs)
     support = Support.of(space.values(observed.unit), space)
+
+    # Draw the posterior. Only repeated runs show how the responses are correlated.
     has_replicates = REPLICATES in noise.sources.values()
     freedom = observed.freedom if has_replicates else 0
     inference_settings = posterior_settings(settings.posterior, freedom, len(targets))
@@ -277,25 +287,9 @@ def calibrate(
         references={},
     )
     feasible, message = answers.verdict(answer, targets)
-    summary: dict[str, Any] = {
-        "simulator": settings.simulator,
-        "representative": dict(zip(space.names, answer.values.tolist(), strict=True)),
-        "responses": _responses(study, answer),
-        "feasible": feasible,
-        "message": message,
-    }
-    if "stop" in answer.notes:
-        summary["stop"] = answer.notes["stop"]
-    goal = Goal.of(targets, settings.sequential.tolerance_percent, space)
-    summary |= {
-        "probability": answer.probability,
-        "runs": len(runs),
-        "failed_runs": int((runs["status"] != OK).sum()),
-        "samples": len(samples),
-        "needed": goal.needed(noise.covariance, settings.sequential.probability),
-        "noise": _noise(study, noise),
-        "warning": noise.warning,
-        "definitions": settings.definitions,
+    summary = {
+        **_summary_of_answer(study, answer, feasible, message),
+        **_summary_of_runs(study, runs, samples, noise),
         "steps": _steps(study, runs, len(samples), model, answer, noise.warning),
     }
     solutions = answers.solutions(answer, feasible, space, targets)
@@ -309,6 +303,52 @@ def calibrate(
         posterior=posterior,
         summary=summary,
     )
+
+
+def _summary_of_answer(
+    study: Study, answer: Answer, feasible: bool, message: str
+) -> dict[str, Any]:
+    """Make the entries of summary.json on the answer.
+
+    Parameters
+    ----------
+    study : Study
+    answer : Answer
+    feasible : bool
+        Whether the answer is predicted inside all ranges.
+    message : str
+        The same in a sentence.
+    """
+    values = answer.values.tolist()
+    summary: dict[str, Any] = {
+        "simulator": study.settings.simulator,
+        "representative": dict(zip(study.parameters.names, values, strict=True)),
+        "responses": _responses(study, answer),
+        "feasible": feasible,
+        "message": message,
+    }
+    if "stop" in answer.notes:
+        summary["stop"] = answer.notes["stop"]
+    summary["probability"] = answer.probability
+    return summary
+
+
+def _summary_of_runs(
+    study: Study, runs: pd.DataFrame, samples: pd.DataFrame, noise: Noise
+) -> dict[str, Any]:
+    """Make the entries of summary.json on the runs and their noise."""
+    settings = study.settings
+    section = settings.sequential
+    goal = Goal.of(study.targets, section.tolerance_percent, study.parameters)
+    return {
+        "runs": len(runs),
+        "failed_runs": int((runs["status"] != OK).sum()),
+        "samples": len(samples),
+        "needed": goal.needed(noise.covariance, section.probability),
+        "noise": _noise(study, noise),
+        "warning": noise.warning,
+        "definitions": settings.definitions,
+    }
 
 
 def _tell_step(step: str, runs: pd.DataFrame) -> None:
@@ -364,11 +404,18 @@ def _noise(study: Study, noise: Noise) -> dict[str, dict[str, Any]]:
 
 
 def _samples(study: Study, runs: pd.DataFrame) -> pd.DataFrame:
-    """Average the runs of each sample, with standard errors."""
+    """Average the good runs of each sample.
+
+    Returns
+    -------
+    pandas.DataFrame
+        `sample`, parameters, `runs` (number of good runs), means and standard errors.
+    """
     good = runs[runs["status"] == OK].groupby("sample", sort=False)
-    first = runs.drop_duplicates("sample").set_index("sample")
-    table = first[list(study.parameters.names)].copy()
-    table["runs"] = good.size().reindex(first.index, fill_value=0)
+    first_runs = runs.drop_duplicates("sample").set_index("sample")
+    table = first_runs[list(study.parameters.names)].copy()
+    # A sample all of whose runs failed has 0 good runs, and NaN as means.
+    table["runs"] = good.size().reindex(table.index, fill_value=0)
     for name, error in zip(study.targets.names, study.targets.errors, strict=True):
         table[name] = good[name].mean()
         table[error] = good[name].sem()
@@ -378,40 +425,60 @@ def _samples(study: Study, runs: pd.DataFrame) -> pd.DataFrame:
 def _steps(
     study: Study,
     runs: pd.DataFrame,
-    samples: int,
+    n_samples: int,
     model: Predictor,
     answer: Answer,
     warning: str | None,
 ) -> list[str]:
-    """Describe the way to the answer, in sentences."""
+    """Describe the way to the answer, in sentences.
+
+    Parameters
+    ----------
+    study : Study
+    runs : pandas.DataFrame
+        All runs.
+    n_samples : int
+    model : Predictor
+        The model that predicts the responses.
+    answer : Answer
+    warning : str or None
+        On the noise of the model.
+    """
     settings = study.settings
-    failed = int((runs["status"] != OK).sum())
-    name = model.name.replace("_", " ")
-    if warning is not None:
-        model_sentence = f"Model: {name}. Warning: {warning}"
-    elif model.name == "kriging":
-        model_sentence = f"Model: {name} of the samples' means with their known errors."
-    else:
-        model_sentence = f"Model: {name}."
-    if settings.strategy != "sequential":
-        choice = f"that of the strategy {settings.strategy}"
-    elif "nearest" in answer.why:
-        choice = "the set that comes nearest to the targets"
-    else:
-        choice = (
-            f"the set that lies within {settings.sequential.tolerance_percent:g} % of "
-            "all targets most probably"
-        )
+    n_failed = int((runs["status"] != OK).sum())
     within_1 = answer.probability["within_1_percent"]
     within_2 = answer.probability["within_2_percent"]
     steps = [
-        f"Simulation in {settings.simulator}: {len(runs)} runs of {samples} parameter "
-        f"sets, {failed} failed.",
-        model_sentence,
-        f"Answer: {choice}; within 1 % with probability {within_1:.2f}, within 2 % with "
-        f"{within_2:.2f}.",
+        f"Simulation in {settings.simulator}: {len(runs)} runs of {n_samples} parameter "
+        f"sets, {n_failed} failed.",
+        _model_sentence(model, warning),
+        f"Answer: {_choice(study, answer)}; within 1 % with probability {within_1:.2f}, "
+        f"within 2 % with {within_2:.2f}.",
     ]
     return steps + _definition_sentences(settings.definitions)
+
+
+def _model_sentence(model: Predictor, warning: str | None) -> str:
+    """Name the model of the responses, with a warning on it if there is one."""
+    name = model.name.replace("_", " ")
+    if warning is not None:
+        return f"Model: {name}. Warning: {warning}"
+    if model.name == "kriging":
+        return f"Model: {name} of the samples' means with their known errors."
+    return f"Model: {name}."
+
+
+def _choice(study: Study, answer: Answer) -> str:
+    """Say by which rule the answer was chosen, a clause."""
+    settings = study.settings
+    if settings.strategy != "sequential":
+        return f"that of the strategy {settings.strategy}"
+    if "nearest" in answer.why:
+        return "the set that comes nearest to the targets"
+    return (
+        f"the set that lies within {settings.sequential.tolerance_percent:g} % of "
+        "all targets most probably"
+    )
 
 
 def _definition_sentences(definitions: Mapping[str, str]) -> list[str]:

@@ -152,9 +152,13 @@ def _number_of_rows(violations: np.ndarray, most: int) -> int:
 def on_free_parameters(
     surrogate: Surrogate, space: ParameterSpace
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """Make the surrogate a function of the free parameters.
+    """Make the surrogate a function of the free parameters alone.
 
-    It turns points (n, d) in [-1, 1] into responses (n, k).
+    Returns
+    -------
+    callable
+        From points (n, d) in [-1, 1], the scaled ranges of the d free parameters, to
+        predicted responses (n, k).
     """
     low = space.complete(space.low)[0]
     high = space.complete(space.high)[0]
@@ -180,10 +184,11 @@ def intervals(solutions: pd.DataFrame, space: ParameterSpace) -> pd.DataFrame:
     names = list(space.names)
     low = solutions[names].min().to_numpy(float)
     high = solutions[names].max().to_numpy(float)
-    widths = pd.Series(space.high - space.low, list(space.free))
-    width = widths.reindex(names, fill_value=1.0).to_numpy()
+    width_of_free = pd.Series(space.high - space.low, list(space.free))
+    # A fixed parameter has the dispersion 0, whatever its width.
+    range_width = width_of_free.reindex(names, fill_value=1.0).to_numpy()
     table = pd.DataFrame({"variable": names, "low": low, "high": high})
-    return table.assign(dispersion_percent=100 * (high - low) / width)
+    return table.assign(dispersion_percent=100 * (high - low) / range_width)
 
 
 def message(
@@ -230,11 +235,22 @@ def _summary(
     settings: MigaSettings,
     counts: dict[str, int],
 ) -> dict[str, Any]:
-    """Make the content of summary.json."""
+    """Make the content of summary.json.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        The solutions, the representative one first.
+    space : ParameterSpace
+    targets : Targets
+    settings : MigaSettings
+    counts : mapping
+        Numbers of points by the keys of the summary, such as `n_solutions`.
+    """
     best = table.iloc[0]
     responses = best[list(targets.predicted)].to_numpy(float)
-    from_range = _outside(responses, targets.low, targets.high)
-    from_aim = _outside(responses, targets.aim, targets.aim)
+    range_distances = _outside(responses, targets.low, targets.high)
+    aim_distances = _outside(responses, targets.aim, targets.aim)
     representative = {}
     for name in (*space.names, *targets.predicted, "objective"):
         representative[name] = float(best[name])
@@ -246,8 +262,8 @@ def _summary(
         **counts,
         "distance": settings.distance,
         "representative": representative,
-        "box_distance": dict(zip(targets.names, from_range, strict=True)),
-        "target_distance": dict(zip(targets.names, from_aim, strict=True)),
+        "box_distance": dict(zip(targets.names, range_distances, strict=True)),
+        "target_distance": dict(zip(targets.names, aim_distances, strict=True)),
         "message": text,
     }
 

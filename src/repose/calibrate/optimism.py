@@ -1,4 +1,4 @@
-"""The expected optimism of a prediction at parameter sets that a search chose.
+"""How much too favourable predictions are where a search chose the parameters (optimism).
 
 A fit of noisy pours is too high at some places and too low at others. The search takes
 places where the fit meets the targets. Where the targets are near the edge of what is
@@ -92,13 +92,14 @@ class Pours(NamedTuple):
         counts = []
         deviations = []
         columns = []
-        for apparatus, of_apparatus in targets.benches.items():
-            names = [targets.names[k] for k in of_apparatus]
-            groups = dict(list(of_bench(good, apparatus).groupby("sample")[names]))
+        # A bench test has runs of its own, so each is collected by itself.
+        for bench, columns_of_bench in targets.benches.items():
+            names = [targets.names[k] for k in columns_of_bench]
+            groups = dict(list(of_bench(good, bench).groupby("sample")[names]))
             values = [groups[sample].to_numpy(float) for sample in samples]
             counts.append(np.array([len(pours) for pours in values]))
             deviations.append(_deviations(values))
-            columns.append(list(of_apparatus))
+            columns.append(list(columns_of_bench))
         return cls(
             X=rows[list(surrogate.inputs)].to_numpy(float),
             means=rows[list(targets.names)].to_numpy(float),
@@ -123,18 +124,29 @@ class Pours(NamedTuple):
 
 
 def _deviations(values: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """Compute the deviations of the pours of each sample.
+    """Compute the deviations of the pours of each sample from its mean.
 
     The scatter of n pours about their own mean is (n - 1) / n of the variance of a pour
-    on average, so it is enlarged. A sample with one pour has the deviations of all others.
+    on average, so the deviations are enlarged. A single pour shows no scatter, so its
+    sample has the deviations of all other samples.
+
+    Parameters
+    ----------
+    values : sequence of numpy.ndarray, (pours, responses)
+        The pours of each sample.
+
+    Returns
+    -------
+    list of numpy.ndarray, (deviations, responses)
+        One for each sample.
     """
     deviations = []
     for pours in values:
         count = len(pours)
-        enlarged = np.sqrt(count / max(count - 1, 1))
-        deviations.append(enlarged * (pours - pours.mean(axis=0)))
-    of_all = np.concatenate([of_one for of_one in deviations if len(of_one) > 1])
-    return [of_one if len(of_one) > 1 else of_all for of_one in deviations]
+        factor = np.sqrt(count / max(count - 1, 1))
+        deviations.append(factor * (pours - pours.mean(axis=0)))
+    pooled = np.concatenate([sample for sample in deviations if len(sample) > 1])
+    return [sample if len(sample) > 1 else pooled for sample in deviations]
 
 
 def expected_optimism(
@@ -147,6 +159,9 @@ def expected_optimism(
     seed: int,
 ) -> pd.DataFrame:
     """Compute the expected optimism of predictions by the role of a set.
+
+    Each replicate draws the pours again, refits the surrogate, and searches on it. There
+    the original fit stands for the truth.
 
     Parameters
     ----------
@@ -168,27 +183,36 @@ def expected_optimism(
         prediction less original fit, in the units of the response, and the standard
         error of this mean.
     """
-    differences: dict[str, list[np.ndarray]] = {}
+    differences_by_role: dict[str, list[np.ndarray]] = {}
     for k in range(replicates):
         random = np.random.default_rng([seed, k])
         refitted = surrogate.refit(pours.X, pours.draw(random), **pours.noise)
         sets, roles = search(refitted)
-        difference = refitted.predict(sets) - surrogate.predict(sets)
+        differences = refitted.predict(sets) - surrogate.predict(sets)
+        # Average over the sets of a role, which are many for the feasible ones.
         for role in dict.fromkeys(roles):
             has_role = np.array([other == role for other in roles])
-            of_role = difference[has_role].mean(axis=0)
-            differences.setdefault(role, []).append(of_role)
+            mean = differences[has_role].mean(axis=0)
+            differences_by_role.setdefault(role, []).append(mean)
     rows = []
-    for role, of_replicates in differences.items():
-        values = np.array(of_replicates)
-        errors = np.full(values.shape[1], np.nan)
-        if len(values) > 1:
-            errors = values.std(axis=0, ddof=1) / np.sqrt(len(values))
-        for name, optimism, error in zip(
-            targets.names, values.mean(axis=0), errors, strict=True
-        ):
-            rows.append((role, name, optimism, error, len(values)))
+    for role, differences_of_replicates in differences_by_role.items():
+        rows += _rows_of_role(role, np.array(differences_of_replicates), targets)
     return pd.DataFrame(rows, columns=list(COLUMNS))
+
+
+def _rows_of_role(
+    role: str, differences: np.ndarray, targets: Targets
+) -> list[tuple[str, str, float, float, int]]:
+    """Make a row of `COLUMNS` for each response, from differences (replicates, k)."""
+    n_replicates, n_responses = differences.shape
+    errors = np.full(n_responses, np.nan)
+    if n_replicates > 1:
+        errors = differences.std(axis=0, ddof=1) / np.sqrt(n_replicates)
+    means = differences.mean(axis=0)
+    return [
+        (role, name, mean, error, n_replicates)
+        for name, mean, error in zip(targets.names, means, errors, strict=True)
+    ]
 
 
 def short(settings: MigaSettings) -> MigaSettings:

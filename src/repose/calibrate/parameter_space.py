@@ -65,9 +65,9 @@ class ParameterSpace:
         """
         if names is None:
             names = tuple(section)
-        ranges: dict[str, tuple[float, float]] = {}
+        ranges: dict[str, tuple[float, float]] = {}  # of the free parameters
         fixed: dict[str, float] = {}
-        prior: dict[str, tuple[float, float]] = {}
+        prior: dict[str, tuple[float, float]] = {}  # mean and standard deviation
         for name in names:
             entry = section[name]
             if isinstance(entry, Mapping) and "fixed" in entry:
@@ -184,6 +184,8 @@ def range_of(
         return float(entry["fixed"]), float(entry["fixed"])
     if "range" in entry:
         return float(entry["range"][0]), float(entry["range"][1])
+
+    # A prior without a range reaches some standard deviations to each side of its mean.
     mean = entry["prior"]["mean"]
     half = PRIOR_WIDTHS * entry["prior"]["sd"]
     lowest, highest = (limits or {}).get(name, (-math.inf, math.inf))

@@ -49,20 +49,28 @@ class _Bounds:
         return bool(last - first > max(1e-30, 1e-9 * max(abs(first), abs(last))))
 
     def _faults(self, entry: Mapping[str, Any]) -> Contradictions:
-        """Yield (key, what is allowed) for the faults of an entry that is a section."""
+        """Yield (key, what is allowed) for the faults of an entry that is a section.
+
+        An entry has the key fixed alone, or a prior with or without a range.
+        """
         unknown = [str(key) for key in entry if key not in KEYS]
         for key in unknown:
             hint = did_you_mean(key, KEYS) or f"; keys here: {', '.join(KEYS)}"
             yield key, f"a known key{hint}"
+
+        # A fixed value stands alone.
         if "fixed" in entry:
             if len(entry) > 1:
                 yield "", "fixed alone, or prior with or without range"
             elif not self._holds(entry["fixed"]):
                 yield "fixed", self.number
             return
+
+        # A range needs a prior beside it, since a range alone is a pair.
         if "range" in entry and "prior" not in entry:
             yield "", "a pair [low, high]; a range stands beside a prior only"
             return
+
         prior = entry.get("prior")
         has_good_range = "range" not in entry or self._is_range(entry["range"])
         if not unknown and (prior is None or not has_good_range):

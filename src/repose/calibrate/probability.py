@@ -17,7 +17,10 @@ def within(
 ) -> np.ndarray:
     """Compute the probability that normal vectors lie in a box.
 
-    It is exact for one response; for two its error is below 0.001 (G92).
+    It is exact for one response; for two its error is below 0.001. With the Cholesky root
+    L of the covariance, a vector is mean + L z with independent normal numbers z. So the
+    probability is an integral over one response after the other (G92). The integral is a
+    mean over the points of a Sobol sequence.
 
     Parameters
     ----------
@@ -36,18 +39,20 @@ def within(
     root = np.linalg.cholesky(covariance)
     # A column of uniform numbers for each response but the last. The first point of the
     # sequence is 0, so all are shifted by half a step.
-    u = np.zeros((1, 0))
+    uniform = np.zeros((1, 0))
     if k > 1:
-        u = qmc.Sobol(k - 1, scramble=False).random(POINTS) + 0.5 / POINTS
-    drawn = np.zeros((len(mean), len(u), k))
-    total = np.ones((len(mean), len(u)))
+        uniform = qmc.Sobol(k - 1, scramble=False).random(POINTS) + 0.5 / POINTS
+    z = np.zeros((len(mean), len(uniform), k))
+    probability = np.ones((len(mean), len(uniform)))
     for i in range(k):
-        # The response i is normal, given the drawn responses before it.
-        shift = np.einsum("mj,mpj->mp", root[:, i, :i], drawn[:, :, :i])
-        below_low = ndtr((low[i] - mean[:, i, None] - shift) / root[:, i, i, None])
-        below_high = ndtr((high[i] - mean[:, i, None] - shift) / root[:, i, i, None])
-        total *= below_high - below_low
+        # Response i is normal about its mean and a shift, given those before it.
+        shift = np.einsum("mj,mpj->mp", root[:, i, :i], z[:, :, :i])
+        sd = root[:, i, i, None]
+        below_low = ndtr((low[i] - mean[:, i, None] - shift) / sd)
+        below_high = ndtr((high[i] - mean[:, i, None] - shift) / sd)
+        probability *= below_high - below_low
+        # Draw z of this response between the ends of the box, for the responses after it.
         if i < k - 1:
-            share = below_low + u[:, i] * (below_high - below_low)
-            drawn[:, :, i] = ndtri(np.clip(share, 1e-16, 1 - 1e-16))
-    return total.mean(axis=1)
+            share = below_low + uniform[:, i] * (below_high - below_low)
+            z[:, :, i] = ndtri(np.clip(share, 1e-16, 1 - 1e-16))
+    return probability.mean(axis=1)

@@ -1,4 +1,4 @@
-"""Targets that are profiles.
+"""Targets that are measured profiles, each turned into a target for each of its scores.
 
 A file of measured heights becomes a target for each score (`repose.calibrate.profiles`).
 """
@@ -131,7 +131,7 @@ def expand_profiles(targets: Any, source: Any) -> Any:
     for k, entry in enumerate(targets):
         if _is_profile(entry):
             measured = _checked({str(k): entry}, _Targets[BenchProfile], source)
-            entries += _of_bench(measured, f"targets.{k}", source)
+            entries += _bench_scores(measured, f"targets.{k}", source)
         else:
             entries.append(entry)
     return entries
@@ -139,6 +139,13 @@ def expand_profiles(targets: Any, source: Any) -> Any:
 
 def expand_own_profiles(targets: Any, source: Any) -> Any:
     """Replace the profiles in the section `targets` of the user's own simulator.
+
+    Parameters
+    ----------
+    targets : mapping
+        The entries by name. Anything else is returned as it is; a later check refuses it.
+    source : object
+        File of the section, for an error.
 
     Raises
     ------
@@ -152,24 +159,34 @@ def expand_own_profiles(targets: Any, source: Any) -> Any:
         if not _is_profile(entry):
             entries[name] = entry
             continue
-        measured = _checked({name: entry}, _Targets[OwnProfile], source)
-        line = _read(measured, name)
-        profile = line.profile
+        scores = _own_scores(name, entry, source)
         names_of_others = {*targets, *entries}
-        repeated = [score for score in profile.names if score in names_of_others]
+        repeated = [score for score in scores if score in names_of_others]
         if repeated:
             allowed = "a profile whose scores have names of no other target"
             raise InputError(source, f"targets.{name}", repeated, allowed)
-        common: dict[str, Any] = {}
-        for key in ("unit", "definition"):
-            if key in entry:
-                common[key] = getattr(measured, key)
-        if measured.noise_sd is not None:
-            common["noise_sd"] = measured.noise_sd / math.sqrt(profile.functions)
-        scores = _scores(measured, line, {})
-        for score, keys in zip(profile.names, scores, strict=True):
-            entries[score] = keys | common
+        entries.update(scores)
     return entries
+
+
+def _own_scores(
+    name: str, entry: Mapping[str, Any], source: Any
+) -> dict[str, dict[str, Any]]:
+    """Make the targets, by name, of the scores of a profile of the user's own."""
+    measured = _checked({name: entry}, _Targets[OwnProfile], source)
+    line = _read(measured, name)
+    profile = line.profile
+    common: dict[str, Any] = {}
+    for key in ("unit", "definition"):
+        if key in entry:
+            common[key] = getattr(measured, key)
+    if measured.noise_sd is not None:
+        # The variances of the scores add up to that of a height.
+        common["noise_sd"] = measured.noise_sd / math.sqrt(profile.functions)
+    scores = _scores(measured, line, {})
+    return {
+        score: keys | common for score, keys in zip(profile.names, scores, strict=True)
+    }
 
 
 def _is_profile(entry: Any) -> bool:
@@ -195,8 +212,20 @@ def _checked(
     return entry
 
 
-def _of_bench(measured: BenchProfile, key: str, source: Any) -> list[dict[str, Any]]:
-    """Make the entries of the profile of a bench test."""
+def _bench_scores(
+    measured: BenchProfile, key: str, source: Any
+) -> list[dict[str, Any]]:
+    """Make the targets of the scores of a profile of a bench test.
+
+    Parameters
+    ----------
+    measured : BenchProfile
+    key : str
+        Of the profile in the configuration, for an error.
+    source : object
+        File of the configuration, for an error.
+    """
+    # The bench test is that of the first score, which is a response of its own.
     first = named(derived(measured.response, "1"))
     if first is None or first.profile != measured.response:
         allowed = "the profile of a bench test, such as turning_profile_mm"
@@ -227,12 +256,21 @@ def _scores(
     """Yield the keys of each score's target, with the profile.
 
     All scores have the same error, and their variances add up to the mean square error of
-    a height. `profile_keys` are further keys of the profile.
+    a height.
+
+    Parameters
+    ----------
+    measured : MeasuredProfile
+        The entry of the configuration.
+    line : _MeasuredLine
+        The profile in its file.
+    profile_keys : mapping
+        Further keys of the profile.
     """
     profile = line.profile
     root = math.sqrt(profile.functions)
     low, high = range_about(profile.height, line.sd, measured.repetitions)
-    half = (measured.within or 0.5 * (high - low)) / root
+    half_range = (measured.within or 0.5 * (high - low)) / root
     section = {
         "name": profile.name,
         "x": list(profile.x),
@@ -245,7 +283,7 @@ def _scores(
             "value": value,
             "sd": line.sd / root,
             "repetitions": measured.repetitions,
-            "range": [value - half, value + half],
+            "range": [value - half_range, value + half_range],
             "profile": section.copy(),
         }
 

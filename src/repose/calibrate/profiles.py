@@ -1,4 +1,4 @@
-"""Profiles, that is lines of heights, as responses.
+"""Profiles (lines of heights) as responses: a few scores describe each.
 
 The scores of a profile on a few smooth functions are numbers like any other response. The
 functions are polynomials of rising degree, orthonormal in the mean over the abscissae of
@@ -75,14 +75,19 @@ class Profile:
 
         The mean of the square of a function is 1, that of a product of two is 0.
         """
+        # Legendre polynomials of the abscissae, scaled to [-1, 1].
         x = np.array(self.x)
         middle = 0.5 * (x[-1] + x[0])
-        half = 0.5 * (x[-1] - x[0])
+        half_width = 0.5 * (x[-1] - x[0])
         degree = self.functions - 1
-        polynomials = np.polynomial.legendre.legvander((x - middle) / half, degree)
-        q, r = np.linalg.qr(polynomials)
+        polynomials = np.polynomial.legendre.legvander(
+            (x - middle) / half_width, degree
+        )
+
+        # These are orthogonal over the interval; the columns of Q over the abscissae.
+        Q, R = np.linalg.qr(polynomials)
         # The decomposition leaves the signs open: each function rises with its polynomial.
-        return q * np.sign(np.diagonal(r)) * math.sqrt(len(x))
+        return Q * np.sign(np.diagonal(R)) * math.sqrt(len(x))
 
     def scores(self, heights: ArrayLike) -> np.ndarray:
         """Compute the scores (..., functions) of heights (..., n) at the abscissae."""

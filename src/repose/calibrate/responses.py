@@ -1,4 +1,4 @@
-"""Responses and their registry.
+"""The responses of bench tests, and their registry by name.
 
 A response is a number that a bench test gives: the angle of repose of a pile, its height,
 the angle at which a bed slips. Each bench test registers its responses in its module
@@ -169,9 +169,9 @@ def named(name: str) -> Response | None:
     if name in _REGISTRY:
         return _REGISTRY[name]
     for family in _FAMILIES:
-        member = family(name)
-        if member is not None:
-            return member
+        response_of_family = family(name)
+        if response_of_family is not None:
+            return response_of_family
     return None
 
 

@@ -82,6 +82,13 @@ def summarise_runs(
     A sample is ok when at least half of its runs, and at least one, are ok. Otherwise its
     status is the commonest status of its failed runs, and its numbers are None.
 
+    Parameters
+    ----------
+    runs : sequence of mapping
+        `status` and responses of each run.
+    recorded : Recorded
+        Names of the numbers of the summary.
+
     Returns
     -------
     dict
@@ -128,9 +135,17 @@ def reason(failed: Sequence[Mapping[str, Any]], total: int) -> str:
     """Count the failed runs by cause; the text is empty without any.
 
     As in ``2 of 8 runs jammed (no discharge for 3 s)``.
+
+    Parameters
+    ----------
+    failed : sequence of mapping
+        The runs that failed: `status`, and `reason` if it is known.
+    total : int
+        Number of all runs.
     """
     parts = []
     for status, count in Counter(run["status"] for run in failed).most_common():
+        # Each reason once, in the order of the runs.
         reasons: list[str] = []
         for run in failed:
             if run["status"] != status:

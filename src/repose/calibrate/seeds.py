@@ -53,6 +53,7 @@ def pour_seeds(
 
     stream = purpose if isinstance(purpose, int) else PURPOSES[purpose]
     entropy = [study_seed, stream, number]
+    # A checksum of the name makes the streams of a further bench test.
     if apparatus != UNNAMED and purpose != OF_THE_DRUM:
         entropy.append(zlib.crc32(apparatus.encode()))
     seeds = np.random.SeedSequence(entropy).generate_state(count)

@@ -337,11 +337,14 @@ class Study:
             while not self.done:
                 asked = self.ask().to_dict("records")
                 for run, result in _results(simulate, asked, executor):
-                    self.tell(self._told(run, result))
+                    self.tell(self._table_of(run, result))
         return self.answer()
 
-    def _told(self, run: Mapping[str, Any], result: object) -> "pd.DataFrame":
-        """Write what a function gave for a run of `ask` as a table for `tell`."""
+    def _table_of(self, run: Mapping[str, Any], result: object) -> "pd.DataFrame":
+        """Write a run of `ask` and what a function gave for it as a table for `tell`.
+
+        The table has one row. The function gave a mapping, or None for a failed run.
+        """
         import pandas as pd
 
         from repose.calibrate.strategies.runs import cells_of_result
@@ -385,14 +388,20 @@ class Study:
 def _executor(
     workers: int | Executor,
 ) -> AbstractContextManager[Executor | None]:
-    """Return what makes several runs at a time; None for one after another."""
+    """Return what makes several runs at a time; None for one after another.
+
+    A context manager: threads of our own are ended with it, an executor of the user stays
+    open.
+    """
     if isinstance(workers, Executor):
         return nullcontext(workers)
-    is_count = isinstance(workers, int) and not isinstance(workers, bool)
-    if not is_count or workers < 1:
+    is_integer = isinstance(workers, int) and not isinstance(workers, bool)
+    if not is_integer or workers < 1:
         words = "an integer from 1, or an Executor of concurrent.futures"
         raise InputError("study", "workers", workers, words)
-    return nullcontext() if workers == 1 else ThreadPoolExecutor(workers)
+    if workers == 1:
+        return nullcontext()
+    return ThreadPoolExecutor(workers)
 
 
 def _results(
@@ -400,29 +409,42 @@ def _results(
 ) -> Iterator[tuple[Run, Any]]:
     """Simulate runs, and yield each with its result as soon as it is made.
 
-    An exception is raised after the results of the runs that had begun with it.
+    Parameters
+    ----------
+    simulate : function
+        From a run to its result.
+    asked : sequence of dict
+        The runs.
+    executor : Executor or None
+        What makes several runs at a time; None for one after another.
+
+    Raises
+    ------
+    BaseException
+        The first exception of `simulate`, after the results of the runs that had begun.
     """
     if executor is None:
         for run in asked:
             yield run, simulate(dict(run))
         return
-    futures = {executor.submit(simulate, dict(run)): run for run in asked}
-    error: BaseException | None = None
+    run_of_future = {executor.submit(simulate, dict(run)): run for run in asked}
+    first_error: BaseException | None = None
     try:
-        for future in as_completed(futures):
+        for future in as_completed(run_of_future):
             if future.cancelled():
                 continue
-            failure = future.exception()
-            if failure is None:
-                yield futures[future], future.result()
-            elif error is None:
-                error = failure
-                _cancel(futures)
+            error = future.exception()
+            if error is None:
+                yield run_of_future[future], future.result()
+            elif first_error is None:
+                # Start no further runs, but wait for those that have begun.
+                first_error = error
+                _cancel(run_of_future)
     finally:
         # Also where a result is refused, or a person breaks off.
-        _cancel(futures)
-    if error is not None:
-        raise error
+        _cancel(run_of_future)
+    if first_error is not None:
+        raise first_error
 
 
 def _cancel(futures: Iterable[Future[Any]]) -> None:
@@ -479,19 +501,26 @@ def _settings_file(file: Path_) -> Path:
 
 
 def _keep_settings(content: Mapping[str, Any], file: Path_) -> None:
-    """Write the settings beside the file of runs; InputError if it has others."""
+    """Write the settings beside the file of runs, or compare them with those there.
+
+    Raises
+    ------
+    InputError
+        If other settings are there: runs of two studies would be mixed.
+    """
     from repose.common.reading import read
 
     path = _settings_file(file)
     if not path.exists():
         write_json(path, content)
         return
-    kept = read(path)
-    wanted = json.loads(json_text(content))
-    for key in sorted({*kept, *wanted}):
-        if kept.get(key) != wanted.get(key):
-            words = f"{wanted.get(key)}, as asked for; or another file"
-            raise InputError(path, key, kept.get(key), words)
+    settings_there = read(path)
+    # Compare the settings as the file would have them.
+    settings = json.loads(json_text(content))
+    for key in sorted({*settings_there, *settings}):
+        if settings_there.get(key) != settings.get(key):
+            words = f"{settings.get(key)}, as asked for; or another file"
+            raise InputError(path, key, settings_there.get(key), words)
 
 
 def _plain(value: Any) -> Any:

@@ -100,6 +100,7 @@ class OwnTarget(Section):
         low, high = self.range or (-math.inf, math.inf)
         if not low <= self.value <= high or low == high:
             yield "range", f"a pair [low, high] about the value, {self.value:g}"
+        # A smaller noise would be lost in the rounding of the numbers.
         smallest_noise = 1e-9 * abs(self.value)
         if self.noise_sd is not None and self.noise_sd < smallest_noise:
             yield "noise_sd", f"at least {smallest_noise:g}"
@@ -178,8 +179,9 @@ class StudyFile(Section):
         cls, targets: dict[str, OwnTarget], info: ValidationInfo
     ) -> dict[str, OwnTarget]:
         """Refuse bad names, names of parameters, and a study without targets."""
+        # Parameters, responses and standard errors are columns of one table. The standard
+        # error of a response is the column with _se at its end.
         parameters = info.data.get("parameters", {})
-        # The standard error of a response is the column with _se at its end.
         columns = {*parameters, *(f"{name}_se" for name in targets)}
         faults = list(_bad_columns(targets))
         for name in targets:
@@ -252,10 +254,12 @@ def complete_configuration(
     config = _with_defaults(content, source)
     config = faults.with_whole_numbers(config, file_model())
     raise_together(faults.check(config, str(source), file_model()).faults)
+    # Each section with random numbers has the seed of the study.
     for name in SEEDED:
         config[name] = config[name] | {"seed": config["seed"]}
     if config["network"].get("split", AUTO) == AUTO:
         config["network"] = config["network"] | {"split": split_of(config["surrogate"])}
+
     # The strategy's own rules. Those of `sequential` do not hold here: the model has
     # its budget, and `noise_sd` may give the noise in place of repeated runs.
     name = config["strategy"]
@@ -275,7 +279,11 @@ def complete_configuration(
 
 
 def _with_defaults(content: Mapping[str, Any], source: object) -> dict[str, Any]:
-    """Return the keys of a configuration, unchecked, over the defaults of the others."""
+    """Return the keys of a configuration, unchecked, over the defaults of the others.
+
+    The defaults are those of config/method.yaml, except for two sections that a study with
+    a simulator of the user's own has in a shorter form.
+    """
     defaults: dict[str, Any] = read(places.find(places.METHOD_CONFIG))
     sequential = defaults["sequential"]
     posterior = defaults["posterior"]
@@ -302,10 +310,13 @@ def _with_defaults(content: Mapping[str, Any], source: object) -> dict[str, Any]
         "walkers": WALKERS,
         "steps": STEPS,
     }
+
+    # Put the keys of the user over the defaults, section by section.
     for name in file_model().model_fields:
         if not isinstance(defaults.get(name), Mapping):
             continue
         section = config.get(name, {})
+        # Anything but a section stays as it is, for the later check.
         if isinstance(section, Mapping):
             section = {**defaults[name], **section}
         config[name] = section
@@ -322,8 +333,11 @@ def _runs_of_a_sample(content: Mapping[str, Any], otherwise: int) -> int:
 
 
 def _require_texts_as_names(config: Mapping[str, Any], source: object) -> None:
-    """Refuse names of parameters and targets that YAML takes for numbers or dates."""
-    wrong = []
+    """Refuse names of parameters and targets that YAML takes for numbers or dates.
+
+    A name that begins with # is refused, too.
+    """
+    errors = []
     for section in ("parameters", "targets"):
         entries = config.get(section)
         if not isinstance(entries, Mapping):
@@ -331,13 +345,13 @@ def _require_texts_as_names(config: Mapping[str, Any], source: object) -> None:
         for name in entries:
             if not isinstance(name, str):
                 words = "text as each name; put it in quotes"
-                wrong.append(YamlError(str(source), section, name, words))
+                errors.append(YamlError(str(source), section, name, words))
             elif name.startswith("#"):
                 words = (
                     "names that do not begin with #, which begins a comment in tables"
                 )
-                wrong.append(YamlError(str(source), section, name, words))
-    raise_together(wrong)
+                errors.append(YamlError(str(source), section, name, words))
+    raise_together(errors)
 
 
 def split_of(surrogate: str) -> list[float]:
@@ -356,8 +370,10 @@ def split_of(surrogate: str) -> list[float]:
 
 def settings_of(config: Mapping[str, Any]) -> CalibrationSettings:
     """Make the typed sections of a `completed` configuration."""
-    sequential, posterior = config["sequential"], config["posterior"]
+    sequential = config["sequential"]
+    posterior = config["posterior"]
     targets = config["targets"]
+    # Sections that a strategy registered beside those of this package.
     others = {}
     for name in config.keys() - StudyFile.model_fields.keys():
         model = strategy(name).settings
@@ -451,41 +467,55 @@ def unread_keys(content: Mapping[str, Any]) -> list[str]:
     """
     name = content.get("strategy", "sequential")
     keys_read = _keys_read(name, content)
+
+    # The keys that a strategy may ignore: two of the top level, and all of sections.
     keys = [key for key in ("seeds", "surrogate") if key in content]
     for section in file_model().model_fields:
         if isinstance(content.get(section), Mapping):
             keys += [f"{section}.{key}" for key in content[section]]
-    is_unread = []
+
+    unread = []
     for key in keys:
         section = key.partition(".")[0]
         # The seed of the study stands in place of each section's own seed.
         if key.endswith(".seed") or not keys_read & {key, section}:
-            is_unread.append(key)
-    return sorted(is_unread)
+            unread.append(key)
+    return sorted(unread)
 
 
 def _keys_read(name: str, content: Mapping[str, Any]) -> set[str]:
-    """Return the sections and keys that a strategy and its answer read."""
-    begins_with_design = strategy(name).begins_with_design
+    """Return the sections and keys that a strategy and its answer read.
+
+    Parameters
+    ----------
+    name : str
+        Of the strategy.
+    content : mapping
+        The keys that the user gave.
+    """
+    chosen = strategy(name)
     keys = set(READ_BY_ALL)
-    if begins_with_design:
+    if chosen.begins_with_design:
         keys.update(DESIGNED)
-    later = strategy(name).reads
-    if strategy(name).seeds_key is not None:
+    if chosen.seeds_key is not None:
         keys.discard("seeds")
-    if later:
-        keys.update(later)
-    elif not begins_with_design:
+    if chosen.reads:
+        keys.update(chosen.reads)
+    elif not chosen.begins_with_design:
+        # A strategy that does not say what it reads may read everything.
         keys.update(content)
+
+    # Only a network reads the section of this name.
     is_network = content.get("surrogate", "").startswith("network")
-    if begins_with_design and not is_network:
+    if chosen.begins_with_design and not is_network:
         keys.discard("network")
+
+    # The runs of a sample stand in `seeds` or in `sequential.seeds`; only one is read.
     if "sequential" in keys:
         keys.add("seeds")
-    # Of the two places for the runs of a sample, only one is read.
-    reads_section = name == "sequential" or "seeds" not in content
     has_section_key = get(content, "sequential.seeds") is not None
-    if "seeds" in keys and has_section_key and reads_section:
+    reads_section_key = name == "sequential" or "seeds" not in content
+    if "seeds" in keys and has_section_key and reads_section_key:
         keys.remove("seeds")
         keys.add("sequential.seeds")
     return keys

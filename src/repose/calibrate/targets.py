@@ -24,15 +24,17 @@ def with_defaults(entry: Any) -> Any:
     """
     if not isinstance(entry, Mapping):
         return entry
-    known = named(str(entry.get("response")))
-    apparatus = UNNAMED if known is None else known.apparatus
+    known_response = named(str(entry.get("response")))
+    apparatus = UNNAMED if known_response is None else known_response.apparatus
     complete = {"apparatus": apparatus} | dict(entry)
-    if "range" not in entry:
-        value: Any = entry.get("value")
-        sd: Any = entry.get("sd")
-        repetitions: Any = entry.get("repetitions")
-        if all(map(_is_usable, (value, sd, repetitions))) and repetitions > 0:
-            complete["range"] = list(range_about(value, sd, repetitions))
+    if "range" in entry:
+        return complete
+
+    value: Any = entry.get("value")
+    sd: Any = entry.get("sd")
+    repetitions: Any = entry.get("repetitions")
+    if all(map(_is_usable, (value, sd, repetitions))) and repetitions > 0:
+        complete["range"] = list(range_about(value, sd, repetitions))
     return complete
 
 

@@ -1,4 +1,4 @@
-"""Training of a surrogate on the samples of a study (section 3.2.2 of the paper).
+"""Training of a surrogate on the simulated samples of a study (paper, section 3.2.2).
 
 `repose.calibrate.surrogates` has the surrogates.
 """
@@ -83,28 +83,40 @@ class Replicates(NamedTuple):
         """Estimate the noise of some samples.
 
         It is None if the scatter of a bench test has no full rank.
+
+        Parameters
+        ----------
+        runs : pandas.DataFrame
+            Single runs: `sample`, `apparatus`, `status` and the responses.
+        samples : sequence of int
+            Numbers of the samples.
+        targets : Targets
+            The k responses.
         """
-        is_used = (runs["status"] == "ok") & runs["sample"].isin(samples)
-        good = runs[is_used]
+        is_good = (runs["status"] == "ok") & runs["sample"].isin(samples)
+        good = runs[is_good]
         covariance = np.zeros((len(targets), len(targets)))
         freedom = 0.0
         weights: list[np.ndarray] = []
-        for apparatus, columns in targets.benches.items():
-            runs_of_bench = of_bench(good, apparatus)
+        for bench, columns in targets.benches.items():
+            runs_of_bench = of_bench(good, bench)
             names = [targets.names[k] for k in columns]
-            block, count = within_covariance(
+            block, block_freedom = within_covariance(
                 runs_of_bench[names], runs_of_bench["sample"]
             )
-            if count <= len(columns) or not np.linalg.eigvalsh(block)[0] > 0:
+            is_too_few = block_freedom <= len(columns)
+            if is_too_few or not np.linalg.eigvalsh(block)[0] > 0:
                 return None
+
+            # The number of runs is the weight of a sample. It counts in runs of the first
+            # bench test, and the covariance belongs to one run of that test.
             runs_of_sample = runs_of_bench["sample"].value_counts()
             weight = runs_of_sample.reindex(samples, fill_value=0).to_numpy(float)
-            # Count in runs of the first bench test.
-            first = weights[0] if weights else weight
-            share = first.mean() / weight.mean()
-            weights.append(weight * share)
-            covariance[np.ix_(columns, columns)] = block * share
-            freedom += count * len(columns) / len(targets)
+            first_weight = weights[0] if weights else weight
+            ratio = first_weight.mean() / weight.mean()
+            weights.append(weight * ratio)
+            covariance[np.ix_(columns, columns)] = block * ratio
+            freedom += block_freedom * len(columns) / len(targets)
         return cls(np.mean(weights, axis=0), covariance, float(freedom))
 
 
@@ -161,7 +173,11 @@ def train(
     rows = rows_of(usable, settings.split, settings.seed)
 
     def fit(part: np.ndarray, covariance: np.ndarray | None = None) -> _Fit:
-        """Fit a new surrogate to some rows."""
+        """Fit a new surrogate to the samples in some rows.
+
+        Their replicates show the noise. Without enough of them `covariance` (k, k) is
+        that of the noise, up to a factor.
+        """
         samples = usable["sample"].iloc[part]
         noise: dict[str, Any] = {"noise_covariance": covariance}
         if settings.replicates:
@@ -181,12 +197,14 @@ def train(
         errors = Y[unseen] - model.predict(X[unseen])
         covariance = error_covariance(errors, targets, source)
         model, noise = fit(rows["train"], covariance)
-    P = model.predict(X)
+    predicted = model.predict(X)
 
     metrics: dict[str, Any] = {"n_samples": len(X), "left_out": len(dataset) - len(X)}
-    metrics |= _accuracy(Y, P, targets.names, rows)
-    metrics["r2_three_ways"] = _three_ways(usable, runs, P, rows["test"], targets)
-    predictions = _predictions(usable["sample"], Y, P, rows, targets)
+    metrics |= _accuracy(Y, predicted, targets.names, rows)
+    metrics["r2_three_ways"] = _three_ways(
+        usable, runs, predicted, rows["test"], targets
+    )
+    predictions = _predictions(usable["sample"], Y, predicted, rows, targets)
 
     # Once the accuracy is known, some kinds of surrogates learn all samples.
     if model.of_all_samples:
@@ -213,22 +231,41 @@ class _Fit(NamedTuple):
 def _predictions(
     samples: pd.Series,
     Y: np.ndarray,
-    P: np.ndarray,
+    predicted: np.ndarray,
     rows: Mapping[str, np.ndarray],
     targets: Targets,
 ) -> pd.DataFrame:
-    """Put the part of each sample beside its responses Y and its predictions P (n, k)."""
+    """Make the table of the samples with their responses and predictions.
+
+    Parameters
+    ----------
+    samples : pandas.Series, (n,)
+        Numbers of the samples.
+    Y, predicted : numpy.ndarray, (n, k)
+        Simulated and predicted responses.
+    rows : mapping
+        Row numbers of each part: train, validation, test.
+    targets : Targets
+
+    Returns
+    -------
+    pandas.DataFrame
+        `sample`, `split` (its part), and for each response the two numbers.
+    """
     table = pd.DataFrame({"sample": samples, "split": ""})
-    for name in SPLITS:
-        table.loc[rows[name], "split"] = name
+    for part in SPLITS:
+        table.loc[rows[part], "split"] = part
     for k, target in enumerate(targets):
         table[target.name] = Y[:, k]
-        table[target.response.predicted] = P[:, k]
+        table[target.response.predicted] = predicted[:, k]
     return table
 
 
 def message(metrics: Mapping[str, Any]) -> str:
-    """Describe a training: errors at unseen samples, and the starts of a network."""
+    """Describe a training: errors at unseen samples, and the starts of a network.
+
+    `metrics` are those of `Training`; a surrogate that is no network has fewer of them.
+    """
     errors = []
     for name, score in metrics["test"].items():
         if score["r2"]:
@@ -266,26 +303,30 @@ def restore(
         If the predictions are not those of the surrogate on the samples of the dataset.
     """
     model = load(surrogate_json)
-    final = _final_names(model.outputs)
-    predicted = [response(name, surrogate_json).predicted for name in model.outputs]
-    predictions = read_table(predictions_csv, ("sample", "split", *predicted))
-    has_all_samples = set(final) <= set(predictions)
+    final_columns = _final_names(model.outputs)
+    columns = [response(name, surrogate_json).predicted for name in model.outputs]
+    predictions = read_table(predictions_csv, ("sample", "split", *columns))
     dataset = read_table(dataset_csv, ("sample", *model.inputs, "status"))
     definitions, summary_json = read_definitions(dataset_csv)
     require_same_definitions(
         model.definitions, surrogate_json, definitions, summary_json
     )
-    usable = dataset[dataset["status"] == "ok"].set_index("sample")
-    if has_all_samples:
-        trained, columns = predictions, final
+
+    # A surrogate that was fitted to all samples has predictions of its own there. Any
+    # other was fitted to the training part.
+    if set(final_columns) <= set(predictions):
+        columns = final_columns
     else:
-        trained, columns = predictions[predictions["split"] == "train"], predicted
-    missing = sorted(set(trained["sample"]) - set(usable.index))
-    if missing or trained.empty:
+        predictions = predictions[predictions["split"] == "train"]
+
+    # Predict the samples of the fit again.
+    usable = dataset[dataset["status"] == "ok"].set_index("sample")
+    missing = sorted(set(predictions["sample"]) - set(usable.index))
+    if missing or predictions.empty:
         words = f"usable samples of {dataset_csv}"
         raise InputError(predictions_csv, "samples", missing, words)
-    X = usable.loc[trained["sample"], list(model.inputs)].to_numpy(float)
-    if not np.allclose(model.predict(X), trained[columns], rtol=1e-6):
+    X = usable.loc[predictions["sample"], list(model.inputs)].to_numpy(float)
+    if not np.allclose(model.predict(X), predictions[columns], rtol=1e-6):
         words = f"those of {surrogate_json} on {dataset_csv}"
         raise InputError(predictions_csv, "predictions", "others", words)
     return model
@@ -343,14 +384,27 @@ def rows_of(
 
     Samples with a `round` of refinement all train. The others are split as if they were
     alone, so every round has the same test samples as the design.
+
+    Parameters
+    ----------
+    samples : pandas.DataFrame
+        A row for each sample; those of a refinement have a number in the column `round`.
+    shares : sequence of float
+        Shares of the rows that train and that validate.
+    seed : int
+
+    Returns
+    -------
+    dict
+        Row numbers of each part.
     """
     is_refined = np.zeros(len(samples), bool)
     if "round" in samples:
         is_refined = samples["round"].notna().to_numpy()
-    designed = np.flatnonzero(~is_refined)
+    design_rows = np.flatnonzero(~is_refined)
     rows = {}
-    for name, part in split(len(designed), shares, seed).items():
-        rows[name] = designed[part]
+    for name, part in split(len(design_rows), shares, seed).items():
+        rows[name] = design_rows[part]
     rows["train"] = np.concatenate([rows["train"], np.flatnonzero(is_refined)])
     return rows
 
@@ -423,16 +477,31 @@ def r2_noise_corrected(
 
 
 def _accuracy(
-    Y: np.ndarray, P: np.ndarray, names: Sequence[str], rows: Mapping[str, np.ndarray]
+    Y: np.ndarray,
+    predicted: np.ndarray,
+    names: Sequence[str],
+    rows: Mapping[str, np.ndarray],
 ) -> dict[str, Any]:
-    """Count the samples of each part, and compute R2 and RMSE of each response there."""
+    """Count the samples of each part, and compute R2 and RMSE of each response there.
+
+    Parameters
+    ----------
+    Y, predicted : numpy.ndarray, (n, k)
+        Simulated and predicted responses.
+    names : sequence of str
+        Of the responses.
+    rows : mapping
+        Row numbers of each part.
+    """
     accuracy: dict[str, Any] = {f"n_{part}": len(rows[part]) for part in SPLITS}
-    for part, i in rows.items():
+    for part, rows_of_part in rows.items():
         scores = {}
         for k, name in enumerate(names):
-            mean_square = np.mean((Y[i, k] - P[i, k]) ** 2)
+            y = Y[rows_of_part, k]
+            prediction = predicted[rows_of_part, k]
+            mean_square = np.mean((y - prediction) ** 2)
             scores[name] = {
-                "r2": r2(Y[i, k], P[i, k]),
+                "r2": r2(y, prediction),
                 "rmse": float(np.sqrt(mean_square)),
             }
         accuracy[part] = scores
@@ -442,30 +511,44 @@ def _accuracy(
 def _three_ways(
     usable: pd.DataFrame,
     runs: pd.DataFrame,
-    P: np.ndarray,
-    test: np.ndarray,
+    predicted: np.ndarray,
+    test_rows: np.ndarray,
     targets: Targets,
 ) -> dict[str, dict[str, float | None]]:
     """Compute R2 of the test samples in three ways.
 
     They are on means, on single runs, and corrected for the noise of the means.
+
+    Parameters
+    ----------
+    usable : pandas.DataFrame
+        All n samples, with the means of their responses and their standard errors.
+    runs : pandas.DataFrame
+        Their single runs.
+    predicted : numpy.ndarray, (n, k)
+        Predictions of the means.
+    test_rows : numpy.ndarray
+        Row numbers of the test samples.
+    targets : Targets
     """
-    unseen = usable.iloc[test]
-    is_unseen = (runs["status"] == "ok") & runs["sample"].isin(unseen["sample"])
-    runs_of_unseen = runs[is_unseen]
+    test = usable.iloc[test_rows]
+    is_of_test = (runs["status"] == "ok") & runs["sample"].isin(test["sample"])
+    test_runs = runs[is_of_test]
     scores = {}
-    for name, error, predicted in zip(
-        targets.names, targets.errors, P[test].T, strict=True
+    for name, error_name, predicted_means in zip(
+        targets.names, targets.errors, predicted[test_rows].T, strict=True
     ):
-        single = runs_of_unseen[runs_of_unseen[name].notna()]
-        by_sample = pd.Series(predicted, unseen["sample"])
-        predicted_of_runs = by_sample[single["sample"]].to_numpy()
-        means = unseen[name].to_numpy(float)
-        errors = unseen[error].to_numpy(float)
+        means = test[name].to_numpy(float)
+        errors = test[error_name].to_numpy(float)
+        # All runs of a sample have the prediction of its mean.
+        runs_of_response = test_runs[test_runs[name].notna()]
+        prediction_of_sample = pd.Series(predicted_means, test["sample"])
+        predicted_runs = prediction_of_sample[runs_of_response["sample"]].to_numpy()
+        values = runs_of_response[name].to_numpy(float)
         scores[name] = {
-            "sample_means": r2(means, predicted),
-            "single_runs": r2(single[name].to_numpy(float), predicted_of_runs),
-            "noise_corrected": r2_noise_corrected(means, predicted, errors),
+            "sample_means": r2(means, predicted_means),
+            "single_runs": r2(values, predicted_runs),
+            "noise_corrected": r2_noise_corrected(means, predicted_means, errors),
         }
     return scores
 

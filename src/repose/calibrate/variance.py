@@ -1,4 +1,4 @@
-"""Variance of a response within and between samples.
+"""Variance of a response within samples (noise) and between samples (signal).
 
 A response of run j of sample i is y_ij = mu + a_i + e_ij, with variance tau^2 between
 samples and sigma^2 within one. Both come from the unbalanced one-way analysis of variance,
@@ -99,7 +99,8 @@ def variance_components(values: ArrayLike, groups: ArrayLike) -> Components:
 
     values, groups = _checked(values, groups)
     number, size, mean = _groups(values, groups)
-    k, n = len(size), len(values)
+    k = len(size)  # groups
+    n = len(values)
     if k < 2 or n == k:
         raise ValueError(
             f"{n} values in {k} groups; expected at least two groups, one of them with "
@@ -122,10 +123,12 @@ def variance_components(values: ArrayLike, groups: ArrayLike) -> Components:
     spread = h * mean.var(ddof=1)
 
     def icc_end(quantile: float) -> float:
+        """Compute an end of the interval of the intraclass correlation, by theta."""
         ratio = _ratio(spread, within * stats.f.ppf(quantile, k - 1, n - k))
         return _share((ratio - 1) / h)
 
     def within_end(quantile: float) -> float:
+        """Compute an end of the interval of sigma^2, which chi^2 gives."""
         return float(within * (n - k) / stats.chi2.ppf(quantile, n - k))
 
     return Components(
@@ -173,6 +176,7 @@ def within_covariance(values: ArrayLike, groups: ArrayLike) -> tuple[np.ndarray,
         Degrees of freedom: runs minus samples.
     """
     values = np.asarray(values, dtype=float)
+    # Subtract from each run the mean of its sample.
     residuals = np.empty_like(values)
     for k, column in enumerate(values.T):
         number, size, mean = _groups(column, groups)
@@ -216,6 +220,7 @@ def residual_correlation(
     product = covariance[0, 0] * covariance[1, 1]
     correlation = float(covariance[0, 1] / math.sqrt(product))
     # The transformed correlation has variance 1 / (n - 3) for n - 1 degrees of freedom.
+    # Within groups `freedom` stands for n - 1.
     half = stats.norm.ppf(0.5 + CONFIDENCE / 2) / math.sqrt(freedom - 2)
     centre = math.atanh(min(max(correlation, -1 + 1e-12), 1 - 1e-12))
     return Correlation(

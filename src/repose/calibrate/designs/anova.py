@@ -37,6 +37,7 @@ class _Row(NamedTuple):
 
 def pure_error(model: Model) -> PureError:
     """Compute the scatter of the runs of a model that were repeated."""
+    # Runs at the same point are a group.
     _, group, size = np.unique(
         np.round(model.coded, DECIMALS), axis=0, return_inverse=True, return_counts=True
     )
@@ -52,6 +53,7 @@ def anova(model: Model) -> pd.DataFrame:
     Model and terms are tested against the mean square of the residuals, the lack of fit
     against that of the pure error. F and p are nan where there is no such mean square.
     """
+    # Sums of squares of the residuals, and of the responses about their mean.
     residual = model.residual_squares
     total = float(((model.response - model.response.mean()) ** 2).sum())
     rows = [

@@ -47,10 +47,11 @@ def box_behnken(factors: int, centres: int) -> np.ndarray:
     blocks = BLOCKS[factors]
     runs = []
     for number, block in enumerate(blocks, start=1):
-        for varied in block:
-            levels = two_level(len(varied))
-            group = np.zeros((len(levels), factors))
-            group[:, np.array(varied) - 1] = levels
+        # Some factors go through all their corners, the others stay at their centre.
+        for factor_numbers in block:
+            corners = two_level(len(factor_numbers))
+            group = np.zeros((len(corners), factors))
+            group[:, np.array(factor_numbers) - 1] = corners
             runs.append(group)
         # Share the centre runs out; the first blocks have the rest of the division.
         n_centres = centres // len(blocks)

@@ -41,6 +41,7 @@ def central_composite(factors: int, axial: str, centres: int) -> CentralComposit
         corners = two_level(factors - 1)
         corners = np.column_stack([corners, corners.prod(axis=1)])
     distance = len(corners) ** 0.25 if axial == "rotatable" else 1.0
+    # Two axial runs of each factor, at -distance and distance.
     star = distance * np.kron(np.eye(factors), np.array([[-1.0], [1.0]]))
     coded = np.vstack([corners, star, np.zeros((centres, factors))])
     return CentralComposite(coded, distance)

@@ -1,4 +1,4 @@
-"""Enhanced stochastic evolution: exchanges that move the points of a design apart.
+"""Spread the points of a design by exchanges (enhanced stochastic evolution).
 
 An exchange swaps two values of a column, so a Latin hypercube stays one. The method is
 that of Jin, Chen and Sudjianto 2005, J. Stat. Plan. Inference 134:268.
@@ -85,18 +85,25 @@ class Pairs:
         array (m,)
         """
         x = self.points[:, column]
-        rows = np.array([i, j])
+        rows = np.array([i, j])  # (2, m)
         exchanges = np.arange(len(i))
-        # In this column, squared distances of rows i and j from all rows, (2, m, n).
+
+        # Squared differences of rows i and j from all rows in this column, (2, m, n).
         in_column = x[rows][:, :, None] - x
         in_column *= in_column
-        # An exchange gives row i the distances of row j in this column.
+
+        # A squared distance is a sum over the columns. An exchange replaces the term of
+        # this column: row i gets that of row j, and row j that of row i.
         shift = in_column[1] - in_column[0]
-        change = self._repulsions(self.squared[rows] + np.array([shift, -shift]))
+        new_squared = self.squared[rows] + np.array([shift, -shift])
+        change = self._repulsions(new_squared)
         change -= self.repulsion[rows]
         # The distance of the two rows from each other and themselves stays.
         change[:, exchanges, rows] = 0.0
-        return change.transpose(2, 0, 1).reshape(-1, len(i)).cumsum(axis=0)[-1]
+
+        # Sum over the other rows and over both rows of an exchange, term by term.
+        terms = change.transpose(2, 0, 1).reshape(-1, len(i))
+        return terms.cumsum(axis=0)[-1]
 
     def exchange(self, column: int, i: int, j: int) -> None:
         """Swap the values of rows i and j in a column."""
@@ -127,12 +134,15 @@ class _Threshold:
             Number of exchanges that were accepted, that improved the best design, and
             that were tried.
         """
+        # Improve: lower the threshold where bad exchanges are accepted, too.
         if is_better:
             if accepted > LOW_ACCEPTANCE * trials and improved < accepted:
                 self.value *= 0.8
             elif accepted <= LOW_ACCEPTANCE * trials:
                 self.value /= 0.8
             return
+
+        # Explore: turn round at low and at high acceptance.
         if accepted < LOW_ACCEPTANCE * trials:
             self.is_rising = True
         elif accepted > HIGH_ACCEPTANCE * trials:

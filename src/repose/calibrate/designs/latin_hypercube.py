@@ -85,6 +85,7 @@ def optimal_lhs(n: int, d: int, seed: int | list[int]) -> np.ndarray:
     # With two points or one column there is nothing to exchange.
     if n < 3 or d < 2:
         return best
+    # Each power goes on from the design of smallest phi_p of the power before it.
     current = best.copy()
     for doublings in PHI_DOUBLINGS:
         current, widest = evolve(current, doublings, ROUNDS_PER_POWER, rng)

@@ -110,28 +110,11 @@ def optimum(
     low, high : array (responses,)
         Ranges of the responses, for the desirability.
     """
-    from scipy import optimize
-
     aims = np.asarray(aims, dtype=float)
     deviations = _Deviations(models, aims, np.asarray(scale, dtype=float))
     n_factors = len(models[0].factors)
     bounds = [(-1.0, 1.0)] * n_factors
-
-    # Minimise the squared deviations from several starts.
-    starts = np.vstack(
-        [
-            np.zeros(n_factors),
-            0.5 * two_level(n_factors),
-            np.eye(n_factors),
-            -np.eye(n_factors),
-        ]
-    )
-    minima = [
-        optimize.minimize(
-            deviations.squared, start, bounds=bounds, method="L-BFGS-B", tol=1e-14
-        ).x
-        for start in starts
-    ]
+    minima = _minima(deviations, bounds)
     best = min(minima, key=deviations.squared)
 
     # If the targets can be met, go along the points that meet them towards the centre.
@@ -153,6 +136,33 @@ def optimum(
         met=is_met,
         desirability=float(desirability(predicted, aims, low, high)[0]),
     )
+
+
+def _minima(
+    deviations: _Deviations, bounds: list[tuple[float, float]]
+) -> list[np.ndarray]:
+    """Minimise the squared deviations from several starts; a point (k,) for each.
+
+    The starts are the centre, points half way to each corner, and the middles of the
+    faces of the cube.
+    """
+    from scipy import optimize
+
+    n_factors = len(bounds)
+    starts = np.vstack(
+        [
+            np.zeros(n_factors),
+            0.5 * two_level(n_factors),
+            np.eye(n_factors),
+            -np.eye(n_factors),
+        ]
+    )
+    return [
+        optimize.minimize(
+            deviations.squared, start, bounds=bounds, method="L-BFGS-B", tol=1e-14
+        ).x
+        for start in starts
+    ]
 
 
 def _most_central(

@@ -102,21 +102,24 @@ class MIGA:
         if fitness.min() < self.best_fitness:
             self.best = points[fitness.argmin()].copy()
             self.best_fitness = float(fitness.min())
+        # The number of the generation in its round.
         step = self.generation % self.generations
         if step == 0:
             self._draw()
         self.generation += 1
 
+        # Migrate at the end of a round.
         order = self._ranked(fitness)
         if self.generation % self.generations == 0:
             points, fitness = self._migrate(points, fitness, order)
             order = self._ranked(fitness)
 
-        # A tournament depends on ranks alone: the winner of three is the smallest of
-        # three random ranks.
+        # Choose two parents of each child by tournaments. A tournament depends on ranks
+        # alone: the winner of three is the smallest of three random ranks.
         parents = points[order.take(self._winners[step] + self._first)]
         children = self._cross(parents[:, :population], parents[:, population:], step)
         children += self._mutation[step]
+        # Mutations do not leave the cube.
         np.minimum(children, 1.0, out=children)
         np.maximum(children, -1.0, out=children)
         self._keep_best(children, points[order[:, 0]])
@@ -144,6 +147,7 @@ class MIGA:
         """
         islands, population, dimensions = self.shape
         generations = self.generations
+        # Each child has two parents, and each parent won a tournament.
         ranks = self.random.randint(
             population,
             size=(self.settings.tournament, generations, islands, 2 * population),
@@ -183,6 +187,7 @@ def migrate(
     """
     points = points.copy()
     fitness = fitness.copy()
+    # Rows of the best of each island, and of the worst of the island after it.
     best = order[:, 0]
     worst_of_next = np.roll(order[:, -1], -1)
     points[worst_of_next] = points[best]

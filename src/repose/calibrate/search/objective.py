@@ -1,4 +1,4 @@
-"""The objective of the search, and the archive of the points that it keeps.
+"""The objective that the search minimises, and the archive of the points that it keeps.
 
 The publication does not define the constraints. Here the fitness of a point is F
 (Eq. 11) where all its responses lie in the ranges of the targets, and
@@ -116,6 +116,7 @@ class Preference:
         mean = np.zeros(space.dimensions)
         sd = np.full(space.dimensions, np.inf)
         for name, (prior_mean, prior_sd) in space.prior.items():
+            # The search scales the range of a parameter to [-1, 1].
             k = space.free.index(name)
             half_width = (space.high[k] - space.low[k]) / 2
             mean[k] = (prior_mean - space.low[k]) / half_width - 1
@@ -183,6 +184,7 @@ class Archive:
             return
         points = points[may_enter]
         fitness = fitness[may_enter]
+        # Let them wait in parts, each no larger than the buffer.
         for start in range(0, len(points), self.buffer):
             part = slice(start, start + self.buffer)
             n_added = len(points[part])
@@ -227,18 +229,20 @@ def distinct(
     -------
     array of int
     """
+    # The points that are left, best first: their rows, and their coordinates (d, left).
     rows = np.argsort(fitness, kind="stable")
-    columns = np.ascontiguousarray(points[rows].T)
+    coordinates = np.ascontiguousarray(points[rows].T)
     kept: list[int] = []
     while len(rows) and len(kept) < limit:
-        # Keep the best of the rest, and drop it and all points too near to it.
+        # Keep the best point that is left, then drop it and all points too near to it.
         kept.append(int(rows[0]))
-        squared = ((columns - columns[:, :1]) ** 2).sum(axis=0)
+        best = coordinates[:, :1]
+        squared = ((coordinates - best) ** 2).sum(axis=0)
         is_distinct = squared >= distance**2
         is_distinct[0] = False
-        rest = np.flatnonzero(is_distinct)  # twice as fast as the mask itself
-        rows = rows[rest]
-        columns = columns.take(rest, axis=1)
+        left = np.flatnonzero(is_distinct)  # twice as fast as the mask itself
+        rows = rows[left]
+        coordinates = coordinates.take(left, axis=1)
     return np.array(kept, dtype=int)
 
 

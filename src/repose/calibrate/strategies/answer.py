@@ -1,4 +1,4 @@
-"""An answer of a strategy as tables and sentences."""
+"""The answer of a strategy, written as tables and sentences."""
 
 from dataclasses import replace
 from typing import Any
@@ -10,6 +10,7 @@ from repose.calibrate.bounds import near_bounds
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.search.settings import MigaSettings
 from repose.calibrate.strategies.base import Answer
+from repose.calibrate.surrogates.base import Predictor
 from repose.calibrate.targets import Targets
 
 
@@ -23,28 +24,35 @@ def content(answer: Answer, space: ParameterSpace, targets: Targets) -> dict[str
         parameters ``near_bounds`` as `repose.calibrate.bounds` finds them, and the samples
         ``simulated`` that are runs of the answer already.
     """
-    # The mean of a simulated answer is of its own runs. The check compares these runs
-    # with the model, so the table has the prediction of the model.
     if answer.simulated and answer.model is not None:
-        point = answer.values[None]
-        answer = replace(
-            answer,
-            mean=answer.model.predict(point)[0],
-            covariance=answer.model.covariance(point)[0],
-        )
-    near = []
+        answer = _with_prediction(answer, answer.model)
+    bounds = []
     if answer.model is not None:
         values = dict(zip(space.names, answer.values.tolist(), strict=True))
-        near = near_bounds(answer.model, values, space)
+        bounds = near_bounds(answer.model, values, space)
     feasible, message = verdict(answer, targets, answer.notes.get("note", ""))
     return {
         "feasible": feasible,
         "message": message,
         "predicted_error": answer.error,
         "solutions": solutions(answer, feasible, space, targets),
-        "near_bounds": near,
+        "near_bounds": bounds,
         "simulated": answer.simulated,
     }
+
+
+def _with_prediction(answer: Answer, model: Predictor) -> Answer:
+    """Return an answer that was simulated with the prediction of its model.
+
+    Its mean is of its own runs. The check compares these runs with the model, so the
+    tables need the model's prediction.
+    """
+    point = answer.values[None]
+    return replace(
+        answer,
+        mean=model.predict(point)[0],
+        covariance=model.covariance(point)[0],
+    )
 
 
 def verdict(answer: Answer, targets: Targets, note: str = "") -> tuple[bool, str]:
@@ -103,10 +111,11 @@ def separated(unit: np.ndarray, section: MigaSettings) -> np.ndarray:
     """
     from scipy.spatial.distance import cdist
 
-    kept: list[int] = []
+    rows: list[int] = []
     for k, point in enumerate(unit):
-        if not kept or 2 * cdist(unit[kept], point[None]).min() >= section.distance:
-            kept.append(k)
-        if len(kept) == section.solutions:
+        # A range of the unit cube is two half ranges.
+        if not rows or 2 * cdist(unit[rows], point[None]).min() >= section.distance:
+            rows.append(k)
+        if len(rows) == section.solutions:
             break
-    return np.array(kept, dtype=int)
+    return np.array(rows, dtype=int)

@@ -92,6 +92,12 @@ def next_number(data: pd.DataFrame) -> int:
 def check_responses(data: pd.DataFrame, targets: Targets) -> None:
     """Refuse responses from which no model can be made.
 
+    Parameters
+    ----------
+    data : pandas.DataFrame
+        A row for each run, with a column for each response; NaN for a run that failed.
+    targets : Targets
+
     Raises
     ------
     InputError
@@ -99,19 +105,22 @@ def check_responses(data: pd.DataFrame, targets: Targets) -> None:
     """
     names = list(targets.names)
     for name in names:
-        count = data[name].count()
-        if count >= 2 and data[name].nunique() <= 1:
+        n_runs = data[name].count()
+        if n_runs >= 2 and data[name].nunique() <= 1:
             allowed = (
-                f"results that differ; all {count} good runs have this one: is the "
+                f"results that differ; all {n_runs} good runs have this one: is the "
                 "right column read?"
             )
             raise InputError("runs", name, float(data[name].max()), allowed)
 
-    values = data[names].dropna()
-    if len(values) <= len(names) + 1:
+    # As many runs as responses, or one more, always look dependent.
+    complete = data[names].dropna()
+    if len(complete) <= len(names) + 1:
         return
-    # Responses that follow from each other have correlations of lower rank.
-    eigenvalues, eigenvectors = np.linalg.eigh(values.corr())
+
+    # If a response follows from others, the matrix of correlations has an eigenvalue of 0.
+    # Its eigenvector has a component for each of these responses.
+    eigenvalues, eigenvectors = np.linalg.eigh(complete.corr())
     if not eigenvalues[0] > ALIKE:
         dependent = [
             name
@@ -129,7 +138,12 @@ def samples_of_runs(
 ) -> pd.DataFrame:
     """Summarise the runs by sample, as the stage `dataset` does.
 
-    A sample counts as many runs as its rarest response has: bench tests fail separately.
+    Parameters
+    ----------
+    data : pandas.DataFrame
+        A row for each run: `sample`, parameters, and responses, NaN where it failed.
+    space : ParameterSpace
+    targets : Targets
 
     Returns
     -------
@@ -139,31 +153,47 @@ def samples_of_runs(
     responses = list(targets.names)
     rows = []
     for sample, runs in data.groupby("sample", sort=False):
-        count = int(runs[responses].count().min())
-        is_ok = count > 0 and 2 * count >= len(runs)
+        # Bench tests fail separately, so the response with the fewest values counts.
+        n_good = int(runs[responses].count().min())
+        is_ok = n_good > 0 and 2 * n_good >= len(runs)
         row = {
             "sample": sample,
             **runs.iloc[0][list(space.names)],
             "status": OK if is_ok else "failed",
             "reason": "",
-            "n_seeds": count,
+            "n_seeds": n_good,
         }
-        for name, error in zip(targets.names, targets.errors, strict=True):
+        for name, error_name in zip(targets.names, targets.errors, strict=True):
             values = runs[name].dropna() if is_ok else ()
-            row[name], row[error] = mean_and_error(values)
+            mean, error = mean_and_error(values)
+            row[name] = mean
+            row[error_name] = error
         rows.append(row)
-    columns = (*targets.names, *targets.errors)
-    return pd.DataFrame(rows).astype(dict.fromkeys(columns, float))
+    number_columns = (*targets.names, *targets.errors)
+    return pd.DataFrame(rows).astype(dict.fromkeys(number_columns, float))
 
 
 def runs_by_bench(data: pd.DataFrame, targets: Targets) -> pd.DataFrame:
-    """List the runs of each bench test as rows, as the stage `dataset` writes them."""
+    """List the runs of each bench test as rows, as the stage `dataset` writes them.
+
+    Parameters
+    ----------
+    data : pandas.DataFrame
+        A row for each run, with the responses of all bench tests.
+    targets : Targets
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each run and bench test: `sample`, its responses, `apparatus`, `status`
+        and `reason`.
+    """
     tables = []
-    for apparatus, columns in targets.benches.items():
+    for bench, columns in targets.benches.items():
         names = [targets.names[k] for k in columns]
         is_complete = data[names].notna().all(axis=1)
         table = data[["sample", *names]].assign(
-            apparatus=apparatus,
+            apparatus=bench,
             status=np.where(is_complete, OK, "failed"),
             reason="",
         )
@@ -204,18 +234,26 @@ def unread_columns(study: Study, rows: Rows) -> dict[str, str]:
 
 
 def rows_of(path: Path_, study: Study) -> Rows:
-    """Read the rows of a CSV file of runs as text, by the names of the study."""
-    # The cells of parameters and responses are checked with all other runs.
+    """Read the rows of a CSV file of runs as text, by the names of the study.
+
+    Raises
+    ------
+    InputError
+        If the file is no table, or a row has no sample or no run where others have one.
+    """
+    # The cells of parameters and responses are checked later, with all other runs.
     names = (TURN, *study.parameters.names, *study.targets.names)
     columns = [Column(name, object, needed=False) for name in names]
     status = Column("status", str, needed=False, empty=True)
     table = read(path, [*columns, status], "a CSV file of runs", optional=NUMBERS)
     for key in NUMBERS:
-        if key in table.values:
-            cells = without_point(table.values[key])
-            allowed = "a number, as in the other rows; a row that sums up is no run"
-            refuse(path, [(k, key, "", allowed) for k, c in enumerate(cells) if not c])
-            table.values[key] = cells
+        if key not in table.values:
+            continue
+        cells = without_point(table.values[key])
+        allowed = "a number, as in the other rows; a row that sums up is no run"
+        faults = [(k, key, "", allowed) for k, cell in enumerate(cells) if not cell]
+        refuse(path, faults)
+        table.values[key] = cells
     return table.rows()
 
 
@@ -325,33 +363,43 @@ def judge_runs(
         Faults are a text in place of a response, and a status that is a number.
     """
     n_runs = len(next(iter(cells.values())))
-    statuses = [_status(cell) for cell in cells.get("status", [None] * n_runs)]
+    empty_column = [None] * n_runs
+
+    # Read the statuses. A number may mean success or failure, so it is a fault.
+    statuses = [_status(cell) for cell in cells.get("status", empty_column)]
     faults = [
         (k, "status", status, "ok, or a word such as failed")
         for k, status in enumerate(statuses)
         if is_plain([status])
     ]
-    is_failed = {k for k, status in enumerate(statuses) if status != OK}
+
+    # Read the responses of the runs that did not fail by their status.
+    failed_rows = {k for k, status in enumerate(statuses) if status != OK}
     numbers = {
-        name: [_finite_or_nan(cell) for cell in cells.get(name, [None] * n_runs)]
+        name: [_finite_or_nan(cell) for cell in cells.get(name, empty_column)]
         for name in responses
     }
     columns = [Column(name, empty=True, words=RESPONSE) for name in responses]
-    values, faults_of_responses = check(numbers, columns, is_failed)
-    for k, numbers_of_run in enumerate(zip(*values.values(), strict=True)):
-        if not np.isfinite(numbers_of_run).all():
-            statuses[k] = FAILED if statuses[k] == OK else statuses[k]
-            for column in values.values():
-                column[k] = math.nan
+    values, faults_of_responses = check(numbers, columns, failed_rows)
+
+    # A run with one response missing has none.
+    for k, responses_of_run in enumerate(zip(*values.values(), strict=True)):
+        if np.isfinite(responses_of_run).all():
+            continue
+        if statuses[k] == OK:
+            statuses[k] = FAILED
+        for column in values.values():
+            column[k] = math.nan
     return Outcomes(statuses, values, [*faults, *faults_of_responses])
 
 
 def cells_of_result(
     result: Mapping[Any, Any], responses: Sequence[str]
 ) -> tuple[dict[str, Any], str]:
-    """Write what a function gave for a run as cells for `judge_runs` without a fault.
+    """Write what a function gave for a run as cells in which `judge_runs` finds no fault.
 
-    Whatever stands in place of a number, the run failed, and the campaign goes on.
+    A table with a text in place of a number is refused. A run of a function is not,
+    because a long calibration has to go on: it counts as failed.
 
     Parameters
     ----------
@@ -368,21 +416,24 @@ def cells_of_result(
         A sentence where a response has no number and no status says why; else empty.
     """
     cells = {str(key): value for key, value in result.items()}
-    without_number = []
+    doubtful = []  # responses that are neither a number nor marked as missing
     for name in responses:
         try:
             cells[name] = plain_number(cells[name])
         except (KeyError, TypeError, ValueError, OverflowError):
             if name not in cells or not is_missing(cells[name]):
-                without_number.append(name)
+                doubtful.append(name)
             cells[name] = math.nan
+
     status = str(cells.get("status", ""))
     if is_plain([status]):
         # A number may mean anything; no run with one is good.
         cells["status"] = f"status {status}"
-    if not without_number or not result or _status(cells.get("status")) != OK:
+
+    failed_by_status = _status(cells.get("status")) != OK
+    if not doubtful or not result or failed_by_status:
         return cells, ""
-    names = ", ".join(without_number)
+    names = ", ".join(doubtful)
     return cells, f"a run without a number for {names} failed; simulate gave {result}"
 
 
@@ -446,21 +497,27 @@ def _numbers_of_samples(
     sets : pandas.DataFrame
         The parameters of the rows.
     rows : sequence of mapping
+        The rows of the table, as text.
     study : Study
     source : object
         File of the table, for an error.
     """
-    numbers: Sequence[int] = pd.factorize(sets.apply(tuple, axis=1))[0] + 1
+    # Number the different parameter sets from 1, in the order of their first row.
+    points = sets.apply(tuple, axis=1)
+    set_numbers: Sequence[int] = pd.factorize(points)[0] + 1
     if "sample" not in rows[0]:
-        return numbers
+        return set_numbers
+
     names = without_point(row["sample"] for row in rows)
     repeats_points = strategy(study.settings.strategy).repeats_points
-    _refuse_mixed_samples(names, numbers, repeats_points, source)
+    _refuse_mixed_samples(names, set_numbers, repeats_points, source)
+
+    # Keep names that are numbers, unless two of them, such as 3 and 003, are the same
+    # number. Others are numbered from 1.
     if all(name.isdecimal() and len(name) < 10 for name in names):
-        # Names such as 3 and 003 are two samples, and so cannot be their numbers.
-        n_numbers = len({int(name) for name in names})
-        if n_numbers == len(set(names)):
-            return [int(name) for name in names]
+        numbers = [int(name) for name in names]
+        if len(set(numbers)) == len(set(names)):
+            return numbers
     return pd.factorize(pd.Series(names))[0] + 1
 
 
@@ -483,12 +540,14 @@ def _refuse_mixed_samples(
     source : object
         File of the table.
     """
+    # The first row of each sample and of each parameter set.
     first_of_name: dict[str, int] = {}
     first_of_set: dict[int, int] = {}
     faults: list[Fault] = []
     for k, (name, number) in enumerate(zip(names, set_numbers, strict=True)):
         row_of_name = first_of_name.setdefault(name, k)
         row_of_set = first_of_set.setdefault(number, k)
+        # Compare this row with the first row of its sample, and with that of its set.
         if set_numbers[row_of_name] != number:
             allowed = (
                 f"one set of parameters for each sample; row {row_of_name + 1} has "
@@ -515,9 +574,18 @@ def _refuse_repeated_rows(table: pd.DataFrame, rows: Rows, source: object) -> No
 
     A column `run` tells runs apart whose results are equal, as those of a simulator
     without random numbers. Without it two good rows with the same numbers are one run.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        The checked table: `sample`, `status`, parameters and responses.
+    rows : sequence of mapping
+        The same rows as text, which may have `run`.
+    source : object
+        File of the table, for an error.
     """
     has_runs = "run" in rows[0]
-    first_row: dict[tuple[Any, ...], int] = {}
+    first_row: dict[tuple[Any, ...], int] = {}  # by what identifies a run
     faults: list[Fault] = []
     values_of_rows = table.itertuples(index=False, name=None)
     for k, (row, values) in enumerate(zip(rows, values_of_rows, strict=True)):

@@ -198,6 +198,7 @@ class BayesianBP(TrainingSettings, Surrogate):
         The training begins at the weights that were found, and keeps the scalings,
         alpha and beta. Evidence and statistics stay those of the first fit.
         """
+        # Scale and mix the outputs as `fit` does.
         X, Y, count, precision = checked_samples(X, Y, **noise)
         weight = count[:, None] * precision
         noise_covariance = noise.get("noise_covariance")
@@ -212,6 +213,7 @@ class BayesianBP(TrainingSettings, Surrogate):
             beta=self.beta_,
             settings=self,
         )
+        # Keep the result in a copy.
         network = copy.copy(self)
         network._mixing = mixing
         network.training_ = {
@@ -231,6 +233,8 @@ class BayesianBP(TrainingSettings, Surrogate):
         for k, end in enumerate(ends):
             statistics = {key: end[key] for key in STATISTICS}
             self.starts_.append({"start": k} | statistics)
+
+        # Take the largest evidence of the starts that converged, or of all.
         converged = [k for k, end in enumerate(ends) if end["decrement"] < CONVERGED]
         self.converged_starts_ = len(converged)
         candidates = converged if converged else range(self.starts)
@@ -429,6 +433,7 @@ class BayesianBP(TrainingSettings, Surrogate):
             raise ValueError(
                 f"{len(order)} samples of {len(self.training_['inputs'])} inputs"
             )
+        # Compute J'J of the residuals as in training, on mixed outputs.
         X = self.training_["inputs"][order]
         weight = self.training_["weight"][order]
         outputs = len(self.b2_)
@@ -439,9 +444,12 @@ class BayesianBP(TrainingSettings, Surrogate):
         x = scale(X, self.input_min_, self.input_max_, self.scaled_range)
         _, J = jacobian(w, x, outputs)
         J = (J * np.sqrt(weight)[:, :, None]).reshape(-1, w.size)
+
+        # The regularisation of each weight is that of its class.
         classes = weight_classes(self.prior, X.shape[1], self.hidden, outputs)
         alpha_of_weight = of_each_weight(np.atleast_1d(self.alpha_), classes, w.size)
-        self._set_errors(posterior_root(alpha_of_weight, self.beta_, J.T @ J), mixing)
+        root = posterior_root(alpha_of_weight, self.beta_, J.T @ J)
+        self._set_errors(root, mixing)
 
     def _set_errors(self, root: np.ndarray, mixing: np.ndarray) -> None:
         """Set errors for the outputs before mixing, from those of the mixed outputs.
@@ -508,7 +516,9 @@ def covariances(
     if weights is None:
         weights = np.array([network._weights() for network in networks])
     X = np.asarray(X, dtype=float)
+    # In the units of the responses.
     stretch = networks[0]._stretch()[:, None]
+    # A part of the samples at a time, as the derivatives need much memory.
     parts = []
     for points in np.array_split(X, 1 + len(X) // CHUNK):
         roots = weight_roots(networks, points, weights) * stretch
@@ -519,10 +529,27 @@ def covariances(
 def weight_roots(
     networks: Sequence[BayesianBP], X: np.ndarray, weights: np.ndarray
 ) -> np.ndarray:
-    """Compute roots of the covariance of scaled outputs, as a product dy/dw R.
+    """Compute roots of the covariance of the scaled outputs of networks.
 
-    R is the root of the covariance of a network's weights. The arguments are those of
-    `covariances`; the result has the shape (networks, samples, outputs, N).
+    An error dw of the weights moves the outputs by J dw, with the derivatives J = dy/dw.
+    With the root R of the covariance of the weights, J R is the root for the outputs.
+
+    Parameters
+    ----------
+    networks : sequence of BayesianBP
+        They share their scalings.
+    X : array (samples, inputs)
+    weights : array (networks, N)
+        Of the networks.
+
+    Returns
+    -------
+    array (networks, samples, outputs, N)
+
+    Raises
+    ------
+    ValueError
+        If a network was saved without its training data.
     """
     if not all(network.knows_its_errors for network in networks):
         raise ValueError(

@@ -60,21 +60,22 @@ def log_evidence(
     if not (np.all(alpha > 0) and beta > 0):
         return -math.inf
     N = len(JJ)
-    numbers = np.arange(N)
+    # N/2 log(2 alpha), with the number of weights of each class.
+    indices = np.arange(N)
     log_prior = sum(
-        len(numbers[members]) / 2 * math.log(2 * value)
+        len(indices[members]) / 2 * math.log(2 * value)
         for value, members in zip(alpha, classes, strict=True)
     )
     hessian = 2 * beta * JJ + np.diag(2 * of_each_weight(alpha, classes, N))
     _, log_det = np.linalg.slogdet(hessian)
-    value = (
+    evidence = (
         n / 2 * math.log(beta / math.pi)
         + log_prior
         - log_det / 2
         - beta * Ed
         - alpha @ Ew
     )
-    return float(value) if math.isfinite(value) else -math.inf
+    return float(evidence) if math.isfinite(evidence) else -math.inf
 
 
 def posterior_root(alpha: np.ndarray, beta: float, JJ: np.ndarray) -> np.ndarray:

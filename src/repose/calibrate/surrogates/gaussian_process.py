@@ -110,13 +110,13 @@ class GaussianProcess(Combined, Surrogate):
         variance_bounds, length_bounds, noise_bounds = bounds
         x = self._scaled(self.training_["inputs"])
         self.processes_ = []
-        for first, values, precision in zip(
+        for start, values, precision in zip(
             kernels, self.values.T, self.training_["precision"].T, strict=True
         ):
             kernel = smooth(
-                first["variance"], first["lengths"], (variance_bounds, length_bounds)
+                start["variance"], start["lengths"], (variance_bounds, length_bounds)
             )
-            noise = SampleNoise(first["noise_variance"], noise_bounds, precision)
+            noise = SampleNoise(start["noise_variance"], noise_bounds, precision)
             self.processes_.append(Process(kernel, x, values, noise=noise))
 
     def _scaled(self, X: ArrayLike) -> np.ndarray:
@@ -131,12 +131,10 @@ class GaussianProcess(Combined, Surrogate):
         means = self.unmixed(scaled_means) + self.offset_
         if not return_std:
             return means
-        noise_variances = noise * np.array(
-            [process.noise_level for process in self.processes_]
-        )
-        variances = (
-            (self._variances(x) + noise_variances) * self._scale**2 @ self._unmixing**2
-        )
+        # The processes are independent, so their variances add up in the responses.
+        noise_levels = np.array([process.noise_level for process in self.processes_])
+        scaled_variances = self._variances(x) + noise * noise_levels
+        variances = scaled_variances * self._scale**2 @ self._unmixing**2
         return means, np.sqrt(variances)
 
     def covariance(self, X: ArrayLike) -> np.ndarray:

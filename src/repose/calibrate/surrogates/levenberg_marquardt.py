@@ -1,4 +1,4 @@
-"""Training of one start: Levenberg-Marquardt on a regularised sum of squares.
+"""Training of a network from one start: Levenberg-Marquardt with regularisation.
 
 The training minimises F = beta E_d + alpha E_w and re-estimates alpha and beta after
 each step.
@@ -219,6 +219,7 @@ def train_start(
         size=np.array([w[members].size for members in classes], dtype=float),
     )
     state, epochs, reason = _train(w, data, settings)
+    # A single class of weights has one alpha, a number.
     alpha = float(state.alpha[0]) if settings.prior == "one" else state.alpha
     return {
         "w": state.at.w,
@@ -281,8 +282,10 @@ def train_again(
         alpha=alpha,
         alpha_of_weight=of_each_weight(alpha, classes, w.size),
         beta=beta,
-        gamma=size,
+        gamma=size,  # not used: alpha and beta stay
     )
+
+    # Take steps that lower F, until one lowers it by very little.
     F = state.F()
     mu = max(settings.mu, SMALLEST_MU)
     for _ in range(DESCENT):
@@ -308,6 +311,13 @@ def _train(w: np.ndarray, data: _Data, settings: TrainingSettings) -> _End:
 
     With several classes of weights the end is the minimum of F at the alpha and beta of
     the largest evidence.
+
+    Parameters
+    ----------
+    w : array (N,)
+        First weights.
+    data : _Data
+    settings : TrainingSettings
     """
     state = _first_state(w, data)
     mu = max(settings.mu, SMALLEST_MU)
@@ -323,6 +333,7 @@ def _train(w: np.ndarray, data: _Data, settings: TrainingSettings) -> _End:
             break
         weights, mu = _step(state, mu, data, settings)
         if weights is None:
+            # No damping up to the largest one gives a step that lowers F.
             reason = "mu"
             break
         state = _re_estimated(_point(weights, data), state, data)
@@ -356,9 +367,10 @@ def _first_state(w: np.ndarray, data: _Data) -> _State:
 
 
 def _better(best: _Best | None, state: _State, epoch: int, data: _Data) -> _Best | None:
-    """Return the better of the best state so far and a new one.
+    """Return the state of larger evidence: the best one so far, or a new one.
 
     A state counts only if it is so near to the minimum of F that its evidence holds.
+    Before the first such state the result is None.
     """
     if not state.decrement() < NEAR:
         return best
@@ -387,7 +399,16 @@ def _step(
 ) -> tuple[np.ndarray | None, float]:
     """Raise the damping mu until a step lowers F (HM94).
 
-    The step is w - (H / 2 + mu I)^-1 (gradient / 2).
+    The new weights are w - (H / 2 + mu I)^-1 (gradient / 2).
+
+    Parameters
+    ----------
+    state : _State
+        Weights with their alpha and beta.
+    mu : float
+        The first damping.
+    data : _Data
+    settings : TrainingSettings
 
     Returns
     -------
@@ -396,13 +417,14 @@ def _step(
     mu : float
         The damping of the next step.
     """
-    at = state.at
+    point = state.at
     half_gradient = state.half_gradient()
-    identity = np.eye(at.w.size)
-    F = state.beta * at.Ed + state.alpha @ at.Ew
+    identity = np.eye(point.w.size)
+    F = state.beta * point.Ed + state.alpha @ point.Ew
     while mu <= settings.mu_max:
-        damped = state.beta * at.JJ + (state.alpha_of_weight + mu) * identity
-        weights = at.w - np.linalg.solve(damped, half_gradient)
+        damped = state.beta * point.JJ + (state.alpha_of_weight + mu) * identity
+        weights = point.w - np.linalg.solve(damped, half_gradient)
+        # Compute F at the new weights, and raise the damping unless F is lower there.
         e = residuals(weights, data.x, data.t, data.root_weight)
         Ew = _square_sums(weights, data.classes)
         if state.beta * (e @ e) + state.alpha @ Ew < F:

@@ -64,11 +64,12 @@ class NetworkEnsemble(Surrogate):
         return cls([BayesianBP.of(settings)])
 
     def fit(self, X: ArrayLike, Y: ArrayLike, **noise: Unpack[Noise]) -> Self:
+        # The network trains all starts, and keeps the best.
         best = self.members_[0]
         best.inputs = self.inputs
         best.fit(X, Y, **noise)
 
-        # Choose the starts of the members.
+        # The members are the starts that converged to about the same evidence.
         self.member_starts_ = []
         for start in best.starts_:
             is_near = start["log_evidence"] >= best.log_evidence_ - NATS
@@ -152,10 +153,13 @@ class NetworkEnsemble(Surrogate):
         if self._last is not None and np.array_equal(X, self._last.points):
             return self._last.means
         x = scale(X, first.input_min_, first.input_max_, first.scaled_range)
-        W1, b1 = self._stacked("W1"), self._stacked("b1")
-        W2, b2 = self._stacked("W2"), self._stacked("b2")
-        a = np.tanh(np.einsum("ni,mhi->mnh", x, W1) + b1[:, None])
-        y = np.einsum("mnh,mkh->mnk", a, W2) + b2[:, None]
+        W1 = self._stacked("W1")
+        b1 = self._stacked("b1")
+        W2 = self._stacked("W2")
+        b2 = self._stacked("b2")
+        # Indices: member m, sample n, input i, hidden neuron h, response k (Eq. 6-8).
+        hidden = np.tanh(np.einsum("ni,mhi->mnh", x, W1) + b1[:, None])
+        y = np.einsum("mnh,mkh->mnk", hidden, W2) + b2[:, None]
         means = unscale(y, first.output_min_, first.output_max_, first.scaled_range)
         self._last = _Prediction(points=X.copy(), means=means)
         return means

@@ -111,6 +111,8 @@ class Process:
             # effect.
             warnings.simplefilter("ignore")
             model.fit(x, values)
+
+        # Separate the fitted noise from the kernel of the values.
         if noise is None:
             self.kernel = model.kernel_
             self.noise_level = 0.0

@@ -58,6 +58,8 @@ class QuadraticSurface(Surrogate):
         self.low_ = X.min(axis=0)
         self.width_ = width(X.min(axis=0), X.max(axis=0))
         self.varies_ = X.max(axis=0) > self.low_
+
+        # The noise comes from the residuals, so at least one must be free.
         A = self._terms(X)
         n_samples, n_terms = A.shape
         freedom = n_samples - n_terms
@@ -72,10 +74,12 @@ class QuadraticSurface(Surrogate):
             groups = [slice(k, k + 1) for k in range(outputs)]
         else:
             groups = [slice(None)]
-        fits = [
-            _weighted_fit(A, Y[:, group], np.sqrt(precision[:, group][:, 0]))
-            for group in groups
-        ]
+        fits = []
+        for group in groups:
+            precision_of_group = precision[:, group][:, 0]
+            fits.append(_weighted_fit(A, Y[:, group], np.sqrt(precision_of_group)))
+
+        # Put the results of the groups side by side; one root for each response.
         self.coefficients_ = np.hstack([fit.coefficients for fit in fits])
         residuals = np.hstack([fit.residuals for fit in fits])
         self._roots = [fit.root for fit in fits] * (outputs // len(fits))

@@ -1,4 +1,4 @@
-"""Samples of a fit in one form, and their noise.
+"""Check the samples of a fit, and describe their noise.
 
 (A35)  Aitken 1935, on least squares and linear combination of observations: residuals
        whose noises are correlated are made independent by a root of their covariance
@@ -80,6 +80,7 @@ def independent_mixing(
         raise ValueError(
             f"noise_covariance is {noise_covariance!r}; expected positive definite"
         ) from error
+    # The determinant of the root is the product of its diagonal.
     geometric_mean = np.prod(np.diagonal(root)) ** (1 / len(root))
     return np.linalg.inv(root).T * geometric_mean
 
@@ -184,6 +185,7 @@ def checked_samples(
         For other shapes, numbers that are not finite, weights below 0, precisions not
         above 0, or fewer than two samples of a weight above 0.
     """
+    # Bring all into tables with a row for each sample.
     X = np.asarray(X, dtype=float)
     Y = np.asarray(y, dtype=float)
     if Y.ndim == 1:
@@ -199,6 +201,7 @@ def checked_samples(
     _check_weights(X=X, Y=Y, count=count, precision=precision)
     precision = np.broadcast_to(precision.reshape(n_samples, -1), Y.shape)
 
+    # Leave out the samples of weight 0.
     is_counted = count > 0
     n_counted = np.count_nonzero(is_counted)
     if n_counted < 2:

@@ -1,4 +1,4 @@
-"""Warnings where a surrogate is used beyond its data.
+"""The region that samples cover, and warnings of parameter sets beyond it.
 
 A parameter set gets a warning in three cases: when a parameter lies within 1 % of its
 range from an end, when the nearest sample is farther away than most samples are from
@@ -69,9 +69,10 @@ class Support:
         distances, _ = self.tree.query(unit, k=2)
         self.farthest = float(np.quantile(distances[:, 1], DISTANCE_QUANTILE))
 
-        # With R of the QR decomposition of the terms A, the leverage of a row a is
-        # |a R^-1|^2. With as many coefficients as samples every sample has leverage 1,
-        # which tells nothing.
+        # The leverage of a point says how much a quadratic model extrapolates there. With
+        # R of the QR decomposition of the terms A, the leverage of a row a is |a R^-1|^2.
+        # With as many coefficients as samples every sample has leverage 1, which tells
+        # nothing.
         terms = quadratic_terms(unit)
         n_samples, n_terms = terms.shape
         self._inverse_R: np.ndarray | None = None

@@ -86,11 +86,15 @@ def response_function(
     """
     arrays = _float_arrays(network)
     bottom, top = arrays["scaled_range"]
-    # x = bottom + (X - input_min) * per_unit, with X = (low + high) / 2 + point * half
+
+    # A parameter set is X = (low + high) / 2 + point * (high - low) / 2. It is scaled to
+    # x = bottom + (X - input_min) * per_unit. So x is linear in the point.
     per_unit = (top - bottom) / width(arrays["input_min"], arrays["input_max"])
     centre = bottom + ((low + high) / 2 - arrays["input_min"]) * per_unit
     W1 = np.ascontiguousarray((arrays["W1"] * per_unit * (high - low) / 2).T)
     b1 = arrays["b1"] + arrays["W1"] @ centre
+
+    # The responses are linear in the scaled outputs.
     stretch = width(arrays["output_min"], arrays["output_max"]) / (top - bottom)
     W2 = np.ascontiguousarray((arrays["W2"] * stretch[:, None]).T)
     b2 = arrays["output_min"] + (arrays["b2"] - bottom) * stretch
@@ -158,10 +162,14 @@ def mix_outputs(w: np.ndarray, mixing: np.ndarray, hidden: int) -> np.ndarray:
     outputs = len(mixing)
     start_of_W2 = len(w) - outputs * (hidden + 1)
     start_of_b2 = len(w) - outputs
+    W2 = w[start_of_W2:start_of_b2]
+    b2 = w[start_of_b2:]
+    # The weights of the hidden layer stay. Those of the outputs, a row for each, mix as
+    # the outputs do.
     parts = [w[:start_of_W2]]
-    for layer in (w[start_of_W2:start_of_b2], w[start_of_b2:]):
-        by_output = layer.reshape(outputs, -1)
-        parts.append((mixing.T @ by_output).reshape(-1, *w.shape[1:]))
+    for weights in (W2, b2):
+        rows = weights.reshape(outputs, -1)
+        parts.append((mixing.T @ rows).reshape(-1, *w.shape[1:]))
     return np.concatenate(parts)
 
 
@@ -179,12 +187,14 @@ def weight_classes(prior: str, inputs: int, hidden: int, outputs: int) -> list[A
     """
     if prior == "one":
         return [slice(None)]
-    numbers = np.arange(hidden * (inputs + 1) + outputs * (hidden + 1))
+    indices = np.arange(hidden * (inputs + 1) + outputs * (hidden + 1))
     end_of_W1 = hidden * inputs
     end_of_b1 = hidden * (inputs + 1)
-    W1 = numbers[:end_of_W1].reshape(hidden, inputs)
+    W1 = indices[:end_of_W1].reshape(hidden, inputs)
     input_classes = list(W1.T) if prior == "inputs" else [W1.ravel()]
-    return [*input_classes, numbers[end_of_W1:end_of_b1], numbers[end_of_b1:]]
+    hidden_biases = indices[end_of_W1:end_of_b1]
+    output_weights = indices[end_of_b1:]
+    return [*input_classes, hidden_biases, output_weights]
 
 
 def class_names(prior: str, inputs: Sequence[Any]) -> list[str]:
@@ -231,6 +241,7 @@ def jacobian(
     a = np.tanh(x @ W1.swapaxes(-1, -2) + b1[..., None, :])  # (Eq. 6-7)
     y = a @ W2.swapaxes(-1, -2) + b2[..., None, :]  # (Eq. 8)
 
+    # Fill the derivatives in the order of w: W1, b1, W2, b2.
     J = np.zeros((*y.shape, N))
     by_b1 = W2[..., None, :, :] * (1 - a * a)[..., None, :]
     end_of_W1 = hidden * inputs
@@ -238,6 +249,7 @@ def jacobian(
     by_W1 = by_b1[..., None] * x[:, None, None, :]
     J[..., :end_of_W1] = by_W1.reshape(*y.shape, end_of_W1)
     J[..., end_of_W1:end_of_b1] = by_b1
+    # An output depends on its own row of W2 and its own bias alone.
     for k in range(outputs):
         start = end_of_b1 + k * hidden
         J[..., k, start : start + hidden] = a

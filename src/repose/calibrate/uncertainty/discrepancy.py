@@ -1,4 +1,4 @@
-"""Covariance of the discrepancies of the simulator.
+"""The discrepancies between simulator and reality: their covariance.
 
 Discrepancies are deviations that no parameters remove.
 
@@ -87,17 +87,17 @@ def shape_study_discrepancy(
     plausible = table[table["eligible"]].dropna(subset=["distance", *columns])
     _check_sizes(combinations_csv, targets, columns, plausible)
 
-    # Weight the models; w are the shares of the rows.
+    # Weight the rows by their distance, and the models by the sum of their rows.
     weight = np.exp(-(plausible["distance"] ** 2) / 2)
     weight /= weight.sum()
     weight_of_model = weight.groupby([plausible[key] for key in MODEL]).sum()
-    squares = (weight_of_model**2).sum()
-    models = 1 / squares if len(plausible) else 0.0
-    if not models >= FEWEST_MODELS:
+    sum_of_squares = (weight_of_model**2).sum()
+    n_models = 1 / sum_of_squares if len(plausible) else 0.0
+    if not n_models >= FEWEST_MODELS:
         raise InputError(
             combinations_csv,
             "eligible",
-            f"{models:.1f} models by their weights",
+            f"{n_models:.1f} models by their weights",
             f"at least {FEWEST_MODELS}",
         )
 
@@ -105,24 +105,31 @@ def shape_study_discrepancy(
     differences = plausible[columns].to_numpy(float)
     errors = plausible[list(targets.errors)].to_numpy(float)
     raw = np.cov(differences.T, aweights=weight, ddof=0)
-    raw = np.atleast_2d(raw) / (1 - squares)
+    raw = np.atleast_2d(raw) / (1 - sum_of_squares)
     variances = np.diag(raw)
     noise = np.average(np.nan_to_num(errors) ** 2, axis=0, weights=weight)
-    for name, variance, of_noise in zip(columns, variances, noise, strict=True):
-        if not variance > of_noise:
-            raise InputError(
-                combinations_csv,
-                name,
-                f"of variance {variance:.3g}",
-                f"above {of_noise:.3g}, of its errors",
-            )
+    _require_larger_variances(combinations_csv, columns, variances, noise)
     sd = np.sqrt(variances - noise)
     correlation = raw / np.sqrt(np.outer(variances, variances))
     return ShapeStudyDiscrepancy(
         mean=np.average(differences, axis=0, weights=weight),
         covariance=correlation * np.outer(sd, sd),
-        models=float(models),
+        models=float(n_models),
     )
+
+
+def _require_larger_variances(
+    path: Path_, columns: Sequence[str], variances: np.ndarray, noise: np.ndarray
+) -> None:
+    """Refuse differences whose scatter (k,) is no larger than their noise (k,)."""
+    for name, variance, noise_variance in zip(columns, variances, noise, strict=True):
+        if not variance > noise_variance:
+            raise InputError(
+                path,
+                name,
+                f"of variance {variance:.3g}",
+                f"above {noise_variance:.3g}, of its errors",
+            )
 
 
 def _read_combinations(
@@ -148,14 +155,27 @@ def _read_combinations(
 def _check_sizes(
     path: Path_, targets: Targets, columns: Sequence[str], plausible: pd.DataFrame
 ) -> None:
-    """Refuse eligible models with values that are too large to be of such a model."""
-    largest = {"distance": FARTHEST}
+    """Refuse eligible models with values that are too large to be of such a model.
+
+    Parameters
+    ----------
+    path : path
+        The file, for an error.
+    targets : Targets
+    columns : sequence of str
+        Columns of the differences.
+    plausible : pandas.DataFrame
+        The rows of the eligible models.
+    """
+    # The largest size in each column: a number for the distance, and a share of the
+    # target for differences and errors.
+    limits = {"distance": FARTHEST}
     for names in (columns, targets.errors):
         for name, target in zip(names, targets, strict=True):
-            largest[name] = LARGEST_SHARE * abs(target.whole_value)
+            limits[name] = LARGEST_SHARE * abs(target.whole_value)
     faults = []
-    for row, values in plausible[list(largest)].iterrows():
-        for name, limit in largest.items():
+    for row, values in plausible[list(limits)].iterrows():
+        for name, limit in limits.items():
             if abs(values[name]) > limit:
                 allowed = f"at most {limit:g} in size of an eligible model"
                 faults.append((row, name, float(values[name]), allowed))
@@ -184,6 +204,7 @@ def covariance(
     """
     matrix = np.diag(sd**2)
     for bench_test in dict.fromkeys(apparatus):
+        # The responses of this bench test have a block of the matrix.
         rows = np.flatnonzero([name == bench_test for name in apparatus])
         signed_sd = _signs(means[:, rows]) * sd[rows]
         block = correlation * np.outer(signed_sd, signed_sd)

@@ -1,4 +1,4 @@
-"""Dependence of the posterior on the discrepancy, and the region not excluded.
+"""How the posterior depends on the discrepancy, and which parameters are not excluded.
 
 The region holds the parameters that the measurements do not exclude. Both weigh the
 same points of a Sobol sequence over the prior, so nothing is sampled anew and the
@@ -134,6 +134,8 @@ def _shape_study_row(discrepancy: np.ndarray, targets: Targets) -> dict[str, Any
 
 def _bits(points: Points, observed: Observed) -> dict[str, Any]:
     """Compute joint bits, effective points, and the columns of each parameter."""
+    # The likelihood is the weight of a point; with the weights w, the points are worth
+    # 1 / sum w^2 equal ones.
     log_weight = log_likelihood(points.predicted, points.covariance, observed)
     weight = np.exp(log_weight - log_weight.max())
     weight /= weight.sum()
@@ -152,24 +154,35 @@ def _marginal(
 ) -> dict[str, float]:
     """Compute the credible interval and the bits of free parameter k.
 
-    `weight` (n,) sums to 1; `effective` is the number of points that it is worth.
+    Parameters
+    ----------
+    points : Points
+        The n points of the prior.
+    k : int
+    weight : numpy.ndarray, (n,)
+        Weights of the points, whose sum is 1.
+    effective : float
+        Number of equal points that these are worth.
     """
     space = points.space
     quantile = points.quantile[:, k]
 
-    # Find the ends of the interval in quantiles of the prior, then in values.
+    # Find the ends of the interval in quantiles of the prior, by the sums of the weights.
     order = np.argsort(quantile)
     tail = (1 - CREDIBLE) / 2
-    ends = np.interp(
+    end_quantiles = np.interp(
         np.array([tail, (1 + CREDIBLE) / 2]),
         np.cumsum(weight[order]),
         quantile[order],
     )
-    corners = np.full((2, space.dimensions), 0.5)
-    corners[:, k] = ends
-    unit = space.from_prior(corners)[:, k]
+
+    # Turn them into values of the parameter; the other parameters do not matter.
+    two_points = np.full((2, space.dimensions), 0.5)
+    two_points[:, k] = end_quantiles
+    unit = space.from_prior(two_points)[:, k]
     low, high = (space.low[k] + (space.high[k] - space.low[k]) * unit).tolist()
 
+    # The bits come from a histogram over the quantiles.
     bin_number = np.minimum((quantile * BINS).astype(int), BINS - 1)
     share = np.bincount(bin_number, weight, BINS)
     name = space.free[k]
@@ -196,35 +209,50 @@ def implausibility(
 def region(points: Points, values: np.ndarray) -> Region:
     """Find the region that is not implausible, and project it on pairs of parameters.
 
-    `values` (n,) are the implausibilities of the points.
+    Parameters
+    ----------
+    points : Points
+        The n points of the prior.
+    values : numpy.ndarray, (n,)
+        Their implausibilities.
     """
-    space = points.space
-    is_inside = values < IMPLAUSIBLE
-    cell = np.minimum((points.quantile * CELLS).astype(int), CELLS - 1)
-    x_cell, y_cell = np.divmod(np.arange(CELLS**2), CELLS)
-    tables = []
-    for i, j in itertools.combinations(range(space.dimensions), 2):
-        number = cell[:, i] * CELLS + cell[:, j]
-        least = np.full(CELLS**2, np.inf)
-        np.minimum.at(least, number, values)
-        n_points = np.bincount(number, minlength=CELLS**2)
-        n_inside = np.bincount(number, is_inside, minlength=CELLS**2)
-        table = pd.DataFrame(
-            {
-                "x": space.free[i],
-                "y": space.free[j],
-                "x_quantile": (x_cell + 0.5) / CELLS,
-                "y_quantile": (y_cell + 0.5) / CELLS,
-                "least_implausibility": least,
-                "share": n_inside / np.maximum(n_points, 1),
-            }
-        )
-        tables.append(table)
+    n_parameters = points.space.dimensions
+    pairs = itertools.combinations(range(n_parameters), 2)
+    tables = [_projection(points, values, i, j) for i, j in pairs]
     if tables:
         projections = pd.concat(tables, ignore_index=True)
     else:
         projections = pd.DataFrame(columns=REGION)
+    is_inside = values < IMPLAUSIBLE
     return Region(float(is_inside.mean()), projections)
+
+
+def _projection(points: Points, values: np.ndarray, i: int, j: int) -> pd.DataFrame:
+    """Project the region on the free parameters i and j, a row for each cell.
+
+    The cells of a parameter have the same prior probability.
+    """
+    # Number the cells of the pair row by row, and find the cell of each point.
+    cell = np.minimum((points.quantile * CELLS).astype(int), CELLS - 1)
+    number = cell[:, i] * CELLS + cell[:, j]
+    x_cell, y_cell = np.divmod(np.arange(CELLS**2), CELLS)
+
+    # In each cell, take the least implausibility and count the points in the region.
+    least = np.full(CELLS**2, np.inf)
+    np.minimum.at(least, number, values)
+    is_inside = values < IMPLAUSIBLE
+    n_points = np.bincount(number, minlength=CELLS**2)
+    n_inside = np.bincount(number, is_inside, minlength=CELLS**2)
+    return pd.DataFrame(
+        {
+            "x": points.space.free[i],
+            "y": points.space.free[j],
+            "x_quantile": (x_cell + 0.5) / CELLS,
+            "y_quantile": (y_cell + 0.5) / CELLS,
+            "least_implausibility": least,
+            "share": n_inside / np.maximum(n_points, 1),
+        }
+    )
 
 
 def joint_bits(weight: np.ndarray) -> float:

@@ -1,4 +1,4 @@
-"""Noise floor: scatter of runs, differences between samples, gain from more seeds.
+"""The noise floor: scatter of runs, differences between samples, gain of more seeds.
 
 The statistics are in `repose.calibrate.variance`.
 """

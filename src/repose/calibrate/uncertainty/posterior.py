@@ -447,20 +447,26 @@ def _curve(
 ) -> pd.DataFrame:
     """Compute the information over the size of the discrepancy."""
 
-    def stated(percent: float, correlation: float) -> Observed:
+    def observe(percent: float, correlation: float) -> Observed:
+        """Combine the measurement with a discrepancy of this size and correlation."""
         S_d = discrepancy.of_targets(targets, runs, percent, correlation)
         return observation(targets, measurement.correlation, S_d)
 
-    of_shape_study = None
+    shape_study = None
     if measurement.evidence == SHAPE_STUDY:
-        of_shape_study = measurement.observed
-    return implausibility.curve(points, targets, stated, of_shape_study)
+        shape_study = measurement.observed
+    return implausibility.curve(points, targets, observe, shape_study)
 
 
 def statement(row: Mapping[str, Any]) -> str:
     """State in a sentence how well a parameter is determined.
 
-    `row` is its row of posterior.csv.
+    The fewer bits of information the data give, the less the parameter is determined.
+
+    Parameters
+    ----------
+    row : mapping
+        Its row of posterior.csv.
     """
     name = row["parameter"]
     bits = row["information_bits"]
@@ -477,6 +483,7 @@ def statement(row: Mapping[str, Any]) -> str:
             f"{max(above, below):.2f}: {width}"
         )
     if row["width_ratio"] > WIDE:
+        # Much information in a wide interval: the draws are in several places.
         return f"{name} lies in one of several places within {interval}: {width}"
     return f"{name} is determined, {interval}: {width}"
 
@@ -532,17 +539,11 @@ def _parameters(
     rows = []
     for k, name in enumerate(space.free):
         values = space.low[k] + unit[:, k] * (space.high[k] - space.low[k])
-        interval = _credible_interval(values)
         row = {
             "parameter": name,
             "low": space.low[k],
             "high": space.high[k],
-            "mean": float(values.mean()),
-            "sd": float(values.std()),
-            "median": float(np.median(values)),
-            "credible_low": interval.low,
-            "credible_high": interval.high,
-            "width_ratio": (interval.high - interval.low) / prior_widths[k],
+            **_distribution(values, prior_widths[k]),
             "information_bits": information_bits(
                 quantiles[:, k], convergence.effective_draws[k]
             ),
@@ -559,12 +560,29 @@ def _parameters(
     return pd.DataFrame(rows)
 
 
+def _distribution(values: np.ndarray, prior_width: float) -> dict[str, float]:
+    """Describe the distribution of draws (n,) of a parameter.
+
+    `prior_width` is the width of the central interval of its prior.
+    """
+    interval = _credible_interval(values)
+    return {
+        "mean": float(values.mean()),
+        "sd": float(values.std()),
+        "median": float(np.median(values)),
+        "credible_low": interval.low,
+        "credible_high": interval.high,
+        "width_ratio": (interval.high - interval.low) / prior_width,
+    }
+
+
 def _prior_widths(space: ParameterSpace) -> np.ndarray:
     """Compute the widths (d,) of the priors' central intervals of probability CREDIBLE.
 
     For a uniform prior it is this share of the range.
     """
     widths = CREDIBLE * (space.high - space.low)
+    # For a parameter with a prior, take the quantiles of this prior.
     tail = np.full(space.dimensions, (1 - CREDIBLE) / 2)
     low, high = space.values(space.from_prior(np.array([tail, 1 - tail])))
     for name in space.prior:
@@ -604,12 +622,15 @@ def _reference(
     dict
         The interval, and its probability by the draws and by the prior.
     """
-    low, high = space.low[k], space.high[k]
+    low = space.low[k]
+    high = space.high[k]
     if space.free[k] in space.prior:
+        # The part of the interval inside the range, by the prior's distribution function.
         ends = np.zeros((2, space.dimensions))
         ends[:, k] = (np.clip(interval, low, high) - low) / (high - low)
         prior_probability = float(np.diff(space.prior_cdf(ends)[:, k])[0])
     else:
+        # The prior is uniform, so the share of the range counts.
         overlap = min(interval.high, high) - max(interval.low, low)
         prior_probability = max(0.0, overlap) / (high - low)
     is_inside = (values >= interval.low) & (values <= interval.high)

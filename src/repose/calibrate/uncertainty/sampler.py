@@ -130,6 +130,7 @@ def _starts(
     power is chosen so that half the points remain effective. The points are then drawn
     again by their weights, and moved.
     """
+    # Begin with uniform points, which are draws of the power 0.
     points = random.uniform(size=(POPULATION, dimensions))
     power = 0.0
     values = log_density(points)
@@ -145,9 +146,11 @@ def _starts(
         return effective - LEAST_EFFECTIVE
 
     def tempered(points: np.ndarray) -> np.ndarray:
+        """Compute the log of the present power of the density."""
         return power * log_density(points)
 
     while power < 1.0:
+        # Raise the power as far as enough points remain effective, at most to 1.
         rest = 1.0 - power
         if excess(rest) >= 0.0:
             rise = rest
@@ -155,6 +158,8 @@ def _starts(
             rise = optimize.brentq(excess, 0.0, rest)
         weight = weights(rise)
         power += rise
+
+        # Draw the points again by their weights, and move them by the sampler.
         rows = random.choice(POPULATION, POPULATION, p=weight / weight.sum())
         ensemble = _ensemble(POPULATION, dimensions, tempered, random)
         last = ensemble.run_mcmc(points[rows], MOVES, skip_initial_state_check=True)

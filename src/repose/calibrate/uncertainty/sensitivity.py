@@ -1,4 +1,4 @@
-"""Effects of the parameters on the responses, by the surrogate.
+"""Effects of the parameters on the responses, computed with the surrogate.
 
 There are Sobol indices and main effects. The indices use the estimators of Saltelli et
 al. 2010 (Computer Physics Communications 181, 259) on a Sobol sequence, as
@@ -74,7 +74,8 @@ def indices(
     ValueError
         If an output does not vary.
     """
-    # A and B are independent samples; AB[i] is A with column i of B.
+    # A and B (samples, d) are independent points of the unit cube. AB[i] is A with column
+    # i of B, so that f_A and f_AB[i] differ by the effect of input i alone.
     d = len(low)
     sequence = stats.qmc.Sobol(2 * d, rng=seed)
     A, B = np.split(sequence.random(samples), 2, axis=1)
@@ -88,7 +89,7 @@ def indices(
             "an output of the function does not vary; expected outputs that do"
         )
 
-    def of_rows(rows: np.ndarray | slice) -> np.ndarray:
+    def compute(rows: np.ndarray | slice) -> np.ndarray:
         """Compute first-order and total indices (2, outputs, d) of some samples."""
         # scipy centres its arguments in place, so it gets copies.
         values = {
@@ -99,13 +100,14 @@ def indices(
         result = stats.sobol_indices(func=values, n=samples)
         return np.reshape([result.first_order, result.total_order], (2, -1, d))
 
+    # The intervals come from samples that are drawn again with replacement.
     random = np.random.default_rng(seed)
-    resampled = [
-        of_rows(random.integers(samples, size=samples)) for _ in range(resamples)
+    replicates = [
+        compute(random.integers(samples, size=samples)) for _ in range(resamples)
     ]
     tail = (1 - CONFIDENCE) / 2
-    lowest, highest = np.quantile(resampled, [tail, 1 - tail], axis=0)
-    first, total = of_rows(slice(None))
+    lowest, highest = np.quantile(replicates, [tail, 1 - tail], axis=0)
+    first, total = compute(slice(None))
     return {
         "first": first,
         "first_low": lowest[0],
@@ -151,6 +153,7 @@ def main_effects(
     grid = np.linspace(low, high, points, axis=1)
     means = []
     for k in range(d):
+        # Give input k one value at all points, and leave the other inputs as they are.
         changed = base.copy()
         means_of_input = []
         for value in grid[k]:

@@ -1,4 +1,4 @@
-"""Proposals of the strategy `published`.
+"""The strategy `published`: one design, then a search on the surrogate of its runs.
 
 It simulates a Latin hypercube, then a search on the surrogate of its runs answers.
 """

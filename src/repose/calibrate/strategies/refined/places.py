@@ -1,4 +1,4 @@
-"""Places of the second stage: where the fit of the first stage may meet the targets.
+"""Places for further runs: where the fit of the first runs may meet the targets.
 
 The first stage samples the whole ranges, and most of its runs are far from the targets.
 Which place meets them is decided where the fit comes near, and there the fit has an error
@@ -55,14 +55,16 @@ def places_near_targets(
     """
     from scipy.stats import qmc
 
+    # Choose the places nearest to the targets by their predictions, which are fast.
     unit = qmc.Sobol(space.dimensions, scramble=False).random(CANDIDATES)
-    parts = [
+    predictions = [
         surrogate.predict(space.values(part))
         for part in np.split(unit, CANDIDATES // CHUNK)
     ]
-    F, _ = Objective(targets)(np.concatenate(parts))
+    F, _ = Objective(targets)(np.concatenate(predictions))
     nearest = unit[np.argsort(F, kind="stable")[:NEAREST]]
 
+    # Compute the probability of these by the errors of the predictions.
     X = space.values(nearest)
     tolerance = tolerance_percent * (targets.whole / 100)
     probability = within(
@@ -71,9 +73,10 @@ def places_near_targets(
         targets.aim - tolerance,
         targets.aim + tolerance,
     )
-    # A place without any probability may be needed where the targets are out of reach;
-    # then the nearest ones come first.
-    order = np.arange(len(nearest), 0, -1) / len(nearest)
-    weight = probability + np.finfo(float).tiny + 1e-12 * order
+
+    # Draw places by their probabilities. Where the targets are out of reach, all are
+    # about 0: then a small weight prefers the nearest places.
+    nearness = np.arange(len(nearest), 0, -1) / len(nearest)
+    weight = probability + np.finfo(float).tiny + 1e-12 * nearness
     rows = random.choice(len(nearest), count, replace=False, p=weight / weight.sum())
     return nearest[np.sort(rows)]

@@ -1,4 +1,4 @@
-"""Proposals of the strategy `refined`: the published batch, the second stage, the answer.
+"""The strategy `refined`: a design, single runs near the targets, then the answer.
 
 `repose.calibrate.strategies.refined.places` says where the second stage runs.
 docs/refinement.md says why.
@@ -31,23 +31,26 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
         return design_batch(study, section.design_seeds)
     space = study.parameters
     samples = samples_of_runs(data, space, study.targets)
-    # All samples of the second stage train: the test samples stay the design's.
+    # A sample with a number in the column `round` trains: so the samples for the test
+    # stay those of the design.
     is_second = _is_of_second_stage(samples["sample"], study)
     samples["round"] = pd.Series(1, samples.index).where(is_second).astype("Int64")
     training, support = fit_surrogate(study, samples, data)
     if not is_second.any():
         return _second_stage(study, training, data)
 
+    # Both stages are simulated: search on the surrogate of all runs.
     inversion = invert(
         training.model, space, study.targets, study.settings.miga, support=support
     )
     why = "the places near the targets are simulated: the search on all runs answers"
     answer = answer_of(study, training.model, inversion, data, why, section.seeds)
+    n_places = int(is_second.sum())
     steps = (
         f"Design: {study.settings.design.samples} parameter sets, and a surrogate of "
         "their runs.",
-        f"Second stage: {int(is_second.sum())} places where this surrogate may meet the "
-        "targets, a run at each.",
+        f"Second stage: {n_places} places where this surrogate may meet the targets, a "
+        "run at each.",
         "Search: the surrogate of all runs, over the whole ranges.",
     )
     notes = {
@@ -77,10 +80,11 @@ def _second_stage(study: Study, training: Training, data: pd.DataFrame) -> Batch
         tolerance_percent=section.tolerance_percent,
         random=random,
     )
-    first = max(next_number(data), study.settings.design.samples + 1)
-    samples = samples_of(space, unit, 1, first)
-    predicted = training.model.predict(samples[list(space.names)].to_numpy(float))
-    samples[list(study.targets.predicted)] = predicted
+    # The numbers follow those of the design, by which `propose` tells the stages apart.
+    first_number = max(next_number(data), study.settings.design.samples + 1)
+    samples = samples_of(space, unit, seeds=1, first=first_number)
+    sets = samples[list(space.names)].to_numpy(float)
+    samples[list(study.targets.predicted)] = training.model.predict(sets)
     why = "the fit may meet the targets at these places; a run at each decides"
     return Batch(samples, {"why": why, "fit": training.metrics})
 

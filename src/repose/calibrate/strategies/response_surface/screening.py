@@ -1,4 +1,4 @@
-"""First step: the parameters that matter, and the path of ascent.
+"""The screening: which parameters matter, and which way leads to the targets.
 
 A Plackett-Burman design over the whole ranges shows these parameters. Runs at the centre
 belong to the screening: the mean of the corners is no estimate of the centre where the
@@ -73,30 +73,32 @@ def analyse_screening(
         If they show no way towards the targets.
     """
     targets = study.targets
-    corners, centre_samples = corners_and_centre(table)
-    models = models_of(corners, dataset, targets, "linear")
-    centre = usable(centre_samples, dataset)[list(targets.names)].mean()
+    names = targets.names
+    corner_samples, centre_samples = corners_and_centre(table)
+    models = models_of(corner_samples, dataset, targets, "linear")
+    centre_means = usable(centre_samples, dataset)[list(names)].mean()
     kept = kept_factors(models, study.settings.response_surface)
     try:
-        ascent_samples = path(models, centre.to_numpy(), kept, study)
+        ascent_samples = path(models, centre_means.to_numpy(), kept, study)
     except ValueError as error:
         raise InputError(
             "runs", "targets", str(error), "a way towards the targets"
         ) from None
+
     dropped = [name for name in study.parameters.free if name not in kept]
-    means_of_corners = {
-        name: float(model.constant)
-        for name, model in zip(targets.names, models, strict=True)
+    # The constant of a model is the mean response of the corners.
+    corner_means = {
+        name: float(model.constant) for name, model in zip(names, models, strict=True)
     }
     result = {
         "kept": kept,
         "dropped": dropped,
-        "centre": centre.to_dict(),
-        "corners": means_of_corners,
+        "centre": centre_means.to_dict(),
+        "corners": corner_means,
     }
     why = f"kept {', '.join(kept)}; dropped {', '.join(dropped) or 'none'}"
-    notes = analysis("screening", models, targets)
-    return ascent_samples, {**notes, "screening": result, "why": why}
+    tables = analysis("screening", models, targets)
+    return ascent_samples, {**tables, "screening": result, "why": why}
 
 
 def design(space: ParameterSpace, section: ResponseSurfaceSettings) -> pd.DataFrame:
@@ -156,15 +158,28 @@ def analysis(
 ) -> dict[str, pd.DataFrame]:
     """Make the tables of the models of a step, as in `repose.calibrate.designs.anova`.
 
-    Their first column is `response`. The effects also have the two limits of the Pareto
-    chart.
+    Parameters
+    ----------
+    step : str
+        The name of a table begins with it.
+    models : list of Model
+        One for each response.
+    targets : Targets
+
+    Returns
+    -------
+    dict
+        Each table of `TABLES`, with the rows of all responses. The first column is
+        `response`.
     """
     tables: dict[str, pd.DataFrame] = {}
-    for name, table_of in TABLES.items():
-        by_response = dict(zip(targets.names, map(table_of, models), strict=True))
-        joined = pd.concat(by_response, names=["response", None])
-        joined = joined.reset_index("response").reset_index(drop=True)
-        tables[f"{step}_{name}"] = joined
+    for name, make_table in TABLES.items():
+        parts = []
+        for response, model in zip(targets.names, models, strict=True):
+            part = make_table(model)
+            part.insert(0, "response", response)
+            parts.append(part)
+        tables[f"{step}_{name}"] = pd.concat(parts, ignore_index=True)
     return tables
 
 
@@ -174,12 +189,13 @@ def kept_factors(models: list[Model], section: ResponseSurfaceSettings) -> list[
     They are significant for at least one response. If these are fewer than the surface
     needs, the next ones follow; beyond `most_factors` they are dropped.
     """
-    columns = [effects(model).set_index("term")["p"] for model in models]
-    smallest = pd.concat(columns, axis=1).min(axis=1)
-    ordered = smallest.reindex(models[0].factors).sort_values(kind="stable")
-    n_significant = int((ordered < section.significance).sum())
+    p_of_models = [effects(model).set_index("term")["p"] for model in models]
+    # A factor counts by its most significant effect. Equals stay in the usual order.
+    least_p = pd.concat(p_of_models, axis=1).min(axis=1)
+    ranking = least_p.reindex(models[0].factors).sort_values(kind="stable")
+    n_significant = int((ranking < section.significance).sum())
     count = min(max(n_significant, section.fewest_factors), section.most_factors)
-    return list(ordered.index[:count])
+    return list(ranking.index[:count])
 
 
 def path(
@@ -204,11 +220,14 @@ def path(
     ValueError
         If the models show no way towards the targets.
     """
-    space, targets = study.parameters, study.targets
+    space = study.parameters
+    targets = study.targets
+    # The slopes (responses, kept factors) of the models.
     order = [models[0].factors.index(name) for name in kept]
     slopes = np.array([model.coefficients[order] for model in models])
     direction = ascent.towards(slopes, targets.aim - centre, scale_of(targets))
     coded = ascent.path(direction, study.settings.response_surface.steps)
+    # The other parameters stay at 0.5 in the unit cube, which is 0 in coded units.
     unit = np.full((len(coded), space.dimensions), 0.5)
     columns = [space.free.index(name) for name in kept]
     unit[:, columns] += coded / 2

@@ -1,4 +1,4 @@
-"""Proposals of the strategy `response_surface`: each step follows from those before it."""
+"""The strategy `response_surface`: screening, ascent, surface and check, step by step."""
 
 from typing import Any
 

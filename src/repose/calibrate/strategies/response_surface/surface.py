@@ -1,4 +1,4 @@
-"""Second and third step: the surface about the best point of the path, and its optimum."""
+"""The response surface about the best point of the path, and its optimum."""
 
 from typing import Any, NamedTuple
 
@@ -69,13 +69,17 @@ def design(
     """
     factors = factors_of(points)
     reach = section.reach
-    coded, outermost = section.coded(len(factors))
+    coded, outermost_level = section.coded(len(factors))
+
+    # Keep the centre so far inside the unit cube that no level leaves it.
     best = points.loc[points["best"], list(space.names)].to_numpy(float)
-    best_unit = space.unit(best)
+    best_unit = space.unit(best)  # (1, d)
     columns = [space.free.index(name) for name in factors]
     centre = np.clip(best_unit[:, columns], reach, 1 - reach)
+
+    # Vary the factors about it; the other parameters stay at the best point.
     unit = np.repeat(best_unit, len(coded), axis=0)
-    unit[:, columns] = centre + reach / outermost * coded
+    unit[:, columns] = centre + reach / outermost_level * coded
     return samples("surface", space, unit, factors, coded)
 
 
@@ -104,19 +108,21 @@ def natural_unit(
     -------
     numpy.ndarray, (n, d)
     """
-    unit = space.unit(table[list(space.names)].to_numpy(float))
+    sample_unit = space.unit(table[list(space.names)].to_numpy(float))
     points = np.atleast_2d(points)
-    natural = np.repeat(unit[:1], len(points), axis=0)
+    # Parameters that are no factors are the same in all samples.
+    unit = np.repeat(sample_unit[:1], len(points), axis=0)
     for name, values in zip(factors_of(table), points.T, strict=True):
         column = space.free.index(name)
         coded = table[CODED + name].to_numpy(float)
-        # The levels in ranges are linear in the coded levels, so two samples at
-        # different levels give the line. Every factor has them.
-        low, high = coded.argmin(), coded.argmax()
-        rise = unit[high, column] - unit[low, column]
-        slope = rise / (coded[high] - coded[low])
-        natural[:, column] = unit[low, column] + slope * (values - coded[low])
-    return natural
+        # The position in the range is linear in the coded level. Two samples at the
+        # lowest and the highest level give the line.
+        lowest = coded.argmin()
+        highest = coded.argmax()
+        rise = sample_unit[highest, column] - sample_unit[lowest, column]
+        slope = rise / (coded[highest] - coded[lowest])
+        unit[:, column] = sample_unit[lowest, column] + slope * (values - coded[lowest])
+    return unit
 
 
 def alternatives(
@@ -134,17 +140,25 @@ def alternatives(
     """
     from scipy.stats import qmc
 
-    space, targets, settings = study.parameters, study.targets, study.settings
+    space = study.parameters
+    targets = study.targets
+    settings = study.settings
+
+    # Predict the responses at points all over the cube.
     sequence = qmc.Sobol(len(models[0].factors), rng=settings.design.seed)
     coded = 2 * sequence.random(POINTS) - 1
     predicted = np.column_stack([model.predict(coded) for model in models])
     is_inside = np.all((predicted >= targets.low) & (predicted <= targets.high), axis=1)
+
+    # Sort those inside all ranges by their distance from the aims.
     deviation = (predicted - targets.aim) / scale_of(targets)
-    order = np.argsort((deviation**2).sum(axis=1), kind="stable")
-    order = order[is_inside[order]]
-    unit = natural_unit(table, coded[order], space)
+    nearest_first = np.argsort((deviation**2).sum(axis=1), kind="stable")
+    rows = nearest_first[is_inside[nearest_first]]
+
+    # Keep points that are apart from each other.
+    unit = natural_unit(table, coded[rows], space)
     kept = separated(unit, settings.miga)
-    return Alternatives(space.values(unit[kept]), predicted[order][kept])
+    return Alternatives(space.values(unit[kept]), predicted[rows][kept])
 
 
 def check_samples(
@@ -262,10 +276,12 @@ def checked(predicted: pd.DataFrame, dataset: pd.DataFrame) -> pd.DataFrame:
     good = dataset[dataset["status"] == "ok"]
     values = good[list(table["response"])].to_numpy(float)
     n = len(good)
-    table["simulated"] = values.mean(axis=0) if n > 0 else np.nan
-    table["simulated_error"] = (
-        values.std(axis=0, ddof=1) / np.sqrt(n) if n > 1 else np.nan
-    )
+    table["simulated"] = np.nan
+    table["simulated_error"] = np.nan
+    if n > 0:
+        table["simulated"] = values.mean(axis=0)
+    if n > 1:
+        table["simulated_error"] = values.std(axis=0, ddof=1) / np.sqrt(n)
     table["deviation_percent"] = 100 * (table["simulated"] / table["target"] - 1)
     table["as_predicted"] = table["simulated"].between(table["low"], table["high"])
     return table

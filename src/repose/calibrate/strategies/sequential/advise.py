@@ -1,4 +1,4 @@
-"""The next samples to simulate, or the answer with its probability, from the runs alone.
+"""The choice of the next samples to simulate, or of the answer, from the runs so far.
 
 No function of this module reads or writes a file.
 """
@@ -148,6 +148,8 @@ def advise(
     attainable = reach(model, goal, random.spawn(1)[0])
     answer = ranking.best
     probability = _probability(model, goal, answer)
+
+    # Decide whether to stop, by the budget and by what further runs can reach.
     runs_left = max(section.most_pours - done, 0)
     n_samples = min(section.batch, runs_left // section.seeds)
     reachable = max(goal.reachable(model, ranking.points, runs_left), probability)
@@ -169,14 +171,8 @@ def advise(
         probability = _probability(model, goal, answer)
 
     batch = np.empty((0, len(answer)))
-    if stop is None and attainable.probability < IN_DOUBT:
-        # Half a batch where the draws of the model come nearest to the targets.
-        draws = random.permutation(attainable.points)
-        new_draws = _not_simulated(draws, observed.simulated)
-        half = -(-n_samples // 2)
-        batch = _sound_first(new_draws, observed, half)
-    if stop is None and not len(batch):
-        batch = _draw_around(answer, n_samples, goal, observed, random)
+    if stop is None:
+        batch = _batch(answer, n_samples, attainable, goal, observed, random)
 
     mean, covariance = model.predict(answer[None])
     return Advice(
@@ -192,6 +188,44 @@ def advise(
         is_nearest=is_nearest,
         model=model,
     )
+
+
+def _batch(
+    answer: np.ndarray,
+    n_samples: int,
+    attainable: Reach,
+    goal: Goal,
+    observed: Observed,
+    random: Generator,
+) -> np.ndarray:
+    """Choose the points of the next batch.
+
+    Parameters
+    ----------
+    answer : numpy.ndarray, (d,)
+        The answer so far.
+    n_samples : int
+        Largest number of points.
+    attainable : Reach
+        Whether any parameter set meets the targets.
+    goal : Goal
+    observed : Observed
+    random : numpy.random.Generator
+
+    Returns
+    -------
+    numpy.ndarray, (b, d)
+    """
+    if attainable.probability < IN_DOUBT:
+        # Half a batch, rounded up, where the draws of the model come nearest to the
+        # targets. There is none if all these points are simulated already.
+        points = random.permutation(attainable.points)
+        new_points = _not_simulated(points, observed.simulated)
+        half = -(-n_samples // 2)
+        batch = _sound_first(new_points, observed, half)
+        if len(batch):
+            return batch
+    return _draw_around(answer, n_samples, goal, observed, random)
 
 
 def _reason_to_stop(
@@ -252,10 +286,12 @@ def nearest(
     support = Support(observed.unit, low=np.zeros(d), high=np.ones(d), names=names)
 
     def score(unit: np.ndarray) -> np.ndarray:
+        """Score points; one where samples are thin is never the best."""
         mean, covariance = model.predict(unit)
         deviation = goal.expected_deviation(mean, covariance)
         return np.where(support.is_thin(unit), -np.inf, -deviation)
 
+    # A fixed seed: the same runs always give the same point.
     starts = np.vstack([observed.unit, points])
     return _refined(starts, score, observed, np.random.default_rng(1)).best
 
@@ -271,10 +307,19 @@ def _refined(
 ) -> Scored:
     """Add points ever nearer to the best ones, and score all of them.
 
-    The score of an unsound point is minus infinity.
+    Parameters
+    ----------
+    points : numpy.ndarray, (m, d)
+        First points of the unit cube.
+    score : callable
+        From points (n, d) to their scores (n,); a higher score is better.
+    observed : Observed
+        A point nearer to a failed sample than to a good one gets minus infinity.
+    random : numpy.random.Generator
     """
 
     def score_sound(unit: np.ndarray) -> np.ndarray:
+        """Score points; one near a failed sample is never the best."""
         return np.where(observed.is_sound(unit), score(unit), -np.inf)
 
     scores = score_sound(points)
@@ -319,10 +364,11 @@ def alternatives(
     mean = model.predict(ranking.points)[0]
     is_in_ranges = ((mean >= targets.low) & (mean <= targets.high)).all(axis=1)
     is_suitable = is_in_ranges & np.isfinite(ranking.scores)
-    order = np.argsort(-ranking.scores, kind="stable")
-    order = order[is_suitable[order]]
-    kept = order[separated(ranking.points[order], section)]
-    return Alternatives(ranking.points[kept], mean[kept])
+    # Row numbers of the suitable points, the best first.
+    best_first = np.argsort(-ranking.scores, kind="stable")
+    rows = best_first[is_suitable[best_first]]
+    chosen = rows[separated(ranking.points[rows], section)]
+    return Alternatives(ranking.points[chosen], mean[chosen])
 
 
 def _draw_around(

@@ -143,13 +143,16 @@ class Goal(NamedTuple):
             Number of further runs, all at one of the points.
         """
         mean, covariance = model.predict(unit)
+        # The covariance after the further runs.
         precision = np.linalg.inv(covariance) + pours * np.linalg.inv(model.noise)
         remaining = np.linalg.inv(precision)
-        gained = np.diagonal(covariance - remaining, axis1=1, axis2=2)
-        largest_move = LUCK * np.sqrt(np.maximum(gained, 0.0))
+        # Move each mean towards its target, but not beyond it.
+        variance_of_move = np.diagonal(covariance - remaining, axis1=1, axis2=2)
+        largest_move = LUCK * np.sqrt(np.maximum(variance_of_move, 0.0))
         deviation = mean - self.aim
-        moved = np.sign(deviation) * np.maximum(np.abs(deviation) - largest_move, 0.0)
-        return float(self.probability(self.aim + moved, remaining).max())
+        distance = np.maximum(np.abs(deviation) - largest_move, 0.0)
+        lucky_mean = self.aim + np.sign(deviation) * distance
+        return float(self.probability(lucky_mean, remaining).max())
 
     def needed(self, noise: np.ndarray, probability: float) -> int:
         """Count the runs at a point that fix its mean within the tolerance.

@@ -113,6 +113,7 @@ class Observed(NamedTuple):
         runs, or if the runs of the samples are all alike.
         """
         k = self.values.shape[2]
+        # A missing run has the residual 0, which adds nothing to the sums.
         residuals = self.residuals.reshape(-1, k)
         if self.freedom <= k:
             raise ValueError(
@@ -121,6 +122,7 @@ class Observed(NamedTuple):
             )
         covariance = residuals.T @ residuals / self.freedom
         sd = np.sqrt(np.diagonal(covariance))
+        # Residuals as small as the rounding of the means are no noise.
         are_alike = sd <= ROUNDING * np.abs(self.means).max(axis=0)
         if are_alike.any() or not _has_full_rank(covariance / np.outer(sd, sd)):
             raise ValueError(
@@ -175,14 +177,19 @@ class Kriging(Combined):
         if n_samples < LEAST_SAMPLES:
             raise ValueError(f"{n_samples} samples; expected at least {LEAST_SAMPLES}")
         self.noise = observed.noise() if noise is None else noise
+        # Model independent combinations of the responses, scaled to variance 1.
         self._combine(observed.means, _independent(observed, self.noise))
         self.unit = observed.unit - 0.5
         self.errors = _moderated(observed, self._mixing) / self._scale**2
-        drawn = [
+
+        # Draw the processes of each combination, then collect the processes of each draw.
+        draws_of_combinations = [
             _draw_processes(self.unit, values, errors)
             for values, errors in zip(self.values.T, self.errors.T, strict=True)
         ]
-        self.sets = list(zip(*drawn, strict=True))
+        self.sets = list(zip(*draws_of_combinations, strict=True))
+
+        # Compare the predictions of left-out samples with their claimed variances.
         residuals, variances, others = self._left_out()
         self.factor = _factor(residuals, variances, others)
 
@@ -355,19 +362,23 @@ class _MostProbable:
         from scipy import optimize
 
         def loss(theta: np.ndarray) -> tuple[float, np.ndarray]:
-            """Compute the negative log posterior and its gradient."""
-            value, slope = objective(theta)
-            z = (theta - self.mean) / self.sd
-            return value + 0.5 * z @ z, slope + z / self.sd
+            """Compute the negative log posterior and its gradient.
 
-        result = optimize.minimize(
+            `objective` gives those of the likelihood; the normal prior adds to both.
+            """
+            value, gradient = objective(theta)
+            z = (theta - self.mean) / self.sd
+            return value + 0.5 * z @ z, gradient + z / self.sd
+
+        minimum = optimize.minimize(
             loss, start, jac=True, method="L-BFGS-B", bounds=bounds
         )
+        # Second derivatives are differences of gradients a step apart.
         for k, step in enumerate(STEP * np.eye(len(start))):
-            _, slope_above = loss(result.x + step)
-            _, slope_below = loss(result.x - step)
-            self.curvature[k] = (slope_above - slope_below) / (2 * STEP)
-        return result.x, result.fun
+            _, gradient_above = loss(minimum.x + step)
+            _, gradient_below = loss(minimum.x - step)
+            self.curvature[k] = (gradient_above - gradient_below) / (2 * STEP)
+        return minimum.x, minimum.fun
 
 
 def _draw_processes(
@@ -391,6 +402,8 @@ def _draw_processes(
     """
     from repose.calibrate.surrogates.process import Process, smooth, straight
 
+    # Begin at the middle of the prior. The means have variance 1, so the signal has what
+    # the noise leaves.
     d = unit.shape[1]
     log_length = LENGTH_LOG_MEAN + 0.5 * math.log(d)
     signal = max(1 - errors.mean(), LEAST_SIGNAL)
@@ -407,8 +420,8 @@ def _draw_processes(
     )
     best = Process(kernel, unit, values, errors, optimizer=optimiser).kernel
 
-    # Draw from the normal distribution with their curvature, in pairs about the middle.
-    # No direction is less certain than the prior.
+    # Draw from the normal distribution whose covariance is the inverse of the curvature,
+    # in pairs about the most probable values. No direction is less certain than the prior.
     curvature = (optimiser.curvature + optimiser.curvature.T) / 2
     eigenvalues, axes = np.linalg.eigh(curvature)
     root = axes / np.sqrt(np.maximum(eigenvalues, LENGTH_LOG_SD**-2))
@@ -418,6 +431,6 @@ def _draw_processes(
     processes = []
     for z in np.vstack([normal, -normal]):
         theta = np.clip(best.theta + root @ z, low, high)
-        drawn = best.clone_with_theta(theta)
-        processes.append(Process(drawn, unit, values, errors, optimizer=None))
+        kernel_of_draw = best.clone_with_theta(theta)
+        processes.append(Process(kernel_of_draw, unit, values, errors, optimizer=None))
     return processes

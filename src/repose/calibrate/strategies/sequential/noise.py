@@ -100,6 +100,8 @@ def noise_of(
             "determine the noise; or targets.NAME.noise_sd for each response; "
             f"or at least {fewest} samples, for an estimate of it",
         )
+
+    # Without replicates each response has a variance of its own, and no correlation.
     sources = {}
     variances = []
     for k, name in enumerate(names):
@@ -137,15 +139,22 @@ def nugget(unit: np.ndarray, means: np.ndarray, shares: np.ndarray) -> float:
 def _nugget_of(
     unit_bytes: bytes, means_bytes: bytes, shares_bytes: bytes, d: int
 ) -> float:
-    """Estimate a nugget from the bytes of its arrays, which can be kept."""
+    """Estimate a nugget from the bytes of its arrays.
+
+    The cache needs arguments that it can compare, which arrays are not.
+    """
     from repose.calibrate.surrogates.process import Process, smooth
 
     unit = np.frombuffer(unit_bytes).reshape(-1, d)
     means = np.frombuffer(means_bytes)
     shares = np.frombuffer(shares_bytes)
+
+    # Scale the means to variance 1, unless they differ by their rounding alone.
     rounding = 1e-9 * float(np.abs(means).max())
     scale = max(float(means.std()), rounding, LEAST_SCALE)
     values = (means - means.mean()) / scale
+
+    # Fit a smooth process for each possible noise, and weigh the noises by its evidence.
     kernel = smooth(1.0, np.ones(unit.shape[1]), (BOUNDS, LENGTHS), SMOOTHNESS)
     log_evidence = np.array(
         [

@@ -84,6 +84,14 @@ def _nearest(
     """Search each draw for the points of least deviation from the goal.
 
     The search tries random points around the best ones so far, in ever smaller steps.
+
+    Parameters
+    ----------
+    draws : Draws
+    goal : Goal
+    starts : numpy.ndarray, (m, d)
+        Points where the search begins.
+    random : numpy.random.Generator
     """
     points = starts
     largest, F = goal.of_responses(draws(points))  # both (draws, points)
@@ -134,26 +142,31 @@ class Draws:
         self.model = model
         self._processes = []
         for k, process in enumerate(model.sets[number]):
+            # Draw functions that know nothing of the samples, and noise at the samples.
             prior = _draw_prior(process.kernel, model.unit.shape[1], random)
             values = model.values[:, k, None]
             errors = model.errors[:, k, None]
             noise = np.sqrt(errors) * random.standard_normal((len(values), FUNCTIONS))
-            corrections = linalg.cho_solve(
-                (process.root, True), values - prior(model.unit) - noise
-            )
+            # Weights of the covariances with the samples, by which the functions come to
+            # agree with the samples' values (W20).
+            residuals = values - prior(model.unit) - noise
+            corrections = linalg.cho_solve((process.root, True), residuals)
             self._processes.append(_DrawnProcess(process, prior, corrections))
 
     def __call__(self, unit: np.ndarray) -> np.ndarray:
         centred = unit - 0.5
-        scale = math.sqrt(self.model.factor)
+        widening = math.sqrt(self.model.factor)
         combinations = []
         for process, prior, corrections in self._processes:
-            between = process.kernel(centred, self.model.unit)
-            mean = (between @ process.weights)[:, None]
-            draws = prior(centred) + between @ corrections
+            # Covariances of the points (m) with the samples (n).
+            covariances = process.kernel(centred, self.model.unit)
+            mean = (covariances @ process.weights)[:, None]
+            draws = prior(centred) + covariances @ corrections
             # The model's factor is on the variance of each draw about the mean.
-            combinations.append(mean + scale * (draws - mean))
-        return self.model.unmixed(np.stack(combinations, axis=-1)).transpose(1, 0, 2)
+            combinations.append(mean + widening * (draws - mean))
+        # From combinations (m, draws, k) to responses, with the draws first.
+        values = np.stack(combinations, axis=-1)
+        return self.model.unmixed(values).transpose(1, 0, 2)
 
 
 def _draw_prior(
@@ -177,9 +190,12 @@ def _draw_prior(
     callable
         From points (m, d) to values (m, FUNCTIONS).
     """
-    straight, smooth = kernel.k1, kernel.k2
-    variance, matern = smooth.k1.constant_value, smooth.k2
-    # The frequencies of Matern's covariance are distributed as Student's t.
+    straight = kernel.k1
+    smooth = kernel.k2
+    variance = smooth.k1.constant_value
+    matern = smooth.k2
+    # Cosines of the smooth part: frequencies, phases and amplitudes. The frequencies of
+    # Matern's covariance are distributed as Student's t.
     freedom = 2 * SMOOTHNESS
     frequencies = random.standard_normal((FEATURES, d)) / matern.length_scale
     frequencies /= np.sqrt(random.chisquare(freedom, (FEATURES, 1)) / freedom)
@@ -187,13 +203,14 @@ def _draw_prior(
     amplitudes = np.sqrt(2 * variance / FEATURES) * random.standard_normal(
         (FEATURES, FUNCTIONS)
     )
+    # Slopes of the straight line in each input, and the constant.
     slopes = np.sqrt(straight.k1.constant_value) * random.standard_normal(
         (d, FUNCTIONS)
     )
     constants = random.standard_normal(FUNCTIONS)
 
-    def functions(unit: np.ndarray) -> np.ndarray:
+    def evaluate(unit: np.ndarray) -> np.ndarray:
         waves = np.cos(unit @ frequencies.T + phases)
         return constants + unit @ slopes + waves @ amplitudes
 
-    return functions
+    return evaluate

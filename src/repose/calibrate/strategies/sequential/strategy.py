@@ -1,4 +1,4 @@
-"""Proposals of the strategy `sequential`.
+"""The strategy `sequential`: the next batch, or the answer, after each batch.
 
 Kriging says where the next batch is simulated, and when to stop.
 """
@@ -105,9 +105,9 @@ def _start_again(
     # Among few good samples equal responses may be chance.
     if n_good >= 2 * n_failed:
         check_responses(data, study.targets)
-    has_few_samples = n_good < section.start_samples
-    is_in_budget = len(data) + section.seeds <= section.most_pours
-    if not (has_few_samples and is_in_budget):
+    is_too_few = n_good < section.start_samples
+    fits_budget = len(data) + section.seeds <= section.most_pours
+    if not (is_too_few and fits_budget):
         raise _input_error(error, data, study.targets) from None
     why = (
         f"{n_failed} samples failed, and the other {n_good} are too few for a model: "
@@ -158,6 +158,7 @@ def answer(
     others = alternatives(ranking, model, targets, study.settings.miga)
     if point is None:
         point = ranking.best
+        # Where no point meets the targets, the most probable one is merely uncertain.
         if no_point_meets(model, goal, ranking):
             point = nearest(model, goal, observed, ranking.points)
             why = f"{why}; {NEAREST}"
@@ -210,10 +211,18 @@ def _input_error(error: ValueError, data: pd.DataFrame, targets: Targets) -> Inp
 def arrange_runs(
     data: pd.DataFrame, space: ParameterSpace, targets: Targets
 ) -> Observed:
-    """Arrange the samples and their runs as arrays."""
+    """Arrange the samples and their runs as arrays.
+
+    Parameters
+    ----------
+    data : pandas.DataFrame
+        A row for each run: `sample`, parameters, and responses, NaN where it failed.
+    space : ParameterSpace
+    targets : Targets
+    """
     names = list(targets.names)
     sample_index, samples = pd.factorize(data["sample"])
-    n_runs = np.bincount(sample_index)
+    runs_of_sample = np.bincount(sample_index)
 
     # Put the runs with any response into values (samples, runs, responses).
     has_response = data[names].notna().any(axis=1).to_numpy()
@@ -226,7 +235,8 @@ def arrange_runs(
     # A sample needs at least half of the runs of each bench test, as in
     # `repose.calibrate.runs.summarise_runs`.
     is_finite = np.isfinite(values)
-    has_half = (2 * is_finite.sum(axis=1) >= n_runs[:, None]).all(axis=1)
+    n_finite = is_finite.sum(axis=1)  # (samples, responses)
+    has_half = (2 * n_finite >= runs_of_sample[:, None]).all(axis=1)
     has_complete_run = is_finite.all(axis=2).any(axis=1)
     is_good = has_complete_run & has_half
 
@@ -330,17 +340,21 @@ def _notes_of_end(
 
 
 def _out_of_reach(notes: Mapping[str, Any], targets: Targets) -> str:
-    """Say how near the answer comes to targets that are out of reach."""
+    """Say how near the answer comes to targets that are out of reach.
+
+    `notes` are those of `_notes`.
+    """
     row = notes["row"]
     deviations = []
     for target in targets:
         mean = row[f"{target.name}_mean"]
         error = row[f"{target.name}_error"]
-        percent = 100 * (mean - target.aim) / target.whole
+        deviation_percent = 100 * (mean - target.aim) / target.whole
         error_percent = abs(100 * error / target.whole)
         symbol = target.response.symbol
         deviations.append(
-            f"{percent:+.1f} ± {error_percent:.1f} % off the target of {symbol}"
+            f"{deviation_percent:+.1f} ± {error_percent:.1f} % off the target of "
+            f"{symbol}"
         )
     return (
         "The targets are probably out of reach: some parameter set meets them with "
