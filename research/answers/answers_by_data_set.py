@@ -34,7 +34,7 @@ from scipy.stats import qmc
 
 from repose.bench.parameters import PARAMETERS
 from repose.calibrate import expected_loss
-from repose.calibrate.probability import within
+from repose.calibrate.probability import probability_in_box
 from repose.calibrate.surrogates import make
 from repose.calibrate.targets import Targets
 from repose.config import computed
@@ -174,7 +174,7 @@ def answers(model, judge, names, values, space):
         row["judge_se_2"] = 100 * np.sqrt(unsure[0, -1, -1]) / aim[-1]
         for percent in PERCENT:
             reach = percent / 100 * aim
-            chance = within(
+            chance = probability_in_box(
                 model.predict(X), model.covariance(X) + unsure, aim - reach, aim + reach
             )[0]
             row |= {

@@ -27,7 +27,7 @@ from repose.calibrate.responses import response
 from repose.calibrate.search.objective import Objective
 from repose.calibrate.strategies import plan
 from repose.calibrate.strategies.sequential import SequentialSettings
-from repose.calibrate.strategies.sequential.advise import advise, ranked
+from repose.calibrate.strategies.sequential.advise import advise, rank_points
 from repose.calibrate.strategies.sequential.goal import Goal
 from repose.calibrate.strategies.sequential.kriging import Kriging, Observed
 from repose.calibrate.targets import Target, Targets
@@ -99,7 +99,7 @@ def kriging(simulator, goal, targets, config, random, budgets):
             lhsdesign(budget // 2, goal.space.dimensions, rng=random), 2, random
         )
         model = Kriging(data)
-        found, scores = ranked(model, goal, data, random)
+        found, scores = rank_points(model, goal, data, random)
         answer = found[scores.argmax()]
         yield budget, answer, float(goal.probability(*model.predict(answer[None]))[0])
 

@@ -150,21 +150,21 @@ def response_surface(simulator, goal, targets, config, random, budgets):
         first = screening.design(space, section)
         corners, middle = screening.corners_and_centre(first)
         data = poured(first)
-        models = screening.models_of(corners, data, targets, "linear")
+        models = screening.fit_models(corners, data, targets, "linear")
         centre = (
             data.loc[middle.index, list(targets.names)].to_numpy(float).mean(axis=0)
         )
         kept = screening.kept_factors(models, section)
         path = screening.path(models, centre, kept, study)
         second = surface.design(
-            surface.walked(path, poured(path), targets), space, section
+            surface.good_path_points(path, poured(path), targets), space, section
         )
-        models = screening.models_of(second, poured(second), targets, "quadratic")
+        models = screening.fit_models(second, poured(second), targets, "quadratic")
         best = surface.best_point(models, targets)
         total = seeds * sum(len(table) for table in (first, path, second))
         if total > budget:
             raise ValueError(f"{total} pours; expected at most {budget}")
-        yield budget, surface.natural_unit(second, best.coded, space)[0], np.nan
+        yield budget, surface.to_unit_cube(second, best.coded, space)[0], np.nan
 
 
 METHODS = {

@@ -24,7 +24,7 @@ from repose.bench.parameters import (
 )
 from repose.bench.space import contact_space
 from repose.calibrate import answer
-from repose.calibrate.card import POSTERIOR, RANGE, held, with_remark
+from repose.calibrate.card import POSTERIOR, RANGE, widen_to_value, with_remark
 from repose.calibrate.chance import PERCENT
 from repose.calibrate.responses import response
 from repose.calibrate.runs import error_of
@@ -169,7 +169,7 @@ def test_a_card_has_the_intervals_of_the_sets_or_of_the_posterior(config, soluti
 ])  # fmt: skip
 def test_an_interval_holds_the_answer_or_tells_the_bound(value, expected, words):
     """The range 0.2 to 0.7 has the width 0.5, so 0.0005 from a bound is at it; the interval is 0.4 to 0.6."""
-    found = held(SPACE, "mus_gg", value, 0.4, 0.6)
+    found = widen_to_value(SPACE, "mus_gg", value, 0.4, 0.6)
     assert found == expected
     assert with_remark("friction", found) == words
 
@@ -177,7 +177,7 @@ def test_an_interval_holds_the_answer_or_tells_the_bound(value, expected, words)
 def test_an_interval_that_begins_at_a_bound_tells_it_on_card_and_in_words(
     config, solutions
 ):
-    assert held(SPACE, "mus_gg", 0.2, 0.2, 0.6) == {
+    assert widen_to_value(SPACE, "mus_gg", 0.2, 0.2, 0.6) == {
         "low": 0.2,
         "high": 0.6,
         "at_bound": "lower",
@@ -185,7 +185,7 @@ def test_an_interval_that_begins_at_a_bound_tells_it_on_card_and_in_words(
     fixed = contact_space(
         {name: {"fixed": 0.3} if name == "e_gp" else [0.1, 0.5] for name in PARAMETERS}
     )
-    assert held(fixed, "e_gp", 0.3, None, None) == {"low": None, "high": None}
+    assert widen_to_value(fixed, "e_gp", 0.3, None, None) == {"low": None, "high": None}
     free = [name for name in PARAMETERS if name not in FIXED]
     intervals = pd.DataFrame(
         {"parameter": free, "credible_low": 0.45, "credible_high": 0.5}

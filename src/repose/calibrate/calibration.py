@@ -98,11 +98,13 @@ class Calibration(NamedTuple):
     def intervals(self) -> dict[str, dict[str, Any]]:
         """The answer's values with their intervals by name, as the card has them."""
         space = self.study.parameters
-        ends_of_parameters = cards.ends(space, self.solutions, self._posterior_tables)
+        ends_of_parameters = cards.find_intervals(
+            space, self.solutions, self._posterior_tables
+        )
         intervals = {}
         for name, (low, high) in ends_of_parameters.items():
             value = self.parameters[name]
-            interval = cards.held(space, name, value, low, high)
+            interval = cards.widen_to_value(space, name, value, low, high)
             intervals[name] = {"value": value, **interval}
         return intervals
 
@@ -123,7 +125,7 @@ class Calibration(NamedTuple):
                 "settings": {},
             }
             tests[name] = {"definition": definition, "bench": None}
-        card = cards.assembled(
+        card = cards.assemble(
             about={"simulator": settings.simulator, "probability": self.probability},
             tests=tests,
             answer=self.as_answer(),

@@ -32,7 +32,7 @@ Ends = tuple[float | None, float | None]
 Tables: TypeAlias = "tuple[pd.DataFrame, pd.DataFrame]"
 
 
-def assembled(
+def assemble(
     about: Mapping[str, Any],
     tests: Mapping[str, Mapping[str, Any]],
     answer: Result,
@@ -69,7 +69,7 @@ def assembled(
     sets = solutions if posterior is None else posterior[1]
     # A parameter that is the same in all sets has no correlation; the card says 0.
     correlations = sets[list(space.free)].corr().fillna(0.0).round(4)
-    intervals = ends(space, solutions, posterior)
+    intervals = find_intervals(space, solutions, posterior)
     parameters = {}
     for name in space.names:
         value = answer.parameters[name]
@@ -77,7 +77,7 @@ def assembled(
         parameters[name] = {
             "meaning": (labels or {}).get(name, name),
             "value": value,
-            **held(space, name, value, low, high),
+            **widen_to_value(space, name, value, low, high),
             "given": _kind_of(name, space),
         }
     card: dict[str, Any] = {"card": 1, "material": answer.label, **about}
@@ -103,7 +103,7 @@ def assembled(
     return card
 
 
-def ends(
+def find_intervals(
     space: ParameterSpace, solutions: "pd.DataFrame", posterior: "Tables | None"
 ) -> dict[str, Ends]:
     """Find the interval of each parameter; (None, None) for a fixed parameter.
@@ -125,7 +125,7 @@ def ends(
     return intervals
 
 
-def held(
+def widen_to_value(
     space: ParameterSpace,
     name: str,
     value: float,
@@ -168,7 +168,7 @@ def held(
 
 
 def with_remark(text: str, interval: Mapping[str, Any]) -> str:
-    """Add to a text on a parameter what `held` found of its interval."""
+    """Add to a text on a parameter what `widen_to_value` found of its interval."""
     if "at_bound" in interval:
         return f"{text}; at the {interval['at_bound']} bound of the range"
     if "widened" in interval:

@@ -14,7 +14,7 @@ from scipy.special import erf
 
 from repose.calibrate.chance import PERCENT
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.probability import within
+from repose.calibrate.probability import probability_in_box
 from repose.calibrate.search.objective import Preference
 from repose.calibrate.surrogates.base import Surrogate
 from repose.calibrate.targets import Targets
@@ -167,7 +167,7 @@ def assess_by_errors(
     for percent in PERCENT:
         low = aim - percent * one_percent
         high = aim + percent * one_percent
-        probability = within(mean, covariance, low, high)
+        probability = probability_in_box(mean, covariance, low, high)
         probabilities[f"{percent:g} %"] = float(probability[0])
     return {
         "predicted_se": dict(zip(targets.names, error.tolist(), strict=True)),

@@ -12,7 +12,7 @@ POINTS = 128
 LEAST = 1e-300
 
 
-def within(
+def probability_in_box(
     mean: np.ndarray, covariance: np.ndarray, low: np.ndarray, high: np.ndarray
 ) -> np.ndarray:
     """Compute the probability that normal vectors lie in a box.

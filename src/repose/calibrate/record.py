@@ -24,7 +24,7 @@ from repose.calibrate.strategies.runs import (
     judge_runs,
     needed_responses,
     next_number,
-    rows_of,
+    read_rows,
     runs_of,
     unread_columns,
     with_missing,
@@ -115,7 +115,7 @@ class Record:
     def read(self) -> None:
         """Read the file, to which other processes may have added runs."""
         if self.file is not None and self.file.exists():
-            rows = rows_of(self.file, self.study)
+            rows = read_rows(self.file, self.study)
             self._is_record = bool(rows) and TURN in rows[0]
             self._replace_rows(rows, self.file)
 
@@ -230,7 +230,7 @@ class Record:
         first run of a turn.
         """
         assert self.file is not None
-        rows = rows_of(path, self.study)
+        rows = read_rows(path, self.study)
         runs = checked_runs(self.study, rows, path, enough=False)
         rows = with_missing(rows, self.study)
         self.file.parent.mkdir(parents=True, exist_ok=True)

@@ -170,7 +170,7 @@ def train(
         raise InputError(source, "usable samples", len(usable), words)
     X = usable[list(names)].to_numpy(float)
     Y = usable[list(targets.names)].to_numpy(float)
-    rows = rows_of(usable, settings.split, settings.seed)
+    rows = split_rows(usable, settings.split, settings.seed)
 
     def fit(part: np.ndarray, covariance: np.ndarray | None = None) -> _Fit:
         """Fit a new surrogate to the samples in some rows.
@@ -377,7 +377,7 @@ def split(samples: int, shares: Sequence[float], seed: int) -> dict[str, np.ndar
     return dict(zip(SPLITS, parts, strict=True))
 
 
-def rows_of(
+def split_rows(
     samples: pd.DataFrame, shares: Sequence[float], seed: int
 ) -> dict[str, np.ndarray]:
     """Split the rows of a table into train, validation and test.

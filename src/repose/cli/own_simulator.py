@@ -137,14 +137,14 @@ def calibrate(args: argparse.Namespace, study: "Study") -> None:
     example: results.csv --config own.yaml --out own
     """
     from repose.calibrate import calibration
-    from repose.calibrate.strategies.runs import checked_runs, rows_of, unread_columns
+    from repose.calibrate.strategies.runs import checked_runs, read_rows, unread_columns
     from repose.common.ledger import check_replaceable
     from repose.common.tables import print_columns
 
     report_html = Path(args.out) / "report.html"
     for name in (*calibration.TABLES, *calibration.RECORDS, report_html.name):
         check_replaceable(Path(args.out) / name)
-    rows = rows_of(args.runs, study)
+    rows = read_rows(args.runs, study)
     runs = checked_runs(study, rows, args.runs)
     print_columns(args.runs)
     for sentence in unread_columns(study, rows).values():

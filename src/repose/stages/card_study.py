@@ -15,7 +15,7 @@ from repose.bench.funnel import FunnelSettings
 from repose.bench.parameters import LABELS
 from repose.bench.settings import SimulationSettings, WallSettings
 from repose.calibrate.answer import Result
-from repose.calibrate.card import assembled
+from repose.calibrate.card import assemble
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.profiles import OfProfile
 from repose.calibrate.responses import Response, derived
@@ -207,7 +207,7 @@ def make(
         study.config, particle, dataset_csv
     ).items():
         tests[name]["reach"] = found.record()
-    return assembled(
+    return assemble(
         about,
         tests,
         answer=answer,

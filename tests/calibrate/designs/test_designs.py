@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from refusals import value_error
 
-from repose.calibrate.designs.ascent import path, towards
+from repose.calibrate.designs.ascent import ascent_direction, path
 from repose.calibrate.designs.box_behnken import BLOCKS, box_behnken
 from repose.calibrate.designs.central_composite import central_composite
 from repose.calibrate.designs.model import columns, terms_of
@@ -153,7 +153,7 @@ def test_a_face_centred_design_has_three_levels():
 
 
 def climbed(*slopes):
-    return towards(np.array([slopes]), np.array([1.0]), np.array([1.0]))
+    return ascent_direction(np.array([slopes]), np.array([1.0]), np.array([1.0]))
 
 
 def test_the_path_and_the_direction_of_two_textbooks():
@@ -171,9 +171,11 @@ def test_the_path_and_the_direction_of_two_textbooks():
 
 def test_one_response_is_climbed_and_several_descend_the_sum_of_their_squared_misses():
     slope = np.array([[0.775, 0.325]])
-    up = towards(slope, np.array([3.0]), np.array([40.0]))
+    up = ascent_direction(slope, np.array([3.0]), np.array([40.0]))
     assert up == pytest.approx(slope[0] / np.linalg.norm(slope))
-    assert towards(slope, np.array([-3.0]), np.array([40.0])) == pytest.approx(-up)
+    assert ascent_direction(slope, np.array([-3.0]), np.array([40.0])) == pytest.approx(
+        -up
+    )
     value_error("other than 0", climbed, 0.0, 0.0)
     slopes, missing, scale = (
         np.array([[1.0, 0.5], [-0.2, 0.8]]),
@@ -187,6 +189,6 @@ def test_one_response_is_climbed_and_several_descend_the_sum_of_their_squared_mi
     steps = [
         np.array([np.cos(a), np.sin(a)]) * 1e-5 for a in np.linspace(0, 2 * np.pi, 3601)
     ]
-    assert towards(slopes, missing, scale) == pytest.approx(
+    assert ascent_direction(slopes, missing, scale) == pytest.approx(
         min(steps, key=misses) / 1e-5, abs=2e-3
     )

@@ -7,7 +7,7 @@ import pytest
 from refusals import value_error
 from scipy.stats import multivariate_normal, norm
 
-from repose.calibrate.probability import within
+from repose.calibrate.probability import probability_in_box
 from repose.calibrate.strategies.sequential.kriging import (
     DRAWS,
     FACTOR_MEDIAN,
@@ -48,7 +48,7 @@ def test_probability_of_a_box(k):
         multivariate_normal.cdf, high, abseps=1e-6, lower_limit=low, rng=random
     )
     slow = [integral(one, c) for one, c in zip(mean, covariance, strict=True)]
-    assert within(mean, covariance, low, high) == pytest.approx(
+    assert probability_in_box(mean, covariance, low, high) == pytest.approx(
         slow, abs=1e-12 if k == 1 else 2e-3
     )
 
@@ -95,11 +95,11 @@ def test_errors_are_those_of_all_the_responses_processes_and_of_the_others():
                 for one in kept
             ]
         )
-        means, within = moments[..., 0].transpose(2, 0, 1)
+        means, probability_in_box = moments[..., 0].transpose(2, 0, 1)
         assert residuals[i] == pytest.approx(
             model.values[i] - means.mean(axis=0), rel=1e-6
         )
-        assert variances[i] == pytest.approx(within.mean(axis=0), rel=1e-6)
+        assert variances[i] == pytest.approx(probability_in_box.mean(axis=0), rel=1e-6)
         assert others[i] == pytest.approx(means.var(axis=0) + model.errors[i], rel=1e-6)
 
 

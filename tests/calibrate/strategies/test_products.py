@@ -15,7 +15,7 @@ from repose.bench.parameters import PARAMETERS
 from repose.calibrate.card import RANGE
 from repose.calibrate.runs import error_of
 from repose.calibrate.search.settings import MigaSettings
-from repose.calibrate.strategies.answer import separated
+from repose.calibrate.strategies.answer import select_separated
 from repose.config.pipeline import PipelineConfig
 from repose.grain.particle import Particle
 from repose.measure.angles import MEAN_KEYS
@@ -112,8 +112,8 @@ def test_the_message_the_sets_and_the_card_report_the_answer_of_the_strategy(stu
     # and so does the simulator, within what a prediction of a few pours can be off: the ranges are 12 and 9 % wide
     assert abs(responses(table) / TARGETS.aim - 1).max() < 0.12
     unit = SPACE.unit(table[list(PARAMETERS)].to_numpy())
-    assert len(separated(unit[1:], apart(99))) == len(unit) - 1
-    assert separated(
+    assert len(select_separated(unit[1:], apart(99))) == len(unit) - 1
+    assert select_separated(
         pd.DataFrame({"a": [0.0, 0.005, 0.3, 0.3, 0.5, 0.9]}).to_numpy(), apart(3)
     ).tolist() == [0, 2, 4]
 

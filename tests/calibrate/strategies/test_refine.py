@@ -103,8 +103,8 @@ def test_added_samples_leave_the_split_as_it_was():
     )
     added = pd.DataFrame({"sample": [41, 42, 43], "round": [1, 1, 1]})
     shares = [0.7, 0.15, 0.15]
-    before = train.rows_of(design, shares, 3)
-    after = train.rows_of(pd.concat([design, added]), shares, 3)
+    before = train.split_rows(design, shares, 3)
+    after = train.split_rows(pd.concat([design, added]), shares, 3)
     for name in ("validation", "test"):
         np.testing.assert_array_equal(after[name], before[name])
     np.testing.assert_array_equal(after["train"], [*before["train"], 40, 41, 42])

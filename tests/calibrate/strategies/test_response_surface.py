@@ -92,7 +92,7 @@ def test_the_screening_finds_the_parameters_that_matter(noisy):
     assert found["kept"][0] in {"mus_gg", "mur_gg"}
     assert set(found["kept"]) | set(found["dropped"]) == set(PARAMETERS)
     table = screening.design(SPACE, SETTINGS)
-    models = screening.models_of(table, dataset(table, 0.1), TARGETS, "linear")
+    models = screening.fit_models(table, dataset(table, 0.1), TARGETS, "linear")
     none = {"significance": 1e-30}
     for changes, count in (
         (none, 3),
@@ -155,7 +155,7 @@ def test_the_check_is_the_optimum_again_in_coded_and_natural_units(noisy):
         coded = table.loc[k, [f"coded_{name}" for name in factors_of(table)]].to_numpy(
             float
         )
-        unit = surface.natural_unit(table, coded, SPACE)
+        unit = surface.to_unit_cube(table, coded, SPACE)
         assert SPACE.values(unit)[0] == pytest.approx(
             table.loc[k, list(PARAMETERS)].to_numpy(float)
         )
@@ -178,12 +178,12 @@ def test_the_interval_of_the_check_holds_what_it_says():
     check = surface.check_samples(table, best, SPACE, SETTINGS.checks)
     inside = []
     for k in range(500):
-        models = screening.models_of(
+        models = screening.fit_models(
             table, dataset(table, 0.5, [k, 0]), TARGETS, "quadratic"
         )
         predicted = surface.predictions(models, best, TARGETS, SECTION["checks"])
         inside.append(
-            surface.checked(predicted, dataset(check, 0.5, [k, 1]))["as_predicted"]
+            surface.add_check(predicted, dataset(check, 0.5, [k, 1]))["as_predicted"]
         )
     assert np.mean(inside) == pytest.approx(0.95, abs=0.021)
 
@@ -224,9 +224,9 @@ def test_steps_share_no_sample_and_leave_out_those_that_gave_no_pile():
     data = dataset(table)
     data.loc[[0, 5], "status"] = "failed"
     data.loc[[0, 5], list(TARGETS.names)] = np.nan
-    whole = screening.models_of(table, dataset(table), TARGETS, "linear")
+    whole = screening.fit_models(table, dataset(table), TARGETS, "linear")
     assert (
-        len(screening.models_of(table, data, TARGETS, "linear")[0].response)
+        len(screening.fit_models(table, data, TARGETS, "linear")[0].response)
         == len(whole[0].response) - 2
     )
     steps = [
@@ -306,12 +306,12 @@ def test_the_check_has_the_mean_of_its_good_runs_and_the_standard_error_of_the_m
             "status": ["ok", "ok", "ok", "jammed"],
         }
     )
-    checked = surface.checked(predicted, dataset).iloc[0]
+    checked = surface.add_check(predicted, dataset).iloc[0]
     assert checked["simulated"] == pytest.approx(32.0)
     assert checked["simulated_error"] == pytest.approx(2.0 / np.sqrt(3.0))
     assert checked["deviation_percent"] == pytest.approx(-20.0)
     assert checked["as_predicted"]
 
-    one_run = surface.checked(predicted, dataset.head(1)).iloc[0]
+    one_run = surface.add_check(predicted, dataset.head(1)).iloc[0]
     assert one_run["simulated"] == 30.0
     assert np.isnan(one_run["simulated_error"])

@@ -3,7 +3,9 @@
 import numpy as np
 
 
-def towards(slopes: np.ndarray, missing: np.ndarray, scale: np.ndarray) -> np.ndarray:
+def ascent_direction(
+    slopes: np.ndarray, missing: np.ndarray, scale: np.ndarray
+) -> np.ndarray:
     """Compute the direction in which several responses approach their targets fastest.
 
     It is the steepest descent of the sum of the squared scaled deviations at the

@@ -94,7 +94,7 @@ def solutions(
     return table
 
 
-def separated(unit: np.ndarray, section: MigaSettings) -> np.ndarray:
+def select_separated(unit: np.ndarray, section: MigaSettings) -> np.ndarray:
     """Choose points that keep a distance from each other.
 
     Parameters

@@ -203,7 +203,7 @@ def runs_by_bench(data: pd.DataFrame, targets: Targets) -> pd.DataFrame:
 
 def read_runs(path: Path_, study: Study) -> pd.DataFrame:
     """Read a CSV file of runs and check it by `checked_runs`."""
-    return checked_runs(study, rows_of(path, study), path)
+    return checked_runs(study, read_rows(path, study), path)
 
 
 def columns_of(study: Study) -> tuple[str, ...]:
@@ -233,7 +233,7 @@ def unread_columns(study: Study, rows: Rows) -> dict[str, str]:
     return describe_unread(cells, if_few=name_it)
 
 
-def rows_of(path: Path_, study: Study) -> Rows:
+def read_rows(path: Path_, study: Study) -> Rows:
     """Read the rows of a CSV file of runs as text, by the names of the study.
 
     Raises

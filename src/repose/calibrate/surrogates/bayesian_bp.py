@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from repose.calibrate.surrogates.base import Noise, Surrogate, register
-from repose.calibrate.surrogates.evidence import of_each_weight, posterior_root
+from repose.calibrate.surrogates.evidence import posterior_root, spread_over_weights
 from repose.calibrate.surrogates.levenberg_marquardt import (
     CONVERGED,
     STATISTICS,
@@ -447,7 +447,9 @@ class BayesianBP(TrainingSettings, Surrogate):
 
         # The regularisation of each weight is that of its class.
         classes = weight_classes(self.prior, X.shape[1], self.hidden, outputs)
-        alpha_of_weight = of_each_weight(np.atleast_1d(self.alpha_), classes, w.size)
+        alpha_of_weight = spread_over_weights(
+            np.atleast_1d(self.alpha_), classes, w.size
+        )
         root = posterior_root(alpha_of_weight, self.beta_, J.T @ J)
         self._set_errors(root, mixing)
 

@@ -66,7 +66,7 @@ def log_evidence(
         len(indices[members]) / 2 * math.log(2 * value)
         for value, members in zip(alpha, classes, strict=True)
     )
-    hessian = 2 * beta * JJ + np.diag(2 * of_each_weight(alpha, classes, N))
+    hessian = 2 * beta * JJ + np.diag(2 * spread_over_weights(alpha, classes, N))
     _, log_det = np.linalg.slogdet(hessian)
     evidence = (
         n / 2 * math.log(beta / math.pi)
@@ -92,7 +92,9 @@ def posterior_root(alpha: np.ndarray, beta: float, JJ: np.ndarray) -> np.ndarray
     return prior_root[:, None] * vectors / np.sqrt(1 + np.maximum(eigenvalues, 0.0))
 
 
-def of_each_weight(alpha: np.ndarray, classes: Sequence[Any], N: int) -> np.ndarray:
+def spread_over_weights(
+    alpha: np.ndarray, classes: Sequence[Any], N: int
+) -> np.ndarray:
     """Spread the alpha of each class over its weights; returns an array (N,)."""
     alpha_of_weight = np.empty(N)
     for value, members in zip(alpha, classes, strict=True):

@@ -38,7 +38,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from repose.calibrate.surrogates.evidence import log_evidence, of_each_weight
+from repose.calibrate.surrogates.evidence import log_evidence, spread_over_weights
 from repose.calibrate.surrogates.samples import NO_SCATTER, Scatter
 from repose.calibrate.surrogates.settings import AS_PUBLISHED
 from repose.calibrate.surrogates.two_layer import (
@@ -278,9 +278,9 @@ def train_again(
         size=size,
     )
     state = _State(
-        at=_point(w, data),
+        at=_linear_model(w, data),
         alpha=alpha,
-        alpha_of_weight=of_each_weight(alpha, classes, w.size),
+        alpha_of_weight=spread_over_weights(alpha, classes, w.size),
         beta=beta,
         gamma=size,  # not used: alpha and beta stay
     )
@@ -292,7 +292,7 @@ def train_again(
         weights, next_mu = _step(state, mu, data, settings)
         if weights is None:
             break
-        state = state._replace(at=_point(weights, data))
+        state = state._replace(at=_linear_model(weights, data))
         # A damping that had to be raised would have to be raised again.
         mu = next_mu / settings.mu_decrease if next_mu >= mu else next_mu
         fall = F - state.F()
@@ -336,7 +336,7 @@ def _train(w: np.ndarray, data: _Data, settings: TrainingSettings) -> _End:
             # No damping up to the largest one gives a step that lowers F.
             reason = "mu"
             break
-        state = _re_estimated(_point(weights, data), state, data)
+        state = _re_estimate(_linear_model(weights, data), state, data)
         epoch += 1
 
         # A single alpha stays at its largest evidence; several alpha pass it.
@@ -358,9 +358,9 @@ def _first_state(w: np.ndarray, data: _Data) -> _State:
     """
     alpha = np.full(len(data.classes), FIRST_ALPHA)
     return _State(
-        at=_point(w, data),
+        at=_linear_model(w, data),
         alpha=alpha,
-        alpha_of_weight=of_each_weight(alpha, data.classes, w.size),
+        alpha_of_weight=spread_over_weights(alpha, data.classes, w.size),
         beta=FIRST_BETA,
         gamma=data.size,
     )
@@ -390,7 +390,7 @@ def _descend(state: _State, data: _Data, settings: TrainingSettings) -> _State:
         weights, mu = _step(state, mu, data, settings)
         if weights is None:
             break
-        state = state._replace(at=_point(weights, data))
+        state = state._replace(at=_linear_model(weights, data))
     return state._replace(gamma=_gamma(state, data))
 
 
@@ -443,7 +443,7 @@ def _gamma(state: _State, data: _Data) -> np.ndarray:
     return data.size - state.alpha * traces
 
 
-def _re_estimated(at: _Point, state: _State, data: _Data) -> _State:
+def _re_estimate(at: _Point, state: _State, data: _Data) -> _State:
     """Re-estimate gamma, alpha and beta at new weights (FH 2-3).
 
     alpha = gamma / (2 E_w) and beta = (n - gamma) / (2 E_d).
@@ -456,13 +456,13 @@ def _re_estimated(at: _Point, state: _State, data: _Data) -> _State:
     return _State(
         at=at,
         alpha=alpha,
-        alpha_of_weight=of_each_weight(alpha, data.classes, at.w.size),
+        alpha_of_weight=spread_over_weights(alpha, data.classes, at.w.size),
         beta=beta,
         gamma=gamma,
     )
 
 
-def _point(w: np.ndarray, data: _Data) -> _Point:
+def _linear_model(w: np.ndarray, data: _Data) -> _Point:
     """Linearise the residuals about weights."""
     e, J = linearise(w, data.x, data.t, data.root_weight)
     return _Point(

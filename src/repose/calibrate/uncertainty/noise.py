@@ -54,7 +54,7 @@ def read_runs(runs_csv: Path_, targets: Targets) -> pd.DataFrame:
     """
     runs = read_table(runs_csv, ("sample", "seed", "status", *targets.names))
     for name in targets.names:
-        sizes = usable(runs, (name,)).groupby("sample").size()
+        sizes = good_runs(runs, (name,)).groupby("sample").size()
         if len(sizes) < 2 or sizes.max() < 2:
             largest = int(sizes.max()) if len(sizes) else 0
             raise InputError(
@@ -63,7 +63,7 @@ def read_runs(runs_csv: Path_, targets: Targets) -> pd.DataFrame:
     return runs
 
 
-def usable(runs: pd.DataFrame, names: tuple[str, ...]) -> pd.DataFrame:
+def good_runs(runs: pd.DataFrame, names: tuple[str, ...]) -> pd.DataFrame:
     """Select the runs with status ok and a number for each of the responses."""
     has_numbers = runs[list(names)].notna().all(axis=1)
     return runs[(runs["status"] == "ok") & has_numbers]
@@ -76,7 +76,7 @@ def within_correlation(runs: pd.DataFrame, targets: Targets) -> WithinCorrelatio
     for rows in targets.benches.values():
         # All pairs of a bench test have the same runs, so that the matrix is positive
         # semidefinite.
-        complete = usable(runs, tuple(targets.names[k] for k in rows))
+        complete = good_runs(runs, tuple(targets.names[k] for k in rows))
         for i, j in combinations(rows, 2):
             first = targets.names[i]
             second = targets.names[j]
@@ -113,7 +113,7 @@ def noise_floor(runs: pd.DataFrame, targets: Targets) -> NoiseFloor:
     rows = []
     for target in targets:
         runs_of_test = of_bench(runs, target.response.apparatus)
-        good = usable(runs_of_test, (target.name,))
+        good = good_runs(runs_of_test, (target.name,))
         failed = runs_of_test[runs_of_test["status"] != "ok"]
         components = variance_components(good[target.name], good["sample"])
         _add_seeds(seeds_table, target, components)

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from repose.bench.parameters import SYMBOLS
 from repose.calibrate.designs.model import Model
-from repose.calibrate.strategies.response_surface.screening import models_of
+from repose.calibrate.strategies.response_surface.screening import fit_models
 from repose.calibrate.targets import Target, Targets
 from repose.common.files import read_json, read_table
 
@@ -193,7 +193,7 @@ def _fit_models(inputs: Inputs, targets: Targets) -> list[Model]:
     """Fit the surface of each response."""
     samples = read_table(inputs["samples"], ("sample",))
     dataset = read_table(inputs["dataset"], ("sample",))
-    return models_of(samples, dataset, targets=targets, order="quadratic")
+    return fit_models(samples, dataset, targets=targets, order="quadratic")
 
 
 def _term_label(term: str) -> str:

@@ -10,7 +10,7 @@ import pandas as pd
 from repose.bench.parameters import LABELS
 from repose.calibrate.answer import NEAR_BOUNDS, describe_optimism, nearness
 from repose.calibrate.bounds import in_words
-from repose.calibrate.card import held, with_remark
+from repose.calibrate.card import widen_to_value, with_remark
 from repose.calibrate.designs.latin_hypercube import METHODS
 from repose.calibrate.designs.settings import DesignSettings
 from repose.calibrate.runs import error_of
@@ -151,10 +151,10 @@ def _parameter_row(study: Results, name: str, value: float) -> list[str]:
 
     if study.posterior is None:
         interval_cells = []
-        interval = held(parameters, name, value=value, low=value, high=value)
+        interval = widen_to_value(parameters, name, value=value, low=value, high=value)
     else:
         row = study.posterior.loc[name]
-        interval = held(
+        interval = widen_to_value(
             parameters,
             name,
             value=value,

@@ -9,7 +9,7 @@ import pandas as pd
 from repose.calibrate.answer import WITHIN
 from repose.calibrate.designs import latin_hypercube as design
 from repose.calibrate.inversion import Inversion, invert
-from repose.calibrate.probability import within
+from repose.calibrate.probability import probability_in_box
 from repose.calibrate.strategies.base import Answer, Batch, samples_of
 from repose.calibrate.strategies.runs import next_number, runs_by_bench, samples_of_runs
 from repose.calibrate.study import Study
@@ -31,7 +31,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
         training.model, space, study.targets, settings.miga, support=support
     )
     why = "the batch is simulated: the search on its surrogate answers"
-    return answer_of(study, training.model, inversion, data, why, settings.seeds)
+    return make_answer(study, training.model, inversion, data, why, settings.seeds)
 
 
 def design_batch(study: Study, seeds: int) -> Batch:
@@ -79,7 +79,7 @@ def fit_surrogate(
     return training, Support.of(good, study.parameters)
 
 
-def answer_of(
+def make_answer(
     study: Study,
     model: Surrogate,
     inversion: Inversion,
@@ -117,7 +117,7 @@ def answer_of(
         values=values,
         mean=mean[0],
         covariance=covariance[0],
-        probability=probability_of(mean, covariance, targets),
+        probability=meeting_probabilities(mean, covariance, targets),
         samples=samples,
         why=why,
         others=others[names].to_numpy(float),
@@ -127,7 +127,7 @@ def answer_of(
     )
 
 
-def probability_of(
+def meeting_probabilities(
     mean: np.ndarray, covariance: np.ndarray, targets: Targets
 ) -> dict[str, float]:
     """Compute the probabilities of an answer.
@@ -151,7 +151,9 @@ def probability_of(
         tolerance = percent * (targets.whole / 100)
         low = targets.aim - tolerance
         high = targets.aim + tolerance
-        probabilities[column] = float(within(mean, covariance, low, high)[0])
-    inside = within(mean, covariance, targets.low, targets.high)
+        probabilities[column] = float(
+            probability_in_box(mean, covariance, low, high)[0]
+        )
+    inside = probability_in_box(mean, covariance, targets.low, targets.high)
     probabilities["inside"] = float(inside[0])
     return probabilities

@@ -9,7 +9,7 @@ next fit learns the level of the whole region, and no place is chosen for its no
 import numpy as np
 
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.probability import within
+from repose.calibrate.probability import probability_in_box
 from repose.calibrate.search.objective import Objective
 from repose.calibrate.surrogates.base import Surrogate
 from repose.calibrate.targets import Targets
@@ -67,7 +67,7 @@ def places_near_targets(
     # Compute the probability of these by the errors of the predictions.
     X = space.values(nearest)
     tolerance = tolerance_percent * (targets.whole / 100)
-    probability = within(
+    probability = probability_in_box(
         surrogate.predict(X),
         surrogate.covariance(X),
         targets.aim - tolerance,

@@ -14,9 +14,9 @@ from repose.calibrate.optimism import Pours, expected_optimism, representative_a
 from repose.calibrate.seeds import PURPOSES
 from repose.calibrate.strategies.base import Answer, Batch, samples_of
 from repose.calibrate.strategies.published.strategy import (
-    answer_of,
     design_batch,
     fit_surrogate,
+    make_answer,
 )
 from repose.calibrate.strategies.refined.places import places_near_targets
 from repose.calibrate.strategies.runs import next_number, runs_by_bench, samples_of_runs
@@ -44,7 +44,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
         training.model, space, study.targets, study.settings.miga, support=support
     )
     why = "the places near the targets are simulated: the search on all runs answers"
-    answer = answer_of(study, training.model, inversion, data, why, section.seeds)
+    answer = make_answer(study, training.model, inversion, data, why, section.seeds)
     n_places = int(is_second.sum())
     steps = (
         f"Design: {study.settings.design.samples} parameter sets, and a surrogate of "

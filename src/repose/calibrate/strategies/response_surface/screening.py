@@ -19,9 +19,9 @@ from repose.calibrate.strategies.response_surface import ResponseSurfaceSettings
 from repose.calibrate.strategies.response_surface.steps import (
     CODED,
     factors_of,
+    good_samples,
     samples,
     scale_of,
-    usable,
 )
 from repose.calibrate.study import Study
 from repose.calibrate.targets import Targets
@@ -75,8 +75,8 @@ def analyse_screening(
     targets = study.targets
     names = targets.names
     corner_samples, centre_samples = corners_and_centre(table)
-    models = models_of(corner_samples, dataset, targets, "linear")
-    centre_means = usable(centre_samples, dataset)[list(names)].mean()
+    models = fit_models(corner_samples, dataset, targets, "linear")
+    centre_means = good_samples(centre_samples, dataset)[list(names)].mean()
     kept = kept_factors(models, study.settings.response_surface)
     try:
         ascent_samples = path(models, centre_means.to_numpy(), kept, study)
@@ -97,7 +97,7 @@ def analyse_screening(
         "corners": corner_means,
     }
     why = f"kept {', '.join(kept)}; dropped {', '.join(dropped) or 'none'}"
-    tables = analysis("screening", models, targets)
+    tables = analysis_tables("screening", models, targets)
     return ascent_samples, {**tables, "screening": result, "why": why}
 
 
@@ -119,7 +119,7 @@ def corners_and_centre(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]
     return table[~is_centre], table[is_centre]
 
 
-def models_of(
+def fit_models(
     table: pd.DataFrame, dataset: pd.DataFrame, targets: Targets, order: str
 ) -> list[Model]:
     """Fit a polynomial to each response of a step.
@@ -139,7 +139,7 @@ def models_of(
     InputError
         If too few samples are usable.
     """
-    rows = usable(table, dataset)
+    rows = good_samples(table, dataset)
     factors = factors_of(table)
     coded = rows[[CODED + name for name in factors]].to_numpy(float)
     models = []
@@ -153,7 +153,7 @@ def models_of(
     return models
 
 
-def analysis(
+def analysis_tables(
     step: str, models: list[Model], targets: Targets
 ) -> dict[str, pd.DataFrame]:
     """Make the tables of the models of a step, as in `repose.calibrate.designs.anova`.
@@ -225,7 +225,7 @@ def path(
     # The slopes (responses, kept factors) of the models.
     order = [models[0].factors.index(name) for name in kept]
     slopes = np.array([model.coefficients[order] for model in models])
-    direction = ascent.towards(slopes, targets.aim - centre, scale_of(targets))
+    direction = ascent.ascent_direction(slopes, targets.aim - centre, scale_of(targets))
     coded = ascent.path(direction, study.settings.response_surface.steps)
     # The other parameters stay at 0.5 in the unit cube, which is 0 in coded units.
     unit = np.full((len(coded), space.dimensions), 0.5)

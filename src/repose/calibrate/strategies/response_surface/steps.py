@@ -58,7 +58,7 @@ def factors_of(table: pd.DataFrame) -> tuple[str, ...]:
     return tuple(name.removeprefix(CODED) for name in table if name.startswith(CODED))
 
 
-def usable(table: pd.DataFrame, dataset: pd.DataFrame) -> pd.DataFrame:
+def good_samples(table: pd.DataFrame, dataset: pd.DataFrame) -> pd.DataFrame:
     """Select the good samples of a step, with their responses.
 
     Raises

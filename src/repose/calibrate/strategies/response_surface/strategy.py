@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from repose.calibrate.strategies.base import Answer, Batch, samples_of
-from repose.calibrate.strategies.published.strategy import probability_of
+from repose.calibrate.strategies.published.strategy import meeting_probabilities
 from repose.calibrate.strategies.response_surface import (
     ResponseSurfaceSettings,
     screening,
@@ -44,7 +44,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
         return batch(ascent_samples)
 
     # Design a surface about the best point of the path.
-    points = surface.walked(ascent_samples, dataset, targets)
+    points = surface.good_path_points(ascent_samples, dataset, targets)
     nearest = points[points["best"]].iloc[0]
     notes["path"] = points
     notes["why"] = (
@@ -56,10 +56,10 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
         return batch(surface_samples)
 
     # Simulate the optimum of the surface.
-    models = screening.models_of(surface_samples, dataset, targets, "quadratic")
+    models = screening.fit_models(surface_samples, dataset, targets, "quadratic")
     optimum = surface.best_point(models, targets)
     check = surface.check_samples(surface_samples, optimum, space, section.checks)
-    notes |= screening.analysis("surface", models, targets)
+    notes |= screening.analysis_tables("surface", models, targets)
     notes["surface"] = surface_samples
     notes |= surface.notes(models, optimum, check, study)
     if _lacks(data, check):
@@ -67,12 +67,12 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
 
     # Answer with it.
     checked = dataset[dataset["sample"].isin(check["sample"])]
-    notes["check"] = surface.checked(notes["predictions"], checked)
+    notes["check"] = surface.add_check(notes["predictions"], checked)
     notes["summary"] = {"surfaces_meet_targets": optimum.met}
     notes["steps"] = _steps(
         section, kept=notes["screening"]["kept"], n_surface=len(surface_samples)
     )
-    unit = surface.natural_unit(surface_samples, optimum.coded, space)
+    unit = surface.to_unit_cube(surface_samples, optimum.coded, space)
     mean = optimum.predicted
     covariance = np.diag(notes["predictions"]["standard_error"] ** 2)
     others = surface.alternatives(models, surface_samples, study)
@@ -80,7 +80,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
         values=space.values(unit)[0],
         mean=mean,
         covariance=covariance,
-        probability=probability_of(mean[None], covariance[None], targets),
+        probability=meeting_probabilities(mean[None], covariance[None], targets),
         samples=samples_of(space, unit, section.checks, next_number(data)),
         why="the optimum of the surfaces is simulated",
         others=others.sets,

@@ -8,14 +8,14 @@ import pandas as pd
 from repose.calibrate.designs.model import Model
 from repose.calibrate.designs.optimum import Optimum, optimum
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.strategies.answer import separated
+from repose.calibrate.strategies.answer import select_separated
 from repose.calibrate.strategies.response_surface import ResponseSurfaceSettings
 from repose.calibrate.strategies.response_surface.steps import (
     CODED,
     factors_of,
+    good_samples,
     samples,
     scale_of,
-    usable,
 )
 from repose.calibrate.study import Study
 from repose.calibrate.targets import Targets
@@ -33,7 +33,7 @@ class Alternatives(NamedTuple):
     mean: np.ndarray  # (n, k), predicted responses
 
 
-def walked(
+def good_path_points(
     table: pd.DataFrame, dataset: pd.DataFrame, targets: Targets
 ) -> pd.DataFrame:
     """Select the usable points of the path of ascent, and mark the best one.
@@ -44,7 +44,7 @@ def walked(
         The points with two further columns: `error_percent`, the weighted root mean
         square of the relative deviations from the targets, and `best`.
     """
-    points = usable(table, dataset)
+    points = good_samples(table, dataset)
     deviation = points[list(targets.names)].to_numpy(float) / targets.aim - 1
     square = (targets.weight * deviation**2).sum(axis=1) / targets.weight.sum()
     points["error_percent"] = 100 * np.sqrt(square)
@@ -63,7 +63,7 @@ def design(
     Parameters
     ----------
     points : pandas.DataFrame
-        The path, from `walked`.
+        The path, from `good_path_points`.
     space : ParameterSpace
     section : ResponseSurfaceSettings
     """
@@ -91,7 +91,7 @@ def best_point(models: list[Model], targets: Targets) -> Optimum:
     return optimum(models, targets.aim, scale_of(targets), targets.low, targets.high)
 
 
-def natural_unit(
+def to_unit_cube(
     table: pd.DataFrame, points: np.ndarray, space: ParameterSpace
 ) -> np.ndarray:
     """Convert points from coded units to the unit cube of the ranges.
@@ -156,8 +156,8 @@ def alternatives(
     rows = nearest_first[is_inside[nearest_first]]
 
     # Keep points that are apart from each other.
-    unit = natural_unit(table, coded[rows], space)
-    kept = separated(unit, settings.miga)
+    unit = to_unit_cube(table, coded[rows], space)
+    kept = select_separated(unit, settings.miga)
     return Alternatives(space.values(unit[kept]), predicted[rows][kept])
 
 
@@ -168,7 +168,7 @@ def check_samples(
 
     `table` has the samples of the surface.
     """
-    unit = np.repeat(natural_unit(table, best.coded, space), count, axis=0)
+    unit = np.repeat(to_unit_cube(table, best.coded, space), count, axis=0)
     coded = np.repeat(best.coded[None], count, axis=0)
     return samples("check", space, unit, factors_of(table), coded)
 
@@ -256,7 +256,7 @@ def _quantile(model: Model) -> float:
     return float(stats.t.ppf((1 + LEVEL) / 2, model.df))
 
 
-def checked(predicted: pd.DataFrame, dataset: pd.DataFrame) -> pd.DataFrame:
+def add_check(predicted: pd.DataFrame, dataset: pd.DataFrame) -> pd.DataFrame:
     """Add the simulations of the check to the `predictions`.
 
     Parameters

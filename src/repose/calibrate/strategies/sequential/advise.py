@@ -13,7 +13,7 @@ from numpy.random import Generator
 from repose.calibrate.designs.latin_hypercube import optimal_lhs
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.search.settings import MigaSettings
-from repose.calibrate.strategies.answer import separated
+from repose.calibrate.strategies.answer import select_separated
 from repose.calibrate.strategies.sequential import SequentialSettings
 from repose.calibrate.strategies.sequential.goal import Goal
 from repose.calibrate.strategies.sequential.kriging import Kriging, Observed
@@ -144,7 +144,7 @@ def advise(
         If the runs are too few for `Kriging`.
     """
     model = Kriging(observed, noise)
-    ranking = ranked(model, goal, observed, random)
+    ranking = rank_points(model, goal, observed, random)
     attainable = reach(model, goal, random.spawn(1)[0])
     answer = ranking.best
     probability = _probability(model, goal, answer)
@@ -293,7 +293,7 @@ def nearest(
 
     # A fixed seed: the same runs always give the same point.
     starts = np.vstack([observed.unit, points])
-    return _refined(starts, score, observed, np.random.default_rng(1)).best
+    return _refine_search(starts, score, observed, np.random.default_rng(1)).best
 
 
 def _probability(model: Kriging, goal: Goal, point: np.ndarray) -> float:
@@ -302,7 +302,7 @@ def _probability(model: Kriging, goal: Goal, point: np.ndarray) -> float:
     return float(goal.probability(mean, covariance)[0])
 
 
-def _refined(
+def _refine_search(
     points: np.ndarray, score: Score, observed: Observed, random: Generator
 ) -> Scored:
     """Add points ever nearer to the best ones, and score all of them.
@@ -333,7 +333,9 @@ def _refined(
     return Scored(points, scores)
 
 
-def ranked(model: Kriging, goal: Goal, observed: Observed, random: Generator) -> Scored:
+def rank_points(
+    model: Kriging, goal: Goal, observed: Observed, random: Generator
+) -> Scored:
     """Score points all over the ranges, and ever nearer to the best of them.
 
     The score is `Goal.score`; it is minus infinity where a failed sample is nearer than
@@ -344,7 +346,7 @@ def ranked(model: Kriging, goal: Goal, observed: Observed, random: Generator) ->
     dimensions = observed.unit.shape[1]
     shares = qmc.Sobol(dimensions, rng=random).random(CANDIDATES)
     points = goal.space.from_prior(shares)
-    return _refined(points, partial(goal.score, model), observed, random)
+    return _refine_search(points, partial(goal.score, model), observed, random)
 
 
 def alternatives(
@@ -355,7 +357,7 @@ def alternatives(
     Parameters
     ----------
     ranking : Scored
-        Result of `ranked`.
+        Result of `rank_points`.
     model : Kriging
     targets : Targets
     section : MigaSettings
@@ -367,7 +369,7 @@ def alternatives(
     # Row numbers of the suitable points, the best first.
     best_first = np.argsort(-ranking.scores, kind="stable")
     rows = best_first[is_suitable[best_first]]
-    chosen = rows[separated(ranking.points[rows], section)]
+    chosen = rows[select_separated(ranking.points[rows], section)]
     return Alternatives(ranking.points[chosen], mean[chosen])
 
 

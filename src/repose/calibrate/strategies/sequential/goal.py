@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.probability import LEAST, within
+from repose.calibrate.probability import LEAST, probability_in_box
 from repose.calibrate.strategies.sequential.kriging import Kriging
 from repose.calibrate.targets import Targets
 
@@ -107,7 +107,9 @@ class Goal(NamedTuple):
 
         The responses have means (m, k) and covariances (m, k, k).
         """
-        return within(mean, covariance, self.aim - self.half, self.aim + self.half)
+        return probability_in_box(
+            mean, covariance, self.aim - self.half, self.aim + self.half
+        )
 
     def score(self, model: Kriging, unit: np.ndarray) -> np.ndarray:
         """Score points (m, d) of the unit cube; the best point has the highest score.

@@ -178,9 +178,9 @@ class Kriging(Combined):
             raise ValueError(f"{n_samples} samples; expected at least {LEAST_SAMPLES}")
         self.noise = observed.noise() if noise is None else noise
         # Model independent combinations of the responses, scaled to variance 1.
-        self._combine(observed.means, _independent(observed, self.noise))
+        self._combine(observed.means, _independent_combinations(observed, self.noise))
         self.unit = observed.unit - 0.5
-        self.errors = _moderated(observed, self._mixing) / self._scale**2
+        self.errors = _mean_variances(observed, self._mixing) / self._scale**2
 
         # Draw the processes of each combination, then collect the processes of each draw.
         draws_of_combinations = [
@@ -287,7 +287,7 @@ class SpaceKriging:
         return self.model.predict(self.space.unit(np.asarray(X, dtype=float)))
 
 
-def _independent(observed: Observed, noise: np.ndarray) -> np.ndarray:
+def _independent_combinations(observed: Observed, noise: np.ndarray) -> np.ndarray:
     """Find combinations of the responses that are independent.
 
     The noise of each combination has variance 1 and is independent of the others', and
@@ -304,7 +304,7 @@ def _independent(observed: Observed, noise: np.ndarray) -> np.ndarray:
     return whitening @ axes
 
 
-def _moderated(observed: Observed, mixing: np.ndarray) -> np.ndarray:
+def _mean_variances(observed: Observed, mixing: np.ndarray) -> np.ndarray:
     """Estimate the variances (n, k) of the samples' means in each combination (S04).
 
     In the combinations, the columns of `mixing`, the noise has the variance 1 over all

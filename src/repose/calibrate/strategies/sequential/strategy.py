@@ -11,7 +11,7 @@ import pandas as pd
 
 from repose.calibrate.answer import WITHIN
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.probability import within
+from repose.calibrate.probability import probability_in_box
 from repose.calibrate.strategies.base import SO_FAR, Answer, Batch, samples_of
 from repose.calibrate.strategies.runs import check_responses, next_number
 from repose.calibrate.strategies.sequential.advise import (
@@ -20,7 +20,7 @@ from repose.calibrate.strategies.sequential.advise import (
     alternatives,
     nearest,
     no_point_meets,
-    ranked,
+    rank_points,
     start,
 )
 from repose.calibrate.strategies.sequential.goal import Goal
@@ -154,7 +154,7 @@ def answer(
     except ValueError as error:
         raise _input_error(error, data, targets) from None
     goal = _goal(study)
-    ranking = ranked(model, goal, observed, _random(study, data))
+    ranking = rank_points(model, goal, observed, _random(study, data))
     others = alternatives(ranking, model, targets, study.settings.miga)
     if point is None:
         point = ranking.best
@@ -187,7 +187,7 @@ def _probabilities(
     for percent, column in WITHIN.items():
         goal = Goal.of(targets, percent, space)
         probabilities[column] = float(goal.probability(mean, covariance)[0])
-    inside = within(mean, covariance, targets.low, targets.high)
+    inside = probability_in_box(mean, covariance, targets.low, targets.high)
     probabilities["inside"] = float(inside[0])
     return probabilities
 
