@@ -23,8 +23,8 @@ def study(file=None, samples=20, seeds=16):
 
 
 def simulate(row):
-    """The responses of a run; they differ with its number."""
-    scatter = 0.001 * ((7 * row["run"] + 3 * row["sample"]) % 11)
+    """The responses of a run; the first 16 runs of a sample all differ."""
+    scatter = 0.001 * ((7 * row["run"] + 3 * row["sample"]) % 16)
     return {"y": row["a"] + row["b"] + scatter, "z": row["a"] - scatter**2}
 
 

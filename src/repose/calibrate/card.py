@@ -106,9 +106,17 @@ def assemble(
 def find_intervals(
     space: ParameterSpace, solutions: "pd.DataFrame", posterior: "Tables | None"
 ) -> dict[str, Ends]:
-    """Find the interval of each parameter; (None, None) for a fixed parameter.
+    """Find the ends of the interval of each parameter; (None, None) for a fixed one.
 
-    It is that of the posterior, or else the range of the solutions.
+    They are those of the posterior, or else the range of the solutions.
+
+    Parameters
+    ----------
+    space : ParameterSpace
+    solutions : pandas.DataFrame
+        All parameter sets that were found.
+    posterior : pair of pandas.DataFrame or None
+        Intervals of the parameters, and draws.
     """
     if posterior is None:
         free = solutions[list(space.free)]

@@ -103,7 +103,13 @@ def minimise_expected_loss(
 def _loss_with_preference(
     surrogate: Surrogate, space: ParameterSpace, targets: Targets
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """Return the function of points (n, d) of the unit cube that is minimised."""
+    """Make the function that is minimised: the expected loss plus the cost of priors.
+
+    Returns
+    -------
+    callable
+        From points (n, d) of the unit cube to numbers (n,).
+    """
     preference = Preference.of(space)
 
     def loss(unit: np.ndarray) -> np.ndarray:

@@ -82,6 +82,7 @@ class Record:
     """
 
     def __init__(self, study: "Study", file: str | os.PathLike | None = None) -> None:
+        """Begin with the runs in the file, if it exists."""
         self.study = study
         self.file = None if file is None else Path(file)
         self.data = pd.DataFrame()

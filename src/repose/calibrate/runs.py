@@ -161,7 +161,15 @@ def reason(failed: Sequence[Mapping[str, Any]], total: int) -> str:
 
 
 def describe(run: Mapping[str, Any], template: str) -> str:
-    """Describe a measured run by the template of its bench test, or a failed one."""
+    """Describe a run in a line: its responses, or why it failed.
+
+    Parameters
+    ----------
+    run : mapping
+        `seed`, `status`, and responses or `reason`.
+    template : str
+        How the bench test writes the responses, as for `str.format`.
+    """
     if run["status"] != "ok":
         return f"seed {run['seed']}: {run['status']}: {run['reason']}"
     warning = ""

@@ -91,6 +91,7 @@ class Study:
         label: str = "study",
         **sections: Any,
     ) -> None:
+        """Check and complete the settings, and keep them beside the file of runs."""
         from repose.calibrate.profile_targets import expand_own_profiles
         from repose.calibrate.study_file import complete_configuration
 

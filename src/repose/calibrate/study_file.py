@@ -498,6 +498,7 @@ def _keys_read(name: str, content: Mapping[str, Any]) -> set[str]:
     if chosen.begins_with_design:
         keys.update(DESIGNED)
     if chosen.seeds_key is not None:
+        # The strategy has a key of its own for the runs of a sample.
         keys.discard("seeds")
     if chosen.reads:
         keys.update(chosen.reads)

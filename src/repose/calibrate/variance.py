@@ -95,55 +95,96 @@ def variance_components(values: ArrayLike, groups: ArrayLike) -> Components:
     ValueError
         Unless there are two samples or more, one of them with two runs or more.
     """
-    from scipy import stats  # half a second at start-up
-
     values, groups = _checked(values, groups)
     number, size, mean = _groups(values, groups)
-    k = len(size)  # groups
+    n_groups = len(size)
     n = len(values)
-    if k < 2 or n == k:
+    if n_groups < 2 or n == n_groups:
         raise ValueError(
-            f"{n} values in {k} groups; expected at least two groups, one of them with "
-            "two values"
+            f"{n} values in {n_groups} groups; expected at least two groups, one of them "
+            "with two values"
         )
 
     # Mean squares within and between the groups (MSW, MSB).
+    freedom = n - n_groups
     residuals = values - mean[number]
-    within = float(residuals @ residuals / (n - k))
-    between_square = float(size @ (mean - values.mean()) ** 2 / (k - 1))
-    n0 = (n - (size**2).sum() / n) / (k - 1)  # (SCM92)
+    within = float(residuals @ residuals / freedom)
+    between_square = float(size @ (mean - values.mean()) ** 2 / (n_groups - 1))
+
+    # The variance of the true means of the groups (SCM92).
+    n0 = (n - (size**2).sum() / n) / (n_groups - 1)
     between = max(0.0, (between_square - within) / n0)
     total = between + within
-    icc = between / total if total > 0 else 0.0
-
-    # theta = tau^2 / sigma^2 lies between (F / F_upper - 1) / h and (F / F_lower - 1) / h
-    # (TH78).
-    tail = (1 - CONFIDENCE) / 2
-    h = k / (1 / size).sum()
-    spread = h * mean.var(ddof=1)
-
-    def icc_end(quantile: float) -> float:
-        """Compute an end of the interval of the intraclass correlation, by theta."""
-        ratio = _ratio(spread, within * stats.f.ppf(quantile, k - 1, n - k))
-        return _share((ratio - 1) / h)
-
-    def within_end(quantile: float) -> float:
-        """Compute an end of the interval of sigma^2, which chi^2 gives."""
-        return float(within * (n - k) / stats.chi2.ppf(quantile, n - k))
-
+    harmonic_size = n_groups / (1 / size).sum()
+    within_interval = _within_interval(within, freedom)
+    icc_interval = _icc_interval(within, freedom, mean, harmonic_size)
     return Components(
-        groups=k,
+        groups=n_groups,
         values=n,
         mean=float(values.mean()),
         within=within,
-        within_low=within_end(1 - tail),
-        within_high=within_end(tail),
+        within_low=within_interval.low,
+        within_high=within_interval.high,
         between=between,
-        icc=icc,
-        icc_low=icc_end(1 - tail),
-        icc_high=icc_end(tail),
-        harmonic_seeds=float(h),
+        icc=between / total if total > 0 else 0.0,
+        icc_low=icc_interval.low,
+        icc_high=icc_interval.high,
+        harmonic_seeds=float(harmonic_size),
     )
+
+
+class _Interval(NamedTuple):
+    """An interval of probability `CONFIDENCE`."""
+
+    low: float
+    high: float
+
+
+def _within_interval(within: float, freedom: int) -> _Interval:
+    """Compute the interval of sigma^2, from its estimate and degrees of freedom.
+
+    The estimate times the degrees of freedom, over sigma^2, has a chi^2 distribution.
+    """
+    from scipy import stats  # half a second at start-up
+
+    tail = (1 - CONFIDENCE) / 2
+
+    def end(quantile: float) -> float:
+        return float(within * freedom / stats.chi2.ppf(quantile, freedom))
+
+    return _Interval(low=end(1 - tail), high=end(tail))
+
+
+def _icc_interval(
+    within: float, freedom: int, mean: np.ndarray, harmonic_size: float
+) -> _Interval:
+    """Compute the interval of the intraclass correlation (TH78).
+
+    With h the harmonic mean of the sizes, theta = tau^2 / sigma^2 lies between
+    (F / F_upper - 1) / h and (F / F_lower - 1) / h.
+
+    Parameters
+    ----------
+    within : float
+        Estimate of sigma^2.
+    freedom : int
+        Its degrees of freedom.
+    mean : numpy.ndarray, (k,)
+        Of each group.
+    harmonic_size : float
+        Harmonic mean of the sizes of the groups.
+    """
+    from scipy import stats  # half a second at start-up
+
+    tail = (1 - CONFIDENCE) / 2
+    spread = harmonic_size * mean.var(ddof=1)
+
+    def end(quantile: float) -> float:
+        F_quantile = stats.f.ppf(quantile, len(mean) - 1, freedom)
+        ratio = _ratio(spread, within * F_quantile)
+        return _share((ratio - 1) / harmonic_size)
+
+    return _Interval(low=end(1 - tail), high=end(tail))
 
 
 def _checked(values: ArrayLike, groups: ArrayLike) -> tuple[np.ndarray, np.ndarray]:

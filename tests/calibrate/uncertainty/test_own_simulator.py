@@ -87,7 +87,7 @@ def test_the_start_repeats_its_samples_and_answers_in_the_products_of_a_run(
     )
     for said in (
         str(found),
-        command("card", "check", tmp_path / "card.json", status=3).out,
+        command("card", "check", tmp_path / "card.json", status=4).out,
     ):
         assert said.startswith(
             "rape_seed: targets not checked yet. angle_deg predicted "

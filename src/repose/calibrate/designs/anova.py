@@ -200,7 +200,20 @@ def _row(source: str, sum_of_squares: float, df: int) -> _Row:
 def _tested_row(
     source: str, sum_of_squares: float, df: int, error: float, df_error: int
 ) -> _Row:
-    """Make a row that is tested against a mean square `error` by an F test."""
+    """Make a row of the table, with an F test.
+
+    Parameters
+    ----------
+    source : str
+        Name of the row.
+    sum_of_squares : float
+    df : int
+        Degrees of freedom of the sum.
+    error : float
+        Mean square against which the row is tested.
+    df_error : int
+        Degrees of freedom of this mean square.
+    """
     from scipy import stats
 
     row = _row(source, sum_of_squares, df)

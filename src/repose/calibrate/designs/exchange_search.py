@@ -41,6 +41,7 @@ class Pairs:
     """
 
     def __init__(self, points: np.ndarray, doublings: int) -> None:
+        """Compute all distances and repulsions of the points (n, d)."""
         n = len(points)
         self.points = points.copy()
         self.doublings = doublings
@@ -58,7 +59,8 @@ class Pairs:
         return value
 
     def _update(self, row: int) -> None:
-        """Compute distances and repulsions of one point anew."""
+        """Compute distances and repulsions of one point from all others anew."""
+        # The last of the cumulative sums is the sum over the columns, term by term.
         squared = np.cumsum((self.points - self.points[row]) ** 2, axis=1)[:, -1]
         squared[row] = np.inf
         repulsion = self._repulsions(squared)

@@ -23,13 +23,13 @@ def terms_of(factors: int, order: str) -> tuple[Term, ...]:
         One of `ORDERS`. "linear" has single factors, "interaction" also products of
         two, "quadratic" also squares.
     """
-    numbers = range(factors)
-    degree = ORDERS.index(order)
-    terms: list[Term] = [(k,) for k in numbers]
-    if degree >= 1:
-        terms += combinations(numbers, 2)
-    if degree >= 2:
-        terms += [(k, k) for k in numbers]
+    factor_numbers = range(factors)
+    position = ORDERS.index(order)  # each order has the terms of those before it
+    terms: list[Term] = [(k,) for k in factor_numbers]
+    if position >= 1:
+        terms += combinations(factor_numbers, 2)
+    if position >= 2:
+        terms += [(k, k) for k in factor_numbers]
     return tuple(terms)
 
 

@@ -64,6 +64,7 @@ class MIGA:
     """
 
     def __init__(self, dimensions: int, settings: MigaSettings | None = None) -> None:
+        """Draw the first population at random, with the seed of the settings."""
         if not dimensions >= 1:
             raise ValueError(f"dimensions is {dimensions!r}; expected at least 1")
         self.settings = settings or MigaSettings.with_defaults()

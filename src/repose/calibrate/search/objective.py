@@ -57,6 +57,10 @@ class Objective:
     def __init__(
         self, targets: Targets, margin: float = 0.0, constrained: bool = True
     ) -> None:
+        """Take the numbers (k,) of the targets, and choose the penalty.
+
+        `margin` is the largest cost that a preference adds to a point inside the ranges.
+        """
         self.low = targets.low
         self.high = targets.high
         self.target = targets.aim
@@ -167,6 +171,10 @@ class Archive:
     def __init__(
         self, dimensions: int, distance: float, capacity: int, buffer: int = 20_000
     ) -> None:
+        """Begin without any point.
+
+        Points wait in a buffer, because thinning them all at once is faster.
+        """
         self.distance = distance
         self.capacity = capacity
         self.buffer = buffer

@@ -79,6 +79,14 @@ def solutions(
 ) -> pd.DataFrame:
     """List the answer, then the other parameter sets.
 
+    Parameters
+    ----------
+    answer : Answer
+    feasible : bool
+        Whether the answer is predicted inside all ranges; the others are.
+    space : ParameterSpace
+    targets : Targets
+
     Returns
     -------
     pandas.DataFrame

@@ -126,6 +126,7 @@ class GaussianProcess(Combined, Surrogate):
     def predict(
         self, X: ArrayLike, return_std: bool = False, noise: bool = True
     ) -> Any:
+        """Predict responses, with standard deviations on request, as `Surrogate.predict`."""
         x = self._scaled(X)
         scaled_means = np.column_stack([process.mean(x) for process in self.processes_])
         means = self.unmixed(scaled_means) + self.offset_

@@ -203,11 +203,8 @@ def train_start(
         `STATISTICS` of the end; with the weights `w`, their J'J as `JJ`, and the
         `alpha_of_weight` (N,).
     """
-    inputs = x.shape[1]
-    outputs = t.shape[1]
-    hidden = hidden_neurons(w.size, inputs, outputs)
-    classes = weight_classes(settings.prior, inputs, hidden, outputs)
     sum_of_squares, freedom = pure_error
+    classes = _weight_classes(w, x, t, settings)
     data = _Data(
         x=x,
         t=t,
@@ -216,7 +213,7 @@ def train_start(
         n=n + freedom,
         pure_error=sum_of_squares,
         classes=classes,
-        size=np.array([w[members].size for members in classes], dtype=float),
+        size=_class_sizes(w, classes),
     )
     state, epochs, reason = _train(w, data, settings)
     # A single class of weights has one alpha, a number.
@@ -262,11 +259,8 @@ def train_again(
     dict
         The weights `w` (N,), their J'J as `JJ` (N, N), and the `alpha_of_weight` (N,).
     """
-    inputs = x.shape[1]
-    outputs = t.shape[1]
-    hidden = hidden_neurons(w.size, inputs, outputs)
-    classes = weight_classes(settings.prior, inputs, hidden, outputs)
-    size = np.array([w[members].size for members in classes], dtype=float)
+    classes = _weight_classes(w, x, t, settings)
+    size = _class_sizes(w, classes)
     data = _Data(
         x=x,
         t=t,
@@ -304,6 +298,21 @@ def train_again(
         "JJ": state.at.JJ,
         "alpha_of_weight": state.alpha_of_weight,
     }
+
+
+def _weight_classes(
+    w: np.ndarray, x: np.ndarray, t: np.ndarray, settings: TrainingSettings
+) -> list[Any]:
+    """List the classes of the weights w (N,) of a network from x to t."""
+    inputs = x.shape[1]
+    outputs = t.shape[1]
+    hidden = hidden_neurons(w.size, inputs, outputs)
+    return weight_classes(settings.prior, inputs, hidden, outputs)
+
+
+def _class_sizes(w: np.ndarray, classes: Sequence[Any]) -> np.ndarray:
+    """Count the weights of each class."""
+    return np.array([w[members].size for members in classes], dtype=float)
 
 
 def _train(w: np.ndarray, data: _Data, settings: TrainingSettings) -> _End:
@@ -382,7 +391,15 @@ def _better(best: _Best | None, state: _State, epoch: int, data: _Data) -> _Best
 
 
 def _descend(state: _State, data: _Data, settings: TrainingSettings) -> _State:
-    """Go to the minimum of F at fixed alpha and beta, and compute gamma there."""
+    """Go to the minimum of F at fixed alpha and beta, and compute gamma there.
+
+    Parameters
+    ----------
+    state : _State
+        Where the descent begins.
+    data : _Data
+    settings : TrainingSettings
+    """
     mu = max(settings.mu, SMALLEST_MU)
     for _ in range(DESCENT):
         if state.decrement() < CONVERGED / 100:

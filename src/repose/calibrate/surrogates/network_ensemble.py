@@ -64,6 +64,7 @@ class NetworkEnsemble(Surrogate):
         return cls([BayesianBP.of(settings)])
 
     def fit(self, X: ArrayLike, Y: ArrayLike, **noise: Unpack[Noise]) -> Self:
+        """Train all starts, and choose the members, as in `Surrogate.fit`."""
         # The network trains all starts, and keeps the best.
         best = self.members_[0]
         best.inputs = self.inputs

@@ -102,6 +102,7 @@ class Process:
         noise: Any = None,
         optimizer: str | Callable | None = "fmin_l_bfgs_b",
     ) -> None:
+        """Fit the free hyperparameters, and condition the process on the values."""
         kernel_with_noise = kernel if noise is None else kernel + noise
         model = GaussianProcessRegressor(
             kernel_with_noise, alpha=errors, optimizer=optimizer

@@ -69,17 +69,8 @@ class QuadraticSurface(Surrogate):
                 f"expected at least {n_terms + 1}, one more than the terms"
             )
 
-        # Solve one system for all responses, unless their precisions differ.
-        if np.ptp(precision, axis=1).any():
-            groups = [slice(k, k + 1) for k in range(outputs)]
-        else:
-            groups = [slice(None)]
-        fits = []
-        for group in groups:
-            precision_of_group = precision[:, group][:, 0]
-            fits.append(_weighted_fit(A, Y[:, group], np.sqrt(precision_of_group)))
-
-        # Put the results of the groups side by side; one root for each response.
+        # Put the results of all fits side by side; one root for each response.
+        fits = _fit_responses(A, Y, precision)
         self.coefficients_ = np.hstack([fit.coefficients for fit in fits])
         residuals = np.hstack([fit.residuals for fit in fits])
         self._roots = [fit.root for fit in fits] * (outputs // len(fits))
@@ -155,6 +146,19 @@ class _Fit(NamedTuple):
     coefficients: np.ndarray  # (terms, k)
     residuals: np.ndarray  # (n, k), weighted
     root: np.ndarray  # R (terms, n) with R R' = (A' W A)^-1
+
+
+def _fit_responses(A: np.ndarray, Y: np.ndarray, precision: np.ndarray) -> list[_Fit]:
+    """Fit the terms A (n, terms) to responses Y (n, k) with precisions (n, k).
+
+    One fit solves for all responses, unless their precisions differ.
+    """
+    if not np.ptp(precision, axis=1).any():
+        return [_weighted_fit(A, Y, np.sqrt(precision[:, 0]))]
+    return [
+        _weighted_fit(A, Y[:, k : k + 1], np.sqrt(precision[:, k]))
+        for k in range(Y.shape[1])
+    ]
 
 
 def _weighted_fit(A: np.ndarray, Y: np.ndarray, root_precision: np.ndarray) -> _Fit:

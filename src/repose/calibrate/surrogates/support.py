@@ -51,6 +51,7 @@ class Support:
         high: np.ndarray,
         names: Sequence[str],
     ) -> None:
+        """Compute the usual distance and the largest leverage of the samples."""
         from scipy.spatial import cKDTree
 
         points = np.asarray(points, dtype=float)
@@ -68,17 +69,9 @@ class Support:
         # The nearest sample of a sample is itself, so its neighbour is the second.
         distances, _ = self.tree.query(unit, k=2)
         self.farthest = float(np.quantile(distances[:, 1], DISTANCE_QUANTILE))
-
-        # The leverage of a point says how much a quadratic model extrapolates there. With
-        # R of the QR decomposition of the terms A, the leverage of a row a is |a R^-1|^2.
-        # With as many coefficients as samples every sample has leverage 1, which tells
-        # nothing.
-        terms = quadratic_terms(unit)
-        n_samples, n_terms = terms.shape
-        self._inverse_R: np.ndarray | None = None
+        self._inverse_R = _inverse_root(quadratic_terms(unit))
         self.largest_leverage = np.inf
-        if n_samples > n_terms and np.linalg.matrix_rank(terms) == n_terms:
-            self._inverse_R = np.linalg.inv(np.linalg.qr(terms, mode="r"))
+        if self._inverse_R is not None:
             self.largest_leverage = float(self.leverage(points).max())
 
     @classmethod
@@ -174,6 +167,19 @@ class Support:
         """Scale the free parameters of points (m, d) to their ranges."""
         offsets = (np.asarray(points, dtype=float) - self.low)[:, self._is_free]
         return offsets / (self.high - self.low)[self._is_free]
+
+
+def _inverse_root(terms: np.ndarray) -> np.ndarray | None:
+    """Compute R^-1, with which the leverage of a row a of terms is |a R^-1|^2.
+
+    R comes from the QR decomposition of the terms of the samples. The result is None
+    where the samples do not determine the quadratic model, and where there are as many
+    coefficients as samples: then every sample has leverage 1, which tells nothing.
+    """
+    n_samples, n_terms = terms.shape
+    if n_samples <= n_terms or np.linalg.matrix_rank(terms) < n_terms:
+        return None
+    return np.linalg.inv(np.linalg.qr(terms, mode="r"))
 
 
 def quadratic_terms(unit: np.ndarray) -> np.ndarray:

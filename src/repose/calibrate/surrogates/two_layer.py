@@ -180,6 +180,13 @@ def weight_classes(prior: str, inputs: int, hidden: int, outputs: int) -> list[A
     weights, hidden biases, and output weights with their biases. With "inputs" the
     weights of each input are a class of their own.
 
+    Parameters
+    ----------
+    prior : str
+        One of `PRIORS`.
+    inputs, hidden, outputs : int
+        Numbers of inputs, hidden neurons and outputs.
+
     Returns
     -------
     list

@@ -133,7 +133,14 @@ def _shape_study_row(discrepancy: np.ndarray, targets: Targets) -> dict[str, Any
 
 
 def _bits(points: Points, observed: Observed) -> dict[str, Any]:
-    """Compute joint bits, effective points, and the columns of each parameter."""
+    """Compute joint bits, effective points, and the columns of each parameter.
+
+    Parameters
+    ----------
+    points : Points
+    observed : Observed
+        The measurement with a discrepancy.
+    """
     # The likelihood is the weight of a point; with the weights w, the points are worth
     # 1 / sum w^2 equal ones.
     log_weight = log_likelihood(points.predicted, points.covariance, observed)
@@ -231,6 +238,14 @@ def _projection(points: Points, values: np.ndarray, i: int, j: int) -> pd.DataFr
     """Project the region on the free parameters i and j, a row for each cell.
 
     The cells of a parameter have the same prior probability.
+
+    Parameters
+    ----------
+    points : Points
+        The n points of the prior.
+    values : numpy.ndarray, (n,)
+        Their implausibilities.
+    i, j : int
     """
     # Number the cells of the pair row by row, and find the cell of each point.
     cell = np.minimum((points.quantile * CELLS).astype(int), CELLS - 1)

@@ -50,7 +50,10 @@ class WithinCorrelation(NamedTuple):
 def read_runs(runs_csv: Path_, targets: Targets) -> pd.DataFrame:
     """Read all runs of a study, failed runs included, from runs.csv.
 
-    InputError if fewer than two samples have a run, or no sample has two.
+    Raises
+    ------
+    InputError
+        If fewer than two samples have a run, or no sample has two.
     """
     runs = read_table(runs_csv, ("sample", "seed", "status", *targets.names))
     for name in targets.names:
@@ -70,7 +73,10 @@ def good_runs(runs: pd.DataFrame, names: tuple[str, ...]) -> pd.DataFrame:
 
 
 def within_correlation(runs: pd.DataFrame, targets: Targets) -> WithinCorrelation:
-    """Correlate the responses from run to run of one sample."""
+    """Correlate the responses from run to run of one sample.
+
+    Responses of different bench tests have the correlation 0.
+    """
     matrix = np.eye(len(targets))
     pairs: Pairs = {}
     for rows in targets.benches.values():
@@ -132,6 +138,14 @@ def _add_seeds(table: pd.DataFrame, target: Target, components: Components) -> N
 
     A perfect predictor reaches R2 = ICC / (ICC + (1 - ICC) / seeds), with the
     intraclass correlation ICC.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        With the column `seeds`; it is changed.
+    target : Target
+    components : Components
+        Variance components of its response.
     """
     seeds = table["seeds"].to_numpy()
     error = components.standard_error(seeds)
@@ -150,7 +164,16 @@ def _add_seeds(table: pd.DataFrame, target: Target, components: Components) -> N
 def _row(
     target: Target, components: Components, good: pd.DataFrame, failed: pd.DataFrame
 ) -> dict[str, Any]:
-    """Make the row of noise.csv for one target, from its good and failed runs."""
+    """Make the row of noise.csv for one target.
+
+    Parameters
+    ----------
+    target : Target
+    components : Components
+        Variance components of its response.
+    good, failed : pandas.DataFrame
+        The runs with and without a number for the response.
+    """
     failed_samples = failed["sample"].drop_duplicates()
     has_no_run = ~failed_samples.isin(good["sample"])
     row = {

@@ -159,7 +159,10 @@ def measurement_of(
 def _measured_correlation(
     targets: Targets, runs: pd.DataFrame, settings: PosteriorSettings
 ) -> noise.WithinCorrelation:
-    """Find the correlation of the measured responses: simulated or stated."""
+    """Find the correlation of the measured responses.
+
+    The settings state it, or it is that of the simulated runs.
+    """
     stated = settings.measured_correlation
     if isinstance(stated, str):
         simulated = noise.within_correlation(runs, targets)
@@ -445,7 +448,16 @@ def _curve(
     runs: pd.DataFrame,
     measurement: Measurement,
 ) -> pd.DataFrame:
-    """Compute the information over the size of the discrepancy."""
+    """Compute the information over the size of the discrepancy.
+
+    Parameters
+    ----------
+    points : Points
+    targets : Targets
+    runs : pandas.DataFrame
+        Simulated runs, which give the signs of the correlations.
+    measurement : Measurement
+    """
 
     def observe(percent: float, correlation: float) -> Observed:
         """Combine the measurement with a discrepancy of this size and correlation."""

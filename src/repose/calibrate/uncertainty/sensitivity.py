@@ -171,7 +171,19 @@ def analyse(
 ) -> Sensitivity:
     """Compute Sobol indices and mean responses of a surrogate.
 
-    ValueError if a response does not vary.
+    Parameters
+    ----------
+    model : Surrogate
+    parameters : ParameterSpace
+        The ranges over which the parameters vary.
+    targets : Targets
+        The responses of the surrogate.
+    settings : SensitivitySettings
+
+    Raises
+    ------
+    ValueError
+        If a response does not vary.
     """
 
     def respond(values: np.ndarray) -> np.ndarray:

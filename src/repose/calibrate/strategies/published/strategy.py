@@ -20,7 +20,14 @@ from repose.calibrate.training import Training, train
 
 
 def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
-    """Propose one batch, then answer."""
+    """Propose one batch, then answer.
+
+    Parameters
+    ----------
+    study : Study
+    data : pandas.DataFrame
+        All runs so far, as in `Strategy.propose`; empty at the start.
+    """
     space = study.parameters
     settings = study.settings
     if data.empty:

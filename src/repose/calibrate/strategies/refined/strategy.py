@@ -25,7 +25,14 @@ from repose.calibrate.training import Training
 
 
 def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
-    """Propose the published batch, then the second stage, then answer."""
+    """Propose the published batch, then the second stage, then answer.
+
+    Parameters
+    ----------
+    study : Study
+    data : pandas.DataFrame
+        All runs so far, as in `Strategy.propose`; empty at the start.
+    """
     section = study.settings.refine
     if data.empty:
         return design_batch(study, section.design_seeds)
@@ -68,7 +75,16 @@ def _is_of_second_stage(numbers: pd.Series, study: Study) -> pd.Series:
 
 
 def _second_stage(study: Study, training: Training, data: pd.DataFrame) -> Batch:
-    """Make the batch of single runs near the targets."""
+    """Make the batch of single runs near the targets.
+
+    Parameters
+    ----------
+    study : Study
+    training : Training
+        The surrogate of the design.
+    data : pandas.DataFrame
+        All runs so far.
+    """
     section = study.settings.refine
     space = study.parameters
     random = np.random.default_rng([study.settings.design.seed, PURPOSES["refined"]])
@@ -95,6 +111,16 @@ def _optimism(
     """Compute the expected optimism of the answer's prediction, a row for each response.
 
     It is empty where no sample has two runs.
+
+    Parameters
+    ----------
+    study : Study
+    training : Training
+        The surrogate of all runs.
+    samples : pandas.DataFrame
+        The samples of its fit.
+    data : pandas.DataFrame
+        Their runs.
     """
     settings = study.settings.miga
     runs = runs_by_bench(data, study.targets)

@@ -129,7 +129,10 @@ class ResponseSurface(Strategy[ResponseSurfaceSettings]):
     def contradictions(
         self, section: ResponseSurfaceSettings, free: int, responses: int
     ) -> Contradictions:
-        """Refuse a response surface of too few factors or runs."""
+        """Refuse a response surface of too few factors or runs.
+
+        The arguments are those of `Strategy.contradictions`.
+        """
         design = section.surface
         fewest = section.fewest_factors
         if free < fewest:

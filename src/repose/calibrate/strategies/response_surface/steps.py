@@ -61,6 +61,13 @@ def factors_of(table: pd.DataFrame) -> tuple[str, ...]:
 def good_samples(table: pd.DataFrame, dataset: pd.DataFrame) -> pd.DataFrame:
     """Select the good samples of a step, with their responses.
 
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        The samples of the step.
+    dataset : pandas.DataFrame
+        All samples with `status` and responses.
+
     Raises
     ------
     InputError

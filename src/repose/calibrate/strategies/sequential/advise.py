@@ -3,6 +3,7 @@
 No function of this module reads or writes a file.
 """
 
+import math
 from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
@@ -172,7 +173,7 @@ def advise(
 
     batch = np.empty((0, len(answer)))
     if stop is None:
-        batch = _batch(answer, n_samples, attainable, goal, observed, random)
+        batch = _choose_batch(answer, n_samples, attainable, goal, observed, random)
 
     mean, covariance = model.predict(answer[None])
     return Advice(
@@ -190,7 +191,7 @@ def advise(
     )
 
 
-def _batch(
+def _choose_batch(
     answer: np.ndarray,
     n_samples: int,
     attainable: Reach,
@@ -221,7 +222,7 @@ def _batch(
         # targets. There is none if all these points are simulated already.
         points = random.permutation(attainable.points)
         new_points = _not_simulated(points, observed.simulated)
-        half = -(-n_samples // 2)
+        half = math.ceil(n_samples / 2)
         batch = _sound_first(new_points, observed, half)
         if len(batch):
             return batch
@@ -276,10 +277,18 @@ def nearest(
 ) -> np.ndarray:
     """Find the point (d,) of least expected deviation from the targets.
 
-    The deviation is Eq. 11 of the paper, without a prior. The search starts from
-    `points` (m, d) and from the samples. The point is one that the runs support: where
-    samples are thin, as in the corners of a Box-Behnken design, the model is uncertain,
-    so that anything may be near there.
+    The deviation is Eq. 11 of the paper, without a prior. The point is one that the runs
+    support: where samples are thin, as in the corners of a Box-Behnken design, the model is
+    uncertain, so that anything may be near there.
+
+    Parameters
+    ----------
+    model : Kriging
+    goal : Goal
+    observed : Observed
+        The runs so far.
+    points : numpy.ndarray, (m, d)
+        Points of the unit cube from which the search starts, beside the samples.
     """
     d = observed.unit.shape[1]
     names = [str(k) for k in range(d)]

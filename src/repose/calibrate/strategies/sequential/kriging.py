@@ -173,6 +173,7 @@ class Kriging(Combined):
     factor: float  # on the variance of each draw
 
     def __init__(self, observed: Observed, noise: np.ndarray | None = None) -> None:
+        """Draw the processes of each combination, and estimate the factor."""
         n_samples = len(observed.unit)
         if n_samples < LEAST_SAMPLES:
             raise ValueError(f"{n_samples} samples; expected at least {LEAST_SAMPLES}")
@@ -359,6 +360,22 @@ class _MostProbable:
     def __call__(
         self, objective: Callable, start: np.ndarray, bounds: np.ndarray
     ) -> tuple[np.ndarray, float]:
+        """Find the most probable hyperparameters, as scikit-learn calls an optimiser.
+
+        Parameters
+        ----------
+        objective : callable
+            From theta to the negative log likelihood and its gradient.
+        start : array (1 + d,)
+        bounds : array (1 + d, 2)
+
+        Returns
+        -------
+        array (1 + d,)
+            The result.
+        float
+            The negative log posterior there.
+        """
         from scipy import optimize
 
         def loss(theta: np.ndarray) -> tuple[float, np.ndarray]:

@@ -52,7 +52,14 @@ class _Nearest(NamedTuple):
 def reach(model: Kriging, goal: Goal, random: np.random.Generator) -> Reach:
     """Estimate the probability that any parameter set meets the goal.
 
-    The result has the least deviation of a parameter set, too.
+    Each function that the model draws has its best parameter set. The probability is the
+    share of the functions whose best set meets the goal.
+
+    Parameters
+    ----------
+    model : Kriging
+    goal : Goal
+    random : numpy.random.Generator
     """
     from scipy.stats import qmc
 
@@ -139,6 +146,7 @@ class Draws:
     def __init__(
         self, model: Kriging, number: int, random: np.random.Generator
     ) -> None:
+        """Draw functions for each combination of the responses (W20)."""
         self.model = model
         self._processes = []
         for k, process in enumerate(model.sets[number]):
@@ -154,6 +162,7 @@ class Draws:
             self._processes.append(_DrawnProcess(process, prior, corrections))
 
     def __call__(self, unit: np.ndarray) -> np.ndarray:
+        """Compute the responses (draws, m, k) of all functions at points (m, d)."""
         centred = unit - 0.5
         widening = math.sqrt(self.model.factor)
         combinations = []

@@ -50,7 +50,14 @@ SUMMARY_NOTES = ("answer", "probability", "stop", "needed", "in_reach", "nearest
 
 
 def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
-    """Propose the next batch, or answer if there is a reason to stop."""
+    """Propose the next batch, or answer if there is a reason to stop.
+
+    Parameters
+    ----------
+    study : Study
+    data : pandas.DataFrame
+        All runs so far, as in `Strategy.propose`; empty at the start.
+    """
     if data.empty:
         return _start(study, data, notes={})
     space = study.parameters
@@ -58,6 +65,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     goal = _goal(study)
     observed = arrange_runs(data, space, study.targets)
     try:
+        # None where the replicates show the noise.
         noise = known_noise(study, observed)
         advice = advise(observed, goal, section, len(data), _random(study, data), noise)
     except (InputError, ValueError) as error:
@@ -66,6 +74,8 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     if advice.stop is None:
         samples = samples_of(space, advice.batch, section.seeds, next_number(data))
         return Batch(samples, notes)
+
+    # The search ends: give the answer.
     final_notes = notes | _notes_of_end(notes, study, data)
     return answer(
         study,
@@ -78,7 +88,16 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
 
 
 def _start(study: Study, data: pd.DataFrame, notes: Mapping[str, Any]) -> Batch:
-    """Sample all over the ranges, as far as the budget allows."""
+    """Make the first batch: samples all over the ranges, as far as the budget allows.
+
+    Parameters
+    ----------
+    study : Study
+    data : pandas.DataFrame
+        The runs so far, if an earlier start failed.
+    notes : mapping
+        Of the batch.
+    """
     space = study.parameters
     section = study.settings.sequential
     unit = start(space, section, study.settings.design.seed + len(data))
@@ -92,6 +111,16 @@ def _start_again(
     study: Study, data: pd.DataFrame, observed: Observed, error: ValueError
 ) -> Batch:
     """Sample all over the ranges again, where too few samples are good for a model.
+
+    Parameters
+    ----------
+    study : Study
+    data : pandas.DataFrame
+        The runs so far.
+    observed : Observed
+        The same as arrays.
+    error : ValueError
+        Why there is no model.
 
     Raises
     ------
@@ -276,7 +305,10 @@ def _random(study: Study, data: pd.DataFrame) -> np.random.Generator:
 
 
 def _notes(advice: Advice, study: Study) -> dict[str, Any]:
-    """Describe the state after the runs so far, as the notes of a proposal."""
+    """Describe the state after the runs so far, as the notes of a proposal.
+
+    `row` is the row of this proposal in the table of batches.
+    """
     space = study.parameters
     values = space.values(advice.answer[None])[0].tolist()
     parameters = dict(zip(space.names, values, strict=True))
@@ -319,7 +351,16 @@ def _why(advice: Advice) -> str:
 def _notes_of_end(
     notes: Mapping[str, Any], study: Study, data: pd.DataFrame
 ) -> dict[str, Any]:
-    """Describe the end of the search, for the summary and the report."""
+    """Describe the end of the search, for the summary and the report.
+
+    Parameters
+    ----------
+    notes : mapping
+        Of the last proposal, from `_notes`.
+    study : Study
+    data : pandas.DataFrame
+        All runs.
+    """
     section = study.settings.sequential
     tolerance = section.tolerance_percent
     summary = {name: notes[name] for name in SUMMARY_NOTES}
