@@ -76,55 +76,89 @@ def invert(
     _require_aims_in_ranges(targets)
     respond = on_free_parameters(model, space)
     preference = Preference.of(space)
-    largest_preference = preference.largest if preference else 0.0
-    objective = Objective(targets, largest_preference)
-    archive, rounds, feasible_met = search(
-        respond, objective, space.dimensions, settings, preference
-    )
-    evaluations = rounds[-1][HISTORY.index("evaluations")]
-    if not feasible_met:
-        # Search again for the sets nearest to the targets, not to the edge of the ranges,
-        # in which there are none.
-        objective = Objective(targets, constrained=False)
-        archive, rounds, _ = search(
-            respond, objective, space.dimensions, settings, preference
-        )
-        evaluations += rounds[-1][HISTORY.index("evaluations")]
+    result = _search(respond, space, targets, settings, preference)
 
     # Put the representative first, feasible or not.
-    points = archive.points
+    points = result.points
     if settings.answer == LEAST_LOSS and model.knows_its_errors:
         best = expected_loss.minimise_expected_loss(model, space, targets)
         points = _put_first(best, points, space, settings.distance)
     Y = respond(points)
-    F, V = objective(Y)
-    n_rows = _number_of_rows(V, settings.solutions)
-    points, Y, F, V = points[:n_rows], Y[:n_rows], F[:n_rows], V[:n_rows]
+    F, V = result.objective(Y)
+    rows = slice(_number_of_rows(V, settings.solutions))
+    points = points[rows]
 
     table = pd.DataFrame(space.values((points + 1) / 2), columns=list(space.names))
     table.insert(0, "solution", np.arange(1, len(table) + 1))
-    table[list(targets.predicted)] = Y
-    table["objective"] = F
-    table["violation"] = V
-    table["feasible"] = V == 0
+    table[list(targets.predicted)] = Y[rows]
+    table["objective"] = F[rows]
+    table["violation"] = V[rows]
+    table["feasible"] = table["violation"] == 0
     table["representative"] = table["solution"] == 1
     if preference is not None:
         table["prior_distance_sd"] = preference.distance(points)
     if support is not None:
         table["warning"] = support.warnings(table[list(space.names)].to_numpy(float))
 
-    n_feasible = int(np.count_nonzero(V == 0))
+    feasible_rows = table[table["feasible"]]
     counts = {
-        "n_feasible_met": feasible_met,
-        "n_solutions": n_feasible,
-        "evaluations": int(evaluations),
+        "n_feasible_met": result.n_feasible,
+        "n_solutions": len(feasible_rows),
+        "evaluations": result.evaluations,
     }
-    rows_of_intervals = table[table["feasible"]] if n_feasible else table
     return Inversion(
         solutions=table,
-        intervals=intervals(rows_of_intervals, space),
-        history=pd.DataFrame(rounds, columns=list(HISTORY)),
+        intervals=intervals(feasible_rows if len(feasible_rows) else table, space),
+        history=pd.DataFrame(result.history, columns=list(HISTORY)),
         summary=_summary(table, space, targets, settings, counts),
+    )
+
+
+class _SearchResult(NamedTuple):
+    """Result of one or two searches."""
+
+    points: np.ndarray  # (n, d) in [-1, 1], the best distinct points, best first
+    objective: Objective  # that they minimise
+    history: list[tuple]  # a row with the columns `HISTORY` for each round
+    n_feasible: int  # number of feasible points that the search met
+    evaluations: int  # number of points that were evaluated
+
+
+def _search(
+    respond: Callable[[np.ndarray], np.ndarray],
+    space: ParameterSpace,
+    targets: Targets,
+    settings: MigaSettings,
+    preference: Preference | None,
+) -> _SearchResult:
+    """Search inside the ranges of the targets; without success, near the targets.
+
+    Parameters
+    ----------
+    respond : callable
+        From points (n, d) in [-1, 1] to responses (n, k).
+    space : ParameterSpace
+    targets : Targets
+    settings : MigaSettings
+    preference : Preference or None
+        The cost of the priors.
+    """
+    largest_preference = preference.largest if preference else 0.0
+    objective = Objective(targets, largest_preference)
+    archive, history, n_feasible = search(
+        respond, objective, space.dimensions, settings, preference
+    )
+    evaluations = history[-1][HISTORY.index("evaluations")]
+    if not n_feasible:
+        # Search again for the sets nearest to the targets, not to the edge of the ranges,
+        # in which there are none.
+        objective = Objective(targets, constrained=False)
+        archive, history, _ = search(
+            respond, objective, space.dimensions, settings, preference
+        )
+        evaluations += history[-1][HISTORY.index("evaluations")]
+    return _SearchResult(
+        archive.points, objective, history, n_feasible, int(evaluations)
     )
 
 

@@ -159,8 +159,7 @@ class BayesianBP(TrainingSettings, Surrogate):
         scaled_outputs = scale(Y, self.output_min_, self.output_max_, self.scaled_range)
         t = scaled_outputs @ self._mixing
 
-        # Train each start.
-        inputs = x.shape[1]
+        # Train each start. A sample weighs as often as it counts, times its precision.
         outputs = t.shape[1]
         weight = count[:, None] * precision
         scatter = pure_error(
@@ -171,9 +170,7 @@ class BayesianBP(TrainingSettings, Surrogate):
         )
         self.ends_ = [
             train_start(
-                w=nguyen_widrow(
-                    inputs, self.hidden, outputs, self.scaled_range, seed=(self.seed, k)
-                ),
+                w=self._first_weights(k, inputs=x.shape[1], outputs=outputs),
                 x=x,
                 t=t,
                 root_weight=np.sqrt(weight),
@@ -191,6 +188,11 @@ class BayesianBP(TrainingSettings, Surrogate):
         }
         self._keep_best_start()
         return self
+
+    def _first_weights(self, start: int, inputs: int, outputs: int) -> np.ndarray:
+        """Draw the weights (N,) with which a start begins."""
+        seed = (self.seed, start)
+        return nguyen_widrow(inputs, self.hidden, outputs, self.scaled_range, seed)
 
     def refit(self, X: ArrayLike, Y: ArrayLike, **noise: Unpack[Noise]) -> Self:
         """Train a copy on other responses, as in `Surrogate.refit`.

@@ -7,6 +7,7 @@ compares these.
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -129,43 +130,58 @@ def _starts(
     density itself, power 1 (Del Moral et al. 2006, J. R. Stat. Soc. B 68, 411). Each
     power is chosen so that half the points remain effective. The points are then drawn
     again by their weights, and moved.
+
+    Parameters
+    ----------
+    log_density : callable
+        From points (n, d) to the log (n,) of the density, up to a constant.
+    dimensions : int
+    random : numpy.random.RandomState
     """
     # Begin with uniform points, which are draws of the power 0.
     points = random.uniform(size=(POPULATION, dimensions))
     power = 0.0
     values = log_density(points)
-
-    def weights(rise: float) -> np.ndarray:
-        """Weigh the points for a rise of the power."""
-        return np.exp(rise * (values - values.max()))
-
-    def excess(rise: float) -> float:
-        """Compute the effective share of the points, less the least allowed."""
-        weight = weights(rise)
-        effective = weight.sum() ** 2 / (weight**2).sum() / POPULATION
-        return effective - LEAST_EFFECTIVE
-
-    def tempered(points: np.ndarray) -> np.ndarray:
-        """Compute the log of the present power of the density."""
-        return power * log_density(points)
-
     while power < 1.0:
-        # Raise the power as far as enough points remain effective, at most to 1.
-        rest = 1.0 - power
-        if excess(rest) >= 0.0:
-            rise = rest
-        else:
-            rise = optimize.brentq(excess, 0.0, rest)
-        weight = weights(rise)
+        rise = _rise_of_power(values, most=1.0 - power)
+        weight = _weights(values, rise)
         power += rise
 
         # Draw the points again by their weights, and move them by the sampler.
         rows = random.choice(POPULATION, POPULATION, p=weight / weight.sum())
+        tempered = partial(_tempered, log_density=log_density, power=power)
         ensemble = _ensemble(POPULATION, dimensions, tempered, random)
         last = ensemble.run_mcmc(points[rows], MOVES, skip_initial_state_check=True)
         points = last.coords
         values = last.log_prob / power
     return points[random.permutation(POPULATION)]
+
+
+def _tempered(points: np.ndarray, log_density: Density, power: float) -> np.ndarray:
+    """Compute the log of a power of a density."""
+    return power * log_density(points)
+
+
+def _weights(values: np.ndarray, rise: float) -> np.ndarray:
+    """Weigh points for a rise of the power, by their log densities (n,)."""
+    return np.exp(rise * (values - values.max()))
+
+
+def _rise_of_power(values: np.ndarray, most: float) -> float:
+    """Find the largest rise of the power after which enough points are effective.
+
+    `values` (n,) are the log densities of the points.
+    """
+
+    def excess(rise: float) -> float:
+        """Compute the effective share of the points, less the least allowed."""
+        weight = _weights(values, rise)
+        effective = weight.sum() ** 2 / (weight**2).sum() / POPULATION
+        return effective - LEAST_EFFECTIVE
+
+    if excess(most) >= 0.0:
+        return most
+    return optimize.brentq(excess, 0.0, most)
 
 
 def split_r_hat(chains: np.ndarray) -> np.ndarray:

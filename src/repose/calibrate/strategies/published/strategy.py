@@ -124,7 +124,7 @@ def make_answer(
         values=values,
         mean=mean[0],
         covariance=covariance[0],
-        probability=meeting_probabilities(mean, covariance, targets),
+        probability=probability_of(mean, covariance, targets),
         samples=samples,
         why=why,
         others=others[names].to_numpy(float),
@@ -134,7 +134,7 @@ def make_answer(
     )
 
 
-def meeting_probabilities(
+def probability_of(
     mean: np.ndarray, covariance: np.ndarray, targets: Targets
 ) -> dict[str, float]:
     """Compute the probabilities of an answer.

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from repose.calibrate.strategies.base import Answer, Batch, samples_of
-from repose.calibrate.strategies.published.strategy import meeting_probabilities
+from repose.calibrate.strategies.published.strategy import probability_of
 from repose.calibrate.strategies.response_surface import (
     ResponseSurfaceSettings,
     screening,
@@ -80,7 +80,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
         values=space.values(unit)[0],
         mean=mean,
         covariance=covariance,
-        probability=meeting_probabilities(mean[None], covariance[None], targets),
+        probability=probability_of(mean[None], covariance[None], targets),
         samples=samples_of(space, unit, section.checks, next_number(data)),
         why="the optimum of the surfaces is simulated",
         others=others.sets,
