@@ -451,6 +451,7 @@ class Result:
         return f"{self.label}: {line}"
 
     def __str__(self) -> str:
+        """Describe the result in some lines, as a run prints it at its end."""
         lines = [self.headline, *self._parameter_lines()]
         predictions = [check.prediction for check in self.checks if check.prediction]
         if predictions:

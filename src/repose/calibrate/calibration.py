@@ -188,6 +188,7 @@ class Calibration(NamedTuple):
         )
 
     def __str__(self) -> str:
+        """Describe the answer in some lines: parameters, predictions, probabilities."""
         lines = [
             self.as_answer().headline,
             "The calibrated parameters [95 % interval]:",

@@ -166,8 +166,8 @@ def _require_aims_in_ranges(targets: Targets) -> None:
     """Refuse a target whose aim lies outside its range."""
     for target in targets:
         if not target.low <= target.aim <= target.high:
-            words = f"inside its range {[target.low, target.high]}"
-            raise InputError("targets", target.name, target.aim, words)
+            allowed = f"inside its range {[target.low, target.high]}"
+            raise InputError("targets", target.name, target.aim, allowed)
 
 
 def _number_of_rows(violations: np.ndarray, most: int) -> int:

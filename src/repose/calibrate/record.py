@@ -85,8 +85,8 @@ class Record:
         """Begin with the runs in the file, if it exists."""
         self.study = study
         self.file = None if file is None else Path(file)
-        self.data = pd.DataFrame()
-        # The rows of the file as text.
+        self.data = pd.DataFrame()  # a checked row for each run
+        # The same runs as text, with all columns of the file.
         self._rows: list[Row] = []
         # Whether the file was written by a record, and is no table of somebody else.
         self._is_record = False
@@ -415,11 +415,11 @@ class Record:
         repeated = sorted(numbers[numbers.duplicated()])
         if unknown or repeated:
             first = [*unknown, *repeated][0]
-            words = (
+            allowed = (
                 f"one of the {len(asked)} runs that `ask` gave, each once; a failed run "
                 "has NaN as responses"
             )
-            raise InputError(SOURCE, "sample and run", list(first), words)
+            raise InputError(SOURCE, "sample and run", list(first), allowed)
         rows = asked_numbers.get_indexer(numbers)
         runs = asked.iloc[rows].reset_index(drop=True)
 
@@ -438,8 +438,8 @@ class Record:
             size = widths.get(name, abs(space.fixed.get(name, 0.0)))
             pairs = zip(_numbers(table, name), runs[name], strict=True)
             if not all(_is_rounded(value, asked, size) for value, asked in pairs):
-                words = "the parameters that `ask` gave, or no such column"
-                raise InputError(SOURCE, name, "changed", words)
+                allowed = "the parameters that `ask` gave, or no such column"
+                raise InputError(SOURCE, name, "changed", allowed)
 
     def _earlier_runs(self, table: pd.DataFrame) -> pd.DataFrame:
         """Complete a table of runs that were made before, which have no numbers.
@@ -455,8 +455,8 @@ class Record:
         responses = needed_responses(self.study, table.get("status"))
         missing = [name for name in (*space.free, *responses) if name not in table]
         if missing:
-            words = f"sample; or also {', '.join(missing)}"
-            raise InputError(SOURCE, "columns", list(table), words)
+            allowed = f"sample; or also {', '.join(missing)}"
+            raise InputError(SOURCE, "columns", list(table), allowed)
 
         # A fixed parameter may be left out of the table.
         columns = {}
@@ -561,8 +561,8 @@ def _refuse_repeated_runs(
     for k, run in enumerate(_points(new, names), start=1):
         # A run that failed is never among them, as its responses are NaN.
         if run in known:
-            words = "a run of its own: the record has all numbers of this row"
-            raise InputError(f"{source}, row {k}", "row", "there twice", words)
+            allowed = "a run of its own: the record has all numbers of this row"
+            raise InputError(f"{source}, row {k}", "row", "there twice", allowed)
 
 
 def _checked_table(table: Any, names: Sequence[str]) -> pd.DataFrame:
@@ -593,8 +593,8 @@ def _checked_table(table: Any, names: Sequence[str]) -> pd.DataFrame:
         if key not in table:
             continue
         if table[key].isna().any():
-            words = "a number in each row, as `ask` gave it"
-            raise InputError(SOURCE, key, "missing", words)
+            allowed = "a number in each row, as `ask` gave it"
+            raise InputError(SOURCE, key, "missing", allowed)
         # Write 3.0 as 3, since the numbers are compared as text.
         table = table.assign(**{key: without_point(table[key])})
     return table.reset_index(drop=True)

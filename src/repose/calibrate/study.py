@@ -332,8 +332,8 @@ class Study:
             the runs that were begun are told.
         """
         if not callable(simulate):
-            words = "a function of a row of `ask`"
-            raise InputError("study", "simulate", simulate, words)
+            allowed = "a function of a row of `ask`"
+            raise InputError("study", "simulate", simulate, allowed)
         with _executor(workers) as executor:
             while not self.done:
                 asked = self.ask().to_dict("records")
@@ -354,8 +354,8 @@ class Study:
             content = {} if result is None else dict(result)  # type: ignore[call-overload]
         except (TypeError, ValueError):
             names = ", ".join(self.targets.names)
-            words = f"a function that returns a mapping with {names}"
-            raise InputError("study", "simulate", [result], words) from None
+            allowed = f"a function that returns a mapping with {names}"
+            raise InputError("study", "simulate", [result], allowed) from None
         cells, doubt = cells_of_result(content, self.targets.names)
         if doubt:
             warnings.warn(doubt, stacklevel=3)
@@ -380,8 +380,8 @@ class Study:
         from repose.calibrate.calibration import calibrate
 
         if self.runs.empty:
-            words = "results of the runs that `ask` gave: `tell` adds them"
-            raise InputError("study", "runs", 0, words)
+            allowed = "results of the runs that `ask` gave: `tell` adds them"
+            raise InputError("study", "runs", 0, allowed)
         with self._record.current() as record, _one_thread():
             return calibrate(self, record.sorted_data, record.proposal)
 
@@ -398,8 +398,8 @@ def _executor(
         return nullcontext(workers)
     is_integer = isinstance(workers, int) and not isinstance(workers, bool)
     if not is_integer or workers < 1:
-        words = "an integer from 1, or an Executor of concurrent.futures"
-        raise InputError("study", "workers", workers, words)
+        allowed = "an integer from 1, or an Executor of concurrent.futures"
+        raise InputError("study", "workers", workers, allowed)
     if workers == 1:
         return nullcontext()
     return ThreadPoolExecutor(workers)
@@ -520,8 +520,8 @@ def _keep_settings(content: Mapping[str, Any], file: Path_) -> None:
     settings = json.loads(json_text(content))
     for key in sorted({*settings_there, *settings}):
         if settings_there.get(key) != settings.get(key):
-            words = f"{settings.get(key)}, as asked for; or another file"
-            raise InputError(path, key, settings_there.get(key), words)
+            allowed = f"{settings.get(key)}, as asked for; or another file"
+            raise InputError(path, key, settings_there.get(key), allowed)
 
 
 def _plain(value: Any) -> Any:

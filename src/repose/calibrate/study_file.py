@@ -160,8 +160,8 @@ class StudyFile(Section):
         runs_of_start = section.start_samples * section.seeds
         is_used = info.data.get("strategy") == "sequential"
         if is_used and runs_of_start > section.most_runs:
-            words = "at least sequential.start_samples times sequential.seeds"
-            refuse([("most_runs", words)])
+            allowed = "at least sequential.start_samples times sequential.seeds"
+            refuse([("most_runs", allowed)])
         return section
 
     @field_validator("parameters")
@@ -186,11 +186,11 @@ class StudyFile(Section):
         faults = list(_bad_columns(targets))
         for name in targets:
             if name in columns or f"{name}_se" in parameters:
-                words = (
+                allowed = (
                     "a name that is no parameter's, nor that of another with _se at "
                     "its end"
                 )
-                faults.append((name, words))
+                faults.append((name, allowed))
         refuse(faults)
         if not targets:
             refuse([("", "at least one response")])
@@ -344,13 +344,13 @@ def _require_texts_as_names(config: Mapping[str, Any], source: object) -> None:
             continue
         for name in entries:
             if not isinstance(name, str):
-                words = "text as each name; put it in quotes"
-                errors.append(YamlError(str(source), section, name, words))
+                allowed = "text as each name; put it in quotes"
+                errors.append(YamlError(str(source), section, name, allowed))
             elif name.startswith("#"):
-                words = (
+                allowed = (
                     "names that do not begin with #, which begins a comment in tables"
                 )
-                errors.append(YamlError(str(source), section, name, words))
+                errors.append(YamlError(str(source), section, name, allowed))
     raise_together(errors)
 
 

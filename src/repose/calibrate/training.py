@@ -166,8 +166,8 @@ def train(
     """
     usable = dataset[dataset["status"] == "ok"].reset_index(drop=True)
     if len(usable) < FEWEST_SAMPLES:
-        words = f"at least {FEWEST_SAMPLES} with status ok"
-        raise InputError(source, "usable samples", len(usable), words)
+        allowed = f"at least {FEWEST_SAMPLES} with status ok"
+        raise InputError(source, "usable samples", len(usable), allowed)
     X = usable[list(names)].to_numpy(float)
     Y = usable[list(targets.names)].to_numpy(float)
     rows = split_rows(usable, settings.split, settings.seed)
@@ -323,12 +323,12 @@ def restore(
     usable = dataset[dataset["status"] == "ok"].set_index("sample")
     missing = sorted(set(predictions["sample"]) - set(usable.index))
     if missing or predictions.empty:
-        words = f"usable samples of {dataset_csv}"
-        raise InputError(predictions_csv, "samples", missing, words)
+        allowed = f"usable samples of {dataset_csv}"
+        raise InputError(predictions_csv, "samples", missing, allowed)
     X = usable.loc[predictions["sample"], list(model.inputs)].to_numpy(float)
     if not np.allclose(model.predict(X), predictions[columns], rtol=1e-6):
-        words = f"those of {surrogate_json} on {dataset_csv}"
-        raise InputError(predictions_csv, "predictions", "others", words)
+        allowed = f"those of {surrogate_json} on {dataset_csv}"
+        raise InputError(predictions_csv, "predictions", "others", allowed)
     return model
 
 
@@ -358,8 +358,8 @@ def require_targets(
         If the surrogate has other responses, in another order, or defined otherwise.
     """
     if model.outputs != targets.names:
-        words = f"the responses of the targets, {', '.join(targets.names)}"
-        raise InputError(path, "outputs", list(model.outputs), words)
+        allowed = f"the responses of the targets, {', '.join(targets.names)}"
+        raise InputError(path, "outputs", list(model.outputs), allowed)
     require_same_definitions(model.definitions, path, definitions, source)
 
 
@@ -439,11 +439,11 @@ def error_covariance(
     covariance = np.where(targets.same_bench, product, 0.0)
     is_enough = len(errors) > len(targets)
     if not (is_enough and np.linalg.eigvalsh(covariance)[0] > 0):
-        words = (
+        allowed = (
             f"more than {len(targets)}, with errors of full rank, or "
             "network.validation_noise: false"
         )
-        raise InputError(source, "validation samples", len(errors), words)
+        raise InputError(source, "validation samples", len(errors), allowed)
     return covariance
 
 

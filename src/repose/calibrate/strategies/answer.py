@@ -24,6 +24,7 @@ def content(answer: Answer, space: ParameterSpace, targets: Targets) -> dict[str
         parameters ``near_bounds`` as `repose.calibrate.bounds` finds them, and the samples
         ``simulated`` that are runs of the answer already.
     """
+    # The tables need the prediction, also where the answer was simulated already.
     if answer.simulated and answer.model is not None:
         answer = _with_prediction(answer, answer.model)
     bounds = []

@@ -182,11 +182,11 @@ class Strategy(ABC, Generic[SectionType]):
         """
         proposal = self.propose(study, data)
         if isinstance(proposal, Batch):
-            words = (
+            allowed = (
                 f"more: strategy {self.name} asks for {len(proposal.samples)} more "
                 "samples before it answers"
             )
-            raise InputError("runs", "rows", len(data), words)
+            raise InputError("runs", "rows", len(data), allowed)
         return proposal
 
     def contradictions(

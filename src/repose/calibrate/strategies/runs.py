@@ -479,10 +479,10 @@ def _parameter(name: str, low: float, high: float) -> Column:
     size = (high - low) or abs(high) or 1.0
     slack = ROUNDED * size
     if low == high:
-        words = f"{low:g}, as it is fixed"
+        allowed = f"{low:g}, as it is fixed"
     else:
-        words = f"a number from {low:g} to {high:g}, its range"
-    return Column(name, low=low - slack, high=high + slack, words=words)
+        allowed = f"a number from {low:g} to {high:g}, its range"
+    return Column(name, low=low - slack, high=high + slack, words=allowed)
 
 
 def _numbers_of_samples(

@@ -437,17 +437,37 @@ def _draw_processes(
     )
     best = Process(kernel, unit, values, errors, optimizer=optimiser).kernel
 
-    # Draw from the normal distribution whose covariance is the inverse of the curvature,
-    # in pairs about the most probable values. No direction is less certain than the prior.
-    curvature = (optimiser.curvature + optimiser.curvature.T) / 2
-    eigenvalues, axes = np.linalg.eigh(curvature)
-    root = axes / np.sqrt(np.maximum(eigenvalues, LENGTH_LOG_SD**-2))
-    random = np.random.default_rng(DRAWS_SEED)
-    normal = random.standard_normal((DRAWS // 2, 1 + d))
-    low, high = np.log(BOUNDS)
+    # Condition a process on the samples for each draw of the hyperparameters.
     processes = []
-    for z in np.vstack([normal, -normal]):
-        theta = np.clip(best.theta + root @ z, low, high)
+    for theta in _draw_hyperparameters(best.theta, optimiser.curvature):
         kernel_of_draw = best.clone_with_theta(theta)
         processes.append(Process(kernel_of_draw, unit, values, errors, optimizer=None))
     return processes
+
+
+def _draw_hyperparameters(
+    middle: np.ndarray, curvature: np.ndarray
+) -> list[np.ndarray]:
+    """Draw hyperparameters from the normal approximation of their posterior.
+
+    The draws are in pairs about the most probable values, and stay within `BOUNDS`.
+
+    Parameters
+    ----------
+    middle : array (1 + d,)
+        The most probable values.
+    curvature : array (1 + d, 1 + d)
+        The inverse of their covariance.
+
+    Returns
+    -------
+    list of array (1 + d,)
+        `DRAWS` of them.
+    """
+    # No direction is less certain than the prior.
+    eigenvalues, axes = np.linalg.eigh((curvature + curvature.T) / 2)
+    root = axes / np.sqrt(np.maximum(eigenvalues, LENGTH_LOG_SD**-2))
+    random = np.random.default_rng(DRAWS_SEED)
+    normal = random.standard_normal((DRAWS // 2, len(middle)))
+    low, high = np.log(BOUNDS)
+    return [np.clip(middle + root @ z, low, high) for z in np.vstack([normal, -normal])]

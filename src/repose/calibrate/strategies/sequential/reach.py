@@ -107,14 +107,15 @@ def _nearest(
         best = points[np.concatenate([largest.argmin(axis=1), F.argmin(axis=1)])]
 
         # Try points around them.
-        around = np.repeat(best, AROUND, axis=0)
-        around = np.clip(around + step * random.standard_normal(around.shape), 0, 1)
-        around_largest, around_F = goal.of_responses(draws(around))
+        centres = np.repeat(best, AROUND, axis=0)
+        shifts = step * random.standard_normal(centres.shape)
+        new_points = np.clip(centres + shifts, 0, 1)
+        new_largest, new_F = goal.of_responses(draws(new_points))
 
         # Add them to the others; every draw may use the points of all draws.
-        points = np.vstack([points, around])
-        largest = np.hstack([largest, around_largest])
-        F = np.hstack([F, around_F])
+        points = np.vstack([points, new_points])
+        largest = np.hstack([largest, new_largest])
+        F = np.hstack([F, new_F])
     return _Nearest(
         largest=largest.min(axis=1),
         F=F.min(axis=1),
