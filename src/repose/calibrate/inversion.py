@@ -1,4 +1,4 @@
-"""Parameter sets whose predicted responses match the measured ones.
+"""Search for parameter sets whose predicted responses match the measured ones.
 
 It is section 3.3 of the paper, with its Table 3. The search is the multi-island genetic
 algorithm (`repose.calibrate.search`) on the surrogate.

@@ -1,4 +1,4 @@
-"""Multi-island genetic algorithm, section 3.3 of the paper.
+"""Multi-island genetic algorithm (MIGA), section 3.3 of the paper.
 
 Five islands of 40 individuals in normalised parameters [-1, 1]: tournaments of three,
 arithmetic crossover, and mutation with probability 0.05 and amplitude 0.1. Each island

@@ -1,4 +1,4 @@
-"""The table of all runs of a study.
+"""The table of all runs of a study: reading, checks, and means by sample.
 
 It has the runs of a batch, is checked where the runs come back, and gives means by sample.
 """

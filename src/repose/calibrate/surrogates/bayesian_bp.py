@@ -1,4 +1,4 @@
-"""BP network with Bayesian regularisation: a few inputs, a few responses, error bars.
+"""Surrogate by a neural network (BP) with Bayesian regularisation, which has error bars.
 
 Section 3.2.2 of the paper: a 6-12-2 network, tansig and purelin, with inputs and
 outputs scaled to 0.1-0.9. Levenberg-Marquardt trains it on a regularised sum of

@@ -1,4 +1,4 @@
-"""Gaussian process: one for each response, with a length for each input, and noise.
+"""Surrogate by Gaussian processes: one for each response, with errors.
 
 The processes themselves are in `repose.calibrate.surrogates.process`; this module
 scales the samples and makes files.

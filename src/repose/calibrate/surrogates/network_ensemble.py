@@ -1,4 +1,4 @@
-"""The mean of the networks at the ends of several starts, with their scatter.
+"""Surrogate by several networks: their mean, with their scatter as a part of the error.
 
 Starts of `repose.calibrate.surrogates.bayesian_bp.BayesianBP` end at different
 networks, whose evidence hardly differs. The errors of each network hold only the

@@ -1,4 +1,4 @@
-"""The Gaussian process of the package: one value over the inputs, with noise.
+"""A Gaussian process: one value as a function of the inputs, fitted to noisy samples.
 
 The noise is known or estimated. Covariance, likelihood and its maximum are
 scikit-learn's. The surrogate `gaussian_process`, the kriging of

@@ -1,4 +1,4 @@
-"""Quadratic response surface, fitted by weighted least squares.
+"""Surrogate by a quadratic response surface, fitted by weighted least squares.
 
 Its terms are a constant, linear terms, squares and products of two inputs.
 
