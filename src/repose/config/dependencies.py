@@ -115,50 +115,68 @@ def settings_of(
         Values by section or dotted key. A hash of its content stands in place of the
         path of a file.
     """
-    return _with_contents(_selected(config, stage, apparatus or UNNAMED, name))
+    selected = _select_settings(config, stage, apparatus or UNNAMED, name)
+    return _hash_named_files(selected)
 
 
-def _selected(
-    config: Config, stage: str, test: str, name: str | None
+def _select_settings(
+    config: Config, stage: str, test: str, strategy_name: str | None
 ) -> dict[str, Any]:
-    """Select the settings of a stage, with the paths of files."""
+    """Select the settings of a stage by section or dotted key.
+
+    Files appear with their paths. `test` is the bench test of a stage that simulates or
+    measures, and `strategy_name` the strategy of `propose` and `conclude`.
+    """
+    # These stages read sections that depend on the bench test.
     grain = sections(config, *KEYS["shape"])
     if stage == "pour":
         return grain | simulation_settings(config, test)
     if stage == "drum":
         return grain | simulation_settings(config, "drum")
     if stage in ("measure_runs", "heap"):
-        return (
-            grain
-            | simulation_settings(config, test)
-            | measurement_settings(config, test)
-        )
+        return grain | _run_settings(config, test)
     if stage == RUNS:
-        return grain | _of_runs(config)
+        return grain | _target_run_settings(config)
 
-    keys = KEYS.get(stage)
-    if name is not None:
-        of_strategy = strategy(name).reads
-        keys = None if of_strategy is None else (*(keys or ()), *of_strategy)
+    keys = _keys_of_stage(stage, strategy_name)
     if keys is None:
-        return {
-            key: value for key, value in config.items() if key not in WITHOUT_EFFECT
-        }
+        return _all_settings(config)
+
+    # A stage depends also on the settings of the results that it reads.
     selected: dict[str, Any] = {}
-    for earlier in READS.get(stage, ()):
-        selected |= _selected(config, earlier, test, None)
+    for source_stage in READS.get(stage, ()):
+        selected |= _select_settings(config, source_stage, test, None)
     return selected | sections(config, *keys)
 
 
-def _of_runs(config: Config) -> dict[str, Any]:
+def _keys_of_stage(stage: str, strategy_name: str | None) -> tuple[str, ...] | None:
+    """Return the keys that a stage reads itself; None if it may read any key."""
+    stage_keys = KEYS.get(stage)
+    if strategy_name is None:
+        return stage_keys
+    strategy_keys = strategy(strategy_name).reads
+    if strategy_keys is None:
+        return None
+    return (*(stage_keys or ()), *strategy_keys)
+
+
+def _all_settings(config: Config) -> dict[str, Any]:
+    """Select all settings on which a result can depend."""
+    return {key: value for key, value in config.items() if key not in WITHOUT_EFFECT}
+
+
+def _target_run_settings(config: Config) -> dict[str, Any]:
     """Select the settings of the measured runs of all targets, and their parameters."""
     selected = sections(config, "parameters")
     targets = valid_sections(config).targets
     for test in dict.fromkeys(target.apparatus for target in targets):
-        selected |= simulation_settings(config, test) | measurement_settings(
-            config, test
-        )
+        selected |= _run_settings(config, test)
     return selected | responses(config)
+
+
+def _run_settings(config: Config, test: str) -> dict[str, Any]:
+    """Select the settings of a run of a bench test, and of its measurement."""
+    return simulation_settings(config, test) | measurement_settings(config, test)
 
 
 def sections(config: Config, *keys: str) -> dict[str, Any]:
@@ -183,31 +201,38 @@ def sections(config: Config, *keys: str) -> dict[str, Any]:
         elif key == SCENE:
             selected[SCENE] = scene(config)
         elif key == MEASURED_BY:
-            for test in bench_tests():
-                if config.get(test.name):
-                    selected |= _of_bench_test(config, test.name, test.measured_by)
+            selected |= _measuring_settings(config)
         else:
-            selected[key] = _sorted(_value_of(config, key))
+            selected[key] = _sort_mappings(_value_at(config, key))
     return selected
 
 
-def _value_of(config: Config, key: str) -> Any:
-    """Return the value of a dotted key."""
+def _measuring_settings(config: Config) -> dict[str, Any]:
+    """Select the keys by which the runs of any configured bench test are measured."""
+    selected: dict[str, Any] = {}
+    for test in bench_tests():
+        if config.get(test.name):
+            selected |= _select_test_keys(config, test.name, test.measured_by)
+    return selected
+
+
+def _value_at(config: Config, dotted_key: str) -> Any:
+    """Return the value of a dotted key, such as ``design.seed``."""
     value: Any = config
-    for step in key.split("."):
-        value = value[step]
+    for key in dotted_key.split("."):
+        value = value[key]
     return value
 
 
-def _sorted(value: Any) -> Any:
-    """Sort the keys of all mappings in a value."""
+def _sort_mappings(value: Any) -> Any:
+    """Copy a value with the keys of all its mappings in alphabetical order."""
     if not isinstance(value, dict):
         return value
-    return {key: _sorted(value[key]) for key in sorted(value)}
+    return {key: _sort_mappings(value[key]) for key in sorted(value)}
 
 
-def _of_bench_test(config: Config, test: str, keys: Iterable[str]) -> dict[str, Any]:
-    """Select keys of the section of a bench test."""
+def _select_test_keys(config: Config, test: str, keys: Iterable[str]) -> dict[str, Any]:
+    """Select keys of the section of a bench test, as dotted keys."""
     return sections(config, *(f"{test}.{key}" for key in keys))
 
 
@@ -216,11 +241,11 @@ def simulation_settings(config: Config, apparatus: str = UNNAMED) -> dict[str, A
 
     Neither its measurement nor the number of its seeds is among them.
     """
-    without = ("seeds", *bench(apparatus).measured_by)
+    without_effect = ("seeds", *bench(apparatus).measured_by)
     section = sections(config, apparatus)[apparatus]
     selected = sections(config, "wall", "simulation", "design.seed")
     selected[apparatus] = {
-        key: value for key, value in section.items() if key not in without
+        key: value for key, value in section.items() if key not in without_effect
     }
     return selected
 
@@ -229,7 +254,7 @@ def measurement_settings(config: Config, apparatus: str = UNNAMED) -> dict[str, 
     """Select the settings that the measurement of a run reads."""
     test = bench(apparatus)
     selected = sections(config, "measure")
-    selected |= _of_bench_test(config, apparatus, test.measured_by)
+    selected |= _select_test_keys(config, apparatus, test.measured_by)
     return selected | responses(config, test.name)
 
 
@@ -243,22 +268,35 @@ def scene(config: Config) -> str:
     measure = dict(selected["measure"])
     measure.pop("response", None)
     selected["measure"] = measure
-    targets = targets_of(config)
-    for test in dict.fromkeys(target.apparatus for target in targets):
+
+    # Several targets can share a bench test.
+    tests = dict.fromkeys(target.apparatus for target in targets_of(config))
+    for test in tests:
         selected |= simulation_settings(config, test)
-        selected |= _of_bench_test(config, test, bench(test).measured_by)
-    return hash_of(_with_contents(selected))
+        selected |= _select_test_keys(config, test, bench(test).measured_by)
+    return hash_of(_hash_named_files(selected))
 
 
 def responses(config: Config, apparatus: str | None = None) -> dict[str, Any]:
-    """List the targets' names, with the abscissae and functions of profiles.
+    """Select what defines the responses of the targets, without the targets' values.
 
-    `apparatus` selects the targets of one bench test.
+    Parameters
+    ----------
+    config : mapping
+        A resolved configuration.
+    apparatus : str, optional
+        Bench test whose targets are selected; by default all targets are.
+
+    Returns
+    -------
+    dict
+        ``responses``: the names, in the order of the targets. ``profiles``, if there are
+        any: abscissae and functions of each profile, by its name.
     """
     response_names = []
     profiles = {}
     for target in targets_of(config):
-        if apparatus not in (None, target.apparatus):
+        if apparatus is not None and target.apparatus != apparatus:
             continue
         response_names.append(target.response)
         if target.profile is not None:
@@ -269,17 +307,19 @@ def responses(config: Config, apparatus: str | None = None) -> dict[str, Any]:
     return selected
 
 
-def _with_contents(selected: dict[str, Any]) -> dict[str, Any]:
-    """Put hashes of contents in place of the paths of files."""
-    selected = dict(selected)
-    for name in named_files():
-        if selected.get(name) is not None:
-            selected[name] = _content_hash(selected[name])
-        section, _, key = name.rpartition(".")
-        if selected.get(section, {}).get(key) is not None:
-            path = selected[section][key]
-            selected[section] = selected[section] | {key: _content_hash(path)}
-    return selected
+def _hash_named_files(selected: dict[str, Any]) -> dict[str, Any]:
+    """Copy selected settings, with the hash of a file's content instead of its path."""
+    hashed = dict(selected)
+    for dotted_key in named_files():
+        # The file's key was selected alone ...
+        if hashed.get(dotted_key) is not None:
+            hashed[dotted_key] = _content_hash(hashed[dotted_key])
+        # ... or its whole section was.
+        section_name, _, key = dotted_key.rpartition(".")
+        section = hashed.get(section_name, {})
+        if section.get(key) is not None:
+            hashed[section_name] = section | {key: _content_hash(section[key])}
+    return hashed
 
 
 def _content_hash(path: str | PathLike) -> str | None:
@@ -319,34 +359,59 @@ def difference(
     """
     if record is None or record["verb"] not in COMPARED:
         return None
-    then = record["settings"]
-    apparatus = record.get("apparatus")
-    name = record.get("strategy")
-    is_known = apparatus in (None, *config) and name in (None, *names())
+    recorded = record["settings"]
     # Before version 0.5 a record had a hash of its settings.
-    if not isinstance(then, Mapping) or not is_known:
+    if not isinstance(recorded, Mapping):
         return None
-    now = as_recorded(settings_of(config, record["verb"], apparatus, name))
-    if then != now:
-        return _first_difference(then, now)
+
+    # The settings of an unknown bench test or strategy cannot be selected.
+    apparatus = record.get("apparatus")
+    strategy_name = record.get("strategy")
+    if apparatus is not None and apparatus not in config:
+        return None
+    if strategy_name is not None and strategy_name not in names():
+        return None
+
+    current = as_recorded(settings_of(config, record["verb"], apparatus, strategy_name))
+    if recorded != current:
+        return _first_difference(recorded, current)
     engine = engine_hash()
     if is_of_engine and record["engine"] not in (None, engine):
         return Difference("engine", record["engine"], engine)
     return None
 
 
-def _first_difference(then: Any, now: Any, prefix: str = "") -> Difference:
-    """Find the first key, and inside it the innermost, that two settings differ in."""
-    if isinstance(then, Mapping) and isinstance(now, Mapping):
-        # The hash of a scene says less than the keys that it is made of.
-        for key in sorted({*then, *now}, key=lambda key: (key == SCENE, key)):
-            if then.get(key) != now.get(key):
-                return _first_difference(then.get(key), now.get(key), f"{prefix}.{key}")
-    if isinstance(then, list) and isinstance(now, list) and len(then) == len(now):
-        for k, (one, other) in enumerate(zip(then, now, strict=True)):
-            if one != other and isinstance(one, Mapping):
-                return _first_difference(one, other, f"{prefix}.{k}")
-    return Difference(prefix.removeprefix("."), then, now)
+def _first_difference(recorded: Any, current: Any, prefix: str = "") -> Difference:
+    """Find the innermost key in which two different settings differ first.
+
+    `prefix` is the dotted key of the settings, with a dot before it.
+    """
+    if isinstance(recorded, Mapping) and isinstance(current, Mapping):
+        for key in _keys_scene_last({*recorded, *current}):
+            old = recorded.get(key)
+            new = current.get(key)
+            if old != new:
+                return _first_difference(old, new, f"{prefix}.{key}")
+
+    if _are_lists_of_one_length(recorded, current):
+        for position, (old, new) in enumerate(zip(recorded, current, strict=True)):
+            # A list of plain values, such as a range, is reported as a whole.
+            if old != new and isinstance(old, Mapping):
+                return _first_difference(old, new, f"{prefix}.{position}")
+    return Difference(prefix.removeprefix("."), recorded, current)
+
+
+def _keys_scene_last(keys: Iterable[str]) -> list[str]:
+    """Sort keys, with that of the scene last.
+
+    The scene is a hash, which tells a user less than the keys that it is made of.
+    """
+    return sorted(keys, key=lambda key: (key == SCENE, key))
+
+
+def _are_lists_of_one_length(one: Any, other: Any) -> bool:
+    """Return whether two values are lists with equally many items."""
+    return isinstance(one, list) and isinstance(other, list) and len(one) == len(other)
 
 
 def require_same_study(config: Config, inputs: Inputs, source: str) -> None:
@@ -405,10 +470,15 @@ def find_own_dataset(config: Config) -> Path | None:
     piles = list(folder.glob(f"{run_folder(UNNAMED)}/*.json"))
     if not piles:
         return None
+
     files = [*folder.glob("berry/*.json"), *piles, table]
-    if any(attached.read(path) is None for path in files) or find_outdated(
-        config, files
-    ):
+    if any(attached.read(path) is None for path in files):
         return None
-    newest_pile = max(path.stat().st_mtime for path in piles)
-    return table if table.stat().st_mtime >= newest_pile else None
+    if find_outdated(config, files):
+        return None
+
+    # A pile that is newer than the table is not in it.
+    newest_pile_s = max(path.stat().st_mtime for path in piles)
+    if table.stat().st_mtime < newest_pile_s:
+        return None
+    return table
