@@ -27,20 +27,31 @@ ROOMS = ("common", "config", "stages", "bench", "measure", "calibrate", "grain",
 
 def fingerprint(config: Config) -> str:
     """Hash a configuration as its files have it, the files that it names, and the code."""
-    paths = [get(config, key) for key in named_files()]
-    published = get(config, "validation.published")
-    if isinstance(published, str):
-        paths += [*tables(published), find_sibling_table(published, "table1.csv")]
-    targets = config.get("targets")
-    for target in targets if isinstance(targets, list) else []:
-        if isinstance(target, Mapping):
-            paths.append(target.get("file"))
     contents = {}
-    for path in paths:
+    for path in _named_paths(config):
         if path is not None and Path(path).is_file():
             contents[str(path)] = hash_of_file(path)
     code = code_hash(*ROOMS, follow_imports=False)
     return hash_of({"config": config, "files": contents, "code": code})
+
+
+def _named_paths(config: Config) -> list[Any]:
+    """List the paths of the files that a check of a configuration reads.
+
+    The configuration may have faults, so a path may also be another value, or None.
+    """
+    paths = [get(config, key) for key in named_files()]
+    published = get(config, "validation.published")
+    if isinstance(published, str):
+        paths += [*tables(published), find_sibling_table(published, "table1.csv")]
+
+    # A target may name the file of a measured profile.
+    targets = config.get("targets")
+    if isinstance(targets, list):
+        for target in targets:
+            if isinstance(target, Mapping):
+                paths.append(target.get("file"))
+    return paths
 
 
 def numbers(config: Config, checked: str) -> dict[str, Any] | None:
@@ -61,6 +72,8 @@ def numbers(config: Config, checked: str) -> dict[str, Any] | None:
     folder = config.get("results_dir")
     if not isinstance(folder, str):
         return None
+
+    # Only a file that this program wrote, and nobody changed, is trusted.
     path = Path(folder) / FILE
     if not (path.is_file() and ledger.is_own_file(path)):
         return None

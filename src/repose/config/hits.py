@@ -16,7 +16,7 @@ from repose.bench.scene import Scene, contacts_of, materials_of
 HERTZ_LAWS = ("hertz_mindlin", "hertz_mindlin_rescaled")
 # A restitution above this returns nearly what it says.
 LOW_RESTITUTION = 0.3
-# Where the bodies are before their first overlap, as shares of their way in a time step.
+# Gaps before the first overlap, as shares of the way of the bodies in a time step.
 PHASES = (0.1, 0.3, 0.5, 0.7, 0.9)
 MOST_STEPS = 100_000
 
@@ -41,30 +41,51 @@ def returned(restitution: float, tension: str, steps_per_contact: float) -> floa
     Notes
     -----
     Mass, speed and the stiffness k of F = k overlap^1.5 are 1. Hertz's hit lasts 2.943
-    times its largest overlap, (5/4)^0.4. The time steps are those of the engine: the
-    force of the present overlap and speed, then speed and place.
+    times its largest overlap, (5/4)^0.4.
     """
     from repose.dem.laws.hertz_mindlin import damping_ratio
 
     time_step = 2.943 * 1.25**0.4 / steps_per_contact
     damping = 2.0 * math.sqrt(5.0 / 6.0) * damping_ratio(restitution, tension)
-    speeds = []
-    for phase in PHASES:
-        overlap = -phase * time_step
-        speed = 1.0  # of the approach
-        for _ in range(MOST_STEPS):
-            force = 0.0
-            if overlap > 0.0:
-                stiffness = 1.5 * math.sqrt(overlap)
-                force = overlap**1.5 + damping * math.sqrt(stiffness) * speed
-                if tension == "release":
-                    force = max(force, 0.0)
-            speed -= force * time_step
-            overlap += speed * time_step
-            if speed < 0.0 and overlap < 0.0:
-                break
-        speeds.append(-speed)
+    speeds = [
+        _rebound_speed(phase, time_step=time_step, damping=damping, tension=tension)
+        for phase in PHASES
+    ]
     return float(np.mean(speeds))
+
+
+def _rebound_speed(
+    phase: float, time_step: float, damping: float, tension: str
+) -> float:
+    """Follow a hit at speed 1 in time steps, and return the speed after it.
+
+    Parameters
+    ----------
+    phase : float
+        Gap between the bodies at the start, over their way in a time step.
+    time_step : float
+        Time step, where mass, speed and stiffness are 1.
+    damping : float
+        Damping force over speed and the square root of the tangent stiffness.
+    tension : {"keep", "release"}
+        Whether the contact may pull the bodies together as they part.
+    """
+    overlap = -phase * time_step
+    approach_speed = 1.0
+    for _ in range(MOST_STEPS):
+        force = 0.0
+        if overlap > 0.0:
+            stiffness = 1.5 * math.sqrt(overlap)
+            force = overlap**1.5 + damping * math.sqrt(stiffness) * approach_speed
+            if tension == "release":
+                force = max(force, 0.0)
+        # As in the engine, the force changes the speed, and the new speed the place.
+        approach_speed -= force * time_step
+        overlap += approach_speed * time_step
+        has_parted = approach_speed < 0.0 and overlap < 0.0
+        if has_parted:
+            break
+    return -approach_speed
 
 
 def low_restitutions(scene: Scene, lowest: Mapping[str, float]) -> Iterator[str]:
@@ -77,36 +98,56 @@ def low_restitutions(scene: Scene, lowest: Mapping[str, float]) -> Iterator[str]
     lowest : mapping
         Lowest value of each parameter, ``e_gg`` and ``e_gp`` among them.
     """
-    from repose.dem.laws import CONTACT_LAWS
     from repose.dem.time_steps import FASTEST_IMPACT_M_S
 
     settings = scene.simulation
-    contact_time = CONTACT_LAWS[settings.contact_law].contact_time
-    if settings.contact_law not in HERTZ_LAWS or contact_time is None:
-        return
-    shape = scene.particle.dem_shape("berry")
-    materials = materials_of(scene)
-    sides = {"gg": ("berry", 0.5), "gp": ("wall", 1.0)}
     texts = []
     for pair in PAIRS:
-        restitution = lowest[f"e_{pair}"]
+        name = f"e_{pair}"
+        restitution = lowest[name]
         if restitution >= LOW_RESTITUTION:
             continue
-        other, share = sides[pair]
-        parameters = {**scene.parameters, f"e_{pair}": restitution}
-        duration_s = contact_time(
-            materials["berry"],
-            materials[other],
-            contacts_of(parameters)["berry", other],
-            share * shape.mass_kg,
-            share * shape.smallest_radius_m,
-            FASTEST_IMPACT_M_S,
-        )
-        steps = duration_s / settings.time_step_s
+        contact_s = _contact_time_s(scene, pair, restitution)
+        if contact_s is None:
+            return
+        steps = contact_s / settings.time_step_s
         value = returned(restitution, settings.tension, steps)
-        texts.append(f"{value:.3f} where e_{pair} is {restitution:g}")
+        texts.append(f"{value:.3f} where {name} is {restitution:g}")
     if texts:
         yield (
             f"restitution: at this time step a hit at {FASTEST_IMPACT_M_S:g} m/s "
             f"returns {' and '.join(texts)}"
         )
+
+
+def _contact_time_s(scene: Scene, pair: str, restitution: float) -> float | None:
+    """Compute how long a hit of a pair of `PAIRS` lasts [s].
+
+    It is None for a contact law whose hit `returned` does not follow.
+    """
+    from repose.dem.laws import CONTACT_LAWS
+    from repose.dem.time_steps import FASTEST_IMPACT_M_S
+
+    law = scene.simulation.contact_law
+    contact_time = CONTACT_LAWS[law].contact_time
+    if law not in HERTZ_LAWS or contact_time is None:
+        return None
+
+    # Two equal grains move like half a grain's mass, with half its radius, at a wall.
+    if pair == "gg":
+        partner = "berry"
+        share = 0.5
+    else:
+        partner = "wall"
+        share = 1.0
+    shape = scene.particle.dem_shape("berry")
+    materials = materials_of(scene)
+    parameters = {**scene.parameters, f"e_{pair}": restitution}
+    return contact_time(
+        materials["berry"],
+        materials[partner],
+        contacts_of(parameters)["berry", partner],
+        share * shape.mass_kg,
+        share * shape.smallest_radius_m,
+        FASTEST_IMPACT_M_S,
+    )

@@ -88,9 +88,9 @@ def read_layers(files: Sequence[Path_], overrides: Config | None = None) -> Laye
 
 
 def over_defaults(
-    given: Config, files: Sequence[Path_] = (), otherwise: str = COMMAND_LINE
+    given: Config, files: Sequence[Path_] = (), default_source: str = COMMAND_LINE
 ) -> Layered:
-    """Lay the values that snakemake calls `config` over the defaults.
+    """Lay the values that Snakemake calls `config` over the defaults.
 
     Snakemake has merged the values of its configuration files and command line. Which
     file holds which key is found again here, for the messages about faults. A crop of
@@ -99,10 +99,10 @@ def over_defaults(
     Parameters
     ----------
     given : mapping
-        The values of snakemake; the texts of its command line are read as YAML.
+        The values of Snakemake; the texts of its command line are read as YAML.
     files : sequence of path
-        Its configuration files.
-    otherwise : str
+        Its configuration files; each overrides those before it.
+    default_source : str
         Source of the values that no file has.
 
     Returns
@@ -114,7 +114,7 @@ def over_defaults(
     method = places.find(places.METHOD_CONFIG)
     study = places.configs()[-1]
 
-    # Choose the defaults.
+    # Choose the defaults. Values that define a crop need those of the method alone.
     default_files: list[Path_] = [method]
     if files or not _is_a_crop(given):
         contents = [*map(read_once, files), given]
@@ -122,13 +122,13 @@ def over_defaults(
     needed_files = default_files if _lacks_keys(given) else []
     defaults = _merge_files(needed_files, read=read_once)
 
-    # Find the file of each value, the last first.
+    # Find the file of each value of Snakemake.
     sources = []
     for path in (*default_files, study, *files):
         sources.append(Layer(str(path), read_once(path)))
     origin: dict[str, str] = {}
-    values = _values_of_files(
-        given, "", sources=sources, origin=origin, otherwise=otherwise
+    values = _find_in_files(
+        given, "", sources=sources, origin=origin, default_source=default_source
     )
 
     config = _merge(defaults.config, values, origin={}, source="")
@@ -136,59 +136,82 @@ def over_defaults(
         _resolve_named_files(config),
         Origin(
             {**defaults.origin.origin, **origin},
-            default=str(files[-1]) if files else otherwise,
+            default=str(files[-1]) if files else default_source,
             shared=str(method),
         ),
     )
 
 
-def _values_of_files(
+def _find_in_files(
     value: Any,
-    key: str,
+    dotted_key: str,
     sources: Sequence[Layer],
     origin: dict[str, str],
-    otherwise: str,
+    default_source: str,
 ) -> Any:
-    """Return the values of snakemake as the files have them.
+    """Find a value of Snakemake in the files, and return it with the type it has there.
 
-    The source of each dotted key is noted in `origin`: the last of the files that has
-    it, or `otherwise`.
+    Parameters
+    ----------
+    value : object
+        A section, which is searched key by key, or a single value.
+    dotted_key : str
+        Its key; empty for the whole configuration.
+    sources : sequence of Layer
+        The files; each overrides those before it.
+    origin : dict
+        The source of each dotted key is added here.
+    default_source : str
+        Source of the values that no file has.
     """
     if isinstance(value, Mapping):
         section = {}
         for name, item in value.items():
-            dotted = f"{key}.{name}" if key else name
-            section[name] = _values_of_files(
-                item, dotted, sources=sources, origin=origin, otherwise=otherwise
+            section[name] = _find_in_files(
+                item,
+                f"{dotted_key}.{name}" if dotted_key else name,
+                sources=sources,
+                origin=origin,
+                default_source=default_source,
             )
-        origin[key] = otherwise
-        for source in sources:
-            if isinstance(_value_at(source.content, key), dict):
-                origin[key] = source.path
+        section_file = _last_file_with_section(dotted_key, sources)
+        origin[dotted_key] = section_file or default_source
         return section
 
     # All values of the command line are texts, and so are some numbers of files.
     parsed = value
-    if otherwise == COMMAND_LINE or EXPONENT.match(str(value)):
+    if default_source == COMMAND_LINE or EXPONENT.match(str(value)):
         parsed = _parse_texts(value)
     for source in reversed(sources):
-        value_of_file = _value_at(source.content, key)
+        value_of_file = _value_at(source.content, dotted_key)
         if value_of_file in (value, parsed):
-            origin[key] = source.path
+            origin[dotted_key] = source.path
             return value_of_file
-    origin[key] = otherwise
+    origin[dotted_key] = default_source
     return parsed
 
 
-def _value_at(content: Any, key: str) -> Any:
-    """Return the value of a dotted key in a file, or `MISSING`."""
-    if not key:
+def _last_file_with_section(dotted_key: str, sources: Sequence[Layer]) -> str | None:
+    """Return the path of the last file that has a section; None if no file has it."""
+    for source in reversed(sources):
+        if isinstance(_value_at(source.content, dotted_key), dict):
+            return source.path
+    return None
+
+
+def _value_at(content: Any, dotted_key: str) -> Any:
+    """Return the value of a dotted key in a file, or `MISSING`.
+
+    An empty key stands for the whole content.
+    """
+    if not dotted_key:
         return content
-    for step in key.split("."):
-        if not isinstance(content, dict):
+    value = content
+    for key in dotted_key.split("."):
+        if not isinstance(value, dict):
             return MISSING
-        content = content.get(step, MISSING)
-    return content
+        value = value.get(key, MISSING)
+    return value
 
 
 def _lacks_keys(config: Config) -> bool:
@@ -201,7 +224,7 @@ def _lacks_keys(config: Config) -> bool:
 
 
 def layers(
-    files: Sequence[Path_], read: Read = read, further: Iterable[Config] = ()
+    files: Sequence[Path_], read: Read = read, given: Iterable[Config] = ()
 ) -> list[Path_]:
     """List the defaults and the files of a configuration; each overrides those before.
 
@@ -214,8 +237,8 @@ def layers(
         The user's files.
     read : callable, optional
         Reads a file.
-    further : iterable of mapping
-        Further values that may define a crop.
+    given : iterable of mapping
+        Values from elsewhere that may define a crop.
 
     Returns
     -------
@@ -223,10 +246,10 @@ def layers(
     """
     built_in_crop = (places.root() / places.DEFAULT_CONFIG).resolve()
     defaults = places.configs()
-    others = [path for path in defaults if path.resolve() != built_in_crop]
-    contents = [read(path) for path in (*others, *files)]
-    if any(_is_a_crop(content) for content in (*contents, *further)):
-        return [*others, *files]
+    without_crop = [path for path in defaults if path.resolve() != built_in_crop]
+    contents = [read(path) for path in (*without_crop, *files)]
+    if any(_is_a_crop(content) for content in (*contents, *given)):
+        return [*without_crop, *files]
     return [*defaults, *files]
 
 
@@ -242,13 +265,15 @@ def find_substitute_crop(*files: Path_) -> Path | None:
     for path in paths:
         if path != built_in_crop and path.parent == built_in_crop.parent:
             return None
+
+    # The folder has a configuration, or the file holds all values of a study.
     if places.configs()[-1] != built_in_crop or is_resolved(*paths):
         return None
+
     if built_in_crop in paths:
         return built_in_crop
-    if paths and not _lacks_keys(_merge_files(paths).config):
-        return None
-    if built_in_crop in layers(paths):
+    is_complete = paths and not _lacks_keys(_merge_files(paths).config)
+    if not is_complete and built_in_crop in layers(paths):
         return built_in_crop
     return None
 
@@ -334,20 +359,33 @@ def _merge(
     source: str,
     prefix: str = "",
 ) -> dict[str, Any]:
-    """Put values over a configuration, section by section, in place; return it.
+    """Put values over a configuration in place, section by section, and return it.
 
-    The source of each dotted key is noted in `origin`. Sections in `REPLACED` are not
-    merged with those of the configuration.
+    Parameters
+    ----------
+    config : dict
+        The configuration, which is changed. It keeps the keys that `values` lack, except
+        in the sections of `REPLACED`.
+    values : mapping
+        The values; their sections may lack keys.
+    origin : dict
+        The source of each dotted key of the values is added here.
+    source : str
+        The file of the values.
+    prefix : str
+        Dotted key of the section that the values are, with a dot behind it.
     """
     for key, value in values.items():
-        dotted = f"{prefix}{key}"
-        origin[dotted] = source
+        dotted_key = f"{prefix}{key}"
+        origin[dotted_key] = source
         if not isinstance(value, dict):
             config[key] = copy.deepcopy(value)
             continue
-        is_merged = dotted not in REPLACED and isinstance(config.get(key), dict)
+        is_merged = dotted_key not in REPLACED and isinstance(config.get(key), dict)
         if not is_merged:
             config[key] = copy.deepcopy(value)
         # After a copy this only notes the source of the inner keys.
-        _merge(config[key], value, origin=origin, source=source, prefix=f"{dotted}.")
+        _merge(
+            config[key], value, origin=origin, source=source, prefix=f"{dotted_key}."
+        )
     return config
