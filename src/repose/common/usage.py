@@ -25,8 +25,8 @@ BENCHMARKS = "benchmarks"
 CLOCK_TOLERANCE_S = 1.0
 
 
-class Used(NamedTuple):
-    """What a process used."""
+class Process(NamedTuple):
+    """A process of a job that has ended, and the processor time that it used."""
 
     ended_s: float
     cpu_s: float
@@ -60,16 +60,16 @@ def note(folder: str | os.PathLike) -> None:
         import psutil
     except ImportError:  # no workflow is installed here
         return
-    ancestors = " ".join(str(one.pid) for one in psutil.Process().parents())
-    row = Used(time.time(), used_here_s(), _log(), platform.node(), ancestors)
-    line = ",".join(map(str, row)) + "\n"
+    ancestors = " ".join(str(parent.pid) for parent in psutil.Process().parents())
+    process = Process(time.time(), used_here_s(), _log(), platform.node(), ancestors)
+    line = ",".join(map(str, process)) + "\n"
     table = Path(folder) / TABLE
     # If the disk is full, the job itself has its files.
     with suppress(OSError):
         table.parent.mkdir(exist_ok=True)
         with opened(table, os.O_APPEND) as handle:
             is_new = os.fstat(handle).st_size == 0
-            header = ",".join(Used._fields) + "\n" if is_new else ""
+            header = ",".join(Process._fields) + "\n" if is_new else ""
             # One write, so that lines of processes that end together do not mix.
             os.write(handle, f"{header}{line}".encode())
 
@@ -83,41 +83,50 @@ def _log() -> str:
     return path if path.endswith(".log") and "," not in path else ""
 
 
-def since(folder: str | os.PathLike, began_s: float) -> list[Used]:
+def since(folder: str | os.PathLike, began_s: float) -> list[Process]:
     """List the processes that have ended in a folder of results since a time."""
     table = Path(folder) / TABLE
     if not table.is_file():
         return []
     with table.open(encoding="utf-8", newline="") as handle:
-        rows = list(csv.reader(handle))[1:]
+        rows = list(csv.reader(handle))[1:]  # without the header
+
     processes = []
     for row in rows:
-        if len(row) == len(Used._fields):  # a full disk may have cut a line off
-            ended, cpu, *others = row
-            processes.append(Used(float(ended), float(cpu), *others))
-    return [process for process in processes if process.ended_s >= began_s]
+        if len(row) != len(Process._fields):  # a full disk may have cut a line off
+            continue
+        ended_s, cpu_s, *texts = row
+        process = Process(float(ended_s), float(cpu_s), *texts)
+        if process.ended_s >= began_s:
+            processes.append(process)
+    return processes
 
 
-def correct_benchmarks(folder: str | os.PathLike, used: Iterable[Used]) -> None:
+def correct_benchmarks(folder: str | os.PathLike, processes: Iterable[Process]) -> None:
     """Put the processor time of the whole job into snakemake's benchmark of each job."""
     folder = Path(folder)
-    by_log: dict[str, list[Used]] = defaultdict(list)
-    for process in used:
-        by_log[process.log].append(process)
-    for log, processes in by_log.items():
-        if Path(log).is_relative_to(folder / LOGS):
-            name = Path(log).relative_to(folder / LOGS).with_suffix(".tsv")
-            path = folder / BENCHMARKS / name
-            # A job that failed has no benchmark, or a part of one.
-            with suppress(OSError, ValueError):
-                _correct_benchmark(path, processes)
+    processes_by_log: dict[str, list[Process]] = defaultdict(list)
+    for process in processes:
+        processes_by_log[process.log].append(process)
+
+    for log, job_processes in processes_by_log.items():
+        if not Path(log).is_relative_to(folder / LOGS):
+            continue
+        name = Path(log).relative_to(folder / LOGS).with_suffix(".tsv")
+        benchmark = folder / BENCHMARKS / name
+        # A job that failed has no benchmark, or a part of one.
+        with suppress(OSError, ValueError):
+            _correct_benchmark(benchmark, job_processes)
 
 
-def _correct_benchmark(path: Path, processes: Iterable[Used]) -> None:
-    """Put the processor time of a job's processes into its benchmark."""
-    *rows, last = path.read_text(encoding="utf-8").splitlines()
+def _correct_benchmark(path: Path, processes: Iterable[Process]) -> None:
+    """Put the processor time of a job's processes into its benchmark.
+
+    A benchmark is a table with a header, whose last row is that of the job's last run.
+    """
+    *rows, last_row = path.read_text(encoding="utf-8").splitlines()
     names = rows[0].split("\t")
-    values = last.split("\t")
+    values = last_row.split("\t")
     # Processes of an earlier attempt at the job do not count.
     wall_s = float(values[names.index("s")])
     began_s = path.stat().st_mtime - wall_s - CLOCK_TOLERANCE_S

@@ -57,7 +57,7 @@ def funnel_hints(
     config: Config,
     grain: Grain,
     particle: Particle,
-    longest_s: Callable[[Grain], float],
+    longest_step_s: Callable[[Grain], float],
 ) -> Iterator[str]:
     """Yield hints on rolling law, stiffness, volume, funnel and number of grains.
 
@@ -69,7 +69,7 @@ def funnel_hints(
         The mean grain, as in berry.json.
     particle : Particle
         Its body.
-    longest_s : callable
+    longest_step_s : callable
         Returns the longest time step [s] for such a grain.
 
     Yields
@@ -83,7 +83,7 @@ def funnel_hints(
             f"rolling law: WARNING: with {law} grains creep under a torque, so runs may "
             "end as not_at_rest"
         )
-    yield f"stiffness: {_describe_stiffness(config, grain, longest_s)}"
+    yield f"stiffness: {_describe_stiffness(config, grain, longest_step_s)}"
     volume = filling(config, particle.volume_m3)
     yield f"volume: {volume.sentence}"
 
@@ -96,6 +96,7 @@ def funnel_hints(
             f"{outlet_mm:g} mm and stops the flow"
         )
 
+    # The advice on the scene's size is for the number of grains that the pile needs.
     n_grains = funnel.berries
     if not volume.fits:
         n_grains = max(n_grains, needed_grains(config, particle.volume_m3))
@@ -105,24 +106,25 @@ def funnel_hints(
 
 
 def _describe_stiffness(
-    config: Config, grain: Grain, longest_s: Callable[[Grain], float]
+    config: Config, grain: Grain, longest_step_s: Callable[[Grain], float]
 ) -> str:
     """Describe how far a pile sinks, and what a lower shear modulus would bring."""
-    modulus = grain["shear_modulus_pa"]
-    softening_now = softening(config, grain)
-    percent = 100 * softening_now.sinking
-    sinks = f"the pile sinks by {percent:.2g} % of its Height under its own weight"
-    softest = softening_now.softest_pa
-    if softest >= modulus:
-        return f"{sinks}; do not lower berry.shear_modulus_pa, which is {modulus:.3g}"
+    modulus_pa = grain["shear_modulus_pa"]
+    sinking, softest_pa = softening(config, grain)
+    sentence = (
+        f"the pile sinks by {100 * sinking:.2g} % of its Height under its own weight"
+    )
+    if softest_pa >= modulus_pa:
+        return f"{sentence}; do not lower berry.shear_modulus_pa, which is {modulus_pa:.3g}"
 
-    longest = longest_s({**grain, "shear_modulus_pa": softest})
-    step = SceneSettings(config).simulation.time_step_s
+    # Softer grains allow a longer time step, so a run needs fewer of them.
+    step_s = SceneSettings(config).simulation.time_step_s
+    longest_s = longest_step_s({**grain, "shear_modulus_pa": softest_pa})
     return (
-        f"{sinks}. With a berry.shear_modulus_pa of {softest:.3g} instead of "
-        f"{modulus:.3g} it sinks by {100 * LARGEST_SINKING:.2g} %; then "
-        f"simulation.time_step_s may be {longest:.2g} s, and a run takes "
-        f"{100 * step / longest:.2g} % of the time"
+        f"{sentence}. With a berry.shear_modulus_pa of {softest_pa:.3g} instead of "
+        f"{modulus_pa:.3g} it sinks by {100 * LARGEST_SINKING:.2g} %; then "
+        f"simulation.time_step_s may be {longest_s:.2g} s, and a run takes "
+        f"{100 * step_s / longest_s:.2g} % of the time"
     )
 
 
@@ -150,12 +152,18 @@ def softening(config: Config, grain: Grain) -> Softening:
     """
     diameter_m = 1e-3 * diameter_mm(grain)
     gravity = SceneSettings(config).simulation.gravity_m_s2
-    pressure = PACKING * grain["density_kg_m3"] * gravity * height_m(config, grain)
-    young = grain["shear_modulus_pa"] / (1 - grain["poisson_ratio"])
-    approach = (
-        3 * pressure * diameter_m**2 / (4 * young * math.sqrt(diameter_m / 4))
+
+    # Pressure, and approach of two grains, at the bottom of the pile.
+    pressure_pa = PACKING * grain["density_kg_m3"] * gravity * height_m(config, grain)
+    contact_modulus_pa = grain["shear_modulus_pa"] / (1 - grain["poisson_ratio"])  # E*
+    approach_m = (
+        3
+        * pressure_pa
+        * diameter_m**2
+        / (4 * contact_modulus_pa * math.sqrt(diameter_m / 4))
     ) ** (2 / 3)
-    sinking = 0.6 * approach / diameter_m
+
+    sinking = 0.6 * approach_m / diameter_m
     softest_pa = grain["shear_modulus_pa"] * (sinking / LARGEST_SINKING) ** 1.5
     return Softening(sinking, softest_pa)
 
@@ -171,6 +179,7 @@ def height_m(config: Config, grain: Grain) -> float:
     if targets.height_mm is not None:
         return 1e-3 * targets.height_mm
     if targets.angle_deg is not None:
+        # All grains, with the gaps between them, form a cone.
         grain_m3 = math.pi / 6 * (1e-3 * diameter_mm(grain)) ** 3
         volume_m3 = funnel.berries * grain_m3 / PACKING
         return _cone_height_m(volume_m3, targets.angle_deg)
@@ -194,33 +203,35 @@ def filling(config: Config, grain_m3: float) -> Filling:
     n_grains = _funnel(config).berries
     height_mm, angle_deg = _pile_targets(config)
     volume_m3 = n_grains * grain_m3 / PACKING
-    grains = f"{n_grains} grains hold {_litres(volume_m3)} as poured"
+    poured = f"{n_grains} grains hold {_litres(volume_m3)} as poured"
 
+    # Without a target of the Height, a cone of any size fits.
     if height_mm is None:
         if angle_deg is None:
-            return Filling(grains, fits=True)
+            return Filling(poured, fits=True)
         cone_mm = 1e3 * _cone_height_m(volume_m3, angle_deg)
         return Filling(
-            f"{grains}: a cone of {angle_deg:g} deg and {cone_mm:.3g} mm Height",
+            f"{poured}: a cone of {angle_deg:g} deg and {cone_mm:.3g} mm Height",
             fits=True,
         )
 
+    # Without a target of the angle, a cone with any slope of poured grains fits.
     if angle_deg is None:
         slope_deg = _cone_slope_deg(volume_m3, height_mm)
         cone = f"a cone of {height_mm:g} mm Height with a slope of {slope_deg:.3g} deg"
-        low, high = SLOPES_DEG
-        if low <= slope_deg <= high:
-            return Filling(f"{grains}: {cone}", fits=True)
+        low_deg, high_deg = SLOPES_DEG
+        if low_deg <= slope_deg <= high_deg:
+            return Filling(f"{poured}: {cone}", fits=True)
         return Filling(
-            f"WARNING: {grains}: {cone}; slopes of poured grains are {low:g} to "
-            f"{high:g} deg",
+            f"WARNING: {poured}: {cone}; slopes of poured grains are {low_deg:g} to "
+            f"{high_deg:g} deg",
             fits=False,
         )
 
     # Whether angle and Height fit each other is a matter of `repose.bench.reach`.
     cone_m3 = _cone_volume_m3(height_mm, angle_deg)
     return Filling(
-        f"{grains}; the cone of {angle_deg:g} deg and {height_mm:g} mm Height holds "
+        f"{poured}; the cone of {angle_deg:g} deg and {height_mm:g} mm Height holds "
         f"{_litres(cone_m3)}",
         fits=1 / VOLUME_FACTOR <= volume_m3 / cone_m3 <= VOLUME_FACTOR,
     )
@@ -236,10 +247,12 @@ def needed_grains(config: Config, grain_m3: float) -> int:
     height_mm, angle_deg = _pile_targets(config)
     if height_mm is None:
         return n_grains
-    if angle_deg is None:
-        flattest_deg, steepest_deg = SLOPES_DEG
-    else:
-        flattest_deg = steepest_deg = angle_deg
+
+    flattest_deg, steepest_deg = SLOPES_DEG
+    if angle_deg is not None:
+        flattest_deg = angle_deg
+        steepest_deg = angle_deg
+    # Of cones with one height, the steepest is the smallest.
     fewest = _grains_of_cone(height_mm, steepest_deg, grain_m3)
     most = _grains_of_cone(height_mm, flattest_deg, grain_m3)
     return min(max(n_grains, fewest), most)

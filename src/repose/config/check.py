@@ -63,6 +63,7 @@ def smaller_scene(files: Iterable[str], grains: int) -> Iterator[str]:
     """
     if grains <= MOST_BERRIES:
         return
+    # The advice needs a valid study: that of a funnel with as many grains as allowed.
     largest_funnel: dict[str, Any] = {"berries": MOST_BERRIES}
     for name in scene_size.COMPUTED_KEYS:
         largest_funnel[name] = "auto"
@@ -91,11 +92,11 @@ def describe_study(study: PipelineConfig) -> Iterator[str]:
     lowest = {name: low for name, (low, _) in computed.ranges_of(config).items()}
     yield from hits.low_restitutions(study.scene(study.parameters.centre), lowest)
 
-    def longest_s(other_grain: Mapping[str, Any]) -> float:
+    def longest_step_s(other_grain: Mapping[str, Any]) -> float:
         return computed.longest_step(config, particle, other_grain).time_step_s
 
     yield from advice.funnel_hints(
-        config, grain, particle=particle, longest_s=longest_s
+        config, grain, particle=particle, longest_step_s=longest_step_s
     )
     yield from _describe_grain(study)
     yield from _describe_sizes(study)
@@ -146,20 +147,22 @@ def _describe_sizes(study: PipelineConfig) -> Iterator[str]:
     from repose.grain.berry_files import SIZE_COLUMNS, read_sizes
 
     section = study.settings.berry
-    axes = read_sizes(section.sizes)[list(SIZE_COLUMNS)]
-    products = axes.prod(axis="columns")
-    groups = size_checks.find_groups(np.cbrt(products))
+    axes_mm = read_sizes(section.sizes)[list(SIZE_COLUMNS)]
+    # Product of the three axes of each measured grain, as its volume goes.
+    products_mm3 = axes_mm.prod(axis="columns")
+    groups = size_checks.find_groups(np.cbrt(products_mm3))
     if groups is not None and groups.ratio > 1 + LARGEST_SPREAD:
         yield _describe_groups(groups, section.size_distribution)
 
     spread = study.grain["scale_sd"]
     if spread > LARGEST_SPREAD:
-        lost = 1 - axes.mean().prod() / products.mean()
-        yield _describe_spread(section, spread=spread, lost=lost)
+        lost_share = 1 - axes_mm.mean().prod() / products_mm3.mean()
+        yield _describe_spread(section, spread=spread, lost_share=lost_share)
 
+    # With a scan of the grain its volume is known.
     if section.mass_g is None or section.stl is not None:
         return
-    mean_axes = berry.mean_axes(axes, keeps_volume=False)
+    mean_axes = berry.mean_axes(axes_mm, keeps_volume=False)
     largest_mm3 = size_checks.largest_volume(list(mean_axes.values()))
     volume_mm3 = 1e6 * section.mass_g / section.density_kg_m3
     excess = volume_mm3 / largest_mm3 - 1
@@ -188,11 +191,19 @@ def _describe_groups(groups: "SizeGroups", distribution: str) -> str:
     )
 
 
-def _describe_spread(section: "GrainSettings", *, spread: float, lost: float) -> str:
+def _describe_spread(
+    section: "GrainSettings", *, spread: float, lost_share: float
+) -> str:
     """Describe a wide spread of sizes, and what it does to the simulated grain.
 
-    `spread` is the standard deviation of the diameter over its mean, and `lost` the
-    share of the mean volume that a grain of the mean axes lacks.
+    Parameters
+    ----------
+    section : GrainSettings
+        The section of the grain.
+    spread : float
+        Standard deviation of the equivalent diameter over its mean.
+    lost_share : float
+        Share of the mean volume that a grain of the mean axes lacks.
     """
     text = f"sizes: WARNING: the equivalent diameter scatters by {100 * spread:.2g} %"
     if section.size_distribution == "measured":
@@ -202,28 +213,32 @@ def _describe_spread(section: "GrainSettings", *, spread: float, lost: float) ->
             "; all grains are poured alike; berry.size_distribution: measured pours "
             "different ones"
         )
-    missing = f"{100 * lost:.2g} % less volume than the measured grains have on average"
+
+    # A scan has the volume that it has, and a grain of mean volume has no loss.
+    loss = (
+        f"{100 * lost_share:.2g} % less volume than the measured grains have on average"
+    )
     if section.stl is None and section.mass_g is not None:
         text += (
-            f"; the mean axes hold {missing}, and berry.mass_g makes the body fuller "
+            f"; the mean axes hold {loss}, and berry.mass_g makes the body fuller "
             "by as much"
         )
     elif section.stl is None and not section.keeps_volume:
-        text += f"; with berry.mean_size: axes the grain has {missing}"
+        text += f"; with berry.mean_size: axes the grain has {loss}"
     return text
 
 
 def describe_time_step(step_s: float, limit: "Limit") -> str:
     """Describe a time step and its maximum, with the time that a longer one saves."""
-    maximum = computed.round_down(limit.time_step_s, digits=3)
+    maximum_s = computed.round_down(limit.time_step_s, digits=3)
     text = (
         f"time step: simulation.time_step_s is {step_s:g} s; "
-        f"maximum {maximum:.3g} s: {limit.reason}"
+        f"maximum {maximum_s:.3g} s: {limit.reason}"
     )
-    advised = computed.advised_step_s(limit.time_step_s)
-    if advised > MUCH_LONGER * step_s:
-        percent = 100 * step_s / advised
-        text += f"; with {advised:g} s a run takes {percent:.2g} % of the time"
+    advised_s = computed.advised_step_s(limit.time_step_s)
+    if advised_s > MUCH_LONGER * step_s:
+        percent = 100 * step_s / advised_s
+        text += f"; with {advised_s:g} s a run takes {percent:.2g} % of the time"
     return text
 
 
@@ -264,17 +279,22 @@ def trials(
     str
         A line of text.
     """
-    sets = _trial_sets(study)
-    for test in map(bench, study.targets.apparatus):
-        expected_s = cost.run_s(study.config, test.name, grain_step_s)
+    parameter_sets = _trial_sets(study)
+    for name in study.targets.apparatus:
+        expected_s = cost.run_s(study.config, name, grain_step_s)
         if expected_s > LONGEST_TRIAL_S:
-            yield f"{test.name}: no trial runs, as one takes about {expected_s:.0f} s"
+            yield f"{name}: no trial runs, as one takes about {expected_s:.0f} s"
             continue
-        with waiting(f"three trial runs of {test.name}, about {3 * expected_s:.0f} s"):
-            runs = [run_once(test, study.scene(values, 1))[0] for values in sets]
+
+        test = bench(name)
+        runs = []
+        with waiting(f"three trial runs of {name}, about {3 * expected_s:.0f} s"):
+            for parameters in parameter_sets:
+                run, _ = run_once(test, study.scene(parameters, 1))
+                runs.append(run)
         for point, run in zip(TRIALS, runs, strict=True):
             result = describe(run, test.summary).removeprefix("seed 1: ")
-            yield f"{test.name}: {point}: {result}"
+            yield f"{name}: {point}: {result}"
         yield from _warn_of_trials(study, test, runs)
 
 
@@ -350,9 +370,9 @@ def costs(
     if "sequential" not in misfits:
         section = settings.sequential
         for budget in budgets:
-            batches = math.ceil(budget / section.seeds)
+            n_batches = math.ceil(budget / section.seeds)
             pours = (
-                ("batches", batches, section.seeds),
+                ("batches", n_batches, section.seeds),
                 ("check", 1, section.checks),
             )
             yield _cost_row(study, "sequential", pours=pours, grain_step_s=grain_step_s)
@@ -374,17 +394,22 @@ def costs(
 def _cost_row(
     study: PipelineConfig, name: str, pours: cost.Pours | None, grain_step_s: float
 ) -> str:
-    """Write the row of a strategy in the table of costs."""
+    """Write the row of a strategy in the table of costs.
+
+    `pours` are as `repose.config.cost.estimate_work` takes them, and `grain_step_s` is
+    the time for one step of one grain.
+    """
     work = cost.estimate_work(study.config, grain_step_s, pours)
-    counts = [sets * seeds for _, sets, seeds in work["pours"]]
-    n_pours = str(sum(counts))
+    run_counts = [sets * seeds for _, sets, seeds in work["pours"]]
+    pours_text = str(sum(run_counts))
     if name == "sequential":
-        # The probabilities of success are for the pours before the check.
-        n_pours = f"{counts[0]} + {counts[1]}"
+        # The budget, which other lines speak of, does not hold the check.
+        budget, n_checks = run_counts
+        pours_text = f"{budget} + {n_checks}"
     marked_name = f"*{name}" if name == study.settings.strategy else name
     minutes = work["total_s"] / 60
-    disk_mb = cost.disk_mb(study.settings, sum(counts))
-    return f"{marked_name:>18} {n_pours:>12} {minutes:>13.1f} {disk_mb:>5.1f} MB"
+    disk_mb = cost.disk_mb(study.settings, sum(run_counts))
+    return f"{marked_name:>18} {pours_text:>12} {minutes:>13.1f} {disk_mb:>5.1f} MB"
 
 
 def catalogue(files: list[str]) -> str:
@@ -399,21 +424,21 @@ def catalogue(files: list[str]) -> str:
     try:
         study = PipelineConfig.load(*files)
         config = study.config
-        descriptions = cost.describe_costs(config)
+        cost_texts = cost.describe_costs(config)
         for name in strategies.others():
-            descriptions[name] = _describe_strategy_cost(study, name)
+            cost_texts[name] = _describe_strategy_cost(study, name)
     except InputError:
         listed = ", ".join(files) or "config.yaml"
         unknown = (
             f"cost: once {listed} is complete; `repose check` lists the missing keys"
         )
-        descriptions = dict.fromkeys(cost.SENTENCES, unknown)
+        cost_texts = dict.fromkeys(cost.SENTENCES, unknown)
 
     label = config.get("label")
     lines = [f"repose run TARGET; without one, all of calibration. Studies of {label}:"]
     for target, sentence in cost.SENTENCES.items():
         lines.append(f"  {target:24} {sentence}")
-        lines.append(f"{'':27}{descriptions[target]}")
+        lines.append(f"{'':27}{cost_texts[target]}")
     return "\n".join(lines)
 
 

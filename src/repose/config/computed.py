@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from repose.bench.funnel import PACKING
 from repose.bench.grain_scale import GrainScale, rounded
-from repose.bench.parameters import ALLOWED, PARAMETERS, parameters_among
+from repose.bench.parameters import ALLOWED, LAW_PARAMETERS, PARAMETERS
 from repose.calibrate.parameter_space import range_of
 from repose.calibrate.study_file import split_of
 from repose.common.keys import Config
@@ -119,14 +119,19 @@ def longest_step(config: Config, particle: "Particle", mean: Grain) -> "Limit":
 
     # A low restitution damps most, which shortens the step: take the lowest value that
     # is simulated.
-    sets = [{name: ranges[name][0] for name in PARAMETERS}]
-    sets += published_sets(settings.validation.published)
-    critical = {name: min(values[name] for values in sets) for name in PARAMETERS}
+    simulated_sets = [{name: ranges[name][0] for name in PARAMETERS}]
+    simulated_sets += published_sets(settings.validation.published)
+    critical_set = {}
+    for name in PARAMETERS:
+        critical_set[name] = min(values[name] for values in simulated_sets)
 
-    # The parameters of contact laws, such as a cohesion, make contacts stiffer.
-    for name in parameters_among(ranges)[len(PARAMETERS) :]:
-        critical[name] = ranges[name][1]
-    return longest_time_step(Scene.of(config, critical, grain=mean, particle=particle))
+    # The parameters of contact laws, such as a cohesion, make contacts stiffer: take
+    # their highest value.
+    for name in LAW_PARAMETERS:
+        if name in ranges:
+            critical_set[name] = ranges[name][1]
+    scene = Scene.of(config, critical_set, grain=mean, particle=particle)
+    return longest_time_step(scene)
 
 
 def ranges_of(config: Config) -> dict[str, tuple[float, float]]:
@@ -192,14 +197,20 @@ def _duration_s(config: Config, grain: Grain, particle: "Particle") -> float:
     funnel = settings.funnel
     gravity = settings.simulation.gravity_m_s2
 
-    discharge = _discharge_per_s(config, grain, particle)
-    rate = min(funnel.rate_per_s, discharge or math.inf)
+    discharge_per_s = _discharge_per_s(config, grain, particle)
+    flow_per_s = funnel.rate_per_s
+    if discharge_per_s > 0.0:
+        flow_per_s = min(flow_per_s, discharge_per_s)
+    pour_s = funnel.berries / flow_per_s
+
     # An inlet below the outlet is refused by another rule.
-    height = max(funnel.funnel.inlet_height_m, 0.0)
-    fall_s = math.sqrt(2 * height / gravity)
+    fall_m = max(funnel.funnel.inlet_height_m, 0.0)
+    fall_s = math.sqrt(2 * fall_m / gravity)
+
     rest_s = rounded(REST_TIME * _scale(config, particle).time_s, digits=2)
-    duration = funnel.berries / rate + fall_s + rest_s
-    return math.ceil(10 * duration) / 10
+    duration_s = pour_s + fall_s + rest_s
+    # Round up to a tenth of a second.
+    return math.ceil(10 * duration_s) / 10
 
 
 def _discharge_per_s(config: Config, grain: Grain, particle: "Particle") -> float:

@@ -13,8 +13,6 @@ from repose.bench.bench_test import BenchTest
 from repose.bench.parameters import (
     LABELS,
     LAW_PARAMETERS,
-    PARAMETERS,
-    parameters_among,
     parameters_of_law,
 )
 from repose.bench.settings import SceneSettings
@@ -56,14 +54,17 @@ def rules(config: Mapping[str, Any]) -> list[Rule]:
     """List the rules for a configuration whose `auto` are numbers."""
     from repose.calibrate.strategies import cost
 
-    used = tests_in_use(config)
     scene = SceneSettings(config)
     settings = valid_sections(config)
-    rules = []
-    for test in used:
-        check_test = partial(test.contradictions, scene)
-        rules.append(Rule((test.name, "simulation"), check_test))
-    rules += [
+    tests = tests_in_use(config)
+    test_names = [test.name for test in tests]
+
+    test_rules = []
+    for test in tests:
+        faults = partial(test.contradictions, scene)
+        test_rules.append(Rule((test.name, "simulation"), faults))
+    return [
+        *test_rules,
         Rule(
             ("surrogate", "parameters", "network", "design"),
             partial(_surrogate_faults, settings),
@@ -73,7 +74,7 @@ def rules(config: Mapping[str, Any]) -> list[Rule]:
             partial(_validation_faults, settings),
         ),
         Rule(
-            ("network", "targets", "strategy", "refine", *(test.name for test in used)),
+            ("network", "targets", "strategy", "refine", *test_names),
             partial(_seed_faults, settings),
         ),
         Rule(
@@ -81,7 +82,6 @@ def rules(config: Mapping[str, Any]) -> list[Rule]:
             partial(_strategy_faults, settings),
         ),
     ]
-    return rules
 
 
 def tests_in_use(config: Mapping[str, Any]) -> list[BenchTest[Any]]:
@@ -106,37 +106,39 @@ def _surrogate_faults(settings: StudySettings) -> Pairs:
     """Refuse fewer samples for training than the surrogate needs."""
     from repose.calibrate.surrogates import names, surrogate_class
 
-    training = _sample_faults(settings, part=0)
-    needed = surrogate_class(settings.surrogate).least_samples(settings.free)
-    if training >= needed:
+    n_training = _count_samples(settings, part=0)
+    n_needed = surrogate_class(settings.surrogate).least_samples(settings.free)
+    if n_training >= n_needed:
         return
+
+    # Other surrogates may need fewer samples.
     suitable = [
         name
         for name in names()
-        if surrogate_class(name).least_samples(settings.free) <= training
+        if surrogate_class(name).least_samples(settings.free) <= n_training
     ]
     yield (
         "surrogate",
         f"{' or '.join(suitable)} where design.samples times the first of network.split "
-        f"is below {needed}",
+        f"is below {n_needed}",
     )
 
 
 def _validation_faults(settings: StudySettings) -> Pairs:
     """Refuse fewer validation samples than show the noise of all targets."""
-    targets = len(settings.targets)
+    n_targets = len(settings.targets)
     if (
         settings.network.validation_noise
-        and _sample_faults(settings, part=1) <= targets
+        and _count_samples(settings, part=1) <= n_targets
     ):
         yield (
             "network.split",
-            f"a second share that leaves more than {targets} validation samples, or "
+            f"a second share that leaves more than {n_targets} validation samples, or "
             "network.validation_noise: false",
         )
 
 
-def _sample_faults(settings: StudySettings, part: int) -> int:
+def _count_samples(settings: StudySettings, part: int) -> int:
     """Count the samples of the design for training (part 0) or validation (part 1)."""
     # The floating-point product may lie just below an integer: 0.7 * 90 is 62.99999.
     return int(settings.network.split[part] * settings.design.samples + 1e-9)
@@ -146,28 +148,31 @@ def _contact_law_faults(settings: StudySettings) -> Pairs:
     """Refuse force laws that lack parameters, and parameters of another law."""
     contact_law = settings.simulation.contact_law
     rolling_law = settings.simulation.rolling_law
-    parameters = settings.parameters.given
+    given = settings.parameters.given
     missing = [
         f"parameters.{name} ({LABELS[name]})"
         for name in parameters_of_law(contact_law)
-        if name not in parameters
+        if name not in given
     ]
     if missing:
         yield (
             "simulation.contact_law",
             f"{contact_law} with {' and '.join(missing)}, each a range or a fixed value",
         )
-    # The parameters of contact laws follow the six that every study has.
-    for name in parameters_among(parameters)[len(PARAMETERS) :]:
-        further = LAW_PARAMETERS[name]
-        if contact_law in further.laws or rolling_law in further.laws:
+
+    # Every study has the other parameters, whatever its laws are.
+    for name, parameter in LAW_PARAMETERS.items():
+        if name not in given:
             continue
-        laws = " or ".join(further.laws)
-        if further.needed:
-            configured = f"simulation.contact_law {laws}, not {contact_law}"
+        if contact_law in parameter.laws or rolling_law in parameter.laws:
+            continue
+        laws = " or ".join(parameter.laws)
+        # Contact laws need their parameters; those of rolling laws may be absent.
+        if parameter.needed:
+            owner = f"simulation.contact_law {laws}, not {contact_law}"
         else:
-            configured = f"simulation.rolling_law {laws}, not {rolling_law}"
-        yield f"parameters.{name}", f"absent: it belongs to {configured}"
+            owner = f"simulation.rolling_law {laws}, not {rolling_law}"
+        yield f"parameters.{name}", f"absent: it belongs to {owner}"
 
 
 def _seed_faults(settings: StudySettings) -> Pairs:
@@ -187,12 +192,13 @@ def _seed_faults(settings: StudySettings) -> Pairs:
 def _target_faults(settings: StudySettings, config: Mapping[str, Any]) -> Pairs:
     """Refuse targets of a bench test without a section, and a response given twice."""
     earlier_responses = set()
-    for k, target in enumerate(settings.targets):
+    for position, target in enumerate(settings.targets):
+        key = f"targets.{position}"
         if target.apparatus not in config:
             yield (
-                f"targets.{k}.apparatus",
+                f"{key}.apparatus",
                 "a bench test that has a section of its name in the configuration",
             )
         if target.response in earlier_responses:
-            yield f"targets.{k}.response", "each response once"
+            yield f"{key}.response", "each response once"
         earlier_responses.add(target.response)

@@ -124,14 +124,14 @@ def longest_job_s(config: Config) -> float:
 
 def _largest_number_of_seeds(config: Config) -> int:
     """Return the largest number of runs of a parameter set in any section."""
-    numbers: list[int] = []
+    seed_counts: list[int] = []
     for section in config.values():
         if not isinstance(section, Mapping):
             continue
         for key, value in section.items():
             if key.endswith(SEEDS):
-                numbers.append(value)
-    return max(numbers)
+                seed_counts.append(value)
+    return max(seed_counts)
 
 
 def measure_grain_step_s(
@@ -161,29 +161,35 @@ def measure_grain_step_s(
 
     settings = valid_sections(config)
     steps = TIMED_S / settings.simulation.time_step_s
-    grains = max(FEWEST_TIMED, min(settings.funnel.berries, round(TIMED_STEPS / steps)))
+    n_grains = max(
+        FEWEST_TIMED, min(settings.funnel.berries, round(TIMED_STEPS / steps))
+    )
+
+    # All grains are poured in the first quarter of the time.
     small_funnel = settings.funnel.model_dump() | {
-        "berries": grains,
-        "rate_per_s": 4 * grains / TIMED_S,
+        "berries": n_grains,
+        "rate_per_s": 4 * n_grains / TIMED_S,
         "duration_s": TIMED_S + 1.0,
         "rest_window_s": 0.5,
     }
     small_config = {**config, "funnel": small_funnel}
     parameters = contact_space(settings.parameters.given).centre
 
-    times_s = []
+    grain_steps_s = []
     for _ in range(REPEATS):
         scene = Scene.of(
             small_config, parameters, grain=grain, particle=particle, seed=1
         )
-        start = time.perf_counter()
-        cpu_start = time.process_time()
+        start_s = time.perf_counter()
+        cpu_start_s = time.process_time()
         # A pile that rests early would leave no steps to time.
         run = FunnelTest().pour(scene, until_rest=False)
-        cpu_time = time.process_time() - cpu_start
-        cpu_share = cpu_time / (time.perf_counter() - start)
-        times_s.append(1e-6 * min(1.0, cpu_share) * run.us_per_step / grains)
-    return min(times_s)
+        cpu_s = time.process_time() - cpu_start_s
+
+        # Other programs may have had the core for the rest of the time.
+        cpu_share = cpu_s / (time.perf_counter() - start_s)
+        grain_steps_s.append(1e-6 * min(1.0, cpu_share) * run.us_per_step / n_grains)
+    return min(grain_steps_s)
 
 
 def estimate_work(
@@ -211,18 +217,20 @@ def estimate_work(
         study [s].
     """
     settings = valid_sections(config)
-    names = _tests_of_targets(settings)
+    target_tests = _tests_of_targets(settings)
+
+    # Time of a run in each bench test. The drum checks the answer of every study.
     views_s = SECONDS_A_VIEW * settings.measure.views
     times_s = {"funnel": run_s(config, "funnel", grain_step_s) + views_s}
-    for name in (*names, "drum"):
-        if name not in times_s and settings.bench(name) is not None:
-            times_s[name] = run_s(config, name, grain_step_s)
+    for test in (*target_tests, "drum"):
+        if test not in times_s and settings.bench(test) is not None:
+            times_s[test] = run_s(config, test, grain_step_s)
 
     if pours is None:
         pours = _article_pours(settings)
         total_s = _article_s(settings, pours, times_s)
     else:
-        total_s = _strategy_s(pours, [times_s[name] for name in names])
+        total_s = _strategy_s(pours, [times_s[test] for test in target_tests])
     return {"pours": pours, "pour_s": times_s["funnel"], "total_s": total_s}
 
 
@@ -261,12 +269,13 @@ def _article_s(
     if settings.bench("drum") is not None:
         total_s += settings.seeds_of("drum") * (JOB_START_S + times_s["drum"])
 
-    # Each further bench test of the targets runs every parameter set.
+    # Each other bench test of the targets runs every parameter set.
     n_sets = sum(sets for _, sets, _ in pours)
-    for name in _tests_of_targets(settings):
-        if name != "funnel":
-            seeds = settings.design_seeds(name)
-            total_s += n_sets * (JOB_START_S + seeds * times_s[name])
+    for test in _tests_of_targets(settings):
+        if test == "funnel":
+            continue
+        job_s = JOB_START_S + settings.design_seeds(test) * times_s[test]
+        total_s += n_sets * job_s
     return total_s
 
 
@@ -301,16 +310,20 @@ def describe_costs(config: Config) -> dict[str, str]:
     calibration = estimate_work(config)
     pour_s = calibration["pour_s"]
 
+    # Most studies use the runs of the calibration.
     descriptions = dict.fromkeys(SENTENCES, "no pours besides the calibration")
-    n_pours = sum(sets * seeds for _, sets, seeds in calibration["pours"])
+
+    n_calibration = sum(sets * seeds for _, sets, seeds in calibration["pours"])
     minutes = calibration["total_s"] / 60
-    has_other_tests = {test.name for test in tests_in_use(config)} != {"funnel"}
-    others = " and the other bench tests" if has_other_tests else ""
+    test_names = {test.name for test in tests_in_use(config)}
+    others = "" if test_names == {"funnel"} else " and the other bench tests"
     descriptions["calibration"] = (
-        f"{n_pours} pours{others}, about {minutes:.0f} min on one core"
+        f"{n_calibration} pours{others}, about {minutes:.0f} min on one core"
     )
+
     n_refined = settings.refine.pours + settings.refine.seeds
     descriptions["refined"] = _describe_pours(n_refined, pour_s)
+
     n_published = _n_published_sets(settings) * settings.validation.seeds
     descriptions["published_sets"] = _describe_pours(n_published, pour_s)
     return descriptions
@@ -326,6 +339,6 @@ def _describe_pours(n_pours: int, pour_s: float) -> str:
 
 def _n_published_sets(settings: StudySettings) -> int:
     """Count the published parameter sets that this study can simulate."""
-    responses = [response(target.response) for target in settings.targets]
+    targets = [response(target.response) for target in settings.targets]
     names = parameters_among(settings.parameters.given)
-    return len(to_simulate(settings.validation.published, responses, names))
+    return len(to_simulate(settings.validation.published, targets, names))

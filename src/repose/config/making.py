@@ -33,12 +33,13 @@ def time_step_faults(
 
     `mean` is the mean grain, as in berry.json.
     """
-    limit = computed.longest_step(config, particle, mean)
     settings = valid_sections(config)
+    limit = computed.longest_step(config, particle, mean)
     if settings.simulation.time_step_s <= limit.time_step_s:
         return
     allowed = limit.allowed
-    # Forces in a wrong unit give a wrong modulus, which shortens the step.
+    # Without a modulus in the configuration it comes from measured forces. Forces in a
+    # wrong unit give a wrong modulus, which shortens the step.
     if settings.berry.shear_modulus_pa is None:
         modulus = f"{mean['elastic_modulus_pa']:.2g} Pa"
         allowed += f"; the modulus of {settings.berry.compression} is {modulus}"
@@ -92,6 +93,7 @@ class ConfigChecks:
         InputError
             With all faults.
         """
+        # Check each key by itself.
         self._complete_targets()
         self.config = faults.with_whole_numbers(self.config, settings_type())
         found = faults.check(self.config, self.source, settings_type())
@@ -105,6 +107,7 @@ class ConfigChecks:
                 pending.append(setting)
                 self.config = computed.with_value(self.config, setting, computed.AUTO)
 
+        # Compute them. Some follow from the grain.
         if inputs:
             self._read_files()
         if inputs or any(setting.needs_grain for setting in pending):
@@ -112,6 +115,8 @@ class ConfigChecks:
         self._apply(rules_before_numbers(self.config))
         for setting in pending:
             self._compute(setting)
+
+        # Check what belongs together.
         self._apply(rules(self.config))
         if inputs:
             self._check_fit()
@@ -145,12 +150,11 @@ class ConfigChecks:
 
         entries = self.config.get("targets")
         if not isinstance(entries, list):
+            # A later check reports the fault.
             return
         owner = owner_of(self.source, "targets")
-        targets = [
-            with_defaults(entry)
-            for entry in profile_targets.expand_profiles(entries, owner)
-        ]
+        expanded = profile_targets.expand_profiles(entries, owner)
+        targets = [with_defaults(entry) for entry in expanded]
         self.config = self.config | {"targets": targets}
 
     def _may_read(self, *sections: str) -> bool:
@@ -209,14 +213,12 @@ class ConfigChecks:
             self._add(results_folder.existing_results(self.settings.results_dir))
 
         paths = self._named_paths()
-        missing = [key for key, path in paths.items() if not Path(path).is_file()]
-        for key in missing:
-            self._add(
-                [(key, "an existing file, relative to the folder of the project")]
-            )
+        missing_keys = [key for key, path in paths.items() if not Path(path).is_file()]
+        allowed = "an existing file, relative to the folder of the project"
+        self._add((key, allowed) for key in missing_keys)
 
         for key, read in self._readers().items():
-            if key in paths and key not in missing:
+            if key in paths and key not in missing_keys:
                 self._result_of(key, read, paths[key])
 
     def _named_paths(self) -> dict[str, str]:
@@ -260,7 +262,7 @@ class ConfigChecks:
             table1 = find_sibling_table(settings.validation.published, "table1.csv")
             result = self._result_of("berry", berry.of_settings, settings.berry, table1)
             if result is not None:
-                self.mean = result[1]
+                _, self.mean = result
         if self.mean is not None and self.particle is None:
             self.particle = self._result_of(
                 "berry", build.of_settings, self.mean, self.settings.berry
@@ -269,15 +271,15 @@ class ConfigChecks:
     def _compute(self, setting: computed.Computed) -> None:
         """Replace an `auto` by its number; mark its key if this cannot be computed."""
         lacks_grain = setting.needs_grain and self.particle is None
-        value = None
-        if self._may_read(*setting.reads) and not lacks_grain:
-            value = self._result_of(
-                setting.key, setting.compute, self.config, self.mean, self.particle
-            )
-        if value is None:
+        if lacks_grain or not self._may_read(*setting.reads):
             self.bad.add(setting.key)
             return
-        self.config = computed.with_value(self.config, setting, value)
+        number = self._result_of(
+            setting.key, setting.compute, self.config, self.mean, self.particle
+        )
+        if number is None:
+            return
+        self.config = computed.with_value(self.config, setting, number)
 
         # The number may lie outside the allowed values.
         for fault in faults.check(self.config, self.source, settings_type()).faults:

@@ -99,11 +99,12 @@ def _parameters() -> type[ParametersSettings]:
     for name in PARAMETERS:
         field = Field(description=LABELS[name], json_schema_extra={"source": "Table 2"})
         fields[name] = (parameter(*ALLOWED[name]), field)
-    for name, further in LAW_PARAMETERS.items():
-        limits = further.constant
+    # A study gives a parameter of a law only where it uses this law.
+    for name, law_parameter in LAW_PARAMETERS.items():
+        limits = law_parameter.constant
         highest = min(limits.most, 1.0e9)
-        laws = ", ".join(f"`{law}`" for law in further.laws)
-        meaning = f"{further.label}; with {laws} alone"
+        laws = ", ".join(f"`{law}`" for law in law_parameter.laws)
+        meaning = f"{law_parameter.label}; with {laws} alone"
         field = Field(default=ABSENT, description=meaning)
         fields[name] = (parameter(limits.least, highest), field)
     return create_model("Parameters", __base__=ParametersSettings, **fields)
@@ -457,9 +458,9 @@ def _files_of(model: type[Section]) -> tuple[str, ...]:
     """
     keys: list[str] = []
     for name, field in model.model_fields.items():
-        kind = field.annotation
+        value_type = field.annotation
         if FILE in field.metadata:
             keys.append(name)
-        elif isinstance(kind, type) and issubclass(kind, Section):
-            keys += [f"{name}.{key}" for key in _files_of(kind)]
+        elif isinstance(value_type, type) and issubclass(value_type, Section):
+            keys += [f"{name}.{key}" for key in _files_of(value_type)]
     return tuple(keys)

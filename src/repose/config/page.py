@@ -68,7 +68,7 @@ def tables() -> dict[str, Table]:
     """Return all tables by the names that the page gives them."""
     method = read(places.root() / places.METHOD_CONFIG)
     whole = settings_type()
-    made = {
+    tables_by_name = {
         "study": Table(whole, method),
         "targets": Table(TargetSettings, {}),
         "profile": Table(BenchProfile, {}),
@@ -76,8 +76,8 @@ def tables() -> dict[str, Table]:
     for name, field in whole.model_fields.items():
         model = _section(field)
         if model is not None:
-            made[name] = Table(model, method.get(name, {}))
-    return made
+            tables_by_name[name] = Table(model, method.get(name, {}))
+    return tables_by_name
 
 
 def _section(field: FieldInfo) -> type[Section] | None:
@@ -91,26 +91,29 @@ def _section(field: FieldInfo) -> type[Section] | None:
 def _rows(table: Table) -> Iterator[str]:
     """Yield a row for each key that a user gives, in the order of the fields."""
     for name, field in table.model.model_fields.items():
-        is_explained = field.description is not None
-        if not is_explained or _section(field) is not None:
+        # A section inside has its own table, and an internal key no description.
+        if field.description is None or _section(field) is not None:
             continue
         extra = field.json_schema_extra
         source = extra.get("source", "ours") if isinstance(extra, dict) else "ours"
-        if name in table.values:
-            default = _in_yaml(table.values[name])
-        elif field.default in (PydanticUndefined, ABSENT):
-            default = ""
-        else:
-            default = _in_yaml(field.default)
         cells = (
             f"`{name}`",
             field.description,
             _unit(name),
             _short(faults.allowed(name, table.model)),
-            default,
+            _default(name, field, table),
             source,
         )
         yield f"| {' | '.join(str(cell) for cell in cells)} |"
+
+
+def _default(name: str, field: FieldInfo, table: Table) -> str:
+    """Write the default of a key, from the file of the method or from its field."""
+    if name in table.values:
+        return _in_yaml(table.values[name])
+    if field.default in (PydanticUndefined, ABSENT):
+        return ""
+    return _in_yaml(field.default)
 
 
 def _short(allowed: str) -> str:

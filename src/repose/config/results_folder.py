@@ -57,10 +57,10 @@ def check_is_apart(results_dir: str) -> str:
     """
     folder = Path(os.path.realpath(results_dir))  # also of a link to itself
     roots = {Path.cwd(), places.root().resolve()}
-    kept = [places.PACKAGE]
+    project_folders = [places.PACKAGE]
     for root in roots:
-        kept += [root / name for name in PROJECT_FOLDERS]
-    is_inside = any(folder.is_relative_to(path) for path in kept)
+        project_folders += [root / name for name in PROJECT_FOLDERS]
+    is_inside = any(folder.is_relative_to(path) for path in project_folders)
     is_around = any(path.is_relative_to(folder) for path in {*roots, Path.home()})
     if is_inside or is_around:
         allowed = (
@@ -150,17 +150,18 @@ def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
             f"a new folder, or the folder of a study; there is {names[0]}, which no "
             "study of repose wrote: move it away, or choose another folder",
         )
-    is_result = pattern_of(outputs).fullmatch
 
+    is_result = pattern_of(outputs).fullmatch
     faults: dict[str, InputError] = {}
     for folder, files in _folders_of_results(results_dir, names):
         for changed in ledger.changed(folder):
             if changed.name in files:
                 faults[str(changed)] = _changed_result(str(changed))
-        recorded = ledger.names(folder)
+        listed = ledger.names(folder)
         for name in files:
             path = f"{folder}/{name}"
-            if name in recorded or path in unlisted or not is_result(path):
+            # A rule may write over a file of repose, and writes no other name.
+            if name in listed or path in unlisted or not is_result(path):
                 continue
             # An empty file holds nothing to lose; snakemake makes such marks.
             if os.path.isfile(path) and os.path.getsize(path) > 0:
@@ -224,12 +225,13 @@ def take_over(results_dir: str, outputs: Iterable[str]) -> int:
     noted with them: the resolved configuration and the times of the runs. `outputs` are
     as in `check_no_foreign_files`.
     """
-    results = list(_unlisted(results_dir, _names_of_results(results_dir, outputs)))
+    names = _names_of_results(results_dir, outputs)
+    results = list(_unlisted(results_dir, names))
     if not results:
         return 0
-    beside = [f"{results_dir}/{name}" for name in WITHOUT_RECORD]
-    sidecars = [f"{path}{attached.SIDECAR}" for path in results]
-    for path in (*results, *sidecars, *beside):
+    records = [f"{path}{attached.SIDECAR}" for path in results]
+    files_of_runs = [f"{results_dir}/{name}" for name in WITHOUT_RECORD]
+    for path in (*results, *records, *files_of_runs):
         if os.path.isfile(path) and not os.path.islink(path):
             ledger.adopt(path)
     return len(results)

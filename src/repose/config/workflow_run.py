@@ -58,15 +58,18 @@ def run_of_workflow(
     files = [_relative_to_here(path) for path in configfiles]
     source = loader.COMMAND_LINE if has_command_line else loader.WORKFLOW
     layered = loader.over_defaults(config, files, source)
+
+    # Take the numbers of an earlier check.
     fingerprint = earlier_check.fingerprint(layered.config)
     numbers = earlier_check.numbers(layered.config, fingerprint)
     if numbers is not None:
         completed = earlier_check.with_numbers(layered.config, numbers)
         return WorkflowRun(PipelineConfig.of(completed, layered.origin))
+
+    # Only a full check is kept for later runs.
     study = PipelineConfig.of(layered.config, layered.origin, inputs=inputs)
-    if not inputs:
-        return WorkflowRun(study)
-    return WorkflowRun(study, FirstCheck(layered.config, fingerprint))
+    first_check = FirstCheck(layered.config, fingerprint) if inputs else None
+    return WorkflowRun(study, first_check)
 
 
 def _relative_to_here(path: str) -> str:
@@ -220,21 +223,12 @@ class WorkflowRun:
             return
         usage.correct_benchmarks(self.folder, processes)
 
-        # Jobs on this machine are children of this process. Their time counts with it.
-        this_process = str(os.getpid())
-        this_host = os.uname().nodename
-        cpu_s = usage.used_here_s()
-        for process in processes:
-            is_child = this_process in process.ancestors.split()
-            if process.host != this_host or not is_child:
-                cpu_s += process.cpu_s
-
         path = f"{self.folder}/benchmarks/calls.csv"
         began = time.gmtime(self.began_s)
         row = {
             "began": time.strftime("%Y-%m-%dT%H:%M:%SZ", began),
             "wall_s": round(time.time() - self.began_s, 1),
-            "cpu_s": round(cpu_s, 1),
+            "cpu_s": round(_processor_time_s(processes), 1),
             "processor": machine()["processor"],
         }
         runs = pd.DataFrame([row])
@@ -247,6 +241,21 @@ class WorkflowRun:
         with suppress(OSError):  # the terminal is closed
             print(f"{text} ({path})", file=sys.stderr)
         write_table(path, runs)
+
+
+def _processor_time_s(processes: Iterable[usage.Process]) -> float:
+    """Add up the processor time of this process and of the jobs of its run [s].
+
+    Jobs on this machine are children of this process, and their time counts with its.
+    """
+    this_process = str(os.getpid())
+    this_host = os.uname().nodename
+    cpu_s = usage.used_here_s()
+    for process in processes:
+        is_child = this_process in process.ancestors.split()
+        if process.host != this_host or not is_child:
+            cpu_s += process.cpu_s
+    return cpu_s
 
 
 def _times(runs: Any) -> str:
