@@ -65,14 +65,18 @@ def run_propose(
         If the runs are of other definitions, or too few for the strategy.
     """
     for folder in folders:
-        of_batch, path = read_definitions(Path(folder) / "dataset.csv")
-        require_same_definitions(of_batch, path, expected=definitions, source=source)
+        batch_definitions, path = read_definitions(Path(folder) / "dataset.csv")
+        require_same_definitions(
+            batch_definitions, path, expected=definitions, source=source
+        )
     data = read(folders, study.targets)
     try:
         proposal = strategy(name).propose(study, data)
     except InputError as error:
-        last = folders[-1] if folders else name
-        raise InputError(last, error.key, error.value, error.allowed) from None
+        # The strategy knows no files: name the last batch.
+        last_folder = folders[-1] if folders else name
+        raise InputError(last_folder, error.key, error.value, error.allowed) from None
+
     content = {
         "answer": False,
         "why": proposal.notes.get("why", ""),
@@ -122,28 +126,24 @@ def run_conclude(
     if len(folders) < 2:
         words = "the folders of all batches, that of the answer last"
         raise InputError(folders[0], "batches", 1, words)
-    proposals = []
-    for folder in folders[1:]:
-        path = Path(folder) / PROPOSAL
-        proposals.append(read_json(path, KEYS, "output of repose stage propose"))
-    last = proposals[-1]
-    if not last["answer"]:
-        path = Path(folders[-1]) / PROPOSAL
-        raise InputError(path, "answer", False, "true in the last folder")
+    proposals = _read_proposals(folders)
+    final = proposals[-1]
+
+    # The last batch runs the answer. A strategy may have run it in a fit already.
     dataset, runs = tables_of(folders[:-1], targets)
-    # Runs of the last batch may be runs of the answer already.
-    checked = runs[runs["sample"].isin(last["simulated"])]
-    if checked.empty:
-        _, checked = tables_of(folders[-1:], targets)
+    answer_runs = runs[runs["sample"].isin(final["simulated"])]
+    if answer_runs.empty:
+        _, answer_runs = tables_of(folders[-1:], targets)
+
     out = Path(out_dir)
     check = write_answer(
-        last, checked, out, parameters=parameters, targets=targets, measure=measure
+        final, answer_runs, out, parameters=parameters, targets=targets, measure=measure
     )
-    write_table(out / "batches.csv", _batches(proposals))
+    write_table(out / "batches.csv", _tabulate_batches(proposals))
     write_table(out / "dataset.csv", dataset)
     write_table(out / "runs.csv", runs)
     for file in strategy(name).files:
-        note = last["notes"][Path(file).stem]
+        note = final["notes"][Path(file).stem]
         if file.endswith(".csv"):
             write_table(out / file, pd.DataFrame(note))
         else:
@@ -151,9 +151,20 @@ def run_conclude(
     return check
 
 
+def _read_proposals(folders: Sequence[Path_]) -> list[dict[str, Any]]:
+    """Read the proposals that came after the first batch, and check that the last ends."""
+    paths = [Path(folder) / PROPOSAL for folder in folders[1:]]
+    proposals = [
+        read_json(path, KEYS, "output of repose stage propose") for path in paths
+    ]
+    if not proposals[-1]["answer"]:
+        raise InputError(paths[-1], "answer", False, "true in the last folder")
+    return proposals
+
+
 def write_answer(
     proposal: Mapping[str, Any],
-    checked: pd.DataFrame,
+    answer_runs: pd.DataFrame,
     out_dir: Path_,
     *,
     parameters: ParameterSpace,
@@ -168,7 +179,7 @@ def write_answer(
     ----------
     proposal : mapping
         Content of proposal.json.
-    checked : pandas.DataFrame
+    answer_runs : pandas.DataFrame
         Single runs of the answer.
     out_dir, parameters, targets, measure
         As in `run_conclude`.
@@ -178,9 +189,9 @@ def write_answer(
     pandas.DataFrame
         The content of check.csv.
     """
-    out = Path(out_dir)
     notes = proposal["notes"]
-    pours = len(checked) // len(targets.apparatus)
+
+    # The first solution is the answer. Add how its runs ended.
     solutions = pd.DataFrame(proposal["solutions"])
     columns = [*parameters.names, *targets.predicted]
     best = solutions.loc[0, columns].astype(float).to_dict()
@@ -189,38 +200,69 @@ def write_answer(
         "solution": "1",
         "role": "representative",
         **best,
-        **_optimism(notes.get("optimism", ()), targets),
-        **_summarise_runs(checked, targets),
+        **_name_optimism(notes.get("optimism", ()), targets),
+        **_summarise_runs(answer_runs, targets),
     }
     if "check" in notes:
         check = pd.DataFrame(notes["check"])
     else:
-        check = _check(row, proposal["predicted_error"], targets)
-    summary = {name: proposal[name] for name in ("feasible", "message", "why", "pours")}
-    summary |= {"representative": best, "check_pours": pours}
-    summary["near_bounds"] = proposal.get("near_bounds", [])
-    summary |= notes.get("summary", {})
-    step = f"Check: {pours} pours of the answer that were in no fit."
-    summary["steps"] = [*notes.get("steps", ()), step]
-    runs = {
-        bench: of_bench(checked, bench).to_dict("records")
-        for bench in targets.apparatus
-    }
+        check = _compare_with_prediction(row, proposal["predicted_error"], targets)
+
+    # Compare the runs with the measurement.
     table4 = validate.table4(pd.DataFrame([row]), targets.responses, measure)
     physical = validate.against_physical(pd.Series(row), targets, measure)
-    representative = validate.with_chances(physical, runs, targets)
+    runs_by_bench = {
+        bench: of_bench(answer_runs, bench).to_dict("records")
+        for bench in targets.apparatus
+    }
+    representative = validate.with_chances(physical, runs_by_bench, targets)
+
+    n_pours = len(answer_runs) // len(targets.apparatus)
+    out = Path(out_dir)
     write_table(out / "solutions.csv", solutions)
     write_table(out / "table4.csv", table4)
     write_table(out / "representative.csv", representative)
     write_table(out / "check.csv", check)
-    write_json(out / "summary.json", summary)
+    write_json(out / "summary.json", _summarise(proposal, best, n_pours))
     return check
 
 
-def _check(
+def _summarise(
+    proposal: Mapping[str, Any], best: Mapping[str, float], n_pours: int
+) -> dict[str, Any]:
+    """Make the content of summary.json.
+
+    `best` holds parameters and prediction of the answer, and `n_pours` is the number of
+    its runs in a bench test.
+    """
+    notes = proposal["notes"]
+    check_step = f"Check: {n_pours} pours of the answer that were in no fit."
+    return {
+        "feasible": proposal["feasible"],
+        "message": proposal["message"],
+        "why": proposal["why"],
+        "pours": proposal["pours"],
+        "representative": best,
+        "check_pours": n_pours,
+        "near_bounds": proposal.get("near_bounds", []),
+        **notes.get("summary", {}),
+        "steps": [*notes.get("steps", ()), check_step],
+    }
+
+
+def _compare_with_prediction(
     row: Mapping[str, Any], errors: Sequence[float], targets: Targets
 ) -> pd.DataFrame:
-    """Compare the answer as predicted and as simulated, a row for each response."""
+    """Compare the answer as predicted and as simulated, a row for each response.
+
+    Parameters
+    ----------
+    row : mapping
+        The answer's row of Table 4.
+    errors : sequence of float
+        Standard errors of the predictions, in the order of the targets.
+    targets : Targets
+    """
     table = pd.DataFrame({"response": targets.names, "target": targets.aim})
     table["predicted"] = [row[name] for name in targets.predicted]
     table["predicted_error"] = list(errors)
@@ -233,19 +275,29 @@ def _check(
     return table
 
 
-def _optimism(rows: Sequence[Mapping[str, Any]], targets: Targets) -> dict[str, float]:
-    """Name the expected optimism of the answer's prediction as Table 4 does."""
+def _name_optimism(
+    rows: Sequence[Mapping[str, Any]], targets: Targets
+) -> dict[str, float]:
+    """Return the expected optimism of the answer's prediction by columns of Table 4.
+
+    `rows` have the name of a response, its optimism and the standard error of this.
+    """
+    rows_by_response = {row["response"]: row for row in rows}
     columns = {}
     for target in targets:
-        for row in rows:
-            if row["response"] == target.name:
-                columns[target.response.optimism] = row["optimism"]
-                columns[target.response.optimism_error] = row["optimism_se"]
+        row = rows_by_response.get(target.name)
+        if row is not None:
+            columns[target.response.optimism] = row["optimism"]
+            columns[target.response.optimism_error] = row["optimism_se"]
     return columns
 
 
 def _summarise_runs(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
-    """Compute means, standard errors and number of the answer's runs, as in Table 4."""
+    """Compute means, standard errors and number of the answer's runs, as in Table 4.
+
+    A mean or error that too few runs have is NaN for a target, and None for another
+    angle of the piles.
+    """
     good = runs[runs["status"] == "ok"]
     row: dict[str, Any] = {}
     counts = []
@@ -256,20 +308,25 @@ def _summarise_runs(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
         row[response.simulated] = mean
         row[response.error] = error
         counts.append(len(values))
+
+    # The angle of the piles by every definition.
     piles = of_bench(good, UNNAMED)
     for name in MEAN_KEYS.values():
         if name in piles:
             values = piles[name].dropna().to_numpy(float)
             row[name], row[error_of(name)] = mean_and_error(values)
+
+    # How the runs ended. Without a good run the most frequent failure is the status.
     failures = runs.loc[runs["status"] != "ok", "status"].value_counts()
-    reasons = [f"{number} runs {status}" for status, number in failures.items()]
-    row["n_seeds"] = min(counts)
-    row["status"] = "ok" if min(counts) else failures.index[0]
+    reasons = [f"{count} runs {status}" for status, count in failures.items()]
+    n_good = min(counts)
+    row["n_seeds"] = n_good
+    row["status"] = "ok" if n_good else failures.index[0]
     row["reason"] = ", ".join(reasons)
     return row
 
 
-def _batches(proposals: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+def _tabulate_batches(proposals: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     """Make a row for each proposal: number and runs of the batches before it, and why.
 
     Where some proposals have a note `row`, the others are left out.
@@ -289,7 +346,7 @@ def _batches(proposals: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
 def _as_json(value: Any) -> Any:
     """Make a note plain for JSON: a table becomes its columns, NaN becomes None."""
     if isinstance(value, pd.DataFrame):
-        value = value.to_dict("list")
+        return _as_json(value.to_dict("list"))
     if isinstance(value, Mapping):
         return {key: _as_json(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -304,34 +361,38 @@ def read(folders: Sequence[Path_], targets: Targets) -> pd.DataFrame:
 
     A column `batch` has the number of the batch of each run.
     """
-    parts: list[pd.DataFrame] = []
-    known: set[int] = set()
+    batches: list[pd.DataFrame] = []
+    earlier_samples: set[int] = set()
     for number, folder in enumerate(folders):
         dataset, runs = tables_of([folder], targets)
-        repeated = known.intersection(dataset["sample"])
+        repeated = earlier_samples.intersection(dataset["sample"])
         if repeated:
             path = Path(folder) / "dataset.csv"
             raise InputError(path, "sample", min(repeated), "in one batch alone")
-        known.update(dataset["sample"])
-        parts.append(data_of(dataset, runs, targets).assign(batch=number))
-    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+        earlier_samples.update(dataset["sample"])
+        batches.append(data_of(dataset, runs, targets).assign(batch=number))
+    if not batches:
+        return pd.DataFrame()
+    return pd.concat(batches, ignore_index=True)
 
 
 def tables_of(
     folders: Sequence[Path_], targets: Targets
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Read the samples and the single runs of batches, each as one table."""
-    samples = []
-    runs = []
+    datasets = []
+    run_tables = []
     for folder in folders:
         dataset_csv = Path(folder) / "dataset.csv"
-        dataset = read_dataset(dataset_csv, targets)
-        samples.append(dataset)
         runs_csv = Path(folder) / "runs.csv"
-        runs.append(
-            read_runs(runs_csv, targets, dataset=dataset, dataset_csv=dataset_csv)
-        )
-    return pd.concat(samples, ignore_index=True), pd.concat(runs, ignore_index=True)
+        dataset = read_dataset(dataset_csv, targets)
+        runs = read_runs(runs_csv, targets, dataset=dataset, dataset_csv=dataset_csv)
+        datasets.append(dataset)
+        run_tables.append(runs)
+    return (
+        pd.concat(datasets, ignore_index=True),
+        pd.concat(run_tables, ignore_index=True),
+    )
 
 
 def data_of(
@@ -356,22 +417,21 @@ def data_of(
         A row for each run: sample, parameters, responses, which are NaN for a run that
         failed.
     """
-    has_benches = "apparatus" in runs
-    groups = ["sample", "apparatus"] if has_benches else ["sample"]
-    runs_of_bench = runs.groupby(groups).size()
-    n_runs = runs_of_bench.groupby("sample").max()
-    n_runs = n_runs.reindex(dataset["sample"], fill_value=0).to_numpy()
+    sample_and_bench = ["sample", "apparatus"] if "apparatus" in runs else ["sample"]
+
+    # A sample has as many rows as it has runs in the bench test with the most.
+    n_runs = runs.groupby(sample_and_bench).size().groupby("sample").max()
+    n_rows = n_runs.reindex(dataset["sample"], fill_value=0).to_numpy()
+    data = dataset.loc[dataset.index.repeat(n_rows)].reset_index(drop=True)
+    row_of_sample = data.groupby("sample").cumcount()
+    row_keys = pd.MultiIndex.from_arrays([data["sample"], row_of_sample])
+
+    # The k-th good run of a sample in a bench test belongs in its k-th row.
     good = runs[runs["status"] == "ok"]
-    row = pd.Index(dataset["sample"]).get_indexer(good["sample"])
-    run_index = good.groupby(groups).cumcount().to_numpy()
-    values = np.full((len(dataset), int(n_runs.max()), len(targets)), np.nan)
-    for k, target in enumerate(targets):
-        is_of_bench = np.ones(len(good), dtype=bool)
-        if has_benches:
-            is_of_bench = (good["apparatus"] == target.response.apparatus).to_numpy()
-        numbers = good[target.name].to_numpy(float)
-        values[row[is_of_bench], run_index[is_of_bench], k] = numbers[is_of_bench]
-    is_run = np.arange(values.shape[1]) < n_runs[:, None]
-    data = dataset.loc[dataset.index.repeat(n_runs)].reset_index(drop=True)
-    data[list(targets.names)] = values[is_run]
+    run_of_sample = good.groupby(sample_and_bench).cumcount()
+    good = good.assign(run_of_sample=run_of_sample)
+    for target in targets:
+        bench_runs = of_bench(good, target.response.apparatus)
+        values = bench_runs.set_index(["sample", "run_of_sample"])[target.name]
+        data[target.name] = values.reindex(row_keys).to_numpy(float)
     return data

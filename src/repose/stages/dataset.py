@@ -56,22 +56,28 @@ def assemble(
     pandas.DataFrame
         A row for each run.
     """
-    record = {name: recorded_columns(name, targets) for name in targets.apparatus}
+    columns_of_bench = {
+        name: recorded_columns(name, targets) for name in targets.apparatus
+    }
+
+    # Summarise the runs of each sample.
     summaries = []
     for sample in samples["sample"]:
-        by_bench = {}
-        for name, columns_of_bench in record.items():
+        summary_of_bench = {}
+        for name, bench_columns in columns_of_bench.items():
             runs = jobs[name][sample]["runs"]
-            by_bench[name] = summarise_runs(runs, columns_of_bench)
-        summaries.append(_merge_summaries(by_bench))
+            summary_of_bench[name] = summarise_runs(runs, bench_columns)
+        summaries.append(_merge_summaries(summary_of_bench))
 
     # Each target with its standard error, then all other columns of the bench tests.
     columns = list(ENDED_STATUSES)
     for name, error in zip(targets.names, targets.errors, strict=True):
         columns += [name, error]
-    for columns_of_bench in record.values():
-        columns += columns_of_bench.summary
-    means = pd.DataFrame(summaries, columns=list(dict.fromkeys(columns)))
+    for bench_columns in columns_of_bench.values():
+        columns += bench_columns.summary
+    unique_columns = list(dict.fromkeys(columns))
+
+    means = pd.DataFrame(summaries, columns=unique_columns)
     sets = samples[["sample", *parameters_among(samples)]].reset_index(drop=True)
     dataset = pd.concat([sets, means], axis=1)
     return dataset, _tabulate_runs(samples["sample"], jobs, targets)
@@ -92,15 +98,17 @@ def counts(dataset: pd.DataFrame, runs: pd.DataFrame) -> dict[str, Any]:
     runs_by_status = dict(Counter(runs["status"]).most_common())
     n_ok = samples_by_status.get("ok", 0)
     n_runs_ok = runs_by_status.get("ok", 0)
+
     left_out = dataset[dataset["status"] != "ok"]
-    failures = [
-        f"{count} {status}"
-        for status, count in samples_by_status.items()
-        if status != "ok"
-    ]
     left_out_text = "none left out"
-    if failures:
-        left_out_text = f"{len(left_out)} left out: {', '.join(failures)}"
+    if len(left_out):
+        failures = ", ".join(
+            f"{count} {status}"
+            for status, count in samples_by_status.items()
+            if status != "ok"
+        )
+        left_out_text = f"{len(left_out)} left out: {failures}"
+
     return {
         "samples": len(dataset),
         "ok": n_ok,
@@ -148,12 +156,16 @@ def run(
         slope is the angle of repose.
     """
     samples = read_samples(samples_csv)
-    dataset, runs = assemble(samples, read_jobs(paths, samples, targets), targets)
+    jobs = read_jobs(paths, samples, targets)
+    dataset, runs = assemble(samples, jobs, targets)
     summary = counts(dataset, runs) | {"definitions": definitions}
+
     angle = definitions.get(CALIBRATED_ANGLE, {})
     if "measure.response" in angle:
-        section = {key.rpartition(".")[2]: value for key, value in angle.items()}
-        summary["line"] = line_of(MeasureSettings.with_defaults(**section))
+        # Keys of the section `measure`, without the name of the section.
+        measure = {key.rpartition(".")[2]: value for key, value in angle.items()}
+        summary["line"] = line_of(MeasureSettings.with_defaults(**measure))
+
     folder = Path(out)
     write_table(folder / f"{prefix}dataset.csv", dataset)
     write_table(folder / f"{prefix}runs.csv", runs)
@@ -176,23 +188,26 @@ def read_jobs(
     InputError
         If a job is damaged or no sample's, or a sample has no job or two.
     """
-    sets = samples.set_index("sample")[list(parameters_among(samples))]
+    parameters = samples.set_index("sample")[list(parameters_among(samples))]
     jobs: dict[str, dict[int, Job]] = {name: {} for name in targets.apparatus}
     path_of_job: dict[tuple[str, int], object] = {}
     for path in paths:
         job, apparatus = read_job(path, targets)
         sample = job["sample"]
-        if sample not in sets.index:
+        if sample not in parameters.index:
             raise InputError(path, "sample", sample, "in the table")
         if sample in jobs[apparatus]:
-            other = path_of_job[apparatus, sample]
-            allowed = f"a sample of the table, once; also in {other}"
+            first_path = path_of_job[apparatus, sample]
+            allowed = f"a sample of the table, once; also in {first_path}"
             raise InputError(path, "sample", sample, allowed)
-        _check_parameters(job, sets.loc[sample], path)
+        _check_parameters(job, parameters.loc[sample], path)
         jobs[apparatus][sample] = job
         path_of_job[apparatus, sample] = path
-    for name, by_sample in jobs.items():
-        missing = [int(sample) for sample in sets.index if sample not in by_sample]
+
+    for name, jobs_of_bench in jobs.items():
+        missing = [
+            int(sample) for sample in parameters.index if sample not in jobs_of_bench
+        ]
         if missing:
             raise InputError(
                 f"jobs of the {name}",
@@ -205,9 +220,10 @@ def read_jobs(
 
 def _check_parameters(job: Job, parameters: pd.Series, path: object) -> None:
     """Refuse a job with other parameters than its sample of the table."""
-    for name, value_of_table in parameters.items():
-        expected = float(value_of_table)
+    for name, sample_value in parameters.items():
+        expected = float(sample_value)
         value = job["parameters"].get(name)
+        # NaN is close to no number.
         number = value if isinstance(value, int | float) else math.nan
         if not math.isclose(number, expected, rel_tol=1e-6, abs_tol=1e-9):
             allowed = f"{expected}, as in the table of samples"
@@ -237,15 +253,19 @@ def read_job(path: Path_, targets: Targets) -> tuple[Job, str]:
         raise InputError(path, "apparatus", apparatus, allowed)
     if not job["runs"]:
         raise InputError(path, "runs", [], "at least one run")
+
     statuses = bench(apparatus, path).statuses
-    targets_of_bench = _targets_of(targets, apparatus)
-    for i, run in enumerate(job["runs"]):
-        if not isinstance(run, dict) or run.get("status") not in statuses:
-            value = run.get("status") if isinstance(run, dict) else run
-            raise InputError(path, f"runs[{i}].status", value, ", ".join(statuses))
-        if run["status"] == "ok":
-            for target in targets_of_bench:
-                _check_response(run, i, target=target, path=path)
+    bench_targets = _targets_of(targets, apparatus)
+    for position, run in enumerate(job["runs"]):
+        key = f"runs[{position}]"
+        status = run.get("status") if isinstance(run, dict) else run
+        if not isinstance(run, dict) or status not in statuses:
+            raise InputError(path, f"{key}.status", status, ", ".join(statuses))
+        if status == "ok":
+            for target in bench_targets:
+                _check_response(run, key, target=target, path=path)
+
+    # Seeds are compared as texts, so that damaged ones can be compared, too.
     seeds = [run.get("seed") for run in job["runs"]]
     has_repeated = len(set(map(str, seeds))) < len(seeds)
     if None in seeds or has_repeated:
@@ -254,13 +274,16 @@ def read_job(path: Path_, targets: Targets) -> tuple[Job, str]:
 
 
 def _check_response(
-    run: Mapping[str, Any], i: int, target: Target, path: object
+    run: Mapping[str, Any], run_key: str, target: Target, path: object
 ) -> None:
-    """Refuse a good run, the i-th of its job, without a usable number of a target."""
+    """Refuse a good run without a usable number of a target.
+
+    The message names the file `path`, and in it the run by `run_key`.
+    """
     value = run.get(target.name)
     highest = target.response.high
     number = value if isinstance(value, int | float) else math.nan
-    key = f"runs[{i}].{target.name}"
+    key = f"{run_key}.{target.name}"
     if not math.isfinite(number):
         raise InputError(path, key, value, "a finite number, as the run is ok")
     if abs(number) > ROUNDING * highest:
@@ -305,8 +328,10 @@ def _tabulate_runs(
     columns += [*RUN, *targets.names]
     for name in targets.apparatus:
         columns += recorded_columns(name, targets).single
+    unique_columns = list(dict.fromkeys(columns))
+
     rows = []
     for sample, name in product(samples, targets.apparatus):
         for run in jobs[name][sample]["runs"]:
             rows.append({"sample": sample, "apparatus": name, **run})
-    return pd.DataFrame(rows, columns=list(dict.fromkeys(columns)))
+    return pd.DataFrame(rows, columns=unique_columns)

@@ -18,16 +18,22 @@ AGREEMENT = 1e-6
 
 
 def read_dataset(dataset_csv: Path_, targets: Targets) -> pd.DataFrame:
-    """Read the table of samples with its parameters, status, responses and errors."""
+    """Read the table of samples with its parameters, status, responses and errors.
+
+    Raises
+    ------
+    InputError
+        If rows or columns are missing or repeated, or a value is impossible.
+    """
     dataset = read_table(
         dataset_csv,
         ("sample", *PARAMETERS, "status", "n_seeds", *targets.names, *targets.errors),
     )
     _check_count(dataset, dataset_csv, dataset_csv=dataset_csv, key="samples")
     _refuse_repeated_rows(dataset, ["sample"], dataset_csv)
-    sets = dataset[list(parameters_among(dataset))].to_dict("records")
-    for row, values in enumerate(sets, start=1):
-        for name, value in values.items():
+    parameter_sets = dataset[list(parameters_among(dataset))].to_dict("records")
+    for row, parameters in enumerate(parameter_sets, start=1):
+        for name, value in parameters.items():
             check_value(name, value, f"{dataset_csv}, row {row}")
     _check_responses(dataset, targets, dataset_csv)
     return dataset
@@ -36,24 +42,46 @@ def read_dataset(dataset_csv: Path_, targets: Targets) -> pd.DataFrame:
 def read_runs(
     runs_csv: Path_, targets: Targets, dataset: pd.DataFrame, dataset_csv: Path_
 ) -> pd.DataFrame:
-    """Read the table of single runs of a table of samples."""
+    """Read the table of single runs of a table of samples.
+
+    Raises
+    ------
+    InputError
+        If rows are missing or repeated, a value is impossible, or the samples or their
+        means are others than in `dataset`.
+    """
     runs = read_table(runs_csv, ("sample", "seed", "status", *targets.names))
-    # With several bench tests a run has the responses of its own bench test alone.
     has_benches = "apparatus" in runs
     key = ["sample", "seed", "apparatus"] if has_benches else ["sample", "seed"]
     _refuse_repeated_rows(runs, key, runs_csv)
+    # With several bench tests a run lacks the responses of the others.
     if not has_benches:
         _check_responses(runs, targets, runs_csv)
     _check_count(runs, runs_csv, dataset_csv=dataset_csv, key="runs")
-    in_one_table = set(runs["sample"]).symmetric_difference(dataset["sample"])
-    if in_one_table:
+
+    samples_of_one_table = set(runs["sample"]).symmetric_difference(dataset["sample"])
+    if samples_of_one_table:
         words = f"the samples of {dataset_csv}, all of them"
-        raise InputError(runs_csv, "sample", min(in_one_table), words)
+        raise InputError(runs_csv, "sample", min(samples_of_one_table), words)
     if not has_benches:
+        _check_run_counts(runs, dataset, runs_csv=runs_csv, dataset_csv=dataset_csv)
         _check_means(
             runs, dataset, targets=targets, runs_csv=runs_csv, dataset_csv=dataset_csv
         )
     return runs
+
+
+def _check_run_counts(
+    runs: pd.DataFrame, dataset: pd.DataFrame, runs_csv: object, dataset_csv: object
+) -> None:
+    """Refuse runs of which a sample has more or fewer good ones than its `n_seeds`."""
+    good = runs[runs["status"] == "ok"]
+    counts = good.groupby("sample").size()
+    for sample, n_seeds in zip(dataset["sample"], dataset["n_seeds"], strict=True):
+        count = int(counts.get(sample, 0))
+        if count != n_seeds:
+            words = f"{n_seeds:g}, the n_seeds of this sample in {dataset_csv}"
+            raise InputError(f"{runs_csv}, sample {sample}", "ok runs", count, words)
 
 
 def _check_means(
@@ -63,41 +91,62 @@ def _check_means(
     runs_csv: object,
     dataset_csv: object,
 ) -> None:
-    """Refuse runs whose numbers, means and standard errors are not those of the samples."""
-    good = runs[runs["status"] == "ok"].groupby("sample")
-    counts = good.size().reindex(dataset["sample"], fill_value=0)
-    for sample, count, n_seeds in zip(
-        dataset["sample"], counts, dataset["n_seeds"], strict=True
-    ):
-        if count != n_seeds:
-            words = f"{n_seeds:g}, the n_seeds of this sample in {dataset_csv}"
-            source = f"{runs_csv}, sample {sample}"
-            raise InputError(source, "ok runs", int(count), words)
+    """Refuse runs whose means and standard errors are not those of the samples."""
+    samples = dataset[dataset["status"] == "ok"].set_index("sample")
+    good = runs[runs["status"] == "ok"]
+    runs_by_sample = good.groupby("sample")[list(targets.names)]
+    means = runs_by_sample.mean().reindex(samples.index)
+    errors = runs_by_sample.sem().reindex(samples.index)
 
-    usable = dataset[dataset["status"] == "ok"].set_index("sample")
-    responses = good[list(targets.names)]
-    quantities = {
-        "mean": (targets.names, responses.mean()),
-        "standard error": (targets.errors, responses.sem()),
-    }
-    for quantity, (columns, table) in quantities.items():
-        table_of_usable = table.reindex(usable.index)
+    # Each quantity, as computed from the runs and as a column of the samples.
+    comparisons = (
+        ("mean", means, targets.names),
+        ("standard error", errors, targets.errors),
+    )
+    for quantity, computed, columns in comparisons:
         for name, column in zip(targets.names, columns, strict=True):
-            of_runs = table_of_usable[name].astype(float)
-            of_samples = usable[column].astype(float)
-            is_equal = np.isclose(
-                of_runs, of_samples, rtol=AGREEMENT, atol=AGREEMENT, equal_nan=True
+            _require_equal(
+                computed[name].astype(float),
+                samples[column].astype(float),
+                quantity=quantity,
+                response=name,
+                runs_csv=runs_csv,
+                dataset_csv=dataset_csv,
             )
-            if is_equal.all():
-                continue
-            sample = usable.index[~is_equal][0]
-            words = f"{of_samples[sample]:.6g}, its {quantity} in {dataset_csv}"
-            raise InputError(
-                f"{runs_csv}, sample {sample}",
-                f"{quantity} of {name}",
-                float(of_runs[sample]),
-                words,
-            )
+
+
+def _require_equal(
+    computed: pd.Series,
+    stored: pd.Series,
+    quantity: str,
+    response: str,
+    runs_csv: object,
+    dataset_csv: object,
+) -> None:
+    """Refuse runs of which a sample has another mean or error than it is stored with.
+
+    Parameters
+    ----------
+    computed, stored : pandas.Series
+        The quantity of each sample, from its runs and from the table of samples. Both
+        have the samples as index.
+    quantity, response : str
+        What is compared, for the message.
+    runs_csv, dataset_csv : path
+        The tables, for the message.
+    """
+    is_equal = np.isclose(
+        computed, stored, rtol=AGREEMENT, atol=AGREEMENT, equal_nan=True
+    )
+    if is_equal.all():
+        return
+    sample = stored.index[~is_equal][0]
+    raise InputError(
+        f"{runs_csv}, sample {sample}",
+        f"{quantity} of {response}",
+        float(computed[sample]),
+        f"{stored[sample]:.6g}, its {quantity} in {dataset_csv}",
+    )
 
 
 def _check_responses(table: pd.DataFrame, targets: Targets, path: object) -> None:
@@ -107,12 +156,13 @@ def _check_responses(table: pd.DataFrame, targets: Targets, path: object) -> Non
         name = target.name
         low = target.response.low
         high = target.response.high
+        # A missing number is not between the limits.
         is_wrong = is_ok & ~table[name].between(low, high)
         if is_wrong.any():
-            row = int(is_wrong.to_numpy().argmax())
-            value = float(table[name].iloc[row])
+            first_wrong = int(is_wrong.to_numpy().argmax())
+            value = float(table[name].iloc[first_wrong])
             words = f"a number from {low:g} to {high:g}, as the status is ok"
-            raise InputError(f"{path}, row {row + 1}", name, value, words)
+            raise InputError(f"{path}, row {first_wrong + 1}", name, value, words)
 
 
 def _refuse_repeated_rows(
