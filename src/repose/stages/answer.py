@@ -89,20 +89,19 @@ def read(
     """
     keys = {"representative": dict, "feasible": bool, "message": str}
     summary = read_json(summary_json, keys, "the answer of a calibration; run it first")
-    table = read_cells(check_csv, COLUMNS, "a table of the verb validate")
-    rows = {row["response"]: row for row in table.rows()}
-    for name in targets.names:
-        if name not in rows:
-            words = f"a row {name}, a target of the configuration"
-            raise InputError(check_csv, "response", sorted(rows), words)
+    rows = _read_checks(check_csv, targets)
+
     values = summary["representative"]
     parameters = {}
     for name in parameters_among(values):
         parameters[name] = float(check_value(name, values.get(name), summary_json))
+
     checks = []
     for target in targets:
         line = line_for(measure, target.name)
         checks.append(_check(target, rows[target.name], line))
+
+    # These columns are of all targets together, and so the same in each row.
     first_row = rows[targets.names[0]]
     within = {percent: _number(first_row, name) for percent, name in WITHIN.items()}
     return Result(
@@ -123,6 +122,17 @@ def read(
         inside=_number(first_row, INSIDE),
         labels=LABELS,
     )
+
+
+def _read_checks(check_csv: Path_, targets: Targets) -> dict[str, dict[str, Any]]:
+    """Read the rows of a check by their responses; each target must have one."""
+    table = read_cells(check_csv, COLUMNS, "a table of the verb validate")
+    rows = {row["response"]: row for row in table.rows()}
+    for name in targets.names:
+        if name not in rows:
+            words = f"a row {name}, a target of the configuration"
+            raise InputError(check_csv, "response", sorted(rows), words)
+    return rows
 
 
 def _check(target: Target, row: Mapping[str, Any], line: str) -> Check:

@@ -319,16 +319,19 @@ def faults_of(
     """Turn pydantic's errors into ours; `prefix` stands before the key of each."""
     for fault in error.errors(include_url=False):
         # pydantic puts the branch of a union, or its "[key]", into the path.
-        inner = ("[key]", "float", "list", "dict")
-        steps = [str(step) for step in fault["loc"] if step not in inner]
+        words_of_pydantic = ("[key]", "float", "list", "dict")
+        keys = [str(step) for step in fault["loc"] if step not in words_of_pydantic]
+        dotted_key = prefix + ".".join(keys)
+
         value = fault["input"]
         allowed = fault["msg"].removeprefix("Input should be ")
         if fault["type"] == "missing":
+            # Pydantic gives the section that lacks the key as the input.
             value = None
             allowed = "the key is missing"
         elif fault["type"] == "extra_forbidden":
             allowed = "a known key"
-        yield InputError(source, prefix + ".".join(steps), value, f"{WHAT}: {allowed}")
+        yield InputError(source, dotted_key, value, f"{WHAT}: {allowed}")
 
 
 def _parameter_faults(

@@ -131,17 +131,20 @@ def run(
     grain = read_grain(files["berry"], (*SIZE_COLUMNS, *moduli, "n"))
     particle = Particle.load(files["particle"])
     feasible = read_table(files["feasible"], study.parameters.names)
+
+    # Not every study has a posterior, and not every strategy a Table 4.
     posterior = None
     if files["posterior"] is not None:
         columns = ("parameter", "credible_low", "credible_high")
         intervals = read_table(files["posterior"], columns)
         draws = read_table(files["draws"], study.parameters.free)
         posterior = (intervals, draws)
-    row = None
+    answer_row = None
     if files["table4"] is not None:
         rows = read_table(files["table4"], ("role",))
-        row = rows[rows["role"] == "representative"].iloc[0].to_dict()
-    made = make(
+        answer_row = rows[rows["role"] == "representative"].iloc[0].to_dict()
+
+    content = make(
         study,
         answer,
         grain=grain,
@@ -149,11 +152,11 @@ def run(
         feasible=feasible,
         posterior=posterior,
         dataset_csv=files["dataset"],
-        row=row,
+        row=answer_row,
     )
-    card.check(made, out)
-    write_json(out, made, indent=1)
-    return made
+    card.check(content, out)
+    write_json(out, content, indent=1)
+    return content
 
 
 def make(
@@ -198,15 +201,18 @@ def make(
         "laws": laws(settings.simulation),
         "simulation": {key: getattr(settings.simulation, key) for key in SIMULATION},
     }
+
+    # Describe how each target is measured, and whether a pile can have it.
     tests = {}
     for target in study.targets:
-        of_response = describe_response(study, target.response, grain)
-        lines = _lines(settings.measure, target.name, row or {})
-        tests[target.name] = of_response | lines
-    for name, found in reach.assess_targets(
-        study.config, particle, dataset_csv
-    ).items():
-        tests[name]["reach"] = found.record()
+        tests[target.name] = {
+            **describe_response(study, target.response, grain),
+            **_describe_lines(settings.measure, target.name, row or {}),
+        }
+    assessments = reach.assess_targets(study.config, particle, dataset_csv)
+    for name, assessment in assessments.items():
+        tests[name]["reach"] = assessment.record()
+
     return assemble(
         about,
         tests,
@@ -219,15 +225,21 @@ def make(
 
 
 def laws(settings: SimulationSettings) -> dict[str, str]:
-    """Describe the contact laws of a study, by direction."""
+    """Describe the contact laws of a study: a sentence for each direction of motion."""
     from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
     from repose.dem.laws.law import COULOMB
 
-    contact = CONTACT_LAWS[settings.contact_law]
-    limit = contact.limits[COULOMB[settings.tension]]
-    templates = {**contact.words, **ROLLING_LAWS[settings.rolling_law].words}
-    sentences = {name: text.format(limit=limit) for name, text in templates.items()}
-    return sentences | {"end of an impact": contact.ends[settings.tension]}
+    contact_law = CONTACT_LAWS[settings.contact_law]
+    rolling_law = ROLLING_LAWS[settings.rolling_law]
+
+    # The sentences have a place for the limit of friction, which the tension changes.
+    friction_limit = contact_law.limits[COULOMB[settings.tension]]
+    templates = {**contact_law.words, **rolling_law.words}
+    sentences = {}
+    for direction, template in templates.items():
+        sentences[direction] = template.format(limit=friction_limit)
+    sentences["end of an impact"] = contact_law.ends[settings.tension]
+    return sentences
 
 
 def describe_response(
@@ -249,45 +261,72 @@ def describe_response(
     dict
         ``definition`` and ``bench``, with the units in the keys.
     """
-    test = bench(response.apparatus)
-    measure = study.settings.measure
-    profile = None
-    for target in study.settings.targets:
-        if target.response == response.name and profile is None:
-            profile = target.profile
-    if CHOSEN_DEFINITION in response.definition:
-        by_name = {other.name: other for other in test.responses}
-        response = by_name.get(derived(response.name, measure.response), response)
-
-    settings = {}
-    for key, value in response.settings(study.config).items():
-        settings[key.rpartition(".")[2]] = value
-    if GRAIN_HEIGHT in settings:
-        height = measure.for_grain(grain).berry_height_mm
-        settings[GRAIN_HEIGHT] = None if height is None else _round(height)
+    defined = _chosen_response(study, response)
+    settings = _definition_settings(study, defined, grain)
+    profile = _profile_of_target(study, response.name)
     if profile is not None:
         settings["profile"] = {
             "x": list(profile.x),
             "functions": profile.functions,
             "covered": profile.covered,
         }
-
-    section = study.config[test.name]
-    of_measurement = ("seeds", *test.measured_by)
-    bench_settings = {}
-    for key in test.settings.model_fields:
-        if key in section and key not in of_measurement:
-            bench_settings[key] = section[key]
     return {
-        "definition": {"name": response.label, "settings": settings},
-        "bench": bench_settings,
+        "definition": {"name": defined.label, "settings": settings},
+        "bench": _pouring_settings(study, response.apparatus),
     }
 
 
-def _lines(
+def _chosen_response(study: CardStudy, response: Response) -> Response:
+    """Find the response of the definition that the configuration has chosen.
+
+    The angle of repose has several definitions, each also a response of its own.
+    """
+    if CHOSEN_DEFINITION not in response.definition:
+        return response
+    name = derived(response.name, study.settings.measure.response)
+    for other in bench(response.apparatus).responses:
+        if other.name == name:
+            return other
+    return response
+
+
+def _definition_settings(
+    study: CardStudy, response: Response, grain: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return the settings by which a response is defined, without their sections."""
+    settings = {}
+    for dotted_key, value in response.settings(study.config).items():
+        settings[dotted_key.rpartition(".")[2]] = value
+    if GRAIN_HEIGHT in settings:
+        height_mm = study.settings.measure.for_grain(grain).berry_height_mm
+        settings[GRAIN_HEIGHT] = None if height_mm is None else _round(height_mm)
+    return settings
+
+
+def _profile_of_target(study: CardStudy, response: str) -> OfProfile | None:
+    """Return the profile of the first target of a response; None for a number."""
+    for target in study.settings.targets:
+        if target.response == response:
+            return target.profile
+    return None
+
+
+def _pouring_settings(study: CardStudy, test_name: str) -> dict[str, Any]:
+    """Return the settings of a bench test, without seeds and measurement."""
+    test = bench(test_name)
+    section = study.config[test.name]
+    left_out = ("seeds", *test.measured_by)
+    settings = {}
+    for key in test.settings.model_fields:
+        if key in section and key not in left_out:
+            settings[key] = section[key]
+    return settings
+
+
+def _describe_lines(
     measure: MeasureSettings, name: str, row: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Describe the line of an angle of a pile, and the piles by every definition.
+    """Describe the line whose slope is an angle, and the piles by every definition.
 
     Parameters
     ----------
@@ -309,7 +348,8 @@ def _lines(
     line = line_for(measure, name)
     if not line:
         return {}
-    if not set(MEAN_KEYS.values()) <= set(row):
+    has_all_angles = set(MEAN_KEYS.values()) <= set(row)
+    if not has_all_angles:
         return {"line": line}
     definitions: dict[str, dict[str, Any]] = {}
     for definition, column in MEAN_KEYS.items():
@@ -399,26 +439,32 @@ def require_one_study(
     InputError
         If label, grain, wall, contact laws, gravity or a bench test differ.
     """
-    of_card = _values_of_card(content)
-    of_study = _values_of_study(study, grain, content["tests"])
-    different = []
-    for key, value in of_study.items():
-        if key == GRAVITY and GRAVITY not in of_card:
+    card_values = _values_of_card(content)
+    study_values = _values_of_study(study, grain, content["tests"])
+    different_keys = []
+    for key, value in study_values.items():
+        # Cards of earlier versions lack the gravity.
+        if key == GRAVITY and GRAVITY not in card_values:
             continue
-        if not _is_same(of_card.get(key), value):
-            different.append(key)
-    if different:
-        first, *others = different
-        allowed = (
-            f"{of_study[first]}, as in {source}: card and configuration of one study"
-        )
-        if others:
-            allowed += f"; other differences: {', '.join(others)}"
-        raise InputError(card_json, first, of_card.get(first), allowed)
+        if not _is_same(card_values.get(key), value):
+            different_keys.append(key)
+    if not different_keys:
+        return
+
+    first, *others = different_keys
+    allowed = (
+        f"{study_values[first]}, as in {source}: card and configuration of one study"
+    )
+    if others:
+        allowed += f"; other differences: {', '.join(others)}"
+    raise InputError(card_json, first, card_values.get(first), allowed)
 
 
 def _values_of_card(content: Mapping[str, Any]) -> dict[str, Any]:
-    """List what a card says of its study, by dotted keys."""
+    """List what a card says of its study, by dotted keys.
+
+    A key names a part of the card or a bench test, and then the value in it.
+    """
     values: dict[str, Any] = {"material": content["material"]}
     for part in ("grain", "wall", "laws"):
         for key, value in content[part].items():
@@ -432,25 +478,39 @@ def _values_of_card(content: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _values_of_study(
-    study: CardStudy, grain: Mapping[str, Any], tests: Iterable[Mapping[str, Any]]
+    study: CardStudy,
+    grain: Mapping[str, Any],
+    card_tests: Iterable[Mapping[str, Any]],
 ) -> dict[str, Any]:
-    """List what a configuration says of the same, by the same keys.
+    """List what a configuration says of a study, by the keys of `_values_of_card`.
 
-    `tests` are those of the card; of a bench test the keys of the card are listed.
+    Parameters
+    ----------
+    study : CardStudy
+        The study of the configuration.
+    grain : mapping
+        Its grain.
+    card_tests : iterable of mapping
+        The tests of the card, which say what keys of each bench test are listed.
     """
-    values: dict[str, Any] = {"material": study.settings.label}
-    values["grain.mean_axes_mm"] = [grain[key] for key in SIZE_COLUMNS]
+    settings = study.settings
+    values: dict[str, Any] = {
+        "material": settings.label,
+        "grain.mean_axes_mm": [grain[key] for key in SIZE_COLUMNS],
+    }
     for key in GRAIN:
         values[f"grain.{key}"] = grain[key]
     for key in WALL:
-        values[f"wall.{key}"] = getattr(study.settings.wall, key)
-    for key, law in laws(study.settings.simulation).items():
-        values[f"laws.{key}"] = law
-    values[GRAVITY] = study.settings.simulation.gravity_m_s2
-    for test in tests:
-        section = study.config.get(test["apparatus"], {})
+        values[f"wall.{key}"] = getattr(settings.wall, key)
+    for direction, sentence in laws(settings.simulation).items():
+        values[f"laws.{direction}"] = sentence
+    values[GRAVITY] = settings.simulation.gravity_m_s2
+
+    for test in card_tests:
+        name = test["apparatus"]
+        section = study.config.get(name, {})
         for key in test["bench"]:
-            values[f"{test['apparatus']}.{key}"] = section.get(key)
+            values[f"{name}.{key}"] = section.get(key)
     return values
 
 
@@ -486,26 +546,14 @@ def configuration_of(content: Mapping[str, Any], source: object) -> dict[str, An
     InputError
         If the card has no pile of the funnel, or laws of another version.
     """
-    funnel = None
-    for test in content["tests"]:
-        if test["apparatus"] == "funnel" and funnel is None:
-            funnel = test["bench"]
-    if funnel is None:
-        found = [test["apparatus"] for test in content["tests"]]
-        allowed = "the card of a study with piles of the funnel"
-        raise InputError(source, "tests", found, allowed)
-    funnel = funnel | {"seeds": 1}
-    try:
-        FunnelSettings.model_validate(funnel)
-    except ValidationError as error:
-        raise_together(card.faults_of(error, source, prefix="tests.bench."))
-
+    funnel = _funnel_of_card(content, source)
+    # What the card says of the simulation replaces the defaults.
     simulation = {
         "gravity_m_s2": DEFAULT_GRAVITY_M_S2,
         "time_step_s": ANY_TIME_STEP_S,
         **content.get("simulation", {}),
         "rest_energy_j": REST_ENERGY_J,
-        **_laws_of(content, source),
+        **_find_laws(content, source),
     }
     sizes = "measured" if content["grain"]["relative_spread"] else "none"
     return {
@@ -517,17 +565,39 @@ def configuration_of(content: Mapping[str, Any], source: object) -> dict[str, An
     }
 
 
-def _laws_of(content: Mapping[str, Any], source: object) -> dict[str, str]:
-    """Find the keys of the laws whose sentences a card has."""
+def _funnel_of_card(content: Mapping[str, Any], source: object) -> dict[str, Any]:
+    """Return the section of the funnel from a card, for one run."""
+    sections = []
+    for test in content["tests"]:
+        if test["apparatus"] == "funnel" and test["bench"] is not None:
+            sections.append(test["bench"])
+    if not sections:
+        names = [test["apparatus"] for test in content["tests"]]
+        allowed = "the card of a study with piles of the funnel"
+        raise InputError(source, "tests", names, allowed)
+
+    # Several targets of the funnel share its section.
+    funnel = {**sections[0], "seeds": 1}
+    try:
+        FunnelSettings.model_validate(funnel)
+    except ValidationError as error:
+        raise_together(card.faults_of(error, source, prefix="tests.bench."))
+    return funnel
+
+
+def _find_laws(content: Mapping[str, Any], source: object) -> dict[str, str]:
+    """Find the laws that a card describes, as keys of the section `simulation`.
+
+    A card has sentences, so those of all combinations of laws are compared with them.
+    """
     from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 
-    for contact, tension, rolling in product(
-        CONTACT_LAWS, ("release", "keep"), ROLLING_LAWS
-    ):
-        chosen = {"contact_law": contact, "tension": tension, "rolling_law": rolling}
-        settings = SimulationSettings.model_construct(None, **chosen)
+    tensions = ("release", "keep")
+    for contact, tension, rolling in product(CONTACT_LAWS, tensions, ROLLING_LAWS):
+        keys = {"contact_law": contact, "tension": tension, "rolling_law": rolling}
+        settings = SimulationSettings.model_construct(None, **keys)
         if laws(settings) == content["laws"]:
-            return chosen
+            return keys
     allowed = "laws of this version; give --config, the study's own"
     raise InputError(source, "laws", content["laws"].get("normal"), allowed)
 
@@ -557,6 +627,7 @@ def particle_of(
     """
     from repose.grain.particle import Particle
 
+    # The body: half axes of ellipsoids in rows, or centre and radius of spheres.
     grain = content["grain"]
     semi_axes_m = 1e-3 * np.array(grain["ellipsoids_mm"], float).reshape(-1, 3)
     spheres_m = 1e-3 * np.array(grain["spheres_mm"], float).reshape(-1, 4)
@@ -569,20 +640,22 @@ def particle_of(
     has_moments = len(spheres_m) <= 1 or "inertia_kg_m2" in grain
     require(has_moments, source, "grain.inertia_kg_m2", None, allowed)
 
+    # The radius of a sphere about the centre of mass that holds the body.
     if len(spheres_m):
         extents_m = np.linalg.norm(spheres_m[:, :3], axis=1) + spheres_m[:, 3]
     else:
         extents_m = semi_axes_m.sum(axis=0)
     radius_m = extents_m.max()
+
     mass_kg = 1e-3 * grain["mass_g"]
-    of_sphere = np.full(3, 0.4 * mass_kg * radius_m**2)
+    sphere_inertia_kg_m2 = np.full(3, 0.4 * mass_kg * radius_m**2)
     particle = Particle(
         kind=grain["shape"],
         semi_axes_m=semi_axes_m,
         density_kg_m3=grain["density_kg_m3"],
         volume_m3=1e-9 * grain["volume_mm3"],
         mass_kg=mass_kg,
-        inertia_kg_m2=np.array(grain.get("inertia_kg_m2", of_sphere)),
+        inertia_kg_m2=np.array(grain.get("inertia_kg_m2", sphere_inertia_kg_m2)),
         bounding_radius_m=float(radius_m),
         deviation_max_m=0.0,
         deviation_rms_m=0.0,
@@ -594,16 +667,17 @@ def particle_of(
 
 
 def _fill_with_spheres(particle: "Particle", n_spheres: int) -> "Particle":
-    """Fill a smooth particle with spheres."""
+    """Replace a smooth particle by a clump of spheres with its mass and shape."""
     import trimesh  # slow to import
 
     from repose.dem.tessellation import tessellate
     from repose.grain import build
     from repose.grain.mesh import principal_pose
 
+    # The grain's builder fills a mesh, in mm.
     points_m, _, triangles = tessellate(particle, 48, 96)
     mesh = trimesh.Trimesh(1e3 * points_m, triangles)
-    filled = build.make_particle(
+    clump = build.make_particle(
         principal_pose(mesh),
         particle.density_kg_m3,
         kind="multisphere",
@@ -611,7 +685,7 @@ def _fill_with_spheres(particle: "Particle", n_spheres: int) -> "Particle":
     )
     # The mesh is a little smaller than the body.
     return replace(
-        filled,
+        clump,
         mass_kg=particle.mass_kg,
-        inertia_kg_m2=particle.mass_kg / filled.mass_kg * filled.inertia_kg_m2,
+        inertia_kg_m2=particle.mass_kg / clump.mass_kg * clump.inertia_kg_m2,
     )

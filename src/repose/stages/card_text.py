@@ -57,6 +57,7 @@ def describe(card: Card) -> str:
     if "reason" in card:
         lines.append(card["reason"])
     lines += _subject_lines(card)
+
     lines.append(f"parameters [{card['interval']}]:")
     for name, parameter in card["parameters"].items():
         meaning = with_remark(parameter["meaning"], parameter)
@@ -64,15 +65,16 @@ def describe(card: Card) -> str:
     if "near_bounds" in card:
         lines.append(f"{NEAR_BOUNDS}: {'; '.join(card['near_bounds'])}")
     lines.append(f"correlations of 0.5 and more: {_strong_correlations(card)}")
+
     lines.append("tests:")
     for test in card["tests"]:
         lines += [f"  {line}" for line in _test_lines(test)]
     lines.append(f"  {nearness(map(_check, card['tests']))}")
-    for key, chance in card["within"].items():
+    for percent, probability in card["within"].items():
         text = "unknown; it requires two good runs of each bench test"
-        if chance is not None:
-            text = f"{chance:.2f}"
-        lines.append(f"  all within {key}: probability {text}")
+        if probability is not None:
+            text = f"{probability:.2f}"
+        lines.append(f"  all within {percent}: probability {text}")
     for name, settings in _bench_settings(card).items():
         lines.append(f"  {name}: {_settings(settings)}")
     lines.append(_made_by_line(card["made_by"]))
@@ -84,9 +86,10 @@ def _subject_lines(card: Card) -> Iterator[str]:
     if "simulator" in card:
         yield f"simulator: {card['simulator']}"
         if "probability" in card:
-            chances = describe_probability(card["probability"])
-            yield f"probability that the simulator's means lie {chances}"
+            probability = describe_probability(card["probability"])
+            yield f"probability that the simulator's means lie {probability}"
         return
+
     grain = card["grain"]
     axes = " x ".join(f"{axis:.4g}" for axis in grain["mean_axes_mm"])
     spread = ""
@@ -99,20 +102,20 @@ def _subject_lines(card: Card) -> Iterator[str]:
     yield f"  density {grain['density_kg_m3']:.4g} kg/m3, {_moduli(grain)}"
     yield f"wall: {_moduli(card['wall'])}"
     yield "contact laws:"
-    for name, law in card["laws"].items():
-        yield f"  {name}: {law}"
+    for direction, sentence in card["laws"].items():
+        yield f"  {direction}: {sentence}"
 
 
 def _strong_correlations(card: Card) -> str:
-    """List the strong correlations, the strongest first."""
+    """List the pairs of parameters with a strong correlation, the strongest first."""
     correlations = card["correlations"]
-    strong = []
+    strong_pairs = []
     for first, second in combinations(correlations, 2):
         value = correlations[first].get(second, 0.0)
         if abs(value) >= STRONG:
-            strong.append((value, f"{first}, {second} {value:+.2f}"))
-    strong.sort(key=lambda pair: -abs(pair[0]))
-    return "; ".join(text for _, text in strong) or "none"
+            strong_pairs.append((value, f"{first}, {second} {value:+.2f}"))
+    strong_pairs.sort(key=lambda pair: -abs(pair[0]))
+    return "; ".join(text for _, text in strong_pairs) or "none"
 
 
 def _test_lines(test: Card) -> Iterator[str]:
@@ -126,6 +129,8 @@ def _test_lines(test: Card) -> Iterator[str]:
         f"target {test['low']:g} to {test['high']:g}, "
         f"simulated {simulated} (runs: {test['runs']}): {state_of(test)}"
     )
+
+    # The prediction of the surrogate, where the answer was simulated.
     check = _check(test)
     if check.error_percent is not None:
         optimism = f" ({check.expected_optimism})" if check.expected_optimism else ""
@@ -133,6 +138,7 @@ def _test_lines(test: Card) -> Iterator[str]:
             f"  predicted {check.predicted:.4g}{optimism}, {check.error_percent:.1f} % "
             "off the simulated (the article's solutions: below 5 %)"
         )
+
     definition = test["definition"]
     line = f"  definition: {definition['name'] or 'not stated'}"
     if definition["settings"]:
@@ -162,23 +168,36 @@ def _made_by_line(made_by: Card) -> str:
 
 def compare(first: Card, second: Card) -> str:
     """Write two cards side by side, and what hinders a comparison of their parameters."""
-    cards = (first, second)
     rows = [["", first["material"], second["material"]]]
     for name in first["parameters"] | second["parameters"]:
-        pair = [card["parameters"].get(name) for card in cards]
-        row = [name, *("-" if value is None else _value(value) for value in pair)]
-        if None not in pair:
-            row.append(_overlap_note(*pair))
-        rows.append(row)
-    tests = [{test["response"]: test for test in card["tests"]} for card in cards]
-    for name in tests[0] | tests[1]:
-        rows.append([name, *(_simulated(of_card.get(name)) for of_card in tests)])
+        rows.append(_parameter_row(name, first, second))
+
+    first_tests = {test["response"]: test for test in first["tests"]}
+    second_tests = {test["response"]: test for test in second["tests"]}
+    for name in first_tests | second_tests:
+        means = (_simulated(first_tests.get(name)), _simulated(second_tests.get(name)))
+        rows.append([name, *means])
+
+    # The card of another simulator has no grain.
     if "simulator" not in first and "simulator" not in second:
         for key in COMPARED:
-            rows.append(
-                [key, *(_write_value_of_key(card["grain"][key]) for card in cards)]
-            )
+            values = (first["grain"][key], second["grain"][key])
+            rows.append([key, *map(_write_value_of_key, values)])
     return "\n".join([*_align_columns(rows), *_describe_differences(first, second)])
+
+
+def _parameter_row(name: str, first: Card, second: Card) -> list[str]:
+    """Write the values of a parameter in two cards; `-` where a card lacks it."""
+    parameter = first["parameters"].get(name)
+    other_parameter = second["parameters"].get(name)
+    row = [
+        name,
+        "-" if parameter is None else _value(parameter),
+        "-" if other_parameter is None else _value(other_parameter),
+    ]
+    if parameter is not None and other_parameter is not None:
+        row.append(_overlap_note(parameter, other_parameter))
+    return row
 
 
 def _align_columns(rows: Sequence[Sequence[str]]) -> Iterator[str]:
@@ -191,9 +210,10 @@ def _align_columns(rows: Sequence[Sequence[str]]) -> Iterator[str]:
 
 def _describe_differences(first: Card, second: Card) -> Iterator[str]:
     """Describe in sentences how two cards differ, the grain aside."""
-    simulators = [card.get("simulator", "repose") for card in (first, second)]
-    if simulators[0] != simulators[1]:
-        yield f"Another simulator: {simulators[0]} | {simulators[1]}."
+    simulator = first.get("simulator", "repose")
+    other_simulator = second.get("simulator", "repose")
+    if simulator != other_simulator:
+        yield f"Another simulator: {simulator} | {other_simulator}."
     if "laws" in first and "laws" in second:
         for name in first["laws"] | second["laws"]:
             law = first["laws"].get(name, "none")
@@ -215,24 +235,23 @@ def _describe_differences(first: Card, second: Card) -> Iterator[str]:
 
 def _describe_different_definitions(first: Card, second: Card) -> Iterator[str]:
     """Describe in sentences the responses that two cards define differently."""
-    definitions, others = (
-        {test["response"]: test["definition"] for test in card["tests"]}
-        for card in (first, second)
-    )
+    definitions = {test["response"]: test["definition"] for test in first["tests"]}
+    other_definitions = {
+        test["response"]: test["definition"] for test in second["tests"]
+    }
     for response, definition in definitions.items():
-        if response not in others:
+        other = other_definitions.get(response)
+        if other is None:
             continue
         name = definition["name"] or "not stated"
-        other_name = others[response]["name"] or "not stated"
+        other_name = other["name"] or "not stated"
         if name != other_name:
             yield (
                 f"Another definition of {response}: {name} | {other_name}. "
                 "Their numbers must not be compared."
             )
-        elif definition != others[response]:
-            unlike = _list_unlike_keys(
-                definition["settings"], others[response]["settings"]
-            )
+        elif definition != other:
+            unlike = _list_unlike_keys(definition["settings"], other["settings"])
             yield f"{response} is measured with other settings: {unlike}."
 
 
