@@ -63,14 +63,17 @@ def run_job(
     test = DrumTest()
     results = []
     for seed in seeds:
-        start = time.perf_counter()
+        name = f"drum_{seed}"
+        start_s = time.perf_counter()
         run = test.run(scene.with_seed(seed), interval_s=0.0)
-        wall_s = round(time.perf_counter() - start, 3)
-        write_timings(out, f"drum_{seed}", {str(seed): wall_s})
-        write_npz(out / f"drum_{seed}.npz", run.frames or {})
+        wall_s = round(time.perf_counter() - start_s, 3)
+
         job = describe_job(test, scene, seed)
         description = {key: job[key] for key in ("parameters", "time_step_s")}
-        write_json(out / f"drum_{seed}.json", description | {"run": run.record})
+        write_timings(out, name, {str(seed): wall_s})
+        write_npz(out / f"{name}.npz", run.frames or {})
+        write_json(out / f"{name}.json", description | {"run": run.record})
+
         measured = test.result(run.record, run.arrays, scene)
         results.append(description | {"run": measured})
     return results
@@ -104,20 +107,22 @@ def run(
     InputError
         If a file is missing or none of `run_job`, or a seed is there twice.
     """
+    # A measurement needs no parameters of the contacts.
     scene = Scene.of(config, {}, grain={}, particle=particle)
     runs: list[MeasuredRun] = []
-    seeds = set()
+    earlier_seeds = set()
     for path in map(Path, json_paths):
         record = read_json(path, {"run": dict}, WHAT)["run"]
         seed = record.get("seed")
-        if seed in seeds:
+        if seed in earlier_seeds:
             raise InputError(path, "run.seed", seed, "each seed once")
         runs.append(_measure(record, path, scene))
-        seeds.add(record["seed"])
-    contents = tables(runs)
-    for name, content in contents.items():
-        write_table(Path(out_dir) / f"{name}.csv", content)
-    return contents
+        earlier_seeds.add(record["seed"])
+
+    tables_by_name = tables(runs)
+    for name, table in tables_by_name.items():
+        write_table(Path(out_dir) / f"{name}.csv", table)
+    return tables_by_name
 
 
 def _measure(record: Mapping[str, Any], path: Path, scene: Scene) -> MeasuredRun:
@@ -194,22 +199,22 @@ def summarise(runs: "pd.DataFrame") -> "pd.DataFrame":
     """
     import pandas as pd
 
+    quantities = pd.read_csv(SUMMARY)
     rows = []
-    for key, quantity in pd.read_csv(SUMMARY).itertuples(index=False):
-        values = runs[key].dropna().to_numpy(float) if key in runs else np.zeros(0)
-        n = len(values)
-        error = values.std(ddof=1) / np.sqrt(n) if n > 1 else np.nan
-        if n == 0:
-            values = np.full(1, np.nan)
-        rows.append(
-            {
-                "quantity": quantity,
-                "key": key,
+    for key, quantity in quantities.itertuples(index=False):
+        values = np.zeros(0)
+        if key in runs:
+            values = runs[key].dropna().to_numpy(float)
+        n_runs = len(values)
+        row = dict.fromkeys(SUMMARY_COLUMNS, np.nan)
+        row |= {"quantity": quantity, "key": key, "runs": n_runs}
+        if n_runs > 0:
+            row |= {
                 "mean": values.mean(),
-                "standard_error": error,
                 "lowest": values.min(),
                 "highest": values.max(),
-                "runs": n,
             }
-        )
+        if n_runs > 1:
+            row["standard_error"] = values.std(ddof=1) / np.sqrt(n_runs)
+        rows.append(row)
     return pd.DataFrame(rows, columns=SUMMARY_COLUMNS)

@@ -36,14 +36,14 @@ class KeptRuns:
         The folder of the job's files.
     name : str
         Its name.
-    about : mapping
+    description : mapping
         What describes the job in its files.
     """
 
-    def __init__(self, folder: Path, name: str, about: Mapping[str, Any]) -> None:
+    def __init__(self, folder: Path, name: str, description: Mapping[str, Any]) -> None:
         self.folder = folder / FOLDER
         self.name = name
-        self.about = about
+        self.description = description
 
     def read(self, seed: int) -> Run | None:
         """Read the run of a seed; None if it differs from what the job would make."""
@@ -54,15 +54,18 @@ class KeptRuns:
             arrays = read_npz(path, (ABOUT,))
         except InputError:
             return None
-        about, record = json.loads(str(arrays.pop(ABOUT)))
-        return Run(record, arrays) if about == self.about else None
+        # Beside the arrays of the run the file has the description of its job.
+        description, record = json.loads(str(arrays.pop(ABOUT)))
+        if description != self.description:
+            return None
+        return Run(record, arrays)
 
     def write(self, run: Run) -> None:
         """Keep a run without its frames, unless a damaged or foreign file is there."""
         path = self._path(run.record["seed"])
         if _is_free(path):
-            about = json_text([self.about, run.record])
-            write_npz(path, {**run.arrays, ABOUT: np.array(about)})
+            description_and_record = json_text([self.description, run.record])
+            write_npz(path, {**run.arrays, ABOUT: np.array(description_and_record)})
 
     def _path(self, seed: int) -> Path:
         return self.folder / f"{self.name}_{seed}.npz"
@@ -77,7 +80,9 @@ def read_measurement(pours: Path) -> dict[str, Any] | None:
     if not is_own_file(path) or attached.read(path) != provenance.current():
         return None
     kept = read_json(path)
-    return kept["result"] if kept["of"] == _hash_sources(pours) else None
+    if kept["of"] != _hash_sources(pours):
+        return None
+    return kept["result"]
 
 
 def write_measurement(pours: Path, result: Mapping[str, Any]) -> None:
@@ -101,11 +106,11 @@ def _hash_sources(pours: Path) -> dict[str, str]:
 
 def _is_current(path: Path) -> bool:
     """Tell whether a file is ours, unchanged, and of the origin of the current stage."""
-    now = provenance.current()
-    if now is None or not is_own_file(path):
+    stage_record = provenance.current()
+    if stage_record is None or not is_own_file(path):
         return False
-    then = attached.read(path)
-    return then is not None and then["origin"] == now["origin"]
+    file_record = attached.read(path)
+    return file_record is not None and file_record["origin"] == stage_record["origin"]
 
 
 def _is_free(path: Path) -> bool:

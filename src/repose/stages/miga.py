@@ -70,24 +70,27 @@ def run(
     published = None
     if table3_csv is not None:
         published = read_table(table3_csv, ("parameter", *INTERVAL))
+
     inversion = invert(
         surrogate, parameters, targets=targets, settings=settings, support=support
     )
+
+    # Put the published intervals beside those that were found.
     intervals = inversion.intervals
     if published is not None:
-        columns = published.set_index("parameter")[list(INTERVAL)]
-        intervals = intervals.join(columns.add_prefix("published_"), on="variable")
+        published_ends = published.set_index("parameter")[list(INTERVAL)]
+        intervals = intervals.join(
+            published_ends.add_prefix("published_"), on="variable"
+        )
+
     summary = inversion.summary
+    answer = summary["representative"]
     if surrogate.knows_its_errors:
         summary["representative_judged"] = expected_loss.assess_by_errors(
-            surrogate,
-            summary["representative"],
-            targets=targets,
-            names=parameters.names,
+            surrogate, answer, targets=targets, names=parameters.names
         )
-        summary["near_bounds"] = near_bounds(
-            surrogate, summary["representative"], parameters
-        )
+        summary["near_bounds"] = near_bounds(surrogate, answer, parameters)
+
     out = Path(out_dir)
     write_table(out / "feasible.csv", inversion.solutions)
     write_table(out / "intervals.csv", intervals)

@@ -55,9 +55,9 @@ def run(
     """
     dataset = read_dataset(dataset_csv, targets)
     runs = read_runs(runs_csv, targets, dataset=dataset, dataset_csv=dataset_csv)
-    of_dataset, summary_json = read_definitions(dataset_csv)
+    dataset_definitions, summary_json = read_definitions(dataset_csv)
     require_same_definitions(
-        of_dataset, summary_json, expected=definitions, source=source
+        dataset_definitions, summary_json, expected=definitions, source=source
     )
     training = train(
         dataset,
@@ -65,7 +65,7 @@ def run(
         targets=targets,
         settings=settings,
         names=parameters_among(dataset),
-        definitions=definitions or of_dataset,
+        definitions=definitions or dataset_definitions,
         source=dataset_csv,
         surrogate=surrogate,
     )

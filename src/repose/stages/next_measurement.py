@@ -73,8 +73,8 @@ def plausible_sets(draws_csv: Path_, seed: int, out: Path_) -> pd.DataFrame:
     draws = read_table(draws_csv, PARAMETERS)
     if len(draws) < SETS_OF_NEXT:
         raise InputError(draws_csv, "rows", len(draws), f"{SETS_OF_NEXT} or more")
-    random = np.random.default_rng(seed)
-    rows = np.sort(random.choice(len(draws), SETS_OF_NEXT, replace=False))
+    generator = np.random.default_rng(seed)
+    rows = np.sort(generator.choice(len(draws), SETS_OF_NEXT, replace=False))
     samples = draws.loc[rows, list(parameters_among(draws))].reset_index(drop=True)
     samples.insert(0, "sample", range(1, SETS_OF_NEXT + 1))
     write_table(out, samples, float_format="%.10g")
@@ -110,32 +110,37 @@ def information(
     """
     rows = []
     groups = runs.groupby(["apparatus", "response"], sort=False)
-    for (apparatus, response), group in groups:
-        has_two_runs = group.groupby("sample").size() > 1
+    for (apparatus, response), response_runs in groups:
+        has_two_runs = response_runs.groupby("sample").size() > 1
         if has_two_runs.sum() < FEWEST_SETS:
             continue
-        parts = variance_components(group["value"], group["sample"])
-        discrepancy = discrepancy_percent / 100 * parts.mean
-        error = parts.within / repetitions + discrepancy**2
-        if not error > 0:
+        variances = variance_components(response_runs["value"], response_runs["sample"])
+
+        # Variance of the difference between simulator and measurement: s^2.
+        discrepancy = discrepancy_percent / 100 * variances.mean
+        error_variance = variances.within / repetitions + discrepancy**2
+        if not error_variance > 0:
             continue
-        # The variance between the sets, by the intraclass correlation and its interval.
-        icc = np.array([parts.icc, parts.icc_low, parts.icc_high]).clip(0, 1 - 1e-12)
-        between = parts.within * icc / (1 - icc)
-        bits, bits_low, bits_high = 0.5 * np.log2(1 + between / error)
+
+        # The variance between the sets, tau^2, by the intraclass correlation and the ends
+        # of its interval.
+        correlations = np.array([variances.icc, variances.icc_low, variances.icc_high])
+        correlations = correlations.clip(0, 1 - 1e-12)
+        between = variances.within * correlations / (1 - correlations)
+        bits, bits_low, bits_high = 0.5 * np.log2(1 + between / error_variance)
         rows.append(
             {
                 "response": response,
                 "apparatus": apparatus,
-                "mean": parts.mean,
-                "sd_between_sets": np.sqrt(parts.between),
-                "sd_of_a_run": np.sqrt(parts.within),
+                "mean": variances.mean,
+                "sd_between_sets": np.sqrt(variances.between),
+                "sd_of_a_run": np.sqrt(variances.within),
                 "repetitions": repetitions,
                 "bits": bits,
                 "bits_low": bits_low,
                 "bits_high": bits_high,
-                "sets": parts.groups,
-                "runs": parts.values,
+                "sets": variances.groups,
+                "runs": variances.values,
             }
         )
     if not rows:
@@ -173,8 +178,7 @@ def run(
     out_dir : path
         Folder for the measured runs and for next.csv.
     targets : Targets
-        The present targets. They, and other definitions of their angle, are no further
-        responses.
+        The present targets. They, and other definitions of their angle, are left out.
     discrepancy_percent : float
         Of the simulator, in percent of a response's mean.
 
@@ -197,13 +201,16 @@ def run(
                         "value": response.of(run),
                     }
                 )
-    measured = set(targets.names)
-    if CALIBRATED_ANGLE in measured:
-        measured.update(MEAN_KEYS.values())
     runs = pd.DataFrame(rows).dropna(subset="value")
-    runs = runs[~runs["response"].isin(measured)]
+
+    # All definitions of the angle come from the same measurement.
+    known_responses = set(targets.names)
+    if CALIBRATED_ANGLE in known_responses:
+        known_responses.update(MEAN_KEYS.values())
+    new_runs = runs[~runs["response"].isin(known_responses)]
+
     repetitions = round(np.mean([target.repetitions for target in targets]))
-    table = information(runs, repetitions, discrepancy_percent)
+    table = information(new_runs, repetitions, discrepancy_percent)
     write_table(Path(out_dir) / "next.csv", table, float_format="%.6g")
     return table
 

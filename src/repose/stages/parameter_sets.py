@@ -51,10 +51,13 @@ def job_files(
         Of the files in a folder.
     """
     paths = [Path(word) for word in words]
+
+    # The table of samples is needed only for folders.
     names: list[str] = []
     if any(path.is_dir() for path in paths):
-        numbers = tables.read(samples_csv, [NUMBER]).values["sample"]
-        names = [f"{number:03d}{ending}" for number in numbers]
+        samples = tables.read(samples_csv, [NUMBER]).values["sample"]
+        names = [f"{sample:03d}{ending}" for sample in samples]
+
     files = []
     for path in paths:
         if path.is_dir():
@@ -72,10 +75,10 @@ def read_sample(path: str | os.PathLike, number: int) -> dict[str, float]:
     InputError
         If there is no such sample, or a value is beyond the limits of the contact law.
     """
-    table = tables.read(path, (NUMBER, *OF_SETS)).values
-    numbers = table["sample"]
+    columns = tables.read(path, (NUMBER, *OF_SETS)).values
+    numbers = columns["sample"]
     if number not in numbers:
         first = ", ".join(map(str, numbers[:3]))
         raise InputError(path, "sample", number, f"one of {len(numbers)}: {first}, ...")
     row = numbers.index(number)
-    return {name: table[name][row] for name in parameters_among(table)}
+    return {name: columns[name][row] for name in parameters_among(columns)}

@@ -106,12 +106,21 @@ def to_simulate(
     """Name the published sets that can be simulated, in their order.
 
     There are none if the table lacks all responses, or a parameter of the study.
+
+    Parameters
+    ----------
+    path : path or None
+        The table of published sets.
+    responses : iterable of Response
+        Those of the study's targets.
+    names : iterable of str
+        Parameters of the study.
     """
     rows = _rows(path)
     if not rows:
         return []
-    columns = rows[0]
-    has_parameters = set(names) <= set(columns)
+    columns = rows[0].keys()
+    has_parameters = set(names) <= columns
     if not has_parameters or not published_responses(columns, responses):
         return []
     return [row["solution"] for row in rows]
@@ -163,17 +172,18 @@ def stored_columns(
     dict
         The column of each response that the table has; empty if it lacks a parameter.
     """
-    present = set(columns)
-    if not set(names) <= present:
+    table_columns = set(columns)
+    if not set(names) <= table_columns:
         return {}
-    found = {}
+    column_of_response = {}
     for response in targets.responses:
+        # The table has a column for each definition of the angle.
         column = response.name
         if column == CALIBRATED_ANGLE:
             column = MEAN_KEYS[definition]
-        if column in present:
-            found[response] = column
-    return found
+        if column in table_columns:
+            column_of_response[response] = column
+    return column_of_response
 
 
 def published_sets(path: Path_ | None) -> list[dict[str, float]]:

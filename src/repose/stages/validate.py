@@ -58,17 +58,23 @@ def select_for_validation(
     """
     if np.count_nonzero(solutions["feasible"]) > count:
         solutions = solutions[solutions["feasible"] | solutions["representative"]]
-    points = 2 * space.unit(solutions[list(space.names)].to_numpy(float)) - 1
     representative = int(np.flatnonzero(solutions["representative"])[0])
     best = int(solutions["objective"].to_numpy(float).argmin())
     role_of_row = {representative: "representative"}
+    # The representative solution may also be the best.
     role_of_row.setdefault(best, "least objective")
-    while len(role_of_row) < min(count + 1, len(points)):
+
+    # Positions in the cube [-1, 1] of all parameters.
+    positions = 2 * space.unit(solutions[list(space.names)].to_numpy(float)) - 1
+    n_selected = min(count + 1, len(solutions))
+    while len(role_of_row) < n_selected:
         chosen = list(role_of_row)
-        distances = np.linalg.norm(points[:, None] - points[chosen], axis=2)
-        to_nearest = distances.min(axis=1)
-        to_nearest[chosen] = -1.0
-        role_of_row[int(to_nearest.argmax())] = "spread"
+        # Distance of each solution (rows) from each chosen one (columns).
+        distances = np.linalg.norm(positions[:, None] - positions[chosen], axis=2)
+        nearest_distance = distances.min(axis=1)
+        nearest_distance[chosen] = -1.0
+        farthest = int(nearest_distance.argmax())
+        role_of_row[farthest] = "spread"
     return solutions.iloc[list(role_of_row)].assign(role=list(role_of_row.values()))
 
 
@@ -88,10 +94,11 @@ def with_optimism(
     """
     table = solutions.copy()
     for response in responses:
-        rows = optimism[optimism["response"] == response.name].set_index("role")
-        of_role = rows.reindex(solutions["role"])
-        table[response.optimism] = of_role["optimism"].to_numpy(float)
-        table[response.optimism_error] = of_role["optimism_se"].to_numpy(float)
+        is_of_response = optimism["response"] == response.name
+        optimism_by_role = optimism[is_of_response].set_index("role")
+        rows = optimism_by_role.reindex(solutions["role"])
+        table[response.optimism] = rows["optimism"].to_numpy(float)
+        table[response.optimism_error] = rows["optimism_se"].to_numpy(float)
     return table
 
 
@@ -117,19 +124,25 @@ def validate(
     """
     dataset, _ = assemble(solutions, jobs, targets)
     simulated = dataset.drop(columns=["sample", *parameters_among(solutions)])
+
     # A failed solution has None in place of its numbers, a single run None as its error.
-    possible = (*targets.names, *targets.errors, *ANGLES)
-    numbers = [name for name in possible if name in simulated]
-    simulated = simulated.astype(dict.fromkeys(numbers, float))
+    number_columns = [
+        name for name in (*targets.names, *targets.errors, *ANGLES) if name in simulated
+    ]
+    simulated = simulated.astype(dict.fromkeys(number_columns, float))
     for response in targets.responses:
         simulated[response.simulated] = simulated[response.name]
     rows = pd.concat([solutions.reset_index(drop=True), simulated], axis=1)
-    best = rows[rows["role"] == "representative"].iloc[0]
-    runs = {bench: jobs[bench][best["sample"]]["runs"] for bench in targets.apparatus}
-    physical = against_physical(best, targets, measure)
+
+    # The representative solution is also compared with the physical measurement.
+    answer = rows[rows["role"] == "representative"].iloc[0]
+    answer_runs = {
+        bench: jobs[bench][answer["sample"]]["runs"] for bench in targets.apparatus
+    }
+    physical = against_physical(answer, targets, measure)
     return {
         "table4": table4(rows, targets.responses, measure),
-        "representative": with_chances(physical, runs, targets),
+        "representative": with_chances(physical, answer_runs, targets),
     }
 
 
@@ -235,13 +248,13 @@ def against_physical(
 def with_chances(table: pd.DataFrame, runs: Runs, targets: Targets) -> pd.DataFrame:
     """Add the probabilities that all means are inside, and within 1 % and 2 %.
 
-    `table` is that of `against_physical`.
+    `table` is that of `against_physical`, and `runs` are those of its solution.
     """
-    chances = {}
+    probabilities = {}
     for percent, column in WITHIN.items():
-        chances[column] = chance_of_meeting(runs, targets, percent)["all"]
-    chances[INSIDE] = chance_of_meeting(runs, targets)["all"]
-    return table.assign(**chances)
+        probabilities[column] = chance_of_meeting(runs, targets, percent)["all"]
+    probabilities[INSIDE] = chance_of_meeting(runs, targets)["all"]
+    return table.assign(**probabilities)
 
 
 def write_solutions(
@@ -391,15 +404,17 @@ def write_published_sets(
     table = sets[["sample", *descriptions, *names]].copy()
     if "source" not in sets:
         table["source"] = ""
+
     # Numbers of the publication are told from those of this simulator by their names.
     for word in ("predicted", "simulated", "measured"):
         for column in sets:
             if f"_{word}_" in column:
-                name = column.replace(f"_{word}_", f"_published_{word}_")
-                table[name] = sets[column]
+                new_name = column.replace(f"_{word}_", f"_published_{word}_")
+                table[new_name] = sets[column]
+
     # The angle has the column of its definition: another study may calibrate another.
-    responses = dict.fromkeys((*targets.names, "height_mm", *MEAN_KEYS.values()))
-    for name in responses:
+    response_names = dict.fromkeys((*targets.names, "height_mm", *MEAN_KEYS.values()))
+    for name in response_names:
         if name in simulated and name != CALIBRATED_ANGLE:
             columns = [name, error_of(name)]
             table[columns] = simulated[columns].astype(float)
@@ -436,19 +451,20 @@ def compared_with_published(
         Without rows where there is no table, or it has other parameters.
     """
     stored = pd.DataFrame() if stored_csv is None else read_stored(stored_csv)
-    found = stored_columns(
+    column_of_response = stored_columns(
         stored, names=names, targets=targets, definition=measure.response
     )
-    if not found:
+    if not column_of_response:
         columns = ["sample", "solution", *names, *ENDED, *SIMULATED_BY, "stale"]
         return pd.DataFrame(columns=columns)
+
     table = stored.copy()
-    for response, column in found.items():
+    for response, column in column_of_response.items():
         table[response.simulated] = stored[column]
         table[response.error] = stored[error_of(column)]
-        published = derived(response.name, "published_simulated")
-        if published in stored:
-            difference = stored[column] - stored[published]
+        published_column = derived(response.name, "published_simulated")
+        if published_column in stored:
+            difference = stored[column] - stored[published_column]
             table[derived(response.name, "difference")] = difference
     if set(ANGLES) <= set(stored):
         table["line"] = calibrated_line(targets.responses, measure)

@@ -21,10 +21,11 @@ def warm_up(scene: Scene, cores: int = 1) -> float:
     float
         The seconds that it took.
     """
-    start = time.perf_counter()
+    start_s = time.perf_counter()
     names = Targets.of(scene.settings.config["targets"]).apparatus
     simulations = [bench(name).build(scene) for name in names]
 
+    # The other process leaves its kernels in the cache on disk.
     def compile_walls() -> None:
         for simulation in simulations:
             simulation.wall_loads()
@@ -40,4 +41,4 @@ def warm_up(scene: Scene, cores: int = 1) -> float:
         # No step needs what it may still compile.
         wall_process.terminate()
         wall_process.join()
-    return time.perf_counter() - start
+    return time.perf_counter() - start_s
