@@ -34,9 +34,10 @@ class InputErrors(InputError):
         super().__init__(first.source, first.key, first.value, first.allowed)
         self.faults = faults
         lines = [str(fault) for fault in faults[:MOST_REPORTED]]
-        others = faults[MOST_REPORTED:]
-        if others:
-            lines.append(f"{others[0].source}: {len(others)} more faults")
+        unreported = faults[MOST_REPORTED:]
+        if unreported:
+            lines.append(f"{unreported[0].source}: {len(unreported)} more faults")
+        # This replaces the message of the first fault.
         self.args = ("\n".join(lines),)
 
 
@@ -101,12 +102,10 @@ def _in_yaml(value: object) -> str:
         return "null"
     if isinstance(value, bool):
         return "true" if value else "false"
-    is_flat_list = isinstance(value, list) and not any(
-        isinstance(item, list | dict) for item in value
-    )
-    if is_flat_list:
-        assert isinstance(value, list)
-        text = f"[{', '.join(map(_in_yaml, value[:MOST_SHOWN]))}]"
-        if len(text) <= MOST_SHOWN:
-            return text
+    if isinstance(value, list):
+        is_nested = any(isinstance(item, list | dict) for item in value)
+        if not is_nested:
+            text = f"[{', '.join(map(_in_yaml, value[:MOST_SHOWN]))}]"
+            if len(text) <= MOST_SHOWN:
+                return text
     return shown(value)

@@ -73,22 +73,28 @@ def with_whole_numbers(config: Any, model: Model) -> Any:
         value = at(config, error.path)
         if not isinstance(value, float) or not value.is_integer():
             continue
-        kinds = subschema(error.path, model)
-        types = [kind.get("type") for kind in (kinds, *kinds.get("anyOf", ()))]
+        # A key that may have values of several types lists them.
+        key_schema = subschema(error.path, model)
+        alternatives = (key_schema, *key_schema.get("anyOf", ()))
+        types = [alternative.get("type") for alternative in alternatives]
         if "integer" in types:
             config = _with_value(config, error.path, int(value))
     return config
 
 
 def _with_value(config: Any, path: Sequence[str], value: Any) -> Any:
-    """Return a copy of a configuration with another value at a key."""
+    """Return a copy of a configuration with another value at a key.
+
+    `path` has the steps of the key: names of keys, and numbers of entries in lists.
+    """
     if not path:
         return value
-    step, *rest = path
+    step, *inner_path = path
     if isinstance(config, Mapping):
-        return {**config, step: _with_value(config[step], rest, value)}
+        return {**config, step: _with_value(config[step], inner_path, value)}
     entries = list(config)
-    entries[int(step)] = _with_value(entries[int(step)], rest, value)
+    position = int(step)
+    entries[position] = _with_value(entries[position], inner_path, value)
     return entries
 
 
@@ -130,7 +136,7 @@ def subschema(path: Sequence[str], model: Model) -> dict[str, Any]:
 
 
 def allowed_by(schema: Mapping[str, Any]) -> str:
-    """Describe the allowed values of a schema."""
+    """Describe the allowed values of a JSON schema."""
     if "allowed" in schema:
         return schema["allowed"]
     if "const" in schema:
@@ -138,11 +144,12 @@ def allowed_by(schema: Mapping[str, Any]) -> str:
     if "enum" in schema:
         return " or ".join(map(str, schema["enum"]))
     if "anyOf" in schema:
-        kinds = [allowed_by(kind) for kind in schema["anyOf"]]
-        others = " or ".join(kind for kind in kinds if kind != AUTO)
-        return f"{AUTO}, or {others}" if AUTO in kinds else others
+        alternatives = [allowed_by(inner) for inner in schema["anyOf"]]
+        others = " or ".join(text for text in alternatives if text != AUTO)
+        return f"{AUTO}, or {others}" if AUTO in alternatives else others
     if "properties" in schema:
         return f"a section with the keys {', '.join(schema['properties'])}"
+
     name = TYPE_NAMES[schema["type"]]
     if "exclusiveMinimum" in schema:
         low = _bound(schema["exclusiveMinimum"])
@@ -162,22 +169,31 @@ def _bound(number: float) -> str:
     return str(number) if isinstance(number, int) else f"{number:g}"
 
 
-def _inside(node: Mapping[str, Any], step: int | str, whole: Mapping[str, Any]) -> Any:
-    """Return the schema of a key inside the schema `node`; None if there is none.
+def _inside(outer: Mapping[str, Any], step: int | str, whole: Mapping[str, Any]) -> Any:
+    """Return the schema of a key inside an outer schema; None if there is none.
 
-    The step may be a key of a section, the number of an entry in a list of sections, or
-    a name of a section whose names are free. References are followed in `whole`.
+    Parameters
+    ----------
+    outer : mapping
+        The schema of a section, or of a list of sections.
+    step : int or str
+        A key of the section, the number of an entry in the list, or a name of a section
+        whose names are free.
+    whole : mapping
+        The schema of the configuration, in which references are followed.
     """
-    entries = node.get("items", {})
+    entry_schema = outer.get("items", {})
     inner: Any = None
-    if "$ref" in entries:
+    if "$ref" in entry_schema:
         if str(step).isdigit():
-            inner = entries
+            inner = entry_schema
     elif isinstance(step, str):
-        inner = node.get("properties", {}).get(step)
-        inner = inner or node.get("additionalProperties") or None
+        inner = outer.get("properties", {}).get(step)
+        if not inner:
+            inner = outer.get("additionalProperties") or None
     while inner and "$ref" in inner:
-        inner = whole["$defs"][inner["$ref"].rsplit("/", 1)[1]]
+        name = inner["$ref"].rsplit("/", 1)[1]
+        inner = whole["$defs"][name]
     return inner
 
 
@@ -188,42 +204,48 @@ def _errors(config: Any, model: Model) -> list[_Error]:
     """
     try:
         model.model_validate(config)
-    except ValidationError as error:
-        details = error.errors(include_url=False, include_input=False)
-        errors = [_error(detail, schema(model)) for detail in details]
-        # A list is also too short where all of its entries have faults.
-        with_inner_faults = {fault.path[0] for fault in errors if len(fault.path) > 1}
-        errors = [
-            fault
-            for fault in errors
-            if fault.type != "too_short" or with_inner_faults.isdisjoint(fault.path)
-        ]
-        return sorted(errors, key=lambda fault: (fault.type not in UNKNOWN, fault.path))
-    return []
+    except ValidationError as validation_error:
+        details = validation_error.errors(include_url=False, include_input=False)
+    else:
+        return []
+
+    errors = [_place_error(detail, schema(model)) for detail in details]
+    # A list is also too short where all of its entries have faults.
+    keys_with_inner_errors = {error.path[0] for error in errors if len(error.path) > 1}
+    reported = [
+        error
+        for error in errors
+        if error.type != "too_short" or keys_with_inner_errors.isdisjoint(error.path)
+    ]
+    return sorted(reported, key=lambda error: (error.type not in UNKNOWN, error.path))
 
 
-def _error(error: ErrorDetails, whole: Mapping[str, Any]) -> _Error:
+def _place_error(detail: ErrorDetails, whole: Mapping[str, Any]) -> _Error:
     """Place an error of pydantic at its key.
 
-    The path of pydantic may go on with a type of the value.
+    The path of pydantic may go on with a type of the value. `whole` is the schema of
+    the configuration.
     """
+    # Follow the path as long as it names keys.
     path: list[str] = []
-    node = whole
-    location = error["loc"]
+    key_schema = whole
+    location = detail["loc"]
     for step in location:
-        inner = _inside(node, step, whole)
+        inner = _inside(key_schema, step, whole)
         if inner is None:
             break
-        node = inner
+        key_schema = inner
         path.append(str(step))
+
+    # What is left is an unknown key, or a place inside the value.
     rest = location[len(path) :]
-    is_unknown = error["type"] in UNKNOWN and len(rest) == 1
-    is_inside_the_value = bool(rest) and not is_unknown
+    is_unknown_key = detail["type"] in UNKNOWN and len(rest) == 1
+    is_inside_the_value = bool(rest) and not is_unknown_key
     return _Error(
-        type="value" if is_inside_the_value else error["type"],
+        type="value" if is_inside_the_value else detail["type"],
         path=path,
-        unknown=rest[0] if is_unknown else None,
-        context=error.get("ctx", {}),
+        unknown=rest[0] if is_unknown_key else None,
+        context=detail.get("ctx", {}),
     )
 
 
@@ -231,7 +253,7 @@ def _faults(
     errors: list[_Error], config: Any, source: str | Origin, model: Model
 ) -> Iterator[InputError]:
     """Yield the errors as faults, each with the file of its key."""
-    explained = _ranges_without_numbers(errors)
+    explained_keys = _ranges_without_numbers(errors)
     n_guesses = 0
     for error in errors:
         key = ".".join(error.path)
@@ -244,20 +266,22 @@ def _faults(
                 similar = difflib.get_close_matches(str(error.unknown), known, 1)
                 n_guesses += 1
             # The key that was meant is not reported as missing, too.
-            explained.add(".".join([*error.path, *similar]))
+            explained_keys.add(".".join([*error.path, *similar]))
             yield _unknown_key(error, config, source, known, similar)
         elif error.type == "missing":
-            if key not in explained:
+            if key not in explained_keys:
                 words = allowed_by(subschema(error.path, model))
                 owner = owner_of(source, key)
                 yield YamlError(owner, key, None, f"{words}; the key is missing")
         elif error.type == CONTRADICTION:
             yield from _contradictions(error, config, source)
         else:
+            # Without a key, the error is about the whole configuration.
             words = "keys with values"
             if key:
                 words = allowed_by(subschema(error.path, model))
-            yield YamlError(origin_of(source, key), key, at(config, error.path), words)
+            value = at(config, error.path)
+            yield YamlError(origin_of(source, key), key, value, words)
 
 
 def _ranges_without_numbers(errors: list[_Error]) -> set[str]:
@@ -277,15 +301,22 @@ def _unknown_key(
     known: Sequence[str],
     similar: Sequence[str],
 ) -> InputError:
-    """Make the fault of a key that does not exist."""
-    key = ".".join([*error.path, str(error.unknown)])
-    hint = f"keys here: {', '.join(known)}"
+    """Make the fault of a key that does not exist.
+
+    `known` are the keys of its section, and `similar` is empty or has the one among
+    them that may be meant.
+    """
+    unknown_name = str(error.unknown)
+    key = ".".join([*error.path, unknown_name])
     if similar:
         hint = f"did you mean {similar[0]}?"
+    else:
+        hint = f"keys here: {', '.join(known)}"
+
     # A key such as null or 1.5 is no text in the file, and is text in pydantic's error.
     section = at(config, error.path)
     values = {str(name): value for name, value in section.items()}
-    value = values[str(error.unknown)]
+    value = values[unknown_name]
     return YamlError(origin_of(source, key), key, value, f"a known key; {hint}")
 
 

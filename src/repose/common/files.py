@@ -83,13 +83,15 @@ def json_text(content: Any, indent: int = 1) -> str:
     """
     text = json.dumps(content, indent=indent, default=_plain)
     record = provenance.current()
-    if record and isinstance(content, Mapping):
-        beginning = text.removesuffix("}").rstrip()
-        comma = "," if content else ""
-        space = " " * indent
-        entry = f"{space}{json.dumps(attached.KEY)}: {json.dumps(record)}"
-        text = f"{beginning}{comma}\n{entry}\n}}"
-    return text
+    if not record or not isinstance(content, Mapping):
+        return text
+
+    # Put the record before the closing brace, in one line.
+    beginning = text.removesuffix("}").rstrip()
+    comma = "," if content else ""
+    space = " " * indent
+    entry = f"{space}{json.dumps(attached.KEY)}: {json.dumps(record)}"
+    return f"{beginning}{comma}\n{entry}\n}}"
 
 
 def write_table(
@@ -210,13 +212,15 @@ def read_json(
         Without the record of provenance.
     """
     try:
-        content = json.loads(attached.plain_file(path).read_bytes().decode("utf-8-sig"))
+        text = attached.plain_file(path).read_bytes().decode("utf-8-sig")
+        content = json.loads(text)
     except OSError as error:
         raise InputError(path, "file", error.strerror, what) from error
     except (*attached.UNREADABLE, RecursionError) as error:
         raise InputError(path, "content", str(error), what) from error
     require(isinstance(content, dict), path, "content", content, what)
     content.pop(attached.KEY, None)
+
     for key in keys:
         kind = keys[key] if isinstance(keys, Mapping) else object
         if key not in content or not isinstance(content[key], kind):

@@ -1,4 +1,7 @@
-"""Dotted keys of a configuration: the file of each, its value, its section. No YAML is loaded, which takes time."""
+"""Dotted keys of a configuration: the file of each, its value, its section.
+
+No YAML is loaded here, which takes time.
+"""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -9,28 +12,48 @@ Config = Mapping[str, Any]
 
 
 class Origin:
-    """The file of each dotted key; an entry of a list belongs to the file of the list, a missing key to `default`."""
+    """The file of each dotted key.
+
+    Parameters
+    ----------
+    origin : mapping of str to str
+        The file of each dotted key that a file has.
+    default : str
+        The file of a key that is missing.
+    shared : str
+        The file of the method, which is not the user's.
+    """
 
     def __init__(
         self, origin: Mapping[str, str], default: str, shared: str = ""
     ) -> None:
-        self.origin, self.default, self.shared = origin, default, shared
+        self.origin = origin
+        self.default = default
+        self.shared = shared
 
     def of(self, key: str) -> str:
-        """Return the name of the file that holds a dotted key."""
-        of_list = key.split(".")
-        place = next(
-            (k for k, step in enumerate(of_list) if step.isdigit()), len(of_list)
-        )
-        return self.origin.get(".".join(of_list[:place]), self.default)
+        """Return the name of the file that holds a dotted key.
+
+        An entry of a list belongs to the file of the list.
+        """
+        steps = []
+        for step in key.split("."):
+            if step.isdigit():
+                break
+            steps.append(step)
+        return self.origin.get(".".join(steps), self.default)
 
     def owner(self, key: str) -> str:
-        """Return the user's file in which to edit a key: its own, or the file of the innermost section around it."""
+        """Return the user's file in which to edit a dotted key.
+
+        It is the key's own file, or that of the innermost section around it.
+        """
         steps = key.split(".")
-        for k in range(len(steps), 0, -1):
-            name = self.origin.get(".".join(steps[:k]), self.shared)
-            if name != self.shared:
-                return name
+        while steps:
+            file = self.origin.get(".".join(steps), self.shared)
+            if file != self.shared:
+                return file
+            steps.pop()
         return self.default
 
 
@@ -44,16 +67,20 @@ def origin_of(source: "str | Origin", key: str) -> str:
     return source.of(key) if isinstance(source, Origin) else source
 
 
-def at(found: Any, path: Iterable[int | str]) -> Any:
-    """Return the value at the steps of a key, any of which may contain a dot; None where there is none."""
+def at(config: Any, path: Iterable[int | str]) -> Any:
+    """Return the value at the steps of a key; None where there is none.
+
+    A step is a key, which may contain a dot, or the number of an entry in a list.
+    """
+    value = config
     for step in path:
-        if isinstance(found, Mapping):
-            found = found.get(step)
-        elif isinstance(found, list) and str(step).isdigit() and int(step) < len(found):
-            found = found[int(step)]
+        if isinstance(value, Mapping):
+            value = value.get(step)
+        elif isinstance(value, list) and str(step).isdigit() and int(step) < len(value):
+            value = value[int(step)]
         else:
             return None
-    return found
+    return value
 
 
 def get(config: Any, key: str) -> Any:

@@ -121,13 +121,17 @@ def _digests(folder: Path) -> dict[str, set[str]]:
     digests: dict[str, set[str]] = defaultdict(set)
     if path.is_symlink() or not path.is_file():
         return digests
-    *lines, last = os.fsdecode(path.read_bytes()).split("\n")
-    for line in lines:
-        found = LINE.fullmatch(line)
-        if found:
-            digest, name = found.groups()
+
+    # Each whole line ends with a new line; the last one is empty or cut off.
+    *whole_lines, last_line = os.fsdecode(path.read_bytes()).split("\n")
+    for line in whole_lines:
+        match = LINE.fullmatch(line)
+        if match:
+            digest, name = match.groups()
             digests[name].add(digest)
-    if not digests and not all(map(CUT_OFF.fullmatch, [*lines, last])):
+
+    # Refuse a file of this name that is no ledger.
+    if not digests and not all(map(CUT_OFF.fullmatch, [*whole_lines, last_line])):
         allowed = "the list of files that repose wrote in this folder"
         raise InputError(path, "content", "something else", allowed)
     return digests

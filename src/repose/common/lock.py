@@ -66,15 +66,15 @@ def take_folder(folder: str | os.PathLike) -> Held:
 
 
 def _wait_for_jobs(folder: Path) -> None:
-    """Wait until the jobs of an earlier workflow have ended."""
-    is_told = False
+    """Wait until the jobs of an earlier workflow have ended, with a single message."""
+    has_printed = False
     for path in sorted(folder.glob(f"{JOB}*")):
         held = _try_lock(path)
         if held is None:
-            if not is_told:
+            if not has_printed:
                 text = "waiting until the jobs of a workflow that was killed have ended"
                 print(f"repose: {folder}: {text}", file=sys.stderr, flush=True)
-                is_told = True
+                has_printed = True
             held = _lock(path)
         with held:
             path.unlink(missing_ok=True)

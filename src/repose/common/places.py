@@ -35,14 +35,16 @@ def find(path: str | os.PathLike) -> Path:
 def configs() -> list[Path]:
     """List the default configurations, each over the one before it.
 
-    A crop in the working folder (`config.yaml`) replaces ours.
+    They are the method, and a crop: that of the working folder, or else ours. A file
+    `config/config.yaml` of the working folder lies over our crop.
     """
     method = find(METHOD_CONFIG)
-    default = root() / DEFAULT_CONFIG
+    our_crop = root() / DEFAULT_CONFIG
     study = Path(DEFAULT_CONFIG)
     if study.is_file():
-        if study.resolve() == default.resolve():
+        # In the checkout the two are one file.
+        if study.resolve() == our_crop.resolve():
             return [method, study]
-        return [method, default, study]
+        return [method, our_crop, study]
     crop = Path("config.yaml")
-    return [method, crop if crop.is_file() else default]
+    return [method, crop if crop.is_file() else our_crop]

@@ -41,7 +41,7 @@ FORCED_TYPES = ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "OPENBLAS_CORETYPE")
 class _Stage:
     """The stage that runs."""
 
-    about: dict[str, Any]  # verb, and what else names the stage
+    heading: dict[str, Any]  # verb, and what else names the stage
     inputs: list[tuple[Path, Record | None]]  # its files with their records
     settings_of: Callable[[Config, str | None], Any]  # chooses those that it reads
     simulates: bool
@@ -94,12 +94,22 @@ def stage(
         (path, attached.read(path)) for path in paths
     ]
     refuse_mixture(inputs)
-    about: dict[str, Any] = {"verb": verb}
+
+    # The first entries of the record.
+    heading: dict[str, Any] = {"verb": verb}
     if runs:
-        about["apparatus"] = apparatus or _first_entry(inputs, "apparatus")
+        heading["apparatus"] = apparatus or _first_entry(inputs, "apparatus")
     if strategy:
-        about["strategy"] = strategy
-    token = _current.set(_Stage(about, inputs, settings_of, runs == "made", check))
+        heading["strategy"] = strategy
+
+    new_stage = _Stage(
+        heading,
+        inputs=inputs,
+        settings_of=settings_of,
+        simulates=runs == "made",
+        check=check,
+    )
+    token = _current.set(new_stage)
     try:
         yield
     finally:
@@ -114,45 +124,58 @@ def note_config(config: Config) -> None:
     InputError
         If its input files are results of another study.
     """
-    running = _current.get()
-    if running is not None:
-        # A stage may change the one that it has.
-        if running.config is None and running.check is not None:
-            running.check(config, running.inputs)
-        running.config = config
-        running.record = None
+    current_stage = _current.get()
+    if current_stage is None:
+        return
+    # A stage may change the configuration that it has, which is not checked again.
+    if current_stage.config is None and current_stage.check is not None:
+        current_stage.check(config, current_stage.inputs)
+    current_stage.config = config
+    current_stage.record = None
 
 
 def current() -> dict[str, Any] | None:
     """Return the record of the current stage; None without one."""
-    running = _current.get()
-    if running is None:
+    current_stage = _current.get()
+    if current_stage is None:
         return None
-    if running.record is None:
-        running.record = _record(running)
-    return running.record
+    if current_stage.record is None:
+        current_stage.record = _make_record(current_stage)
+    return current_stage.record
 
 
-def _record(running: _Stage) -> dict[str, Any]:
-    """Make the record of a stage."""
-    if running.simulates:
+def _make_record(current_stage: _Stage) -> dict[str, Any]:
+    """Make the record of a stage.
+
+    Its origin is a hash of the stage, its settings, the engine and its input files, or
+    rather of their origins. So results of one origin are equal.
+    """
+    # Runs are of this engine, and what follows from runs is of theirs.
+    if current_stage.simulates:
         engine = engine_hash()
     else:
-        engine = _first_entry(running.inputs, "engine")
-    chosen = None
+        engine = _first_entry(current_stage.inputs, "engine")
+
+    settings = None
     seed = None
-    if running.config is not None:
-        apparatus = running.about.get("apparatus")
-        chosen = as_recorded(running.settings_of(running.config, apparatus))
-        seed = running.config["design"]["seed"]
-    origins = set()
-    for path, record in running.inputs:
-        origins.add(record["origin"] if record else hash_of_file(path))
+    if current_stage.config is not None:
+        apparatus = current_stage.heading.get("apparatus")
+        settings = as_recorded(
+            current_stage.settings_of(current_stage.config, apparatus)
+        )
+        seed = current_stage.config["design"]["seed"]
+
+    input_origins = set()
+    for path, record in current_stage.inputs:
+        input_origins.add(record["origin"] if record else hash_of_file(path))
+    origin = hash_of(
+        [current_stage.heading, hash_of(settings), engine, sorted(input_origins)]
+    )
     return {
-        **running.about,
-        "settings": chosen,
+        **current_stage.heading,
+        "settings": settings,
         "engine": engine,
-        "origin": hash_of([running.about, hash_of(chosen), engine, sorted(origins)]),
+        "origin": origin,
         "seed": seed,
         **machine(),
     }
@@ -182,6 +205,8 @@ def refuse_mixture(inputs: Inputs) -> None:
     inputs : iterable of (Path, mapping or None)
         Files with their records.
     """
+    # The first engine, and the first origin of the runs of each stage and bench test,
+    # each with its file.
     first_engine: tuple[str, Path] | None = None
     first_origins: dict[tuple[str, str], tuple[str, Path]] = {}
     for path, record in inputs:
@@ -189,18 +214,19 @@ def refuse_mixture(inputs: Inputs) -> None:
             continue
         engine = record.get("engine")
         if engine:
-            first_engine = first_engine or (engine, path)
-            other, source = first_engine
-            if engine != other:
-                allowed = f"{other}, as in {source}: results of one engine"
+            if first_engine is None:
+                first_engine = (engine, path)
+            expected, source = first_engine
+            if engine != expected:
+                allowed = f"{expected}, as in {source}: results of one engine"
                 raise InputError(path, "provenance.engine", engine, allowed)
         if "apparatus" in record:
-            kind = (record["verb"], record["apparatus"])
+            runs = (record["verb"], record["apparatus"])
             origin = record["origin"]
-            other, source = first_origins.setdefault(kind, (origin, path))
-            if origin != other:
+            expected, source = first_origins.setdefault(runs, (origin, path))
+            if origin != expected:
                 allowed = (
-                    f"{other}, as in {source}: runs of the same settings, grain and "
+                    f"{expected}, as in {source}: runs of the same settings, grain and "
                     "particle"
                 )
                 raise InputError(path, "provenance.origin", origin, allowed)
@@ -255,17 +281,19 @@ def _version(name: str) -> str | None:
 def _commit() -> str | None:
     """Find the commit of the checkout, or of the build; None if neither is known."""
     root = PACKAGE.parents[1]
-    if not (root / ".git").exists():
+    is_checkout = (root / ".git").exists()
+    if not is_checkout:
         built_from = places.root() / BUILT_FROM
         if not built_from.is_file():
             return None
         return built_from.read_text(encoding="utf-8").strip() or None
+
     command = ["git", "-C", str(root), "rev-parse", "--short=12", "HEAD"]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        result = subprocess.run(command, capture_output=True, text=True, check=True)
     except (OSError, subprocess.CalledProcessError):
         return None
-    return done.stdout.strip()
+    return result.stdout.strip()
 
 
 def _processor() -> str:
@@ -278,10 +306,13 @@ def _processor() -> str:
         lines = CPU_INFO.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
         lines = []
+
+    # The file has these lines again for each core; the first core stands for all.
     fields: dict[str, str] = {}
     for line in lines:
         key, _, value = line.partition(":")
         fields.setdefault(key.strip(), value.strip())
+
     parts = [
         fields.get("model name") or platform.processor() or platform.machine(),
     ]

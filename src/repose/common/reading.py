@@ -4,7 +4,7 @@ import copy
 import functools
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,74 +13,86 @@ import yaml
 from repose.common.attached import plain_file
 from repose.common.errors import InputError, require
 
+# A line without indent that may stand in YAML: a key with a colon, or the sign of a
+# comment, list, text in quotes or end of the document.
 KEY_AT_MARGIN = re.compile(r".+:(\s|$)|[\s#\[\]{}\"'%?!&*:|>-]|\.\.\.|$")
 # YAML 1.1 also takes 010 for 8, 1:30 for 90, 1_0 for 10 and 0x10 for 16.
 PLAIN_NUMBER = re.compile(
     r"[-+]?(0|[1-9]\d*)?(\.\d*)?([eE][-+]?\d+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)"
 )
-MOST_CHARACTERS = (
-    200_000  # of all values with their aliases replaced; paper.yaml has some 5,000
+# Of all values with their aliases replaced; paper.yaml has some 5,000.
+MOST_CHARACTERS = 200_000
+# The key <<, which takes over the keys of another mapping.
+MERGE = "tag:yaml.org,2002:merge"
+# Other errors of PyYAML: a day that does not exist, a tag without its value, too many
+# brackets.
+OTHER_ERRORS = (
+    ValueError,
+    LookupError,
+    AttributeError,
+    TypeError,
+    ArithmeticError,
+    RecursionError,
 )
 
 
 class StrictLoader(yaml.SafeLoader):
-    """YAML that refuses a key given twice and reads 2e-4 as a number (YAML 1.1 takes it for text)."""
+    """YAML that refuses a key given twice, and reads 2e-4 as a number.
+
+    YAML 1.1 takes 2e-4 for text.
+    """
 
     def construct_mapping(
         self, node: yaml.MappingNode, deep: bool = False
     ) -> dict[Any, Any]:
-        """Make the mapping of a node; called by PyYAML. InputError names the line of a key that stands twice."""
-        seen = set()
+        """Make the mapping of a node; called by PyYAML.
+
+        Raises
+        ------
+        InputError
+            With the line of a key that stands twice, or is no text or number.
+        """
+        earlier_keys = set()
         for key_node, _ in node.value:
-            if (
-                key_node.tag == "tag:yaml.org,2002:merge"
-            ):  # <<, whose keys the others replace
+            # The keys of the mapping itself replace those that it takes over.
+            if key_node.tag == MERGE:
                 continue
-            key = self.construct_object(key_node, deep=deep)
-            found = (
-                key_node.value
-                if isinstance(key_node.value, str)
-                else "a list or mapping"
-            )
-            good = isinstance(key, str | int | float | None) and not isinstance(
-                key, bool
-            )
-            require(
-                good,
-                self.place_of(key_node),
-                "key",
-                found,
-                "text; put it in quotes if it is a name",
-            )
-            require(
-                key not in seen,
-                self.place_of(key_node),
-                str(key),
-                "given again",
-                "each key once",
-            )
-            seen.add(key)
+            key = self._construct_key(key_node, deep)
+            place = self.place_of(key_node)
+            is_new = key not in earlier_keys
+            require(is_new, place, str(key), "given again", "each key once")
+            earlier_keys.add(key)
         return super().construct_mapping(node, deep)
+
+    def _construct_key(self, node: yaml.Node, deep: bool) -> str | int | float | None:
+        """Make the key of a node; InputError for true, false, a list or a mapping."""
+        key = self.construct_object(node, deep=deep)
+        is_allowed = isinstance(key, str | int | float | None)
+        if isinstance(key, bool):
+            is_allowed = False
+        shown = node.value if isinstance(node.value, str) else "a list or mapping"
+        allowed = "text; put it in quotes if it is a name"
+        require(is_allowed, self.place_of(node), "key", shown, allowed)
+        return key
 
     def place_of(self, node: yaml.Node) -> str:
         """Name file and line of a node."""
         return f"{self.name}, line {node.start_mark.line + 1}"
 
     def construct_number(self, node: yaml.ScalarNode) -> int | float:
-        """Make the number of a node; called by PyYAML. InputError names the line of one that is no plain number."""
+        """Make the number of a node; called by PyYAML.
+
+        Raises
+        ------
+        InputError
+            With the line of a number that is written in an unusual way.
+        """
+        is_plain = PLAIN_NUMBER.fullmatch(node.value)
         allowed = "a plain number, such as 90.5, or a text in quotes"
-        require(
-            PLAIN_NUMBER.fullmatch(node.value),
-            self.place_of(node),
-            "value",
-            node.value,
-            allowed,
-        )
-        return (
-            self.construct_yaml_int
-            if node.tag.endswith(":int")
-            else self.construct_yaml_float
-        )(node)
+        require(is_plain, self.place_of(node), "value", node.value, allowed)
+        if node.tag.endswith(":int"):
+            return self.construct_yaml_int(node)
+        return self.construct_yaml_float(node)
 
 
 for _kind in ("int", "float"):
@@ -95,32 +107,44 @@ StrictLoader.add_implicit_resolver(
 
 
 def read(path: str | os.PathLike) -> dict[str, Any]:
-    """Read the mapping in a YAML or JSON file, unchecked; InputError for a missing file, bad syntax or a key twice."""
+    """Read the mapping in a YAML or JSON file, unchecked.
+
+    Raises
+    ------
+    InputError
+        For a missing file, bad syntax or a key twice.
+    """
     path = Path(path)
     try:
         text = plain_file(path).read_text(encoding="utf-8-sig")
     except OSError as error:
-        raise InputError(
-            path,
-            "file",
-            error.strerror,
-            "an existing YAML or JSON file that may be read",
-        ) from None
+        allowed = "an existing YAML or JSON file that may be read"
+        raise InputError(path, "file", error.strerror, allowed) from None
     except UnicodeDecodeError:
-        raise InputError(
-            path, "file", "not text", "a YAML or JSON file in UTF-8"
-        ) from None
+        allowed = "a YAML or JSON file in UTF-8"
+        raise InputError(path, "file", "not text", allowed) from None
     content = parse(text, str(path))
-    found, allowed = (
-        "empty" if content is None else content,
-        "keys with values, as `repose new` writes them",
-    )
-    require(isinstance(content, dict), path, "content", found, allowed)
+    shown = "empty" if content is None else content
+    allowed = "keys with values, as `repose new` writes them"
+    require(isinstance(content, dict), path, "content", shown, allowed)
     return content
 
 
 def parse(text: str, name: str) -> Any:
-    """Read YAML, and so JSON, as plain values; InputError with the file's `name` and the line for bad syntax."""
+    """Read YAML, and so JSON, as plain values.
+
+    Parameters
+    ----------
+    text : str
+        The YAML.
+    name : str
+        Its file, for messages.
+
+    Raises
+    ------
+    InputError
+        With the file and the line of bad syntax.
+    """
     # The caller may change what it gets.
     return copy.deepcopy(_parse(text, name))
 
@@ -129,78 +153,110 @@ def parse(text: str, name: str) -> Any:
 @functools.lru_cache(maxsize=16)
 def _parse(text: str, name: str) -> Any:
     """Read YAML as `parse` does; the result is not to be changed."""
-    loader = None
     try:
-        loader = StrictLoader(text)
+        return _construct(text, name)
+    except InputError:
+        raise
+    except yaml.MarkedYAMLError as error:
+        raise _syntax_fault(error, text, name) from None
+    except yaml.YAMLError as error:  # such as an invalid byte
+        one_line = " ".join(str(error).split())
+        raise InputError(name, "content", one_line, "valid YAML") from None
+    except OTHER_ERRORS as error:
+        raise InputError(name, "content", str(error), "valid YAML") from None
+
+
+def _construct(text: str, name: str) -> Any:
+    """Make the value of a YAML document; None for an empty one."""
+    loader = StrictLoader(text)
+    try:
         loader.name = name
         node = loader.get_single_node()
         if node is None:
             return None
-        characters = _characters(node, {})
-        few, allowed = characters <= MOST_CHARACTERS, f"at most {MOST_CHARACTERS}"
+        # A few lines of aliases can stand for more than the memory holds.
+        n_characters = _count_characters(node, {})
         require(
-            few, name, "characters once every alias is replaced", characters, allowed
+            n_characters <= MOST_CHARACTERS,
+            name,
+            "characters once every alias is replaced",
+            n_characters,
+            f"at most {MOST_CHARACTERS}",
         )
         return loader.construct_document(node)
-    except yaml.MarkedYAMLError as error:
-        line = error.problem_mark.line + 1 if error.problem_mark else 0
-        fault = line or "?", error.problem, "valid YAML (indent by spaces, no tabs)"
-        if "escape" in (error.problem or ""):
-            fault = *fault[:2], r"a path in single quotes, as in 'C:\data\sizes.csv'"
-        elif r"'\t'" in (error.problem or ""):
-            fault = *fault[:2], "blanks in place of the tab"
-        if found := _without_colon(text.splitlines()[:line]):
-            fault = *found, "KEY: VALUE, with a space after the colon"
-        raise InputError(name, f"line {fault[0]}", *fault[1:]) from None
-    except yaml.YAMLError as error:  # such as an invalid byte
-        raise InputError(
-            name, "content", " ".join(str(error).split()), "valid YAML"
-        ) from None
-    except InputError:
-        raise
-    # other errors of PyYAML: a day that does not exist, a tag without its value, too many brackets
-    except (
-        ValueError,
-        LookupError,
-        AttributeError,
-        TypeError,
-        ArithmeticError,
-        RecursionError,
-    ) as error:
-        raise InputError(name, "content", str(error), "valid YAML") from None
     finally:
-        if loader is not None:
-            loader.dispose()
+        loader.dispose()
 
 
-def _without_colon(lines: Sequence[str]) -> tuple[int, str] | None:
-    """Find the first line at the margin that is no key with its value: number and words; None without any."""
-    number, words = next(
-        (
-            (k, words)
-            for k, words in enumerate(lines, start=1)
-            if not KEY_AT_MARGIN.match(words)
-        ),
-        (0, ""),
-    )
-    try:  # within a text or list over several lines it is good
-        yaml.compose("\n".join(lines[: max(number - 1, 0)]), Loader=yaml.SafeLoader)
-    except yaml.YAMLError:
-        return None
-    return (number, words) if number else None
+def _syntax_fault(error: yaml.MarkedYAMLError, text: str, name: str) -> InputError:
+    """Make the fault of bad syntax, with advice for frequent mistakes."""
+    line = error.problem_mark.line + 1 if error.problem_mark else 0
+    problem = error.problem or ""
+
+    # The parser notices a missing colon only in a later line.
+    line_without_colon = _find_line_without_colon(text.splitlines()[:line])
+    if line_without_colon is not None:
+        number, words = line_without_colon
+        allowed = "KEY: VALUE, with a space after the colon"
+        return InputError(name, f"line {number}", words, allowed)
+
+    if "escape" in problem:
+        allowed = r"a path in single quotes, as in 'C:\data\sizes.csv'"
+    elif r"'\t'" in problem:
+        allowed = "blanks in place of the tab"
+    else:
+        allowed = "valid YAML (indent by spaces, no tabs)"
+    return InputError(name, f"line {line or '?'}", error.problem, allowed)
 
 
-def _characters(node: yaml.Node, known: dict[int, int]) -> int:
-    """Count the characters of a node with its aliases replaced; a recursive alias counts 0."""
-    if id(node) not in known:
-        known[id(node)] = 0
-        if isinstance(node, yaml.ScalarNode):
-            known[id(node)] = 1 + len(node.value)
+def _find_line_without_colon(lines: Sequence[str]) -> tuple[int, str] | None:
+    """Find the first line at the margin that is no key with its value.
+
+    Returns
+    -------
+    tuple of int and str, or None
+        Number of the line, from 1, and its text; None if there is no such line.
+    """
+    for number, words in enumerate(lines, start=1):
+        if KEY_AT_MARGIN.match(words):
+            continue
+        # Within a text or list over several lines it is good. Then the lines before it
+        # are no whole document.
+        try:
+            yaml.compose("\n".join(lines[: number - 1]), Loader=yaml.SafeLoader)
+        except yaml.YAMLError:
+            return None
+        return number, words
+    return None
+
+
+def _count_characters(node: yaml.Node, counts: dict[int, int]) -> int:
+    """Count the characters of a node with its aliases replaced.
+
+    Parameters
+    ----------
+    node : yaml.Node
+        A value; an alias is the same node as the value that it stands for.
+    counts : dict of int to int
+        The counts so far, by the node's `id`. That of the node is added.
+    """
+    if id(node) in counts:
+        return counts[id(node)]
+    # A value that contains itself counts 0 inside.
+    counts[id(node)] = 0
+    if isinstance(node, yaml.ScalarNode):
+        n_characters = 1 + len(node.value)
+    else:
+        inner_counts = (_count_characters(part, counts) for part in _parts_of(node))
+        n_characters = 1 + sum(inner_counts)
+    counts[id(node)] = n_characters
+    return n_characters
+
+
+def _parts_of(node: yaml.Node) -> Iterator[yaml.Node]:
+    """Yield the entries of a list, or the keys and values of a mapping."""
+    for item in node.value:
+        if isinstance(item, tuple):
+            yield from item
         else:
-            inside = (
-                part
-                for item in node.value
-                for part in (item if isinstance(item, tuple) else (item,))
-            )
-            known[id(node)] = 1 + sum(_characters(part, known) for part in inside)
-    return known[id(node)]
+            yield item

@@ -1,4 +1,4 @@
-"""Hashes of the code that computes a result, so that an edit plans the work it changes.
+"""Hashes of the code that computes a result: an edit of it plans the result again.
 
 A stage depends on its module and on every module of `repose` that it imports, directly
 or through others. What cannot change a number is left out of the hash: comments,
@@ -10,7 +10,7 @@ import ast
 import hashlib
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -30,7 +30,7 @@ FORMAT = b"2"
 DATA = (".csv", ".json", ".mplstyle", ".html", ".js", ".css", ".yaml")
 # Arguments of pydantic's `Field` that explain a key.
 MEANING = ("description", "json_schema_extra")
-_new_keys: list[str] = []  # of facts that no earlier call has kept
+_new_keys: list[str] = []  # of summaries that no earlier call has kept
 
 
 @cache
@@ -56,14 +56,12 @@ def code_hash(*modules: str, follow_imports: bool = True) -> str:
         If there is no such module.
     """
     if follow_imports:
-        names = sorted(dependencies(*modules))
+        names = dependencies(*modules)
     else:
-        names = sorted(
-            {name for each in modules for name in _modules_of(f"repose.{each}")}
-        )
+        names = frozenset(_list_modules(modules))
     digest = hashlib.sha256()
-    for name in names:
-        digest.update(f"{name} {_module_digest(name)}\n".encode())
+    for name in sorted(names):
+        digest.update(f"{name} {_hash_module(name)}\n".encode())
     keep_for_later_calls()
     return digest.hexdigest()[:16]
 
@@ -83,15 +81,25 @@ def dependencies(*modules: str) -> frozenset[str]:
         Full dotted names, without `WITHOUT_NUMBERS`.
     """
     found: set[str] = set()
-    waiting = [name for module in modules for name in _modules_of(f"repose.{module}")]
-    while waiting:
-        name = waiting.pop()
-        if name not in found and not computes_nothing(name):
-            found.add(name)
-            waiting.extend(_imports(name))
-            # Python runs the package around a module, too.
-            waiting.append(name.rpartition(".")[0])
+    queue = _list_modules(modules)
+    while queue:
+        name = queue.pop()
+        if name in found or computes_nothing(name):
+            continue
+        found.add(name)
+        queue.extend(_imports(name))
+        # Python runs the package around a module, too.
+        package = name.rpartition(".")[0]
+        queue.append(package)
     return frozenset(found)
+
+
+def _list_modules(names: Iterable[str]) -> list[str]:
+    """List the full names of modules, and of all modules in packages, below `repose`."""
+    modules = []
+    for name in names:
+        modules += _modules_of(f"repose.{name}")
+    return modules
 
 
 def computes_nothing(module: str) -> bool:
@@ -115,14 +123,16 @@ def _file_of(module: str) -> Path:
 
 
 def _modules_of(name: str) -> list[str]:
-    """List a module, or a package with all its modules."""
+    """List a module, or a package with all its modules, by their full dotted names."""
     file = _file_of(name)
-    if file.name != "__init__.py":
+    is_package = file.name == "__init__.py"
+    if not is_package:
         return [name]
     modules = []
     for path in sorted(file.parent.rglob("*.py")):
         parts = path.relative_to(PACKAGE).with_suffix("").parts
-        modules.append(".".join(("repose", *parts)).removesuffix(".__init__"))
+        module = ".".join(("repose", *parts))
+        modules.append(module.removesuffix(".__init__"))
     return modules
 
 
@@ -137,17 +147,28 @@ def _imports(module: str) -> frozenset[str]:
     """
     file = _file_of(module)
     package = module if file.name == "__init__.py" else module.rpartition(".")[0]
+    summary = _summarise_file(file)
     modules = set()
-    for level, name in _facts(file)["imports"]:
-        if level:
-            parents = package.split(".")
-            base = ".".join(parents[: len(parents) - level + 1])
-            name = f"{base}.{name}" if name else base
-        if _is_module(name):
-            modules.add(name)
-    if _facts(file)["imports_by_name"]:
+    for level, name in summary["imports"]:
+        full_name = _absolute_name(name, level, package)
+        if _is_module(full_name):
+            modules.add(full_name)
+    if summary["imports_by_name"]:
         modules.update(_modules_of(package))
     return frozenset(modules)
+
+
+def _absolute_name(name: str, level: int, package: str) -> str:
+    """Return the full name of an import: `level` is the number of dots before its name.
+
+    One dot stands for the `package` of the module, and each other dot for the package
+    around it.
+    """
+    if level == 0:
+        return name
+    parents = package.split(".")
+    base = ".".join(parents[: len(parents) - level + 1])
+    return f"{base}.{name}" if name else base
 
 
 @cache
@@ -196,16 +217,20 @@ class _NumbersOnly(ast.NodeTransformer):
 
 
 @cache
-def _module_digest(module: str) -> str:
-    """Hash what computes in a module, and the data files of its folder that it names."""
+def _hash_module(module: str) -> str:
+    """Hash the code of a module, and the data files of its folder that it names.
+
+    The result is the hash of the code, and that of each data file after a blank.
+    """
     file = _file_of(module)
     content = file.read_bytes()
-    digests = [_facts(file)["code"]]
+    hashes = [_summarise_file(file)["code"]]
     for name in _data_files(file.parent):
-        if name.encode() in content:
+        is_named = name.encode() in content
+        if is_named:
             data = (file.parent / name).read_bytes()
-            digests.append(hashlib.sha256(data).hexdigest())
-    return " ".join(digests)
+            hashes.append(hashlib.sha256(data).hexdigest())
+    return " ".join(hashes)
 
 
 @cache
@@ -215,8 +240,10 @@ def _data_files(folder: Path) -> list[str]:
 
 
 @cache
-def _facts(file: Path) -> dict[str, Any]:
-    """Find the hash of a file's code, and what it imports.
+def _summarise_file(file: Path) -> dict[str, Any]:
+    """Hash the code of a file, and find what it imports.
+
+    A file that an earlier call has summarised is not parsed again.
 
     Returns
     -------
@@ -227,15 +254,15 @@ def _facts(file: Path) -> dict[str, Any]:
     """
     content = file.read_bytes()
     key = hashlib.sha256(FORMAT + content).hexdigest()
-    stored = _stored_facts()
-    if key not in stored:
-        stored[key] = _facts_of(content)
+    summaries = _stored_summaries()
+    if key not in summaries:
+        summaries[key] = _summarise(content)
         _new_keys.append(key)
-    return stored[key]
+    return summaries[key]
 
 
-def _facts_of(content: bytes) -> dict[str, Any]:
-    """Parse a module for `_facts`."""
+def _summarise(content: bytes) -> dict[str, Any]:
+    """Parse the content of a file, and return its summary as `_summarise_file` does."""
     tree = ast.parse(content)
     imports: set[tuple[int, str]] = set()
     imports_by_name = False
@@ -243,13 +270,17 @@ def _facts_of(content: bytes) -> dict[str, Any]:
         if isinstance(node, ast.Import):
             imports.update((0, alias.name) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
+            # In `from a import b`, b may be a module of the package a, or a name in it.
             origin = node.module or ""
-            imports.add((node.level, origin))
             prefix = f"{origin}." if origin else ""
+            imports.add((node.level, origin))
             imports.update((node.level, prefix + alias.name) for alias in node.names)
         elif isinstance(node, ast.Call):
-            function = ast.unparse(node.func)
-            imports_by_name |= function.rpartition(".")[2] == "import_module"
+            function = ast.unparse(node.func).rpartition(".")[2]
+            if function == "import_module":
+                imports_by_name = True
+
+    # This changes the tree, so it comes last.
     code = ast.dump(_NumbersOnly().visit(tree))
     return {
         "code": hashlib.sha256(code.encode()).hexdigest(),
@@ -260,45 +291,46 @@ def _facts_of(content: bytes) -> dict[str, Any]:
 
 def _runtime_nodes(tree: ast.Module) -> Iterator[ast.AST]:
     """Yield the nodes of a module, without what stands below ``if TYPE_CHECKING:``."""
-    waiting: list[ast.AST] = [tree]
-    while waiting:
-        node = waiting.pop()
+    queue: list[ast.AST] = [tree]
+    while queue:
+        node = queue.pop()
         yield node
         if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
-            waiting.extend(node.orelse)
+            queue.extend(node.orelse)
         else:
-            waiting.extend(ast.iter_child_nodes(node))
+            queue.extend(ast.iter_child_nodes(node))
 
 
 def _store_path() -> Path:
-    """Return the file in the user's cache folder that keeps facts between calls."""
+    """Return the file in the user's cache folder that keeps summaries between calls."""
     cache_folder = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     return Path(cache_folder) / "repose" / "source_code.json"
 
 
 @cache
-def _stored_facts() -> dict[str, dict[str, Any]]:
-    """Read the facts that earlier calls found, by the hash of a file's content.
+def _stored_summaries() -> dict[str, dict[str, Any]]:
+    """Read the summaries that earlier calls made, by the hash of a file's content.
 
     They only save time: parsing all modules takes some seconds. A damaged or missing
     file counts as empty.
     """
     try:
-        facts = json.loads(_store_path().read_text(encoding="utf-8"))
+        summaries = json.loads(_store_path().read_text(encoding="utf-8"))
     except (OSError, ValueError, RuntimeError):  # RuntimeError: no home folder
         return {}
-    return facts if isinstance(facts, dict) else {}
+    return summaries if isinstance(summaries, dict) else {}
 
 
 def keep_for_later_calls() -> None:
-    """Keep the facts that this process found, if the cache folder can be written."""
+    """Keep the summaries that this process made, if the cache folder can be written."""
     if not _new_keys:
         return
     try:
         path = _store_path()
         path.parent.mkdir(parents=True, exist_ok=True)
+        # Other processes may read the file meanwhile, so it is replaced in one move.
         part = path.with_name(f"{path.name}.{os.getpid()}.part")
-        part.write_text(json.dumps(_stored_facts()), encoding="utf-8")
+        part.write_text(json.dumps(_stored_summaries()), encoding="utf-8")
         part.replace(path)
     except (OSError, RuntimeError):
         return

@@ -49,13 +49,16 @@ def find_summary_row(columns: Mapping[str, Sequence[str]]) -> SummaryRow | None:
         repeats a row above is none, and neither is a row of a design, whose columns
         have few levels: its centre is the mean of all of them, its corners their ends.
     """
-    cells = list(columns.values())
-    n_rows = len(cells[0]) if cells else 0
-    numbers = np.full((n_rows, len(cells)), math.nan)
-    for k, column in enumerate(cells):
-        numbers[:, k] = [_finite_number(cell) for cell in column]
-    for row in range(max(0, n_rows - len(STATISTICS)), n_rows):
-        last_digits = [_last_digit(column[row]) for column in cells]
+    cells_of_columns = list(columns.values())
+    n_rows = len(cells_of_columns[0]) if cells_of_columns else 0
+    numbers = np.full((n_rows, len(cells_of_columns)), math.nan)
+    for k, cells in enumerate(cells_of_columns):
+        numbers[:, k] = [_finite_number(cell) for cell in cells]
+
+    # There is at most one row for each statistic.
+    first_row = max(0, n_rows - len(STATISTICS))
+    for row in range(first_row, n_rows):
+        last_digits = [_last_digit(cells[row]) for cells in cells_of_columns]
         statistic = _statistic_of(numbers[row], numbers[:row], last_digits)
         if statistic:
             return SummaryRow(row, statistic)
@@ -76,23 +79,26 @@ def _statistic_of(
     last_digits : sequence of float
         Unit of the last digit that the row prints in each column.
     """
-    compared = [
+    compared_columns = [
         k
         for k, last_digit in enumerate(last_digits)
         if math.isfinite(row[k]) and _varies(above[:, k], last_digit)
     ]
-    if len(compared) < FEWEST_COLUMNS:
+    if len(compared_columns) < FEWEST_COLUMNS:
         return ""
-    if (above[:, compared] == row[compared]).all(axis=1).any():
+    is_equal = above[:, compared_columns] == row[compared_columns]
+    repeats_a_row = is_equal.all(axis=1).any()
+    if repeats_a_row:
         return ""
+
     for name, statistic in STATISTICS.items():
-        has_statistic = True
-        for k in compared:
+        is_close = []
+        for k in compared_columns:
             column = above[:, k]
             difference = abs(statistic(column[np.isfinite(column)]) - row[k])
             # Half a digit, and room for the rounding of the statistic itself.
-            has_statistic &= bool(difference <= 0.501 * last_digits[k])
-        if has_statistic:
+            is_close.append(difference <= 0.501 * last_digits[k])
+        if all(is_close):
             return name
     return ""
 

@@ -238,22 +238,31 @@ def read(
         If the file is no table, lacks a column, has a cell that its column does not
         allow, or a row at the end that sums up the others (`find_summary_row`).
     """
+    # Sort what the caller asks for.
+    declared: dict[str, Column] = {}
+    names = []
+    needed = []
+    for column in columns:
+        if isinstance(column, Column):
+            declared[column.name] = column
+            names.append(column.name)
+            if column.needed:
+                needed.append(column.name)
+        else:
+            names.append(column)
+            needed.append(column)
+
+    # Give the columns the names that the caller uses.
     table = sheet(path, what)
-    columns = list(columns)
-    declared = {one.name: one for one in columns if isinstance(one, Column)}
-    names = [one.name if isinstance(one, Column) else one for one in columns]
-    needed = [name for name in names if name not in declared or declared[name].needed]
     new_names = renaming(table.text, [*names, *optional])
     table.text = table.text.rename(columns=new_names)
     check_columns(path, table.text, needed, what)
 
+    # Check all cells, those of other columns only for numbers.
     checked = list(declared.values())
     for name in table.text:
         if name not in declared:
-            kind = float if others(table.text[name]) else object
-            words = "a finite number, as most cells of this column"
-            is_empty = not _numbers_rows(table.text[name])
-            checked.append(Column(name, kind, empty=is_empty, words=words))
+            checked.append(_undeclared_column(name, table.text[name], others))
     values, faults = check(table.text, checked)
     refuse(path, [*faults, *_summary_faults(table.text, declared)])
 
@@ -264,6 +273,18 @@ def read(
         name for name, column in declared.items() if column.kind is str
     )
     return table
+
+
+def _undeclared_column(
+    name: str, cells: "pd.Series", has_numbers: Callable[[Iterable[str]], bool]
+) -> Column:
+    """Describe a column that its reader does not declare, by its cells."""
+    return Column(
+        name,
+        kind=float if has_numbers(cells) else object,
+        empty=not _numbers_rows(cells),
+        words="a finite number, as most cells of this column",
+    )
 
 
 def check(
@@ -292,10 +313,12 @@ def check(
     values: dict[str, list[Any]] = {}
     faults: list[Fault] = []
     for column in columns:
-        if column.name in cells:
-            own_cells = list(cells[column.name])
-            values[column.name], found = _read_column(column, own_cells, left_out)
-            faults += found
+        if column.name not in cells:
+            continue
+        column_cells = list(cells[column.name])
+        column_values, column_faults = _read_column(column, column_cells, left_out)
+        values[column.name] = column_values
+        faults += column_faults
     return values, faults
 
 
@@ -324,13 +347,16 @@ def check_columns(
         What the table should be, for messages.
     """
     found = [str(name) for name in table]
-    columns = tuple(columns)
-    of_what = "" if what == TABLE else f" of {what}"
-    for name in columns:
-        allowed = f"columns {', '.join(columns)}{of_what}; found: {', '.join(found)}"
+    needed = tuple(columns)
+    description = "" if what == TABLE else f" of {what}"
+    for name in needed:
+        if name in found:
+            continue
+        allowed = f"columns {', '.join(needed)}{description}; found: {', '.join(found)}"
+        # One that looks like the missing name has other characters.
         for other in found:
             allowed += _difference(name, other)
-        require(name in found, path, f"column {name}", "missing", allowed)
+        raise InputError(path, f"column {name}", "missing", allowed)
 
 
 def _difference(name: str, other: str) -> str:
@@ -338,16 +364,18 @@ def _difference(name: str, other: str) -> str:
 
     Names may look alike if they differ only where one of them is not ASCII.
     """
-    pairs = list(zip(name, other, strict=False))
-    different = [(a, b) for a, b in pairs if a != b]
-    if len(name) != len(other) or not different:
+    if len(name) != len(other):
         return ""
-    if any(a.isascii() and b.isascii() for a, b in different):
-        return ""
-    points = ", ".join(
-        f"U+{ord(b):04X} where {name} has U+{ord(a):04X}" for a, b in different
-    )
-    return f"; {other} has {points}"
+    points = []
+    for character, other_character in zip(name, other, strict=True):
+        if character == other_character:
+            continue
+        if character.isascii() and other_character.isascii():
+            return ""
+        points.append(
+            f"U+{ord(other_character):04X} where {name} has U+{ord(character):04X}"
+        )
+    return f"; {other} has {', '.join(points)}" if points else ""
 
 
 def describe_columns(columns: Mapping[str, Sequence[Any]]) -> list[str]:
@@ -394,31 +422,38 @@ def describe_unread(
     -------
     dict of str to str
         A sentence by column, the most frequent values first, such as ``column done is
-        not read; it has 'True' 12 times, 'False' 4 times``.
+        not read; it has 'True' 12 times, 'False' 4 times``. Under the empty name it
+        counts the columns beyond `MOST_DESCRIBED`.
     """
     sentences: dict[str, str] = {}
-    further = 0
+    n_undescribed = 0
     for name, cells in columns.items():
-        values = Counter("" if is_missing(cell) else str(cell) for cell in cells)
-        if len(values) < 2:
+        counts = Counter("" if is_missing(cell) else str(cell) for cell in cells)
+        is_constant = len(counts) < 2
+        if is_constant:
             continue
         if len(sentences) == MOST_DESCRIBED:
-            further += 1
+            n_undescribed += 1
             continue
-        counts = [
-            f"{shown(value)} {'once' if count == 1 else f'{count} times'}"
-            for value, count in values.most_common(FEW_VALUES)
-        ]
-        has_few = len(values) <= FEW_VALUES and len(values) < len(cells)
-        others = len(values) - len(counts)
-        more = f" and {others} other values" if others else ""
+        has_few_values = len(counts) <= FEW_VALUES and len(counts) < len(cells)
         sentences[name] = (
-            f"column {name} is not read; it has {', '.join(counts)}{more}"
-            f"{if_few if has_few else ''}"
+            f"column {name} is not read; it has {_list_frequent_values(counts)}"
+            f"{if_few if has_few_values else ''}"
         )
-    if further:
-        sentences[""] = f"{further} further columns are not read"
+    if n_undescribed:
+        sentences[""] = f"{n_undescribed} further columns are not read"
     return sentences
+
+
+def _list_frequent_values(counts: "Counter[str]") -> str:
+    """List the most frequent values with their numbers, and count the others."""
+    texts = []
+    for value, count in counts.most_common(FEW_VALUES):
+        times = "once" if count == 1 else f"{count} times"
+        texts.append(f"{shown(value)} {times}")
+    n_others = len(counts) - len(texts)
+    others = f" and {n_others} other values" if n_others else ""
+    return f"{', '.join(texts)}{others}"
 
 
 def print_columns(path: Path_) -> None:
@@ -453,32 +488,40 @@ def sheet(path: Path_, what: str = TABLE) -> Table:
     InputError
         If the file cannot be read as a table, or has a column twice.
     """
-    text = _decoded(path, what).replace("\r\n", "\n").replace("\r", "\n")
-    lines = text.split("\n")
-    # A spreadsheet puts a comment with a separator in it in quotes.
-    is_comment = [line.lstrip(' "').startswith("#") for line in lines]
-    comments = [line for line, skip in zip(lines, is_comment, strict=True) if skip]
-    # An empty line in the place of a comment keeps the numbers of lines in messages.
-    rows = ["" if skip else line for line, skip in zip(lines, is_comment, strict=True)]
+    text = _read_text(path, what).replace("\r\n", "\n").replace("\r", "\n")
 
+    # Take the comments out. An empty line in the place of each keeps the numbers of
+    # lines in messages.
+    comments = []
+    rows = []
+    for line in text.split("\n"):
+        # A spreadsheet puts a comment with a separator in it in quotes.
+        if line.lstrip(' "').startswith("#"):
+            comments.append(line)
+            rows.append("")
+        else:
+            rows.append(line)
+
+    # Split the header from the cells.
     separator = _separator_of(_header_of(rows))
-    cells = _parsed(path, "\n".join(rows), separator, what)
+    cells_with_header = _split_cells(path, "\n".join(rows), separator, what)
     # A cell of the header may have several lines, as Design-Expert writes it.
-    names = [" ".join(name.split()) for name in cells.iloc[0]]
-    cells = cells.iloc[1:].reset_index(drop=True)
+    names = [" ".join(name.split()) for name in cells_with_header.iloc[0]]
+    cells = cells_with_header.iloc[1:].reset_index(drop=True)
 
-    used = [k for k, name in enumerate(names) if name or (cells[k] != "").any()]
-    names = [names[k] for k in used]
+    # Leave out empty columns without a name.
+    positions = [k for k, name in enumerate(names) if name or (cells[k] != "").any()]
+    names = [names[k] for k in positions]
     for name in names:
         require(names.count(name) == 1, path, "header", name, "each column once")
-    cells = cells[used].set_axis(names, axis=1)
+    cells = cells[positions].set_axis(names, axis=1)
     if separator in (";", "\t"):
         cells = _with_decimal_points(path, cells)
     return Table(path, cells, comments)
 
 
-def _decoded(path: Path_, what: str) -> str:
-    """Read the text of a file."""
+def _read_text(path: Path_, what: str) -> str:
+    """Read the text of a file that should be `what`, in UTF-8 or UTF-16."""
     allowed = f"{what} in UTF-8, or in UTF-16 with its mark"
     try:
         content = plain_file(path).read_bytes()
@@ -512,7 +555,7 @@ def _separator_of(header: str) -> str:
     return separator
 
 
-def _parsed(path: Path_, text: str, separator: str, what: str) -> "pd.DataFrame":
+def _split_cells(path: Path_, text: str, separator: str, what: str) -> "pd.DataFrame":
     """Split a text into cells without blanks around them; row 0 is the header."""
     import pandas as pd  # slow to import, and a process that pours reads no table
 
@@ -537,7 +580,8 @@ def _parsed(path: Path_, text: str, separator: str, what: str) -> "pd.DataFrame"
         raise InputError(path, "cells", fault, allowed) from None
     for name in cells:
         cells[name] = [cell.strip() for cell in cells[name].tolist()]
-    cells = cells[(cells != "").any(axis=1)].reset_index(drop=True)
+    has_content = (cells != "").any(axis=1)
+    cells = cells[has_content].reset_index(drop=True)
     require(len(cells), path, "rows", 0, what)
     return cells
 
@@ -547,13 +591,19 @@ def _with_decimal_points(path: Path_, cells: "pd.DataFrame") -> "pd.DataFrame":
     has_comma = cells.map(lambda cell: WITH_COMMA.fullmatch(cell) is not None)
     if not has_comma.to_numpy().any():
         return cells
+
+    # Refuse the first number with a point.
     has_point = cells.map(lambda cell: WITH_POINT.fullmatch(cell) is not None)
-    example = cells.to_numpy()[has_comma.to_numpy()][0]
-    allowed = f"one decimal sign in the whole table; {example} has a comma"
     rows, columns = np.nonzero(has_point.to_numpy())
     if len(rows):
-        row, k = int(rows[0]), columns[0]
-        refuse(path, [(row, str(cells.columns[k]), cells.iat[row, k], allowed)])
+        first_with_comma = cells.to_numpy()[has_comma.to_numpy()][0]
+        row = int(rows[0])
+        column = columns[0]
+        allowed = f"one decimal sign in the whole table; {first_with_comma} has a comma"
+        refuse(
+            path, [(row, str(cells.columns[column]), cells.iat[row, column], allowed)]
+        )
+
     with_points = cells.map(lambda cell: cell.replace(",", "."))
     return cells.where(~has_comma, with_points)
 
@@ -570,16 +620,20 @@ def renaming(found: Iterable[str], declared: Iterable[str]) -> dict[str, str]:
     dict of str to str
         Declared names by names that were found.
     """
-    found = list(found)
-    declared = set(declared)
-    others = [name for name in found if name not in declared]
-    forms = Counter(normal_form(name) for name in others)
-    missing = {normal_form(name): name for name in declared.difference(found)}
-    return {
-        name: missing[normal_form(name)]
-        for name in others
-        if normal_form(name) in missing and forms[normal_form(name)] == 1
-    }
+    found_names = list(found)
+    declared_names = set(declared)
+    missing_names = {}
+    for name in declared_names.difference(found_names):
+        missing_names[normal_form(name)] = name
+
+    undeclared = [name for name in found_names if name not in declared_names]
+    form_counts = Counter(normal_form(name) for name in undeclared)
+    new_names = {}
+    for name in undeclared:
+        form = normal_form(name)
+        if form in missing_names and form_counts[form] == 1:
+            new_names[name] = missing_names[form]
+    return new_names
 
 
 def normal_form(name: object) -> str:
@@ -596,21 +650,23 @@ def _read_column(
     """Read the cells of a column, as `check` does."""
     values: list[Any] = []
     faults: list[Fault] = []
-    first_rows: dict[Any, int] = {}
+    first_row_of_value: dict[Any, int] = {}
     for row, cell in enumerate(cells):
         value: Any = math.nan
         if row not in left_out:
             try:
                 value = column.read(cell)
             except (TypeError, ValueError, OverflowError):
-                shown = _shown(column, cell)
-                faults.append((row, column.name, shown, column.allowed))
+                shown_cell = _shown(column, cell)
+                faults.append((row, column.name, shown_cell, column.allowed))
         values.append(value)
-        # NaN is a cell that is empty or not allowed.
-        if column.once and value == value:
-            first = first_rows.setdefault(value, row)
-            if first != row:
-                allowed = f"each {column.name} once; row {first + 1} has it, too"
+
+        # NaN, which differs from itself, is a cell that is empty or not allowed.
+        is_nan = value != value
+        if column.once and not is_nan:
+            first_row = first_row_of_value.setdefault(value, row)
+            if first_row != row:
+                allowed = f"each {column.name} once; row {first_row + 1} has it, too"
                 faults.append((row, column.name, value, allowed))
     return values, faults
 
@@ -649,16 +705,17 @@ def _summary_faults(
     cells: "pd.DataFrame", declared: Mapping[str, Column]
 ) -> list[Fault]:
     """Find a row that sums up others in the declared columns of numbers."""
-    numbers = {}
+    number_columns = {}
     for name, column in declared.items():
         is_text = column.kind in (str, bool)
         if name in cells and not is_text and is_number(cells[name]):
-            numbers[name] = cells[name].tolist()
-    found = find_summary_row(numbers)
-    if found is None:
+            number_columns[name] = cells[name].tolist()
+    summary = find_summary_row(number_columns)
+    if summary is None:
         return []
     allowed = (
-        f"a row of its own measurement; this one has the {found.statistic} of the rows "
-        "above it in each column: leave it out"
+        f"a row of its own measurement; this one has the {summary.statistic} of the "
+        "rows above it in each column: leave it out"
     )
-    return [(found.row, str(cells.columns[0]), cells.iat[found.row, 0], allowed)]
+    first_cell = cells.iat[summary.row, 0]
+    return [(summary.row, str(cells.columns[0]), first_cell, allowed)]
