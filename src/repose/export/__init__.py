@@ -1,11 +1,11 @@
-"""The calibrated grain and its pour as input of other simulation programs.
+"""Write the calibrated grain and its pour as input of other simulation programs.
 
 `job` has the data of an export in SI units, independent of any program. Each program has
 a module, which writes its deck from a template in this folder, or its table of values;
 the head of a deck states the differences of the program from this engine.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
@@ -38,8 +38,8 @@ PROGRAMS = {name: _deck_of(name) for name in ("liggghts", "lammps", "yade", "ede
 # Laws that every program has.
 CONTACT_LAWS_OF_ALL = ("hertz_mindlin", "hertz_mindlin_rescaled")
 ROLLING_LAWS_OF_ALL = ("budget",)
-# Further laws of each program.
-FURTHER_LAWS = {
+# Laws that only some programs have.
+OTHER_LAWS = {
     "liggghts": ("sjkr", "constant_torque", "epsd", "epsd2"),
     "lammps": ("epsd", "epsd2"),
     "yade": (),
@@ -54,28 +54,36 @@ REASONS = {
 
 def check_laws(job: "Job", program: str) -> None:
     """Raise InputError if a program has no equivalent of one of the study's laws."""
-    further = FURTHER_LAWS[program]
-    for key, law, known, of_all in (
-        (
-            "contact_law",
-            job.simulation.contact_law,
-            CONTACT_LAWS,
-            CONTACT_LAWS_OF_ALL,
-        ),
-        (
-            "rolling_law",
-            job.simulation.rolling_law,
-            ROLLING_LAWS,
-            ROLLING_LAWS_OF_ALL,
-        ),
-    ):
-        allowed = [*of_all, *(name for name in known if name in further)]
-        if law in allowed:
-            continue
-        text = f"for {program} {' or '.join(allowed)}"
-        if (program, law) in REASONS:
-            text += f" ({REASONS[program, law]})"
-        raise InputError("configuration", f"simulation.{key}", law, text)
+    _check_law(
+        "contact_law",
+        job.simulation.contact_law,
+        program=program,
+        allowed=_laws_of(program, CONTACT_LAWS, CONTACT_LAWS_OF_ALL),
+    )
+    _check_law(
+        "rolling_law",
+        job.simulation.rolling_law,
+        program=program,
+        allowed=_laws_of(program, ROLLING_LAWS, ROLLING_LAWS_OF_ALL),
+    )
+
+
+def _laws_of(
+    program: str, engine_laws: Iterable[str], laws_of_all: Sequence[str]
+) -> list[str]:
+    """List the laws of the engine that a program has, first those of all programs."""
+    other_laws = [name for name in engine_laws if name in OTHER_LAWS[program]]
+    return [*laws_of_all, *other_laws]
+
+
+def _check_law(key: str, law: str, program: str, allowed: Sequence[str]) -> None:
+    """Refuse a law of the study that is not among the allowed ones of a program."""
+    if law in allowed:
+        return
+    text = f"for {program} {' or '.join(allowed)}"
+    if (program, law) in REASONS:
+        text += f" ({REASONS[program, law]})"
+    raise InputError("configuration", f"simulation.{key}", law, text)
 
 
 def write(job: "Job", program: str, folder: str | PathLike) -> list[Path]:

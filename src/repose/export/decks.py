@@ -1,4 +1,4 @@
-"""The text of a deck: a template of this folder, filled with numbers to nine digits.
+"""Write the text of a deck from a template of this folder, with numbers to nine digits.
 
 Templates are Jinja's. A number stands in double braces; ``{{ x | digits(6) }}`` writes it
 to six digits.
@@ -46,9 +46,10 @@ def common_values(job: Job) -> dict[str, Any]:
     Lengths are in m and times in time steps.
     """
     particle = job.particle
-    height_m = job.factory_height_m
-    radius_m = particle.bounding_radius_m
-    widest_m = max(job.plate_radius_m, 0.5 * job.surfaces.inlet_diameter_m)
+    grain_radius_m = particle.bounding_radius_m
+    # The grains fall from the height of the factory on the plate.
+    factory_height_m = job.factory_height_m
+    scene_radius_m = max(job.plate_radius_m, 0.5 * job.surfaces.inlet_diameter_m)
     n_steps = job.steps(job.funnel.duration_s)
     ixx, iyy, izz = particle.inertia_kg_m2.tolist()
     return {
@@ -59,21 +60,21 @@ def common_values(job: Job) -> dict[str, Any]:
         "tube": job.surfaces.tube_length_m > 0.0,
         # The grain.
         "radius": float(particle.spheres_m[0, 3]),
-        "reach": radius_m,
+        "reach": grain_radius_m,
         "ixx": ixx,
         "iyy": iyy,
         "izz": izz,
         # The box.
-        "half": widest_m + 4.0 * radius_m,
-        "top": height_m + 4.0 * radius_m,
+        "half": scene_radius_m + 4.0 * grain_radius_m,
+        "top": factory_height_m + 4.0 * grain_radius_m,
         # Neighbour lists reach beyond the spheres for several steps of a grain that falls
         # at 2 m/s, 0.4 mm each.
         "skin": 0.75 * job.mean_radius_m,
         # The factory.
         "factory_radius": job.factory_radius_m,
-        "factory_height": height_m,
-        "factory_low": height_m - 1e-4,
-        "factory_high": height_m + 1e-4,
+        "factory_height": factory_height_m,
+        "factory_low": factory_height_m - 1e-4,
+        "factory_high": factory_height_m + 1e-4,
         # The pour.
         "every": job.steps(1.0 / job.funnel.rate_per_s),
         "steps": n_steps,
@@ -150,12 +151,14 @@ def _rolling_note(job: Job) -> str:
         if job.is_sphere:
             note += "; with mu_r 0.1 piles of spheres stood 5 to 7 degrees lower so"
         return note
-    has = "its own stiffness and damping"
+
+    # The program has a law of this name, which acts between two spheres of the bodies.
+    resistance = "its own stiffness and damping"
     if law == "constant_torque":
-        has = "a constant torque"
+        resistance = "a constant torque"
     return (
-        f"rolling resistance is between two spheres, with {has}; in the study {law} "
-        "between two bodies, which resists spin about the normal too. Its coefficients "
-        f"here are those of the study times the mean lever {lever_mm:.3g} mm over the "
-        "radius of a sphere"
+        f"rolling resistance is between two spheres, with {resistance}; in the study "
+        f"{law} between two bodies, which resists spin about the normal too. Its "
+        f"coefficients here are those of the study times the mean lever {lever_mm:.3g} mm "
+        "over the radius of a sphere"
     )

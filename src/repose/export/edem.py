@@ -1,4 +1,4 @@
-"""The values that EDEM needs, as a table; nobody has tried them there.
+"""Write the values that EDEM needs as a table; nobody has tried them there.
 
 EDEM has windows in place of a deck. The names of its models are from memory.
 """
@@ -85,19 +85,20 @@ def _contact_rows(
     parameters: Mapping[str, float], simulation: SimulationSettings
 ) -> list[Row]:
     """List the coefficients of both contacts."""
-    table = []
+    rows = []
     for pair, name in PAIRS.items():
-        table += [
+        rows += [
             Row(f"Coefficient of restitution, {name}", parameters[f"e_{pair}"]),
             Row(f"Coefficient of static friction, {name}", parameters[f"mus_{pair}"]),
             Row(f"Coefficient of rolling friction, {name}", parameters[f"mur_{pair}"]),
         ]
         if simulation.contact_law == "jkr":
-            # Its surface energy is the work of adhesion: the pull-off force is 3/2 pi R*
-            # times it.
-            energy = 2.0 * parameters[f"{SURFACE_ENERGY.short}_{pair}"]
-            table.append(Row(f"Surface energy, {name}", energy, SURFACE_ENERGY.unit))
-    return table
+            # EDEM's surface energy is the work of adhesion: the pull-off force is
+            # 3/2 pi R* times it. Ours is the energy of each of the two surfaces.
+            work_of_adhesion = 2.0 * parameters[f"{SURFACE_ENERGY.short}_{pair}"]
+            unit = SURFACE_ENERGY.unit
+            rows.append(Row(f"Surface energy, {name}", work_of_adhesion, unit))
+    return rows
 
 
 def _particle_rows(particle: "Particle") -> list[Row]:

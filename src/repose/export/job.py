@@ -1,4 +1,4 @@
-"""The data of an export, independent of any program: grain, materials, contacts, pour."""
+"""Collect the data of an export: grain, materials, contacts and pour, in SI units."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -102,7 +102,7 @@ class Job:
     funnel : FunnelSettings
         The pour.
     time_step_s : float
-        The advised time step, see `make`.
+        The advised time step, see `_advised_step_s`.
     rayleigh_s : float
         Rayleigh time of the smallest sphere.
     seed : int
@@ -174,10 +174,6 @@ def make(
 ) -> Job:
     """Make the export of a study.
 
-    The advised time step is at most half of the longest step that this engine allows the
-    grain, half of the study's own, and a fifth of the Rayleigh time of the smallest
-    sphere.
-
     Parameters
     ----------
     config : mapping
@@ -199,47 +195,56 @@ def make(
         If the grain has to be a clump and is none.
     """
     scene = Scene.of(config, parameters, grain, particle)
-    simulation = scene.settings.simulation
     funnel = scene.settings.section("funnel", FunnelSettings)
     notes = list(_notes(scene.settings, funnel))
+
+    # Choose the body: one sphere, or a clump.
+    body = particle
     if one_sphere or is_sphere(particle):
-        sphere = sphere_of_volume(particle)
-        notes += _sphere_notes(particle, sphere)
-        particle = sphere
-        scene = replace(scene, particle=particle)
-    if not particle.is_clump:
-        raise InputError(
-            "particle",
-            "kind",
-            particle.kind,
-            "multisphere: other programs take spheres",
-        )
+        body = sphere_of_volume(particle)
+        notes += _sphere_notes(particle, body)
+        scene = replace(scene, particle=body)
+    if not body.is_clump:
+        allowed = "multisphere: other programs take spheres"
+        raise InputError("particle", "kind", body.kind, allowed)
+
+    # Programs that know only spheres need means of the whole body.
     materials = materials_of(scene)
-    surface = surface_means(particle.spheres_m)
+    surface = surface_means(body.spheres_m)
     rayleigh_s = rayleigh_time_s(
         materials["berry"],
-        particle.density_kg_m3,
-        float(particle.spheres_m[:, 3].min()),
+        body.density_kg_m3,
+        radius_m=float(body.spheres_m[:, 3].min()),
     )
-    longest_s = min(longest_time_step(scene).time_step_s, simulation.time_step_s)
-    time_step_s = min(STEP_SHARE * longest_s, RAYLEIGH_SHARE * rayleigh_s)
     return Job(
         label=config["label"],
         parameters=parameters,
-        particle=particle,
+        particle=body,
         mean_radius_m=surface.radius_m,
         lever_m=surface.distance_m,
         grain=materials["berry"],
         wall=materials["wall"],
         grains=_pair(scene, "gg", "berry", 0.5 * surface.radius_m),
         on_wall=_pair(scene, "gp", "wall", surface.radius_m),
-        simulation=simulation,
+        simulation=scene.settings.simulation,
         funnel=funnel,
-        time_step_s=float(f"{time_step_s:.2g}"),
+        time_step_s=_advised_step_s(scene, rayleigh_s),
         rayleigh_s=rayleigh_s,
         seed=seed,
         notes=tuple(notes),
     )
+
+
+def _advised_step_s(scene: Scene, rayleigh_s: float) -> float:
+    """Advise a time step for other programs, to two digits [s].
+
+    It is at most half of the longest step that this engine allows the grain, half of the
+    study's own, and a fifth of the Rayleigh time of the smallest sphere.
+    """
+    study_step_s = scene.settings.simulation.time_step_s
+    longest_s = min(longest_time_step(scene).time_step_s, study_step_s)
+    advised_s = min(STEP_SHARE * longest_s, RAYLEIGH_SHARE * rayleigh_s)
+    return float(f"{advised_s:.2g}")
 
 
 def _pair(scene: Scene, pair: str, other: str, effective_radius_m: float) -> Pair:
@@ -286,22 +291,22 @@ def sphere_of_volume(particle: "Particle") -> "Particle":
 
     A clump of one keeps its radius.
     """
-    mass = particle.mass_kg
+    mass_kg = particle.mass_kg
     if len(particle.spheres_m) == 1:
-        radius = float(particle.spheres_m[0, 3])
-        volume = 4.0 / 3.0 * math.pi * radius**3
+        radius_m = float(particle.spheres_m[0, 3])
+        volume_m3 = 4.0 / 3.0 * math.pi * radius_m**3
     else:
-        volume = mass / particle.density_kg_m3
-        radius = (0.75 * volume / math.pi) ** (1.0 / 3.0)
+        volume_m3 = mass_kg / particle.density_kg_m3
+        radius_m = (0.75 * volume_m3 / math.pi) ** (1.0 / 3.0)
     return replace(
         particle,
         kind="multisphere",
         semi_axes_m=np.zeros((0, 3)),
-        spheres_m=np.array([[0.0, 0.0, 0.0, radius]]),
-        volume_m3=volume,
-        density_kg_m3=mass / volume,
-        inertia_kg_m2=np.full(3, 0.4 * mass * radius**2),
-        bounding_radius_m=radius,
+        spheres_m=np.array([[0.0, 0.0, 0.0, radius_m]]),
+        volume_m3=volume_m3,
+        density_kg_m3=mass_kg / volume_m3,
+        inertia_kg_m2=np.full(3, 0.4 * mass_kg * radius_m**2),
+        bounding_radius_m=radius_m,
     )
 
 
@@ -353,19 +358,33 @@ class SurfaceMeans(NamedTuple):
 def surface_means(spheres_m: np.ndarray, n_points: int = 2000) -> SurfaceMeans:
     """Average radius and distance from the centre over the free surface of a clump.
 
-    `spheres_m` (M, 4) has centre and radius of each sphere; on each lie `n_points`
-    points.
+    Parameters
+    ----------
+    spheres_m : ndarray, (M, 4)
+        Centre and radius of each sphere [m]; the centre of mass is the origin.
+    n_points : int
+        Number of points on each sphere that sample its surface.
+
+    Notes
+    -----
+    Each point stands for an area in proportion to the square of its sphere's radius. It
+    is free if it lies in no other sphere.
     """
+    centres = spheres_m[:, :3]
+    smallest_distances = spheres_m[:, 3] * (1.0 - 1e-9)
     directions = sphere_directions(n_points)
-    areas = 0.0
-    radii = 0.0
-    distances = 0.0
+
+    # Sums over all free points, weighted by their areas.
+    area_sum = 0.0
+    radius_sum = 0.0
+    distance_sum = 0.0
     for x, y, z, radius in spheres_m:
         points = np.array([x, y, z]) + radius * directions
-        to_centres = np.linalg.norm(points[:, None] - spheres_m[None, :, :3], axis=2)
-        is_free = np.all(to_centres >= spheres_m[:, 3] * (1.0 - 1e-9), axis=1)
-        free = points[is_free]
-        areas += radius**2 * len(free)
-        radii += radius**3 * len(free)
-        distances += radius**2 * np.linalg.norm(free, axis=1).sum()
-    return SurfaceMeans(radii / areas, float(distances / areas))
+        # Distance of each point (rows) from each centre (columns).
+        to_centres = np.linalg.norm(points[:, None] - centres[None], axis=2)
+        is_free = np.all(to_centres >= smallest_distances, axis=1)
+        free_points = points[is_free]
+        area_sum += radius**2 * len(free_points)
+        radius_sum += radius**3 * len(free_points)
+        distance_sum += radius**2 * np.linalg.norm(free_points, axis=1).sum()
+    return SurfaceMeans(radius_sum / area_sum, float(distance_sum / area_sum))

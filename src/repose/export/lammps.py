@@ -1,4 +1,4 @@
-"""The deck of LAMMPS: spheres, or rigid molecules of them, among a cone and a plane."""
+"""Write the deck of LAMMPS: spheres, or rigid molecules of them, in a cone."""
 
 import math
 
@@ -65,15 +65,20 @@ def contact_keywords(job: Job, pair: Pair) -> str:
     """
     restitution = "${e_gg}" if pair is job.grains else "${e_gp}"
     poisson = job.grain.poisson_ratio
-    young = 2.0 * (1.0 - poisson**2) * pair.effective_young_pa
-    spring = SPRINGS[job.simulation.contact_law]
-    stiffness = rolling_stiffness(pair) / pair.effective_radius_m**2
-    rolling_damping = ROLLING_DAMPING * math.sqrt(stiffness * job.particle.mass_kg)
+    young_pa = 2.0 * (1.0 - poisson**2) * pair.effective_young_pa
+    tangential_spring = SPRINGS[job.simulation.contact_law]
+    tangential_factor = 8.0 * pair.effective_shear_pa
+
+    # LAMMPS has the rolling spring at the contact, not as a torque: N/m instead of N m.
+    stiffness_n_m = rolling_stiffness(pair) / pair.effective_radius_m**2
+    critical_damping = math.sqrt(stiffness_n_m * job.particle.mass_kg)
+    rolling_damping = ROLLING_DAMPING * critical_damping
+
     keywords = (
-        f"hertz/material {young:.8g} {restitution} {poisson:.8g} "
-        f"tangential {spring} {8.0 * pair.effective_shear_pa:.8g} 0 "
+        f"hertz/material {young_pa:.8g} {restitution} {poisson:.8g} "
+        f"tangential {tangential_spring} {tangential_factor:.8g} 0 "
         f"{pair.static_friction:.8g} damping ${{damping}} "
-        f"rolling sds {stiffness:.8g} {rolling_damping:.8g} "
+        f"rolling sds {stiffness_n_m:.8g} {rolling_damping:.8g} "
         f"{rolling_coefficient(job, pair):.8g}"
     )
     if job.simulation.tension == "release":
@@ -87,21 +92,24 @@ def damping_numbers(job: Job) -> dict[str, float]:
     ``e_gg`` and ``e_gp`` are those of `coeff_restitution`, ``tsuji_gg`` and ``tsuji_gp``
     those of `tsuji` of older versions, negative where no restitution gives the damping.
     """
-    found = {}
+    numbers_by_name = {}
     for name, pair in job.pairs.items():
-        found[f"e_{name}"] = equivalent_restitution(pair, LEAST_RESTITUTION)
+        numbers_by_name[f"e_{name}"] = equivalent_restitution(pair, LEAST_RESTITUTION)
+
+        # Find the restitution at which the polynomial gives the study's damping.
         constant = TSUJI[-1] - math.sqrt(5.0) * pair.damping_ratio
         roots = np.roots((*TSUJI[:-1], constant))
         real_roots = roots[np.abs(roots.imag) < 1e-9].real
-        found[f"tsuji_{name}"] = float(real_roots.min())
-    return found
+        numbers_by_name[f"tsuji_{name}"] = float(real_roots.min())
+    return numbers_by_name
 
 
 def molecule(job: Job) -> str:
     """Write the grain as the text of a molecule template."""
-    spheres = job.particle.spheres_m
+    spheres_m = job.particle.spheres_m
     mass_kg = job.particle.mass_kg
-    n_spheres = len(spheres)
+    n_spheres = len(spheres_m)
+    # In principal axes the products of inertia are zero.
     inertia = numbers((*job.particle.inertia_kg_m2, 0.0, 0.0, 0.0))
     lines = [
         "a grain, from repose export",
@@ -111,13 +119,15 @@ def molecule(job: Job) -> str:
         "0 0 0 com",
         f"{inertia} inertia",
     ]
+
+    # Each section has a row for each sphere.
     sections = {
-        "Coords": [numbers(sphere[:3]) for sphere in spheres],
+        "Coords": [numbers(sphere[:3]) for sphere in spheres_m],
         "Types": ["1"] * n_spheres,
-        "Diameters": [f"{2.0 * sphere[3]:.9g}" for sphere in spheres],
+        "Diameters": [f"{2.0 * sphere[3]:.9g}" for sphere in spheres_m],
         "Masses": [f"{mass_kg / n_spheres:.9g}"] * n_spheres,
     }
     for name, rows in sections.items():
         lines += ["", name, ""]
-        lines += [f"{k} {row}" for k, row in enumerate(rows, start=1)]
+        lines += [f"{number} {row}" for number, row in enumerate(rows, start=1)]
     return "\n".join([*lines, ""])

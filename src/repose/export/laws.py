@@ -1,4 +1,4 @@
-"""Numbers with which the laws of other programs give the study's laws.
+"""Compute the numbers with which other programs reproduce the study's force laws.
 
 A program that takes a coefficient of restitution calculates its damping by a formula for
 contacts that may pull at the end (Tsuji, Tanaka and Ishida 1992). Where the study's
@@ -63,11 +63,13 @@ def law_lines(job: Job) -> list[str]:
                 "pull-off force 3 pi gamma R*)"
             )
         lines.append(f"{line}.")
+
+    # A study may give a friction of twisting for one of the two contacts.
     if TWISTING.name in grains or TWISTING.name in on_wall:
-        by_default = "3 pi / 16 mu_s"
+        default = "3 pi / 16 mu_s"
         lines.append(
-            f"{TWISTING.words}: {grains.get(TWISTING.name, by_default)} between grains, "
-            f"{on_wall.get(TWISTING.name, by_default)} between grain and wall; this deck "
+            f"{TWISTING.words}: {grains.get(TWISTING.name, default)} between grains, "
+            f"{on_wall.get(TWISTING.name, default)} between grain and wall; this deck "
             "has none."
         )
     return lines

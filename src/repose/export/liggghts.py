@@ -1,4 +1,4 @@
-"""The deck of LIGGGHTS-PUBLIC 3.8: spheres or multispheres among a mesh and a plane."""
+"""Write the deck of LIGGGHTS-PUBLIC 3.8: spheres or multispheres in a mesh."""
 
 import math
 
@@ -27,17 +27,20 @@ def deck(job: Job) -> dict[str, str]:
     The last is of a clump.
     """
     simulation = job.simulation
-    spheres = job.particle.spheres_m
+    spheres_m = job.particle.spheres_m
     has_cohesion = simulation.contact_law == "sjkr"
     model = f"rolling_friction {ROLLING_MODELS[simulation.rolling_law]}"
     if has_cohesion:
         model = f"cohesion sjkr {model}"
-    values: dict[str, object] = {}
+
+    # Numbers of each contact, with the end of its parameters' names.
+    pair_values: dict[str, object] = {}
     for name, pair in job.pairs.items():
-        values[f"e_{name}"] = equivalent_restitution(pair, LEAST_RESTITUTION)
-        values[f"mur_{name}"] = rolling_coefficient(job, pair)
+        pair_values[f"e_{name}"] = equivalent_restitution(pair, LEAST_RESTITUTION)
+        pair_values[f"mur_{name}"] = rolling_coefficient(job, pair)
         if has_cohesion:
-            values[f"k_{name}"] = pair.constants[COHESION_ENERGY_DENSITY.name]
+            pair_values[f"k_{name}"] = pair.constants[COHESION_ENERGY_DENSITY.name]
+
     text = fill_template(
         "liggghts.in.jinja",
         job,
@@ -49,12 +52,12 @@ def deck(job: Job) -> dict[str, str]:
         eta=ETA,
         limit_force="off" if simulation.tension == "keep" else "on",
         fold=FOLD_SHARE * 360.0 / AROUND,
-        n_spheres=len(spheres),
-        **values,
+        n_spheres=len(spheres_m),
+        **pair_values,
     )
     files = {"in.pour": text, "funnel.stl": stl(job.surfaces)}
     if not job.is_sphere:
-        files["clump.txt"] = "".join(f"{numbers(sphere)}\n" for sphere in spheres)
+        files["clump.txt"] = "".join(f"{numbers(sphere)}\n" for sphere in spheres_m)
     return files
 
 

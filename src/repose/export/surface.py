@@ -1,4 +1,4 @@
-"""The inner surface of the funnel as triangles."""
+"""Divide the inner surface of the funnel into triangles."""
 
 import math
 from itertools import pairwise
@@ -19,41 +19,48 @@ LONGEST_ROW_M = 0.024
 def profile(funnel: Funnel) -> np.ndarray:
     """Compute the line of the funnel in the half plane (r, z).
 
+    It goes along the cone to the neck, over the rounded edge there, down the tube if
+    there is one, and over the rounded edge of the outlet.
+
     Returns
     -------
     array
         Points (N, 2) [m] from the inlet to the underside of the outlet's rounded edge.
     """
-    edge = funnel.rim_radius_m
-    core = 0.5 * funnel.outlet_diameter_m + edge
+    # The arcs of both edges have their centres at this radius.
+    edge_radius = funnel.rim_radius_m
+    centre_r = 0.5 * funnel.outlet_diameter_m + edge_radius
 
-    def arc(height: float, start_deg: float, end_deg: float) -> list[list[float]]:
+    def arc(centre_z: float, start_deg: float, end_deg: float) -> list[list[float]]:
         n_points = 1 + math.ceil((end_deg - start_deg) / ARC_DEG)
         angles = np.radians(np.linspace(start_deg, end_deg, n_points))
-        return [
-            [core + edge * math.cos(angle), height + edge * math.sin(angle)]
-            for angle in angles
-        ]
+        points = []
+        for angle in angles:
+            r = centre_r + edge_radius * math.cos(angle)
+            z = centre_z + edge_radius * math.sin(angle)
+            points.append([r, z])
+        return points
 
     inlet = [0.5 * funnel.inlet_diameter_m, funnel.inlet_height_m]
-    tangent_deg = 90.0 + math.degrees(math.radians(funnel.cone_angle_deg))
-    neck = arc(funnel.neck_height_m, tangent_deg, 180.0)
+    # The neck's arc begins where the cone touches it.
+    touching_deg = 90.0 + math.degrees(math.radians(funnel.cone_angle_deg))
+    neck = arc(funnel.neck_height_m, touching_deg, 180.0)
     lip = arc(funnel.outlet_height_m, 180.0, 270.0)
     if not funnel.tube_length_m:
         # One arc goes on where the other ends.
         lip = lip[1:]
-    return _divided(np.array([inlet, *neck, *lip]))
+    return _divide_line(np.array([inlet, *neck, *lip]))
 
 
-def _divided(points: np.ndarray) -> np.ndarray:
+def _divide_line(points: np.ndarray) -> np.ndarray:
     """Divide a line of points (N, 2) into pieces of at most `LONGEST_ROW_M`."""
-    line = [points[:1]]
+    divided = [points[:1]]
     for start, end in pairwise(points):
-        length = np.linalg.norm(end - start)
-        n_pieces = max(1, math.ceil(length / LONGEST_ROW_M))
-        numbers_of_pieces = np.arange(1, n_pieces + 1)[:, None]
-        line.append(start + (end - start) * numbers_of_pieces / n_pieces)
-    return np.concatenate(line)
+        length_m = np.linalg.norm(end - start)
+        n_pieces = max(1, math.ceil(length_m / LONGEST_ROW_M))
+        piece_numbers = np.arange(1, n_pieces + 1)[:, None]
+        divided.append(start + (end - start) * piece_numbers / n_pieces)
+    return np.concatenate(divided)
 
 
 def triangles(funnel: Funnel) -> np.ndarray:
@@ -64,11 +71,18 @@ def triangles(funnel: Funnel) -> np.ndarray:
     array
         Corners (T, 3, 3) [m], counterclockwise as seen from the axis.
     """
+    # Turn the line around the axis: each of its points (N, 2) gives a ring of points.
     line = profile(funnel)
+    radii = line[:, :1]
+    heights = line[:, 1:]
     angles = 2.0 * math.pi * np.arange(AROUND) / AROUND
-    x = line[:, :1] * np.cos(angles)
-    y = line[:, :1] * np.sin(angles)
-    rings = np.stack([x, y, np.broadcast_to(line[:, 1:], x.shape)], axis=-1)
+    x = radii * np.cos(angles)
+    y = radii * np.sin(angles)
+    z = np.broadcast_to(heights, x.shape)
+    rings = np.stack([x, y, z], axis=-1)  # (N, AROUND, 3)
+
+    # Two neighbours on a ring and two on the ring below make a rectangle. Divide each
+    # into two triangles.
     upper = rings[:-1]
     lower = rings[1:]
     next_upper = np.roll(upper, -1, axis=1)
@@ -80,14 +94,17 @@ def triangles(funnel: Funnel) -> np.ndarray:
 
 def stl(funnel: Funnel) -> str:
     """Write the funnel's surface as the text of an STL file in metres."""
-    corners = triangles(funnel)
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    facets = triangles(funnel)
+    first_edges = facets[:, 1] - facets[:, 0]
+    second_edges = facets[:, 2] - facets[:, 0]
+    normals = np.cross(first_edges, second_edges)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+
     lines = ["solid funnel"]
-    for normal, triangle in zip(normals, corners, strict=True):
+    for normal, facet in zip(normals, facets, strict=True):
         lines.append(f"facet normal {numbers(normal)}")
         lines.append("outer loop")
-        lines += [f"vertex {numbers(corner)}" for corner in triangle]
+        lines += [f"vertex {numbers(corner)}" for corner in facet]
         lines.append("endloop")
         lines.append("endfacet")
     return "\n".join([*lines, "endsolid funnel", ""])

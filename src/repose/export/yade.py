@@ -1,4 +1,4 @@
-"""The deck of YADE: spheres or clumps among facets."""
+"""Write the deck of YADE: spheres or clumps among facets."""
 
 import math
 
@@ -42,12 +42,12 @@ def _damping_share(pair: Pair) -> float:
 
 def _notes(job: Job) -> list[str]:
     """List the differences of YADE from the study."""
-    own_law = "stays on loading and falls on unloading"
+    behaviour = "stays on loading and falls on unloading"
     if job.simulation.contact_law == "hertz_mindlin":
-        own_law = "grows and falls with the normal load"
+        behaviour = "grows and falls with the normal load"
     notes = [
         "a tangential force stays as it is when the normal load changes; in the study it "
-        f"{own_law}",
+        f"{behaviour}",
         "on a facet YADE takes two thirds of a sphere's radius as the effective one: "
         "contacts with walls are softer by 18 %",
         "a contact with a wall rolls in its first step with the coefficient of the grains",
@@ -71,20 +71,26 @@ def member_masses(job: Job) -> tuple[np.ndarray, np.ndarray]:
     particle = job.particle
     x, y, z = particle.spheres_m[:, :3].T
     n_spheres = len(x)
-    size = particle.bounding_radius_m
-    # Rows of the conditions on the shares, scaled to numbers of order one.
+
+    # Conditions on the shares: sum, centre, products of inertia. A length scale makes
+    # them numbers of order one.
+    scale_m = particle.bounding_radius_m
     conditions = np.stack(
-        [np.ones_like(x), x / size, y / size, z / size, x * y, x * z, y * z]
+        [np.ones_like(x), x / scale_m, y / scale_m, z / scale_m, x * y, x * z, y * z]
     )
-    conditions[4:] /= size**2
+    conditions[4:] /= scale_m**2
     required = np.zeros(7)
     required[0] = 1.0
-    equal = np.full(n_spheres, 1.0 / n_spheres)
+
     # The smallest change of equal shares that fulfils the conditions.
-    change = np.linalg.lstsq(conditions, required - conditions @ equal, rcond=1e-9)[0]
-    shares = equal + change
-    squares = np.array([y * y + z * z, x * x + z * z, x * x + y * y])
-    rest = particle.inertia_kg_m2 - particle.mass_kg * squares @ shares
+    equal_shares = np.full(n_spheres, 1.0 / n_spheres)
+    error = required - conditions @ equal_shares
+    change = np.linalg.lstsq(conditions, error, rcond=1e-9)[0]
+    shares = equal_shares + change
+
+    # The moments that the masses at the centres of the spheres lack.
+    squared_distances = np.array([y * y + z * z, x * x + z * z, x * x + y * y])
+    rest = particle.inertia_kg_m2 - particle.mass_kg * squared_distances @ shares
     return shares, rest / n_spheres
 
 
