@@ -1,4 +1,4 @@
-"""The command line: a module for each family of verbs.
+"""The command line: a module for each family of subcommands, which are called verbs.
 
 A verb is a function with its options beside it. It hands files and settings to the
 modules of `repose`, which are imported inside the function, so that help and parsing
@@ -169,16 +169,17 @@ def _escaped(match: re.Match[str]) -> str:
 def _check_out(args: argparse.Namespace) -> None:
     """Refuse to write to the root of the file system, or to a path without a name.
 
-    The home folder may be written as ~, which some shells leave as it is after `=`.
+    The home folder may be written as ~, which some shells leave as it is after `=`; it
+    is replaced.
     """
     if getattr(args, "out", None) is None:
         return
-    out = args.out = os.path.expanduser(args.out)
-    path = Path(os.path.realpath(out))
+    args.out = os.path.expanduser(args.out)
+    path = Path(os.path.realpath(args.out))
     is_root = path == path.parent
-    if not out or is_root or not out.isprintable():
+    if not args.out or is_root or not args.out.isprintable():
         raise InputError(
-            "command line", "--out", out, "the path of a file or folder to write"
+            "command line", "--out", args.out, "the path of a file or folder to write"
         )
 
 
@@ -248,24 +249,43 @@ def _unknown_name(
 ) -> str | None:
     """Return a message if the first word is a name, but none of the known ones.
 
-    It proposes the nearest verb or stage. `listing` is the call that lists the names.
+    Parameters
+    ----------
+    kind : str
+        What the names are: verbs or stages.
+    words : list of str
+        The words of the call from the name on.
+    known : sequence of str
+        The names that may stand here.
+    listing : str
+        The call that lists them.
+
+    Returns
+    -------
+    str or None
+        It proposes the nearest verb, stage or target.
     """
     if not words or words[0].startswith("-") or words[0] in known:
         return None
-    message = (
-        f"unknown {kind} {words[0]!r}: expected one of those that `{listing}` lists"
-    )
-    if Path(words[0]).suffix in (".yaml", ".yml", ".json"):
-        return f"{message}; did you mean {PROGRAM} run --configfile {words[0]}?"
+    name = words[0]
+    message = f"unknown {kind} {name!r}: expected one of those that `{listing}` lists"
+    if Path(name).suffix in (".yaml", ".yml", ".json"):
+        return f"{message}; did you mean {PROGRAM} run --configfile {name}?"
+
     targets = _targets()
-    for similar in difflib.get_close_matches(
-        words[0].lower(), (*known, *targets, *STAGES), 1
-    ):
+    candidates = (*known, *targets, *STAGES)
+    matches = difflib.get_close_matches(name.lower(), candidates, 1)
+    if not matches:
+        return message
+    (similar,) = matches
+    # A target and a stage have a word before them in a call.
+    if similar in known:
         call = similar
-        if similar not in known:
-            call = f"{'run' if similar in targets else STAGE} {similar}"
-        message += f"; did you mean {call}?"
-    return message
+    elif similar in targets:
+        call = f"run {similar}"
+    else:
+        call = f"{STAGE} {similar}"
+    return f"{message}; did you mean {call}?"
 
 
 def _without_case(word: str, known: Sequence[str]) -> str:

@@ -1,4 +1,4 @@
-"""The grain and its particle: read from files, or made from the configuration."""
+"""Get the grain and its particle from files, or make them from the configuration."""
 
 from os import PathLike
 from typing import TYPE_CHECKING, Any

@@ -1,4 +1,4 @@
-"""Verbs of the calibration: jobs to a dataset, a network, its inversion, and the answer simulated again."""
+"""Subcommands of the calibration, from the table of samples to the simulated answer."""
 
 import argparse
 from pathlib import Path

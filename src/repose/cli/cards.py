@@ -1,4 +1,4 @@
-"""Verbs of the material card: the answer of a calibration as one file."""
+"""Subcommands of the material card: the answer of a calibration as one file."""
 
 import argparse
 
@@ -42,17 +42,18 @@ def card(args: argparse.Namespace) -> int:
         key = f"card {args.action}"
         raise InputError("command line", key, args.cards, f"files: {n_cards}")
     cards = [card.read(path) for path in args.cards]
-    if args.action == "check":
-        print(card_text.verdict(cards[0]))
-        met = card_text.state_of(cards[0]).met
-        if met is None:
-            return UNDECIDED
-        return 0 if met else NOT_MET
     if args.action == "compare":
         print(card_text.compare(*cards))
-    else:
+        return 0
+    if args.action == "show":
         print(card_text.describe(cards[0]))
-    return 0
+        return 0
+
+    print(card_text.verdict(cards[0]))
+    are_met = card_text.state_of(cards[0]).met
+    if are_met is None:
+        return UNDECIDED
+    return 0 if are_met else NOT_MET
 
 
 @verb(

@@ -1,4 +1,4 @@
-"""The verbs that check a configuration, and plan the cost of its run."""
+"""Subcommands that check a configuration, and plan the cost of its run."""
 
 import argparse
 import contextlib
@@ -134,7 +134,7 @@ def plan(args: argparse.Namespace, study: PipelineConfig) -> None:
     _print_lines(check.describe_study(study))
     result = plan.plan(study.parameters, study.targets, runs, runs_csv)
     _print_noise(study, result, runs_csv)
-    _print_chances(result)
+    _print_probabilities(result)
     # Now, since the costs below need a timed pour.
     sys.stdout.flush()
     _print_lines(check.costs(study, result.budgets["pours"], _grain_step_s(study)))
@@ -170,7 +170,7 @@ def _print_noise(
         )
 
 
-def _print_chances(result: "Plan") -> None:
+def _print_probabilities(result: "Plan") -> None:
     """Print a table of the probability of success by the number of runs."""
     from repose.calibrate.strategies.plan import TOLERANCES
 

@@ -1,4 +1,4 @@
-"""The verb that shows the documentation, whose pages come with the program."""
+"""The subcommand that shows the documentation, whose pages come with the program."""
 
 import argparse
 import sys

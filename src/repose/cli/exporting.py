@@ -1,4 +1,4 @@
-"""The verb that writes the answer as input of other simulation programs."""
+"""The subcommand that writes the answer as input of other simulation programs."""
 
 import argparse
 import copy
@@ -57,31 +57,19 @@ def export(args: argparse.Namespace) -> None:
     example: --to yade --card results/card.json --config results/config.json --out results/export/yade
     """
     from repose.export.job import make
-    from repose.stages import card_study as cards
+    from repose.stages.card_study import read_own
 
     study = None if args.config is None else load(args)
     _check_source_of_parameters(args)
-    card = None if args.card is None else cards.read_own(args.card)
+    card = None if args.card is None else read_own(args.card)
     _check_numbers(args)
     if study is None:
-        study = _study_of(args, card)
-    if study is not None:
-        source = _from_study(args, study)
-        if card is not None:
-            cards.require_one_study(
-                card, args.card, study=study, source=args.config, grain=source.grain
-            )
-    else:
-        assert card is not None
-        source = _from_card(args, card)
-    if card is not None:
-        values = {name: row["value"] for name, row in card["parameters"].items()}
-    else:
-        assert study is not None
-        values = parameters(args.set, args.samples, sample=args.sample, study=study)
+        study = _find_study(args, card)
+
+    source = _choose_source(args, study, card)
     job = make(
         config=source.config,
-        parameters=values,
+        parameters=_parameter_values(args, study, card),
         particle=source.particle,
         grain=source.grain,
         seed=args.seed,
@@ -114,7 +102,7 @@ def _check_numbers(args: argparse.Namespace) -> None:
     )
 
 
-def _study_of(args: argparse.Namespace, card: Card | None) -> PipelineConfig | None:
+def _find_study(args: argparse.Namespace, card: Card | None) -> PipelineConfig | None:
     """Load the study that --config does not name, and note its path in `args.config`.
 
     It is that beside the card, or without a card the default. None if there is a card
@@ -122,17 +110,21 @@ def _study_of(args: argparse.Namespace, card: Card | None) -> PipelineConfig | N
     """
     from repose.stages.card_study import configuration_of_card
 
-    path = None if card is None else configuration_of_card(args.card)
-    if path is None and card is not None:
-        return None
-    args.config = str(path or CONFIG.keywords["default"])
-    try:
+    if card is None:
+        args.config = str(CONFIG.keywords["default"])
         study = load(args)
         # The files of the grain are read only now.
         _ = study.grain
+        return study
+
+    path = configuration_of_card(args.card)
+    if path is None:
+        return None
+    args.config = str(path)
+    try:
+        study = load(args)
+        _ = study.grain
     except InputError as error:
-        if card is None:
-            raise
         args.config = None
         first_line = error.args[0].splitlines()[0]
         print(
@@ -141,6 +133,16 @@ def _study_of(args: argparse.Namespace, card: Card | None) -> PipelineConfig | N
         )
         return None
     return study
+
+
+def _parameter_values(
+    args: argparse.Namespace, study: PipelineConfig | None, card: Card | None
+) -> dict[str, float]:
+    """Return the parameters of the card, or else those of the options."""
+    if card is not None:
+        return {name: entry["value"] for name, entry in card["parameters"].items()}
+    assert study is not None
+    return parameters(args.set, args.samples, sample=args.sample, study=study)
 
 
 # --- the grain ------------------------------------------------------------------------
@@ -166,24 +168,47 @@ def _n_spheres(args: argparse.Namespace, particle: "Particle") -> int | None:
     return SPHERES
 
 
-def _from_study(args: argparse.Namespace, study: PipelineConfig) -> _Source:
+def _choose_source(
+    args: argparse.Namespace, study: PipelineConfig | None, card: Card | None
+) -> _Source:
+    """Take the grain of the study, or without a study that of the card.
+
+    Raises
+    ------
+    InputError
+        If card and configuration are not of one study.
+    """
+    from repose.stages.card_study import require_one_study
+
+    if study is None:
+        assert card is not None
+        return _source_of_card(args, card)
+    source = _source_of_study(args, study)
+    if card is not None:
+        require_one_study(
+            card, args.card, study=study, source=args.config, grain=source.grain
+        )
+    return source
+
+
+def _source_of_study(args: argparse.Namespace, study: PipelineConfig) -> _Source:
     """Take the grain of a study, as a clump if it is no sphere."""
     from repose.cli.berries import berry_and_particle
 
     grain, particle = berry_and_particle(study)
     n_spheres = _n_spheres(args, particle)
     if n_spheres is not None and n_spheres > 1:
-        with_clump = _with_clump(study, n_spheres, args.config)
-        grain, particle = berry_and_particle(with_clump)
+        clump_study = _with_clump(study, n_spheres, args.config)
+        grain, particle = berry_and_particle(clump_study)
     return _Source(study.config, grain, particle, one_sphere=n_spheres == 1)
 
 
-def _from_card(args: argparse.Namespace, card: Card) -> _Source:
+def _source_of_card(args: argparse.Namespace, card: Card) -> _Source:
     """Take the grain of a card, as a clump if it is no sphere."""
     from repose.stages import card_study
 
-    own_particle = card_study.particle_of(card, None, args.card)
-    n_spheres = _n_spheres(args, own_particle)
+    card_particle = card_study.particle_of(card, None, args.card)
+    n_spheres = _n_spheres(args, card_particle)
     return _Source(
         config=card_study.configuration_of(card, args.card),
         grain=card["grain"],
@@ -198,15 +223,17 @@ def _with_clump(study: PipelineConfig, n_spheres: int, source: str) -> PipelineC
     Its time step may have to be shorter than that of a smooth body, since spheres at one
     place add up in stiffness.
     """
-    changed = copy.deepcopy(study.config)
-    changed["berry"] |= {
+    config = copy.deepcopy(study.config)
+    config["berry"] |= {
         "particle": "multisphere",
         "spheres": n_spheres,
         "surface": "smooth",
     }
-    changed["simulation"]["time_step_s"] = AUTO
-    own_step_s = study.settings.simulation.time_step_s
-    clump_step_s = PipelineConfig.of(changed, source).settings.simulation.time_step_s
-    changed["simulation"]["time_step_s"] = min(own_step_s, clump_step_s)
-    provenance.note_config(changed)
-    return PipelineConfig.of(changed, source)
+
+    # Take the shorter of the study's own step and the computed one of the clump.
+    study_step_s = study.settings.simulation.time_step_s
+    config["simulation"]["time_step_s"] = AUTO
+    clump_step_s = PipelineConfig.of(config, source).settings.simulation.time_step_s
+    config["simulation"]["time_step_s"] = min(study_step_s, clump_step_s)
+    provenance.note_config(config)
+    return PipelineConfig.of(config, source)

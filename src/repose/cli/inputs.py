@@ -1,4 +1,4 @@
-"""Verbs for the inputs of a study: the grain, its particle, the points to simulate."""
+"""Subcommands for the inputs of a study: the grain, its particle, the samples."""
 
 import argparse
 from pathlib import Path
@@ -87,7 +87,7 @@ def _build_mesh(args: argparse.Namespace) -> None:
     density = args.density
     if density is None:
         density = load(args).settings.berry.density_kg_m3
-    mesh, exponent = mesh_from_axes.grain_mesh(
+    mesh, shape_number = mesh_from_axes.grain_mesh(
         args.axes,
         args.mass_g,
         density_kg_m3=density,
@@ -101,10 +101,10 @@ def _build_mesh(args: argparse.Namespace) -> None:
     write_bytes(args.stl, stl)
 
     box_mm3 = args.axes[0] * args.axes[1] * args.axes[2]
-    m, k = mesh_from_axes.profile_exponents(exponent)
+    inner_exponent, outer_exponent = mesh_from_axes.profile_exponents(shape_number)
     print(
         f"{args.stl}: {mesh.volume:.1f} mm3, {mesh.volume / box_mm3:.3f} of the box "
-        f"around it, profile (1 - |t|^{m:.3g})^{k:.3g}"
+        f"around it, profile (1 - |t|^{inner_exponent:.3g})^{outer_exponent:.3g}"
     )
 
 

@@ -1,4 +1,4 @@
-"""The end of `repose run` by a signal: Ctrl-C, the end of a cluster job, a closed terminal.
+"""End `repose run` in order at a signal: Ctrl-C, a cluster's limit, a closed terminal.
 
 Snakemake lets its jobs go on at SIGTERM, and knows nothing of SIGHUP. Here both end the
 run as Ctrl-C does: what is finished stays, and the jobs that run are ended.
@@ -35,20 +35,21 @@ class Interruption:
 
     def __enter__(self) -> Self:
         # A process under nohup ignores SIGHUP, and goes on doing so.
-        self._forwarded = [
+        self._forwarded_signals = [
             number
             for number in (signal.SIGTERM, signal.SIGHUP)
             if signal.getsignal(number) is not signal.SIG_IGN
         ]
-        self._earlier = {signal.SIGINT: signal.signal(signal.SIGINT, self._interrupt)}
-        for number in self._forwarded:
-            self._earlier[number] = signal.signal(number, lambda *_: None)
+        interrupt_handler = signal.signal(signal.SIGINT, self._interrupt)
+        self._earlier_handlers = {signal.SIGINT: interrupt_handler}
+        for number in self._forwarded_signals:
+            self._earlier_handlers[number] = signal.signal(number, lambda *_: None)
 
         # Snakemake replaces the handler of SIGTERM. The numbers of all signals arrive at
         # this pipe all the same, where a thread reads them.
         self._reading_end, self._writing_end = os.pipe()
         os.set_blocking(self._writing_end, False)
-        self._earlier_pipe = signal.set_wakeup_fd(
+        self._earlier_wakeup_fd = signal.set_wakeup_fd(
             self._writing_end, warn_on_full_buffer=False
         )
         self._thread = threading.Thread(target=self._forward, daemon=True)
@@ -61,9 +62,10 @@ class Interruption:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        # Give the signals back, and then end the thread that reads them.
         self._has_ended.set()
-        signal.set_wakeup_fd(self._earlier_pipe)
-        for number, handler in self._earlier.items():
+        signal.set_wakeup_fd(self._earlier_wakeup_fd)
+        for number, handler in self._earlier_handlers.items():
             signal.signal(number, handler)
         os.write(self._writing_end, END)
         self._thread.join()
@@ -73,10 +75,11 @@ class Interruption:
     def _forward(self) -> None:
         """Send SIGINT to this process at a signal that Snakemake would not end at."""
         while True:
+            # A byte for each signal; the read waits for the next one.
             number = os.read(self._reading_end, 1)[0]
             if number == END[0]:
                 return
-            if number in self._forwarded and self.signal_number is None:
+            if number in self._forwarded_signals and self.signal_number is None:
                 self.signal_number = number
                 os.kill(os.getpid(), signal.SIGINT)
 

@@ -1,4 +1,4 @@
-"""Verbs that measure piles: in photographs, and in side views of simulated piles."""
+"""Subcommands that measure piles: in photographs, and in views of simulated piles."""
 
 import argparse
 import math
@@ -223,21 +223,18 @@ def _check_bench(args: argparse.Namespace, piles: Iterable[str]) -> None:
     from repose.bench.photographs import RESPONSES
 
     known = (*piles, *RESPONSES)
-    require_option(
-        args.bench in known, "--bench", args.bench, f"one of {', '.join(known)}"
-    )
+    allowed = f"one of {', '.join(known)}"
+    require_option(args.bench in known, "--bench", args.bench, allowed)
+
     unread: tuple[str, ...] = ("lens", "mm_per_pixel", "length", "base_row")
     if args.bench in piles:
         unread = ("points",)
     for name in unread:
         value = getattr(args, name)
         if value:
-            raise InputError(
-                "command line",
-                f"--{name.replace('_', '-')}",
-                value,
-                f"nothing with --bench {args.bench}",
-            )
+            option = f"--{name.replace('_', '-')}"
+            allowed = f"nothing with --bench {args.bench}"
+            raise InputError("command line", option, value, allowed)
 
 
 def _readable_pictures(names: Iterable[str]) -> list[Path]:
@@ -271,26 +268,19 @@ def _check_overlays(pictures: list[Path], out: str) -> list[Path]:
 
     overlays = [Path(out) / f"{path.stem}.png" for path in pictures]
     hashes = [hash_of_file(path) for path in pictures]
-    for path, overlay, content in zip(pictures, overlays, hashes, strict=True):
-        require_option(
-            overlays.count(overlay) == 1,
-            "pictures",
-            path.name,
-            "photographs whose names differ",
-        )
-        require_option(
-            hashes.count(content) == 1,
-            "pictures",
-            path.name,
-            "each picture once: this is a copy",
-        )
+    for path, overlay, content_hash in zip(pictures, overlays, hashes, strict=True):
+        has_own_name = overlays.count(overlay) == 1
+        allowed = "photographs whose names differ"
+        require_option(has_own_name, "pictures", path.name, allowed)
+
+        has_own_content = hashes.count(content_hash) == 1
+        allowed = "each picture once: this is a copy"
+        require_option(has_own_content, "pictures", path.name, allowed)
+
         check_replaceable(overlay)
-        require_option(
-            overlay.resolve() != path.resolve(),
-            "--out",
-            out,
-            "another folder than that of the photographs",
-        )
+        is_apart = overlay.resolve() != path.resolve()
+        allowed = "another folder than that of the photographs"
+        require_option(is_apart, "--out", out, allowed)
     return overlays
 
 
@@ -474,15 +464,17 @@ def _measure_settings(args: argparse.Namespace) -> "MeasureSettings":
 
     if args.grain_mm is not None:
         _require_between("--grain-mm", args.grain_mm, 0.1, 1000)
-    sizes_csv = SIZES if Path(SIZES).is_file() else None
-    keeps_volume = True
     if args.config is None:
         settings = MeasureSettings.with_defaults()
+        sizes_csv = SIZES if Path(SIZES).is_file() else None
+        keeps_volume = True
     else:
         study = load(args).settings
         settings = study.measure
         sizes_csv = study.berry.sizes
         keeps_volume = study.berry.keeps_volume
+
+    # The height of a grain: the option, that of the study, or that of the sizes.
     if args.grain_mm is not None:
         return settings.model_copy(update={"berry_height_mm": args.grain_mm})
     if settings.berry_height_mm is None and sizes_csv is not None:

@@ -1,4 +1,4 @@
-"""The verb that makes the folder of a new crop."""
+"""The subcommand that makes the folder of a new crop."""
 
 import argparse
 from operator import methodcaller

@@ -1,4 +1,4 @@
-"""Verbs for a simulator of the user's own: the runs to simulate, and the answer."""
+"""Subcommands for a simulator of the user's own: the runs to make, and the answer."""
 
 import argparse
 import sys
@@ -22,16 +22,19 @@ def _study(args: argparse.Namespace) -> "Study":
     from repose.calibrate.study_file import is_own, unread_keys
     from repose.common.reading import read
 
+    # The message names the option, or the file that the user has given.
+    names_simulator = is_own(places.find(args.config))
+    is_given = "config" in vars(args).get("given", ())
+    source = args.config if is_given else "command line"
+    key = "simulator" if is_given else "--config"
     allowed = (
         "the name of your simulator, in a configuration as `repose docs own_simulator` "
         "shows"
     )
-    names_simulator = is_own(places.find(args.config))
-    is_given = "config" in vars(args).get("given", ())
-    if not is_given:
-        require(names_simulator, "command line", "--config", None, allowed)
-    require(names_simulator, args.config, "simulator", None, allowed)
-    study = Study.own(args.config, args.runs if args.verb == "ask" else None)
+    require(names_simulator, source, key, None, allowed)
+
+    runs_csv = args.runs if args.verb == "ask" else None
+    study = Study.own(args.config, runs_csv)
     keys = unread_keys(read(args.config))
     if keys:
         strategy = study.settings.strategy
@@ -108,6 +111,7 @@ def ask(args: argparse.Namespace, study: "Study") -> None:
     proposal = study.proposal
     runs = study.runs
     write_table(args.out, table)
+
     # A proposal with notes follows from runs; the first one does not.
     if proposal.notes:
         observed = arrange_runs(runs, study.parameters, study.targets)
@@ -141,6 +145,7 @@ def calibrate(args: argparse.Namespace, study: "Study") -> None:
     from repose.common.ledger import check_replaceable
     from repose.common.tables import print_columns
 
+    # Refuse to replace files of others before minutes of work.
     report_html = Path(args.out) / "report.html"
     for name in (*calibration.TABLES, *calibration.RECORDS, report_html.name):
         check_replaceable(Path(args.out) / name)
@@ -149,17 +154,19 @@ def calibrate(args: argparse.Namespace, study: "Study") -> None:
     print_columns(args.runs)
     for sentence in unread_columns(study, rows).values():
         _warn(f"{args.runs}: {sentence}")
-    found = calibration.calibrate(study, runs)
-    found.save(args.out)
-    print(found)
-    n_failed = found.summary["failed_runs"]
+
+    result = calibration.calibrate(study, runs)
+    result.save(args.out)
+    print(result)
+    n_failed = result.summary["failed_runs"]
     if n_failed:
-        _warn(f"{n_failed} of {found.summary['runs']} runs failed")
-    if found.summary["warning"] is not None:
-        _warn(found.summary["warning"])
+        _warn(f"{n_failed} of {result.summary['runs']} runs failed")
+    if result.summary["warning"] is not None:
+        _warn(result.summary["warning"])
     print(f"Tables and material card: {args.out}", flush=True)
+
     # Last: an installation without pictures has all but the report.
     from repose.report.page import own
 
-    own.write(found, report_html)
+    own.write(result, report_html)
     print(f"Report: {report_html}")

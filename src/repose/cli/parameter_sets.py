@@ -1,4 +1,4 @@
-"""Options for the contact parameters and seeds of a simulation, and their values."""
+"""Read the contact parameters and seeds of a simulation from the options."""
 
 from argparse import ArgumentTypeError, Namespace
 from collections.abc import Sequence
@@ -106,22 +106,18 @@ def parameters(
     texts = pairs(entries, "--set")
     if samples:
         if texts or sample is None:
-            raise InputError(
-                "command line",
-                "--samples",
-                samples,
-                "together with --sample, without --set",
-            )
+            allowed = "together with --sample, without --set"
+            raise InputError("command line", "--samples", samples, allowed)
         return _parameters_of_sample(samples, sample, study)
-
     require_option(sample is None, "--sample", sample, "together with --samples")
-    known = study.parameters.names
-    values = dict(study.parameters.centre)
+
+    # All names are checked before the first value.
+    names = study.parameters.names
     for name, text in texts.items():
-        labelled = ", ".join(f"{key} ({LABELS[key]})" for key in known)
-        require_option(
-            name in known, f"--set {name}", text, f"a parameter of {labelled}"
-        )
+        labelled = ", ".join(f"{known} ({LABELS[known]})" for known in names)
+        allowed = f"a parameter of {labelled}"
+        require_option(name in names, f"--set {name}", text, allowed)
+    values = dict(study.parameters.centre)
     for name, text in texts.items():
         values[name] = check_value(name, text, "command line")
     return values

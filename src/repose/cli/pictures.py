@@ -1,4 +1,4 @@
-"""Verbs that draw: figures, films, the report."""
+"""Subcommands that draw: figures, films, the report."""
 
 import argparse
 from typing import Any

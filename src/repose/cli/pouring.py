@@ -1,4 +1,4 @@
-"""Verbs that simulate: grains in any bench test, and the tables of the drum."""
+"""Subcommands that simulate: grains in any bench test, and the tables of the drum."""
 
 import argparse
 from collections.abc import Iterable, Mapping
@@ -119,7 +119,9 @@ def heap(args: argparse.Namespace, study: PipelineConfig) -> None:
     runs = result["runs"]
     if not args.json:
         _print_runs(runs, job["test"].summary)
-    elif len(runs) == 1:
+        return
+    # A single run is printed without the job around it.
+    if len(runs) == 1:
         shared = {key: result[key] for key in ("parameters", "time_step_s")}
         print(json_text(shared | runs[0]))
     else:
@@ -154,16 +156,14 @@ def _job(
     section(study.config, apparatus)
     values = parameters(args.set, args.samples, sample=args.sample, study=study)
     seeds = pour_seeds(args, study.settings.design.seed, apparatus)
+
+    # The time between two frames of a trajectory.
     step_s = study.settings.simulation.time_step_s
     duration_s = test.duration_s(SceneSettings(study.config))
     interval_s = args.trajectory
     if interval_s is not None and not step_s <= interval_s <= duration_s:
-        raise InputError(
-            "command line",
-            "--trajectory",
-            interval_s,
-            f"from {step_s:g} to {duration_s:g} s",
-        )
+        allowed = f"from {step_s:g} to {duration_s:g} s"
+        raise InputError("command line", "--trajectory", interval_s, allowed)
 
     def progress(seed: int) -> Any:
         return display(0.0, duration_s, step_s, label=f"seed {seed}")

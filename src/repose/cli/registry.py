@@ -1,4 +1,4 @@
-"""A verb of the command line: a function with options, whose docstring is its help."""
+"""Make functions subcommands of the command line, with options and help."""
 
 import argparse
 import textwrap

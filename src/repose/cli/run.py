@@ -1,4 +1,4 @@
-"""The verb that runs the whole study: snakemake with the program's own workflow, in any folder."""
+"""The subcommand that runs a whole study: it calls snakemake with our own workflow."""
 
 import argparse
 import contextlib
@@ -82,34 +82,40 @@ def run(args: argparse.Namespace) -> int:
 
         print(catalogue(args.configfile))
         return 0
-    if args.directory is not None:
-        require_option(
-            os.path.isdir(args.directory),
-            "--directory",
-            args.directory,
-            "a folder that is there",
-        )
-    is_dry = not DRY.isdisjoint(args.rest)
-    if args.directory is None and not is_dry and not os.access(".", os.W_OK):
-        raise InputError(
-            "command line", "folder", os.getcwd(), "a folder into which you may write"
-        )
+    _check_folder(args)
     note_built_in_crop(*args.configfile)
     _provide_cache(args.directory or ".")
 
     arguments = snakemake_arguments(args)
     status = call_snakemake(main, arguments)
     if status > OF_SIGNAL:
-        command = shlex.join(["repose", *args.words])
-        with contextlib.suppress(OSError):  # the terminal is closed
-            print(
-                "\nStopped. What is finished stays; the same command goes on:"
-                f" {command}",
-                file=sys.stderr,
-            )
+        _print_how_to_continue(args.words)
     elif status != 0:
         _check_targets(args.rest, arguments)
     return status
+
+
+def _check_folder(args: argparse.Namespace) -> None:
+    """Refuse a folder that is missing, or into which the run may not write."""
+    if args.directory is not None:
+        is_there = os.path.isdir(args.directory)
+        allowed = "a folder that is there"
+        require_option(is_there, "--directory", args.directory, allowed)
+        return
+    is_dry = not DRY.isdisjoint(args.rest)
+    if not is_dry and not os.access(".", os.W_OK):
+        allowed = "a folder into which you may write"
+        raise InputError("command line", "folder", os.getcwd(), allowed)
+
+
+def _print_how_to_continue(words: list[str]) -> None:
+    """Print the command that goes on with a run that a signal ended."""
+    command = shlex.join(["repose", *words])
+    with contextlib.suppress(OSError):  # the terminal is closed
+        print(
+            f"\nStopped. What is finished stays; the same command goes on: {command}",
+            file=sys.stderr,
+        )
 
 
 def _check_configuration_options(args: argparse.Namespace) -> None:
@@ -119,22 +125,15 @@ def _check_configuration_options(args: argparse.Namespace) -> None:
     for path in args.configfile:
         read(path)
     for entry in args.config:
-        if Path(entry).suffix in (".yaml", ".yml", ".json") and "=" not in entry:
+        key, sign, value = entry.partition("=")
+        if not sign and Path(entry).suffix in (".yaml", ".yml", ".json"):
             allowed = f"KEY=VALUE; a file is given by --configfile {entry}"
             raise InputError("command line", "--config", entry, allowed)
-        require_option(
-            "=" in entry,
-            "--config",
-            entry,
-            "KEY=VALUE; a target goes before the options",
-        )
-        key, _, value = entry.partition("=")
-        require_option(
-            key.isidentifier(),
-            "--config",
-            entry,
-            f"a section with its keys, as in '{_in_section(key, value)}'",
-        )
+        allowed = "KEY=VALUE; a target goes before the options"
+        require_option(sign, "--config", entry, allowed)
+        # Snakemake takes no dotted key.
+        allowed = f"a section with its keys, as in '{_in_section(key, value)}'"
+        require_option(key.isidentifier(), "--config", entry, allowed)
 
 
 def _in_section(key: str, value: str) -> str:
@@ -213,6 +212,7 @@ def snakemake_arguments(args: argparse.Namespace) -> list[str]:
     for name in ("profile", "workflow_profile"):
         if values[name] is not None:
             values[name] = str(places.find(values[name]))
+    # A profile may say how many jobs run.
     has_profile = args.profile is not None or args.workflow_profile is not None
     if not (args.cores or args.jobs or has_profile):
         values["cores"] = "all"

@@ -1,4 +1,4 @@
-"""Verbs beside a study: the speed of the simulator, the provenance of a result."""
+"""Subcommands beside a study: the simulator's speed, the provenance of a result."""
 
 import argparse
 import json

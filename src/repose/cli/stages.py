@@ -1,4 +1,4 @@
-"""A verb as a stage: its input files, and the settings that it reads."""
+"""Run a subcommand as a stage: record its input files and the settings that it reads."""
 
 import argparse
 import sys
@@ -98,11 +98,11 @@ def files_of(args: argparse.Namespace) -> Iterator[Path]:
         if not option.recorded:
             continue
         for name in _names_of(args, option.attribute):
-            path = Path(name)
-            if path.is_dir():
-                path = path / "dataset.csv"
-            if path.is_file():
-                yield path
+            file = Path(name)
+            if file.is_dir():
+                file = file / "dataset.csv"
+            if file.is_file():
+                yield file
 
 
 def _names_of(args: argparse.Namespace, option: str) -> list[str]:

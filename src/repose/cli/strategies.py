@@ -1,4 +1,4 @@
-"""Stages of every strategy with several batches: what is simulated next, and the answer."""
+"""Subcommands of every strategy with several batches: what is simulated next, the answer."""
 
 import argparse
 

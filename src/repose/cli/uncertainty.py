@@ -1,4 +1,4 @@
-"""Verbs for the uncertainty of the answer: noise, posterior, sensitivity, next."""
+"""Subcommands for the uncertainty of the answer: noise, posterior, sensitivity, next."""
 
 import argparse
 
