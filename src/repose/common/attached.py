@@ -1,4 +1,4 @@
-"""The record of provenance in a result, by type of file.
+"""Write and read the record of provenance in a result, by type of file.
 
 A JSON file has it under the key ``provenance``, an .npz file as an array of this name,
 a PNG as a text of this name. Every other file has it in a sidecar,

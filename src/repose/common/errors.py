@@ -1,4 +1,4 @@
-"""The exceptions: faults of a user's input, and a pile without an angle."""
+"""Define the exceptions: faults of a user's input, and a pile without an angle."""
 
 import sys
 from collections.abc import Iterable, Iterator

@@ -1,4 +1,4 @@
-"""Faults of a configuration as messages: file, key, value and the allowed values."""
+"""Turn faults of a configuration into messages: file, key, value, allowed values."""
 
 import difflib
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,4 +1,4 @@
-"""Files: one writer and one reader for each type.
+"""Read and write files, with one reader and one writer for each type.
 
 A writer writes in one move, so a file is whole or not there, and adds the record of
 provenance of the current stage. It replaces only files that this program wrote

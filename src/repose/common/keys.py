@@ -1,4 +1,4 @@
-"""Dotted keys of a configuration: the file of each, its value, its section.
+"""Look up dotted keys of a configuration: the value of a key, and the file that has it.
 
 No YAML is loaded here, which takes time.
 """

@@ -1,4 +1,4 @@
-"""The files that this program wrote in a folder: only these, if unchanged, are replaced.
+"""List the files that this program wrote in a folder: only these are replaced.
 
 Each folder holds its ledger, the file `.repose`: a line for each file written there,
 with the SHA-256 of its content. A file that a user put there, or changed since, has no

@@ -1,4 +1,4 @@
-"""Locks: one workflow at a time in a folder of results, one writer at a time of a file.
+"""Lock folders and files: one workflow in a folder of results, one writer of a file.
 
 The locks belong to the operating system and end with the process that holds them, even
 if it is killed. Some file systems of clusters have none: there nothing is held, and

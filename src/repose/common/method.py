@@ -1,4 +1,4 @@
-"""The values of config/method.yaml, for settings that are made in Python."""
+"""Read the values of config/method.yaml, for settings that are made in Python."""
 
 from functools import cache
 from typing import Any, TypeVar

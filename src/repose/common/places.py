@@ -1,4 +1,4 @@
-"""Places of the files that are not Python.
+"""Find the files of the program that are not Python.
 
 These are the workflow, the default configurations, measured and published tables.
 """

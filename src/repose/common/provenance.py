@@ -1,4 +1,4 @@
-"""Provenance: the origin of a result, written with it.
+"""Record the origin of a result, and write it with the result.
 
 A stage is one verb with its settings and the files that it reads. While it runs, the
 writers of `repose.common.files` put its record into every file. A user's own program

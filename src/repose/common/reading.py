@@ -1,4 +1,4 @@
-"""Strict reading of YAML: no key twice, numbers as numbers."""
+"""Read YAML strictly: no key twice, numbers as numbers."""
 
 import copy
 import functools

@@ -1,4 +1,4 @@
-"""A section of the configuration as a typed model.
+"""Define the base class of a configuration's section, a model with typed fields.
 
 A section is a subclass of `Section` with one field a key::
 

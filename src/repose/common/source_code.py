@@ -1,4 +1,4 @@
-"""Hashes of the code that computes a result: an edit of it plans the result again.
+"""Hash the code that computes a result, so that an edit of it makes the result again.
 
 A stage depends on its module and on every module of `repose` that it imports, directly
 or through others. What cannot change a number is left out of the hash: comments,

@@ -1,7 +1,7 @@
-"""Rows at the end of a measured table that are no measurement but sum up the others.
+"""Find a row at the end of a measured table that sums up the rows above it.
 
-Spreadsheets have them below the measurements, with labels in any language. They are
-known by their numbers.
+Spreadsheets have means and the like below the measurements, with labels in any language.
+Such a row is known by its numbers.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""The reader of tables that users write: measured sizes, runs of a simulator, profiles.
+"""Read tables that users write: measured sizes, runs of a simulator, profiles.
 
 A table is CSV, as spreadsheets and other programs write it. A reader declares its
 columns (`Column`), and all faults of a table are reported at once.

@@ -1,4 +1,4 @@
-"""Range of a target for which the user gives none."""
+"""Compute the range of a target for which the user gives none."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Processor time of the jobs of a study: each of their processes notes its own at its end.
+"""Note the processor time of each process of a study's jobs, and add it up.
 
 Snakemake's benchmark of a job ends at its last look, a half minute before the end of a
 long one.

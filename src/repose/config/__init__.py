@@ -1,1 +1,1 @@
-"""The configuration: reading, checks, and the cost of its run."""
+"""Read, complete and check the configuration of a study, and estimate its cost."""

@@ -1,4 +1,4 @@
-"""Hints on the scene of the funnel, before a study pours.
+"""Give hints on the scene of the funnel before a study pours.
 
 They are about the stiffness, the volume and the number of its grains.
 """

@@ -1,4 +1,4 @@
-"""The lines that `repose check`, `repose plan` and `repose run --list` print."""
+"""Write the lines that `repose check`, `repose plan` and `repose run --list` print."""
 
 import contextlib
 import math

@@ -1,4 +1,4 @@
-"""Numbers that follow from other keys, for the keys that are `auto`.
+"""Compute the settings that the configuration leaves to the program as `auto`.
 
 Only files that a user writes hold `auto`; files that a study writes hold the number.
 """

@@ -1,4 +1,4 @@
-"""Rules between sections: each reports values that contradict each other.
+"""Find settings of different sections that contradict each other.
 
 Rules between the keys of one section are in its model
 (`repose.common.section.Section.contradictions`).

@@ -1,4 +1,4 @@
-"""The cost of a study: the number of its runs, their time and their disk space."""
+"""Estimate the cost of a study: the number of its runs, their time and disk space."""
 
 import math
 import time

@@ -1,4 +1,4 @@
-"""The settings that each stage of the workflow reads.
+"""Select the settings on which each stage of the workflow depends.
 
 They are those that the stage itself reads, and those of the results that it reads. A
 rule hands them to Snakemake as a parameter, so that their change runs the stage again.

@@ -1,4 +1,4 @@
-"""The check of a configuration by an earlier run of the workflow.
+"""Keep the result of a configuration's check, so that later runs need not repeat it.
 
 Snakemake reads the Snakefile for each of its commands. The first command checks the
 configuration with its grain and the files that it names, and computes each `auto`. A run

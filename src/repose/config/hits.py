@@ -1,4 +1,4 @@
-"""The restitution that a hit returns at the time step of a study.
+"""Compute the restitution that a hit returns at the time step of a study.
 
 The damping of a contact is made for a hit that is followed exactly. With a few time steps
 for each contact a hit returns less, and the more so the lower the restitution.

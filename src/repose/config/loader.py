@@ -1,4 +1,4 @@
-"""The files of a configuration, which override one another, and the resolved file.
+"""Read configuration files, which override one another, and write the merged result.
 
 A study writes the resolved configuration into its folder of results.
 """

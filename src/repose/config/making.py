@@ -1,6 +1,6 @@
-"""The checks of a configuration and of the files that it names.
+"""Check a configuration and the files that it names, and report all faults at once.
 
-They report all faults at once.
+A check is made only where the settings that it reads are free of faults.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping

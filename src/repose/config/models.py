@@ -1,4 +1,4 @@
-"""The whole configuration as typed sections, `StudySettings`.
+"""Define the whole configuration as a model with typed sections, `StudySettings`.
 
 Most sections are models of the rooms that read them, such as
 `repose.calibrate.search.settings`. Bench tests and strategies that register themselves

@@ -1,4 +1,4 @@
-"""The tables of config/README.md, made from the fields of the sections.
+"""Make the tables of config/README.md from the fields of the sections.
 
 ``python -m repose.config.page`` writes them into the page. A table stands between the
 lines ``<!-- keys: NAME -->`` and ``<!-- end -->``; the text around it is written by hand.

@@ -1,4 +1,4 @@
-"""The folder of a study's results: which folders are allowed for it.
+"""Check the folder of a study's results before a run writes into it.
 
 Snakemake removes the outputs of a rule before it makes them anew, and knows only their
 names. So a study starts only in a folder that is new or a study's already, and where no

@@ -1,4 +1,4 @@
-"""One run of the workflow: its study, the folder that it holds, and the time it takes.
+"""Prepare a run of the workflow: make its study, lock its folder, report its time.
 
 Snakemake reads the Snakefile for each of its commands, also for those that run no job.
 Reading it makes the study and looks at the folder of results; it writes nothing. A run

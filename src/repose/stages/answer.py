@@ -1,4 +1,4 @@
-"""The answer of a calibration, read from the files of the stages."""
+"""Read the answer of a calibration from the files of the stages."""
 
 import math
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""Batches of a strategy as files: the runs so far are read, its samples are written."""
+"""Read and write the batches of runs that a strategy asks for, as files."""
 
 import math
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""The material card: the answer of a calibration as one file, for people and programs.
+"""Define and check the material card: the answer of a calibration as one JSON file.
 
 `Card` and `OtherCard` are its content as typed models. `card.schema.json` beside this
 module and docs/card.md are made from them: `python tests/documents/card_files.py`.

@@ -1,4 +1,4 @@
-"""A card and its study: made of an answer, compared with a configuration, turned into a deck."""
+"""Make the material card of a study, compare the two, and rebuild a grain from a card."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,4 +1,4 @@
-"""Material cards as text: one alone, its verdict, or two side by side."""
+"""Write material cards as text: one alone, its verdict, or two side by side."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields

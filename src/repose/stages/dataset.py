@@ -1,4 +1,4 @@
-"""The table of samples, from the jobs of the bench tests.
+"""Make the table of samples from the measured runs of the bench tests.
 
 It has the responses of each sample with their standard errors. Section 4.1.1 of the paper
 leaves out samples that formed no stable pile. Here they stay in the table with a status

@@ -1,4 +1,4 @@
-"""The stage `design`: the parameter sets that are simulated first."""
+"""The stage `design`: choose the parameter sets that are simulated first."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Jobs of the drum, and the tables of all its runs.
+"""Run the drum, and make the tables of all its runs.
 
 The states of the runs are kept, so a changed definition measures them again.
 """

@@ -1,4 +1,4 @@
-"""Jobs: all runs of one parameter set in a bench test, simulated, saved and measured.
+"""Simulate, save and measure a job: all runs of one parameter set in a bench test.
 
 A job's files are NAME.pours.json (how each run ended), NAME.npz (arrays of each run,
 ARRAY_SEED), NAME_trajectory_SEED.npz (frames, if requested) and, measured, NAME.json. The

@@ -1,4 +1,4 @@
-"""Runs kept beside the files of their job, so that none is made or measured twice.
+"""Keep runs beside the files of their job, so that none is made or measured twice.
 
 Snakemake removes outputs before it makes them anew, and knows nothing of the folder
 `runs`, where each run of a job is a file. A kept run is taken again only if it is the

@@ -1,4 +1,4 @@
-"""The stage `network`: a surrogate of the simulator, trained on the table of samples."""
+"""The stage `network`: train a surrogate of the simulator on the table of samples."""
 
 from pathlib import Path
 from typing import Any

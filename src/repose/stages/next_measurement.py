@@ -1,4 +1,4 @@
-"""The next measurement: the information that each further response would add.
+"""Rank further responses by the information that their measurement would add.
 
 Parameter sets are drawn from the posterior, and each is simulated a few times in every
 bench test of the configuration. A response that differs more between these sets than from

@@ -1,4 +1,4 @@
-"""The stage `optimism`: by how much the predictions of the search are too favourable."""
+"""The stage `optimism`: estimate how much too favourable the predictions are."""
 
 from collections.abc import Sequence
 from pathlib import Path

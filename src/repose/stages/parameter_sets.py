@@ -1,4 +1,4 @@
-"""Tables of parameter sets, as the stage `design` writes them.
+"""Read tables of parameter sets, as the stage `design` writes them.
 
 They have a number `sample` and the parameters.
 """

@@ -1,4 +1,4 @@
-"""Published tables for comparison with results."""
+"""Read the published tables with which results are compared."""
 
 import csv
 from collections.abc import Collection, Iterable, Sequence

@@ -1,4 +1,4 @@
-"""Reading of the tables of a study, with checks that they are complete and consistent.
+"""Read the tables of a study, and check that they are complete and consistent.
 
 A truncated table, or one beside the runs of another study, has all its columns; only its
 rows show the fault.

@@ -1,4 +1,4 @@
-"""Calibrated solutions that are simulated again.
+"""Choose solutions that are simulated again, and compare them with the measurement.
 
 The tables are Table 4 of the paper (section 4.2.1), the comparison with the physical
 measurement, and the published solutions in this engine. Errors are relative, in percent,

@@ -1,4 +1,4 @@
-"""Compilation of the engine before the first run of a study.
+"""Compile the engine before the first run of a study.
 
 Of jobs that start together, only one would compile while the others wait.
 """
