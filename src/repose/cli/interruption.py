@@ -40,8 +40,8 @@ class Interruption:
             for number in (signal.SIGTERM, signal.SIGHUP)
             if signal.getsignal(number) is not signal.SIG_IGN
         ]
-        interrupt_handler = signal.signal(signal.SIGINT, self._interrupt)
-        self._earlier_handlers = {signal.SIGINT: interrupt_handler}
+        earlier_handler = signal.signal(signal.SIGINT, self._interrupt)
+        self._earlier_handlers = {signal.SIGINT: earlier_handler}
         for number in self._forwarded_signals:
             self._earlier_handlers[number] = signal.signal(number, lambda *_: None)
 
