@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from repose.common import places, provenance
 from repose.common.errors import BAD_INPUT, InputError, print_fault
-from repose.common.lock import joined_folder
+from repose.common.lock import join_folder
 from repose.config import dependencies
 from repose.config.pipeline import PipelineConfig
 from research import settings
@@ -75,7 +75,7 @@ class Script:
         args = self.parser.parse_args(words)
         try:
             stage = f"{self.name}_{args.part}"
-            folder = joined_folder(Path(args.config).parent)
+            folder = join_folder(Path(args.config).parent)
             runs: Literal["", "made"] = "made" if args.simulates else ""
             # the cells of a study differ on purpose: each is a table of its own
             cell = getattr(args, "cell", None)

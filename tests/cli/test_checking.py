@@ -72,12 +72,12 @@ def test_the_cost_is_that_of_the_least_disturbed_pour(monkeypatch):
 def test_a_terminal_shows_the_seconds_of_the_compilation_and_a_log_gets_one_line(
     capsys, monkeypatch
 ):
-    with checking.elapsed_seconds_shown("compiling"):
+    with checking.show_elapsed_seconds("compiling"):
         pass
     assert capsys.readouterr().err == "compiling\n"
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
     monkeypatch.setattr(checking, "TICK_S", 0.01)
-    with checking.elapsed_seconds_shown("compiling"):
+    with checking.show_elapsed_seconds("compiling"):
         time.sleep(0.1)
     assert "\rcompiling; 0 s" in capsys.readouterr().err
 

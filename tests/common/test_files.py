@@ -17,15 +17,15 @@ from refusals import input_error, raised
 
 from repose.bench.parameters import LAW_PARAMETERS
 from repose.common import files, ledger, lock, places, tables, usage
-from repose.common.lock import joined_folder, take_folder
+from repose.common.lock import join_folder, take_folder
 
 TABLE = pd.DataFrame(
     {"sample": [1, 2], "aor_deg": [31.25, np.nan], "reason": ["", "stuck, twice"]}
 )
 A_JOB = """
 import sys, time
-from repose.common.lock import joined_folder
-with joined_folder(sys.argv[1]):
+from repose.common.lock import join_folder
+with join_folder(sys.argv[1]):
     print("holds it", flush=True)
     time.sleep(float(sys.argv[2]))
 """
@@ -201,7 +201,7 @@ def test_a_file_system_without_locks_holds_and_refuses_nothing_and_other_faults_
     if number == errno.EIO:
         raised(OSError, os.strerror(number), take_folder, tmp_path)
         return
-    with take_folder(tmp_path), take_folder(tmp_path), joined_folder(tmp_path):
+    with take_folder(tmp_path), take_folder(tmp_path), join_folder(tmp_path):
         pass
     assert capfd.readouterr().err.count("no locks on this system") == 1
 
@@ -210,7 +210,7 @@ def test_jobs_share_the_folder_and_a_second_workflow_is_refused_until_the_first_
     tmp_path,
 ):
     with take_folder(tmp_path):
-        with joined_folder(tmp_path), joined_folder(tmp_path):
+        with join_folder(tmp_path), join_folder(tmp_path):
             pass
         words = r"workflow is 'process \d+ on .*'; expected one at a time"
         input_error(words, take_folder, tmp_path)
@@ -219,7 +219,7 @@ def test_jobs_share_the_folder_and_a_second_workflow_is_refused_until_the_first_
 
 
 def test_a_folder_without_a_workflow_is_not_held(tmp_path):
-    with joined_folder(tmp_path):
+    with join_folder(tmp_path):
         pass
     assert list(tmp_path.iterdir()) == []
 
@@ -266,7 +266,7 @@ def test_a_line_and_the_name_of_the_holder_follow_no_link(tmp_path):
     for flag in (os.O_APPEND, os.O_TRUNC):
         with (
             pytest.raises(OSError, match="symbolic link"),
-            ledger.opened(tmp_path / usage.TABLE, flag),
+            ledger.open_descriptor(tmp_path / usage.TABLE, flag),
         ):
             pass
     assert mine.read_text() == "mine"

@@ -48,11 +48,11 @@ def test_a_hit_returns_what_the_engine_returns(restitution, tension):
     contact = Contact(restitution, 0.0, 0.0)
     duration_s = law.contact_time(GOJI, PVC, contact, mass_kg, RADIUS_M, SPEED_M_S)
     expected = np.mean([simulated(restitution, p, tension) for p in hits.PHASES])
-    value = hits.returned(restitution, tension, duration_s / STEP_S)
+    value = hits.returned_restitution(restitution, tension, duration_s / STEP_S)
     assert value == pytest.approx(expected, abs=2e-3)
     if restitution < hits.LOW_RESTITUTION:
         assert value < 0.9 * restitution
-    assert hits.returned(restitution, tension, 1000.0) == pytest.approx(
+    assert hits.returned_restitution(restitution, tension, 1000.0) == pytest.approx(
         restitution, abs=1e-3
     )
 

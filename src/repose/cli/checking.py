@@ -36,9 +36,9 @@ def _load_or_propose(args: argparse.Namespace) -> PipelineConfig:
         return load(args, inputs=True)
     except InputError as error:
         if isinstance(error.value, int) and _is_number_of_grains(error):
-            from repose.config.check import smaller_scene
+            from repose.config.check import propose_smaller_scene
 
-            for line in smaller_scene(configs_of(args), error.value):
+            for line in propose_smaller_scene(configs_of(args), error.value):
                 print(line)
         raise
 
@@ -68,9 +68,9 @@ def check(args: argparse.Namespace, study: PipelineConfig) -> None:
     )
     _print_computed(args.config, study)
     _print_lines(check.describe_study(study))
-    _print_lines(check.of_targets(study))
+    _print_lines(check.warn_of_few_measurements(study))
     grain_step_s = _grain_step_s(study)
-    _print_lines(check.trials(study, grain_step_s, elapsed_seconds_shown))
+    _print_lines(check.run_trials(study, grain_step_s, show_elapsed_seconds))
 
     pours = cost.strategy_pours(settings, settings.strategy)
     work = cost.estimate_work(study.config, grain_step_s, pours)
@@ -137,7 +137,9 @@ def plan(args: argparse.Namespace, study: PipelineConfig) -> None:
     _print_probabilities(result)
     # Now, since the costs below need a timed pour.
     sys.stdout.flush()
-    _print_lines(check.costs(study, result.budgets["pours"], _grain_step_s(study)))
+    _print_lines(
+        check.tabulate_costs(study, result.budgets["pours"], _grain_step_s(study))
+    )
 
 
 def _runs_of(study: PipelineConfig) -> Path | None:
@@ -202,12 +204,12 @@ def _grain_step_s(study: PipelineConfig) -> float:
         "timing a small pour; the first with such a grain compiles the engine, a minute "
         "or two of a core"
     )
-    with elapsed_seconds_shown(sentence):
+    with show_elapsed_seconds(sentence):
         return cost.measure_grain_step_s(study.config, study.grain, study.particle)
 
 
 @contextlib.contextmanager
-def elapsed_seconds_shown(sentence: str) -> Iterator[None]:
+def show_elapsed_seconds(sentence: str) -> Iterator[None]:
     """Print a sentence on stderr, and on a terminal the seconds as they pass."""
     if not sys.stderr.isatty():
         print(sentence, file=sys.stderr, flush=True)

@@ -17,7 +17,7 @@ from repose.cli.parameter_sets import (
     run_seeds,
 )
 from repose.cli.registry import Option, verb
-from repose.cli.stages import recorded
+from repose.cli.stages import record_verb
 from repose.common import provenance
 from repose.common.errors import InputError
 from repose.common.files import json_text
@@ -95,7 +95,7 @@ def _keep_measurement(
     from repose.stages.job import measured
 
     options = vars(args) | {"verb": "measure_runs", "pours": [str(pours)]}
-    with recorded(argparse.Namespace(**options), "measured"):
+    with record_verb(argparse.Namespace(**options), "measured"):
         provenance.note_config(study.config)
         if kept_runs.read_measurement(pours) is None:
             kept_runs.write_measurement(pours, measured(scene, pours))

@@ -78,9 +78,9 @@ def run(args: argparse.Namespace) -> int:
     args.configfile = [str(places.find(path)) for path in args.configfile]
     _check_configuration_options(args)
     if args.list:
-        from repose.config.check import catalogue
+        from repose.config.check import list_studies
 
-        print(catalogue(args.configfile))
+        print(list_studies(args.configfile))
         return 0
     _check_folder(args)
     note_built_in_crop(*args.configfile)

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from repose.cli.registry import VERBS, configs_of
 from repose.common import places, provenance
-from repose.common.lock import joined_folder
+from repose.common.lock import join_folder
 from repose.stages.parameter_sets import job_files
 
 # Options whose values may be folders: such a folder stands for the files with this ending
@@ -35,13 +35,13 @@ def stage(
     """
     files = configs_of(args)
     folder = Path(files[-1]).parent if files else Path().parent
-    with joined_folder(folder), recorded(args, runs):
+    with join_folder(folder), record_verb(args, runs):
         yield
     if files:
         note_built_in_crop(*files)
 
 
-def recorded(
+def record_verb(
     args: argparse.Namespace, runs: Literal["", "made", "measured"] = ""
 ) -> AbstractContextManager[None]:
     """Record a verb with its options in every file that is written meanwhile."""

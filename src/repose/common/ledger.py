@@ -141,14 +141,14 @@ def _note(path: Path, digest: str) -> None:
     """Add a file to its folder's ledger."""
     if digest in _digests(path.parent)[path.name]:
         return
-    with opened(path.parent / LEDGER, os.O_APPEND) as handle:
+    with open_descriptor(path.parent / LEDGER, os.O_APPEND) as handle:
         # One write, so that lines of jobs do not mix. It begins with a new line, so
         # that it is whole after a line that a full disk cut off.
         os.write(handle, os.fsencode(f"\n{digest}  {path.name}\n"))
 
 
 @contextmanager
-def opened(path: str | os.PathLike, flag: int) -> Iterator[int]:
+def open_descriptor(path: str | os.PathLike, flag: int) -> Iterator[int]:
     """Open a file to write into it, in the way of a flag such as `os.O_APPEND`.
 
     Yields

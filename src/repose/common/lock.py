@@ -17,7 +17,7 @@ from pathlib import Path
 
 from repose.common import usage
 from repose.common.errors import InputError
-from repose.common.ledger import opened
+from repose.common.ledger import open_descriptor
 
 # A workflow holds the first of these files in its folder of results. Each of its jobs
 # holds one of its own, whose name begins with the second.
@@ -60,7 +60,7 @@ def take_folder(folder: str | os.PathLike) -> Held:
         allowed = "one at a time; wait until it has ended"
         raise InputError(folder, "workflow", holder, allowed)
     _wait_for_jobs(folder)
-    with opened(path, os.O_TRUNC) as handle:
+    with open_descriptor(path, os.O_TRUNC) as handle:
         os.write(handle, f"process {os.getpid()} on {platform.node()}".encode())
     return held
 
@@ -81,7 +81,7 @@ def _wait_for_jobs(folder: Path) -> None:
 
 
 @contextmanager
-def joined_folder(folder: str | os.PathLike) -> Iterator[None]:
+def join_folder(folder: str | os.PathLike) -> Iterator[None]:
     """Hold a folder of results for a job of its workflow.
 
     A new workflow starts after the job has ended. The job notes its processor time. In

@@ -93,13 +93,15 @@ class Column:
         """Say the kind and the bounds."""
         bounds = ""
         if math.isfinite(self.low):
-            bounds += f" {'above' if self.above else 'from'} {self.low:g}"
+            preposition = "above" if self.above else "from"
+            bounds += f" {preposition} {self.low:g}"
         if math.isfinite(self.high):
-            bounds += f" {'to' if bounds else 'up to'} {self.high:g}"
-        if not bounds:
-            return "a whole number" if self.kind is int else "a finite number"
-        number = "a whole number" if self.kind is int else "a number"
-        return number + bounds
+            preposition = "to" if bounds else "up to"
+            bounds += f" {preposition} {self.high:g}"
+        if self.kind is int:
+            return f"a whole number{bounds}"
+        # Bounds say that a number is finite.
+        return f"a number{bounds}" if bounds else "a finite number"
 
     def read(self, cell: Any) -> Any:
         """Return the value of a cell; ValueError or TypeError if it is not allowed."""
@@ -113,9 +115,14 @@ class Column:
             return math.nan
         if self.kind is bool:
             return _truth(cell)
+
         number = plain_number(cell)
-        is_whole = math.isfinite(number) and number == int(number)
-        if not self._is_inside(number) or (self.kind is int and not is_whole):
+        is_allowed = self._is_inside(number)
+        if self.kind is int:
+            # Whole numbers may be written as 3.0.
+            is_whole = math.isfinite(number) and number == int(number)
+            is_allowed = is_allowed and is_whole
+        if not is_allowed:
             raise ValueError(f"{cell!r} is not {self.allowed}")
         return int(number) if self.kind is int else number
 
@@ -238,7 +245,7 @@ def read(
         If the file is no table, lacks a column, has a cell that its column does not
         allow, or a row at the end that sums up the others (`find_summary_row`).
     """
-    # Sort what the caller asks for.
+    # Separate all names, those that must be there, and the columns with rules.
     declared: dict[str, Column] = {}
     names = []
     needed = []

@@ -15,7 +15,7 @@ from operator import methodcaller
 from pathlib import Path
 from typing import NamedTuple
 
-from repose.common.ledger import opened, write_in_one_move
+from repose.common.ledger import open_descriptor, write_in_one_move
 
 TABLE = "benchmarks/processes.csv"
 # A job has a log and a benchmark of one name in these folders.
@@ -67,7 +67,7 @@ def note(folder: str | os.PathLike) -> None:
     # If the disk is full, the job itself has its files.
     with suppress(OSError):
         table.parent.mkdir(exist_ok=True)
-        with opened(table, os.O_APPEND) as handle:
+        with open_descriptor(table, os.O_APPEND) as handle:
             is_new = os.fstat(handle).st_size == 0
             header = ",".join(Process._fields) + "\n" if is_new else ""
             # One write, so that lines of processes that end together do not mix.

@@ -44,7 +44,7 @@ MUCH_LONGER = 1.5
 Waiting = Callable[[str], AbstractContextManager[None]]
 
 
-def smaller_scene(files: Iterable[str], grains: int) -> Iterator[str]:
+def propose_smaller_scene(files: Iterable[str], grains: int) -> Iterator[str]:
     """Propose a smaller scene for a configuration with too many grains.
 
     Nothing is proposed if the configuration has other faults.
@@ -242,7 +242,7 @@ def describe_time_step(step_s: float, limit: "Limit") -> str:
     return text
 
 
-def of_targets(study: PipelineConfig) -> Iterator[str]:
+def warn_of_few_measurements(study: PipelineConfig) -> Iterator[str]:
     """Warn of measurements whose scatter is unknown."""
     for target in study.settings.targets:
         if target.repetitions < FEWEST_PILES:
@@ -258,7 +258,7 @@ def of_targets(study: PipelineConfig) -> Iterator[str]:
             )
 
 
-def trials(
+def run_trials(
     study: PipelineConfig, grain_step_s: float, waiting: Waiting
 ) -> Iterator[str]:
     """Run each bench test of the targets at three points of the ranges.
@@ -340,7 +340,7 @@ def _warn_of_trials(
             )
 
 
-def costs(
+def tabulate_costs(
     study: PipelineConfig, budgets: Iterable[int], grain_step_s: float
 ) -> Iterator[str]:
     """Tabulate the cost of each strategy, and mark the configured one.
@@ -412,7 +412,7 @@ def _cost_row(
     return f"{marked_name:>18} {pours_text:>12} {minutes:>13.1f} {disk_mb:>5.1f} MB"
 
 
-def catalogue(files: list[str]) -> str:
+def list_studies(files: list[str]) -> str:
     """List the studies that a configuration can run, each with its cost.
 
     Raises

@@ -12,7 +12,7 @@ import numpy as np
 from repose.bench.parameters import PAIRS
 from repose.bench.scene import Scene, contacts_of, materials_of
 
-# Contact laws whose hit `returned` follows.
+# Contact laws whose hit `returned_restitution` follows.
 HERTZ_LAWS = ("hertz_mindlin", "hertz_mindlin_rescaled")
 # A restitution above this returns nearly what it says.
 LOW_RESTITUTION = 0.3
@@ -21,7 +21,9 @@ PHASES = (0.1, 0.3, 0.5, 0.7, 0.9)
 MOST_STEPS = 100_000
 
 
-def returned(restitution: float, tension: str, steps_per_contact: float) -> float:
+def returned_restitution(
+    restitution: float, tension: str, steps_per_contact: float
+) -> float:
     """Compute the restitution that a hit of two spheres returns.
 
     Parameters
@@ -111,7 +113,7 @@ def low_restitutions(scene: Scene, lowest: Mapping[str, float]) -> Iterator[str]
         if contact_s is None:
             return
         steps = contact_s / settings.time_step_s
-        value = returned(restitution, settings.tension, steps)
+        value = returned_restitution(restitution, settings.tension, steps)
         texts.append(f"{value:.3f} where {name} is {restitution:g}")
     if texts:
         yield (
@@ -123,7 +125,7 @@ def low_restitutions(scene: Scene, lowest: Mapping[str, float]) -> Iterator[str]
 def _contact_time_s(scene: Scene, pair: str, restitution: float) -> float | None:
     """Compute how long a hit of a pair of `PAIRS` lasts [s].
 
-    It is None for a contact law whose hit `returned` does not follow.
+    It is None for a contact law whose hit `returned_restitution` does not follow.
     """
     from repose.dem.laws import CONTACT_LAWS
     from repose.dem.time_steps import FASTEST_IMPACT_M_S

@@ -79,6 +79,7 @@ def read_layers(files: Sequence[Path_], overrides: Config | None = None) -> Laye
         If a file cannot be read.
     """
     paths = [places.find(path) for path in files]
+    # The files may be merged twice, alone and over the defaults.
     read_once: Any = functools.cache(read)
     if paths:
         layered = _merge_files(paths, overrides, read_once)
@@ -303,20 +304,22 @@ def _merge_files(
     for path in files:
         _merge(config, read(path), origin=origin, source=str(path))
     _merge(config, _parse_texts(overrides or {}), origin=origin, source=COMMAND_LINE)
-    default = str(files[-1]) if files else ""
-    shared = str(places.find(places.METHOD_CONFIG))
-    return Layered(_resolve_named_files(config), Origin(origin, default, shared))
+
+    # A missing key belongs in the last file, and no key of the method is the user's.
+    last_file = str(files[-1]) if files else ""
+    method = str(places.find(places.METHOD_CONFIG))
+    return Layered(_resolve_named_files(config), Origin(origin, last_file, method))
 
 
 def _resolve_named_files(config: dict[str, Any]) -> dict[str, Any]:
     """Replace the named files that the working folder lacks by the program's own.
 
-    The configuration is changed in place, and returned.
+    The configuration is changed in place, and returned. It may have faults.
     """
     from repose.config.models import named_files
 
-    for dotted in named_files():
-        section_name, _, key = dotted.rpartition(".")
+    for dotted_key in named_files():
+        section_name, _, key = dotted_key.rpartition(".")
         section = config.get(section_name) if section_name else config
         if isinstance(section, dict) and isinstance(section.get(key), str):
             section[key] = str(places.find(section[key]))

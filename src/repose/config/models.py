@@ -192,28 +192,32 @@ class TargetSettings(Section):
                 f"a number, or {response.profile} with the file of its measured heights",
             )
             return
-        yield from self._outside(response)
+        yield from self._values_outside_limits(response)
 
-    def _outside(self, limits: Response) -> Contradictions:
+    def _values_outside_limits(self, limits: Response) -> Contradictions:
         """Refuse values outside the limits of the response or the target's own range.
 
         Only the first of these faults is reported, as the others follow from it.
         """
         low, high = self.range
-        within = f"from {limits.low:g} to {limits.high:g}"
+        within_limits = f"from {limits.low:g} to {limits.high:g}"
         if not limits.low <= self.value <= limits.high:
-            yield "value", within
+            yield "value", within_limits
             return
-        if low < limits.low or high > limits.high:
-            if self._is_range_of_the_scatter():
-                yield (
-                    "sd",
-                    "so small that the mean with two standard errors, "
-                    f"{low:g} to {high:g}, lies {within}",
-                )
-            else:
-                yield "range", f"a pair [low, high] {within}"
+
+        is_range_within = limits.low <= low and high <= limits.high
+        if not is_range_within and self._is_range_of_the_scatter():
+            yield (
+                "sd",
+                "so small that the mean with two standard errors, "
+                f"{low:g} to {high:g}, lies {within_limits}",
+            )
             return
+        if not is_range_within:
+            yield "range", f"a pair [low, high] {within_limits}"
+            return
+
+        # What the search aims at is the value, unless the target has an aim.
         inside = f"inside its range, {low:g} to {high:g}"
         if self.aim is None:
             if not low <= self.value <= high:

@@ -191,7 +191,7 @@ def write_answer(
     """
     notes = proposal["notes"]
 
-    # The first solution is the answer. Add how its runs ended.
+    # The first solution is the answer: make its row of Table 4, and check it.
     solutions = pd.DataFrame(proposal["solutions"])
     columns = [*parameters.names, *targets.predicted]
     best = solutions.loc[0, columns].astype(float).to_dict()

@@ -303,6 +303,7 @@ def _merge_summaries(summaries: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
     if len(summaries) == 1:
         (summary,) = summaries.values()
         return summary
+
     merged: dict[str, Any] = {}
     status = "ok"
     reasons = []
@@ -312,6 +313,7 @@ def _merge_summaries(summaries: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
             status = summary["status"]
         if summary["reason"]:
             reasons.append(f"{name}: {summary['reason']}")
+    # All bench tests have these three columns.
     merged["status"] = status
     merged["reason"] = "; ".join(reasons)
     merged["n_seeds"] = min(summary["n_seeds"] for summary in summaries.values())

@@ -171,11 +171,13 @@ def table4(
     table = rows[["sample", "solution", "role", *parameters_among(rows)]].copy()
     for response in responses:
         table[response.predicted] = rows[response.predicted]
+        # Not every solution has an expected optimism.
         for column in (response.optimism, response.optimism_error):
             if column in rows:
                 table[column] = rows[column]
-        for column in (response.simulated, response.error):
-            table[column] = rows[column]
+        table[response.simulated] = rows[response.simulated]
+        table[response.error] = rows[response.error]
+
         deviation = (rows[response.predicted] - rows[response.simulated]).abs()
         percent = 100 * deviation / rows[response.simulated]
         table[f"{response.quantity}_error_percent"] = percent
@@ -341,13 +343,21 @@ def run(
     jobs_by_bench = read_jobs(jobs, solutions, targets)
     tables = validate(solutions, jobs_by_bench, targets=targets, measure=measure)
     tables["published"] = published
+
+    # Both tables of parameter sets get a column of warnings.
+    if support is not None:
+        for name in ("table4", "published"):
+            tables[name] = _add_warnings(tables[name], support)
     for name, table in tables.items():
-        if support is not None and name != "representative":
-            parameters = table[list(parameters_among(table))].to_numpy(float)
-            warnings = support.warnings(parameters) if len(parameters) else []
-            tables[name] = table.assign(warning=warnings)
-        write_table(Path(out_dir) / f"{name}.csv", tables[name])
+        write_table(Path(out_dir) / f"{name}.csv", table)
     return tables
+
+
+def _add_warnings(table: pd.DataFrame, support: Support) -> pd.DataFrame:
+    """Add the column `warning` to a table of parameter sets, which may be empty."""
+    parameters = table[list(parameters_among(table))].to_numpy(float)
+    warnings = support.warnings(parameters) if len(parameters) else []
+    return table.assign(warning=warnings)
 
 
 # --- the published sets ---------------------------------------------------------------
