@@ -52,16 +52,16 @@ class Table(NamedTuple):
 
 
 def page(text: str) -> str:
-    """Return the page, with its tables made anew."""
+    """Return the text of the page with its tables replaced by those of today's fields."""
     tables_by_name = tables()
 
-    def made_anew(match: re.Match[str]) -> str:
-        """Return a table between its two lines."""
+    def write_table(match: re.Match[str]) -> str:
+        """Write a table between the two lines that name it in the page."""
         name = match[1]
         rows = "\n".join(_rows(tables_by_name[name]))
         return f"<!-- keys: {name} -->\n\n{HEAD}\n{rows}\n\n<!-- end -->"
 
-    return TABLE.sub(made_anew, text)
+    return TABLE.sub(write_table, text)
 
 
 def tables() -> dict[str, Table]:

@@ -106,15 +106,15 @@ def _pattern_of_path(path: str, wildcards: dict[str, str]) -> str:
     `wildcards` holds expressions by name; any other wildcard stands for one name of a
     file or folder.
     """
-    # Texts and names of wildcards in turn.
+    # Texts stand at even positions, and between them the names of wildcards.
     parts = re.split(WILDCARD, path)
     expression = ""
-    for k, part in enumerate(parts):
-        is_wildcard = k % 2 == 1
-        if is_wildcard:
-            expression += f"(?:{wildcards.get(part, '[^/]+')})"
-        else:
+    for position, part in enumerate(parts):
+        is_text = position % 2 == 0
+        if is_text:
             expression += re.escape(part)
+        else:
+            expression += f"(?:{wildcards.get(part, '[^/]+')})"
     return expression
 
 
