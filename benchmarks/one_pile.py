@@ -28,13 +28,14 @@ from peers import write_section
 from scipy.spatial import cKDTree
 
 from repose import export
-from repose.bench import Scene, funnel, trial
+from repose.bench import Scene, funnel
 from repose.bench.settings import SceneSettings, SimulationSettings
 from repose.common.places import configs
 from repose.config.pipeline import PipelineConfig
 from repose.dem.rotations import rotation_matrices
 from repose.export.job import make, sphere_of_volume
 from repose.export.laws import rolling_coefficient
+from repose.measure.clusters import largest_cluster
 from repose.measure.pile import MeasureSettings
 from repose.measure.saved_piles import pile_responses
 
@@ -251,7 +252,7 @@ def measured(places, config, berry, particle):
     arrays = {
         "position": np.array(centres),
         "quaternion": np.array(quaternions),
-        "in_pile": trial.largest_cluster(contacts, np.ones(len(places), bool)),
+        "in_pile": largest_cluster(contacts, np.ones(len(places), bool)),
     }
     settings = MeasureSettings.with_defaults(**config["measure"] | LINE).for_grain(
         berry

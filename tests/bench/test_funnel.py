@@ -16,11 +16,12 @@ from numba import typeof
 
 from repose.bench import Scene, bench, funnel
 from repose.bench.settings import SceneSettings, SimulationSettings
-from repose.bench.trial import Trial, largest_cluster
+from repose.bench.trial import Trial
 from repose.config.pipeline import PipelineConfig
 from repose.dem import simulation as engine
 from repose.dem.kernels.engine import advance
 from repose.measure import pile
+from repose.measure.clusters import largest_cluster
 from repose.measure.silhouette import Grains
 from repose.stages.job import measure_job, run_job, run_once
 

@@ -1,4 +1,4 @@
-"""Bounds that no run breaks while its time step is short and its grains are stiff enough.
+"""Checks of speed, energy and overlap that end a run whose simulation is unstable.
 
 A time step that is too long feeds energy into contacts, and grains fly off. Grains that
 are too soft pass through each other and through walls. Either may end in a pile that
@@ -71,6 +71,7 @@ class Bounded:
         self.speed_m_s = speed_m_s
         gravity = np.asarray(simulation.physics.gravity)
         self.gravity = float(np.linalg.norm(gravity))
+        # Without gravity no direction is up, and all heights are 0.
         self.up = -gravity / (self.gravity or 1.0)
         self.lowest_m, self.fall_m = self._lowest_and_fall(top_m)
         self.fastest_m_s = SPEED_LIMIT * (
@@ -85,15 +86,19 @@ class Bounded:
         self._last_check = 0
 
     def _lowest_and_fall(self, top_m: float) -> tuple[float, float]:
-        """Compute the lowest height in the box and the deepest fall through it [m]."""
-        lower = self.simulation.lower.copy()
-        floor = float(self.simulation.physics.floor_height)
-        if math.isfinite(floor):
-            lower[2] = min(lower[2], floor)
-        upper = np.array([*self.simulation.upper[:2], top_m])
-        # Gravity may point along any axis, so each may have its lower end on either side.
-        heights = np.sort(self.up * [lower, upper], axis=0)
-        lowest_m, highest_m = heights.sum(axis=1)
+        """Compute the lowest height in the box and the deepest fall through it [m].
+
+        Heights are measured against gravity, which may be tilted.
+        """
+        lower_corner = self.simulation.lower.copy()
+        floor_z = float(self.simulation.physics.floor_height)
+        if math.isfinite(floor_z):
+            lower_corner[2] = min(lower_corner[2], floor_z)
+        upper_corner = np.array([*self.simulation.upper[:2], top_m])
+        # A height is the sum of three parts, one for each axis of the box. Gravity may
+        # point along any axis, so either end of an axis may be the lower one.
+        height_parts = np.sort(self.up * [lower_corner, upper_corner], axis=0)
+        lowest_m, highest_m = height_parts.sum(axis=1)
         return lowest_m, float(highest_m - lowest_m)
 
     @contextmanager
@@ -109,29 +114,29 @@ class Bounded:
             self.broken = str(error)
 
     def run_to(self, step: int) -> None:
-        """Advance to a time step; do nothing if it has passed.
+        """Advance to a time step, and check the grains at regular intervals.
 
-        Raises `Unstable` if a bound is broken on the way.
+        Do nothing if the simulation is there already. Raises `Unstable` if a bound is
+        broken on the way.
         """
         simulation = self.simulation
+        full_check_interval = SPEED_CHECKS_PER_FULL_CHECK * CHECK_INTERVAL
         while simulation.steps < step:
             next_check = self._last_check + CHECK_INTERVAL
+            stop = min(step, next_check)
             try:
-                simulation.run_steps(min(step, next_check) - simulation.steps)
+                simulation.run_steps(stop - simulation.steps)
             except RuntimeError as error:
-                # A contact whose force is not a number.
+                # The engine stops at a contact whose force is not a number.
                 raise Unstable(
                     f"{error}, {self._time()}: {self._shorter_step()}"
                 ) from None
             if simulation.steps >= next_check:
-                self.look(
-                    everywhere=simulation.steps
-                    % (SPEED_CHECKS_PER_FULL_CHECK * CHECK_INTERVAL)
-                    == 0
-                )
+                is_full_check = simulation.steps % full_check_interval == 0
+                self.look(everywhere=is_full_check)
 
     def look(self, everywhere: bool = True) -> None:
-        """Check the speeds, and with `everywhere` also energy and overlaps.
+        """Check the speeds now, and with `everywhere` also energy and overlaps.
 
         Raises `Unstable` if a bound is broken.
         """
@@ -146,11 +151,13 @@ class Bounded:
     def _check_speeds(self) -> None:
         """Raise if a position is not finite, or a speed is larger than any fall gives."""
         simulation = self.simulation
-        squares = np.square(simulation.velocities).sum(axis=1)
-        is_finite = np.isfinite(squares) & np.isfinite(simulation.positions).all(axis=1)
-        squares[~is_finite] = np.inf
-        fastest = int(np.argmax(squares))
-        speed = math.sqrt(squares[fastest])
+        squared_speeds = np.square(simulation.velocities).sum(axis=1)
+        has_finite_speed = np.isfinite(squared_speeds)
+        has_finite_position = np.isfinite(simulation.positions).all(axis=1)
+        # A grain without a finite state counts as infinitely fast.
+        squared_speeds[~(has_finite_speed & has_finite_position)] = np.inf
+        fastest = int(np.argmax(squared_speeds))
+        speed = math.sqrt(squared_speeds[fastest])
         if speed <= self.fastest_m_s:
             return
         if math.isfinite(speed):
@@ -163,7 +170,11 @@ class Bounded:
         )
 
     def _check_energy(self) -> None:
-        """Raise if all grains together have more energy than they were given."""
+        """Raise if all grains together have more energy than they were given.
+
+        They were given at most that of a fall from the top of the scene, and that of
+        the largest speed of grains and walls.
+        """
         simulation = self.simulation
         present = simulation.present
         kinetic = simulation.kinetic_energies()[present]
@@ -174,41 +185,52 @@ class Bounded:
             self.gravity * self.fall_m + 0.5 * self.speed_m_s**2
         )
         if energy > (1.0 + ENERGY_TOLERANCE) * energy_given:
-            grain = int(np.flatnonzero(present)[np.argmax(kinetic)])
+            # The grain with most kinetic energy is the likeliest cause.
+            suspect = int(np.flatnonzero(present)[np.argmax(kinetic)])
             raise Unstable(
-                f"grain {grain} has {kinetic.max():.3g} J, "
+                f"grain {suspect} has {kinetic.max():.3g} J, "
                 f"{self._time()}: {self._shorter_step()}; all grains together have "
                 f"{energy:.3g} J and were given {energy_given:.3g} J"
             )
 
     def _check_overlaps(self) -> None:
-        """Raise if grains pass through each other or through walls."""
+        """Raise if grains pass through each other or through walls.
+
+        The largest overlap of all contacts is kept as `overlap_share`.
+        """
         simulation = self.simulation
         self.overlap_share = 0.0
-        pairs, overlaps = simulation.overlaps()
-        deepest = self._too_deep(overlaps, simulation.scales[pairs].min(axis=1))
-        if deepest is not None:
-            first, second = pairs[deepest]
-            self._raise_overlap(f"grains {first} and {second}", overlaps[deepest])
-        grains, walls, overlaps = simulation.wall_overlaps()
-        deepest = self._too_deep(overlaps, simulation.scales[grains])
-        if deepest is not None:
-            wall = simulation.wall_set.names[walls[deepest]]
-            bodies = f"grain {grains[deepest]} and the wall {wall!r}"
-            self._raise_overlap(bodies, overlaps[deepest])
+
+        pairs, pair_overlaps = simulation.overlaps()
+        smaller_scales = simulation.scales[pairs].min(axis=1)
+        pair = self._find_excess(pair_overlaps, smaller_scales)
+        if pair is not None:
+            first, second = pairs[pair]
+            self._raise_overlap(f"grains {first} and {second}", pair_overlaps[pair])
+
+        grains, walls, wall_overlaps = simulation.wall_overlaps()
+        contact = self._find_excess(wall_overlaps, simulation.scales[grains])
+        if contact is not None:
+            wall = simulation.wall_set.names[walls[contact]]
+            bodies = f"grain {grains[contact]} and the wall {wall!r}"
+            self._raise_overlap(bodies, wall_overlaps[contact])
 
     def shares(self, overlaps: np.ndarray, scales: np.ndarray) -> np.ndarray:
         """Divide overlaps by the smallest extents of grains of these scales."""
         return overlaps / scales / self.thickness_m
 
-    def _too_deep(self, overlaps: np.ndarray, scales: np.ndarray) -> int | None:
-        """Note the deepest overlap of grains of these scales; None if it is allowed."""
+    def _find_excess(self, overlaps: np.ndarray, scales: np.ndarray) -> int | None:
+        """Find the deepest of M overlaps (M,) of grains of these scales (M,).
+
+        Return its index if it is above `OVERLAP_LIMIT`, else None; `overlap_share`
+        grows to it in both cases.
+        """
         if not len(overlaps):
             return None
-        share = self.shares(overlaps, scales)
-        deepest = int(np.argmax(share))
-        self.overlap_share = max(self.overlap_share, float(share[deepest]))
-        return deepest if share[deepest] > OVERLAP_LIMIT else None
+        shares = self.shares(overlaps, scales)
+        deepest = int(np.argmax(shares))
+        self.overlap_share = max(self.overlap_share, float(shares[deepest]))
+        return deepest if shares[deepest] > OVERLAP_LIMIT else None
 
     def _raise_overlap(self, bodies: str, overlap_m: float) -> None:
         """Raise `Unstable` for two bodies that overlap too deeply."""

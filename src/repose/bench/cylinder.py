@@ -218,25 +218,29 @@ class Vessel:
         body_points = points_of(particle)
         shares = np.empty(len(centres))
         for k, (centre, scale) in enumerate(zip(centres, arrays["scale"], strict=True)):
-            turn = dem.rotation_matrix(quaternions[k]).T
-            shares[k] = self.inside(
-                centre + scale * body_points @ turn, margin_m
-            ).mean()
+            rotation = dem.rotation_matrix(quaternions[k])
+            points = centre + scale * body_points @ rotation.T
+            shares[k] = self.inside(points, margin_m).mean()
         return shares
 
 
 def points_of(particle: "Particle") -> np.ndarray:
-    """Spread points (POINTS, 3) [m] evenly over a body, in the body's own frame."""
-    # A Kronecker sequence in the body's box: by powers of the root of x^4 = x + 1.
-    ratios = 1.2207440846057596 ** -np.arange(1.0, 4.0)
-    low = -particle.support(-np.eye(3))
-    numbers = np.outer(np.arange(1.0, 4 * POINTS), ratios) % 1.0
-    points = low + particle.axes_m * numbers
+    """Spread points (POINTS, 3) [m] evenly over a body, in the body's own frame.
+
+    They are the first points of a Kronecker sequence in the body's box that lie in the
+    body. The sequence is the same each time, and more even than random points.
+    """
+    # Steps of the sequence along the axes: powers of the root of x^4 = x + 1.
+    steps = 1.2207440846057596 ** -np.arange(1.0, 4.0)
+    lower_corner = -particle.support(-np.eye(3))
+    # A body that fills a quarter of its box still gets enough points.
+    box_shares = np.outer(np.arange(1.0, 4 * POINTS), steps) % 1.0
+    points = lower_corner + particle.axes_m * box_shares
     if particle.is_clump:
-        inside = _in_spheres(points, particle.spheres_m)
+        is_inside = _in_spheres(points, particle.spheres_m)
     else:
-        inside = _in_convex_body(points, particle)
-    return points[inside][:POINTS]
+        is_inside = _in_convex_body(points, particle)
+    return points[is_inside][:POINTS]
 
 
 def _in_spheres(points: np.ndarray, spheres_m: np.ndarray) -> np.ndarray:
@@ -262,16 +266,19 @@ def _in_convex_body(points: np.ndarray, particle: "Particle") -> np.ndarray:
 def tap(trial: Trial, height_m: float) -> None:
     """Let the cylinder fall from a height, and its grains come to rest.
 
-    Seen from the cylinder the grains jump up by that height: gravity gives them all the
-    speed of the fall within one time step.
+    In the frame of the cylinder the stop at the end of its fall throws the grains up by
+    that height. So for one time step gravity points up, and gives all grains the speed
+    of the fall.
     """
     simulation = trial.simulation
     settings = trial.scene.simulation
     gravity = simulation.physics.gravity
-    gravity_before = gravity.copy()
+    usual_gravity = gravity.copy()
     gravity[2] += _fall_speed(settings.gravity_m_s2, height_m) / settings.time_step_s
     trial.run_to(simulation.steps + 1)
-    gravity[:] = gravity_before
+    gravity[:] = usual_gravity
+
+    # Wait until the grains have come down and rest.
     flight_s = _flight_s(settings.gravity_m_s2, height_m)
     tap_s = flight_s + trial.scene.scale.interval_s(TAP_REST_TIMES)
     trial.run_to(simulation.steps + settings.steps(tap_s))
@@ -376,22 +383,23 @@ class CylinderTest(BenchTest[CylinderSettings]):
         with trial.bound(vessel.top_m, section.speed_m_s).guard():
             fill(trial, factory, last_step)
             trial.run_to(last_step)
-        filling = self._filling(trial)
+        filling = self._describe_filling(trial)
         arrays = trial.grains()
         numbers = {
             "berries_poured": len(filling.centres_m),
             "kinetic_energy_J": filling.energy_j,
         }
+        # Only a filling that can be measured is tapped.
         if section.taps and self.status_of(filling, scene.settings).status == "ok":
-            with trial.bounded.guard():
+            with trial.bounds.guard():
                 for _ in range(section.taps):
                     tap(trial, 1e-3 * section.tap_mm)
-            filling = replace(self._filling(trial), is_tapped=True)
+            filling = replace(self._describe_filling(trial), is_tapped=True)
             arrays["tapped"] = filling.centres_m.astype(np.float32)
         return self.make_run(scene, filling, arrays, trial.frames(), **numbers)
 
-    def _filling(self, trial: Trial) -> Filling:
-        """Note the present state of the cylinder."""
+    def _describe_filling(self, trial: Trial) -> Filling:
+        """Collect what the present filling of the cylinder is judged by."""
         return Filling(
             centres_m=trial.simulation.positions.copy(),
             energy_j=trial.energy_j(),
@@ -415,11 +423,13 @@ class CylinderTest(BenchTest[CylinderSettings]):
         advice = "give the grains more time by cylinder.duration_s"
         if outcome.is_tapped:
             advice = "tap the grains less by cylinder.tap_mm"
-        moving = not_at_rest(outcome.energy_j, settings, advice=advice)
-        if moving is not None:
-            return moving
+        motion_verdict = not_at_rest(outcome.energy_j, settings, advice=advice)
+        if motion_verdict is not None:
+            return motion_verdict
+
         n_poured = len(outcome.centres_m)
         n_below = int(np.count_nonzero(z < vessel.height_m))
+        # A layer as high as a grain is long, packed as the grains below the rim
         n_layer = math.ceil(n_below * outcome.length_m / vessel.height_m)
         if n_poured - n_below < n_layer:
             return Verdict(
@@ -430,21 +440,25 @@ class CylinderTest(BenchTest[CylinderSettings]):
         return OK
 
     def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
-        """Measure the densities."""
+        """Measure the bulk density in the cylinder, in its core, and after the taps.
+
+        A grain belongs to the cylinder if its centre does. In the core, which is small,
+        a grain counts by the share of its volume that lies in it.
+        """
         section = self.section(scene.settings)
         vessel = Vessel.of(section)
         margin_m = 1e-3 * section.core_margin_mm
         masses = scene.particle.mass_kg * np.asarray(arrays["scale"], float) ** 3
-        inside = vessel.inside(np.asarray(arrays["position"], float))
+        is_inside = vessel.inside(np.asarray(arrays["position"], float))
         core_shares = vessel.shares_inside(arrays, scene.particle, margin_m)
         tapped_density = None
         if "tapped" in arrays:
-            tapped_inside = vessel.inside(arrays["tapped"])
-            tapped_density = vessel.density_kg_m3(masses, tapped_inside)
+            is_inside_tapped = vessel.inside(arrays["tapped"])
+            tapped_density = vessel.density_kg_m3(masses, is_inside_tapped)
         return {
-            BULK.name: vessel.density_kg_m3(masses, inside),
+            BULK.name: vessel.density_kg_m3(masses, is_inside),
             CORE.name: vessel.density_kg_m3(masses, core_shares, margin_m),
-            "berries_in_cylinder": int(inside.sum()),
+            "berries_in_cylinder": int(is_inside.sum()),
             TAPPED.name: tapped_density,
         }
 
@@ -456,7 +470,10 @@ class CylinderTest(BenchTest[CylinderSettings]):
         return section.duration_s + section.taps * (flight_s + TYPICAL_TAP_REST_S)
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
-        """Yield keys of a cylinder that cannot be filled or tapped, or has no core."""
+        """Yield keys of a cylinder that cannot be filled or tapped, or has no core.
+
+        With each key comes what is allowed.
+        """
         section = self.section(settings)
         last_s = last_berry_s(section)
         if last_s >= section.duration_s:
@@ -464,9 +481,12 @@ class CylinderTest(BenchTest[CylinderSettings]):
                 "cylinder.duration_s",
                 f"above {last_s:g}: the last grain appears at {last_s:g} s",
             )
-        half_mm = min(section.diameter_mm, section.height_mm) / 2
-        if section.core_margin_mm >= half_mm:
-            yield "cylinder.core_margin_mm", f"below {half_mm:g}, or there is no core"
+        largest_margin_mm = min(section.diameter_mm, section.height_mm) / 2
+        if section.core_margin_mm >= largest_margin_mm:
+            yield (
+                "cylinder.core_margin_mm",
+                f"below {largest_margin_mm:g}, or there is no core",
+            )
         targets = [target.get("response") for target in settings.targets_of(NAME)]
         if TAPPED.name in targets and not section.taps:
             yield "cylinder.taps", "1 or more, for tapped_density_kg_m3 is a target"

@@ -131,6 +131,8 @@ class Discharge(Outcome):
 def rate_kg_s(exit_s: np.ndarray, mass_kg: np.ndarray) -> float:
     """Compute the mass flow in the middle of a discharge.
 
+    The beginning and the end are left out, where the flow is not steady.
+
     Parameters
     ----------
     exit_s, mass_kg : array
@@ -143,11 +145,12 @@ def rate_kg_s(exit_s: np.ndarray, mass_kg: np.ndarray) -> float:
         no time.
     """
     order = np.argsort(exit_s, kind="stable")
-    exit_s = exit_s[order]
+    sorted_exit_s = exit_s[order]
+    # The mass that has left with each grain and those before it
     mass_out = np.cumsum(mass_kg[order])
-    ends = [FROM_SHARE * mass_out[-1], TO_SHARE * mass_out[-1]]
-    first, last = np.searchsorted(mass_out, ends)
-    duration_s = exit_s[last] - exit_s[first]
+    total = mass_out[-1]
+    first, last = np.searchsorted(mass_out, [FROM_SHARE * total, TO_SHARE * total])
+    duration_s = sorted_exit_s[last] - sorted_exit_s[first]
     if not duration_s > 0.0:
         return math.nan
     return float((mass_out[last] - mass_out[first]) / duration_s)
@@ -183,13 +186,18 @@ class DischargeTest(BenchTest[DischargeSettings]):
     }
 
     def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
-        """Describe the closed funnel."""
+        """Describe the closed funnel: its walls, with lid and collar, and the box.
+
+        The outlet lies at z = 0, and all lengths are in m.
+        """
         section = self.section(scene.settings)
         funnel = section.funnel
         radius = 0.5 * funnel.inlet_diameter_m
+        # A grain that has just appeared at the top must fit below the end of the walls.
         wall_top = section.top_m + 2.0 * largest_radius_m
         up = (0.0, 0.0, 1.0)
-        lid = dem.Plane((0.0, 0.0, 0.0), up, "wall", 0.5 * funnel.outlet_diameter_m)
+        outlet = (0.0, 0.0, 0.0)
+        lid = dem.Plane(outlet, up, "wall", 0.5 * funnel.outlet_diameter_m)
         inlet = (0.0, 0.0, funnel.inlet_height_m)
         collar_height = section.top_m - inlet[2] + 2.0 * largest_radius_m
         collar = dem.Cylinder(inlet, up, collar_height, radius, "wall")
@@ -230,20 +238,20 @@ class DischargeTest(BenchTest[DischargeSettings]):
         def is_empty() -> bool:
             return bool(np.isfinite(simulation.exit_times_s).all())
 
-        every = max(1, settings.steps(scene.scale.interval_s()))
+        check_interval = max(1, settings.steps(scene.scale.interval_s()))
         opened_s = math.nan
         rest_energy_j = math.nan
         n_early = 0
         grains = None
         with trial.bound(section.top_m, max(LID_M_S, section.speed_m_s)).guard():
-            fill_and_rest(trial, factory, section.open_from_s, every)
+            fill_and_rest(trial, factory, section.open_from_s, check_interval)
             opened_s = simulation.time_s
             rest_energy_j = trial.energy_j()
             grains = trial.grains()
             n_early = int(np.isfinite(simulation.exit_times_s).sum())
             simulation.set_motion("lid", dem.Motion(velocity_m_s=(0.0, 0.0, -LID_M_S)))
             last_step = simulation.steps + settings.steps(section.longest_s)
-            trial.wait(is_empty, last_step, every)
+            trial.wait(is_empty, last_step, check_interval)
         if grains is None:
             grains = trial.grains()
 
@@ -281,14 +289,14 @@ class DischargeTest(BenchTest[DischargeSettings]):
             )
         if outcome.n_early:
             return Verdict("lost", f"{outcome.n_early} grains left the closed funnel")
-        moving = not_at_rest(
+        motion_verdict = not_at_rest(
             outcome.rest_energy_j,
             settings,
             advice="take the lid away later by discharge.open_from_s",
             when=" when the lid was taken away",
         )
-        if moving is not None:
-            return moving
+        if motion_verdict is not None:
+            return motion_verdict
         n_left = section.berries - outcome.n_late
         if n_left > 0:
             return Verdict(

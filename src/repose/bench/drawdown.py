@@ -35,12 +35,14 @@ from repose.bench.funnel import ANGLE_KEYS
 from repose.bench.hopper import narrow_openings
 from repose.bench.scene import Scene
 from repose.bench.settings import Poured, SceneSettings
-from repose.bench.trial import Progress, Trial, largest_cluster
+from repose.bench.trial import Progress, Trial
 from repose.calibrate.responses import Response
 from repose.common.errors import NoFlankError
 from repose.common.section import Contradictions
+from repose.measure.clusters import largest_cluster
 
 if TYPE_CHECKING:
+    from repose.grain.particle import Particle
     from repose.measure.settings import MeasureSettings
     from repose.measure.silhouette import Grains
 
@@ -201,12 +203,16 @@ class Box:
     def walls(
         self, edge_radius_m: float, room_m: float
     ) -> "dict[str, dem.Plane | dem.Mesh]":
-        """Make all walls by name.
+        """Make all walls of the box by name, with the gate closed.
+
+        The lower chamber has a floor, a front, a back and two sides, all planes. The
+        upper chamber has the same front and back; its walls, the two halves of its floor
+        beside the slot, and the gate are blocks with rounded edges.
 
         Parameters
         ----------
         edge_radius_m : float
-            Radius of the rounded edges of floor, walls and gate.
+            Radius of the edges of the blocks.
         room_m : float
             How much higher the upper walls are than the chamber.
         """
@@ -216,28 +222,29 @@ class Box:
             "back": dem.Plane((0.0, self.half_depth, 0.0), (0.0, -1.0, 0.0), "wall"),
         }
         # Blocks reach beyond front and back, so that no grain meets their ends.
-        half_y = self.half_depth + 2.0 * self.thickness
-        y = (-half_y, half_y)
-        outer = self.half_width + self.thickness
-        for side_name, side in (("left", -1.0), ("right", 1.0)):
-            walls[f"lower_{side_name}"] = dem.Plane(
-                (side * self.half_lower, 0.0, 0.0), (-side, 0.0, 0.0), "wall"
+        half_length = self.half_depth + 2.0 * self.thickness
+        block_y = (-half_length, half_length)
+        outer_side = self.half_width + self.thickness
+        for name, sign in (("left", -1.0), ("right", 1.0)):
+            walls[f"lower_{name}"] = dem.Plane(
+                (sign * self.half_lower, 0.0, 0.0), (-sign, 0.0, 0.0), "wall"
             )
-            walls[f"{side_name}_floor"] = _block(
-                x=(side * self.half_slot, side * outer),
-                y=y,
+            walls[f"{name}_floor"] = _block(
+                x=(sign * self.half_slot, sign * outer_side),
+                y=block_y,
                 z=(self.gate, self.floor),
                 edge_radius_m=edge_radius_m,
             )
-            walls[f"{side_name}_wall"] = _block(
-                x=(side * self.half_width, side * outer),
-                y=y,
+            walls[f"{name}_wall"] = _block(
+                x=(sign * self.half_width, sign * outer_side),
+                y=block_y,
                 z=(self.gate, self.top + room_m),
                 edge_radius_m=edge_radius_m,
             )
+        # The gate closes the slot from below.
         walls["gate"] = _block(
             x=(-self.half_slot - self.thickness, self.half_slot + self.thickness),
-            y=y,
+            y=block_y,
             z=(self.gate - self.thickness, self.gate),
             edge_radius_m=edge_radius_m,
         )
@@ -372,12 +379,12 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         area = Strip(box.half_width - radius, box.half_depth - radius, box.top + radius)
         factory = Factory(area, section.berries, section.rate_per_s)
 
-        every = max(1, settings.steps(scene.scale.interval_s()))
+        check_interval = max(1, settings.steps(scene.scale.interval_s()))
         n_filled = 0
         n_early = 0
         opened_s = np.nan
         with trial.bound(area.height_m, LID_M_S).guard():
-            fill_and_rest(trial, factory, section.open_from_s, every)
+            fill_and_rest(trial, factory, section.open_from_s, check_interval)
             n_filled = simulation.n_bodies
             opened_s = simulation.time_s
             n_early = int(np.isfinite(simulation.exit_times_s).sum())
@@ -385,9 +392,10 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
             simulation.set_motion("gate", dem.Motion(velocity_m_s=(0.0, 0.0, -LID_M_S)))
             trial.run_to(simulation.steps + settings.steps(box.floor / LID_M_S))
             simulation.set_motion("gate", dem.Motion())
-            trial.run_to(simulation.steps + every)
+            # Let the grains begin to fall before their rest is checked.
+            trial.run_to(simulation.steps + check_interval)
             last_step = simulation.steps + settings.steps(section.longest_s)
-            trial.wait(trial.rests, last_step, every)
+            trial.wait(trial.is_at_rest, last_step, check_interval)
 
         centres = simulation.positions
         exit_times = simulation.exit_times_s
@@ -422,14 +430,14 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
             return Verdict(
                 "lost", "a grain lies outside the box, or left the closed chamber"
             )
-        moving = not_at_rest(
+        motion_verdict = not_at_rest(
             outcome.energy_j,
             settings,
             advice="give the grains more time by drawdown.longest_s",
             when=f" {section.longest_s:g} s after the opening",
         )
-        if moving is not None:
-            return moving
+        if motion_verdict is not None:
+            return motion_verdict
         if outcome.n_over_slot:
             return Verdict(
                 "jammed",
@@ -438,47 +446,41 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         return OK
 
     def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
-        """Measure angles, mass and rate."""
+        """Measure the angles above and below, and mass and rate of what drained.
+
+        A grain that passed the slot lies below; the others stayed above.
+        """
         from repose.measure.silhouette import Grains
 
         particle = scene.particle
         centres = np.asarray(arrays["position"], float)
+        quaternions = arrays["quaternion"]
         scales = np.asarray(arrays["scale"], float)
-        exit_s = np.asarray(arrays["exit_s"], float)
-        masses = particle.mass_kg * scales**3
-        is_below = np.isfinite(exit_s)
-        rate = np.nan
-        if is_below.any():
-            rate = rate_kg_s(exit_s[is_below], masses[is_below])
-        measured: dict[str, Any] = {
-            ABOVE.name: None,
-            BELOW.name: None,
-            MASS.name: 1e3 * float(masses[is_below].sum()),
-            FLOW.name: 1e3 * rate if np.isfinite(rate) else None,
-            "berries_below": int(is_below.sum()),
-        }
+        is_below = np.isfinite(arrays["exit_s"])
 
-        # The view is along the slot. Both wedges are measured, though they need not touch.
-        view = scene.measure.model_copy(update={"views": 1})
-        view_of_all = view.model_copy(update={"largest_pile_only": False})
+        # Both angles are measured in one view, that along the slot. The two wedges above
+        # are one pile to the measurement, though they need not touch.
+        pile_settings = scene.measure.model_copy(update={"views": 1})
+        wedge_settings = pile_settings.model_copy(update={"largest_pile_only": False})
         box = Box.of(self.section(scene.settings))
-        wedges = Grains(
-            back_to_back(centres, box), arrays["quaternion"], particle, scales
-        )[~is_below]
-        in_pile = is_below
-        if view.largest_pile_only:
-            in_pile = np.asarray(arrays["in_pile"], bool)
-        pile = Grains(centres, arrays["quaternion"], particle, scales)[in_pile]
+        wedge_centres = back_to_back(centres, box)
+        wedges = Grains(wedge_centres, quaternions, particle, scales)[~is_below]
+        is_in_pile = is_below
+        if pile_settings.largest_pile_only:
+            is_in_pile = np.asarray(arrays["in_pile"], bool)
+        pile = Grains(centres, quaternions, particle, scales)[is_in_pile]
 
+        measured: dict[str, Any] = {ABOVE.name: None, BELOW.name: None}
         reasons = {}
         for name, grains, settings in (
-            (ABOVE.name, wedges, view_of_all),
-            (BELOW.name, pile, view),
+            (ABOVE.name, wedges, wedge_settings),
+            (BELOW.name, pile, pile_settings),
         ):
             try:
                 measured[name] = _angle_of_repose(grains, settings)
             except NoFlankError as error:
                 reasons[name] = error.reason
+        measured |= _measure_flow(arrays, particle)
         return {**self.check_targets(measured, scene.settings, reasons), **measured}
 
     def duration_s(self, settings: SceneSettings) -> float:
@@ -487,7 +489,7 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         return 2.0 * section.open_from_s + section.longest_s
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
-        """Yield keys of a box that cannot be built or filled."""
+        """Yield keys of a box that cannot be built or filled, with what is allowed."""
         section = self.section(settings)
         yield from too_early(section, NAME, "open_from_s")
         if section.slot_mm >= section.width_mm:
@@ -518,6 +520,25 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
             "height_mm": axes_mm[0],
         }
         return narrow_openings(self.section(settings), NAME, sizes_mm)
+
+
+def _measure_flow(arrays: Arrays, particle: "Particle") -> dict[str, Any]:
+    """Measure mass, rate and number of the grains that drained through the slot.
+
+    The rate is None if the grains fell too few or at once.
+    """
+    scales = np.asarray(arrays["scale"], float)
+    exit_s = np.asarray(arrays["exit_s"], float)
+    masses = particle.mass_kg * scales**3
+    is_below = np.isfinite(exit_s)
+    rate = np.nan
+    if is_below.any():
+        rate = rate_kg_s(exit_s[is_below], masses[is_below])
+    return {
+        MASS.name: 1e3 * float(masses[is_below].sum()),
+        FLOW.name: 1e3 * rate if np.isfinite(rate) else None,
+        "berries_below": int(is_below.sum()),
+    }
 
 
 def _angle_of_repose(grains: "Grains", settings: "MeasureSettings") -> float | None:

@@ -124,7 +124,7 @@ class _Tracker:
         """Tell whether the grain touches the plate, and note how deep it does."""
         grains, _walls, overlaps = self.simulation.wall_overlaps()
         scales = self.simulation.scales[grains]
-        shares = self.trial.bounded.shares(overlaps, scales)
+        shares = self.trial.bounds.shares(overlaps, scales)
         self.overlap_share = float(shares.max(initial=self.overlap_share))
         return len(grains) > 0
 

@@ -196,13 +196,16 @@ class RotatingDrum(BenchTest[R]):
         return 0.0
 
     def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
-        """Make the empty drum; gravity leans where the axis is tilted."""
+        """Make the empty drum.
+
+        Where its axis is tilted, the drum stays level and gravity is tilted instead.
+        """
         simulation = super().build(scene, largest_scale)
         tilt = math.radians(self.tilt_deg(self.section(scene.settings)))
         gravity = simulation.physics.gravity
-        down = gravity[2]
-        gravity[1] = -down * math.sin(tilt)
-        gravity[2] = down * math.cos(tilt)
+        vertical = gravity[2]
+        gravity[1] = -vertical * math.sin(tilt)
+        gravity[2] = vertical * math.cos(tilt)
         return simulation
 
     def empty_drum(
@@ -215,6 +218,7 @@ class RotatingDrum(BenchTest[R]):
         section = self.section(scene.settings)
         drum = Drum.of(section)
         trial = Trial(self.build, scene, section.berries, interval_s, progress)
+        # The wall gives grains at most the speed of the fastest rotation.
         fastest_rad_s = float(np.max(section.angular_velocity_rad_s))
         trial.bound(drum.radius_m, fastest_rad_s * drum.radius_m)
         area = drum.factory_area(
@@ -252,7 +256,20 @@ class RotatingDrum(BenchTest[R]):
         scale: np.ndarray,
         scene: Scene,
     ) -> "bed.Surface":
-        """Find the surface of a bed of N grains; ValueError if it has none."""
+        """Find the surface of a bed of N grains in its view along the axis.
+
+        Parameters
+        ----------
+        position, quaternion, scale : array
+            Positions (N, 3) [m], orientations (N, 4) and relative sizes (N,).
+        scene : Scene
+            The scene, with the particle and the settings of the measurement.
+
+        Raises
+        ------
+        ValueError
+            If the bed has no surface.
+        """
         from repose.measure import bed
         from repose.measure.silhouette import Grains
 
@@ -272,6 +289,15 @@ class RotatingDrum(BenchTest[R]):
     ) -> np.ndarray:
         """Measure the angle of the surface in T frames of N grains.
 
+        Parameters
+        ----------
+        position, quaternion : array
+            Positions (T, N, 3) [m] and orientations (T, N, 4) of the grains.
+        scale : array
+            Their relative sizes (N,).
+        scene : Scene
+            The scene.
+
         Returns
         -------
         array
@@ -279,16 +305,18 @@ class RotatingDrum(BenchTest[R]):
         """
         angles = np.full(len(position), math.nan)
         frames = zip(position, quaternion, strict=True)
-        for k, (centres, quaternions) in enumerate(frames):
+        for frame, (centres, quaternions) in enumerate(frames):
+            # A bed without a surface keeps its NaN.
             with contextlib.suppress(ValueError):
                 surface = self.surface_of(centres, quaternions, scale, scene)
-                angles[k] = surface.angle_deg
+                angles[frame] = surface.angle_deg
         return angles
 
     def impossible_filling(self, settings: SceneSettings) -> Contradictions:
-        """Yield keys of a drum without room, that turns too early, or is seen too often.
+        """Yield keys of a drum that cannot be filled or recorded as they say.
 
-        With each key comes what is allowed.
+        The drum may have no room, turn before it is full, or be recorded more often
+        than once a time step. With each key comes what is allowed.
         """
         section = self.section(settings)
         radius_mm = inner_radius_mm(section)
@@ -314,7 +342,10 @@ class RotatingDrum(BenchTest[R]):
     def misfits(
         self, settings: SceneSettings, axes_mm: Sequence[float]
     ) -> Contradictions:
-        """Yield keys of a drum in which a mean grain cannot appear across the axis."""
+        """Yield keys of a drum in which a mean grain has no room where grains appear.
+
+        It has room if it fits in any orientation. With each key comes what is allowed.
+        """
         section = self.section(settings)
         longest_mm = max(axes_mm)
         if section.length_mm <= longest_mm:
@@ -404,6 +435,36 @@ class Rotation(DrumOutcome):
             rows["after"] = self.slip.ends
         return rows
 
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Collect the arrays of the run: the record, and the grains of each state."""
+        arrays = {"scale": self.scales, **self.record}
+        if len(self.centres_m):
+            for state, row in self.rows().items():
+                arrays[f"position_{state}"] = self.centres_m[row]
+                arrays[f"quaternion_{state}"] = self.quaternions[row]
+                arrays[f"turned_{state}_deg"] = self.record["turned_deg"][row]
+        return arrays
+
+    def state_numbers(self) -> dict[str, float]:
+        """Return the numbers of the record at each state, by STATE_COLUMN."""
+        numbers = {}
+        for state, row in self.rows().items():
+            for column in RECORD:
+                numbers[f"{state}_{column}"] = float(self.record[column][row])
+        return numbers
+
+    def slip_numbers(self) -> dict[str, float]:
+        """Return drop, duration and largest energy of the slip; none without a slip."""
+        if self.slip is None:
+            return {}
+        states = self.state_numbers()
+        during_slip = slice(self.slip.begins, self.slip.ends + 1)
+        return {
+            "bed_drop_deg": states["before_bed_deg"] - states["after_bed_deg"],
+            "slip_duration_s": states["after_time_s"] - states["before_time_s"],
+            "largest_energy_j": float(self.record["energy_j"][during_slip].max()),
+        }
+
 
 class _DrumRecorder:
     """Records a drum that turns."""
@@ -418,7 +479,7 @@ class _DrumRecorder:
         self.quaternions: list[np.ndarray] = []
 
     def keep(self) -> None:
-        """Add the present state to the record."""
+        """Add the present state to the record: the grains, and a row of numbers."""
         from repose.measure import bed
         from repose.measure.silhouette import Grains
 
@@ -426,22 +487,22 @@ class _DrumRecorder:
         particle = self.trial.scene.particle
         centres = simulation.positions
         quaternions = simulation.quaternions
+        # In the frame that turns with the drum, a bed at rest has no energy.
         energy_j = bed.relative_energy(
             Grains(centres, quaternions, particle, simulation.scales),
             simulation.velocities,
             simulation.angular_velocities,
             simulation.rolling_frame_rad_s,
         )
+        row = _Row(
+            time_s=simulation.time_s - self.start_s,
+            turned_deg=math.degrees(self.turned_rad),
+            bed_deg=bed.bed_angle(centres),
+            energy_j=energy_j,
+        )
+        self.rows.append(row)
         self.centres.append(centres.copy())
         self.quaternions.append(quaternions)
-        self.rows.append(
-            _Row(
-                time_s=simulation.time_s - self.start_s,
-                turned_deg=math.degrees(self.turned_rad),
-                bed_deg=bed.bed_angle(centres),
-                energy_j=energy_j,
-            )
-        )
 
     def advance(self, steps: int) -> None:
         """Run some time steps, add up the rotation, and record the state after them."""
@@ -459,7 +520,7 @@ class _DrumRecorder:
 
 
 def _turn_until_slip(
-    recorder: _DrumRecorder, section: DrumSettings, every: int
+    recorder: _DrumRecorder, section: DrumSettings, record_interval: int
 ) -> "bed.Slip | None":
     """Turn the drum until the bed slips, stop it, and let the bed rest.
 
@@ -469,46 +530,53 @@ def _turn_until_slip(
         Recorder of the filled drum.
     section : DrumSettings
         Times and velocity.
-    every : int
+    record_interval : int
         Time steps between two rows of the record.
 
     Returns
     -------
     bed.Slip or None
-        The first slip, if there is one.
+        The first slip; None if the bed does not slip in the longest time of rotation, or
+        if an energy is not finite.
     """
     from repose.measure import bed
 
     simulation = recorder.simulation
     rest_energy_j = recorder.trial.scene.simulation.rest_energy_j
     recorder.start_s = simulation.time_s
-    half_row_s = 0.5 * (every * simulation.time_step_s)
-    report_s = section.report_s - recorder.start_s
+    # A time is reached at the row that is nearest to it.
+    half_interval_s = 0.5 * (record_interval * simulation.time_step_s)
+    rotation_end_s = section.longest_rotation_s - half_interval_s
+    report_s = section.report_s - recorder.start_s - half_interval_s
 
-    def first_slip() -> "bed.Slip | None":
+    def find_first_slip() -> "bed.Slip | None":
         record = recorder.record()
         return bed.find_slip(
             record["bed_deg"], record["energy_j"], section.slip_drop_deg, rest_energy_j
         )
 
+    # Turn the drum until the bed slips.
     set_rotation(simulation, section.angular_velocity_rad_s)
     recorder.keep()
-    stopped_s = math.inf
-    while math.isfinite(recorder.rows[-1].energy_j):
+    while True:
         row = recorder.rows[-1]
-        rests = row.time_s > stopped_s and row.energy_j < rest_energy_j
-        has_settled = rests or row.time_s >= stopped_s + section.settle_s
-        if has_settled and row.time_s >= report_s - half_row_s:
+        if row.time_s >= rotation_end_s or not math.isfinite(row.energy_j):
+            return None
+        if find_first_slip() is not None:
             break
-        if stopped_s == math.inf:
-            if row.time_s >= section.longest_rotation_s - half_row_s:
-                return None
-            if first_slip() is not None:
-                set_rotation(simulation, 0.0)
-                stopped_s = row.time_s
-        recorder.advance(every)
-    # The end of the slip is known only now.
-    return None if stopped_s == math.inf else first_slip()
+        recorder.advance(record_interval)
+
+    # Stop it, and record until the bed rests and the time of the report is over.
+    set_rotation(simulation, 0.0)
+    settling_end_s = row.time_s + section.settle_s
+    is_over = False
+    while not is_over and math.isfinite(row.energy_j):
+        recorder.advance(record_interval)
+        row = recorder.rows[-1]
+        has_settled = row.energy_j < rest_energy_j or row.time_s >= settling_end_s
+        is_over = has_settled and row.time_s >= report_s
+    # The search before found where the slip begins; the record now has its end, too.
+    return find_first_slip()
 
 
 @register(NAME)
@@ -556,29 +624,30 @@ class DrumTest(RotatingDrum[DrumSettings]):
         `drum.settle_s` after the drum stopped, and not before `drum.report_s`.
         """
         section = self.section(scene.settings)
-        every = max(1, scene.simulation.steps(section.record_s))
+        record_interval = max(1, scene.simulation.steps(section.record_s))
         trial, factory = self.empty_drum(scene, progress=progress)
         recorder = _DrumRecorder(trial)
         rest_energy_j = math.nan
         slip = None
-        with trial.bounded.guard():
-            fill_and_rest(trial, factory, section.rotate_from_s, every)
-            trial.bounded.look()
+        with trial.bounds.guard():
+            fill_and_rest(trial, factory, section.rotate_from_s, record_interval)
+            trial.bounds.look()
             rest_energy_j = trial.energy_j()
-            slip = _turn_until_slip(recorder, section, every)
+            slip = _turn_until_slip(recorder, section, record_interval)
 
         record = recorder.record()
-        report = 0
+        # A run that became unstable before the rotation has no rows.
+        report_row = 0
         if recorder.rows:
             times = recorder.start_s + record["time_s"]
-            report = int(np.argmin(np.abs(times - section.report_s)))
+            report_row = int(np.argmin(np.abs(times - section.report_s)))
         return Rotation(
             record=record,
             centres_m=np.array(recorder.centres),
             quaternions=np.array(recorder.quaternions),
             scales=trial.simulation.scales.copy(),
             slip=slip,
-            report=report,
+            report=report_row,
             rotation_from_s=recorder.start_s,
             rest_energy_j=rest_energy_j,
             n_unplaced=self.n_unplaced(trial),
@@ -588,7 +657,11 @@ class DrumTest(RotatingDrum[DrumSettings]):
         )
 
     def judge(self, outcome: DrumOutcome, settings: SceneSettings) -> Verdict:
-        """Judge a stable run before it is measured."""
+        """Judge a stable run before it is measured.
+
+        Beyond the faults of every drum, its bed may have moved before it turned, or
+        never slipped.
+        """
         assert isinstance(outcome, Rotation)
         verdict = super().judge(outcome, settings)
         if verdict != OK:
@@ -622,12 +695,7 @@ class DrumTest(RotatingDrum[DrumSettings]):
         ``turned_STATE_deg``.
         """
         rotation = self.rotate(scene, progress)
-        arrays = {"scale": rotation.scales, **rotation.record}
-        if len(rotation.centres_m):
-            for state, row in rotation.rows().items():
-                arrays[f"position_{state}"] = rotation.centres_m[row]
-                arrays[f"quaternion_{state}"] = rotation.quaternions[row]
-                arrays[f"turned_{state}_deg"] = rotation.record["turned_deg"][row]
+        arrays = rotation.arrays()
         frames = None
         if interval_s is not None:
             frames = {
@@ -639,17 +707,9 @@ class DrumTest(RotatingDrum[DrumSettings]):
             scene, rotation, arrays, frames, rotation_from_s=rotation.rotation_from_s
         )
         if run.record["status"] in MEASURABLE:
-            for state, row in rotation.rows().items():
-                for key in RECORD:
-                    run.record[f"{state}_{key}"] = float(rotation.record[key][row])
-        if run.record["status"] == "ok" and rotation.slip is not None:
-            record = run.record
-            during_slip = slice(rotation.slip.begins, rotation.slip.ends + 1)
-            record["bed_drop_deg"] = record["before_bed_deg"] - record["after_bed_deg"]
-            record["slip_duration_s"] = record["after_time_s"] - record["before_time_s"]
-            record["largest_energy_j"] = float(
-                rotation.record["energy_j"][during_slip].max()
-            )
+            run.record.update(rotation.state_numbers())
+        if run.record["status"] == "ok":
+            run.record.update(rotation.slip_numbers())
         return run
 
     def measured_run(
@@ -670,6 +730,8 @@ class DrumTest(RotatingDrum[DrumSettings]):
         status = record["status"]
         if status not in MEASURABLE:
             return dict(record), no_profile
+
+        # Without a slip there are only the first two states.
         measured = dict(record)
         states = STATES if status == "ok" else STATES[:2]
         angles = self._state_angles(states, arrays, scene)
@@ -677,9 +739,10 @@ class DrumTest(RotatingDrum[DrumSettings]):
             measured[f"{state}_surface_deg"] = angle
         if status == "no_slip":
             return measured, no_profile
-        before = angles["before"]
-        after = angles["after"]
-        if before is None or after is None:
+
+        before_deg = angles["before"]
+        after_deg = angles["after"]
+        if before_deg is None or after_deg is None:
             verdict = no_surface(scene)
             without_numbers = {
                 "seed": record["seed"],
@@ -688,8 +751,9 @@ class DrumTest(RotatingDrum[DrumSettings]):
                 "rotation_from_s": record["rotation_from_s"],
             }
             return without_numbers, no_profile
+        measured["surface_drop_deg"] = before_deg - after_deg
         motion, profile = self._motion_in_slip(record, arrays, scene)
-        return measured | {"surface_drop_deg": before - after} | motion, profile
+        return measured | motion, profile
 
     def _state_angles(
         self, states: Sequence[str], arrays: Arrays, scene: Scene
@@ -711,7 +775,9 @@ class DrumTest(RotatingDrum[DrumSettings]):
     ) -> tuple[dict[str, float | None], np.ndarray]:
         """Measure the motion in the slip: three numbers, and the profile by depth.
 
-        A number is None if no grain lies under the part of the surface that is fitted.
+        The profile has a row for each layer, the uppermost first: depth, mean motion and
+        its standard deviation, all in mm, and the number of grains. The motion at the
+        surface and at the wall are None if the profile has no layer.
         """
         from repose.measure import bed
 
@@ -720,14 +786,16 @@ class DrumTest(RotatingDrum[DrumSettings]):
         surface = self.surface_of(
             before, arrays["quaternion_before"], arrays["scale"], scene
         )
-        turned_rad = math.radians(
-            record["after_turned_deg"] - record["before_turned_deg"]
+        # The drum turned during the slip; the bed's motion is counted relative to it.
+        turned_deg = record["after_turned_deg"] - record["before_turned_deg"]
+        depth, motion = bed.slip_displacement(
+            before, after, math.radians(turned_deg), surface
         )
-        depth, moved = bed.slip_displacement(before, after, turned_rad, surface)
         bin_m = 1e-3 * self.section(scene.settings).depth_bin_mm
-        profile = bed.depth_profile(depth, moved, bin_m) * (1e3, 1e3, 1e3, 1.0)
+        profile_m = bed.depth_profile(depth, motion, bin_m)
+        profile = profile_m * (1e3, 1e3, 1e3, 1.0)
         numbers = {
-            "moved_share": bed.moved_share(moved, scene.particle),
+            "moved_share": bed.moved_share(motion, scene.particle),
             "surface_moved_mm": float(profile[0, 1]) if len(profile) else None,
             "wall_moved_mm": float(profile[-1, 1]) if len(profile) else None,
         }

@@ -1,4 +1,4 @@
-"""The factory: where and how grains appear, and the filling of a scene."""
+"""The factory adds new grains to a simulation: where, when and how they appear."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -101,37 +101,51 @@ def free_point(
 ) -> np.ndarray | None:
     """Find a random point of an area where a new grain touches no other.
 
-    Up to `POINTS_TRIED` points are tried, one after the other. The first free point
-    leaves the generator as if no further point had been drawn.
+    Up to `POINTS_TRIED` points are tried, one after the other. The generator is left as
+    if no point after the free one had been drawn.
+
+    Parameters
+    ----------
+    rng : Generator
+        Random numbers.
+    simulation : repose.dem.Simulation
+        The simulation with its grains.
+    area : Disc or Strip
+        Where the centre of the new grain may be.
 
     Returns
     -------
     array or None
         The point (3,) [m]; None if no point that was tried is free.
     """
-    distance = 2.0 * simulation.radius
-    centres = simulation.positions
-    is_near = simulation.present & (centres[:, 2] > area.height_m - distance)
-    centres = centres[is_near]
+    # Two grains whose centres are farther apart than this cannot touch.
+    contact_distance = 2.0 * simulation.radius
+    positions = simulation.positions
+    is_high = positions[:, 2] > area.height_m - contact_distance
+    neighbours = positions[simulation.present & is_high]
 
     def is_free(point: np.ndarray) -> bool:
-        if not len(centres):
+        if not len(neighbours):
             return True
-        squares = np.sum((centres - point) ** 2, axis=1)
-        return bool(squares.min() > distance * distance)
+        squared_distances = np.sum((neighbours - point) ** 2, axis=1)
+        return bool(squared_distances.min() > contact_distance * contact_distance)
 
+    # The first point is mostly free.
     point = np.array(area.point(*rng.random(2)))
     if is_free(point):
         return point
 
-    # Compute all other points at once, which is quicker, and check those that seem free.
+    # Compute the distances of all other points at once, which is quicker, and check
+    # one by one those that seem free.
     state = rng.bit_generator.state
     numbers = rng.random((POINTS_TRIED - 1, 2))
-    offsets = area.points(numbers)[:, None, :] - centres
-    nearest = np.sum(offsets**2, axis=2).min(axis=1)
-    for k in np.flatnonzero(nearest > ROUNDING * distance * distance).tolist():
+    offsets = area.points(numbers)[:, None, :] - neighbours
+    squared_gaps = np.sum(offsets**2, axis=2).min(axis=1)
+    seems_free = squared_gaps > ROUNDING * contact_distance * contact_distance
+    for k in np.flatnonzero(seems_free).tolist():
         point = np.array(area.point(*numbers[k].tolist()))
         if is_free(point):
+            # Draw again only the numbers up to this point.
             rng.bit_generator.state = state
             rng.random((k + 1, 2))
             return point
@@ -156,30 +170,42 @@ def random_orientation(orientation: str, rng: np.random.Generator) -> np.ndarray
     if orientation == "random":
         return random_quaternion(rng)
     azimuth, roll = rng.uniform(0.0, 2.0 * math.pi, 2)
-    # Roll about the long axis, x.
-    q = np.array([math.cos(roll / 2), math.sin(roll / 2), 0.0, 0.0])
+    # Roll about the long axis, the body's x; so far it is level.
+    cos_roll = math.cos(roll / 2)
+    sin_roll = math.sin(roll / 2)
+    rolled = np.array([cos_roll, sin_roll, 0.0, 0.0])
     if orientation == "upright":
-        # Lift the long axis to the vertical.
-        q = math.sqrt(0.5) * np.array([q[0], q[1], -q[0], q[1]])
-    # Turn about the vertical.
+        # Then turn by -90 degrees about y, which lifts the long axis to the vertical.
+        rolled = math.sqrt(0.5) * np.array([cos_roll, sin_roll, -cos_roll, sin_roll])
+    # Last, turn about the vertical: the product of two quaternions.
     c = math.cos(azimuth / 2)
     s = math.sin(azimuth / 2)
-    w, x, y, z = q
+    w, x, y, z = rolled
     return np.array([c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w])
 
 
 def add_above(trial: "Trial", orientation: str, height_m: float = 0.0) -> None:
-    """Add the only grain of a trial on the z axis, its lowest point at a height."""
+    """Add the only grain of a trial on the z axis, its lowest point at a height.
+
+    Parameters
+    ----------
+    trial : Trial
+        The trial, whose seed gives the orientation.
+    orientation : str
+        Kind of the orientation, see `random_orientation`.
+    height_m : float, optional
+        Height of the lowest point.
+    """
     rng = np.random.default_rng(trial.scene.seed)
     quaternion = random_orientation(orientation, rng)
     scale = float(trial.scales[0])
-    # Find the depth of the body below its centre, in its own frame.
+    # The centre lies above the lowest point by the depth of the body, which is known
+    # in the body's frame.
     down = rotation_matrix(quaternion).T @ np.array([0.0, 0.0, -1.0])
-    lowest = trial.scene.particle.support_point(down[None])[0]
-    depth_m = scale * float(lowest @ down)
-    trial.simulation.add(
-        "berry", (0.0, 0.0, height_m + depth_m), quaternion, scale=scale
-    )
+    lowest_point = trial.scene.particle.support_point(down[None])[0]
+    depth_m = scale * float(lowest_point @ down)
+    centre = (0.0, 0.0, height_m + depth_m)
+    trial.simulation.add("berry", centre, quaternion, scale=scale)
 
 
 def last_berry_s(section: "Poured") -> float:
@@ -211,8 +237,8 @@ def fill_and_rest(
     trial: "Trial",
     factory: Factory,
     until_s: float,
-    every: int,
-    rests: Callable[[], bool] | None = None,
+    check_interval: int,
+    is_at_rest: Callable[[], bool] | None = None,
 ) -> None:
     """Fill a scene, advance to a time, and wait until the grains rest.
 
@@ -226,16 +252,16 @@ def fill_and_rest(
         The grains.
     until_s : float
         Simulated time before which the run does not go on.
-    every : int
+    check_interval : int
         Time steps between two checks whether the grains rest.
-    rests : function, optional
-        ``rests()`` tells whether they do; by default `Trial.rests`.
+    is_at_rest : function, optional
+        ``is_at_rest()`` tells whether they do; by default `Trial.is_at_rest`.
     """
     step_s = trial.simulation.time_step_s
     latest_step = round(2.0 * until_s / step_s)
     fill(trial, factory, latest_step)
     trial.run_to(round(until_s / step_s))
-    trial.wait(rests or trial.rests, latest_step, every)
+    trial.wait(is_at_rest or trial.is_at_rest, latest_step, check_interval)
 
 
 def fill_to_level_and_rest(
@@ -243,17 +269,18 @@ def fill_to_level_and_rest(
     factory: Factory,
     level_mm: float,
     until_s: float,
-    every: int,
-    rests: Callable[[], bool] | None = None,
+    check_interval: int,
+    is_at_rest: Callable[[], bool] | None = None,
 ) -> None:
-    """Do what `fill_and_rest` does up to a level of the bed, see `bed_level_m`.
+    """Fill a scene up to a level of the bed (`bed_level_m`), and let the grains rest.
 
-    Half of the likely number of grains are added first. Then, as often as grains are
-    missing, as many as the packing of those that rest asks for.
+    Half of the likely number of grains are added first. When they rest, their packing
+    shows how many are missing, and these are added; this is repeated until none are
+    missing. The whole takes at most twice the time `until_s`.
 
     Parameters
     ----------
-    trial, until_s, every, rests
+    trial, until_s, check_interval, is_at_rest
         As of `fill_and_rest`.
     factory : Factory
         The grains; its `n_grains` is at least their number without gaps between them.
@@ -263,24 +290,26 @@ def fill_to_level_and_rest(
     simulation = trial.simulation
     step_s = simulation.time_step_s
     latest_step = round(2.0 * until_s / step_s)
-    rests = rests or trial.rests
+    is_at_rest = is_at_rest or trial.is_at_rest
     rng = np.random.default_rng(trial.scene.seed)
+    # Time of the fall from the factory to the floor
     gravity = float(np.linalg.norm(simulation.physics.gravity))
     fall_s = math.sqrt(2.0 * factory.area.height_m / gravity)
     fall_steps = math.ceil(fall_s / step_s)
 
     n_missing = max(1, round(0.5 * LIKELY_PACKING * factory.n_grains))
     while n_missing > 0 and simulation.steps < latest_step:
-        room = factory.n_grains - simulation.n_bodies
-        if room <= 0:
+        n_left = factory.n_grains - simulation.n_bodies
+        if n_left <= 0:
             break
-        _add_grains(trial, factory, min(n_missing, room), latest_step, rng)
+        _add_grains(trial, factory, min(n_missing, n_left), latest_step, rng)
         trial.run_to(min(latest_step, simulation.steps + fall_steps))
-        trial.wait(rests, latest_step, every)
+        trial.wait(is_at_rest, latest_step, check_interval)
+        # The level grows in proportion to the number of grains.
         missing_share = 1e-3 * level_mm / bed_level_m(simulation) - 1.0
         n_missing = round(simulation.n_bodies * missing_share)
     trial.run_to(round(until_s / step_s))
-    trial.wait(rests, latest_step, every)
+    trial.wait(is_at_rest, latest_step, check_interval)
 
 
 def _add_grains(
@@ -290,16 +319,20 @@ def _add_grains(
     last_step: int,
     rng: np.random.Generator,
 ) -> None:
-    """Add a number of grains at the rate of a factory, up to a last time step."""
+    """Add a number of grains at the rate of a factory, up to a last time step.
+
+    Grains that have not been added by then are left out.
+    """
     simulation = trial.simulation
-    first_body = simulation.n_bodies
+    n_before = simulation.n_bodies
     first_step = simulation.steps
     velocity = (0.0, 0.0, -factory.speed_m_s)
     for k in range(n_grains):
-        due = first_step + round(k / factory.rate_per_s / simulation.time_step_s)
-        if due >= last_step:
+        due_step = first_step + round(k / factory.rate_per_s / simulation.time_step_s)
+        if due_step >= last_step:
             return
-        trial.run_to(due)
+        trial.run_to(due_step)
+        # A grain that finds no room waits until those below it have fallen.
         point = free_point(rng, simulation, factory.area)
         while point is None and simulation.steps < last_step:
             trial.run_to(simulation.steps + 1)
@@ -307,7 +340,7 @@ def _add_grains(
         if point is None:
             return
         quaternion = random_orientation(factory.orientation, rng)
-        scale = trial.scales[first_body + k]
+        scale = trial.scales[n_before + k]
         simulation.add("berry", point, quaternion, velocity, scale=scale)
 
 

@@ -28,11 +28,12 @@ from repose.bench.factory import Disc, Factory, fill, last_berry_s
 from repose.bench.hopper import Funnel, impossible_surfaces, narrow_openings
 from repose.bench.scene import Scene
 from repose.bench.settings import Hopper, SceneSettings
-from repose.bench.trial import Progress, Trial, grain_arrays, largest_cluster
+from repose.bench.trial import Progress, Trial, grain_arrays
 from repose.calibrate.responses import Response
 from repose.calibrate.runs import Recorded
 from repose.common.section import OF_OTHERS, Contradictions, OrAuto
 from repose.measure.angles import MEAN_KEYS, VIEW_KEYS
+from repose.measure.clusters import largest_cluster
 
 NAME = "funnel"
 # Largest share of the grains that may roll over the edge of the plate.
@@ -294,32 +295,36 @@ class Pour(Outcome):
     frames: dict[str, np.ndarray] | None
 
 
-def _rests(
+def _is_over(
     simulation: "dem.Simulation",
     section: FunnelSettings,
     history: Sequence[np.ndarray],
 ) -> bool:
-    """Tell whether a pour is over.
+    """Tell whether a pour is over: all grains have left the funnel and lie still.
 
-    All grains are below the funnel, have hardly moved since the first of the positions
-    in `history`, one rest window ago, and nearly stand still.
+    `history` has the positions (N, 3) [m] of the grains at the checks of the last rest
+    window, the present ones last.
     """
     present = simulation.present
-    is_complete = simulation.n_bodies >= section.berries and present.any()
-    if len(history) <= CHECKS_PER_WINDOW or not is_complete:
+    is_poured = simulation.n_bodies >= section.berries and present.any()
+    if len(history) <= CHECKS_PER_WINDOW or not is_poured:
         return False
-    largest_motion_m = 1e-3 * section.rest_motion_mm
-    spin = np.linalg.norm(simulation.angular_velocities, axis=1) * simulation.radius
-    speed = np.linalg.norm(simulation.velocities, axis=1) + spin
-    distance_m = speed[present].max() * section.rest_window_s
+
+    # The grains have hardly moved since the beginning of the window, ...
+    limit_m = 1e-3 * section.rest_motion_mm
     motion = np.linalg.norm(history[-1] - history[0], axis=1)
-    highest_m = history[-1][present, 2].max()
-    outlet_m = section.funnel.outlet_height_m
-    return bool(
-        distance_m <= STANDSTILL_SHARE * largest_motion_m
-        and motion[present].max() <= largest_motion_m
-        and highest_m <= outlet_m - simulation.radius
+    has_stayed = motion[present].max() <= limit_m
+    # ... at their present speed would move much less in another window, ...
+    spin_speed = (
+        np.linalg.norm(simulation.angular_velocities, axis=1) * simulation.radius
     )
+    speed = np.linalg.norm(simulation.velocities, axis=1) + spin_speed
+    next_motion_m = speed[present].max() * section.rest_window_s
+    stands_still = next_motion_m <= STANDSTILL_SHARE * limit_m
+    # ... and lie below the outlet.
+    highest_m = history[-1][present, 2].max()
+    is_below = highest_m <= section.funnel.outlet_height_m - simulation.radius
+    return bool(has_stayed and stands_still and is_below)
 
 
 class _StepTimer:
@@ -352,24 +357,38 @@ def _final_state(
     centres_before: np.ndarray | None,
     wall_time: _WallTime,
 ) -> Pour:
-    """Sort the grains of a pour into pile, plate, funnel and lost; find their motion.
+    """Sort the grains at the end of a pour, and measure their motion.
 
-    `centres_before` are the centres (N, 3) [m] at the beginning of the last rest window;
-    None if the pour ended before.
+    A grain hangs in the funnel, lies on the plate, alone or in the pile, or has fallen
+    off the plate.
+
+    Parameters
+    ----------
+    trial : Trial
+        The pour.
+    outlet_height_m : float
+        Height of the funnel's outlet.
+    centres_before : array or None
+        Centres (N, 3) [m] at the beginning of the last rest window; None if the pour
+        ended before.
+    wall_time : _WallTime
+        Wall times of the pour.
     """
     simulation = trial.simulation
     centres = simulation.positions.copy()
     present = simulation.present
     # A grain that hangs in the outlet has its centre a little below the rim.
-    in_funnel = present & (centres[:, 2] > outlet_height_m - simulation.radius)
-    on_plate = present & (centres[:, 2] > 0.0) & ~in_funnel
-    in_pile = largest_cluster(simulation.contacts(), on_plate)
-    pile_energy = simulation.kinetic_energies()[in_pile]
+    is_in_funnel = present & (centres[:, 2] > outlet_height_m - simulation.radius)
+    is_on_plate = present & (centres[:, 2] > 0.0) & ~is_in_funnel
+    is_in_pile = largest_cluster(simulation.contacts(), is_on_plate)
+    n_in_funnel = is_in_funnel.sum()
+    n_off_plate = len(centres) - n_in_funnel - is_on_plate.sum()
+    pile_energies = simulation.kinetic_energies()[is_in_pile]
 
     largest_motion_m = 0.0
     if centres_before is not None:
         motion = np.linalg.norm(centres - centres_before, axis=1)
-        largest_motion_m = float(motion[on_plate].max(initial=0.0))
+        largest_motion_m = float(motion[is_on_plate].max(initial=0.0))
 
     discharge_s = math.nan
     exit_times = simulation.exit_times_s[np.isfinite(simulation.exit_times_s)]
@@ -380,11 +399,11 @@ def _final_state(
         centres_m=centres,
         quaternions=simulation.quaternions.copy(),
         scales=simulation.scales.copy(),
-        on_plate=on_plate,
-        in_pile=in_pile,
-        in_funnel=int(in_funnel.sum()),
-        off_plate=int(len(centres) - in_funnel.sum() - on_plate.sum()),
-        kinetic_energy_j=float(pile_energy.sum()),
+        on_plate=is_on_plate,
+        in_pile=is_in_pile,
+        in_funnel=int(n_in_funnel),
+        off_plate=int(n_off_plate),
+        kinetic_energy_j=float(pile_energies.sum()),
         largest_motion_m=largest_motion_m,
         discharge_s=discharge_s,
         wall_s=wall_time.wall_s,
@@ -497,7 +516,7 @@ class FunnelTest(BenchTest[FunnelSettings]):
                 if step <= timed_step:
                     timer.start(step)
                 history.append(simulation.positions.copy())
-                if until_rest and _rests(simulation, section, history):
+                if until_rest and _is_over(simulation, section, history):
                     break
 
         wall_time = _WallTime(
@@ -523,11 +542,10 @@ class FunnelTest(BenchTest[FunnelSettings]):
                 "left_plate", f"{outcome.off_plate} of {n_grains} grains left the plate"
             )
         n_in_pile = int(outcome.in_pile.sum())
-        moving = not_at_rest(
-            outcome.kinetic_energy_j / max(1, n_in_pile), settings, advice=MORE_TIME
-        )
-        if moving is not None:
-            return moving
+        mean_energy_j = outcome.kinetic_energy_j / max(1, n_in_pile)
+        motion_verdict = not_at_rest(mean_energy_j, settings, advice=MORE_TIME)
+        if motion_verdict is not None:
+            return motion_verdict
         motion_mm = 1e3 * outcome.largest_motion_m
         if motion_mm > section.rest_motion_mm:
             return Verdict(
@@ -576,43 +594,48 @@ class FunnelTest(BenchTest[FunnelSettings]):
     def measure(
         self, record: Mapping[str, Any], arrays: Arrays, scene: Scene
     ) -> dict[str, Any]:
-        """Measure a pour: its record with `ALWAYS` and other responses that are targets."""
+        """Measure a pour.
+
+        Returns its verdict, the `BASIC_NUMBERS`, other responses that are targets, and
+        the numbers of its record. Of a run that is not ``ok`` nothing is measured: its
+        responses are None.
+        """
         from repose.measure.saved_piles import pile_responses
 
         settings = scene.settings
         targets = self.target_responses(settings.config)
-        computed = [response for response in targets if response.computed_from]
-        needed = [
-            name
-            for response in targets
-            for name in response.computed_from or (response.name,)
-        ]
-        others = [
-            name
-            for name in dict.fromkeys(needed)
-            if name not in BASIC_NUMBERS and name not in record
-        ]
+        computed_targets = [target for target in targets if target.computed_from]
+        computed_names = [target.name for target in computed_targets]
+        extra_names = _extra_numbers(targets, record)
+        measured: dict[str, Any] = dict.fromkeys(
+            (*BASIC_NUMBERS, *extra_names, *computed_names)
+        )
         verdict = {key: record[key] for key in ("seed", "status", "reason")}
-        names = (*BASIC_NUMBERS, *others, *(response.name for response in computed))
-        measured: dict[str, Any] = dict.fromkeys(names)
         if record["status"] == "ok":
             plate_mm = self.section(settings).plate_diameter_mm
             responses, reasons = pile_responses(
-                arrays, scene.particle, scene.measure, plate_mm, others
+                arrays, scene.particle, scene.measure, plate_mm, extra_names
             )
             measured |= responses
             numbers = {**record, **measured}
-            measured |= {response.name: response.of(numbers) for response in computed}
+            for target in computed_targets:
+                measured[target.name] = target.of(numbers)
+            # A target without a number makes the run one that is not ok.
             verdict |= self.check_targets({**record, **measured}, settings, reasons)
-        rest = {key: value for key, value in record.items() if key not in verdict}
-        return verdict | measured | rest
+        other_numbers = {
+            key: value for key, value in record.items() if key not in verdict
+        }
+        return verdict | measured | other_numbers
 
     def duration_s(self, settings: SceneSettings) -> float:
         """Return the longest simulated time of a pour [s]."""
         return self.section(settings).duration_s
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
-        """Yield keys of a funnel that cannot be built, or of a pour that cannot end."""
+        """Yield keys of a funnel that cannot be built, or of a pour that cannot end.
+
+        With each key comes what is allowed.
+        """
         section = self.section(settings)
         window_s = section.rest_window_s
         if settings.simulation.time_step_s > window_s / 2:
@@ -651,11 +674,27 @@ class FunnelTest(BenchTest[FunnelSettings]):
         return narrow_openings(self.section(settings), NAME, sizes_mm)
 
 
-def _check_steps(first_step: int, last_step: int, window: int) -> Iterator[int]:
-    """Yield the time steps of the checks for rest, `CHECKS_PER_WINDOW` per window up to the last.
+def _extra_numbers(targets: Sequence[Response], record: Mapping[str, Any]) -> list[str]:
+    """List the numbers that targets need and that are not measured on every pile.
 
-    The first is at most one interval after `first_step`.
+    A computed target needs the numbers it is computed from. What the record of the run
+    has is not measured.
     """
-    every = max(1, window // CHECKS_PER_WINDOW)
-    n_intervals = (last_step - first_step) // every
-    yield from range(last_step - n_intervals * every, last_step + 1, every)
+    names = []
+    for target in targets:
+        for name in target.computed_from or (target.name,):
+            is_known = name in BASIC_NUMBERS or name in record or name in names
+            if not is_known:
+                names.append(name)
+    return names
+
+
+def _check_steps(first_step: int, last_step: int, window: int) -> Iterator[int]:
+    """Yield the time steps at which rest is checked, up to the last time step.
+
+    There are `CHECKS_PER_WINDOW` checks per window of time steps. The first is at most
+    one interval after `first_step`.
+    """
+    interval = max(1, window // CHECKS_PER_WINDOW)
+    n_intervals = (last_step - first_step) // interval
+    yield from range(last_step - n_intervals * interval, last_step + 1, interval)

@@ -114,26 +114,30 @@ class Funnel:
         )
 
     def walls(self, material: str) -> "dict[str, Cone | RingEdge]":
-        """Make the walls: cone and outlet, and with a tube also tube and neck."""
-        # Directions of the walls that meet at an edge; zeros stand for no wall.
-        along_cone = (math.cos(self._slope), math.sin(self._slope))
-        along_tube = (0.0, 1.0)
-        down_tube = (0.0, -1.0)
-        free = (0.0, 0.0)
+        """Make the walls of a material by name.
 
-        def edge(
+        They are the cone and the rounded edge of its outlet. A funnel with a tube also
+        has the tube, and the rounded edge where the cone meets it, the neck.
+        """
+        # Directions (r, z) of the walls that meet at an edge; zeros stand for no wall.
+        along_cone = (math.cos(self._slope), math.sin(self._slope))
+        up_tube = (0.0, 1.0)
+        down_tube = (0.0, -1.0)
+        no_wall = (0.0, 0.0)
+
+        def make_edge(
             above: tuple[float, float], below: tuple[float, float], height_m: float
         ) -> "RingEdge":
+            """Make the rounded edge between the walls above and below it."""
             return dem.RingEdge(
                 self._core_m, self.rim_radius_m, material, (above, below), height_m
             )
 
         cone = dem.Cone(self.cone_line(), material)
         if self.tube_length_m == 0.0:
-            return {
-                "cone": cone,
-                "outlet": edge(along_cone, free, self.outlet_height_m),
-            }
+            outlet = make_edge(along_cone, no_wall, self.outlet_height_m)
+            return {"cone": cone, "outlet": outlet}
+        # The tube is a line at a constant radius in the half-plane (r, z).
         tube_line = ConeLine(
             normal_r=1.0,
             normal_z=0.0,
@@ -146,8 +150,8 @@ class Funnel:
         return {
             "cone": cone,
             "tube": dem.Cone(tube_line, material),
-            "neck": edge(along_cone, down_tube, self.neck_height_m),
-            "outlet": edge(along_tube, free, self.outlet_height_m),
+            "neck": make_edge(along_cone, down_tube, self.neck_height_m),
+            "outlet": make_edge(up_tube, no_wall, self.outlet_height_m),
         }
 
 

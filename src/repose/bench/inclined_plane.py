@@ -142,10 +142,10 @@ NO_LAYER = Layer(np.empty((0, 3)), np.array([1.0, 0.0, 0.0, 0.0]), 0.0)
 
 
 def layer(particle: "Particle", azimuth: float = 0.0) -> Layer:
-    """Lay grains flat in a close layer about a pocket on the z axis.
+    """Lay grains flat and close together around a pocket between them on the z axis.
 
-    It is the close layer of spheres, stretched as the grain is, and as wide as a shape
-    needs that is no ellipsoid.
+    The layer is the closest one of spheres, stretched along x and y as the grain is.
+    Grains that are no ellipsoids lie farther apart, as far as they need.
 
     Parameters
     ----------
@@ -157,20 +157,26 @@ def layer(particle: "Particle", azimuth: float = 0.0) -> Layer:
     from scipy.spatial.transform import Rotation
 
     half_extents = particle.dem_shape("berry").half_extents_m
-    # Axes of the body: the longest along x, the shortest up.
-    axes = np.argsort(half_extents)[::-1]
-    body_axes = np.eye(3)[axes]
+    # Turn the body's longest axis along x, and its shortest up.
+    order = np.argsort(half_extents)[::-1]
+    long_half, middle_half, short_half = half_extents[order]
+    body_axes = np.eye(3)[order]
+    # A rotation has the determinant +1; a reflection becomes one by an axis reversed.
     body_axes[2] *= np.linalg.det(body_axes)
-    stretch = np.array([*half_extents[axes][:2], 0.0])
-    centres = _layer_spacing(particle, body_axes, stretch) * _sphere_layer() * stretch
+
+    # Stretch a layer of unit spheres, and cut a round piece out of it.
+    stretch = np.array([long_half, middle_half, 0.0])
+    spacing = _layer_spacing(particle, body_axes, stretch)
+    centres = spacing * _sphere_layer() * stretch
     distances = np.hypot(*centres[:, :2].T)
-    centres = centres[distances < LAYER_RADIUS * particle.bounding_radius_m]
+    layer_centres = centres[distances < LAYER_RADIUS * particle.bounding_radius_m]
+
     turn = Rotation.from_euler("z", azimuth)
     orientation = turn * Rotation.from_matrix(body_axes)
     return Layer(
-        centres_m=turn.apply(centres),
+        centres_m=turn.apply(layer_centres),
         quaternion=orientation.as_quat(scalar_first=True),
-        depth_m=float(half_extents[axes][2]),
+        depth_m=float(short_half),
     )
 
 
@@ -178,10 +184,11 @@ def _sphere_layer() -> np.ndarray:
     """Place spheres of radius 1 in a close layer (N, 3) about a pocket at the origin."""
     n = math.ceil(LAYER_RADIUS)
     numbers = np.arange(-2 * n, 2 * n + 1)
-    i, j = (grid.ravel() for grid in np.meshgrid(numbers, numbers))
-    x = 2.0 * i + j - 1.0
-    y = math.sqrt(3.0) * j - 1.0 / math.sqrt(3.0)
-    return np.column_stack([x, y, 0.0 * i])
+    place, row = (grid.ravel() for grid in np.meshgrid(numbers, numbers))
+    # In each row the spheres are shifted by a radius. The pocket lies between three.
+    x = 2.0 * place + row - 1.0
+    y = math.sqrt(3.0) * row - 1.0 / math.sqrt(3.0)
+    return np.column_stack([x, y, 0.0 * place])
 
 
 def _layer_spacing(
@@ -189,18 +196,19 @@ def _layer_spacing(
 ) -> float:
     """Compute the factor that keeps the grains of a stretched layer apart.
 
-    Ellipsoids touch a neighbour in the plane between both. A wider grain needs more
-    room than the distance to its neighbour.
+    Two ellipsoids of a stretched layer just touch. Other shapes may be wider in the
+    direction in which they would touch, and need as much more room.
     """
+    # Three neighbours of a unit sphere; the other three lie opposite.
     neighbours = np.array(
         [[2.0, 0.0, 0.0], [1.0, math.sqrt(3.0), 0.0], [1.0, -math.sqrt(3.0), 0.0]]
     )
+    # Normals of the planes in which the stretched spheres touch
     normals = np.column_stack([neighbours[:, :2] / stretch[:2], np.zeros(3)])
-    width = particle.support(normals @ body_axes) + particle.support(
-        -normals @ body_axes
-    )
-    distance = (neighbours * stretch * normals).sum(axis=1)
-    return LAYER_SPACING * max(1.0, float((width / distance).max()))
+    body_normals = normals @ body_axes
+    widths = particle.support(body_normals) + particle.support(-body_normals)
+    distances = (neighbours * stretch * normals).sum(axis=1)
+    return LAYER_SPACING * max(1.0, float((widths / distances).max()))
 
 
 # --- run ------------------------------------------------------------------------------
@@ -245,44 +253,49 @@ def _lay_down(trial: Trial, section: InclinedPlaneSettings) -> None:
     Its long axis is level and points in a random direction.
     """
     settings = trial.scene.simulation
+    # A glued layer is as high above its centres as a grain is thick.
     height_m = 0.0
     if section.surface == "glued":
         half_extents = trial.scene.particle.dem_shape("berry").half_extents_m
         height_m = float(min(half_extents))
     add_above(trial, "lying", height_m)
-    every = max(1, settings.steps(trial.scene.scale.interval_s(LAY_TIMES)))
-    trial.run_to(every)
-    trial.wait(partial(_rests, trial), settings.steps(section.settle_s), every)
+    # Let the grain begin to move before its rest is checked.
+    check_interval = max(1, settings.steps(trial.scene.scale.interval_s(LAY_TIMES)))
+    trial.run_to(check_interval)
+    last_step = settings.steps(section.settle_s)
+    trial.wait(partial(_is_at_rest, trial), last_step, check_interval)
 
 
-def _rests(trial: Trial) -> bool:
+def _is_at_rest(trial: Trial) -> bool:
     """Tell whether the free grain, the last body, rests."""
     energy_j = trial.simulation.kinetic_energies()[-1]
     return not energy_j > trial.scene.simulation.rest_energy_j
 
 
 def _tilt(trial: Trial, section: InclinedPlaneSettings) -> list[_Motion]:
-    """Turn gravity until the grain has moved or the plane is at its steepest.
+    """Tilt the plane until the grain has moved or the plane is at its steepest.
 
-    Returns the motion at every look; none if the grain does not rest at the beginning.
+    The plane stays level, and gravity is turned instead. Return the motion of the grain
+    at each look; none if the grain does not rest at the beginning.
     """
-    if not _rests(trial):
+    if not _is_at_rest(trial):
         return []
     simulation = trial.simulation
     settings = trial.scene.simulation
     gravity = settings.gravity_m_s2
-    every = max(1, settings.steps(trial.scene.scale.interval_s(TILT_TIMES)))
+    interval = max(1, settings.steps(trial.scene.scale.interval_s(TILT_TIMES)))
     first_step = simulation.steps
     first_position = simulation.positions[-1].copy()
+    # The distance that counts as a motion
     half_axis_m = float(min(simulation.shapes["berry"].half_extents_m))
-    moved_m = MOVED_SHARE * 2.0 * half_axis_m * simulation.scales[-1]
+    limit_m = MOVED_SHARE * 2.0 * half_axis_m * simulation.scales[-1]
     motions = []
     while True:
-        steps = simulation.steps - first_step
-        angle_deg = section.tilting_deg_s * steps * settings.time_step_s
-        motions.append(_motion(simulation, angle_deg, section.surface))
-        way = simulation.positions[-1] - first_position
-        has_moved = np.hypot(*way[:2]) > moved_m
+        n_steps = simulation.steps - first_step
+        angle_deg = section.tilting_deg_s * n_steps * settings.time_step_s
+        motions.append(_read_motion(simulation, angle_deg, section.surface))
+        displacement = simulation.positions[-1] - first_position
+        has_moved = np.hypot(*displacement[:2]) > limit_m
         if has_moved or angle_deg >= section.steepest_deg:
             return motions
         angle = math.radians(angle_deg)
@@ -291,28 +304,32 @@ def _tilt(trial: Trial, section: InclinedPlaneSettings) -> list[_Motion]:
             0.0,
             -gravity * math.cos(angle),
         )
-        trial.run_to(simulation.steps + every)
+        trial.run_to(simulation.steps + interval)
 
 
-def _motion(simulation: "dem.Simulation", angle_deg: float, surface: str) -> _Motion:
-    """Read the motion of the free grain, the last body.
+def _read_motion(
+    simulation: "dem.Simulation", angle_deg: float, surface: str
+) -> _Motion:
+    """Read the motion of the free grain, the last body, at an angle of the plane.
 
-    On a glued layer there is no lowest point, so nothing slides.
+    It slides at the speed of its lowest point on the plane. On a glued layer there is
+    no such point, and the speed is 0.
     """
     velocity = simulation.velocities[-1]
     slide_m_s = 0.0
     if surface != "glued":
         height = simulation.positions[-1][2]
         spin = simulation.angular_velocities[-1]
-        lowest = velocity + np.cross(spin, (0.0, 0.0, -height))
-        slide_m_s = float(np.hypot(*lowest[:2]))
+        # The lowest point lies below the centre, which moves and turns.
+        lowest_velocity = velocity + np.cross(spin, (0.0, 0.0, -height))
+        slide_m_s = float(np.hypot(*lowest_velocity[:2]))
     return _Motion(angle_deg, float(np.linalg.norm(velocity)), slide_m_s)
 
 
 def tilted_frames(
     frames: Mapping[str, np.ndarray], section: InclinedPlaneSettings, last_deg: float
 ) -> dict[str, np.ndarray]:
-    """Turn frames into those of the laboratory, where the plane tilts.
+    """Turn the frames of a film so that the plane tilts and gravity points down.
 
     Parameters
     ----------
@@ -329,23 +346,10 @@ def tilted_frames(
         The frames, with the angles ``tilt_deg`` (T,).
     """
     times = np.asarray(frames["time_s"])
+    # The plane tilts at a constant rate up to the last frame; before, it is level.
     tilt_deg = last_deg + section.tilting_deg_s * (times - times.max(initial=0.0))
     tilt_deg = np.maximum(tilt_deg, 0.0)
     angle = np.radians(tilt_deg)
-
-    cos = np.cos(angle)[:, None]
-    sin = np.sin(angle)[:, None]
-    x, y, z = np.moveaxis(np.asarray(frames["position"], float), -1, 0)
-    position = np.stack([cos * x + sin * z, y, cos * z - sin * x], axis=-1)
-
-    # Rotate by the angle about +y, which lowers +x.
-    half = np.radians(tilt_deg) / 2.0
-    c = np.cos(half)[:, None]
-    s = np.sin(half)[:, None]
-    qw, qx, qy, qz = np.moveaxis(np.asarray(frames["quaternion"], float), -1, 0)
-    quaternion = np.stack(
-        [c * qw - s * qy, c * qx + s * qz, c * qy + s * qw, c * qz - s * qx], axis=-1
-    )
 
     # A row of a plane holds a point and the normal that points into the wall.
     planes = np.array(frames["planes"], float)
@@ -355,8 +359,8 @@ def tilted_frames(
     planes[:, 0, 3:6] = -normal
     return {
         **frames,
-        "position": position,
-        "quaternion": quaternion,
+        "position": _rotate_positions(np.asarray(frames["position"], float), angle),
+        "quaternion": _rotate_bodies(np.asarray(frames["quaternion"], float), angle),
         "planes": planes,
         "tilt_deg": tilt_deg,
     }
@@ -365,19 +369,92 @@ def tilted_frames(
 # --- measure --------------------------------------------------------------------------
 
 
+def _rotate_positions(position: np.ndarray, angle: np.ndarray) -> np.ndarray:
+    """Rotate positions (T, N, 3) by angles (T,) [rad] about +y, which lowers +x."""
+    cos = np.cos(angle)[:, None]
+    sin = np.sin(angle)[:, None]
+    x, y, z = np.moveaxis(position, -1, 0)
+    return np.stack([cos * x + sin * z, y, cos * z - sin * x], axis=-1)
+
+
+def _rotate_bodies(quaternion: np.ndarray, angle: np.ndarray) -> np.ndarray:
+    """Rotate orientations (T, N, 4) by angles (T,) [rad] about +y.
+
+    The rotation is the quaternion (cos a/2, 0, sin a/2, 0), multiplied from the left.
+    """
+    c = np.cos(angle / 2.0)[:, None]
+    s = np.sin(angle / 2.0)[:, None]
+    w, x, y, z = np.moveaxis(quaternion, -1, 0)
+    return np.stack(
+        [c * w - s * y, c * x + s * z, c * y + s * w, c * z - s * x], axis=-1
+    )
+
+
 def beginning_deg(angle_deg: np.ndarray, speed_m_s: np.ndarray) -> float | None:
     """Find the angle at which a motion began.
 
-    It is where the line through the root of the speed (T,) over the angle (T,) meets
-    zero; None if the speed does not grow steadily at the end.
+    The root of the speed grows in proportion to the angle since the beginning. So a
+    line is fitted to the roots over the angles, and the angle where it meets zero is
+    returned.
+
+    Parameters
+    ----------
+    angle_deg, speed_m_s : array
+        Angles of the plane (T,) and speeds of the body (T,).
+
+    Returns
+    -------
+    float or None
+        The angle [degrees]; None if the speed does not grow steadily at the end.
     """
-    root = np.sqrt(speed_m_s)
-    slow = np.flatnonzero(root < FROM_SHARE * root[-1])
-    if slow.size == 0 or len(root) - slow[-1] < FEWEST_SPEEDS:
+    speed_roots = np.sqrt(speed_m_s)
+    # The line goes through all roots after the last small one.
+    slow = np.flatnonzero(speed_roots < FROM_SHARE * speed_roots[-1])
+    if slow.size == 0 or len(speed_roots) - slow[-1] < FEWEST_SPEEDS:
         return None
     first = slow[-1] + 1
-    slope, offset = np.polyfit(angle_deg[first:], root[first:], 1)
+    slope, offset = np.polyfit(angle_deg[first:], speed_roots[first:], 1)
     return float(-offset / slope) if slope > 0.0 else None
+
+
+def _judge_motion(
+    arrays: Arrays, body: str, steepest_deg: float
+) -> tuple[float | None, str]:
+    """Find the angle at which a body began to move as it should, and describe it.
+
+    Parameters
+    ----------
+    arrays : mapping
+        The arrays of the run.
+    body : str
+        `SLED` or `GRAIN`.
+    steepest_deg : float
+        Angle at which the tilting ends.
+
+    Returns
+    -------
+    angle_deg : float or None
+        The angle; None if the body stays or stops, or if the grain slides.
+    text : str
+        The motion in words.
+    """
+    angle_deg, speed, slide = (
+        np.asarray(arrays[f"{body}_{column}"], float) for column in COLUMNS
+    )
+    last_deg = angle_deg[-1]
+    if last_deg >= steepest_deg:
+        return None, f"the {body} stays up to {steepest_deg:g} degrees"
+    if body == GRAIN and slide[-1] > SLIDING_SHARE * speed[-1]:
+        text = f"the grain slides at {last_deg:.1f} degrees and does not roll"
+        return None, text
+    first_deg = beginning_deg(angle_deg, speed)
+    if first_deg is None:
+        text = (
+            f"the {body} moves and stops, with no steady motion up to "
+            f"{last_deg:.1f} degrees"
+        )
+        return None, text
+    return first_deg, f"the {body} begins to move at {first_deg:.2f} degrees"
 
 
 @register(NAME)
@@ -466,6 +543,7 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
             with trial.bound(4.0 * trial.largest_radius_m).guard():
                 _lay_down(trial, section)
                 motions = _tilt(trial, section)
+            # One outcome stands for both bodies; the last fault counts.
             if trial.broken:
                 outcome = Tilting(restless=body, unstable=f"{body}: {trial.broken}")
             elif not motions:
@@ -475,6 +553,8 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
             columns = np.array(motions).reshape(-1, len(COLUMNS)).T
             for name, column in zip(COLUMNS, columns, strict=True):
                 arrays[f"{body}_{name}"] = column
+
+        # The last trial is that of the grain, which is filmed.
         frames = trial.frames(walls=True)
         if frames is not None:
             last_deg = float(arrays[f"{GRAIN}_angle_deg"].max(initial=0.0))
@@ -493,33 +573,17 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
         return OK
 
     def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
-        """Measure both angles.
+        """Measure the angles at which the sled slips and the grain rolls.
 
-        An angle is None if the body stays or stops, or if the grain slides.
+        An angle is None if the body stays or stops, or if the grain slides. ``motion``
+        describes the motion of both in words.
         """
         steepest_deg = self.section(scene.settings).steepest_deg
         measured: dict[str, Any] = {SLIP.name: None, ROLL.name: None, "motion": None}
         descriptions = {}
         for response, body in ((SLIP, SLED), (ROLL, GRAIN)):
-            angle_deg, speed, slide = (
-                np.asarray(arrays[f"{body}_{column}"], float) for column in COLUMNS
-            )
-            last_deg = angle_deg[-1]
-            beginning = None
-            if last_deg >= steepest_deg:
-                text = f"the {body} stays up to {steepest_deg:g} degrees"
-            elif body == GRAIN and slide[-1] > SLIDING_SHARE * speed[-1]:
-                text = f"the grain slides at {last_deg:.1f} degrees and does not roll"
-            else:
-                beginning = beginning_deg(angle_deg, speed)
-                if beginning is None:
-                    text = (
-                        f"the {body} moves and stops, with no steady motion up to "
-                        f"{last_deg:.1f} degrees"
-                    )
-                else:
-                    text = f"the {body} begins to move at {beginning:.2f} degrees"
-            measured[response.name] = beginning
+            angle_deg, text = _judge_motion(arrays, body, steepest_deg)
+            measured[response.name] = angle_deg
             descriptions[response.name] = text
         measured["motion"] = "; ".join(descriptions.values())
         targets = self.check_targets(measured, scene.settings, descriptions)

@@ -53,10 +53,11 @@ from repose.bench.funnel import (
 from repose.bench.hopper import narrow_openings
 from repose.bench.scene import Scene
 from repose.bench.settings import Poured, SceneSettings
-from repose.bench.trial import Progress, Trial, largest_cluster
+from repose.bench.trial import Progress, Trial
 from repose.calibrate.responses import Response
 from repose.calibrate.runs import Recorded
 from repose.common.section import ABSENT, MOST_BERRIES, Berries, Contradictions
+from repose.measure.clusters import largest_cluster
 
 if TYPE_CHECKING:
     from repose.grain.particle import Particle
@@ -272,27 +273,30 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
     }
 
     def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
-        """Describe the tube on its plate."""
+        """Describe the tube on its plate; all lengths are in m."""
         section = self.section(scene.settings)
         radius = 1e-3 * (0.5 * section.diameter_mm)
         length = 1e-3 * section.length_mm
-        edge = 1e-3 * section.rim_radius_mm
+        rim_radius = 1e-3 * section.rim_radius_mm
         plate_radius = 1e-3 * (0.5 * section.plate_diameter_mm)
         up = (0.0, 0.0, 1.0)
+        plate = dem.Plane((0.0, 0.0, 0.0), up, "wall", plate_radius)
+        # The wall is longer than the tube, so that grains that appear at its upper end
+        # stay inside. Below, it ends in a rounded rim that touches the plate.
         wall_height = length + 2.0 * largest_radius_m
-        half = plate_radius + 2.0 * largest_radius_m
+        wall_foot = (0.0, 0.0, rim_radius)
+        tube = dem.Cylinder(wall_foot, up, wall_height, radius, "wall")
+        wall_above = (0.0, 1.0)
+        no_wall = (0.0, 0.0)
+        rim = dem.RingEdge(
+            radius + rim_radius, rim_radius, "wall", (wall_above, no_wall), rim_radius
+        )
+        half_side = plate_radius + 2.0 * largest_radius_m
         return {
             "capacity": section.capacity(scene.particle),
-            "walls": {
-                "plate": dem.Plane((0.0, 0.0, 0.0), up, "wall", plate_radius),
-                "tube": dem.Cylinder((0.0, 0.0, edge), up, wall_height, radius, "wall"),
-                # Its lowest point touches the plate; its outer side is the wall's.
-                "rim": dem.RingEdge(
-                    radius + edge, edge, "wall", ((0.0, 1.0), (0.0, 0.0)), edge
-                ),
-            },
-            "lower": (-half, -half, 0.0),
-            "upper": (half, half, length + 4.0 * largest_radius_m),
+            "walls": {"plate": plate, "tube": tube, "rim": rim},
+            "lower": (-half_side, -half_side, 0.0),
+            "upper": (half_side, half_side, length + 4.0 * largest_radius_m),
             "floor_height_m": FLOOR_M,
         }
 
@@ -320,46 +324,49 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         )
         factory = Factory(area, capacity, section.rate_per_s)
 
-        every = max(1, settings.steps(scene.scale.interval_s()))
+        check_interval = max(1, settings.steps(scene.scale.interval_s()))
         lifting_m_s = 1e-3 * section.lifting_mm_s
         n_filled = 0
         filling_height_mm = math.nan
         lifted_m = 0.0
 
-        def in_tube() -> np.ndarray:
+        def find_in_tube() -> np.ndarray:
             return simulation.present & (simulation.positions[:, 2] > lifted_m)
 
-        def rests() -> bool:
+        def is_at_rest() -> bool:
             energies = simulation.kinetic_energies()[simulation.present]
             return bool(energies.mean() <= settings.rest_energy_j)
 
         # Grains that hang in the tube are lifted with it.
         with trial.bound(area.height_m + length_m, lifting_m_s).guard():
             if section.filling_height_mm is ABSENT:
-                fill_and_rest(trial, factory, section.lift_from_s, every, rests)
+                fill_and_rest(
+                    trial, factory, section.lift_from_s, check_interval, is_at_rest
+                )
             else:
                 fill_to_level_and_rest(
                     trial,
                     factory,
                     level_mm=section.filling_height_mm,
                     until_s=section.lift_from_s,
-                    every=every,
-                    rests=rests,
+                    check_interval=check_interval,
+                    is_at_rest=is_at_rest,
                 )
             n_filled = simulation.n_bodies
             filling_height_mm = 1e3 * bed_level_m(simulation)
 
+            # Lift the tube until it is empty, at most by its length.
             start_s = simulation.time_s
             _move_tube(simulation, lifting_m_s)
             last_step = simulation.steps + settings.steps(length_m / lifting_m_s)
-            while in_tube().any() and simulation.steps < last_step:
-                trial.run_to(min(last_step, simulation.steps + every))
+            while find_in_tube().any() and simulation.steps < last_step:
+                trial.run_to(min(last_step, simulation.steps + check_interval))
                 lifted_m = lifting_m_s * (simulation.time_s - start_s)
             _move_tube(simulation, 0.0)
             last_step = simulation.steps + settings.steps(section.settle_s)
-            trial.wait(rests, last_step, every)
+            trial.wait(is_at_rest, last_step, check_interval)
 
-        is_in_tube = in_tube()
+        is_in_tube = find_in_tube()
         on_plate = simulation.present & (simulation.positions[:, 2] > 0.0) & ~is_in_tube
         in_pile = largest_cluster(simulation.contacts(), on_plate)
         energies = simulation.kinetic_energies()[on_plate]
@@ -395,6 +402,7 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
                 "not_filled",
                 f"only {outcome.n_filled} of {n_grains} grains find room in the tube",
             )
+        # Without a configured filling height any level is right.
         level_mm = outcome.filling_height_mm
         target_mm = section.filling_height_mm or level_mm
         if not abs(level_mm - target_mm) <= outcome.grain_mm:
@@ -413,14 +421,14 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
                 "left_plate",
                 f"{outcome.n_off_plate} of {n_grains} grains left the plate",
             )
-        moving = not_at_rest(
+        motion_verdict = not_at_rest(
             outcome.energy_j,
             settings,
             advice="give the grains more time by lifted_cylinder.settle_s",
             when=f" {section.settle_s:g} s after the lifting",
         )
-        if moving is not None:
-            return moving
+        if motion_verdict is not None:
+            return motion_verdict
         n_on_plate = n_grains - outcome.n_off_plate
         if outcome.n_in_pile < SMALLEST_PILE * n_on_plate:
             return Verdict(
@@ -431,20 +439,23 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         return OK
 
     def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
-        """Measure the pile."""
+        """Measure the pile by the code of every pile, under the names of this test.
+
+        A response that cannot be measured is None.
+        """
         from repose.measure.saved_piles import pile_responses
 
         plate_mm = self.section(scene.settings).plate_diameter_mm
-        others = ("base_radius_mm", "loose_percent")
+        extra_names = ("base_radius_mm", "loose_percent")
         pile, pile_reasons = pile_responses(
-            arrays, scene.particle, scene.measure, plate_mm, others
+            arrays, scene.particle, scene.measure, plate_mm, extra_names
         )
-        measured = {name: pile.get(of_pile) for name, of_pile in PILE_NAMES.items()}
-        reasons = {
-            name: pile_reasons[of_pile]
-            for name, of_pile in PILE_NAMES.items()
-            if of_pile in pile_reasons
-        }
+        measured = {}
+        reasons = {}
+        for name, pile_name in PILE_NAMES.items():
+            measured[name] = pile.get(pile_name)
+            if pile_name in pile_reasons:
+                reasons[name] = pile_reasons[pile_name]
         return {**self.check_targets(measured, scene.settings, reasons), **measured}
 
     def duration_s(self, settings: SceneSettings) -> float:
@@ -468,13 +479,17 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
     def misfits(
         self, settings: SceneSettings, axes_mm: Sequence[float]
     ) -> Contradictions:
-        """Yield keys of a tube that is too narrow or short, or takes too many grains."""
+        """Yield keys of a tube that is too narrow or short, or takes too many grains.
+
+        With each key comes what is allowed for a mean grain with these axes.
+        """
         section = self.section(settings)
         sizes_mm = {"diameter_mm": axes_mm[0], "length_mm": axes_mm[0]}
         yield from narrow_openings(section, NAME, sizes_mm)
         level_mm = section.filling_height_mm
         if level_mm is None:
             return
+        # A grain must still find room above the bed.
         shortest_mm = level_mm + axes_mm[0]
         if section.length_mm < shortest_mm:
             yield (
@@ -482,6 +497,7 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
                 f"at least {shortest_mm:.4g}, the filling height and the length of a "
                 "mean grain",
             )
+        # Judge the likely number of grains and the time that their filling takes.
         grain_m3 = math.pi / 6 * 1e-9 * math.prod(axes_mm)
         n_likely = LIKELY_PACKING * section.n_solid(grain_m3)
         last_s = n_likely / section.rate_per_s

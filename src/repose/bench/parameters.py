@@ -90,20 +90,24 @@ def _law_parameter(
 
 
 def _law_parameters() -> list[LawParameter]:
-    """Make the parameters of all force laws: of contact laws first, twisting last."""
-    laws_of: dict[Constant, tuple[str, ...]] = {}
+    """Make the parameters that force laws add to the six of every study.
+
+    Each constant of a contact law has a parameter for each pair of bodies. Those of the
+    twisting resistance, which no law needs, come last.
+    """
+    # The laws by each of their constants, which several laws may share
+    laws_of_constant: dict[Constant, tuple[str, ...]] = {}
     for law, constants in OF_LAWS.items():
         for constant in constants:
-            laws_of[constant] = (*laws_of.get(constant, ()), law)
-    parameters = [
-        _law_parameter(constant, pair, laws, needed=True)
-        for constant, laws in laws_of.items()
-        for pair in PAIRS
-    ]
-    twisting = [
-        _law_parameter(TWISTING, pair, TWISTED_BY, needed=False) for pair in PAIRS
-    ]
-    return parameters + twisting
+            other_laws = laws_of_constant.get(constant, ())
+            laws_of_constant[constant] = (*other_laws, law)
+    parameters = []
+    for constant, laws in laws_of_constant.items():
+        for pair in PAIRS:
+            parameters.append(_law_parameter(constant, pair, laws, needed=True))
+    for pair in PAIRS:
+        parameters.append(_law_parameter(TWISTING, pair, TWISTED_BY, needed=False))
+    return parameters
 
 
 LAW_PARAMETERS = {parameter.name: parameter for parameter in _law_parameters()}
@@ -151,14 +155,14 @@ def plain_number(value: object) -> float:
 def check_value(
     name: str, value: object, source: object, key: str | None = None
 ) -> float:
-    """Read a parameter's value, a number or its text.
+    """Read the value of a parameter and check it against its physical limits.
 
     Parameters
     ----------
     name : str
         Name of the parameter.
     value : object
-        Its value.
+        Its value, a number or the text of one.
     source : object
         File or command that has the value; named in the error.
     key : str, optional

@@ -98,9 +98,12 @@ def measure_all(
     points_px: Sequence[float],
     settings: SceneSettings,
     bench: str,
-    how: MeasureSettings,
+    pile_settings: MeasureSettings,
 ) -> list[PhotographResult]:
-    """Measure photographs by one camera on a tripod: the points hold for all of them.
+    """Measure photographs by one camera on a tripod.
+
+    The points of the apparatus are the same in all of them. A photograph that cannot be
+    measured has the reason in its result.
 
     Parameters
     ----------
@@ -112,7 +115,7 @@ def measure_all(
         Sections of the configuration, with the measures of the apparatus.
     bench : str
         The bench test: ``turning`` or ``drawdown``.
-    how : MeasureSettings
+    pile_settings : MeasureSettings
         Settings of the measurement of a pile.
 
     Raises
@@ -130,7 +133,7 @@ def measure_all(
                 result = measure_drum(image, points / reduction, drum)
             else:
                 box = settings.section(DRAWDOWN, DrawdownSettings)
-                result = measure_box(image, points / reduction, box, how)
+                result = measure_box(image, points / reduction, box, pile_settings)
         except ValueError as error:
             # There is no flank, or the bed is too narrow.
             result = PhotographResult(path, [image], refused=str(error))
@@ -140,23 +143,33 @@ def measure_all(
 
 
 def _check_points(points_px: Sequence[float], bench: str) -> np.ndarray:
-    """Return the points of the apparatus (n_points, 2); InputError if they are no such."""
-    rule = POINTS[bench]
-    points = np.array(points_px, float)
+    """Read the points of an apparatus as columns and rows (n_points, 2).
 
-    def fault(allowed: str) -> InputError:
+    Raises InputError if they cannot be the points of this apparatus.
+    """
+    rule = POINTS[bench]
+    numbers = np.array(points_px, float)
+
+    def make_error(allowed: str) -> InputError:
         return InputError("command line", "--points", list(points_px), allowed)
 
-    if points.size != 2 * rule.n_points or not np.isfinite(points).all():
-        raise fault(rule.description)
-    points = points.reshape(rule.n_points, 2)
-    distances = [np.hypot(*(a - b)) for a, b in combinations(points, 2)]
+    if numbers.size != 2 * rule.n_points or not np.isfinite(numbers).all():
+        raise make_error(rule.description)
+    points = numbers.reshape(rule.n_points, 2)
+    distances = [
+        np.hypot(*(first - second)) for first, second in combinations(points, 2)
+    ]
     if min(distances) < rule.smallest_distance_px:
-        raise fault(rule.description)
-    if bench == DRAWDOWN and points[0, 0] > points[1, 0]:
-        raise fault(rule.description)
-    if bench == TURNING and abs(np.linalg.det(points[1:] - points[0])) < COLLINEAR_AREA:
-        raise fault("three points that are not on a line")
+        raise make_error(rule.description)
+    if bench == DRAWDOWN:
+        left_column, right_column = points[:, 0]
+        if left_column > right_column:
+            raise make_error(rule.description)
+    if bench == TURNING:
+        # Three points on a line span no triangle and lie on no circle.
+        doubled_area = abs(np.linalg.det(points[1:] - points[0]))
+        if doubled_area < COLLINEAR_AREA:
+            raise make_error("three points that are not on a line")
     return points
 
 
@@ -166,10 +179,22 @@ def _check_points(points_px: Sequence[float], bench: str) -> np.ndarray:
 def measure_drum(
     image: np.ndarray, rim_px: np.ndarray, section: Rotating
 ) -> PhotographResult:
-    """Measure the surface of the bed in a drum.
+    """Measure the surface of the bed in a photograph of a drum.
 
-    The drum is located by three points (3, 2) of its inner rim. The side on which the
-    bed is higher is taken for that to which the drum carries it.
+    Parameters
+    ----------
+    image : array
+        The photograph (H, W, 3), BGR.
+    rim_px : array
+        Columns and rows of three points (3, 2) of the drum's inner rim.
+    section : Rotating
+        Measures of the drum.
+
+    Returns
+    -------
+    PhotographResult
+        The angle, and the redrawn picture with the surface. The angle is positive: the
+        bed is taken to be carried to the side on which it is higher.
     """
     centre, radius_px = _circle(rim_px)
     view = _redraw(
@@ -180,26 +205,36 @@ def measure_drum(
         mm_per_pixel=1e3 * Drum.of(section).radius_m / radius_px,
     )
     picture = view.image
-    mask = _bed(picture)
+    mask = _find_bed(picture)
     radius_m = 0.5e-3 * view.mm_per_pixel * len(picture)
     share = section.fit_share
     surface = bed.surface_of(mask > 0, radius_m, view.mm_per_pixel, share)
     if surface.angle_deg < 0:
+        # Mirror a drum that turns the other way.
         mask = mask[:, ::-1]
         picture = picture[:, ::-1]
         surface = bed.surface_of(mask > 0, radius_m, view.mm_per_pixel, share)
+    drawn = _draw_surface(picture, surface, radius_m, view.mm_per_pixel)
+    values = {"turning_deg": surface.angle_deg}
+    return PhotographResult(Path(), [drawn], values, mask=mask)
 
-    # Draw the edge of the bed and the line through it.
-    picture = np.ascontiguousarray(picture)
-    thickness = max(1, len(picture) // 400)
-    px_per_m = np.array([1e3, -1e3]) / view.mm_per_pixel
+
+def _draw_surface(
+    picture: np.ndarray, surface: bed.Surface, radius_m: float, mm_per_pixel: float
+) -> np.ndarray:
+    """Draw the edge of a bed and the line through it into a copy of the drum's picture.
+
+    The surface is in m from the axis, z up; the picture begins at its upper left corner.
+    """
+    drawn = np.ascontiguousarray(picture)
+    thickness = max(1, len(drawn) // 400)
+    px_per_m = np.array([1e3, -1e3]) / mm_per_pixel
     upper_left = (-radius_m, radius_m)
     edge = (surface.profile_m - upper_left) * px_per_m
     ends = (surface.line_m - upper_left) * px_per_m
-    cv2.polylines(picture, [edge.astype(np.int32)], False, drawing.YELLOW, thickness)
-    drawing.draw_line(picture, tuple(ends[0]), tuple(ends[1]), drawing.RED, thickness)
-    values = {"turning_deg": surface.angle_deg}
-    return PhotographResult(Path(), [picture], values, mask=mask)
+    cv2.polylines(drawn, [edge.astype(np.int32)], False, drawing.YELLOW, thickness)
+    drawing.draw_line(drawn, tuple(ends[0]), tuple(ends[1]), drawing.RED, thickness)
+    return drawn
 
 
 def _circle(points: np.ndarray) -> tuple[np.ndarray, float]:
@@ -210,21 +245,25 @@ def _circle(points: np.ndarray) -> tuple[np.ndarray, float]:
     return centre, float(np.hypot(*(a - centre)))
 
 
-def _bed(picture: np.ndarray) -> np.ndarray:
+def _find_bed(picture: np.ndarray) -> np.ndarray:
     """Mark the bed (H, W) in a square picture of the drum.
 
-    It is what differs in colour from the drum's upper part, which is empty.
+    It is the largest part that differs in colour from the drum's upper part, which is
+    empty.
     """
+    # Coordinates from -1 to 1 over the picture, so that the rim has the radius 1
     size = len(picture)
-    positions = (np.arange(size) + 0.5) / (0.5 * size) - 1
-    inside = np.hypot(*np.meshgrid(positions, positions)) < INNER_SHARE
-    empty = inside & (positions[:, None] < -EMPTY_SHARE)
+    coordinates = (np.arange(size) + 0.5) / (0.5 * size) - 1
+    is_inside = np.hypot(*np.meshgrid(coordinates, coordinates)) < INNER_SHARE
+    is_empty = is_inside & (coordinates[:, None] < -EMPTY_SHARE)
+
     smooth = cv2.GaussianBlur(cv2.medianBlur(picture, 3), (0, 0), 1.0)
     colours = smooth.astype(np.float32).reshape(size, size, -1)
-    contrast = np.linalg.norm(colours - np.median(colours[empty], axis=0), axis=-1)
-    level, _ = threshold(contrast[inside][:, None])
-    differs = (contrast > level) & inside
-    return pile_component(differs.astype(np.uint8), True)
+    background = np.median(colours[is_empty], axis=0)
+    contrast = np.linalg.norm(colours - background, axis=-1)
+    level, _ = threshold(contrast[is_inside][:, None])
+    is_bed = (contrast > level) & is_inside
+    return pile_component(is_bed.astype(np.uint8), True)
 
 
 # --- the box --------------------------------------------------------------------------
@@ -240,10 +279,11 @@ class _BoxPicture:
         self.image = image
         self.left_px, right_px = corners_px
         self.half_lower_m = box.half_lower
+        # The line between the corners is the base: its direction and its scale.
         width_px = np.hypot(*(right_px - self.left_px))
         self.along = (right_px - self.left_px) / width_px
         self.mm_per_pixel = 2e3 * box.half_lower / width_px
-        # The height of the picture's upper border above the lower corner.
+        # Height of the picture's upper border above the lower corners, less 1 %
         rows_per_m = self.along[0] * width_px / (2 * box.half_lower)
         self.top_m = 0.99 * min(self.left_px[1], right_px[1]) / rows_per_m
 
@@ -271,41 +311,44 @@ def measure_box(
     image: np.ndarray,
     corners_px: np.ndarray,
     section: DrawdownSettings,
-    how: MeasureSettings,
+    pile_settings: MeasureSettings,
 ) -> PhotographResult:
-    """Measure both slopes in a drawdown box.
+    """Measure both slopes in a photograph of a drawdown box.
 
-    The box is located by its lower inner corners (2, 2), the left one first. Raises
-    NoFlankError if a slope cannot be measured.
+    Parameters
+    ----------
+    image : array
+        The photograph (H, W, 3), BGR.
+    corners_px : array
+        Columns and rows of the lower inner corners (2, 2), the left one first.
+    section : DrawdownSettings
+        Measures of the box.
+    pile_settings : MeasureSettings
+        Settings of the measurement of a pile.
+
+    Raises
+    ------
+    NoFlankError
+        If a slope cannot be measured.
     """
     box = Box.of(section)
     picture = _BoxPicture(image, corners_px, box)
-
     half_lower = box.half_lower * (1 - MARGIN_SHARE)
     below = picture.part((-half_lower, half_lower), (0.0, box.gate))
+    above = _cut_wedges(picture, box)
 
-    # The picture need not show all of the upper chamber.
-    heights = (box.floor, min(box.top, picture.top_m))
-    half_upper = box.half_width * (1 - MARGIN_SHARE)
-    left = picture.part((-half_upper, 0.0), heights)
-    right = picture.part((0.0, half_upper), heights)
-    # Put the wedges back to back, as `drawdown.back_to_back` puts the grains.
-    columns = right.image.shape[1]
-    above = np.ascontiguousarray(np.hstack([right.image, left.image[:, -columns:]]))
-
-    result = PhotographResult(Path(), [])
+    # The wedges need not touch, so both parts count as the pile.
+    wedge_settings = pile_settings.model_copy(
+        update={"mm_per_pixel": above.mm_per_pixel, "largest_pile_only": False}
+    )
     above_name, below_name = RESPONSES[DRAWDOWN]
+    result = PhotographResult(Path(), [])
     for name, view, settings in (
-        (
-            above_name,
-            above,
-            how.model_copy(
-                update={"mm_per_pixel": left.mm_per_pixel, "largest_pile_only": False}
-            ),
-        ),
-        (below_name, below.image, how.with_scale(below.mm_per_pixel)),
+        (above_name, above.image, wedge_settings),
+        (below_name, below.image, pile_settings.with_scale(below.mm_per_pixel)),
     ):
         try:
+            # The base is the lower border of the view.
             pile = segment(view, settings.largest_pile_only, len(view) - 0.5)
             if pile.mask[0].any():
                 raise NoFlankError("it runs out of the picture at the top")
@@ -317,6 +360,21 @@ def measure_box(
     return result
 
 
+def _cut_wedges(picture: "_BoxPicture", box: Box) -> View:
+    """Cut out the wedges in the upper chamber, and put them back to back.
+
+    Together they have the shape of a pile, see `drawdown.back_to_back`.
+    """
+    # The picture need not show all of the upper chamber.
+    heights = (box.floor, min(box.top, picture.top_m))
+    half_upper = box.half_width * (1 - MARGIN_SHARE)
+    left = picture.part((-half_upper, 0.0), heights)
+    right = picture.part((0.0, half_upper), heights)
+    n_columns = right.image.shape[1]
+    halves = [right.image, left.image[:, -n_columns:]]
+    return View(np.ascontiguousarray(np.hstack(halves)), left.mm_per_pixel)
+
+
 def _redraw(
     image: np.ndarray,
     corner_px: np.ndarray,
@@ -324,7 +382,7 @@ def _redraw(
     size_px: tuple[float, float],
     mm_per_pixel: float,
 ) -> View:
-    """Redraw a rectangle of a photograph, at most `LONGEST_SIDE_PX` large.
+    """Redraw a rectangle of a photograph level, at most `LONGEST_SIDE_PX` large.
 
     Parameters
     ----------
@@ -351,37 +409,47 @@ def _redraw(
     reduction = min(1.0, LONGEST_SIDE_PX / max(size_px))
     width, height = (round(reduction * length) for length in size_px)
 
-    # The affine map from (column, row, 1) of the view to the middle of that pixel in the
-    # photograph.
+    # The affine map takes (column, row, 1) of a pixel of the view to its middle in the
+    # photograph. The first pixel of the view is the upper left one.
     up = np.array([along[1], -along[0]])
-    pixel = np.array(size_px) / (width, height)
-    first = corner_px + 0.5 * pixel[0] * along + (size_px[1] - 0.5 * pixel[1]) * up
-    affine = np.column_stack([pixel[0] * along, -pixel[1] * up, first])
+    step_x, step_y = np.array(size_px) / (width, height)
+    first_pixel = corner_px + 0.5 * step_x * along + (size_px[1] - 0.5 * step_y) * up
+    affine = np.column_stack([step_x * along, -step_y * up, first_pixel])
 
     corners = np.array([[0, width, 0, width], [0, 0, height, height], [1, 1, 1, 1]])
     columns, rows = affine @ corners
     n_rows, n_columns = image.shape[:2]
-    lowest = min(columns.min(), rows.min())
-    if lowest < -1 or columns.max() > n_columns + 1 or rows.max() > n_rows + 1:
+    # A pixel beyond the border is tolerated.
+    is_cut_off = (
+        min(columns.min(), rows.min()) < -1
+        or columns.max() > n_columns + 1
+        or rows.max() > n_rows + 1
+    )
+    if is_cut_off:
         raise NoFlankError("the drum or the box runs out of the picture")
 
+    # Smooth before pixels are left out, against aliasing.
+    source = image
     if reduction < 1:
-        image = cv2.GaussianBlur(image, (0, 0), 0.5 / reduction)
+        source = cv2.GaussianBlur(image, (0, 0), 0.5 / reduction)
     redrawn = cv2.warpAffine(
-        image,
+        source,
         affine,
         (width, height),
         flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
         borderMode=cv2.BORDER_REPLICATE,
     )
-    return View(redrawn, mm_per_pixel * pixel[0])
+    return View(redrawn, mm_per_pixel * step_x)
 
 
 # --- tables and texts -----------------------------------------------------------------
 
 
 def tables(results: Sequence[PhotographResult], bench: str) -> Tables:
-    """Make the tables of photographs, at least one of which was measured."""
+    """Make a table with a row for each photograph, and a summary of its columns.
+
+    At least one photograph was measured.
+    """
     names = RESPONSES[bench]
     rows = []
     for result in results:
@@ -398,8 +466,9 @@ def describe(results: Sequence[PhotographResult], made: Tables, out: Path) -> st
     """Write the text that the verb prints; `out` is the folder of the files."""
     lines = []
     for result in results:
-        text = f"refused: {result.refused}"
-        if not result.refused:
+        if result.refused:
+            text = f"refused: {result.refused}"
+        else:
             text = ", ".join(
                 f"{name} {value:.2f}" for name, value in result.values.items()
             )
@@ -415,15 +484,20 @@ def describe(results: Sequence[PhotographResult], made: Tables, out: Path) -> st
 
 
 def profile(results: Sequence[PhotographResult], section: Rotating) -> pd.DataFrame:
-    """Find the surface that half of the photographs of a drum cover.
+    """Find the surface below which the bed lies in half of the photographs of a drum.
 
-    It is for a target that is a profile: columns ``x_mm`` and ``z_mm``.
+    Returns
+    -------
+    DataFrame
+        Distances ``x_mm`` and heights ``z_mm`` from the axis, as a target that is a
+        profile has them.
     """
     masks = [
         result.mask
         for result in results
         if result.mask is not None and not result.refused
     ]
+    # Bring all masks to the size of the first.
     radius_m = Drum.of(section).radius_m
     mm_per_pixel = 2e3 * radius_m / len(masks[0])
     size = masks[0].shape[::-1]

@@ -184,6 +184,7 @@ def assess_targets(
     if "height_mm" not in targets:
         return {}
     measure = settings.measure_of({})
+    # Without a configured height of a grain it is the geometric mean of its axes.
     grain_mm = measure.berry_height_mm
     if not grain_mm:
         grain_mm = 1e3 * float(np.prod(particle.axes_m)) ** (1 / 3)
@@ -193,20 +194,21 @@ def assess_targets(
         measure=measure.with_grain_height(grain_mm),
         height_mm=targets["height_mm"].value,
     )
+    # The definition of the angle by each response that is one
     definitions = {"aor_deg": measure.response}
     for definition, name in MEAN_KEYS.items():
         definitions[name] = definition
-    return {
-        name: assess(targets[name], definition, pile, dataset_csv)
-        for name, definition in definitions.items()
-        if name in targets
-    }
+    assessments = {}
+    for name, definition in definitions.items():
+        if name in targets:
+            assessments[name] = assess(targets[name], definition, pile, dataset_csv)
+    return assessments
 
 
 def warnings(
     config: Mapping[str, Any], particle: "Particle", dataset_csv: str | PathLike | None
 ) -> Iterator[str]:
-    """Yield a line of text for each target of `of`, to print before the first pour."""
+    """Yield a line of text for each assessed target, to print before the first pour."""
     for reach in assess_targets(config, particle, dataset_csv).values():
         warning = "" if reach.possible else "WARNING: "
         yield f"reach: {warning}{reach.sentence}"
@@ -261,29 +263,32 @@ def convert_to_height(
 
 
 def band_of_table(definition: str, pile: Pile) -> Band:
-    """Look up the angles of piles in the table, for the number of grains of a pile."""
+    """Look up the angles of piles in the table, and convert them to a study's pile.
+
+    The table has ratios of the angle's tangent to that of the cone with the Height and
+    the volume of the pile. Its piles have `GRAINS` grains, so the angles are changed to
+    the number of grains of this pile.
+    """
     assert pile.measure.berry_height_mm is not None
     grain_share = pile.measure.berry_height_mm / pile.height_mm
     row, is_exact = nearest_row(pile.measure, definition, grain_share)
     cone = cone_tan(pile.height_mm, pile.grains_m3 / funnel.PACKING)
-    change = scene_size.change(
-        GRAINS, pile.n_grains, scene_size.TABULATED.get(definition, definition)
-    )
+    tabulated = scene_size.TABULATED.get(definition, definition)
+    change = scene_size.change(GRAINS, pile.n_grains, tabulated)
 
     def angle_deg(ratio: float) -> float:
-        """Convert a ratio to the cone's tangent to the angle of the other number."""
+        """Convert a ratio of tangents to the angle with the pile's number of grains."""
         changed_deg = math.degrees(math.atan(ratio * cone)) + change.angle_deg
+        # Another number also changes the Height, while the target's is given.
         tangent = math.tan(math.radians(changed_deg)) / change.height**1.5
         return math.degrees(math.atan(tangent))
 
-    axes = sorted(pile.particle.axes_m, reverse=True)
-    is_alike = np.allclose(
-        np.divide(axes, axes[0]), np.divide(GRAIN_MM, GRAIN_MM[0]), rtol=SHAPE_TOLERANCE
-    )
-    low = angle_deg(row["mean"] - row["sd"])
-    high = angle_deg(row["mean"] + row["sd"])
     source = [f"{row['samples']} samples of the goji berry"]
-    if not is_alike:
+    low_deg = angle_deg(row["mean"] - row["sd"])
+    high_deg = angle_deg(row["mean"] + row["sd"])
+    grain_sd_deg = 0.0
+    if not _has_shape_of_table(pile.particle):
+        grain_sd_deg = OTHER_GRAIN_DEG
         source.append("not of this grain")
     if pile.n_grains != GRAINS:
         source.append(f"{GRAINS} grains each, changed to {pile.n_grains}")
@@ -293,40 +298,62 @@ def band_of_table(definition: str, pile: Pile) -> Band:
         source.append(f"by the nearest line measured, '{line}'")
     return Band(
         mean=angle_deg(row["mean"]),
-        sd=math.hypot((high - low) / 2, 0.0 if is_alike else OTHER_GRAIN_DEG),
+        sd=math.hypot((high_deg - low_deg) / 2, grain_sd_deg),
         largest=angle_deg(row["largest"]),
         source=", ".join(source),
     )
 
 
+def _has_shape_of_table(particle: "Particle") -> bool:
+    """Tell whether a grain has the proportions of the grains in the table."""
+    axes = sorted(particle.axes_m, reverse=True)
+    proportions = np.divide(axes, axes[0])
+    table_proportions = np.divide(GRAIN_MM, GRAIN_MM[0])
+    return np.allclose(proportions, table_proportions, rtol=SHAPE_TOLERANCE)
+
+
 def band_of_samples(
     dataset_csv: str | PathLike, response: str, height_mm: float
 ) -> Band | None:
-    """Convert the study's own samples to a Height, each at its volume.
+    """Find the angles that the piles of a study's samples would have at a Height.
 
-    Returns None if they are fewer than `FEWEST_SAMPLES`, or if the table is damaged,
-    which the stage that needs it reports.
+    Each pile keeps its volume.
+
+    Parameters
+    ----------
+    dataset_csv : path
+        The table of the samples.
+    response : str
+        Column of the angle.
+    height_mm : float
+        The Height.
+
+    Returns
+    -------
+    Band or None
+        None for fewer than `FEWEST_SAMPLES` samples, and for a damaged table, which the
+        stage that needs it reports.
     """
     try:
         table = read_table(dataset_csv, ("status", response, "height_mm"))
     except InputError:
         return None
-    table = table[table["status"] == "ok"]
-    if len(table) < FEWEST_SAMPLES:
+    samples = table[table["status"] == "ok"]
+    if len(samples) < FEWEST_SAMPLES:
         return None
-    angles = convert_to_height(table[response], table["height_mm"], height_mm)
+    angles = convert_to_height(samples[response], samples["height_mm"], height_mm)
     return Band(
         mean=float(angles.mean()),
         sd=float(angles.std()),
         largest=float(angles.max()),
-        source=f"{len(table)} samples of this study",
+        source=f"{len(samples)} samples of this study",
     )
 
 
 def nearest_row(
     measure: MeasureSettings, definition: str, grain_share: float
 ) -> tuple["pd.Series", bool]:
-    """Find the row of the table that is nearest to a line.
+    """Find the row of the table whose line has the settings nearest to those of a line.
 
     Parameters
     ----------
@@ -350,12 +377,15 @@ def nearest_row(
         settings[key] = grain_share if value == "berry" else value
     columns = ("definition", "samples", "mean", "sd", "largest", *settings)
     table = read_table(TABLE, columns)
-    table = table[table["definition"] == definition].reset_index(drop=True)
-    distance = np.zeros(len(table))
+    rows = table[table["definition"] == definition].reset_index(drop=True)
+
+    # The distance of a row is the sum of the differences of its settings. Another rule
+    # of the flank counts as the difference 1.
+    distances = np.zeros(len(rows))
     for key, value in settings.items():
         if key == "flank":
-            distance += table[key] != value
+            distances += rows[key] != value
         else:
-            distance += (table[key] - value).abs()
-    nearest = int(np.argmin(distance))
-    return table.iloc[nearest], bool(distance[nearest] < LINE_TOLERANCE)
+            distances += (rows[key] - value).abs()
+    nearest = int(np.argmin(distances))
+    return rows.iloc[nearest], bool(distances[nearest] < LINE_TOLERANCE)

@@ -74,7 +74,7 @@ class Scene:
 
 
 def grain_simulation(scene: Scene, capacity: int, **arguments: Any) -> "dem.Simulation":
-    """Make an empty simulation of grains, of the material ``berry``, among walls.
+    """Make an empty simulation in which grains of the material ``berry`` can be added.
 
     Parameters
     ----------
@@ -100,7 +100,6 @@ def grain_simulation(scene: Scene, capacity: int, **arguments: Any) -> "dem.Simu
             limit.allowed,
         )
     shapes: Any = {"berry": scene.particle.dem_shape("berry")}
-    gravity_m_s2 = (0.0, 0.0, -settings.gravity_m_s2)
     return dem.Simulation(
         shapes,
         materials_of(scene),
@@ -109,12 +108,15 @@ def grain_simulation(scene: Scene, capacity: int, **arguments: Any) -> "dem.Simu
         **arguments,
         **settings.laws,
         capacity=capacity,
-        gravity_m_s2=gravity_m_s2,
+        gravity_m_s2=(0.0, 0.0, -settings.gravity_m_s2),
     )
 
 
 def longest_time_step(scene: Scene) -> "time_steps.Limit":
-    """Compute the longest time step that is stable for the smallest grain of a scene."""
+    """Compute the longest time step that is stable for the smallest grain of a scene.
+
+    It depends on the stiffest contact between grains, or of a grain with the wall.
+    """
     from repose.dem import time_steps
     from repose.dem.contact_table import pairs_of
     from repose.dem.laws import CONTACT_LAWS

@@ -80,9 +80,10 @@ def numbers() -> list[int]:
 
 
 def change(before: float, after: float, definition: str) -> Change:
-    """Find the change of a pile whose scene gets another number of grains.
+    """Find how angle and Height of a pile change with the number of grains.
 
-    Numbers outside the table count as its ends.
+    They are interpolated in the table of poured piles, over the logarithm of the number,
+    and averaged over its crops. Numbers outside the table count as its ends.
 
     Parameters
     ----------
@@ -128,6 +129,7 @@ def scaled(
     scale = (grains / (poured or funnel.berries)) ** (1 / 3)
     inlet_mm = funnel.inlet_diameter_mm
     outlet_mm = funnel.outlet_diameter_mm
+    # Grains that leave a narrower outlet one by one bounce away.
     new_outlet_mm = max(scale * outlet_mm, min(outlet_mm, OUTLET_GRAINS * diameter_mm))
     new_inlet_mm = max(scale * inlet_mm, min(inlet_mm, 2 * new_outlet_mm))
     section = funnel.model_dump()
@@ -144,19 +146,32 @@ def scaled(
 
 
 def fewest_grains(grains: int, definition: str) -> int | None:
-    """Find the smallest number of grains that is enough for an angle.
+    """Find the smallest number of grains with nearly the angle of `grains` grains.
 
-    From this number of the table up to `grains` the angle stays within `ANGLE_TOLERANCE_DEG`. None
-    if no smaller number of the table is enough.
+    From this number of the table on, the angle differs by at most
+    `ANGLE_TOLERANCE_DEG`.
+
+    Parameters
+    ----------
+    grains : int
+        The number of grains to compare with.
+    definition : str
+        Definition of the angle, a column of the table.
+
+    Returns
+    -------
+    int or None
+        The number; None if no smaller number of the table is enough.
     """
-    smallest = None
+    fewest = None
+    # Go down the table until the angle differs too much.
     for number in sorted(numbers(), reverse=True):
         if number >= grains:
             continue
         if abs(change(grains, number, definition).angle_deg) > ANGLE_TOLERANCE_DEG:
             break
-        smallest = number
-    return smallest
+        fewest = number
+    return fewest
 
 
 # --- advice ---------------------------------------------------------------------------
@@ -178,10 +193,10 @@ class SmallerScene:
 
 
 def smaller_scene(n_grains: int, definition: str) -> SmallerScene | None:
-    """Find the smallest scene whose angle is that of a scene of `n_grains`.
+    """Find the smallest scene with nearly the angle of a scene of `n_grains` grains.
 
-    For more grains than the table has, the largest number of the table is taken where no
-    number is enough. None if no number of the table will do.
+    None if no smaller number of the table has that angle. For more grains than the
+    table has, it is then a scene of the table's largest number, whose angle is unknown.
     """
     largest = max(numbers())
     n_enough = fewest_grains(min(n_grains, largest), definition)
@@ -200,9 +215,9 @@ def smaller_scene(n_grains: int, definition: str) -> SmallerScene | None:
 def advice(
     config: Config, diameter_mm: float, height_mm: float, poured: int | None = None
 ) -> Iterator[str]:
-    """Yield sentences on the number of grains of a pour.
+    """Yield sentences of advice on the number of grains of a pour.
 
-    Large scenes also get a smaller one, as keys to paste.
+    For a large scene, they include a smaller one as keys of a configuration.
 
     Parameters
     ----------
@@ -240,8 +255,11 @@ def advice(
     yield _as_yaml(NAME, _pasted_section(funnel, scene, diameter_mm))
     targets = settings.targets_of(NAME)
     if any(target["response"] == "height_mm" for target in targets):
-        lower = [_lower(target, scene.height_share) for target in config["targets"]]
-        yield _as_yaml("targets", lower)
+        # A smaller pile is lower, so its Height needs another target.
+        scaled_targets = [
+            _scale_target(target, scene.height_share) for target in config["targets"]
+        ]
+        yield _as_yaml("targets", scaled_targets)
 
 
 def _scale_effect(n_grains: int, definition: str) -> str:
@@ -258,25 +276,26 @@ def _scale_effect(n_grains: int, definition: str) -> str:
 
 
 def _enough_grains(n_grains: int, definition: str) -> str:
-    """Describe from which number of grains on the angle hardly changes."""
-    compared = min(n_grains, max(numbers()))
-    n_enough = fewest_grains(compared, definition)
+    """Describe from which number of grains on the angle hardly changes.
+
+    If there is no such number, describe it for the angle that depends least on it.
+    """
+    n_reference = min(n_grains, max(numbers()))
+    close = f"within {ANGLE_TOLERANCE_DEG:g} deg of that of {n_reference}"
+    n_enough = fewest_grains(n_reference, definition)
     if n_enough is not None:
-        return (
-            f"From {n_enough} grains on the angle is within {ANGLE_TOLERANCE_DEG:g} deg of that of "
-            f"{compared}."
-        )
-    n_steady = fewest_grains(compared, STEADIEST_ANGLE)
+        return f"From {n_enough} grains on the angle is {close}."
+    n_steady = fewest_grains(n_reference, STEADIEST_ANGLE)
     if n_steady is None:
-        return f"No smaller number of grains is within {ANGLE_TOLERANCE_DEG:g} deg of that of {compared}."
+        return f"No smaller number of grains is {close}."
     return (
-        f"No smaller number of grains is within {ANGLE_TOLERANCE_DEG:g} deg of that of {compared}; "
-        f"the {STEADIEST_ANGLE} angle is from {n_steady} on."
+        f"No smaller number of grains is {close}; the {STEADIEST_ANGLE} angle is from "
+        f"{n_steady} on."
     )
 
 
 def _describe(scene: SmallerScene, definition: str) -> str:
-    """Describe a smaller scene, before its keys."""
+    """Describe a smaller scene in words: its time, angle and Height."""
     if scene.angle_change_deg is None:
         angle = "grows by an unknown amount with the number of grains"
     else:
@@ -301,7 +320,7 @@ def _pasted_section(
     return pasted | dict.fromkeys(COMPUTED_KEYS, AUTO)
 
 
-def _lower(target: dict[str, Any], height_share: float) -> dict[str, Any]:
+def _scale_target(target: dict[str, Any], height_share: float) -> dict[str, Any]:
     """Copy a target; that of the Height is scaled by a share."""
     share = height_share if target["response"] == "height_mm" else 1.0
     return target | {

@@ -113,7 +113,11 @@ def _reference_time_us() -> float:
 
 
 def machine() -> dict[str, Any]:
-    """Name the type of processor and the width of its vectors, as LLVM knows them."""
+    """Describe the processor of this machine: its type, and the width of its vectors.
+
+    The width in bits is that of the widest instructions, as LLVM, which compiles the
+    engine, knows them.
+    """
     features = binding.get_host_cpu_features()
     if features.get("avx512f"):
         vector_bits = 512
@@ -127,15 +131,19 @@ def machine() -> dict[str, Any]:
 def timed_pour(
     config: Config, parameters: Numbers, seed: int, particle: Particle, berry: Numbers
 ) -> Times:
-    """Time a step of the settled pile and a whole pour, by two pours."""
+    """Time a whole pour, and a time step of the settled pile.
+
+    The pile of a second, longer pour lies at rest in the last second of its time, in
+    which the time steps are timed.
+    """
     scene = Scene.of(config, parameters, berry, particle, seed)
     pour = FunnelTest().pour(scene)
 
     funnel = SceneSettings(config).section("funnel", FunnelSettings)
-    longer = _with_funnel(config, duration_s=funnel.duration_s + SETTLED_S)
-    longer_scene = Scene.of(longer, parameters, berry, particle, seed)
-    settled = FunnelTest().pour(longer_scene, until_rest=False)
-    return Times(us_per_step=settled.us_per_step, job_s=pour.wall_s)
+    longer_config = _with_funnel(config, duration_s=funnel.duration_s + SETTLED_S)
+    longer_scene = Scene.of(longer_config, parameters, berry, particle, seed)
+    longer_pour = FunnelTest().pour(longer_scene, until_rest=False)
+    return Times(us_per_step=longer_pour.us_per_step, job_s=pour.wall_s)
 
 
 def _with_funnel(config: Config, **changes: float) -> dict[str, Any]:
@@ -146,7 +154,7 @@ def _with_funnel(config: Config, **changes: float) -> dict[str, Any]:
 def summary(
     reference_times_us: Sequence[float], pours: Mapping[str, Sequence[Times]]
 ) -> dict[str, Any]:
-    """Take medians and their ratios.
+    """Summarise measured times by their medians, and compare the particles.
 
     Parameters
     ----------

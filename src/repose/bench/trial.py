@@ -1,4 +1,4 @@
-"""A simulation that a bench test runs: grains of drawn sizes, checks on the way, and frames of a film."""
+"""A simulation that a bench test runs, with its grain sizes, checks and film frames."""
 
 from collections.abc import Callable
 
@@ -37,11 +37,11 @@ class Trial:
         Relative sizes (N,) of the grains, in the order in which they are added.
     largest_radius_m : float
         Bounding radius of the largest grain that can be drawn.
-    bounded : Bounded
+    bounds : Bounded
         Advances the simulation and checks it; set by `bound`.
     """
 
-    bounded: Bounded
+    bounds: Bounded
 
     def __init__(
         self,
@@ -70,18 +70,18 @@ class Trial:
 
     def bound(self, top_m: float, speed_m_s: float = 0.0) -> Bounded:
         """Set the bounds of the run; see `repose.bench.bounds.Bounded`."""
-        self.bounded = Bounded(self.simulation, top_m, speed_m_s)
-        return self.bounded
+        self.bounds = Bounded(self.simulation, top_m, speed_m_s)
+        return self.bounds
 
     @property
     def broken(self) -> str:
         """Message about the bound that the run broke; empty where it broke none."""
-        return self.bounded.broken
+        return self.bounds.broken
 
     @property
     def overlap_share(self) -> float:
         """Largest overlap at the last check, over the smallest extent of its grain."""
-        return self.bounded.overlap_share
+        return self.bounds.overlap_share
 
     def run_to(self, step: int) -> None:
         """Advance to a time step; do nothing if it has passed.
@@ -89,29 +89,35 @@ class Trial:
         Raises `repose.bench.bounds.Unstable` if a bound is broken.
         """
         if self._recorder is None:
-            self.bounded.run_to(step)
+            self.bounds.run_to(step)
         else:
             self._run_and_record(step, self._recorder)
         if self.progress is not None:
             self.progress(self.simulation.time_s)
 
     def _run_and_record(self, last_step: int, recorder: "dem.Recorder") -> None:
-        """Advance to a time step, with a stop at every frame."""
+        """Advance to a time step, and record each frame on the way.
+
+        Frames are recorded at multiples of `_steps_per_frame`.
+        """
         step = self.simulation.steps
         while step < last_step:
-            next_frame = (step // self._steps_per_frame + 1) * self._steps_per_frame
-            step = min(last_step, next_frame)
-            self.bounded.run_to(step)
-            if step == next_frame:
+            frame = step // self._steps_per_frame
+            next_frame_step = (frame + 1) * self._steps_per_frame
+            step = min(last_step, next_frame_step)
+            self.bounds.run_to(step)
+            if step == next_frame_step:
                 recorder(self.simulation)
 
-    def wait(self, until: Callable[[], bool], last_step: int, every: int) -> None:
+    def wait(
+        self, condition: Callable[[], bool], last_step: int, check_interval: int
+    ) -> None:
         """Advance until a condition holds, at most to a last time step.
 
-        The condition is checked first, and then after every `every` time steps.
+        The condition is checked at once, and then each `check_interval` time steps.
         """
-        while not until() and self.simulation.steps < last_step:
-            self.run_to(min(last_step, self.simulation.steps + every))
+        while not condition() and self.simulation.steps < last_step:
+            self.run_to(min(last_step, self.simulation.steps + check_interval))
 
     def frames(self, walls: bool = False) -> dict[str, np.ndarray] | None:
         """Collect the frames of the film.
@@ -133,15 +139,17 @@ class Trial:
         if self._recorder is None:
             return None
         recorded = self._recorder.frames()
+        # Grains that were never added are padded, so that all films have N grains.
         n_missing = self.simulation.capacity - len(recorded["scale"])
         padding = ((0, 0), (0, n_missing), (0, 0))
+        scale = np.pad(recorded["scale"], (0, n_missing), constant_values=1.0)
+        position = np.pad(recorded["position"], padding, constant_values=np.nan)
+        quaternion = np.pad(recorded["quaternion"], padding, constant_values=np.nan)
         frames = {
-            "scale": np.pad(recorded["scale"], (0, n_missing), constant_values=1.0),
+            "scale": scale,
             "time_s": recorded["time_s"],
-            "position": np.pad(recorded["position"], padding, constant_values=np.nan),
-            "quaternion": np.pad(
-                recorded["quaternion"], padding, constant_values=np.nan
-            ),
+            "position": position,
+            "quaternion": quaternion,
         }
         if walls:
             frames["planes"] = recorded["planes"]
@@ -152,7 +160,7 @@ class Trial:
         """Compute the mean kinetic energy of a grain [J]."""
         return float(self.simulation.kinetic_energies().mean())
 
-    def rests(self) -> bool:
+    def is_at_rest(self) -> bool:
         """Tell whether the grains are at rest on average.
 
         An energy that is not a number counts as rest, so that a wait ends; the
@@ -184,35 +192,3 @@ def grain_arrays(
         **others,
         "scale": scale.astype(np.float32),
     }
-
-
-def largest_cluster(contacts: np.ndarray, allowed: np.ndarray) -> np.ndarray:
-    """Find the largest set of bodies that contacts connect.
-
-    Parameters
-    ----------
-    contacts : array
-        Pairs of bodies (M, 2) that touch.
-    allowed : array
-        Mask (N,) of the bodies that may belong to the set.
-
-    Returns
-    -------
-    array
-        Mask (N,) of the set; of several sets of the same size the first.
-    """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    n_bodies = len(allowed)
-    if not allowed.any():
-        return np.zeros(n_bodies, bool)
-    if len(contacts):
-        contacts = contacts[allowed[contacts[:, 0]] & allowed[contacts[:, 1]]]
-    ones = np.ones(len(contacts))
-    graph = coo_array(
-        (ones, (contacts[:, 0], contacts[:, 1])), shape=(n_bodies, n_bodies)
-    )
-    _, label = connected_components(graph, directed=False)
-    largest_label = np.bincount(label[allowed]).argmax()
-    return allowed & (label == largest_label)

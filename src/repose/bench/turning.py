@@ -227,7 +227,10 @@ class TurningTest(RotatingDrum[TurningSettings]):
     }
 
     def response_of_name(self, name: str) -> Response | None:
-        """Make the angle at a further speed, or a score of the profile at a speed."""
+        """Make the response of a name: the angle, or a score of the profile, at a speed.
+
+        None if the name is none of these.
+        """
         match = RESPONSE_NAME.fullmatch(name)
         if match is None:
             return None
@@ -258,7 +261,9 @@ class TurningTest(RotatingDrum[TurningSettings]):
         trial, factory = self.empty_drum(scene, interval_s, progress)
         simulation = trial.simulation
         frames = _Frames()
-        with trial.bounded.guard():
+        # The drum is at rest while it is filled, and then turns at one speed after the
+        # other.
+        with trial.bounds.guard():
             first_step = scene.simulation.steps(section.rotate_from_s)
             fill(trial, factory, first_step)
             trial.run_to(first_step)
@@ -282,12 +287,17 @@ class TurningTest(RotatingDrum[TurningSettings]):
         return self.make_run(scene, outcome, arrays, trial.frames())
 
     def _turn(self, trial: Trial, speed: Speed, index: int, frames: _Frames) -> None:
-        """Turn the drum at a speed and keep its bed while it is measured."""
+        """Advance the drum at one of its speeds, and keep frames of the flowing bed.
+
+        Frames are kept from the time `Speed.from_s` on, when the flow is steady.
+        """
         settings = trial.scene.simulation
         section = self.section(trial.scene.settings)
-        every = max(1, settings.steps(section.record_s))
+        record_interval = max(1, settings.steps(section.record_s))
         first_step = trial.simulation.steps
-        for step in range(every, settings.steps(speed.until_s) + 1, every):
+        last_step = settings.steps(speed.until_s)
+        # Time steps are counted from the beginning of this speed.
+        for step in range(record_interval, last_step + 1, record_interval):
             trial.run_to(first_step + step)
             time_s = step * settings.time_step_s
             if time_s >= speed.from_s:
@@ -296,7 +306,11 @@ class TurningTest(RotatingDrum[TurningSettings]):
     def measure(
         self, record: Mapping[str, Any], arrays: Arrays, scene: Scene
     ) -> dict[str, Any]:
-        """Measure the mean angle at each speed, and scores of profiles that are targets."""
+        """Measure the mean angle at each speed, and scores of profiles that are targets.
+
+        They are None in a run that is not ``ok``, or whose bed has no surface in one of
+        its frames.
+        """
         section = self.section(scene.settings)
         profiles = {
             target["response"]: target["profile"]
@@ -306,9 +320,9 @@ class TurningTest(RotatingDrum[TurningSettings]):
         angle_names = ["turning_deg"]
         for number in range(2, section.n_speeds + 1):
             angle_names.append(f"turning_{number}_deg")
-        missing = dict.fromkeys((*angle_names, *profiles))
+        no_numbers = dict.fromkeys((*angle_names, *profiles))
         if record["status"] != "ok":
-            return {**record, **missing}
+            return {**record, **no_numbers}
 
         measured: dict[str, float] = {}
         for index, name in enumerate(angle_names):
@@ -319,14 +333,14 @@ class TurningTest(RotatingDrum[TurningSettings]):
             if not len(angles) or not np.isfinite(angles).all():
                 verdict = no_surface(scene)
                 status = {"status": verdict.status, "reason": verdict.reason}
-                return {**record, **status, **missing}
+                return {**record, **status, **no_numbers}
             measured[name] = float(angles.mean())
-            profiles_here = {
+            profiles_at_speed = {
                 score: profile
                 for score, profile in profiles.items()
                 if speed_index(score) == index
             }
-            measured |= self._profile_scores(profiles_here, beds, scene)
+            measured |= self._profile_scores(profiles_at_speed, beds, scene)
         return {**record, **measured}
 
     def _profile_scores(
@@ -335,7 +349,7 @@ class TurningTest(RotatingDrum[TurningSettings]):
         beds: _Beds,
         scene: Scene,
     ) -> dict[str, float]:
-        """Compute scores of the mean surface of beds.
+        """Compare the mean surface of a flowing bed with the profiles of targets.
 
         Parameters
         ----------
@@ -363,14 +377,15 @@ class TurningTest(RotatingDrum[TurningSettings]):
             Grains(position, quaternion, scene.particle, beds.scale)
             for position, quaternion in frames
         )
+        # The mean surface lies where the bed is in a given share of the frames.
         occupied = bed.occupied_share(grains, radius_m, mm_per_pixel)
         scores = {}
         for name, profile in profiles.items():
             x_m = 1e-3 * np.array(profile["x"])
-            heights_mm = 1e3 * bed.surface_heights(
+            heights_m = bed.surface_heights(
                 occupied, profile["covered"], x_m, radius_m, mm_per_pixel
             )
-            scores[name] = Profile.of(profile).columns(heights_mm)[name]
+            scores[name] = Profile.of(profile).columns(1e3 * heights_m)[name]
         return scores
 
     def duration_s(self, settings: SceneSettings) -> float:
@@ -412,23 +427,24 @@ def _lists_of_other_lengths(section: TurningSettings) -> Contradictions:
 def _impossible_targets(
     section: TurningSettings, targets: Sequence[Any]
 ) -> Contradictions:
-    """Yield targets at a speed that the drum has not, or beyond its wall.
+    """Yield keys of targets at a speed that the drum has not, or beyond its wall.
 
-    Malformed entries are skipped: the check of the section `targets` reports them.
+    With each key comes what is allowed. Malformed entries are skipped: the check of the
+    section `targets` reports them.
     """
     radius_mm = 1e3 * Drum.of(section).radius_m
-    for k, target in enumerate(targets):
+    for number, target in enumerate(targets):
         if not isinstance(target, Mapping) or target.get("apparatus") != NAME:
             continue
         if speed_index(target["response"]) >= section.n_speeds:
             yield (
-                f"targets.{k}.response",
+                f"targets.{number}.response",
                 f"a response of one of {section.n_speeds} speeds "
                 "(turning.angular_velocity_rad_s)",
             )
         x_mm = target.get("profile", {}).get("x", [0.0])
         if max(map(abs, x_mm)) >= radius_mm:
             yield (
-                f"targets.{k}.profile.x",
+                f"targets.{number}.profile.x",
                 f"inside the drum, between -{radius_mm:g} and {radius_mm:g}",
             )

@@ -6,6 +6,7 @@ that measures photographs. Spheres may belong to clumps; ellipsoids may all diff
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +15,7 @@ import numpy as np
 from repose.common.errors import InputError, NoFlankError
 from repose.dem.rotations import rotation_matrices
 from repose.measure import pile
+from repose.measure.clusters import largest_cluster
 from repose.measure.further_responses import measure_scatter, measure_silhouettes
 from repose.measure.particle_files import Particles
 from repose.measure.results import PileResult
@@ -136,6 +138,7 @@ def measure_particles(
     NoFlankError
         If there is no pile.
     """
+    # `metres` converts a length of the file to metres.
     radius = particles.mean_radius
     metres = UNITS[unit]
     low, high = RADII_M
@@ -146,6 +149,7 @@ def measure_particles(
             f"{radius:.4g} {unit}",
             f"a grain of {low:g} to {high:g} m; is the unit of lengths another one?",
         )
+    # Turn the pile upright, and shift its base to z = 0.
     if up is None:
         up = find_up(particles, source)
     bottoms = _lowest_points(particles, np.array(DIRECTIONS[up]))
@@ -156,18 +160,26 @@ def measure_particles(
     centres = particles.centres @ rotation.T
     centres[:, 2] -= base
     grains = _as_grains(particles, centres * metres, rotation, metres)
-    members = None
+    # Contacts, which tell the pile from loose grains, are known of spheres only.
+    in_pile = None
     if particles.are_spheres:
-        members = _largest_pile(particles, centres)
+        in_pile = _largest_pile(particles, centres)
+
     settings = _with_grain_height(
         settings or MeasureSettings.with_defaults(), particles, metres
     )
-    result = pile.measure_pile(grains, settings, members)
+    height_m, views = pile.draw_views(grains, settings, in_pile)
+    profiles = [pile.find_profile(view) for view in views]
+    shape = _measure_shape(
+        [profile for profile, _ in profiles],
+        height_m,
+        settings,
+        _pile_volume_m3(particles, in_pile, metres),
+    )
+    scatter = {} if in_pile is None else _measure_scatter(grains, in_pile)
     return ParticlePile(
-        result=result,
-        additional=_measure_shape_and_scatter(
-            particles, grains, members, settings, metres
-        ),
+        result=pile.measure_profiles(profiles, height_m, settings),
+        additional=shape | scatter,
         up=up,
         base=base,
         n_grains=len(np.unique(particles.grains)),
@@ -179,7 +191,9 @@ def measure_particles(
 
 
 def find_up(particles: Particles, source: object = "particles") -> str:
-    """Find the direction against gravity: that of the plane on which most grains lie.
+    """Find the direction against gravity: that across which most grains lie on a plane.
+
+    The plane is the plate, on which the lowest layer of the pile lies.
 
     Raises
     ------
@@ -244,50 +258,49 @@ def _rotation_to_z(up: np.ndarray) -> np.ndarray:
 def _as_grains(
     particles: Particles, centres_m: np.ndarray, rotation: np.ndarray, metres: float
 ) -> Grains:
-    """Make the bodies that the silhouettes show, turned by `rotation` (3, 3)."""
+    """Make the bodies that the silhouettes show, turned by `rotation` (3, 3).
+
+    Their centres (N, 3) are given in their new positions. `metres` converts a length of
+    the file to metres.
+    """
     from scipy.spatial.transform import Rotation
 
     if particles.are_spheres:
-        upright = np.tile([1.0, 0.0, 0.0, 0.0], (len(centres_m), 1))
+        # A sphere looks the same in any orientation.
+        no_rotation = np.tile([1.0, 0.0, 0.0, 0.0], (len(centres_m), 1))
         radii_m = particles.semi_axes[:, 0] * metres
-        return Grains(centres_m, upright, _UnitSphere(), radii_m)
-    turned = Rotation.from_matrix(rotation) * Rotation.from_quat(
-        particles.quaternions, scalar_first=True
-    )
+        return Grains(centres_m, no_rotation, _UnitSphere(), radii_m)
+    orientations = Rotation.from_quat(particles.quaternions, scalar_first=True)
+    turned_orientations = Rotation.from_matrix(rotation) * orientations
     return Ellipsoids(
         centres_m,
-        turned.as_quat(scalar_first=True),
+        turned_orientations.as_quat(scalar_first=True),
         _UnitSphere(),
         semi_axes_m=particles.semi_axes * metres,
     )
 
 
 def _largest_pile(particles: Particles, centres: np.ndarray) -> np.ndarray:
-    """Find the spheres (N,) of the largest set of touching grains."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
+    """Mark the spheres (N,) of the largest set of touching grains.
+
+    A grain is a sphere or a clump of several; clumps touch where two of their spheres do.
+    """
     from scipy.spatial import cKDTree
 
+    # Search pairs of spheres that may touch, and keep those that do.
     radii = particles.semi_axes[:, 0]
     gap = TOUCHING * float(radii.mean())
-    pairs = cKDTree(centres).query_pairs(
-        2 * float(radii.max()) + gap, output_type="ndarray"
-    )
-    first, second = pairs[:, 0], pairs[:, 1]
+    largest_distance = 2 * float(radii.max()) + gap
+    pairs = cKDTree(centres).query_pairs(largest_distance, output_type="ndarray")
+    first, second = pairs.T
     distances = np.linalg.norm(centres[first] - centres[second], axis=1)
     is_touching = distances <= radii[first] + radii[second] + gap
+
     grains = particles.grains
+    contacts = grains[pairs[is_touching]]
     n_grains = int(grains.max()) + 1
-    graph = coo_array(
-        (
-            np.ones(int(is_touching.sum())),
-            (grains[first[is_touching]], grains[second[is_touching]]),
-        ),
-        shape=(n_grains, n_grains),
-    )
-    labels = connected_components(graph, directed=False)[1]
-    largest = int(np.argmax(np.bincount(labels)))
-    return labels[grains] == largest
+    is_in_pile = largest_cluster(contacts, np.ones(n_grains, bool))
+    return is_in_pile[grains]
 
 
 def _with_grain_height(
@@ -307,42 +320,53 @@ def _volumes(particles: Particles) -> np.ndarray:
     return 4 / 3 * math.pi * particles.semi_axes.prod(axis=1)
 
 
-def _measure_shape_and_scatter(
-    particles: Particles,
-    grains: Grains,
-    members: np.ndarray | None,
-    settings: MeasureSettings,
-    metres: float,
-) -> dict[str, float]:
-    """Measure packing, scatter and loose grains, as far as the file allows.
+def _pile_volume_m3(
+    particles: Particles, in_pile: np.ndarray | None, metres: float
+) -> float | None:
+    """Compute the volume of the particles in the pile, by default of all.
 
-    The share of loose grains needs contacts, which are known of spheres; the packing
-    needs volumes, which are known of single bodies, not of clumps.
+    It is None for clumps, whose spheres overlap by unknown volumes.
     """
-    in_pile = members
+    n_grains = len(np.unique(particles.grains))
+    if n_grains < len(particles.grains):
+        return None
     if in_pile is None:
-        in_pile = np.ones(len(grains.centres_m), bool)
-    additional: dict[str, float] = {}
-    height_m, views = pile.draw_views(grains, settings, members)
-    profiles = [pile.find_profile(view)[0] for view in views]
+        in_pile = np.ones(len(particles.grains), bool)
     volumes_m3 = _volumes(particles)[in_pile] * metres**3
+    return float(volumes_m3.sum())
+
+
+def _measure_shape(
+    profiles: Sequence[np.ndarray],
+    height_m: float,
+    settings: MeasureSettings,
+    volume_m3: float | None,
+) -> dict[str, float]:
+    """Measure base, flanks and packing by the profiles (W,) of all views.
+
+    The packing needs the volume of the grains. Nothing is measured on a pile that is
+    hardly higher than a grain.
+    """
     assert settings.berry_height_mm is not None
     try:
-        of_silhouettes = measure_silhouettes(
+        shape = measure_silhouettes(
             profiles,
             mm_per_pixel=settings.mm_per_pixel,
             height_mm=1e3 * height_m,
             grain_mm=settings.berry_height_mm,
-            grains_mm3=1e9 * float(volumes_m3.sum()),
+            grains_mm3=math.nan if volume_m3 is None else 1e9 * volume_m3,
         )
     except NoFlankError:
-        of_silhouettes = {}
-    is_clumped = len(np.unique(particles.grains)) < len(particles.grains)
-    if is_clumped:
-        of_silhouettes.pop("packing_percent", None)
-    additional |= of_silhouettes
-    if members is not None:
-        centre = grains.centres_m[members].mean(axis=0) * [1.0, 1.0, 0.0]
-        scatter = measure_scatter(grains.centres_m - centre, members, math.inf)
-        additional |= scatter
-    return additional
+        return {}
+    if volume_m3 is None:
+        del shape["packing_percent"]
+    return shape
+
+
+def _measure_scatter(grains: Grains, in_pile: np.ndarray) -> dict[str, float]:
+    """Measure how the grains lie scattered around the middle of the pile.
+
+    The plate has no edge: the file does not tell its radius.
+    """
+    middle = grains.centres_m[in_pile].mean(axis=0) * [1.0, 1.0, 0.0]
+    return measure_scatter(grains.centres_m - middle, in_pile, math.inf)

@@ -12,7 +12,7 @@ names the one that is the response. Their biases and noise are in docs/measureme
 OpenCV is imported where a picture is measured.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -107,30 +107,37 @@ def find_profile(pile: "Segmentation") -> tuple[np.ndarray, int]:
 def measure_segmented(pile: "Segmentation", settings: MeasureSettings) -> Measurement:
     """Measure a picture that is split into pile and background.
 
-    The measurement may lack its response (`with_response`).
+    The angle of a definition that cannot be measured is missing. It may be that of the
+    response (`with_response`).
     """
     profile, crest = find_profile(pile)
     measured, reasons = measure_sides(profile, crest, settings)
     angles = {}
     for name, (aor_deg, left, right) in measured.items():
-        # The right side was measured backwards, from its foot to the crest.
+        # Lines become columns and rows of the picture. The right side was measured
+        # backwards, from its foot to the crest.
         last_column = profile.size - 1
-        left_line = tuple((u, pile.base_row - z) for u, z in left.ends)
-        right_line = tuple((last_column - u, pile.base_row - z) for u, z in right.ends)
+        left_line = tuple(
+            (distance, pile.base_row - height) for distance, height in left.ends
+        )
+        right_line = tuple(
+            (last_column - distance, pile.base_row - height)
+            for distance, height in right.ends
+        )
         angles[name] = Angle(
             left_deg=left.angle_deg,
             right_deg=right.angle_deg,
             aor_deg=aor_deg,
             lines=(left_line, right_line),
         )
-    height = float(profile[crest])
+    crest_height = float(profile[crest])
     return Measurement(
         response=settings.response,
         angles=angles,
         reasons=reasons,
-        height_mm=height * settings.mm_per_pixel,
+        height_mm=crest_height * settings.mm_per_pixel,
         base_row=pile.base_row,
-        top=(float(crest), pile.base_row - height),
+        top=(float(crest), pile.base_row - crest_height),
         contour=pile.contour,
         pile_is=pile.pile_is,
     )
@@ -163,16 +170,38 @@ def measure_pile(
     """
     settings = settings or MeasureSettings.with_defaults()
     settings = with_grain_height(settings, grains.particle)
-    height_m, piles = draw_views(grains, settings, members)
+    height_m, views = draw_views(grains, settings, members)
+    profiles = (find_profile(view) for view in views)
+    return measure_profiles(profiles, height_m, settings)
+
+
+def measure_profiles(
+    profiles: Iterable[tuple[np.ndarray, int]],
+    height_m: float,
+    settings: MeasureSettings,
+) -> PileResult:
+    """Measure a simulated pile by its profiles in all views.
+
+    Parameters
+    ----------
+    profiles : iterable of tuple
+        For each of `settings.views` views the profile (W,) and the column of its crest,
+        see `find_profile`.
+    height_m : float
+        Height of the highest point of the pile.
+    settings : MeasureSettings
+        Settings of the measurement.
+    """
+    # An angle that cannot be measured in a view stays NaN there.
     angles = {name: np.full(settings.views, np.nan) for name in DEFINITIONS}
     heights_mm = np.full(settings.views, np.nan)
     first_reasons: dict[str, str] = {}
-    for view, pile in enumerate(piles):
-        profile, crest = find_profile(pile)
+    for view, (profile, crest) in enumerate(profiles):
         heights_mm[view] = profile[crest] * settings.mm_per_pixel
         measured, reasons = measure_sides(profile, crest, settings)
         for name, angle in measured.items():
             angles[name][view] = angle.angle_deg
+        # The reason of the first view counts.
         first_reasons = reasons | first_reasons
     return PileResult(
         response=settings.response,
@@ -188,12 +217,20 @@ def draw_views(
 ) -> tuple[float, Iterator["Segmentation"]]:
     """Find the height of a simulated pile, and prepare its views.
 
-    The arguments are those of `measure_pile`; the settings have the height of a grain.
+    Parameters
+    ----------
+    grains, settings, members
+        As of `measure_pile`; the settings have the height of a grain.
 
     Returns
     -------
     tuple
-        The height of the highest point in m, and an iterator over the views.
+        The height of the highest point in m, and an iterator that draws the views.
+
+    Raises
+    ------
+    NoFlankError
+        If there is no grain, or the pile is too low.
     """
     if members is not None and settings.largest_pile_only:
         grains = grains[np.asarray(members, bool)]
@@ -211,12 +248,17 @@ def draw_views(
 
 
 def _views(grains: Grains, settings: MeasureSettings) -> Iterator["Segmentation"]:
-    """Draw the silhouettes of bodies, one view after the other."""
+    """Draw the silhouettes of bodies, one view after the other.
+
+    The views are spread evenly over half a turn. Raises NoFlankError if a picture has
+    too few pixels.
+    """
     from repose.measure.photographs.segmentation import MIN_SIDE_PX, segment_silhouette
 
     scale = settings.mm_per_pixel
-    azimuths = np.arange(settings.views) * 180.0 / settings.views
-    for polygons in outlines(grains, azimuths, inset_m=scale * 0.5e-3):
+    azimuths_deg = np.arange(settings.views) * 180.0 / settings.views
+    # OpenCV fills half a pixel too many all around, so the outlines are moved inwards.
+    for polygons in outlines(grains, azimuths_deg, inset_m=scale * 0.5e-3):
         image = paint(polygons, scale, frame_outlines(polygons, scale))
         if min(image.shape) < MIN_SIDE_PX:
             rows, columns = image.shape
