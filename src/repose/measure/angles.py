@@ -111,16 +111,18 @@ def fit_steepest(
         )
     if distance.size < MIN_LEVELS:
         raise NoFlankError(WALL)
-    # Cut pixels off either end, as many as leave half of the band.
+    # A stretch is the band without some whole pixels at its lower and its upper end,
+    # together at most half of the band.
     cuts = np.arange(math.floor(min_height) + 1)
-    below_index, above_index = np.nonzero(cuts[:, None] + cuts <= min_height)
-    lows = low + cuts[below_index]
-    highs = high - cuts[above_index]
+    is_long_enough = cuts[:, None] + cuts <= min_height
+    lower_index, upper_index = np.nonzero(is_long_enough)
+    lows = low + cuts[lower_index]
+    highs = high - cuts[upper_index]
     best = _best_window(window_slopes(distance, height, lows, highs))
-    start = float(lows[best])
-    end = float(highs[best])
-    inside = (height >= start) & (height <= end)
-    return fit_line(distance[inside], height[inside], start, end)
+    steepest_low = float(lows[best])
+    steepest_high = float(highs[best])
+    is_inside = (height >= steepest_low) & (height <= steepest_high)
+    return fit_line(distance[is_inside], height[is_inside], steepest_low, steepest_high)
 
 
 def fit_straightest(
@@ -142,20 +144,20 @@ def fit_straightest(
     min_points = max(MIN_LEVELS, math.ceil(smallest * n_points))
     if n_points < min_points:
         raise NoFlankError(WALL)
+    # Windows begin and end at a limited number of borders between points; each pair of
+    # borders that are far enough apart is a window.
     n_steps = min(n_points, WINDOW_STEPS)
     borders = np.linspace(0, n_points, n_steps + 1).round().astype(int)
-    lengths = borders - borders[:, None]
-    first_index, last_index = np.nonzero(lengths >= min_points)
+    n_inside = borders - borders[:, None]
+    first_index, last_index = np.nonzero(n_inside >= min_points)
     first = borders[first_index]
     last = borders[last_index]
     best = _best_window(window_correlations(distance, height, first, last))
     window = slice(first[best], last[best])
-    return fit_line(
-        distance[window],
-        height[window],
-        float(height[window].min()),
-        float(height[window].max()),
-    )
+    window_height = height[window]
+    low = float(window_height.min())
+    high = float(window_height.max())
+    return fit_line(distance[window], window_height, low, high)
 
 
 def _best_window(values: np.ndarray) -> int:
@@ -188,21 +190,32 @@ def window_correlations(
 def window_slopes(
     distance: np.ndarray, height: np.ndarray, lows: np.ndarray, highs: np.ndarray
 ) -> np.ndarray:
-    """Compute the slope (windows,) of the regression line in each window of heights.
+    """Compute the slope of the regression line in each of many windows of heights.
 
-    NaN stands for a window with too few points, or a wall.
+    Parameters
+    ----------
+    distance, height : ndarray
+        The points (N,) of one side.
+    lows, highs : ndarray
+        Lowest and highest height of each window (windows,).
+
+    Returns
+    -------
+    ndarray
+        Slopes (windows,); NaN for a window with too few points, or a wall.
     """
+    # In the order of the heights, the points of a window follow each other.
     order = np.argsort(height, kind="stable")
-    first = np.searchsorted(height[order], lows, side="left")
-    last = np.searchsorted(height[order], highs, side="right")
+    sorted_height = height[order]
+    first = np.searchsorted(sorted_height, lows, side="left")
+    last = np.searchsorted(sorted_height, highs, side="right")
     x = distance[order] - distance.mean()
-    z = height[order] - height.mean()
+    z = sorted_height - height.mean()
     moments = _window_moments(x, z, first, last)
     has_points = moments.n >= MIN_LEVELS
     is_usable = has_points & (moments.xx >= moments.n * WALL_SD**2)
-    return np.where(
-        is_usable, moments.xz / np.where(is_usable, moments.xx, 1.0), np.nan
-    )
+    divisor = np.where(is_usable, moments.xx, 1.0)
+    return np.where(is_usable, moments.xz / divisor, np.nan)
 
 
 def _window_moments(
@@ -226,9 +239,10 @@ def _window_moments(
 
 
 def fit_line(distance: np.ndarray, height: np.ndarray, low: float, high: float) -> Line:
-    """Fit the line of height on distance, which ends at the heights `low` and `high`.
+    """Fit the regression line of height on distance through the points (N,) of a side.
 
-    NoFlankError if the points are too few or a wall, or if the line does not rise.
+    The line ends at the heights `low` and `high`. Raises NoFlankError if the points are
+    too few or a wall, or if the line does not rise.
     """
     if distance.size < MIN_LEVELS:
         raise NoFlankError(WALL)
@@ -245,9 +259,10 @@ def fit_line(distance: np.ndarray, height: np.ndarray, low: float, high: float) 
 
 
 def fit_secant(profile: np.ndarray, grain: float) -> Line:
-    """Fit one side of the definition "secant": from the foot to the crest.
+    """Fit the definition "secant" to one side: the line from its foot to the crest.
 
-    The foot lies on the plate, below the outermost place that is as high as a grain.
+    The foot lies on the plate, below the outermost place that is as high as a grain,
+    `grain` pixels. Raises NoFlankError for a pile of one layer, and without a foot.
     """
     crest = profile.size - 1
     height = float(profile[-1])
@@ -277,7 +292,7 @@ def measure_sides(
     settings: MeasureSettings,
     definitions: Sequence[str] = DEFINITIONS,
 ) -> Measured:
-    """Measure the angle of a pile by several definitions.
+    """Measure the angle of a pile by several definitions, as the mean of its sides.
 
     Parameters
     ----------
@@ -315,13 +330,18 @@ def measure_sides(
 
 
 def _fit_side(side: np.ndarray, definition: str, settings: MeasureSettings) -> Line:
-    """Fit the line of one side by a definition, or raise NoFlankError."""
+    """Fit the line of one side (M,), from outside the foot to the crest.
+
+    Raises NoFlankError if the side has no such line, and ValueError for an unknown
+    definition.
+    """
     if definition == "whole":
         return fit_whole_side(side)
     if definition == "straightest":
         return fit_straightest(side, settings.smallest_window)
     if definition == "secant":
         return fit_secant(side, _grain_height_px(settings))
+    # The other two are of a part of the side, between two heights.
     height = float(side[-1])
     low = _height_of_end(settings.fit_from, height, settings)
     high = _height_of_end(settings.fit_to, height, settings)

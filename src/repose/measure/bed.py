@@ -63,6 +63,8 @@ def surface_of(
 ) -> Surface:
     """Find the surface of a bed and fit a line through its middle part.
 
+    The surface is the upper edge of the bed in each column of the picture.
+
     Parameters
     ----------
     filled : ndarray
@@ -80,9 +82,11 @@ def surface_of(
         If the bed is too narrow.
     """
     columns = np.flatnonzero(filled.any(axis=0))
+    top_rows = filled.argmax(axis=0)[columns]
+    # Positions from the axis, which is the middle of the picture
     pixel_m = 1e-3 * mm_per_pixel
     x = (columns + 0.5) * pixel_m - radius_m
-    z = (len(filled) - filled.argmax(axis=0)[columns]) * pixel_m - radius_m
+    z = (len(filled) - top_rows) * pixel_m - radius_m
     is_fitted = np.zeros(len(x), dtype=bool)
     if len(x) > 0:
         middle = 0.5 * (x.min() + x.max())
@@ -131,7 +135,10 @@ def surface_heights(
     radius_m: float,
     mm_per_pixel: float,
 ) -> np.ndarray:
-    """Compute the heights over the axis at which the occupied share falls to a value.
+    """Compute the mean surface of a bed in many frames, as heights over the drum's axis.
+
+    Upwards in a column, the share of the frames in which the bed covers a pixel falls.
+    The mean surface is where it falls to a given value.
 
     Parameters
     ----------
@@ -152,21 +159,24 @@ def surface_heights(
         Heights (M,) in m; those of the drum's wall where there is no bed.
     """
     pixel_m = 1e-3 * mm_per_pixel
-    rows, columns = occupied.shape
-    column = np.arange(columns)
-    x_of_columns = (column + 0.5) * pixel_m - radius_m
+    n_rows, n_columns = occupied.shape
+    columns = np.arange(n_columns)
+    column_x = (columns + 0.5) * pixel_m - radius_m
     is_covered = occupied >= covered
-    first = is_covered.argmax(axis=0)
     has_bed = is_covered.any(axis=0)
+    top_rows = is_covered.argmax(axis=0)
 
-    # Interpolate between the first covered pixel and the one above it. The middle of
+    # Interpolate between the uppermost covered pixel and the one above it. The middle of
     # row k lies k + 1/2 pixels below the upper border.
-    inner = occupied[first, column]
-    outer = np.where(first > 0, occupied[first - 1, column], 0.0)
-    depth = first + 0.5 - (inner - covered) / np.where(has_bed, inner - outer, 1.0)
-    surface = (rows - depth) * pixel_m - radius_m
-    wall = -np.sqrt(np.maximum(radius_m**2 - x_of_columns**2, 0.0))
-    return np.interp(x_m, x_of_columns, np.where(has_bed, surface, wall))
+    inner_share = occupied[top_rows, columns]
+    outer_share = np.where(top_rows > 0, occupied[top_rows - 1, columns], 0.0)
+    step = np.where(has_bed, inner_share - outer_share, 1.0)
+    depth = top_rows + 0.5 - (inner_share - covered) / step
+    surface = (n_rows - depth) * pixel_m - radius_m
+
+    # A column without a bed shows the drum's wall.
+    wall = -np.sqrt(np.maximum(radius_m**2 - column_x**2, 0.0))
+    return np.interp(x_m, column_x, np.where(has_bed, surface, wall))
 
 
 def to_drum_frame(centres_m: np.ndarray, turned_rad: float) -> np.ndarray:
@@ -196,7 +206,7 @@ def relative_energy(
 ) -> float:
     """Compute the mean kinetic energy of a grain [J] in a turning frame.
 
-    It is that of translation and rotation.
+    It is the energy of translation and rotation, relative to the frame.
 
     Parameters
     ----------
@@ -213,6 +223,7 @@ def relative_energy(
     # Angular velocity in the body's frame, where the moments are known
     rotations = rotation_matrices(grains.quaternions)
     spin = np.einsum("nij,ni->nj", rotations, turning_rad_s - frame_rad_s)
+    # Masses go with the cube of a grain's size, moments of inertia with the fifth power.
     twice_energy = scales**3 * particle.mass_kg * np.sum(velocity**2, axis=1)
     twice_energy += scales**5 * (spin**2 @ particle.inertia_kg_m2)
     return 0.5 * float(twice_energy.mean())
@@ -222,6 +233,9 @@ def find_slip(
     bed_deg: np.ndarray, energy_j: np.ndarray, drop_deg: float, calm_energy_j: float
 ) -> Slip | None:
     """Find the first slip in the record of a turning drum.
+
+    The drum lifts the bed's centre of mass; in a slip it falls. The slip begins at its
+    highest angle and ends when the grains are calm again.
 
     Parameters
     ----------
@@ -241,14 +255,14 @@ def find_slip(
         None without a slip.
     """
     angle = np.asarray(bed_deg, float)
-    drop = np.maximum.accumulate(angle) - angle
-    dropped = np.flatnonzero(drop >= drop_deg)
-    if len(dropped) == 0:
+    highest_angle = np.maximum.accumulate(angle)
+    slip_rows = np.flatnonzero(highest_angle - angle >= drop_deg)
+    if len(slip_rows) == 0:
         return None
-    detection = int(dropped[0])
-    calm = np.flatnonzero(np.asarray(energy_j)[detection:] < calm_energy_j)
-    if len(calm) > 0:
-        ends = detection + int(calm[0])
+    detection = int(slip_rows[0])
+    calm_rows = np.flatnonzero(np.asarray(energy_j)[detection:] < calm_energy_j)
+    if len(calm_rows) > 0:
+        ends = detection + int(calm_rows[0])
     else:
         ends = len(angle) - 1
     begins = int(np.argmax(angle[: detection + 1]))
@@ -275,36 +289,50 @@ def slip_displacement(
         Depth (N,) of each grain below the surface before the slip, and its motion (N,)
         down along the surface, both in m; NaN beyond the ends of the surface's line.
     """
-    (x0, z0), (x1, _) = surface.line_m
+    # Directions in the drum's section (x, z): up along the surface, and out of the bed
     slope = math.radians(surface.angle_deg)
     along = np.array([math.cos(slope), math.sin(slope)])
     normal = np.array([-math.sin(slope), math.cos(slope)])
-    position = before_m[:, ::2] - (x0, z0)
+
+    # Positions from the lower end of the surface's line
+    (first_x, first_z), (last_x, _) = surface.line_m
+    line_length = (last_x - first_x) / math.cos(slope)
+    position = before_m[:, ::2] - (first_x, first_z)
     distance = position @ along
     depth = -(position @ normal)
+
+    # A grain that only turned with the drum has not moved.
     displacement = to_drum_frame(after_m, turned_rad) - before_m
     motion = -displacement[:, ::2] @ along
-    is_beyond = (distance < 0.0) | (distance > (x1 - x0) / math.cos(slope))
+    is_beyond = (distance < 0.0) | (distance > line_length)
     return np.where(is_beyond, np.nan, depth), np.where(is_beyond, np.nan, motion)
 
 
 def depth_profile(depth_m: np.ndarray, moved_m: np.ndarray, bin_m: float) -> np.ndarray:
-    """Summarise the motion of grains by depth, both from `slip_displacement`.
+    """Summarise the motion of grains in layers of equal thickness, by their depth.
+
+    Parameters
+    ----------
+    depth_m, moved_m : ndarray
+        Depth (N,) and motion (N,) of the grains, from `slip_displacement`.
+    bin_m : float
+        Thickness of a layer.
 
     Returns
     -------
     ndarray
-        For each bin with grains (bins, 4): depth of its middle, mean and standard
+        For each layer with grains (layers, 4): depth of its middle, mean and standard
         deviation of the motion, number of grains.
     """
-    known = np.isfinite(depth_m)
-    motion = moved_m[known]
-    bins = np.floor(depth_m[known] / bin_m).astype(int)
+    is_known = np.isfinite(depth_m)
+    motion = moved_m[is_known]
+    layers = np.floor(depth_m[is_known] / bin_m).astype(int)
     rows = []
-    for index in np.unique(bins):
-        in_bin = motion[bins == index]
-        middle = (index + 0.5) * bin_m
-        rows.append((middle, in_bin.mean(), in_bin.std(), len(in_bin)))
+    for layer in np.unique(layers):
+        layer_motion = motion[layers == layer]
+        middle = (layer + 0.5) * bin_m
+        mean = layer_motion.mean()
+        rows.append((middle, mean, layer_motion.std(), len(layer_motion)))
     return np.array(rows).reshape(-1, 4)
 
 

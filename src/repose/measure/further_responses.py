@@ -1,4 +1,4 @@
-"""More responses of an existing pile, measured on saved pours.
+"""Responses of a pile besides angle and Height: its widths, packing and loose grains.
 
 Four of them come from the mean silhouette. R(z) is half the pile's width at the height
 z, from outermost boundary to outermost boundary, as the mean of all views; b is the
@@ -61,7 +61,9 @@ N_LEVELS = 200  # heights at which the silhouette's width is measured for the vo
 def mean_half_width(
     profiles: Sequence[np.ndarray], mm_per_pixel: float, levels_mm: ArrayLike
 ) -> np.ndarray:
-    """Compute half the width of silhouettes in mm, as the mean over the views.
+    """Compute half the width of a pile at several heights, as the mean over its views.
+
+    The width goes from the outermost boundary on the left to that on the right.
 
     Parameters
     ----------
@@ -72,17 +74,23 @@ def mean_half_width(
     levels_mm : array_like
         Heights (N,) over the plate. A view that does not reach a height has the width 0
         there.
+
+    Returns
+    -------
+    ndarray
+        Half widths (N,) in mm.
     """
     levels = np.asarray(levels_mm, dtype=float) / mm_per_pixel
-    total = np.zeros(len(levels))
+    sum_of_half_widths = np.zeros(len(levels))
     for profile in profiles:
         is_reached = levels < profile.max()
         reached_levels = levels[is_reached]
-        last_column = len(profile) - 1
         left = outermost_crossing(profile, reached_levels)
+        # The right side is searched backwards, from the last column.
+        last_column = len(profile) - 1
         right = last_column - outermost_crossing(profile[::-1], reached_levels)
-        total[is_reached] += 0.5 * (right - left)
-    return total / len(profiles) * mm_per_pixel
+        sum_of_half_widths[is_reached] += 0.5 * (right - left)
+    return sum_of_half_widths / len(profiles) * mm_per_pixel
 
 
 def measure_silhouettes(
@@ -92,7 +100,7 @@ def measure_silhouettes(
     grain_mm: float,
     grains_mm3: float,
 ) -> dict[str, float]:
-    """Measure the four responses of the mean silhouette.
+    """Measure the responses of the mean silhouette: base, both flanks and packing.
 
     Parameters
     ----------
@@ -117,6 +125,7 @@ def measure_silhouettes(
     NoFlankError
         If half of the pile is not higher than a grain.
     """
+    # The flanks go from the height of a grain to the middle, and from there upwards.
     middle_mm = LOWER_FLANK_TO * height_mm
     if middle_mm <= grain_mm:
         raise NoFlankError(
@@ -126,12 +135,14 @@ def measure_silhouettes(
     base_radius, middle_radius, upper_radius = mean_half_width(
         profiles, mm_per_pixel, [grain_mm, middle_mm, upper_mm]
     )
-    step_mm = height_mm / N_LEVELS
-    middles_mm = step_mm * (np.arange(N_LEVELS) + 0.5)
-    radii = mean_half_width(profiles, mm_per_pixel, middles_mm)
-    volume_mm3 = math.pi * step_mm * (radii**2).sum()
     lower_slope = math.atan2(middle_mm - grain_mm, base_radius - middle_radius)
     upper_slope = math.atan2(upper_mm - middle_mm, middle_radius - upper_radius)
+
+    # The volume of the pile is a stack of thin discs.
+    disc_mm = height_mm / N_LEVELS
+    disc_middles_mm = disc_mm * (np.arange(N_LEVELS) + 0.5)
+    radii = mean_half_width(profiles, mm_per_pixel, disc_middles_mm)
+    volume_mm3 = math.pi * disc_mm * (radii**2).sum()
     return {
         "base_radius_mm": float(base_radius),
         "lower_deg": math.degrees(lower_slope),
@@ -143,7 +154,7 @@ def measure_silhouettes(
 def measure_scatter(
     centres_m: np.ndarray, in_pile: ArrayLike, on_plate_mm: float
 ) -> dict[str, float]:
-    """Measure ``radius_90_mm`` and ``loose_percent``.
+    """Measure how far the grains on the plate lie scattered around the pile.
 
     Parameters
     ----------
@@ -153,6 +164,11 @@ def measure_scatter(
         Mask (N,) of the grains that touch the pile.
     on_plate_mm : float
         Radius of the plate.
+
+    Returns
+    -------
+    dict
+        ``radius_90_mm`` and ``loose_percent``.
 
     Raises
     ------
@@ -182,15 +198,18 @@ def of_pour(
     settings = pile.with_grain_height(settings, particle)
     assert settings.berry_height_mm is not None
     grains = Grains.of(arrays, particle)
-    members = arrays["in_pile"]
-    height_m, views = pile.draw_views(grains, settings, members)
+    in_pile = arrays["in_pile"]
+    height_m, views = pile.draw_views(grains, settings, in_pile)
     profiles = [pile.find_profile(view)[0] for view in views]
-    scales = grains.scales[members] if settings.largest_pile_only else grains.scales
-    of_silhouettes = measure_silhouettes(
+    # The volume is that of the grains in the silhouettes.
+    scales = grains.scales[in_pile] if settings.largest_pile_only else grains.scales
+    relative_volume = float((scales**3).sum())
+    shape = measure_silhouettes(
         profiles,
         mm_per_pixel=settings.mm_per_pixel,
         height_mm=1e3 * height_m,
         grain_mm=settings.berry_height_mm,
-        grains_mm3=1e9 * particle.volume_m3 * float((scales**3).sum()),
+        grains_mm3=1e9 * particle.volume_m3 * relative_volume,
     )
-    return of_silhouettes | measure_scatter(grains.centres_m, members, plate_mm / 2)
+    scatter = measure_scatter(grains.centres_m, in_pile, plate_mm / 2)
+    return shape | scatter

@@ -35,10 +35,10 @@ HEIC_BRANDS = tuple(
 
 
 def read_image(path: str | PathLike) -> np.ndarray:
-    """Read a picture file, turned upright by its EXIF entry.
+    """Read a picture file, turned upright by its EXIF entry, with 8 bits a colour.
 
-    Of a deeper picture, the upper eight of the bits that it uses are read: a camera's
-    10 or 12 bits lie in 16.
+    Of a deeper picture the upper eight of the bits that it uses are kept: a camera may
+    store 10 or 12 bits in 16.
 
     Returns
     -------
@@ -57,6 +57,8 @@ def read_image(path: str | PathLike) -> np.ndarray:
         problem = "a folder" if path.is_dir() else "no such file"
         allowed = f"an existing picture file ({FORMATS})"
         raise InputError(path, "picture", problem, allowed)
+
+    # The header is checked first, since decoding a huge picture takes all the memory.
     _check_header(path)
     content = np.frombuffer(path.read_bytes(), dtype=np.uint8)
     try:
@@ -67,6 +69,7 @@ def read_image(path: str | PathLike) -> np.ndarray:
         problem = "not a picture" if content.size else "an empty file"
         allowed = f"a picture file ({FORMATS}), whole"
         raise InputError(path, "picture", problem, allowed)
+
     if image.dtype == np.uint16:
         return _upper_bits(image)
     if image.dtype != np.uint8:
@@ -91,19 +94,20 @@ def _check_header(path: Path) -> None:
         if file.read(12)[4:] in HEIC_BRANDS:
             allowed = "PNG or JPEG; a phone exports it (`heif-convert a.heic a.jpg`)"
             raise InputError(path, "picture", "HEIC", allowed)
-    # Pillow's own limit is smaller than a phone's picture.
+
+    # Pillow's own limit is smaller than a phone's picture, so it is lifted here.
     pillow_limit = Image.MAX_IMAGE_PIXELS
     Image.MAX_IMAGE_PIXELS = None
     try:
         with Image.open(path) as picture:
             width, height = picture.size
-            pages = _page_count(picture)
+            n_pages = _page_count(picture)
     except (UnidentifiedImageError, OSError, SyntaxError, ValueError):
         return  # OpenCV decides whether it is a picture
     finally:
         Image.MAX_IMAGE_PIXELS = pillow_limit
-    if pages != 1:
-        raise InputError(path, "pages", pages, "1: save each as a file of its own")
+    if n_pages != 1:
+        raise InputError(path, "pages", n_pages, "1: save each as a file of its own")
     if min(width, height) < MIN_SIDE_PX or width * height > MAX_PIXELS:
         size = f"{width} x {height} pixels"
         allowed = (

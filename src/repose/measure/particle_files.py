@@ -104,12 +104,14 @@ def read(path: Path_) -> Particles:
         raise InputError(path, "file", "without a particle", "a row for each particle")
     columns = _columns_of(table)
     _require(path, table, columns, POSITION)
-    centres = _numbers(path, table, columns, POSITION)
-    semi_axes = _semi_axes(path, table, columns)
+    centres = _read_numbers(path, table, columns, POSITION)
+    semi_axes = _read_semi_axes(path, table, columns)
+    # Without an orientation the axes of a particle are those of the file.
     quaternions = np.tile([1.0, 0.0, 0.0, 0.0], (len(table), 1))
     if "qw" in columns:
         _require(path, table, columns, QUATERNION)
-        quaternions = _unit(path, _numbers(path, table, columns, QUATERNION))
+        quaternions = _unit(path, _read_numbers(path, table, columns, QUATERNION))
+    # Without the number of a clump each particle is a grain.
     grains = np.arange(len(table))
     if "grain" in columns:
         grains = pd.factorize(table[columns["grain"]])[0]
@@ -120,7 +122,11 @@ def read(path: Path_) -> Particles:
 
 
 def _read_table(path: Path) -> pd.DataFrame:
-    """Read the columns of a file in one of the three formats."""
+    """Read a file in one of three formats as a table.
+
+    They are a dump of LAMMPS or LIGGGHTS, a text file of Yade, and any table with a
+    header.
+    """
     try:
         text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
@@ -131,6 +137,8 @@ def _read_table(path: Path) -> pd.DataFrame:
         header, _, rows = text.partition("\n")
         names = header.removeprefix(YADE_FORMAT).split("_")
         return _split(path, names, rows.splitlines())
+    # Columns without commas, semicolons or tabs are separated by blanks; otherwise
+    # pandas finds the separator.
     header = text.lstrip("\ufeff").partition("\n")[0]
     separator = r"\s+" if not re.search("[,;\t]", header) else None
     try:
@@ -143,13 +151,21 @@ def _read_table(path: Path) -> pd.DataFrame:
 def _read_dump(path: Path, text: str) -> pd.DataFrame:
     """Read the last time step of a dump of LAMMPS or LIGGGHTS."""
     lines = text.splitlines()
-    starts = [k for k, line in enumerate(lines) if line.startswith("ITEM: ATOMS")]
-    if not starts:
+    header_lines = []
+    count_lines = []
+    for number, line in enumerate(lines):
+        if line.startswith("ITEM: ATOMS"):
+            header_lines.append(number)
+        if line == "ITEM: NUMBER OF ATOMS":
+            count_lines.append(number)
+    if not header_lines:
         raise InputError(path, "file", "a dump without ITEM: ATOMS", "a whole dump")
-    names = lines[starts[-1]].split()[2:]
-    rows = lines[starts[-1] + 1 :]
-    counts = [k for k, line in enumerate(lines) if line == "ITEM: NUMBER OF ATOMS"]
-    n_particles = int(lines[counts[-1] + 1])
+
+    # The header names the columns after the two words ITEM: ATOMS.
+    last_header = header_lines[-1]
+    names = lines[last_header].split()[2:]
+    rows = lines[last_header + 1 :]
+    n_particles = int(lines[count_lines[-1] + 1])
     if len(rows) != n_particles:
         raise InputError(
             path,
@@ -175,13 +191,17 @@ def _split(path: Path, names: list[str], rows: list[str]) -> pd.DataFrame:
 
 
 def _columns_of(table: pd.DataFrame) -> dict[str, str]:
-    """Find the column of each quantity by its names; case does not count."""
-    by_name = {str(name).strip().lower(): name for name in table.columns}
+    """Find the column of each quantity by its names; case does not count.
+
+    Returns the name of the column in the file by quantity; quantities that the file
+    lacks are left out.
+    """
+    column_by_name = {str(name).strip().lower(): name for name in table.columns}
     columns = {}
     for quantity, names in COLUMNS.items():
         for name in names:
-            if name in by_name:
-                columns[quantity] = by_name[name]
+            if name in column_by_name:
+                columns[quantity] = column_by_name[name]
                 break
     return columns
 
@@ -197,13 +217,17 @@ def _require(
             raise InputError(path, f"column {quantity}", "missing", allowed)
 
 
-def _numbers(
+def _read_numbers(
     path: Path_, table: pd.DataFrame, columns: dict[str, str], names: tuple[str, ...]
 ) -> np.ndarray:
-    """Return the numbers (N, k) of columns."""
+    """Return the numbers (N, K) of K quantities, each in its column of the table.
+
+    Raises InputError for the first that is no finite number.
+    """
     numbers = np.empty((len(table), len(names)))
     for k, name in enumerate(names):
         cells = table[columns[name]]
+        # Text that is no number becomes NaN.
         numbers[:, k] = pd.to_numeric(cells, errors="coerce")
         is_bad = ~np.isfinite(numbers[:, k])
         if is_bad.any():
@@ -213,30 +237,38 @@ def _numbers(
     return numbers
 
 
-def _semi_axes(path: Path_, table: pd.DataFrame, columns: dict[str, str]) -> np.ndarray:
-    """Return the semi-axes (N, 3); three equal ones where the table has a radius."""
+def _read_semi_axes(
+    path: Path_, table: pd.DataFrame, columns: dict[str, str]
+) -> np.ndarray:
+    """Return the semi-axes (N, 3) of the particles; three equal ones for a sphere.
+
+    Raises InputError without a size, for a size that is not positive, and for
+    particles that are no spheres and have no orientation.
+    """
     has_semi_axes = set(SEMI_AXES) <= set(columns)
     has_full_axes = set(FULL_AXES) <= set(columns)
     if has_semi_axes:
-        semi_axes = _numbers(path, table, columns, SEMI_AXES)
+        semi_axes = _read_numbers(path, table, columns, SEMI_AXES)
     elif has_full_axes:
         # LAMMPS gives the diameters along the axes, and 0 for a point
-        semi_axes = 0.5 * _numbers(path, table, columns, FULL_AXES)
+        semi_axes = 0.5 * _read_numbers(path, table, columns, FULL_AXES)
     elif "radius" in columns:
-        semi_axes = np.repeat(_numbers(path, table, columns, ("radius",)), 3, axis=1)
+        radii = _read_numbers(path, table, columns, ("radius",))
+        semi_axes = np.repeat(radii, 3, axis=1)
     elif "diameter" in columns:
-        diameters = _numbers(path, table, columns, ("diameter",))
+        diameters = _read_numbers(path, table, columns, ("diameter",))
         semi_axes = np.repeat(0.5 * diameters, 3, axis=1)
     else:
         found = ", ".join(map(str, table.columns))
         raise InputError(path, "size", "missing", f"columns {SIZES}; found: {found}")
+
     is_bad = (semi_axes <= 0).any(axis=1)
     if is_bad.any():
         row = int(np.flatnonzero(is_bad)[0])
         value = float(semi_axes[row].min())
         raise InputError(path, f"size, row {row + 1}", value, "a number above 0")
-    has_turned_axes = (has_semi_axes or has_full_axes) and "qw" not in columns
-    if has_turned_axes and (semi_axes != semi_axes[:, :1]).any():
+    lacks_orientation = (has_semi_axes or has_full_axes) and "qw" not in columns
+    if lacks_orientation and (semi_axes != semi_axes[:, :1]).any():
         names = ", ".join(QUATERNION)
         raise InputError(path, "orientation", "missing", f"columns {names}")
     return semi_axes

@@ -21,9 +21,11 @@ def pile_responses(
     particle: "Particle",
     settings: MeasureSettings,
     plate_mm: float,
-    additional: Sequence[str] = (),
+    extra_names: Sequence[str] = (),
 ) -> tuple[dict[str, Any], dict[str, str]]:
-    """Measure the responses of a pile.
+    """Measure the responses of a saved pile.
+
+    Angles and Height are always measured, others by their names.
 
     Parameters
     ----------
@@ -36,7 +38,7 @@ def pile_responses(
         Settings of the measurement.
     plate_mm : float
         Diameter of the plate.
-    additional : sequence of str
+    extra_names : sequence of str
         Names of responses of `repose.measure.further_responses` to measure, too.
 
     Returns
@@ -50,6 +52,7 @@ def pile_responses(
     try:
         result = pile.measure_pile(grains, settings, arrays["in_pile"])
     except NoFlankError as error:
+        # There is no pile, so nothing can be measured.
         for name in (CALIBRATED_ANGLE, "height_mm", *MEAN_KEYS.values()):
             reasons[name] = error.reason
     else:
@@ -58,15 +61,15 @@ def pile_responses(
             reasons[MEAN_KEYS[definition]] = reason
         if settings.response in result.reasons:
             reasons[CALIBRATED_ANGLE] = result.reasons[settings.response]
-    if additional:
+    if extra_names:
         from repose.measure import further_responses
 
         try:
             measured = further_responses.of_pour(arrays, particle, settings, plate_mm)
         except NoFlankError as error:
-            reasons |= dict.fromkeys(additional, error.reason)
+            reasons |= dict.fromkeys(extra_names, error.reason)
         else:
-            responses |= {name: measured[name] for name in additional}
+            responses |= {name: measured[name] for name in extra_names}
     return responses, reasons
 
 

@@ -43,13 +43,17 @@ def read_pours(path: str | PathLike) -> dict[str, Any]:
 
 
 def _check_pour(pour: Any, path: str | PathLike) -> None:
-    """Raise InputError for an impossible record of a pour; complete its reason."""
+    """Raise InputError for an impossible record of a pour.
+
+    A record without a reason gets an empty one.
+    """
     has_keys = isinstance(pour, dict) and "seed" in pour
     if not has_keys or not isinstance(pour.get("status"), str):
         raise InputError(path, "pours", pour, "records with a seed and a status")
     reason = pour.setdefault("reason", "")
     if not isinstance(reason, str):
         raise InputError(path, "reason", reason, "text")
+    # All other values are numbers, the seed too.
     for key in pour.keys() - {"status", "reason"}:
         value = pour[key]
         is_number = isinstance(value, int | float) and math.isfinite(value)
@@ -105,9 +109,11 @@ def pour_arrays(
 def _check_grains(arrays: Arrays, source: object, ending: str) -> None:
     """Raise InputError for arrays of different numbers of grains, or bad values.
 
-    `ending` completes the name of an array in messages.
+    Positions may be those of one time (N, 3) or of several (T, N, 3). `ending` completes
+    the name of an array in messages.
     """
-    # Shape of an array with a number for each grain: (N,), or () for bad positions
+    # The shape (N,) of an array with a number for each of the N grains of `position`;
+    # it is empty if that is no table of positions.
     per_grain = arrays["position"].shape[-2:-1]
     for kind in (*COLUMNS, *ONE_A_GRAIN):
         if kind not in arrays:
@@ -115,7 +121,9 @@ def _check_grains(arrays: Arrays, source: object, ending: str) -> None:
         values = arrays[kind]
         key = f"{kind}{ending}"
         shape = (*per_grain, COLUMNS[kind]) if kind in COLUMNS else per_grain
+        # Booleans, floats and integers of either kind
         is_numeric = values.dtype.kind in "bfiu"
+        # A first axis of times is allowed.
         has_shape = per_grain and values.shape[-len(shape) :] == shape
         if not is_numeric or not has_shape:
             description = f"{values.dtype} {values.shape}"
@@ -131,9 +139,9 @@ def _check_grains(arrays: Arrays, source: object, ending: str) -> None:
 
 
 def first_pour(path: str | PathLike) -> dict[str, np.ndarray]:
-    """Read the arrays of the first seed in a job's .npz file.
+    """Read the arrays of the first pour in a job's .npz file.
 
-    Their names are such as ``position``.
+    Their names, such as ``position``, are those of the file without the seed.
     """
     arrays = saved_positions(path)
     for key in arrays:
