@@ -31,6 +31,7 @@ def read_pours(path: str | PathLike) -> dict[str, Any]:
     for any other file.
     """
     job = read_json(path, what=WHAT)
+    # Another file of the program has no list of pours, or another name.
     pours = job.get("pours")
     if not str(path).endswith(POURS) or not isinstance(pours, list) or not pours:
         raise InputError(path, "pours", pours, WHAT)
@@ -69,7 +70,7 @@ def saved_positions(path: str | PathLike) -> dict[str, np.ndarray]:
 def pour_arrays(
     arrays: Arrays, seed: object, source: object, kinds: Iterable[str] = KINDS
 ) -> dict[str, np.ndarray]:
-    """Select the arrays of one pour.
+    """Select the arrays of one pour from those of its job, and check them.
 
     Parameters
     ----------

@@ -107,7 +107,7 @@ class MeasureSettings(Section):
 
 
 def line_of(settings: MeasureSettings, definition: str | None = None) -> str:
-    """Describe a definition of the angle with its settings, for tables and figures.
+    """Describe in words the line by which an angle is measured, with its settings.
 
     Parameters
     ----------
@@ -139,9 +139,9 @@ def _end_of_flank(end: float | str) -> str:
 
 
 def line_for(settings: MeasureSettings | None, response: str) -> str:
-    """Describe the line of a response that is an angle of a pile.
+    """Describe in words the line by which a response that is an angle is measured.
 
-    Return an empty text for any other response, or without settings.
+    The text is empty for any other response, and without settings.
     """
     if settings is None:
         return ""

@@ -100,7 +100,7 @@ class Grains:
 def outlines(
     grains: Grains, azimuths_deg: ArrayLike, inset_m: float = 0.0
 ) -> np.ndarray:
-    """Compute the outlines of bodies in orthographic side views.
+    """Compute the outlines of bodies in orthographic side views, as polygons.
 
     The view from azimuth a shows u = x cos a + y sin a to the right and z up. A convex
     body's outline is the curve of its support points in the directions of the picture
@@ -121,25 +121,28 @@ def outlines(
         Polygons (V, N, OUTLINE_DIRECTIONS, 2), u and z in m. A body of M spheres has M
         polygons.
     """
+    # The direction of the world (3,) that points to the right in each view
     azimuths = np.radians(np.asarray(azimuths_deg, dtype=float))
     rights = np.stack(
         [np.cos(azimuths), np.sin(azimuths), np.zeros_like(azimuths)], axis=-1
     )
-    turns = np.arange(OUTLINE_DIRECTIONS) * (2 * math.pi / OUTLINE_DIRECTIONS)
-    circle = np.column_stack([np.cos(turns), np.sin(turns)])
+    # Directions (K, 2) in the plane of the picture
+    angles = np.arange(OUTLINE_DIRECTIONS) * (2 * math.pi / OUTLINE_DIRECTIONS)
+    circle = np.column_stack([np.cos(angles), np.sin(angles)])
 
     spheres = place_spheres(grains)
     if spheres is not None:
-        across, up = np.broadcast_arrays(rights @ spheres[:, :3].T, spheres[:, 2])
-        middles = np.stack([across, up], axis=-1)
+        u, z = np.broadcast_arrays(rights @ spheres[:, :3].T, spheres[:, 2])
+        centres = np.stack([u, z], axis=-1)
         radii = spheres[:, 3, None, None] - inset_m
-        return middles[:, :, None, :] + radii * circle
+        return centres[:, :, None, :] + radii * circle
 
     rotations = rotation_matrices(grains.quaternions)
     polygons = np.empty((len(rights), len(rotations), *circle.shape))
     for polygon, right in zip(polygons, rights, strict=True):
         polygon[:] = _convex_outlines(grains, rotations, right, circle)
         polygon -= inset_m * circle
+        # Move the outlines to the centres of their bodies.
         polygon[..., 0] += (grains.centres_m @ right)[:, None]
         polygon[..., 1] += grains.centres_m[:, 2, None]
     return polygons
@@ -148,30 +151,51 @@ def outlines(
 def _convex_outlines(
     grains: Grains, rotations: np.ndarray, right: np.ndarray, circle: np.ndarray
 ) -> np.ndarray:
-    """Compute the outlines (N, OUTLINE_DIRECTIONS, 2) of bodies about their centres.
+    """Compute the outlines of N convex bodies about their centres in one view.
 
-    `right` (3,) points to the right in the picture, `circle` has the directions of the
-    outline. The second half of an outline is the first, turned by 180 degrees.
+    The bodies are symmetric to their centres, so the second half of an outline is the
+    first, turned by 180 degrees.
+
+    Parameters
+    ----------
+    grains : Grains
+        The bodies.
+    rotations : ndarray
+        Rotation matrices (N, 3, 3) from the bodies' frames to the world's.
+    right : ndarray
+        Direction (3,) of the world that points to the right in the picture.
+    circle : ndarray
+        Directions (K, 2) in the picture in which the outline is computed.
+
+    Returns
+    -------
+    ndarray
+        Polygons (N, K, 2), to the right and up in m.
     """
-    right_body = np.einsum("nij,i->nj", rotations, right)
-    up_body = rotations[:, 2, :]
+    # The axes of the picture in the frame of each body
+    body_right = np.einsum("nij,i->nj", rotations, right)
+    body_up = rotations[:, 2, :]
     half_circle = circle[: OUTLINE_DIRECTIONS // 2]
     cos, sin = np.split(half_circle, 2, axis=1)
-    normals = cos * right_body[:, None, :] + sin * up_body[:, None, :]
+    normals = cos * body_right[:, None, :] + sin * body_up[:, None, :]
     points = grains.support_points(normals)
-    picture_axes = np.stack([right_body, up_body], axis=-1)
-    half = grains.scales[:, None, None] * (points @ picture_axes)
-    return np.concatenate([half, -half], axis=1)
+    picture_axes = np.stack([body_right, body_up], axis=-1)
+    half_outline = grains.scales[:, None, None] * (points @ picture_axes)
+    return np.concatenate([half_outline, -half_outline], axis=1)
 
 
 def place_spheres(grains: Grains) -> np.ndarray | None:
-    """Compute centre and radius (N * M, 4) in m of the spheres of N bodies.
+    """Place the M spheres of each of N bodies in the world.
 
-    Return None for a body that is not made of spheres.
+    Returns
+    -------
+    ndarray or None
+        Centres and radii (N * M, 4) in m; None for a body that is not made of spheres.
     """
     spheres: Any = getattr(grains.particle, "spheres_m", ())
     if len(spheres) == 0:
         return None
+    # Turn the spheres with their body, scale them, and move them to its centre.
     scales = grains.scales[:, None]
     rotations = rotation_matrices(grains.quaternions)
     offsets = np.einsum("nij,mj->nmi", rotations, spheres[:, :3])
@@ -192,14 +216,30 @@ def find_top(grains: Grains) -> float:
 
 
 def paint(polygons_m: np.ndarray, mm_per_pixel: float, extent: Extent) -> np.ndarray:
-    """Fill the outlines (N, K, 2) of one view into a picture (H, W).
+    """Paint the bodies of one view into a picture, dark on light.
 
-    The pile is dark on light, and z = 0 is the picture's lower border. OpenCV fills
-    every pixel that an outline touches, half a pixel too many all around, so the
-    outlines must lie half a pixel inside the body. A filled disc then has its true area
-    and extents to 0.03 pixel (tested).
+    OpenCV fills every pixel that an outline touches, half a pixel too many all around,
+    so the outlines must lie half a pixel inside the body. A filled disc then has its
+    true area and extents to 0.03 pixel (tested).
 
-    Raises InputError if the picture would have too many pixels.
+    Parameters
+    ----------
+    polygons_m : ndarray
+        Outlines (N, K, 2) of the bodies, u and z.
+    mm_per_pixel : float
+        Scale of the picture.
+    extent : Extent
+        Part of the view that the picture shows; z = 0 is its lower border.
+
+    Returns
+    -------
+    ndarray
+        The picture (H, W), uint8.
+
+    Raises
+    ------
+    InputError
+        If the picture would have too many pixels.
     """
     import cv2  # only where a picture is drawn
 
@@ -214,12 +254,14 @@ def paint(polygons_m: np.ndarray, mm_per_pixel: float, extent: Extent) -> np.nda
         )
         size = f"{width:g} x {height:g}"
         raise InputError("picture of the pile", "pixels", size, allowed)
+    # Columns and rows of the outlines, counted from the middle of the first pixel
     pixels = np.empty_like(polygons_m)
     pixels[..., 0] = (polygons_m[..., 0] - left_m) / pixel_m - 0.5
     pixels[..., 1] = height - polygons_m[..., 1] / pixel_m - 0.5
-    fixed_point = np.rint(pixels * (1 << SUBPIXEL_BITS)).astype(np.int32)
+    # OpenCV takes fractions of a pixel as whole numbers with `SUBPIXEL_BITS` more bits.
+    subpixels = np.rint(pixels * (1 << SUBPIXEL_BITS)).astype(np.int32)
     image = np.full((height, width), BACKGROUND_TONE, dtype=np.uint8)
-    for outline in fixed_point:
+    for outline in subpixels:
         cv2.fillConvexPoly(image, outline, PILE_TONE, shift=SUBPIXEL_BITS)
     return image
 

@@ -1,4 +1,4 @@
-"""From a photograph that shows the sheet to the upright, metric side view of the pile.
+"""The camera of a photograph with the sheet, and the upright side view that it gives.
 
 Coordinates of the world are in mm: x to the right along the sheet, y away from the
 camera, z up. The origin is the sheet's lower left corner, and z = 0 is the plate. The
@@ -131,11 +131,14 @@ def calibrate(
     assumed_focal = PHONE_FOCAL * longer_side if focal_px is None else focal_px
     focal = _focal_without_distortion(views, assumed_focal, size)
     guess = _camera_matrix(focal, size)
+    # Fit two coefficients of distortion, then one, then none, until the fit is reliable.
     for fixed in (0, cv2.CALIB_FIX_K2, cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2):
         fit = _fit_lens(views, size, guess, fixed)
         if fit is not None and _is_reliable(fit, focal, longer_side):
             note = NO_DISTORTION if fixed & cv2.CALIB_FIX_K1 else ""
             return Camera(fit.matrix, fit.distortion, note)
+
+    # The corners do not determine the focal length.
     if focal != assumed_focal:
         origin = "uncertain"
     elif focal_px is not None:
@@ -148,9 +151,11 @@ def calibrate(
 def _fit_lens(
     views: Sequence[SheetCorners], size: tuple[int, int], guess: np.ndarray, fixed: int
 ) -> _LensFit | None:
-    """Fit focal length and the coefficients of distortion that `fixed` leaves free.
+    """Fit the focal length and some coefficients of distortion to views of the sheet.
 
-    Return None if there are too few corners for the number of unknowns.
+    `guess` (3, 3) is the camera matrix from which the fit begins, and `fixed` has the
+    OpenCV flags of the coefficients that stay 0. Return None if there are too few
+    corners for the number of unknowns.
     """
     object_points = [view.object_points_mm.astype(np.float32) for view in views]
     image_points = [view.pixels.astype(np.float32) for view in views]
@@ -182,7 +187,9 @@ def _fit_lens(
 def _is_reliable(fit: _LensFit, undistorted_focal: float, longer_side: int) -> bool:
     """Tell whether the corners determine all unknowns of a fit.
 
-    A singular fit has an error of 0, or ends far from the focal length that fits best
+    Three conditions must hold: the fit is not singular, the focal length is plausible
+    and has a small error, and the error of the distortion hardly moves a point. A
+    singular fit has an error of 0, or ends far from the focal length that fits best
     without distortion.
     """
     focal = fit.matrix[0, 0]
@@ -196,7 +203,8 @@ def _is_reliable(fit: _LensFit, undistorted_focal: float, longer_side: int) -> b
         fit.focal_error < LARGEST_FOCAL_ERROR * focal
         and shortest < focal / longer_side < longest
     )
-    distance = 0.5 * longer_side / focal  # of the point at half the longer side
+    # Distance from the centre of a point at half the longer side, in focal lengths
+    distance = 0.5 * longer_side / focal
     has_distortion = (
         fit.k1_error * distance**2 < LARGEST_LENS_ERROR
         and fit.k2_error * distance**4 < LARGEST_LENS_ERROR
@@ -207,9 +215,10 @@ def _is_reliable(fit: _LensFit, undistorted_focal: float, longer_side: int) -> b
 def _focal_without_distortion(
     views: Sequence[SheetCorners], assumed: float, size: tuple[int, int]
 ) -> float:
-    """Find the focal length [px] of a lens without distortion that fits best.
+    """Find the focal length [px] of a lens without distortion that fits the views best.
 
-    The assumed focal length is kept if it lies within three standard errors.
+    Several trial values are compared. The assumed focal length is kept if it lies within
+    three standard errors of the best.
     """
     trials = np.append(max(size) * TRIAL_FOCALS, assumed)
     residuals = np.array(
@@ -231,10 +240,15 @@ def _camera_matrix(focal: float, size: tuple[int, int]) -> np.ndarray:
 
 
 def _squared_residuals(views: Sequence[SheetCorners], matrix: np.ndarray) -> float:
-    """Sum the squared distances [px] of the corners from those of flat sheets."""
+    """Sum the squared distances [px2] of the corners from those of flat sheets.
+
+    The flat sheet of each view is projected by a camera matrix (3, 3) without
+    distortion.
+    """
     total = 0.0
     no_distortion = np.zeros(5)
     for view in views:
+        # A flat sheet may have two poses; the better one counts.
         residuals = []
         for rotation, translation in _poses(view, matrix, no_distortion):
             projected, _ = cv2.projectPoints(
@@ -307,16 +321,24 @@ class Pose:
             )
 
     def project(self, world: np.ndarray) -> np.ndarray:
-        """Compute column and row (..., 2) of points of the world (..., 3) in mm."""
+        """Compute where points of the world (..., 3) in mm lie in the photograph.
+
+        Returns
+        -------
+        ndarray
+            Columns and rows (..., 2) in pixels.
+        """
+        # Coordinates in the frame of the camera, which looks along z
         points = world @ self.rotation.T + self.translation.ravel()
         x = points[..., 0] / points[..., 2]
         y = points[..., 1] / points[..., 2]
+        # The lens moves a point along its distance from the centre.
         k1, k2 = self.camera.distortion[:2]
-        square = x * x + y * y
-        factor = 1 + k1 * square + k2 * square**2
+        squared_distance = x * x + y * y
+        distortion = 1 + k1 * squared_distance + k2 * squared_distance**2
         matrix = self.camera.matrix
-        column = matrix[0, 0] * x * factor + matrix[0, 2]
-        row = matrix[1, 1] * y * factor + matrix[1, 2]
+        column = matrix[0, 0] * x * distortion + matrix[0, 2]
+        row = matrix[1, 1] * y * distortion + matrix[1, 2]
         return np.stack([column, row], axis=-1)
 
     def facing_plane(self, axis_mm: float) -> Plane:
@@ -436,9 +458,12 @@ def side_view(
 
 
 def _outline_of_sheet(pose: Pose, plane: Plane) -> np.ndarray:
-    """Project the sheet's outline, with a margin, onto a plane: (4, 2), along and up.
+    """Find the part of a plane that the sheet, with a margin, hides from the camera.
 
-    The sheet stands in a plane of its own, so it hides another part of this one.
+    Returns
+    -------
+    ndarray
+        Corners (4, 2) of that part in mm, along the plane and up.
     """
     width, height = pose.paper_mm
     margin = SHEET_EDGE * width
@@ -449,7 +474,9 @@ def _outline_of_sheet(pose: Pose, plane: Plane) -> np.ndarray:
     corners = np.array(
         [[left, 0, bottom], [right, 0, bottom], [right, 0, top], [left, 0, top]]
     )
-    _, points = _intersect(pose.position_mm, corners - pose.position_mm, plane)
+    # Rays from the camera through the corners of the sheet
+    rays = corners - pose.position_mm
+    _, points = _intersect(pose.position_mm, rays, plane)
     return points
 
 
@@ -458,14 +485,16 @@ def _visible_extent(pose: Pose, plane: Plane) -> Extent:
 
     NoFlankError if the photograph shows more than the plane, or nothing over the plate.
     """
-    # Points on the border of the photograph
+    # Points on the border of the photograph, as shares of its width and height
     shares = np.linspace(0, 1, 9)
     border = []
-    for u in shares:
-        for v in shares:
-            if u in (0, 1) or v in (0, 1):
-                border.append((u, v))
+    for x_share in shares:
+        for y_share in shares:
+            if x_share in (0, 1) or y_share in (0, 1):
+                border.append((x_share, y_share))
     pixels = np.array(border) * np.subtract(pose.size, 1)
+
+    # Their rays meet the plane at the border of the visible part.
     camera = pose.camera
     rays = cv2.undistortPoints(pixels[:, None], camera.matrix, camera.distortion)[:, 0]
     directions = np.column_stack([rays, np.ones(len(rays))]) @ pose.rotation

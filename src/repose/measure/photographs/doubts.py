@@ -1,4 +1,4 @@
-"""Signs that what was found in a photograph is no single heap.
+"""Doubts about a measured photograph: signs that it does not show a single heap.
 
 A sign that leaves the measurement possible is a doubt: a sentence for the reader, with
 which the photograph does not count. Others raise NoFlankError, which refuses the
@@ -70,7 +70,7 @@ def usual_grain_mm(height_mm: float) -> float:
 def doubts_of_pile(
     pile: Segmentation, measurement: Measurement, grain_mm: float, mm_per_pixel: float
 ) -> list[str]:
-    """List the signs that a pile is no single heap, or has too few pixels.
+    """List the doubts whether a pile is a single heap of enough pixels, as sentences.
 
     Raises NoFlankError for a layer of grains.
     """
@@ -80,8 +80,9 @@ def doubts_of_pile(
             f"it is {height_mm / grain_mm:.1f} grains high, less than "
             f"{LOWEST_PILE_GRAINS:g}: a layer, no pile"
         )
+    # The heights of each side, from the crest outwards
     profile, crest = find_profile(pile)
-    sides = (profile[: crest + 1][::-1], profile[crest:])  # from the crest outwards
+    sides = (profile[: crest + 1][::-1], profile[crest:])
     size = _Size(height_mm, grain_mm, mm_per_pixel)
     doubts = [
         _doubt_of_rise(sides, size),
@@ -115,11 +116,14 @@ def _doubt_of_rise(sides: Sequence[np.ndarray], size: _Size) -> str:
 def _doubt_of_drop(sides: Sequence[np.ndarray], size: _Size) -> str:
     """Write a doubt if the outline falls steeply within half a grain, else nothing.
 
-    A side has the heights in pixels from the crest outwards.
+    Each side has the heights in pixels from the crest outwards.
     """
-    step = max(1, round(0.5 * size.grain_mm / size.mm_per_pixel))
-    drops = [float((side[:-step] - side[step:]).max(initial=0.0)) for side in sides]
-    drop_mm = size.mm_per_pixel * max(drops)
+    half_grain_px = max(1, round(0.5 * size.grain_mm / size.mm_per_pixel))
+    drops_px = []
+    for side in sides:
+        falls = side[:-half_grain_px] - side[half_grain_px:]
+        drops_px.append(float(falls.max(initial=0.0)))
+    drop_mm = size.mm_per_pixel * max(drops_px)
     limit_mm = max(
         LARGEST_DROP_GRAINS * size.grain_mm, LARGEST_DROP_SHARE * size.height_mm
     )
@@ -136,7 +140,7 @@ def _doubt_of_flanks(
 ) -> str:
     """Write a doubt if the lines of both flanks do not meet near the crest.
 
-    Without lines, or where they meet near it, there is nothing to write.
+    The text is empty if they meet near it, or if there are no lines.
     """
     flank = measurement.angles.get("flank")
     if flank is None:
@@ -191,11 +195,25 @@ def _meeting_height(lines: tuple, base_row: float) -> float:
 def require_foot(
     image: np.ndarray, pile: Segmentation, grain_mm: float | None, mm_per_pixel: float
 ) -> None:
-    """Check the base of a pile that was found without the sheet.
+    """Check that the lowest rows of a pile are its foot, where no sheet shows the plate.
 
-    Raises NoFlankError if the picture cuts the pile off, or if its lowest rows are a
-    shadow or the near rim of a pile seen from above. Without a height of a grain it is
-    an eighth of the pile's.
+    They may be a shadow, or the near rim of a pile that is seen from above.
+
+    Parameters
+    ----------
+    image : ndarray
+        The picture (H, W, 3), BGR, or (H, W).
+    pile : Segmentation
+        The pile found in it.
+    grain_mm : float or None
+        Height of a grain; None stands for the usual share of the pile's height.
+    mm_per_pixel : float
+        Scale of the picture.
+
+    Raises
+    ------
+    NoFlankError
+        If the lowest rows are no foot, or if the picture cuts the pile off.
     """
     if pile.mask[-1].any():
         raise NoFlankError(
@@ -213,6 +231,7 @@ def require_foot(
         part = "grains, with the colour of the background"
         raise NoFlankError(LOW_BASE.format(depth=shadow_rows / rows.size, part=part))
 
+    # From above, the foot is widest some rows over its lowest one.
     is_widest = widths[rows] >= 0.99 * widths.max()
     widest_row = rows[np.flatnonzero(is_widest)[-1]]
     underside_rows = rows[-1] - widest_row
@@ -222,7 +241,11 @@ def require_foot(
 
 
 def doubts_of_base(image: np.ndarray, pile: Segmentation, grain_px: float) -> list[str]:
-    """List the signs that a base or a flank found without sheet is not the pile's."""
+    """List the doubts whether a base and flanks found without the sheet are the pile's.
+
+    `grain_px` is the height of a grain in pixels.
+    """
+    # Columns in front of and behind the pile, in each of its rows
     rows = np.flatnonzero(pile.mask.any(axis=1))
     foot = _Foot(
         rows=rows,
@@ -270,13 +293,16 @@ def _continues_below(
     and that beside the foot, as low.
     """
     channels = image.reshape(*image.shape[:2], -1)
-    first = math.ceil(pile.base_row) + 2
-    below = channels[first : first + max(4, round(grain_px))]
-    left_end = below[:, : foot.left.min()]
-    right_end = below[:, below.shape[1] - foot.right.min() :]
-    ends = np.concatenate([left_end, right_end], axis=1)
-    if ends.size == 0:
+    # The strip below the base, about a grain high, and its parts beside the foot
+    first_row = math.ceil(pile.base_row) + 2
+    strip = channels[first_row : first_row + max(4, round(grain_px))]
+    left_part = strip[:, : foot.left.min()]
+    right_part = strip[:, strip.shape[1] - foot.right.min() :]
+    sides = np.concatenate([left_part, right_part], axis=1)
+    if sides.size == 0:
         return False
+
+    # The middle third of the foot, and the grains above it
     rows = foot.rows
     low_row = rows[0] + 2 * len(rows) // 3
     columns = np.flatnonzero(pile.mask[low_row])
@@ -284,8 +310,11 @@ def _continues_below(
     grains = channels[rows[len(rows) // 2] : rows[-1], middle]
 
     grain_colour = np.median(grains, axis=(0, 1))
-    colour_below = np.median(below[:, middle], axis=(0, 1))
-    colour_of_ends = np.median(ends, axis=(0, 1))
-    to_ends = np.abs(colour_below - colour_of_ends).max()
-    to_grains = np.abs(colour_below - grain_colour).max()
-    return bool(to_grains < to_ends and to_ends > SMALLEST_STEP)
+    colour_below = np.median(strip[:, middle], axis=(0, 1))
+    side_colour = np.median(sides, axis=(0, 1))
+    difference_from_sides = np.abs(colour_below - side_colour).max()
+    difference_from_grains = np.abs(colour_below - grain_colour).max()
+    return bool(
+        difference_from_grains < difference_from_sides
+        and difference_from_sides > SMALLEST_STEP
+    )

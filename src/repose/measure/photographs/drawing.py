@@ -35,15 +35,20 @@ def overlay(image: np.ndarray, measurement: Measurement) -> np.ndarray:
     ndarray
         The picture (H, W, 3), BGR.
     """
-    picture, thickness = _outlined(image, measurement.contour)
-    right_end = picture.shape[1] - 1
-    base = measurement.base_row
-    column, top = measurement.top
-    base_line = base - thickness / 2
-    draw_line(picture, (0, base_line), (right_end, base_line), BLUE, thickness)
-    draw_line(picture, (column, base), (column, top), BLUE, thickness)
-    bar = 12 * thickness
-    draw_line(picture, (column - bar, top), (column + bar, top), BLUE, thickness)
+    picture, thickness = _draw_outline(image, measurement.contour)
+    # The base, over the whole width
+    last_column = picture.shape[1] - 1
+    base_row = measurement.base_row
+    line_row = base_row - thickness / 2
+    draw_line(picture, (0, line_row), (last_column, line_row), BLUE, thickness)
+    # The Height: a vertical line with a bar at the crest
+    column, top_row = measurement.top
+    draw_line(picture, (column, base_row), (column, top_row), BLUE, thickness)
+    half_bar = 12 * thickness
+    bar_start = (column - half_bar, top_row)
+    bar_end = (column + half_bar, top_row)
+    draw_line(picture, bar_start, bar_end, BLUE, thickness)
+    # The lines through the sides
     left_line, right_line = measurement.angle.lines
     for (lower_end, upper_end), colour in ((left_line, RED), (right_line, GREEN)):
         draw_line(picture, lower_end, upper_end, colour, 2 * thickness)
@@ -51,21 +56,35 @@ def overlay(image: np.ndarray, measurement: Measurement) -> np.ndarray:
 
 
 def overlay_of_refused(image: np.ndarray, pile: Segmentation | None) -> np.ndarray:
-    """Draw a refused picture with the base and boundary of what was taken for the pile.
+    """Draw what was taken for the pile into a refused picture: boundary and base.
 
-    `pile` is None if nothing was.
+    Nothing is drawn if `pile` is None.
     """
     if pile is None:
         no_contour = np.empty((0, 2), int)
-        return _outlined(image, no_contour)[0]
-    picture, thickness = _outlined(image, pile.contour)
-    right_end = picture.shape[1] - 1
-    draw_line(picture, (0, pile.base_row), (right_end, pile.base_row), BLUE, thickness)
+        return _draw_outline(image, no_contour)[0]
+    picture, thickness = _draw_outline(image, pile.contour)
+    base_start = (0, pile.base_row)
+    base_end = (picture.shape[1] - 1, pile.base_row)
+    draw_line(picture, base_start, base_end, BLUE, thickness)
     return picture
 
 
-def _outlined(image: np.ndarray, contour: np.ndarray) -> tuple[np.ndarray, int]:
-    """Draw a boundary into a copy of the picture, and return it with the line width."""
+def _draw_outline(image: np.ndarray, contour: np.ndarray) -> tuple[np.ndarray, int]:
+    """Draw a boundary into a BGR copy of a picture.
+
+    Parameters
+    ----------
+    image : ndarray
+        The picture, (H, W) or BGR (H, W, 3).
+    contour : ndarray
+        Columns and rows (N, 2) of the pixels of the boundary.
+
+    Returns
+    -------
+    tuple
+        The copy, and the width of lines in it.
+    """
     if image.ndim == 2:
         picture = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
     else:
@@ -73,6 +92,7 @@ def _outlined(image: np.ndarray, contour: np.ndarray) -> tuple[np.ndarray, int]:
     thickness = max(1, round(max(picture.shape) / 500))
     outline = np.zeros(picture.shape[:2], np.uint8)
     outline[contour[:, 1], contour[:, 0]] = 1
+    # Thicken the outline to the width of a line.
     pen = np.ones((thickness, thickness), np.uint8)
     picture[cv2.dilate(outline, pen) > 0] = YELLOW
     return picture, thickness

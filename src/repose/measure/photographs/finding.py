@@ -1,4 +1,4 @@
-"""Find the pile in the upright view of a photograph whose background is not plain.
+"""Find the pile in the upright view of a photograph, before a background that varies.
 
 Each pixel has three features: two ratios of the colour channels, and the brightness,
 which has a small weight. A shadow changes the brightness of a surface and hardly its
@@ -122,32 +122,35 @@ def find(view: SideView, by_roughness: bool = False) -> tuple[np.ndarray, bool]:
     """
     n_rows = math.ceil(view.base_row)  # above the plate
     hidden = view.hidden[:n_rows]
-    colours = _view_features(view, n_rows, SMALL_GRAIN_PX if by_roughness else None)
-    scatter = _local_scatter(colours[..., 2])
+    features = _view_features(view, n_rows, SMALL_GRAIN_PX if by_roughness else None)
+    scatter = _local_scatter(features[..., 2])
 
-    # The second background is fitted without the first guess.
+    # The background is fitted twice, the second time without the pile of the first
+    # guess.
     not_background = hidden
     for _ in range(2):
-        background = _fit_background(colours, not_background)
-        guess = _first_guess(colours - background, scatter, hidden)
+        background = _fit_background(features, not_background)
+        guess = _first_guess(features - background, scatter, hidden)
         pile = cv2.dilate(guess.pile.astype(np.uint8), np.ones((9, 9), np.uint8))
         not_background = hidden | (pile > 0)
 
-    colours = np.where(guess.others[..., None], background, colours)
-    mask = _grab_cut(colours, _coarse_marks(guess, hidden))
-    mask = _remove_shadow(mask, colours - background, scatter)
+    # Other objects are painted over, and GrabCut separates the pile.
+    features = np.where(guess.others[..., None], background, features)
+    mask = _grab_cut(features, _coarse_marks(guess, hidden))
+    mask = _remove_shadow(mask, features - background, scatter)
     mask = _largest_part(mask)
     below_plate = np.zeros((len(view.image) - n_rows, mask.shape[1]), np.uint8)
     return np.vstack([mask, below_plate]), guess.has_neighbour
 
 
 def _coarse_marks(guess: _Guess, hidden: np.ndarray) -> np.ndarray:
-    """Make GrabCut's start marks (H, W) in a coarse view.
+    """Make the marks (H, W) with which GrabCut begins in a coarse view.
 
-    All is probable, except for hidden pixels, other objects and the picture's border
-    outside of the pile, which are certainly background.
+    Pile and background are probable, except for hidden pixels, other objects and the
+    picture's border outside of the pile, which are certainly background.
     """
     marks = np.where(guess.pile, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
+    # The border is at both sides and at the top; the pile stands at the bottom.
     width = max(2, round(0.02 * guess.pile.shape[1]))
     is_border = np.ones(guess.pile.shape, bool)
     is_border[width:, width:-width] = False
@@ -182,28 +185,28 @@ def refine(
     n_rows = math.ceil(view.base_row)  # above the plate
     coarse = coarse[:n_rows]
     hidden = view.hidden[:n_rows]
-    colours = _view_features(view, n_rows, grain_px if by_roughness else None, coarse)
+    features = _view_features(view, n_rows, grain_px if by_roughness else None, coarse)
     near_px = NEAR * grain_px
 
     # Decide the pixels near the coarse boundary
     reach = max(4, round((1.0 if by_roughness else 0.4) * grain_px))
     marks = _fine_marks(coarse, hidden, reach)
-    mask = _grab_cut(colours, marks)
+    mask = _grab_cut(features, marks)
     if not by_roughness:
-        mask = _remove_penumbra(mask, colours, grain_px)
+        mask = _remove_penumbra(mask, features, grain_px)
     is_near_hidden = cv2.dilate(hidden.astype(np.uint8), _disc(reach)) > 0
     is_free = (marks >= cv2.GC_PR_BGD) & ~is_near_hidden
 
     # Move the boundary by colours, then more finely by light
     _, mask = _move_boundary(
-        colours,
+        features,
         _largest_part(mask),
         is_free,
         neighbourhood_px=near_px,
         reach_px=near_px,
         certain_share=CERTAIN_SHARE,
     )
-    light = colours if by_roughness else _light(view, n_rows)
+    light = features if by_roughness else _light(view, n_rows)
     share, mask = _move_boundary(
         light, mask, is_free, neighbourhood_px=near_px, reach_px=LIGHT_PX
     )
@@ -214,7 +217,9 @@ def refine(
     require_upright(mask)
 
     grey = cv2.cvtColor(view.image[:n_rows], cv2.COLOR_BGR2GRAY)
-    is_darker = grey[mask > 0].mean() < grey[(mask == 0) & ~hidden].mean()
+    is_background = (mask == 0) & ~hidden
+    is_darker = grey[mask > 0].mean() < grey[is_background].mean()
+    # The boundary is where the share of the pile in a pixel is one half.
     pile = Segmentation(
         grey=grey,
         contrast=share,
@@ -224,19 +229,19 @@ def refine(
         pile_is="darker" if is_darker else "brighter",
     )
     weights = np.ones(3, np.float32) if by_roughness else FULL_BRIGHTNESS
-    return Refined(pile, _faint_share(colours, mask, near_px, weights))
+    return Refined(pile, _faint_share(features, mask, near_px, weights))
 
 
 def _fine_marks(coarse: np.ndarray, hidden: np.ndarray, reach: int) -> np.ndarray:
-    """Make GrabCut's start marks (H, W) in a fine view.
+    """Make the marks (H, W) with which GrabCut begins in a fine view.
 
-    Only pixels within `reach` of the coarse boundary are uncertain. The pile continues
-    below the plate, so that its base is no boundary.
+    Only pixels within `reach` of the boundary of the coarse mask (H, W) are uncertain.
     """
+    # Continue the pile below the plate, so that its base is no boundary.
     n_rows = len(coarse)
-    continued = cv2.copyMakeBorder(coarse, 0, reach, 0, 0, cv2.BORDER_REPLICATE)
-    is_inside = cv2.erode(continued, _disc(reach))[:n_rows] > 0
-    is_outside = cv2.dilate(continued, _disc(reach))[:n_rows] == 0
+    extended = cv2.copyMakeBorder(coarse, 0, reach, 0, 0, cv2.BORDER_REPLICATE)
+    is_inside = cv2.erode(extended, _disc(reach))[:n_rows] > 0
+    is_outside = cv2.dilate(extended, _disc(reach))[:n_rows] == 0
     marks = np.where(coarse > 0, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
     marks[is_inside] = cv2.GC_FGD
     marks[is_outside | hidden] = cv2.GC_BGD
@@ -303,11 +308,14 @@ def _move_boundary(
     reach = max(LIGHT_PX, round(reach_px))
     boundary = cv2.morphologyEx(mask, cv2.MORPH_GRADIENT, _disc(reach))
     may_change = is_free & (boundary > 0)
+    # Each move changes the local means, which are then computed again.
     for _ in range(N_ROUNDS):
         pile, background = _side_means(values, mask, neighbourhood_px)
         span = pile - background
+        # The share is the place of a value along the line between the two means.
         projection = ((values - background) * span).sum(-1)
-        share = np.clip(projection / np.maximum((span * span).sum(-1), 1e-9), 0, 1)
+        squared_span = (span * span).sum(-1)
+        share = np.clip(projection / np.maximum(squared_span, 1e-9), 0, 1)
         is_pile = may_change & (share >= certain_share)
         is_background = may_change & (share < 1 - certain_share)
         mask = np.where(is_pile, 1, np.where(is_background, 0, mask))
@@ -318,16 +326,20 @@ def _move_boundary(
 def _remove_penumbra(
     mask: np.ndarray, colours: np.ndarray, grain_px: float
 ) -> np.ndarray:
-    """Remove the shadow along the boundary, up to a grain wide.
+    """Remove the shadow along the boundary of a mask (H, W), up to a grain wide.
 
-    It has the ratios of the background. Nothing is removed where pile and background
-    have nearly the same ratios.
+    A shadow has the ratios of the background's colours, which are the first two of the
+    features `colours` (H, W, 3); the third is the brightness. Nothing is removed where
+    pile and background have nearly the same ratios.
     """
+    # Colours of the pile and of the background near each pixel, away from the boundary
     disc = _disc(max(3, round(grain_px)))
     core = cv2.erode(mask, disc, borderValue=1)
     surroundings = 1 - cv2.dilate(mask, disc[::2, ::2])
     pile = _local_mean(colours, core, 2 * grain_px)
     background = _local_mean(colours, surroundings, 2 * grain_px)
+
+    # Share of the pile in the ratios of a pixel
 
     ratio_span = (pile - background)[..., :2]
     difference = colours - background
@@ -335,6 +347,7 @@ def _remove_penumbra(
     projection = (difference[..., :2] * ratio_span).sum(-1)
     pile_share = projection / np.maximum(squared_span, 1e-6)
 
+    # Pixels of the boundary that have the background's ratios
     is_boundary = (mask > 0) & (core == 0)
     has_contrast = squared_span > SHADOW_COLOUR**2
     # Black grains have no colour of their own, but are darker than a shadow.
@@ -342,10 +355,13 @@ def _remove_penumbra(
     is_shadow = (
         is_boundary & has_contrast & (pile_share < 1 - PENUMBRA_SHARE) & is_light_enough
     )
+    # Smaller patches than a shadow are gaps between grains, and stay.
     height = max(3, round(PENUMBRA_HEIGHT * grain_px))
     width = max(3, round(PENUMBRA_WIDTH * grain_px))
-    smallest = np.ones([height, width], np.uint8)
-    shadow = cv2.morphologyEx(is_shadow.astype(np.uint8), cv2.MORPH_OPEN, smallest)
+    smallest_patch = np.ones([height, width], np.uint8)
+    shadow = cv2.morphologyEx(
+        is_shadow.astype(np.uint8), cv2.MORPH_OPEN, smallest_patch
+    )
     return np.where(shadow > 0, 0, mask).astype(np.uint8)
 
 
@@ -353,34 +369,40 @@ def shadow_below(image: np.ndarray, mask: np.ndarray) -> int:
     """Count the lowest rows of a pile that are mostly shadow on the background.
 
     The count is 0 for grains of the background's colour, as in a grey picture, where
-    shadow and grain look the same.
+    shadow and grain look the same. `mask` (H, W) is the pile in the picture.
     """
+    # The comparison is made in a reduced picture.
     comparison = _compare_with_sides(image, mask)
-    mask = comparison.mask
-    shadow = _shadow_in_pile(mask, comparison.difference)
-    rows = np.flatnonzero(mask.any(axis=1))
+    small_mask = comparison.mask
+    shadow = _shadow_in_pile(small_mask, comparison.difference)
+    rows = np.flatnonzero(small_mask.any(axis=1))
     shadow_widths = shadow[rows].sum(axis=1)
-    pile_widths = mask[rows].sum(axis=1, dtype=int)
+    pile_widths = small_mask[rows].sum(axis=1, dtype=int)
+    # Rows below the last one of grains are shadow.
     grain_rows = np.flatnonzero(2 * shadow_widths < pile_widths)
     if grain_rows.size == 0:
         return 0
-    return comparison.step * int(rows.size - 1 - grain_rows[-1])
+    n_shadow_rows = int(rows.size - 1 - grain_rows[-1])
+    return comparison.step * n_shadow_rows
 
 
 def shadow_share(image: np.ndarray, mask: np.ndarray) -> float:
-    """Compute the share of a pile that is a patch of shadow on the background.
+    """Compute the share of a pile's area that is a patch of shadow on the background.
 
-    It is 0 for a pile of the background's colour.
+    It is 0 for a pile of the background's colour, where shadow and grain look the same.
     """
     comparison = _compare_with_sides(image, mask)
-    mask = comparison.mask
+    pile = comparison.mask
     difference = comparison.difference
+    area = pile.sum(dtype=int)
     has_colour = np.hypot(difference[..., 0], difference[..., 1]) >= SHADOW_COLOUR
-    area = mask.sum(dtype=int)
-    if ((mask > 0) & has_colour).sum() <= 0.3 * area:
+    coloured_area = ((pile > 0) & has_colour).sum()
+    if coloured_area <= 0.3 * area:
         return 0.0
-    patch = np.ones((max(5, len(mask) // 30),) * 2, np.uint8)
-    is_darker = _darker_background(mask, difference)
+    # Smaller dark spots are gaps between grains.
+    patch_size = max(5, len(pile) // 30)
+    patch = np.ones((patch_size, patch_size), np.uint8)
+    is_darker = _darker_background(pile, difference)
     shadow = cv2.morphologyEx(is_darker.astype(np.uint8), cv2.MORPH_OPEN, patch)
     return float(shadow.sum(dtype=int) / area)
 
@@ -444,7 +466,8 @@ def _roughness(
     )
     # Close the gaps between grains, and take back what the window adds around them.
     radius = max(1, round(0.25 * grain_px))
-    closed = cv2.dilate(np.sqrt(np.maximum(smallest_gradient, 0)), _disc(radius))
+    gradient_root = np.sqrt(np.maximum(smallest_gradient, 0))
+    closed = cv2.dilate(gradient_root, _disc(radius))
     rough = cv2.erode(closed, _disc(radius + WINDOW_PX // 2))
 
     not_background = hidden
@@ -453,6 +476,7 @@ def _roughness(
     # A quantile below the median: the pile may fill half of a row.
     background = _visible(rough, not_background)
     roughness = rough - np.nanquantile(background, SIDES, axis=1, keepdims=True)
+    # The factor turns a median deviation into a standard deviation.
     scatter = 1.4826 * np.median(np.abs(roughness[~not_background]))
     scaled = ROUGHNESS_GAIN * roughness / max(scatter, SMALLEST_SCATTER)
     return 128 + np.clip(scaled, 0, 127)
@@ -464,47 +488,95 @@ def _visible(values: np.ndarray, excluded: np.ndarray) -> np.ndarray:
 
 
 def _fill_hidden(colours: np.ndarray, hidden: np.ndarray) -> np.ndarray:
-    """Give hidden pixels the colour (H, W, N) of the nearest visible one in the row."""
-    nowhere = 10**6
+    """Give hidden pixels (H, W) the colour of the nearest visible one in their row.
+
+    A row without a visible pixel stays as it is.
+
+    Parameters
+    ----------
+    colours : ndarray
+        The colours (H, W, N).
+    hidden : ndarray
+        Mask (H, W) of the hidden pixels.
+    """
     columns = np.arange(hidden.shape[1])
+    # The last visible column up to each pixel, and the first from it on
+    beyond = 10**6  # stands for a column that does not exist
     left = np.maximum.accumulate(np.where(hidden, -1, columns), axis=1)
-    backwards = np.where(hidden, nowhere, columns)[:, ::-1]
-    right = np.minimum.accumulate(backwards, axis=1)[:, ::-1]
-    left_distance = np.where(left >= 0, columns - left, nowhere)
-    nearest = np.where(left_distance <= right - columns, left, right)
-    # A row without a visible pixel stays as it is.
-    exists = (nearest >= 0) & (nearest < nowhere)
-    nearest = np.where(exists, nearest, columns)
-    return np.take_along_axis(colours, nearest[..., None], axis=1)
+    from_right = np.where(hidden, beyond, columns)[:, ::-1]
+    right = np.minimum.accumulate(from_right, axis=1)[:, ::-1]
+
+    left_distance = np.where(left >= 0, columns - left, beyond)
+    right_distance = right - columns
+    nearest = np.where(left_distance <= right_distance, left, right)
+    exists = (nearest >= 0) & (nearest < beyond)
+    source = np.where(exists, nearest, columns)
+    return np.take_along_axis(colours, source[..., None], axis=1)
 
 
 def _fit_background(colours: np.ndarray, excluded: np.ndarray) -> np.ndarray:
-    """Estimate the features (H, W, 3) of the background by a line through each row.
+    """Estimate the features of the background by a line through each row of a picture.
 
-    The fit begins at the median of the row's outer parts. Three times it leaves out
-    excluded pixels (H, W) and those that differ from the line before; a row with few
-    pixels left keeps that line.
+    The first estimate is the median of the row's outer parts. Three times a line is
+    fitted to the pixels near the estimate before, and becomes the next estimate.
+
+    Parameters
+    ----------
+    colours : ndarray
+        Features (H, W, 3) of the picture.
+    excluded : ndarray
+        Mask (H, W) of pixels that are no background.
+
+    Returns
+    -------
+    ndarray
+        Features (H, W, 3) of the background, also behind the pile.
     """
     width = excluded.shape[1]
+    is_allowed = ~excluded[..., None]
     x = np.linspace(-1, 1, width, dtype=np.float32)[None, :, None]
-    is_outer = (np.abs(x) > 1 - 2 * SIDES) & ~excluded[..., None]
+    is_outer = (np.abs(x) > 1 - 2 * SIDES) & is_allowed
+    # A row whose outer parts are excluded takes the median of all its pixels.
     has_no_outer = ~is_outer.any(axis=1, keepdims=True)
     outer = np.where(is_outer | has_no_outer, colours, np.nan)
     background = np.repeat(np.nanmedian(outer, axis=1, keepdims=True), width, axis=1)
     for _ in range(3):
         distance = np.linalg.norm(colours - background, axis=-1, keepdims=True)
-        is_kept = (distance < LARGEST_TEXTURE) & ~excluded[..., None]
-        weight = is_kept.astype(np.float32)
-        n = weight.sum(1, keepdims=True) + 1e-3
-        mean_x = (weight * x).sum(1, keepdims=True) / n
-        mean = (weight * colours).sum(1, keepdims=True) / n
-        # The added term flattens lines through few pixels.
-        spread = (weight * (x - mean_x) ** 2).sum(1, keepdims=True) + 0.02 * width
-        covariance = (weight * (x - mean_x) * (colours - mean)).sum(1, keepdims=True)
-        line = mean + covariance / spread * (x - mean_x)
-        has_few = n < 0.1 * width
+        is_kept = (distance < LARGEST_TEXTURE) & is_allowed
+        line, n_kept = _fit_lines(x, colours, is_kept.astype(np.float32))
+        # A row with few pixels keeps its estimate.
+        has_few = n_kept < 0.1 * width
         background = np.where(has_few, background, line).astype(np.float32)
     return background
+
+
+def _fit_lines(
+    x: np.ndarray, values: np.ndarray, weight: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Fit a line of each feature over x to each row of a picture.
+
+    Parameters
+    ----------
+    x : ndarray
+        Places (1, W, 1) of the columns.
+    values : ndarray
+        Features (H, W, 3).
+    weight : ndarray
+        Weights (H, W, 1) of the pixels, 0 or 1.
+
+    Returns
+    -------
+    tuple
+        The lines (H, W, 3), and the number of pixels (H, 1, 1) of each row.
+    """
+    width = x.shape[1]
+    n_pixels = weight.sum(1, keepdims=True) + 1e-3  # no division by zero
+    mean_x = (weight * x).sum(1, keepdims=True) / n_pixels
+    mean = (weight * values).sum(1, keepdims=True) / n_pixels
+    # The added term flattens lines through few pixels.
+    spread = (weight * (x - mean_x) ** 2).sum(1, keepdims=True) + 0.02 * width
+    covariance = (weight * (x - mean_x) * (values - mean)).sum(1, keepdims=True)
+    return mean + covariance / spread * (x - mean_x), n_pixels
 
 
 def _local_scatter(brightness: np.ndarray) -> np.ndarray:
@@ -521,18 +593,34 @@ def _local_scatter(brightness: np.ndarray) -> np.ndarray:
 def _first_guess(
     difference: np.ndarray, scatter: np.ndarray, hidden: np.ndarray
 ) -> _Guess:
-    """Mark the largest part that stands on the plate and is wider than high.
+    """Guess where the pile is: the largest part that stands on the plate.
 
-    `difference` (H, W, 3) is that of the features from the background.
+    It differs from the background and is wider than high.
+
+    Parameters
+    ----------
+    difference : ndarray
+        Difference (H, W, 3) of the features from the background.
+    scatter : ndarray
+        Local scatter (H, W) of the brightness.
+    hidden : ndarray
+        Mask (H, W) of pixels that do not show the scene.
+
+    Raises
+    ------
+    NotPlainError
+        If there is no such part.
     """
-    # Compared with its row: an edge of the table is rough, too.
+    # The size of the difference, in colour, brightness and scatter. The scatter is
+    # compared with its row: an edge of the table is rough, too.
     row_scatter = np.nanmedian(_visible(scatter, hidden), axis=1, keepdims=True)
     squares = (
         (difference[..., :2] ** 2).sum(-1)
         + (0.5 * difference[..., 2]) ** 2
         + np.maximum(scatter - row_scatter, 0) ** 2
     )
-    size = np.where(hidden, 0, cv2.GaussianBlur(np.sqrt(squares), (0, 0), 1.5))
+    smooth_size = cv2.GaussianBlur(np.sqrt(squares), (0, 0), 1.5)
+    size = np.where(hidden, 0, smooth_size)
     level, _ = cv2.threshold(
         np.clip(size, 0, 255).astype(np.uint8),
         0,
@@ -553,17 +641,24 @@ def _first_guess(
 
 
 def _standing_parts(mask: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
-    """Mark the largest part on the plate that is wider than high, and all high parts.
+    """Split the parts of a mask (H, W) that stand out from the background.
 
-    The first is None if there is no such part.
+    Returns
+    -------
+    pile : ndarray or None
+        Mask (H, W) of the largest part on the plate that is wider than high; None if
+        there is none.
+    others : ndarray
+        Mask (H, W) of all parts that are much higher than wide.
     """
-    mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
-    _, labels, boxes, _ = cv2.connectedComponentsWithStats(mask)
+    # Remove specks first.
+    opened = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    _, labels, boxes, _ = cv2.connectedComponentsWithStats(opened)
     _, tops, widths, heights, areas = boxes.T
     is_on_plate = tops + heights >= 0.97 * len(mask)
     is_pile = is_on_plate & (widths > 1.2 * heights)
     is_high = (heights > 2.5 * widths) & (heights > 0.15 * len(mask))
-    # The first part is the background.
+    # Part 0 is the background.
     is_pile[0] = False
     is_high[0] = False
     largest = int(np.argmax(is_pile * areas))
@@ -604,17 +699,17 @@ def _remove_shadow(
 
 
 def _shadow_in_pile(mask: np.ndarray, difference: np.ndarray) -> np.ndarray:
-    """Mark pixels of a pile with the background's colour that are darker than it.
+    """Mark the pixels of a pile (H, W) that look like a shadow on the background.
 
-    None are marked if the upper part of the pile is like that, too: then the grains
-    have the background's colour.
+    They have the background's colour and are darker. None are marked if the upper part
+    of the pile is like that, too: then the grains have the background's colour.
     """
     shadow = _darker_background(mask, difference)
     rows = np.flatnonzero(mask.any(axis=1))
     if rows.size == 0:
         return shadow
-    upper = slice(rows[0], rows[0] + (2 * rows.size) // 3)
-    if shadow[upper].sum() > 0.12 * mask[upper].sum():
+    upper_part = slice(rows[0], rows[0] + (2 * rows.size) // 3)
+    if shadow[upper_part].sum() > 0.12 * mask[upper_part].sum():
         return np.zeros(mask.shape, bool)
     return shadow
 
@@ -632,26 +727,35 @@ def _darker_background(mask: np.ndarray, difference: np.ndarray) -> np.ndarray:
 
 
 def _remove_floating(mask: np.ndarray, gap_px: float) -> np.ndarray:
-    """Remove parts above background, such as a loose grain behind the pile.
+    """Remove parts that float above background, such as a loose grain behind the pile.
 
-    Background is counted from the pile's foot, the lowest row at least half as wide as
-    the widest: seen from the side, round grains end a little above the plate's row.
+    A pixel floats if there are more than `gap_px` pixels of background below it, down to
+    the foot of the pile. The foot is the lowest row at least half as wide as the widest:
+    seen from the side, round grains end a little above the plate's row.
     """
     widths = mask.sum(axis=1, dtype=int)
     is_wide = 2 * widths >= max(widths.max(), 1)
-    foot = len(mask) - int(is_wide[::-1].argmax())
-    upwards = mask[:foot][::-1] > 0
-    n_background = np.cumsum(~upwards, axis=0)  # pixels below each, in its column
-    standing = upwards & (n_background <= gap_px)
-    return np.concatenate([standing[::-1].astype(np.uint8), mask[foot:]])
+    n_rows_to_foot = len(mask) - int(is_wide[::-1].argmax())
+    # Rows from the foot upwards
+    is_pile = mask[:n_rows_to_foot][::-1] > 0
+    n_background_below = np.cumsum(~is_pile, axis=0)
+    is_standing = is_pile & (n_background_below <= gap_px)
+    upper_rows = is_standing[::-1].astype(np.uint8)
+    return np.concatenate([upper_rows, mask[n_rows_to_foot:]])
 
 
 def _remove_touching(mask: np.ndarray, radius: int) -> np.ndarray:
-    """Remove loose grains at the foot: low parts behind a neck of two radii or less."""
+    """Remove loose grains that touch the foot of a pile.
+
+    They are low parts of the mask (H, W) that only a neck connects with the rest. A neck
+    is at most two radii, in pixels, wide.
+    """
     if radius < 1:
         return mask
-    continued = cv2.copyMakeBorder(mask, 0, 2 * radius, 0, 0, cv2.BORDER_REPLICATE)
-    core = cv2.erode(continued, _disc(radius))[: len(mask)]
+
+    # Eroded by the radius, the mask falls apart at its necks.
+    extended = cv2.copyMakeBorder(mask, 0, 2 * radius, 0, 0, cv2.BORDER_REPLICATE)
+    core = cv2.erode(extended, _disc(radius))[: len(mask)]
     n_labels, labels, boxes, _ = cv2.connectedComponentsWithStats(core)
     if n_labels < 3:  # background and one part
         return mask
@@ -660,15 +764,15 @@ def _remove_touching(mask: np.ndarray, radius: int) -> np.ndarray:
     _, nearest = cv2.distanceTransformWithLabels(
         1 - core, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
     )
-    part_of = np.zeros(nearest.max() + 1, int)
-    part_of[nearest[core > 0]] = labels[core > 0]
+    parts = np.zeros(nearest.max() + 1, int)
+    parts[nearest[core > 0]] = labels[core > 0]
 
     # Low parts are loose, except for the background and the largest part.
     middle = np.flatnonzero(mask.any(axis=1)).mean()
     is_loose = boxes[:, cv2.CC_STAT_TOP] > middle
     largest = 1 + int(boxes[1:, cv2.CC_STAT_AREA].argmax())
     is_loose[[0, largest]] = False
-    return np.where(is_loose[part_of[nearest]], 0, mask).astype(np.uint8)
+    return np.where(is_loose[parts[nearest]], 0, mask).astype(np.uint8)
 
 
 def _disc(radius: int) -> np.ndarray:

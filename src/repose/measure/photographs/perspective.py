@@ -53,42 +53,45 @@ def remove_perspective(
     tuple
         The view and the pile, redrawn.
     """
-    rows, columns = view.shape[:2]
+    n_rows, n_columns = view.shape[:2]
     camera_height = viewpoint.height_px
     tan_down = (camera_height - pile_height_px) / viewpoint.distance_px
     tan_angles = np.hypot(np.tan(np.radians(angles_deg)), tan_down)  # of the cone
     sines = tan_down / tan_angles
 
-    # Each column of the new view belongs to one side of the pile.
-    offset = np.arange(columns) - viewpoint.axis_px
+    # Each column of the new view belongs to one side of the pile, 0 left or 1 right.
+    offset = np.arange(n_columns) - viewpoint.axis_px
     side = (offset > 0).astype(int)
     distance = np.abs(offset)
     sine = sines[side]
-    # Where the ray to the turned half-plane meets the plane of the view
+
+    # Each pixel of the new view shows a point of the turned half-plane. The ray from the
+    # camera to this point meets the plane of the old view in the source pixel.
     share = viewpoint.distance_px / (viewpoint.distance_px + distance * sine)
     source_column = viewpoint.axis_px + offset * np.sqrt(1 - sine**2) * share
-    height = pile.base_row - np.arange(rows)[:, None]
+    height = pile.base_row - np.arange(n_rows)[:, None]
     source_height = camera_height + (height - camera_height) * share
-    source_x = np.tile(source_column, (rows, 1)).astype(np.float32)
+    source_x = np.tile(source_column, (n_rows, 1)).astype(np.float32)
     source_y = (pile.base_row - source_height).astype(np.float32)
 
     def redraw(picture: np.ndarray) -> np.ndarray:
-        n_rows = len(picture)
+        """Redraw a picture, which may lack rows at the bottom of the view."""
         return cv2.remap(
             picture,
-            source_x[:n_rows],
-            source_y[:n_rows],
+            source_x[: len(picture)],
+            source_y[: len(picture)],
             cv2.INTER_LINEAR,
             borderMode=cv2.BORDER_REPLICATE,
         )
 
+    # From above, the foot is not wider than in the old view.
     pile_offset = np.flatnonzero(pile.mask.any(axis=0)) - viewpoint.axis_px
     if tan_down > 0:
-        widest = np.array([-pile_offset.min(), pile_offset.max()])
+        largest_distance = np.array([-pile_offset.min(), pile_offset.max()])
     else:
-        widest = np.full(2, math.inf)
+        largest_distance = np.full(2, math.inf)
     is_pile = redraw(pile.mask.astype(np.float32)) >= 0.5
-    mask = is_pile & (distance <= widest[side])
+    mask = is_pile & (distance <= largest_distance[side])
     redrawn_pile = replace(
         pile,
         grey=redraw(pile.grey),

@@ -170,7 +170,7 @@ def scale_of_level_length(
 
 
 def read_photograph(path: Path) -> tuple[np.ndarray, float]:
-    """Read a photograph, and reduce it if it is larger than 4000 pixels.
+    """Read a photograph, and reduce it if a side is longer than `LARGEST_PX`.
 
     Returns
     -------
@@ -187,7 +187,7 @@ def read_photograph(path: Path) -> tuple[np.ndarray, float]:
 
 
 def split_readable(paths: Paths) -> tuple[list[Path], list[InputError]]:
-    """Find the photographs that can be read, and the faults of the others."""
+    """Split photographs into those that can be read and the faults of the others."""
     readable_paths = []
     faults = []
     for path in paths:
@@ -203,7 +203,7 @@ def split_readable(paths: Paths) -> tuple[list[Path], list[InputError]]:
 def calibrate_cameras(
     paths: Paths, square_mm: float
 ) -> tuple[dict[Path, sheet.SheetCorners | None], dict[Size, camera.Camera]]:
-    """Find the sheet in photographs, and calibrate their calibrate_cameras.
+    """Find the sheet in photographs, and calibrate their cameras.
 
     Photographs of one size are taken to be by one camera.
 
@@ -213,29 +213,32 @@ def calibrate_cameras(
         The sheet by photograph, None if it is not found, and the camera by size.
     """
     sheets: dict[Path, sheet.SheetCorners | None] = {}
-    sheets_of_size: dict[Size, list[sheet.SheetCorners]] = {}
-    focal_of_size: dict[Size, float | None] = {}
+    views_by_size: dict[Size, list[sheet.SheetCorners]] = {}
+    focal_by_size: dict[Size, float | None] = {}
     for path in paths:
         image, _ = read_photograph(path)
         size = (image.shape[1], image.shape[0])
         corners = sheet.find(image, square_mm)
         sheets[path] = corners
         if corners is not None:
-            sheets_of_size.setdefault(size, []).append(corners)
+            views_by_size.setdefault(size, []).append(corners)
             # The first photograph of a size states the focal length of its camera.
-            if size not in focal_of_size:
-                focal_of_size[size] = _stated_focal(path, max(size))
-    camera_of_size = {
-        size: camera.calibrate(views, size, focal_of_size[size])
-        for size, views in sheets_of_size.items()
+            if size not in focal_by_size:
+                focal_by_size[size] = _stated_focal(path, max(size))
+    cameras = {
+        size: camera.calibrate(views, size, focal_by_size[size])
+        for size, views in views_by_size.items()
     }
-    return sheets, camera_of_size
+    return sheets, cameras
 
 
 def measure_all(
     paths: Paths, settings: MeasureSettings, scale: Scale, lens: Paths = ()
 ) -> list[Photograph]:
-    """Measure photographs.
+    """Measure photographs of piles, with or without the printed sheet.
+
+    The sheet, if it is seen in any photograph, gives scale, tilt and lens. A photograph
+    that cannot be measured has the reason in its result.
 
     Parameters
     ----------
@@ -244,7 +247,7 @@ def measure_all(
     settings : MeasureSettings
         Settings of the measurement.
     scale : Scale
-        Their scale.
+        What the user tells of their scale.
     lens : sequence of Path
         Photographs of the sheet alone, by the same camera.
 
@@ -261,12 +264,13 @@ def measure_all(
     """
     if scale.mm_per_pixel is not None:
         return [measure_plain(path, settings, scale) for path in paths]
-    sheets, camera_of_size = calibrate_cameras([*paths, *lens], scale.square_mm)
+    sheets, cameras = calibrate_cameras([*paths, *lens], scale.square_mm)
     for path in lens:
         if sheets[path] is None:
             allowed = "a photograph that shows the printed sheet"
             raise InputError(path, "sheet", "not seen", allowed)
-    if not camera_of_size:
+    # Without a camera no photograph shows the sheet.
+    if not cameras:
         return [measure_plain(path, settings, scale) for path in paths]
     if scale.base_row is not None:
         allowed = "nothing, as the printed sheet shows the plate"
@@ -276,13 +280,11 @@ def measure_all(
         image, _ = read_photograph(path)
         corners = sheets[path]
         if corners is None:
-            results.append(Photograph(path, image, refused=NO_SHEET))
-            continue
-        size = (image.shape[1], image.shape[0])
-        lens_of_photograph = camera_of_size[size]
-        results.append(
-            _measure_with_sheet(path, image, corners, lens_of_photograph, settings)
-        )
+            result = Photograph(path, image, refused=NO_SHEET)
+        else:
+            size = (image.shape[1], image.shape[0])
+            result = _measure_with_sheet(path, image, corners, cameras[size], settings)
+        results.append(result)
     return results
 
 
@@ -297,11 +299,23 @@ def _measure_with_sheet(
 
     The pile is found by its colour. If the background has nearly the same colours, it
     is found by its roughness, which counts only without a doubt.
+
+    Parameters
+    ----------
+    path, image
+        The photograph (H, W, 3) and its file.
+    corners : SheetCorners
+        The sheet in it.
+    lens : Camera
+        The calibrated camera.
+    settings : MeasureSettings
+        Settings of the measurement.
     """
     try:
         pose = camera.Pose(lens, corners, (image.shape[1], image.shape[0]))
     except NoFlankError as error:
         return Photograph(path, image, refused=error.reason)
+
     by_colour = Photograph(path, image, note=lens.note)
     try:
         _measure_in_pose(by_colour, pose, settings, by_roughness=False)
@@ -312,6 +326,7 @@ def _measure_with_sheet(
         by_colour.refused = error.reason
         return by_colour
 
+    # The background was not plain, so try the roughness.
     by_roughness = Photograph(path, image, note=lens.note)
     try:
         _measure_in_pose(by_roughness, pose, settings, by_roughness=True)
@@ -429,21 +444,24 @@ def _fine_view(
 ) -> camera.SideView:
     """Draw the view of the plane through the pile's axis.
 
-    `grain_mm` is given where roughness is measured: then grains must be small enough
-    in pixels.
+    It is cut to the pile with a margin. `grain_mm`, the height of a grain, is given
+    where roughness is measured: then grains must be small enough in pixels.
     """
     top_mm = TOP_MARGIN * location.height_mm
-    longest = FINE_PX
+    longest_side_px = FINE_PX
     if grain_mm is not None:
-        longer_side_mm = max(2 * location.side_mm, top_mm)
-        rough_px = round(LARGEST_ROUGH_GRAIN_PX * longer_side_mm / grain_mm)
-        longest = min(FINE_PX, rough_px)
+        longest_side_mm = max(2 * location.side_mm, top_mm)
+        rough_px = round(LARGEST_ROUGH_GRAIN_PX * longest_side_mm / grain_mm)
+        longest_side_px = min(FINE_PX, rough_px)
     crop = camera.Extent(left=-location.side_mm, right=location.side_mm, top=top_mm)
-    return camera.side_view(image, pose, location.crest_mm, longest, crop)
+    return camera.side_view(image, pose, location.crest_mm, longest_side_px, crop)
 
 
 def _measure_view(photograph: Photograph, settings: MeasureSettings) -> Measurement:
-    """Measure the part taken for the pile; NoFlankError if its sides differ much."""
+    """Measure the part of a photograph that was taken for the pile.
+
+    Raises NoFlankError if it has no flank, or if its sides differ much.
+    """
     assert photograph.pile is not None
     settings = settings.with_scale(photograph.mm_per_pixel)
     measurement = with_response(measure_segmented(photograph.pile, settings))
@@ -461,14 +479,20 @@ def _transfer_mask(
 ) -> np.ndarray:
     """Draw a mask of the coarse view in the pixels of the fine one.
 
-    `axis_mm` is the distance of the fine view's axis from the sheet's left edge.
+    `axis_mm` is the distance of the fine view's axis from the sheet's left edge, from
+    which columns of the coarse view are counted.
     """
-    rows, columns = fine.image.shape[:2]
-    x_mm = axis_mm + fine.left_mm + fine.mm_per_pixel * np.arange(columns)
-    column = (x_mm - coarse.left_mm) / coarse.mm_per_pixel
-    rows_above_base = fine.base_row - np.arange(rows)
-    row = coarse.base_row - rows_above_base * fine.mm_per_pixel / coarse.mm_per_pixel
-    grid_x, grid_y = np.meshgrid(column.astype(np.float32), row.astype(np.float32))
+    # Place each column and row of the fine view in the coarse one.
+    n_rows, n_columns = fine.image.shape[:2]
+    x_mm = axis_mm + fine.left_mm + fine.mm_per_pixel * np.arange(n_columns)
+    source_columns = (x_mm - coarse.left_mm) / coarse.mm_per_pixel
+    rows_above_base = fine.base_row - np.arange(n_rows)
+    source_rows = (
+        coarse.base_row - rows_above_base * fine.mm_per_pixel / coarse.mm_per_pixel
+    )
+    grid_x, grid_y = np.meshgrid(
+        source_columns.astype(np.float32), source_rows.astype(np.float32)
+    )
     return cv2.remap(mask, grid_x, grid_y, cv2.INTER_NEAREST)
 
 
@@ -486,9 +510,10 @@ def _require_complete(mask: np.ndarray, hidden: np.ndarray) -> None:
 def measure_plain(path: Path, settings: MeasureSettings, scale: Scale) -> Photograph:
     """Measure a photograph without a sheet, or a silhouette.
 
-    Without a `mm_per_pixel` of `scale` it has the angles that need no length.
+    If `scale` has no `mm_per_pixel`, only the angles that need no length are measured.
     """
     image, reduction = read_photograph(path)
+    # Rows of the file become rows of the reduced and levelled picture.
     base_row = None if scale.base_row is None else scale.base_row / reduction
     image, base_row = _level(image, scale.level_deg, base_row)
     photograph = Photograph(path, image)
@@ -514,7 +539,9 @@ def _measure_level(
 ) -> None:
     """Find and measure the pile of a level photograph before a plain background.
 
-    Raises NoFlankError if it shows no pile, and InputError if its base is impossible.
+    The results are written into the photograph. `base_row` is the row of the plate, if
+    the user gave it; otherwise the base is found and judged. Raises NoFlankError if
+    there is no pile, and InputError if its base is impossible.
     """
     image = photograph.view
     mm_per_pixel = photograph.mm_per_pixel
@@ -537,9 +564,21 @@ def _measure_level(
 def _level(
     image: np.ndarray, level_deg: float, base_row: float | None
 ) -> tuple[np.ndarray, float | None]:
-    """Turn a photograph so that a line which rises by `level_deg` becomes level.
+    """Turn a photograph so that a line which rises to the right becomes level.
 
-    Also return the plate's row in the middle column of the turned photograph.
+    Parameters
+    ----------
+    image : ndarray
+        The photograph (H, W, 3).
+    level_deg : float
+        Rise of the line.
+    base_row : float or None
+        Row of the plate in the middle column.
+
+    Returns
+    -------
+    tuple
+        The turned photograph, and the row of the plate there.
     """
     if level_deg == 0:
         return image, base_row
@@ -561,10 +600,10 @@ def _level(
 
 
 def _stated_focal(path: Path, longer_side: float) -> float | None:
-    """Read the focal length in pixels that a photograph's EXIF data states.
+    """Read the focal length in pixels from a photograph's EXIF data.
 
-    The entry is the equivalent in mm on 36 mm film. Return None without a plausible
-    one.
+    The entry is the equivalent focal length in mm on film that is 36 mm wide. Return
+    None without a plausible one.
     """
     try:
         with Image.open(path) as picture:

@@ -76,6 +76,8 @@ def segment(
     """
     image = prepare_picture(image)
     grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+
+    # Find the pixels that differ from the background.
     contrast = compute_two_tone_contrast(image) if image.ndim == 2 else None
     if contrast is not None:
         level, mask = threshold(contrast)
@@ -85,14 +87,17 @@ def segment(
         level, mask = threshold(contrast)
         mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
 
+    # Cut off what lies below the plate.
     if base_row is None:
         base_row = find_plate_row(mask)
     if base_row is not None:
-        rows = mask.shape[0]
-        if not 0 < base_row <= rows:
-            allowed = f"above 0, at most {rows}"
+        n_rows = mask.shape[0]
+        if not 0 < base_row <= n_rows:
+            allowed = f"above 0, at most {n_rows}"
             raise InputError("picture", "base_row", base_row, allowed)
         mask[math.ceil(base_row) :] = 0
+
+    # Select the pile.
     has_neighbour = largest_pile_only and has_another_heap(mask)
     mask = pile_component(mask, largest_pile_only)
     if base_row is None:
@@ -135,9 +140,10 @@ def segment_silhouette(
 
 
 def prepare_picture(image: np.ndarray) -> np.ndarray:
-    """Return a picture as contiguous bytes, with one channel if its three are the same.
+    """Check a picture, and return it as contiguous bytes (H, W, 3) or (H, W).
 
-    Raises InputError if the picture is unusable.
+    A picture whose three channels are the same gets a single one. Raises InputError if
+    the picture is unusable.
     """
     image = np.asarray(image)
     if image.dtype != np.uint8:
@@ -173,22 +179,38 @@ def compute_two_tone_contrast(grey: np.ndarray) -> np.ndarray | None:
 
 
 def compute_background_contrast(image: np.ndarray) -> np.ndarray:
-    """Compute the distance (H, W) in tones from the background fitted to the border."""
-    rows, columns = image.shape[:2]
-    y = np.linspace(-1, 1, rows, dtype=np.float32)[:, None]
-    x = np.linspace(-1, 1, columns, dtype=np.float32)
-    strip = mark_border(image.shape)
-    strip_rows, strip_columns = strip.nonzero()
-    terms = _quadratic_terms(x[strip_columns], y[strip_rows, 0])
-    squares = np.zeros((rows, columns), np.float32)
-    for channel in image.reshape(rows, columns, -1).transpose(2, 0, 1):
-        c = _fit_without_outliers(terms, channel[strip].astype(float))
-        c = c.astype(np.float32)
+    """Compute how much each pixel differs in tone from a smooth background.
+
+    The background of each channel is a quadratic surface over the picture, fitted to
+    the border strip.
+
+    Parameters
+    ----------
+    image : ndarray
+        The picture (H, W, 3) or (H, W).
+
+    Returns
+    -------
+    ndarray
+        Distances (H, W) in tones, over all channels.
+    """
+    n_rows, n_columns = image.shape[:2]
+    y = np.linspace(-1, 1, n_rows, dtype=np.float32)[:, None]
+    x = np.linspace(-1, 1, n_columns, dtype=np.float32)
+    is_strip = mark_border(image.shape)
+    strip_rows, strip_columns = is_strip.nonzero()
+    strip_terms = _quadratic_terms(x[strip_columns], y[strip_rows, 0])
+
+    squared_distance = np.zeros((n_rows, n_columns), np.float32)
+    for channel in image.reshape(n_rows, n_columns, -1).transpose(2, 0, 1):
+        strip_tones = channel[is_strip].astype(float)
+        coefficients = _fit_without_outliers(strip_terms, strip_tones)
+        c = coefficients.astype(np.float32)
         surface = (
             (c[0] + c[1] * x + c[2] * x * x) + (c[3] * y + c[4] * y * y) + c[5] * y * x
         )
-        squares += (channel - surface) ** 2
-    return np.sqrt(squares)
+        squared_distance += (channel - surface) ** 2
+    return np.sqrt(squared_distance)
 
 
 def _quadratic_terms(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -198,14 +220,27 @@ def _quadratic_terms(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _fit_without_outliers(terms: np.ndarray, tones: np.ndarray) -> np.ndarray:
-    """Fit the coefficients of a surface to the tones (N,) of the border strip.
+    """Fit the coefficients of a surface to the tones of the border strip.
 
     A plate or a stray grain in the strip is a minority: the fit begins at the median
     tone, and four times leaves out what lies more than three standard deviations away.
+
+    Parameters
+    ----------
+    terms : ndarray
+        Terms (N, K) of the surface at the pixels of the strip.
+    tones : ndarray
+        Their tones (N,).
+
+    Returns
+    -------
+    ndarray
+        The coefficients (K,).
     """
     surface = np.full(tones.size, np.median(tones))
     for _ in range(4):
         distances = np.abs(tones - surface)
+        # The factor turns a median deviation into a standard deviation.
         deviation = 1.4826 * np.median(distances)
         is_kept = distances <= max(3 * deviation, 2.0)
         coefficients, *_ = np.linalg.lstsq(terms[is_kept], tones[is_kept], rcond=None)
@@ -225,6 +260,7 @@ def threshold(contrast: np.ndarray) -> tuple[float, np.ndarray]:
     peak = float(contrast.max())
     if peak < MIN_PEAK:
         raise NoFlankError("nothing in the picture differs from its background")
+    # OpenCV needs whole numbers up to 255.
     scaled = cv2.convertScaleAbs(contrast, alpha=255.0 / peak)
     _, binary = cv2.threshold(scaled, 0, 1, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
     # Otsu's optimum lies half-way between the means of its two classes. Where the
@@ -238,10 +274,11 @@ def threshold(contrast: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 def find_plate_row(mask: np.ndarray) -> float | None:
-    """Find the upper edge of a plate that counts as "pile" from border to border.
+    """Find the upper edge of a plate that has the tone of the pile.
 
-    Above a plate the mask narrows abruptly; above the foot of a pile that the picture
-    cuts off it does not. Return a row between two pixels, or None without a plate.
+    A plate covers the mask (H, W) from border to border, and above it the mask narrows
+    abruptly; above the foot of a pile that the picture cuts off it does not. Return a
+    row between two pixels, or None without a plate.
     """
     covered_share = mask.mean(axis=1)
     reaches_left = mask[:, :3].any(axis=1)
@@ -249,17 +286,18 @@ def find_plate_row(mask: np.ndarray) -> float | None:
     is_across = reaches_left & reaches_right & (covered_share > 0.97)
     if not is_across.any():
         return None
-    first = int(is_across.argmax())
-    if first < 4 or covered_share[first - 4] >= 0.9:
+    first_row = int(is_across.argmax())
+    # Four rows above the plate the mask must be clearly narrower.
+    if first_row < 4 or covered_share[first_row - 4] >= 0.9:
         return None
-    return first - 0.5
+    return first_row - 0.5
 
 
 def pile_component(mask: np.ndarray, largest_only: bool) -> np.ndarray:
-    """Select the pile of a mask and fill its holes.
+    """Select the pile of a mask (H, W) and fill its holes.
 
-    The pile is the largest part, or all parts of at least 1 % of its area. NoFlankError
-    if the mask is empty.
+    The pile is the largest part, or all parts of at least 1 % of its area. Raises
+    NoFlankError if the mask is empty.
     """
     contours = _contours(mask)
     if not contours:
@@ -282,9 +320,9 @@ def _contours(mask: np.ndarray) -> Sequence[np.ndarray]:
 
 
 def has_another_heap(mask: np.ndarray) -> bool:
-    """Tell whether a second heap stands beside the largest part of a mask.
+    """Tell whether a second heap stands beside the largest part of a mask (H, W).
 
-    It stands as low, is wider than high, and at least 0.4 times as high.
+    It stands as low, is wider than high, and at least `SECOND_HEAP` times as high.
     """
     _, _, boxes, _ = cv2.connectedComponentsWithStats(mask)
     parts = boxes[1:]  # without the background
@@ -296,6 +334,7 @@ def has_another_heap(mask: np.ndarray) -> bool:
     stands_as_low = np.abs(bottoms - bottoms[largest]) <= 0.1 * heights[largest]
     is_high = heights >= SECOND_HEAP * heights[largest]
     is_heap = stands_as_low & (widths > heights) & is_high
+    # The largest part counts itself.
     return bool(is_heap.sum() > 1)
 
 
@@ -310,7 +349,8 @@ def require_upright(mask: np.ndarray) -> None:
         )
     rows = np.flatnonzero(mask.any(axis=1))
     top, bottom = rows[0], rows[-1]
-    centroid = np.average(np.arange(len(mask)), weights=mask.sum(axis=1, dtype=float))
+    row_widths = mask.sum(axis=1, dtype=float)
+    centroid = np.average(np.arange(len(mask)), weights=row_widths)
     if (bottom - centroid) > HIGHEST_CENTROID * (bottom - top):
         raise NoFlankError(
             "most of the pile lies in its upper half: the picture is upside down, or "
@@ -319,20 +359,37 @@ def require_upright(mask: np.ndarray) -> None:
 
 
 def find_upper_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> np.ndarray:
-    """Find the upper row of the pile in each column (W,), between pixels.
+    """Find the upper edge of the pile in each column, to a fraction of a pixel.
 
     The edge is where the contrast, interpolated between the pile's highest pixel and
-    the one above, equals the level. It is NaN in a column without pile.
+    the one above, equals the level.
+
+    Parameters
+    ----------
+    mask : ndarray
+        The pile (H, W).
+    contrast : ndarray
+        Contrast (H, W) of the picture with its background.
+    level : float
+        Contrast at the edge.
+
+    Returns
+    -------
+    ndarray
+        Rows (W,); NaN in a column without pile.
     """
-    # In contiguous memory the search is three times as fast.
-    top = cv2.transpose(mask).view(bool).argmax(axis=1)
-    column = np.arange(mask.shape[1])
-    inner = contrast[top, column]
-    outer = np.where(top > 0, contrast[np.maximum(top - 1, 0), column], 0.0)
+    # The highest pixel of each column; in contiguous memory the search is three times
+    # as fast.
+    top_rows = cv2.transpose(mask).view(bool).argmax(axis=1)
+    columns = np.arange(mask.shape[1])
+    inner = contrast[top_rows, columns]
+    rows_above = np.maximum(top_rows - 1, 0)
+    outer = np.where(top_rows > 0, contrast[rows_above, columns], 0.0)
+    # Without a fall of the contrast the edge lies half-way between both.
     with np.errstate(divide="ignore", invalid="ignore"):
         step = np.where(inner > outer, (inner - level) / (inner - outer), 0.5)
-    has_pile = mask[top, column] > 0
-    return np.where(has_pile, top - np.clip(step, 0.0, 1.0), np.nan)
+    has_pile = mask[top_rows, columns] > 0
+    return np.where(has_pile, top_rows - np.clip(step, 0.0, 1.0), np.nan)
 
 
 def find_lower_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> float:

@@ -67,13 +67,14 @@ def find(image: np.ndarray, square_mm: float = SQUARE_MM) -> SheetCorners | None
     corners, indices = detector.detectBoard(image)[:2]
     if indices is None or len(indices) < MIN_CORNERS:
         return None
-    on_board = np.asarray(board.getChessboardCorners())[indices.ravel(), :2]
-    if np.ptp(on_board, axis=0).min() < 2 * square_mm:
+    board_corners = np.asarray(board.getChessboardCorners())[indices.ravel(), :2]
+    # Corners on one line do not determine the pose of the camera.
+    if np.ptp(board_corners, axis=0).min() < 2 * square_mm:
         return None
     # The board's y points down from its upper left corner, the sheet's z points up.
     margin = MARGIN_SHARE * square_mm
-    x = margin + on_board[:, 0]
-    z = margin + ROWS * square_mm - on_board[:, 1]
+    x = margin + board_corners[:, 0]
+    z = margin + ROWS * square_mm - board_corners[:, 1]
     pixels = corners.reshape(-1, 2).astype(float)
     return SheetCorners(np.column_stack([x, z]), pixels, square_mm)
 
@@ -88,6 +89,7 @@ def draw(
     tuple
         The picture and its number of pixels per mm.
     """
+    # All lengths in pixels
     width_mm, height_mm = size_mm(square_mm)
     width = round(width_mm * pixels_per_mm)
     height = round(height_mm * pixels_per_mm)

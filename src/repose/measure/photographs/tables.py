@@ -15,6 +15,7 @@ from repose.common.files import write_table, write_text
 from repose.common.target_range import range_about
 from repose.measure.definitions import DEFINITIONS, MEAN_KEYS
 from repose.measure.photographs.photograph import Photograph
+from repose.measure.results import Measurement
 from repose.measure.settings import MeasureSettings, line_of
 
 TARGETED = ("aor_deg", "height_mm")  # numbers that become targets
@@ -47,21 +48,29 @@ class Tables(NamedTuple):
 def tables(
     measured: Sequence[Photograph], settings: MeasureSettings, doubtful: bool = False
 ) -> Tables:
-    """Make the tables of photographs, of which at least one was measured.
+    """Make a table with a row for each photograph, and a summary of its columns.
 
-    `doubtful` tells whether those with a doubt count, too.
+    Parameters
+    ----------
+    measured : sequence of Photograph
+        The photographs, of which at least one was measured.
+    settings : MeasureSettings
+        Settings of the measurement.
+    doubtful : bool
+        Whether photographs with a doubt count in the summary, too.
     """
     rows = [_row(photograph, settings) for photograph in measured]
-    photographs = pd.DataFrame(rows)
-    counted = photographs
+    table = pd.DataFrame(rows)
+    counted_rows = table
     if not doubtful:
-        counted = photographs[[not photograph.doubts for photograph in measured]]
-    summary = summarise_columns(counted, (*TARGETED, *MEAN_KEYS.values()))
-    return Tables(photographs, summary, doubtful)
+        has_no_doubt = [not photograph.doubts for photograph in measured]
+        counted_rows = table[has_no_doubt]
+    summary = summarise_columns(counted_rows, (*TARGETED, *MEAN_KEYS.values()))
+    return Tables(table, summary, doubtful)
 
 
 def _row(photograph: Photograph, settings: MeasureSettings) -> dict[str, Any]:
-    """List the numbers of a photograph by column."""
+    """Make the row of a photograph: its numbers and remarks by column."""
     row: dict[str, Any] = {"photograph": photograph.path.name}
     if photograph.measurement is not None:
         row |= photograph.measurement.record()
@@ -122,39 +131,48 @@ def write_tables(
 def targets(
     results: Tables, settings: MeasureSettings, bench: str, responses: Mapping[str, str]
 ) -> str:
-    """Write the measured responses as an overlay (YAML) for a study's configuration.
+    """Write the measured responses as targets in the YAML of a configuration.
 
-    The arguments are those of `write_tables`. A range is the mean with two standard
-    errors to each side, at least 1 % of the mean. A single pile has no scatter: its
-    standard deviation and range are null, and a study refuses them until the user gives
-    values.
+    A range is the mean with two standard errors to each side, at least 1 % of the mean.
+    A single pile has no scatter: its standard deviation and range are null, and a study
+    refuses them until the user gives values.
+
+    Parameters
+    ----------
+    results, settings, bench, responses
+        As of `write_tables`.
     """
-    entries = [f"{key}: {getattr(settings, key)}" for key in LINE_SETTINGS]
+    measure_entries = [f"{key}: {getattr(settings, key)}" for key in LINE_SETTINGS]
     if settings.berry_height_mm is not None:
-        entries.append(f"berry_height_mm: {settings.berry_height_mm:.6g}")
+        measure_entries.append(f"berry_height_mm: {settings.berry_height_mm:.6g}")
     lines = [
         "# Measured on photographs; summary.csv lies beside it.",
-        f"measure: {{{', '.join(entries)}}} # the line: {line_of(settings)}",
+        f"measure: {{{', '.join(measure_entries)}}} # the line: {line_of(settings)}",
         "targets:",
     ]
     is_target = results.summary["response"].isin(list(responses))
     for row in results.summary[is_target].itertuples():
-        if math.isnan(row.sd):
-            sd = "null # one pile gives no scatter"
-            target_range = "[null, null] # what counts as met"
-        else:
-            low, high = range_about(row.value, row.sd, row.repetitions)
-            sd = f"{row.sd:.3f}"
-            target_range = f"[{low:.3f}, {high:.3f}]"
-        lines += [
-            f"  - response: {responses[row.response]}",
-            f"    apparatus: {bench}",
-            f"    value: {row.value:.3f}",
-            f"    sd: {sd}",
-            f"    repetitions: {row.repetitions}",
-            f"    range: {target_range}",
-        ]
+        lines += _lines_of_target(row, bench, responses[row.response])
     return "\n".join(lines) + "\n"
+
+
+def _lines_of_target(row: Any, bench: str, response: str) -> list[str]:
+    """Write a row of the summary as the entry of a target of a bench test."""
+    if math.isnan(row.sd):
+        sd = "null # one pile gives no scatter"
+        target_range = "[null, null] # what counts as met"
+    else:
+        low, high = range_about(row.value, row.sd, row.repetitions)
+        sd = f"{row.sd:.3f}"
+        target_range = f"[{low:.3f}, {high:.3f}]"
+    return [
+        f"  - response: {response}",
+        f"    apparatus: {bench}",
+        f"    value: {row.value:.3f}",
+        f"    sd: {sd}",
+        f"    repetitions: {row.repetitions}",
+        f"    range: {target_range}",
+    ]
 
 
 def as_record(results: Tables) -> dict[str, list]:
@@ -179,7 +197,11 @@ def describe(
     settings: MeasureSettings,
     out: Path,
 ) -> str:
-    """Write the text that the command prints; `out` is the folder of the overlays."""
+    """Write the text that the command prints.
+
+    It has a line for each photograph, the means, notes and what to look at next. `out`
+    is the folder of the overlays.
+    """
     lines = _lines_of_photographs(photographs)
     lines.append("mean, standard deviation, number of photographs:")
     lines += _lines_of_means(results, settings)
@@ -193,10 +215,10 @@ def describe(
     n_doubtful = sum(bool(photograph.doubts) for photograph in photographs)
     if n_doubtful:
         if results.doubtful:
-            counted = "the mean counts them"
+            effect = "the mean counts them"
         else:
-            counted = "not in the mean; --doubtful counts them"
-        lines.append(f"doubtful photographs: {n_doubtful}, {counted}")
+            effect = "not in the mean; --doubtful counts them"
+        lines.append(f"doubtful photographs: {n_doubtful}, {effect}")
     if results.summary.empty:
         result = "no targets: no photograph counts"
     else:
@@ -207,40 +229,46 @@ def describe(
 
 def _lines_of_photographs(photographs: Sequence[Photograph]) -> list[str]:
     """Write a line for each photograph: its numbers, or why it was refused."""
-    width = max(len(photograph.path.name) for photograph in photographs)
+    name_width = max(len(photograph.path.name) for photograph in photographs)
     lines = []
     for photograph in photographs:
-        measurement = photograph.measurement
-        if measurement is None:
+        if photograph.measurement is None:
             text = f"refused: {photograph.refused}"
         else:
-            numbers = (
-                f"left {measurement.angle.left_deg:.2f} deg, "
-                f"right {measurement.angle.right_deg:.2f} deg, "
-                f"angle of repose {measurement.aor_deg:.2f} deg"
-            )
-            if math.isfinite(measurement.height_mm):
-                numbers += f", Height {measurement.height_mm:.2f} mm"
-            missing = [
-                f"no {definition}: {reason}"
-                for definition, reason in measurement.reasons.items()
-            ]
-            text = "; ".join([numbers, *missing, *photograph.doubts])
-        lines.append(f"{photograph.path.name:<{width}}  {text}")
+            numbers = _describe_measurement(photograph.measurement)
+            text = "; ".join([*numbers, *photograph.doubts])
+        lines.append(f"{photograph.path.name:<{name_width}}  {text}")
     return lines
+
+
+def _describe_measurement(measurement: Measurement) -> list[str]:
+    """Write the angles and the Height of a pile, and why other angles are missing."""
+    numbers = (
+        f"left {measurement.angle.left_deg:.2f} deg, "
+        f"right {measurement.angle.right_deg:.2f} deg, "
+        f"angle of repose {measurement.aor_deg:.2f} deg"
+    )
+    if math.isfinite(measurement.height_mm):
+        numbers += f", Height {measurement.height_mm:.2f} mm"
+    missing = [
+        f"no {definition}: {reason}"
+        for definition, reason in measurement.reasons.items()
+    ]
+    return [numbers, *missing]
 
 
 def _lines_of_means(results: Tables, settings: MeasureSettings) -> list[str]:
     """Write a line for the Height and for each definition of the angle."""
-    statistics = results.summary.set_index("response")
-    numbers = [("Height", "height_mm", "mm")]
+    summary = results.summary.set_index("response")
+    quantities = [("Height", "height_mm", "mm")]
     for definition in DEFINITIONS:
-        numbers.append((definition, MEAN_KEYS[definition], "deg"))
+        quantities.append((definition, MEAN_KEYS[definition], "deg"))
     lines = []
-    for name, column, unit in numbers:
-        if column not in statistics.index:
+    for name, column, unit in quantities:
+        # A definition that no photograph could be measured by is left out.
+        if column not in summary.index:
             continue
-        row = statistics.loc[column]
+        row = summary.loc[column]
         sd = "not known" if math.isnan(row.sd) else f"{row.sd:.2f}"
         mark = "  <- angle of repose" if name == settings.response else ""
         lines.append(
