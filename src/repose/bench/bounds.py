@@ -73,7 +73,7 @@ class Bounded:
         self.gravity = float(np.linalg.norm(gravity))
         # Without gravity no direction is up, and all heights are 0.
         self.up = -gravity / (self.gravity or 1.0)
-        self.lowest_m, self.fall_m = self._lowest_and_fall(top_m)
+        self.lowest_m, self.fall_m = self._find_lowest_and_fall(top_m)
         self.fastest_m_s = SPEED_LIMIT * (
             math.sqrt(2.0 * self.gravity * self.fall_m) + speed_m_s
         )
@@ -85,7 +85,7 @@ class Bounded:
         self.overlap_share = 0.0
         self._last_check = 0
 
-    def _lowest_and_fall(self, top_m: float) -> tuple[float, float]:
+    def _find_lowest_and_fall(self, top_m: float) -> tuple[float, float]:
         """Compute the lowest height in the box and the deepest fall through it [m].
 
         Heights are measured against gravity, which may be tilted.

@@ -525,7 +525,7 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
 def _measure_flow(arrays: Arrays, particle: "Particle") -> dict[str, Any]:
     """Measure mass, rate and number of the grains that drained through the slot.
 
-    The rate is None if the grains fell too few or at once.
+    The rate is None if too few grains drained, or all at once.
     """
     scales = np.asarray(arrays["scale"], float)
     exit_s = np.asarray(arrays["exit_s"], float)

@@ -222,9 +222,9 @@ def measure_drum(
 def _draw_surface(
     picture: np.ndarray, surface: bed.Surface, radius_m: float, mm_per_pixel: float
 ) -> np.ndarray:
-    """Draw the edge of a bed and the line through it into a copy of the drum's picture.
+    """Draw the edge of a bed and the line through it into the picture of the drum.
 
-    The surface is in m from the axis, z up; the picture begins at its upper left corner.
+    The surface is in m from the axis, z up; rows of the picture are counted downwards.
     """
     drawn = np.ascontiguousarray(picture)
     thickness = max(1, len(drawn) // 400)
