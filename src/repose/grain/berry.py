@@ -144,26 +144,28 @@ def summarise(sizes: pd.DataFrame, published: pd.DataFrame) -> pd.DataFrame:
     DataFrame
         A row for each dimension: the three axes, equivalent diameter and sphericity.
     """
+    # The values of all grains by dimension
     axes = [sizes[column] for column in SIZE_COLUMNS]
-    values = {column: sizes[column] for column in SIZE_COLUMNS}
-    values["equivalent_diameter_mm"] = equivalent_diameter(*axes)
-    values["sphericity_percent"] = 100 * sphericity(*axes)
+    dimensions = {column: sizes[column] for column in SIZE_COLUMNS}
+    dimensions["equivalent_diameter_mm"] = equivalent_diameter(*axes)
+    dimensions["sphericity_percent"] = 100 * sphericity(*axes)
     rows = []
-    for dimension, column in values.items():
-        rows.append(
-            {
-                "dimension": dimension,
-                "unit": "%" if dimension == "sphericity_percent" else "mm",
-                "n": len(column),
-                "maximum": column.max(),
-                "minimum": column.min(),
-                "mean": column.mean(),
-                "sd": column.std(ddof=1),
-            }
-        )
+    for dimension, values in dimensions.items():
+        row = {
+            "dimension": dimension,
+            "unit": "%" if dimension == "sphericity_percent" else "mm",
+            "n": len(values),
+            "maximum": values.max(),
+            "minimum": values.min(),
+            "mean": values.mean(),
+            "sd": values.std(ddof=1),
+        }
+        rows.append(row)
     table = pd.DataFrame(rows)
-    by_dimension = published.set_index("dimension")
-    reference = by_dimension.reindex(table["dimension"]).reset_index()
+
+    # Bring the published rows into the order of the table; a missing one is empty.
+    published_rows = published.set_index("dimension")
+    reference = published_rows.reindex(table["dimension"]).reset_index()
     statistics = ("maximum", "minimum", "mean")
     for statistic in statistics:
         table[f"published_{statistic}"] = reference[statistic]
@@ -206,7 +208,7 @@ def of_files(
     shear_modulus_pa: float | None = None,
     keeps_volume: bool = False,
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Compute statistics and material of the measured grains.
+    """Compute statistics of measured grains, and the mean grain with its material.
 
     Parameters
     ----------
@@ -240,6 +242,7 @@ def of_files(
     if poisson_ratio is not None:
         _check_poisson_ratio("berry", poisson_ratio)
     sizes = read_sizes(sizes_csv)
+    # Moduli that are not given are measured.
     if poisson_ratio is None or shear_modulus_pa is None:
         elasticity = _measured_elasticity(
             sizes_csv, sizes, compression_csv, poisson_ratio, shear_modulus_pa
@@ -251,19 +254,19 @@ def of_files(
     else:
         published = read_table(table1_csv, STATISTICS)
 
-    is_reconstructed = bool(sizes.attrs["reconstruction"])
+    elastic_modulus_pa = 2 * (1 + elasticity.poisson_ratio) * elasticity.shear_pa
     quantities = mean_axes(sizes, keeps_volume)
     quantities["density_kg_m3"] = density_kg_m3
-    quantities["elastic_modulus_pa"] = (
-        2 * (1 + elasticity.poisson_ratio) * elasticity.shear_pa
-    )
+    quantities["elastic_modulus_pa"] = elastic_modulus_pa
     quantities["poisson_ratio"] = elasticity.poisson_ratio
     quantities["shear_modulus_pa"] = elasticity.shear_pa
+    is_reconstructed = bool(sizes.attrs["reconstruction"])
     grain: dict[str, Any] = _ten_digits(quantities)
     grain["n"] = len(sizes)
     grain["reconstruction"] = is_reconstructed or elasticity.is_reconstructed
     spread = _size_spread(sizes, published)
     grain |= _ten_digits(dict(zip(size_distribution.KEYS, spread, strict=True)))
+
     # The published statistics belong to the reconstructed crop.
     reference = published if is_reconstructed else published.iloc[:0]
     return summarise(sizes, reference), grain
@@ -283,13 +286,14 @@ def _measured_elasticity(
 ) -> _Elasticity:
     """Compute Poisson's ratio and shear modulus from compression tests.
 
-    One of both that is given replaces the measured one. Raises InputError if the tests
-    are missing or not plausible.
+    A ratio or a modulus that is given replaces the measured one. Raises InputError if
+    the tests are missing or not plausible.
     """
     if compression_csv is None:
         allowed = "a file, unless poisson_ratio and shear_modulus_pa are both given"
         raise InputError("berry", "compression", None, allowed)
     tests = read_compression(compression_csv)
+    # Forces are judged by their moduli, which need sizes in the right unit.
     faults = _size_faults(compression_csv, tests, sizes_csv, sizes)
     if not faults:
         faults = _force_faults(compression_csv, tests)
@@ -315,9 +319,9 @@ def _size_faults(
     sizes_csv: str | PathLike,
     sizes: pd.DataFrame,
 ) -> list[InputError]:
-    """Find the first column of the tests that is far from the sizes of the crop.
+    """Find the first column of the tests whose sizes are far from those of the grains.
 
-    Its numbers can hardly be in their unit.
+    Then the columns are hardly in the same unit. Return its fault, or no fault.
     """
     for column, axis in LOADED.items():
         tested_mm = float(tests[column].median())
@@ -332,27 +336,32 @@ def _size_faults(
 
 
 def _force_faults(tests_csv: str | PathLike, tests: pd.DataFrame) -> list[InputError]:
-    """Find tests whose moduli differ from the others, or are impossible together."""
+    """Find forces that can hardly be in N, by the elastic moduli that they give.
+
+    The modulus of a test may differ too much from the median, and the mean modulus may
+    be impossible for a grain.
+    """
     faults = []
-    elastic = _elastic_moduli(tests)
-    median = elastic.median()
-    is_far = (elastic > STIFF * median) | (elastic < median / STIFF)
-    for row in elastic.index[is_far]:
-        force = float(tests.at[row, "force_n"])
+    moduli_pa = _elastic_moduli(tests)
+    median_pa = moduli_pa.median()
+    is_far = (moduli_pa > STIFF * median_pa) | (moduli_pa < median_pa / STIFF)
+    for row in moduli_pa.index[is_far]:
+        force_n = float(tests.at[row, "force_n"])
         allowed = (
-            f"a modulus within a factor of {STIFF:g} of the median, {median:.3g} Pa: "
+            f"a modulus within a factor of {STIFF:g} of the median, {median_pa:.3g} Pa: "
             "is it in N?"
         )
-        faults.append(InputError(f"{tests_csv}, row {row}", "force_n", force, allowed))
-    mean = float(elastic.mean())
+        fault = InputError(f"{tests_csv}, row {row}", "force_n", force_n, allowed)
+        faults.append(fault)
+    mean_pa = float(moduli_pa.mean())
     low, high = MODULI_PA
-    if not low <= mean <= high:
-        force = float(tests["force_n"].median())
+    if not low <= mean_pa <= high:
+        median_n = float(tests["force_n"].median())
         allowed = (
-            f"forces that give a modulus from {low:g} to {high:g} Pa, not {mean:.2g}: "
+            f"forces that give a modulus from {low:g} to {high:g} Pa, not {mean_pa:.2g}: "
             "are they in N?"
         )
-        faults.append(InputError(tests_csv, "force_n", force, allowed))
+        faults.append(InputError(tests_csv, "force_n", median_n, allowed))
     return faults
 
 
@@ -384,7 +393,7 @@ def run(
 def _size_spread(
     sizes: pd.DataFrame, published: pd.DataFrame
 ) -> size_distribution.Spread:
-    """Compute the spread of the equivalent diameter.
+    """Compute how much the equivalent diameters of the grains scatter.
 
     For reconstructed sizes it comes from the published range, if there is one.
     """

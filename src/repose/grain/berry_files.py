@@ -66,18 +66,21 @@ def read_sizes(path: str | PathLike) -> "pd.DataFrame":
     if len(sizes) < 2:
         allowed = "at least 2 berries, or there is no standard deviation"
         raise InputError(path, "rows", len(sizes), allowed)
-    longest, major, minor = sizes.median().tolist()
+
+    # The medians show a wrong unit.
+    long_mm, major_mm, minor_mm = sizes.median().tolist()
     low, high = LENGTHS_MM
-    if not low <= longest <= high:
+    if not low <= long_mm <= high:
         allowed = f"a median from {low:g} to {high:g}: are the sizes in millimetres?"
-        raise InputError(path, "long_mm", longest, allowed)
-    if minor < THINNEST * major:
+        raise InputError(path, "long_mm", long_mm, allowed)
+    if minor_mm < THINNEST * major_mm:
         allowed = (
-            f"a median of at least {THINNEST:g} of that of major_mm, {major:g}: are "
+            f"a median of at least {THINNEST:g} of that of major_mm, {major_mm:g}: are "
             "all columns in millimetres?"
         )
-        raise InputError(path, "minor_mm", minor, allowed)
+        raise InputError(path, "minor_mm", minor_mm, allowed)
 
+    # Single values may be far from the others, or larger than the axis before.
     faults: list[Fault] = []
     larger_axis = None
     for axis in SIZE_COLUMNS:
@@ -121,28 +124,37 @@ def read_compression(path: str | PathLike) -> "pd.DataFrame":
     if len(tests) < 1:
         allowed = "at least 1 compression test"
         raise InputError(path, "rows", len(tests), allowed)
+    refuse(path, _strain_faults(tests))
+    size_faults: list[Fault] = []
+    for name in ("length_1_mm", "width_1_mm", "breadth_mm"):
+        size_faults += _far_from_median(tests[name])
+    refuse(path, size_faults)
+    return tests
+
+
+def _strain_faults(tests: "pd.DataFrame") -> list[Fault]:
+    """Find sizes after a test that do not fit to those before it.
+
+    The load makes a grain narrower along its width and longer across it, but by at most
+    the share `MOST_STRAIN`.
+    """
     faults: list[Fault] = []
     for index, test in enumerate(tests.itertuples(index=False)):
-        width = test.width_1_mm
-        if not (1 - MOST_STRAIN) * width <= test.width_2_mm < width:
+        width_mm = test.width_1_mm
+        if not (1 - MOST_STRAIN) * width_mm <= test.width_2_mm < width_mm:
             allowed = (
-                f"less than width_1_mm of the same test, {width:g}, and at least half "
-                "of it"
+                f"less than width_1_mm of the same test, {width_mm:g}, and at least "
+                "half of it"
             )
             faults.append((index, "width_2_mm", test.width_2_mm, allowed))
-        length = test.length_1_mm
-        if not length <= test.length_2_mm <= (1 + MOST_STRAIN) * length:
+        length_mm = test.length_1_mm
+        if not length_mm <= test.length_2_mm <= (1 + MOST_STRAIN) * length_mm:
             allowed = (
-                f"at least length_1_mm of the same test, {length:g}, and at most half "
-                "as much again"
+                f"at least length_1_mm of the same test, {length_mm:g}, and at most "
+                "half as much again"
             )
             faults.append((index, "length_2_mm", test.length_2_mm, allowed))
-    refuse(path, faults)
-    faults = []
-    for name in ("length_1_mm", "width_1_mm", "breadth_mm"):
-        faults += _far_from_median(tests[name])
-    refuse(path, faults)
-    return tests
+    return faults
 
 
 def read_grain(
@@ -163,6 +175,7 @@ def read_grain(
         If a key is missing, or a number is impossible.
     """
     grain = read_json(path, needed, WRITTEN)
+    # Check the needed keys, and the other numbers that the file has.
     present = [key for key in (*POSITIVE, *FROM_ZERO) if key in grain]
     for key in (*needed, *present):
         value = grain[key]
@@ -191,9 +204,10 @@ def _far_from_median(column: "pd.Series") -> list[Fault]:
 
 
 def _read_numbers(path: str | PathLike, names: Sequence[str]) -> "pd.DataFrame":
-    """Read a table with these columns of positive numbers, indexed by row from 1.
+    """Read a table with columns of positive numbers; its rows are numbered from 1.
 
-    A column `test` has labels instead of numbers.
+    A column `test` has labels instead of numbers. The attribute ``reconstruction`` of
+    the table tells whether a comment in the file says that its rows were not measured.
     """
     import pandas as pd  # slow to import: where there is a table
 

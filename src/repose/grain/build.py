@@ -1,4 +1,4 @@
-"""From a mesh to the simulated particle.
+"""The simulated particle of a grain, made from the mesh of its surface.
 
 A particle is an ellipsoid, a smooth body, or spheres that fill the mesh. All kinds are
 made from the same mesh in its principal pose and compared with it: volume, mass,
@@ -79,24 +79,30 @@ def fit_particle(
         If the particle does not represent the mesh.
     """
     check_positive(source, density_kg_m3=density_kg_m3)
-    n = sphere_directions(N_DIRECTIONS)
-    measured = compute_support(mesh, n) * MM
+    directions = sphere_directions(N_DIRECTIONS)
+    measured = compute_support(mesh, directions) * MM
     radius = np.cbrt(mesh.volume * 3 / (4 * math.pi)) * MM
-    semi_axes = support_fit.recognise_ellipsoid(mesh.vertices * MM, radius, n, measured)
-    if semi_axes is None:
-        counts = (1,) if kind == "ellipsoid" else support_fit.COMPONENTS
-        semi_axes = support_fit.fit_components(n, measured, radius, counts)
+    is_ellipsoid = kind == "ellipsoid"
+    fit = support_fit.recognise_ellipsoid(
+        mesh.vertices * MM, radius, directions, measured
+    )
+    if fit is None:
+        counts = (1,) if is_ellipsoid else support_fit.COMPONENTS
+        fit = support_fit.fit_components(directions, measured, radius, counts)
     # Below a nanometre lies only the rounding of the file.
-    semi_axes = np.round(semi_axes, 9)
-    deviation = np.abs(support(semi_axes, n) - measured)
+    semi_axes = np.round(fit, 9)
+
+    # Refuse a particle that does not represent the mesh.
+    deviation = np.abs(support(semi_axes, directions) - measured)
     volume, second_moments = support_fit.volume_integrals(semi_axes)
-    tolerance = VOLUME_TOLERANCE * (ELLIPSOID_TOLERANCE if kind == "ellipsoid" else 1)
+    tolerance = VOLUME_TOLERANCE * (ELLIPSOID_TOLERANCE if is_ellipsoid else 1)
     _check_fit(
         relative_deviation=deviation.max() / radius,
         volume_ratio=volume / (mesh.volume * MM**3),
         tolerance=tolerance,
         source=source,
     )
+
     body = compute_body(mesh, density_kg_m3)
     return Particle(
         kind="ellipsoid" if len(semi_axes) == 1 else "smooth",
@@ -118,7 +124,19 @@ def fit_particle(
 def _check_fit(
     *, relative_deviation: float, volume_ratio: float, tolerance: float, source: object
 ) -> None:
-    """Raise InputError if the fitted particle does not represent the mesh."""
+    """Raise InputError if the fitted particle does not represent the mesh.
+
+    Parameters
+    ----------
+    relative_deviation : float
+        Largest deviation of the surface over the mesh's mean radius.
+    volume_ratio : float
+        Volume of the particle over that of the mesh.
+    tolerance : float
+        Allowed difference of this ratio from 1.
+    source : object
+        The mesh's file, for messages.
+    """
     if relative_deviation > LARGEST_DEVIATION:
         key = "largest deviation of the particle over the mesh's mean radius"
         allowed = (
@@ -171,6 +189,7 @@ def make_particle(
         return fit_particle(mesh, density_kg_m3, stl=stl, source=source, kind=kind)
     check_positive(source, density_kg_m3=density_kg_m3)
     packing = sphere_packing.pack(mesh, spheres, surface, source)
+    # Spheres overlap, so mass and moments of inertia are those of the mesh.
     body = compute_body(mesh, density_kg_m3)
     centres = packing.spheres_m[:, :3]
     radii = packing.spheres_m[:, 3]
@@ -207,6 +226,7 @@ def compare(particles: Mapping[str, Particle | InputError]) -> list[dict[str, An
         mass, principal moments, extents, deviations.
     """
     rows = []
+    # Each particle has the same mesh, so the first one gives its row.
     for particle in particles.values():
         if isinstance(particle, Particle):
             if particle.mesh is not None:
@@ -306,7 +326,10 @@ def _mesh_content(
 def _mesh_content_of_axes(
     axes_mm: tuple[float, ...], mass_g: float | None, density_kg_m3: float
 ) -> bytes:
-    """Return the content of the mesh file of a grain without a scan."""
+    """Make the content of the mesh file of a grain without a scan.
+
+    The mesh has the axes and the mass; without a mass it is the ellipsoid of the axes.
+    """
     if mass_g is None:
         return write_stl(ellipsoid_mesh(list(axes_mm)))
     try:
@@ -396,6 +419,7 @@ def run(
             source=source,
         )
 
+    # All kinds are made and compared; only the configured one must succeed.
     particle = make(kind)
     particles: dict[str, Particle | InputError] = {}
     for other_kind in KINDS:

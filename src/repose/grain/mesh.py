@@ -59,10 +59,11 @@ def _complete_stl(content: bytes, source: object) -> bytes:
     """
     text = content.removeprefix(BYTE_ORDER_MARK).lower().replace(b"\r", b"\n")
     beginning = text[:BEGINNING]
-    number = DECIMAL_COMMA.search(beginning)
-    if number:
+    decimal_comma = DECIMAL_COMMA.search(beginning)
+    if decimal_comma:
         allowed = "numbers with a decimal point"
-        raise InputError(source, "numbers", number[0].decode(), allowed)
+        raise InputError(source, "numbers", decimal_comma[0].decode(), allowed)
+    # A binary file may also begin with the word "solid", but has control characters.
     is_text = b"facet" in text and not CONTROL_CHARACTER.search(beginning)
     if is_text:
         return _complete_text_stl(text, source)
@@ -70,12 +71,16 @@ def _complete_stl(content: bytes, source: object) -> bytes:
 
 
 def _complete_text_stl(text: bytes, source: object) -> bytes:
-    """Return an STL in lower-case text, with a last `endsolid` and nothing behind."""
-    n_begun = len(re.findall(rb"(?m)^\s*facet\b", text))
-    n_ended = len(re.findall(rb"(?m)^\s*endfacet\b", text))
-    if n_begun != n_ended:
-        allowed = f"{n_begun}, as many as begin: the file is cut off"
-        raise InputError(source, "facets", n_ended, allowed)
+    """Check an STL in lower-case text, and end it with a single `endsolid`.
+
+    Raises InputError if the file is cut off within a facet.
+    """
+    n_beginnings = len(re.findall(rb"(?m)^\s*facet\b", text))
+    n_ends = len(re.findall(rb"(?m)^\s*endfacet\b", text))
+    if n_beginnings != n_ends:
+        allowed = f"{n_beginnings}, as many as begin: the file is cut off"
+        raise InputError(source, "facets", n_ends, allowed)
+    # Drop the last `endsolid` with what follows it; a missing one is added as well.
     end = text.rfind(b"endsolid")
     if end > text.rfind(b"endfacet"):
         text = text[:end]
@@ -83,24 +88,32 @@ def _complete_text_stl(text: bytes, source: object) -> bytes:
 
 
 def _complete_binary_stl(content: bytes, source: object) -> bytes:
-    """Return a binary STL without bytes behind the facets that its header counts."""
-    n_stated = int.from_bytes(content[STL_HEADER - 4 : STL_HEADER], "little")
+    """Return a binary STL without bytes behind the facets that its header counts.
+
+    Raises InputError if the file is cut off, or if another body follows.
+    """
+    # The header ends with the number of facets, in four bytes.
+    n_in_header = int.from_bytes(content[STL_HEADER - 4 : STL_HEADER], "little")
     n_facets = max(len(content) - STL_HEADER, 0) // STL_FACET
-    if n_facets < max(n_stated, 1):
-        expected = n_stated or "some"
+    if n_facets < max(n_in_header, 1):
+        expected = n_in_header or "some"
         allowed = f"{expected}, as its header says: the file is cut off, or no STL"
         raise InputError(source, "facets", n_facets, allowed)
-    end = STL_HEADER + STL_FACET * n_stated
+    end = STL_HEADER + STL_FACET * n_in_header
     rest = content[end:].strip(b"\0\t\r\n ")
-    # Long enough for another file with a facet
+    # The rest may be long enough for another file with a facet.
     if len(rest) >= STL_HEADER + STL_FACET:
-        allowed = f"{n_stated}, as its header says: one body"
+        allowed = f"{n_in_header}, as its header says: one body"
         raise InputError(source, "facets", n_facets, allowed)
     return content[:end]
 
 
 def _read(file: Any, file_type: str | None, source: object) -> trimesh.Trimesh:
-    """Read a mesh, check it and turn it into its principal pose."""
+    """Read a mesh by trimesh, check it and turn it into its principal pose.
+
+    `file` is a path or an open file, and `file_type` a format of trimesh; without it
+    the ending of the path tells the format.
+    """
     try:
         mesh: Any = trimesh.load(file, file_type=file_type, force="mesh")
     except Exception as error:  # whatever the parser of the format raises
@@ -155,7 +168,7 @@ def check_mesh(mesh: trimesh.Trimesh, source: object) -> trimesh.Trimesh:
 
 
 def _check_sides(mesh: trimesh.Trimesh, source: object) -> None:
-    """Raise InputError for an implausible size, or a flat mesh."""
+    """Raise InputError for a mesh that is hardly in mm, or is flat."""
     longest = float(mesh.extents.max())
     shortest = float(mesh.extents.min())
     low, high = LENGTHS_MM
@@ -175,8 +188,8 @@ def _remove_bad_facets(mesh: trimesh.Trimesh, source: object) -> None:
     Raises InputError if these are half of the facets. A closed mesh stays as it is: a
     facet without an area may close a joint.
     """
-    for find_good in (mesh.nondegenerate_faces, mesh.unique_faces):
-        is_good = find_good()  # among the facets that the search before has left
+    for find_good_facets in (mesh.nondegenerate_faces, mesh.unique_faces):
+        is_good = find_good_facets()
         n_good = int(is_good.sum())
         if 2 * n_good <= len(is_good):
             key = "facets with an area, each once"
@@ -187,14 +200,19 @@ def _remove_bad_facets(mesh: trimesh.Trimesh, source: object) -> None:
 
 
 def _open_surface_error(mesh: trimesh.Trimesh, source: object) -> InputError:
-    """Make the error of a mesh that is not closed, with the kinds of its bad edges."""
+    """Make the error of a mesh that is not closed, with the kinds of its bad edges.
+
+    An edge of a closed surface belongs to two facets that look outwards.
+    """
+    # Number the edges, each two vertices, and count the facets of each.
     _, edge, n_facets = np.unique(
         mesh.edges_sorted, axis=0, return_inverse=True, return_counts=True
     )
-    # Two facets that look to the same side go along their edge in opposite directions.
-    goes_up = mesh.edges[:, 0] < mesh.edges[:, 1]
-    n_upwards = np.bincount(edge.ravel(), goes_up)
-    n_turned = ((n_facets == 2) & (n_upwards != 1)).sum()
+    # Two facets that look to the same side go along their edge in opposite directions:
+    # one of them from the vertex with the lower number to the higher.
+    is_ascending = mesh.edges[:, 0] < mesh.edges[:, 1]
+    n_ascending = np.bincount(edge.ravel(), is_ascending)
+    n_turned = ((n_facets == 2) & (n_ascending != 1)).sum()
     problem = (
         f"{(n_facets == 1).sum()} edges of one facet, {(n_facets > 2).sum()} of more "
         f"than two, {n_turned} between facets of which one is turned over"
@@ -212,10 +230,10 @@ def _check_volume(mesh: trimesh.Trimesh, source: object) -> None:
     if volume <= 0:
         allowed = "positive; the faces must look outwards"
         raise InputError(source, "volume in mm3", volume, allowed)
-    share = volume / float(mesh.convex_hull.volume)
-    if CONVEX_SHARE <= share <= 1 + 1e-6:
+    hull_share = volume / float(mesh.convex_hull.volume)
+    if CONVEX_SHARE <= hull_share <= 1 + 1e-6:
         return
-    if share < 1:
+    if hull_share < 1:
         allowed = (
             f"at least {CONVEX_SHARE:g}; the particle is convex and cannot stand for "
             "dents this deep"
@@ -223,7 +241,7 @@ def _check_volume(mesh: trimesh.Trimesh, source: object) -> None:
     else:
         allowed = "at most 1; the surface crosses itself"
     key = "share of its convex hull that the mesh fills"
-    raise InputError(source, key, round(share, 4), allowed)
+    raise InputError(source, key, round(hull_share, 4), allowed)
 
 
 def principal_pose(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
@@ -234,10 +252,11 @@ def principal_pose(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     """
     # Moments ascend: the smallest belongs to the longest axis.
     axes = np.linalg.eigh(mesh.moment_inertia).eigenvectors.T
-    # A fixed sign, so that the pose does not depend on the eigenvector routine
-    for k in range(2):
-        largest = np.argmax(np.abs(axes[k]))
-        axes[k] *= np.sign(axes[k, largest])
+    # The largest component of an axis is made positive, so that the pose does not
+    # depend on the eigenvector routine.
+    for axis in axes[:2]:
+        largest = np.argmax(np.abs(axis))
+        axis *= np.sign(axis[largest])
     axes[2] = np.cross(axes[0], axes[1])
     posed = mesh.copy()
     posed.vertices = (mesh.vertices - mesh.center_mass) @ axes.T

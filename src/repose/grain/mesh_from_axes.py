@@ -50,18 +50,33 @@ def profile_exponents(shape: float) -> tuple[float, float]:
 
 
 def _profile(shape: float, taper: float) -> tuple[np.ndarray, np.ndarray]:
-    """Place cross-sections evenly along the outline.
+    """Place the cross-sections of a grain evenly along its outline.
 
-    Return their places t and their radii r, each (RINGS + 1,); the largest radius is 1.
+    The outline is the profile r(t) = (1 - |t|^m)^k, tilted by the taper.
+
+    Parameters
+    ----------
+    shape : float
+        Shape number, see `profile_exponents`.
+    taper : float
+        Excess width at the end t = 1 over the mean width.
+
+    Returns
+    -------
+    tuple
+        Places t from -1 to 1 and radii r of the cross-sections, each (RINGS + 1,). The
+        largest radius is 1.
     """
     m, k = profile_exponents(shape)
     # One half of the outline, dense at the end, and its mirror image
     half_t = np.cos(np.linspace(0, math.pi / 2, 4000)) ** (2 / m)
     half_r = np.clip(1 - half_t**m, 0, None) ** k
     t = np.concatenate([-half_t, half_t[-2::-1]])
-    r = np.concatenate([half_r, half_r[-2::-1]])
-    r = r * (1 + taper * t)
+    symmetric_r = np.concatenate([half_r, half_r[-2::-1]])
+    r = symmetric_r * (1 + taper * t)
     r /= r.max()
+
+    # Cut the outline into pieces of the same length.
     steps = np.hypot(np.diff(t), np.diff(r))
     length = np.concatenate([[0], np.cumsum(steps)])
     even_length = np.linspace(0, length[-1], RINGS + 1)
@@ -69,36 +84,45 @@ def _profile(shape: float, taper: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _mesh(axes_mm: Axes, shape: float, details: _Details) -> trimesh.Trimesh:
-    """Make the closed mesh (mm), with x along the long axis."""
-    t, r = _profile(shape, details.taper)
-    angles = np.arange(SECTORS) * (2 * math.pi / SECTORS)
-    half_axes = np.asarray(axes_mm, float) / 2
+    """Make the closed mesh [mm] of a grain with a shape number, its long axis along x.
 
-    # The largest cross-section (SECTORS, 2), with grooves
-    depth = details.wrinkle_depth_mm / half_axes[2]
+    It has rings of points around the long axis, and a point at each tip.
+    """
+    places, sizes = _profile(shape, details.taper)
+    angles = np.arange(SECTORS) * (2 * math.pi / SECTORS)
+    half_length, half_width, half_height = np.asarray(axes_mm, float) / 2
+
+    # The largest cross-section (SECTORS, 2): an ellipse with grooves
+    depth = details.wrinkle_depth_mm / half_height
     groove = 1 - depth * (1 - np.cos(details.wrinkles * angles)) / 2
-    y = half_axes[1] * np.cos(angles)
-    z = half_axes[2] * np.sin(angles)
+    y = half_width * np.cos(angles)
+    z = half_height * np.sin(angles)
     section = np.column_stack([y, z]) * groove[:, None]
 
-    # Rings of points between the two tips
+    # The first and the last cross-section are the tips.
     rings = []
-    for x, size in zip(half_axes[0] * t[1:-1], r[1:-1], strict=True):
+    for x, size in zip(half_length * places[1:-1], sizes[1:-1], strict=True):
         rings.append(np.column_stack([np.full(SECTORS, x), size * section]))
-    tips = [[-half_axes[0], 0, 0], [half_axes[0], 0, 0]]
+    tips = [[-half_length, 0, 0], [half_length, 0, 0]]
     points = np.concatenate([*rings, tips])
-    return trimesh.Trimesh(points, _faces(len(rings)), process=False)
+    return trimesh.Trimesh(points, _list_faces(len(rings)), process=False)
 
 
-def _faces(n_rings: int) -> np.ndarray:
-    """List the triangles of a mesh of rings, whose last two points are its tips."""
+def _list_faces(n_rings: int) -> np.ndarray:
+    """List the triangles of a mesh of rings of points and two tips.
+
+    The points are numbered ring by ring, and the tips come last. Each triangle has the
+    numbers of its three corners, which go around it counter-clockwise seen from outside.
+    """
     n_points = n_rings * SECTORS + 2
     sector = np.arange(SECTORS)
     next_sector = (sector + 1) % SECTORS
     last_ring = (n_rings - 1) * SECTORS
     first_tip = np.full(SECTORS, n_points - 2)
     last_tip = np.full(SECTORS, n_points - 1)
+    # A fan of triangles closes the first end.
     faces = [np.column_stack([first_tip, next_sector, sector])]
+    # Between two rings there are quadrilaterals a b d c, each of two triangles.
     for ring in range(0, last_ring, SECTORS):
         next_ring = ring + SECTORS
         a = ring + sector
@@ -107,8 +131,9 @@ def _faces(n_rings: int) -> np.ndarray:
         d = next_ring + next_sector
         faces.append(np.column_stack([a, b, c]))
         faces.append(np.column_stack([b, d, c]))
-    end = np.column_stack([last_tip, last_ring + sector, last_ring + next_sector])
-    faces.append(end)
+    # Another fan closes the last end.
+    fan = np.column_stack([last_tip, last_ring + sector, last_ring + next_sector])
+    faces.append(fan)
     return np.concatenate(faces)
 
 
@@ -154,24 +179,27 @@ def grain_mesh(
     details = _Details(taper, wrinkles, wrinkle_depth_mm)
     _check_details(details, axes, source)
     volume = mass_g * 1e-3 / density_kg_m3 / MM**3
+    # Only volumes between those of the leanest and the fullest body are possible.
     leanest, fullest = SHAPE_LIMITS
-    low = _mesh(axes, leanest, details).volume
-    high = _mesh(axes, fullest, details).volume
-    if not low <= volume <= high:
-        lightest_g = low * MM**3 * density_kg_m3 * 1e3
-        heaviest_g = high * MM**3 * density_kg_m3 * 1e3
+    smallest = _mesh(axes, leanest, details).volume
+    largest = _mesh(axes, fullest, details).volume
+    if not smallest <= volume <= largest:
+        lightest_g = smallest * MM**3 * density_kg_m3 * 1e3
+        heaviest_g = largest * MM**3 * density_kg_m3 * 1e3
         box = axes.prod()
         allowed = (
             f"from {lightest_g:.3g} to {heaviest_g:.3g} for these axes and "
-            f"{density_kg_m3:g} kg/m3: a share of {low / box:.2f} to {high / box:.2f} "
-            f"of the box around them (an ellipsoid 0.52), here {volume / box:.2f}"
+            f"{density_kg_m3:g} kg/m3: a share of {smallest / box:.2f} to "
+            f"{largest / box:.2f} of the box around them (an ellipsoid 0.52), here "
+            f"{volume / box:.2f}"
         )
         raise InputError(source, "mass_g", mass_g, allowed)
 
-    def excess(shape: float) -> float:
+    # The volume grows with the shape number; find the one that gives the mass.
+    def excess_volume(shape: float) -> float:
         return _mesh(axes, shape, details).volume - volume
 
-    shape = brentq(excess, leanest, fullest, xtol=1e-12)
+    shape = brentq(excess_volume, leanest, fullest, xtol=1e-12)
     return _mesh(axes, shape, details), shape
 
 
@@ -195,9 +223,10 @@ def _check_details(details: _Details, axes: np.ndarray, source: object) -> None:
     if not 0 <= depth <= deepest:
         allowed = f"from 0 to {deepest:.3g}"
         raise InputError(source, "wrinkle_depth_mm", depth, allowed)
+    # Number and depth of the grooves belong together.
     if not details.wrinkles and not depth:
         return
-    smallest, largest = WRINKLES
-    if not depth or not smallest <= details.wrinkles <= largest:
-        allowed = f"{smallest} to {largest}, together with wrinkle_depth_mm"
+    fewest, most = WRINKLES
+    if not depth or not fewest <= details.wrinkles <= most:
+        allowed = f"{fewest} to {most}, together with wrinkle_depth_mm"
         raise InputError(source, "wrinkles", details.wrinkles, allowed)

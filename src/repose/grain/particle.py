@@ -187,7 +187,10 @@ class Particle:
 
     @classmethod
     def of_record(cls, record: Mapping[str, Any]) -> "Particle":
-        """Make the particle of a `record`."""
+        """Make a particle from the values of its file; see `record`.
+
+        Lengths, volumes and others are converted from the units of the file.
+        """
         values = {name: record[name] for name in TEXT_AND_DENSITY}
         for name, (key, unit) in FIELDS.items():
             value = record[key]
@@ -197,6 +200,7 @@ class Particle:
                 values[name] = value * unit
             else:
                 values[name] = value
+        # An empty list becomes a table without rows.
         values["semi_axes_m"] = values["semi_axes_m"].reshape(-1, 3)
         values["spheres_m"] = values["spheres_m"].reshape(-1, 4)
         return cls(**values)
@@ -214,6 +218,7 @@ class Particle:
             raise InputError(path, "kind", record["kind"], " or ".join(KINDS))
         for key in ("density_kg_m3", *number_keys):
             value = record[key]
+            # A particle need not come from a mesh.
             if key.startswith("mesh_") and value is None:
                 continue
             _check_numbers(path, key, value)
@@ -223,18 +228,26 @@ class Particle:
 
 
 def _check_numbers(path: str | PathLike, key: str, value: object) -> None:
-    """Raise InputError for a value of the file with a wrong shape or bad numbers."""
-    not_numbers = InputError(path, key, value, f"finite numbers in {WHAT}")
+    """Check the numbers of a key in the file of a particle.
+
+    Raises InputError for a wrong shape, and for numbers that are not finite or not
+    positive.
+    """
+    error = InputError(path, key, value, f"finite numbers in {WHAT}")
+    # NumPy would take text and booleans for numbers.
     if isinstance(value, bool | str):
-        raise not_numbers
+        raise error
     try:
         array = np.array(value, dtype=float)
         numbers = array.reshape(SHAPES.get(key, ()))
     except (TypeError, ValueError):
-        raise not_numbers from None
+        raise error from None
+    # An empty list stands for a table without rows.
     has_shape = array.size == 0 or array.shape == numbers.shape
     if not has_shape or not np.all(np.isfinite(numbers)):
-        raise not_numbers
+        raise error
+
+    # Of a sphere, only the radius must be positive.
     sizes = numbers[:, 3] if key == "spheres_mm" else numbers
     may_be_zero = key == "semi_axes_mm" or key.startswith("deviation")
     is_wrong = sizes < 0 if may_be_zero else sizes <= 0

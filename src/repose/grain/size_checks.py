@@ -52,20 +52,24 @@ class SizeGroups(NamedTuple):
 
 
 def best_split(values: np.ndarray) -> Split:
-    """Split values (N,) at the place that explains most of their variance.
+    """Split values (N,) into small and large ones so that most variance is explained.
 
-    This is the exact solution of k-means for two groups in one dimension. Normal values
-    give 2/pi and uniform ones 3/4, for many values.
+    This is the exact solution of k-means for two groups in one dimension. Of many
+    normal values the best split explains the share 2/pi, of many uniform ones 3/4.
     """
     ordered = np.sort(np.asarray(values, float))
     deviations = ordered - ordered.mean()
     total = float(deviations @ deviations)
     if total == 0:
         return Split(len(ordered), 0.0)
+
+    # The sum of squares between the groups, for each number of small values. The
+    # deviations of both groups add up to zero, so one sum gives both means.
     n = len(ordered)
     n_small = np.arange(1, n)
-    sums = np.cumsum(deviations)[:-1]
-    between = sums**2 * n / (n_small * (n - n_small))
+    n_large = n - n_small
+    small_sums = np.cumsum(deviations)[:-1]
+    between = small_sums**2 * n / (n_small * n_large)
     best = int(np.argmax(between))
     return Split(best + 1, float(between[best]) / total)
 
@@ -99,10 +103,9 @@ def find_groups(diameters_mm: np.ndarray) -> SizeGroups | None:
         The groups; None if all grains may be of one kind.
     """
     logarithms = np.sort(np.log(np.asarray(diameters_mm, float)))
+    n_grains = len(logarithms)
     split = best_split(logarithms)
-    if len(logarithms) < FEWEST or split.explained <= explained_by_chance(
-        len(logarithms)
-    ):
+    if n_grains < FEWEST or split.explained <= explained_by_chance(n_grains):
         return None
     small = logarithms[: split.n_small]
     large = logarithms[split.n_small :]
@@ -126,13 +129,19 @@ def largest_volume(axes: Sequence[float]) -> float:
     """
     radius, half_width, half_height = (0.5 * axis for axis in axes)
 
-    def half_section(y: float) -> float:
-        """Integrate the half length of the body over z, from 0 to its top, at y."""
-        rim = math.sqrt(max(radius**2 - y**2, 0.0))
-        top = min(half_height, rim)
+    def quarter_area(y: float) -> float:
+        """Compute a quarter of the area of the body's section at y.
+
+        The section of the ball is a circle, which the box cuts off at the half height.
+        """
+        circle_radius = math.sqrt(max(radius**2 - y**2, 0.0))
+        top = min(half_height, circle_radius)
         if top == 0:
             return 0.0
-        chord = math.sqrt(max(rim**2 - top**2, 0.0))
-        return 0.5 * (top * chord + rim**2 * math.asin(min(top / rim, 1.0)))
+        # A triangle and a sector of the circle
+        half_chord = math.sqrt(max(circle_radius**2 - top**2, 0.0))
+        angle = math.asin(min(top / circle_radius, 1.0))
+        return 0.5 * (top * half_chord + circle_radius**2 * angle)
 
-    return 8 * float(quad(half_section, 0.0, half_width)[0])
+    # A quarter of each section, over half of the width, is an eighth of the body.
+    return 8 * float(quad(quarter_area, 0.0, half_width)[0])

@@ -70,19 +70,43 @@ def smallest_scale(distribution: str, grain: Mapping[str, float]) -> float:
 def draw(
     rng: np.random.Generator, count: int, sd: float, low: float, high: float
 ) -> np.ndarray:
-    """Draw scales s (count,) of single grains with E[s^3] = 1; all 1 if `sd` is 0."""
+    """Draw the relative sizes of single grains from a truncated normal distribution.
+
+    Parameters
+    ----------
+    rng : Generator
+        Random numbers.
+    count : int
+        Number of grains.
+    sd : float
+        Standard deviation before the truncation; without scatter all sizes are 1.
+    low, high : float
+        Smallest and largest size before they are divided by the `normalisation`.
+
+    Returns
+    -------
+    array
+        Sizes s (count,) with the mean E[s^3] = 1, so that the mean volume is kept.
+    """
     if sd == 0:
         return np.ones(count)
     from scipy.special import ndtr, ndtri  # slow to import: where sizes differ
 
-    bottom = ndtr((low - 1) / sd)
-    top = ndtr((high - 1) / sd)
-    x = 1 + sd * ndtri(bottom + (top - bottom) * rng.random(count))
-    return np.clip(x, low, high) / normalisation(sd, low, high)
+    # A uniform number between the probabilities of both ends gives a size between them.
+    low_probability = ndtr((low - 1) / sd)
+    high_probability = ndtr((high - 1) / sd)
+    numbers = rng.random(count)
+    probabilities = low_probability + (high_probability - low_probability) * numbers
+    sizes = 1 + sd * ndtri(probabilities)
+    return np.clip(sizes, low, high) / normalisation(sd, low, high)
 
 
 def _spread(distribution: str, grain: Mapping[str, float]) -> Spread:
-    """Return the spread of a grain's sizes, or raise InputError if it has none."""
+    """Read the spread of the sizes from the values of a mean grain.
+
+    Without a distribution all grains have the same size. Raises InputError if a value
+    is missing or impossible.
+    """
     if distribution == "none":
         return Spread(0.0, 1.0, 1.0)
     for key in KEYS:

@@ -72,7 +72,7 @@ def pack(
     surface: str = "smooth",
     source: object = "mesh",
 ) -> Packing:
-    """Fill a mesh with spheres.
+    """Fill a mesh with spheres, whose union stands for the grain.
 
     Parameters
     ----------
@@ -101,6 +101,7 @@ def pack(
         spheres = filling.fill(count)
     else:
         spheres = filling.fill_with_fewest(source)
+    # The mesh's surface should lie on that of the union.
     gaps = distances_from_union(spheres, filling.surface_points)
     return Packing(
         spheres_m=np.round(spheres * MM, 9),
@@ -135,9 +136,9 @@ class _Filling:
         return spheres
 
     def fill_with_fewest(self, source: object) -> np.ndarray:
-        """Find the fewest spheres (M, 4) of about the mesh's volume and shortest axis.
+        """Find the fewest spheres (M, 4) with nearly the mesh's volume and shortest axis.
 
-        Raises InputError if there are none.
+        Raises InputError if no number of spheres is enough.
         """
         for count in range(FEWEST_FROM, FEWEST_TO + 1):
             spheres = self.place(count)
@@ -156,14 +157,16 @@ class _Filling:
     def _grow_within_tolerances(self, spheres: np.ndarray) -> np.ndarray | None:
         """Grow spheres (M, 4) until they have the mesh's volume and shortest axis.
 
-        Return None if they cannot have both within the tolerances.
+        Return None if they cannot have both within the tolerances. Rough surfaces do
+        not grow.
         """
         extents = np.ptp(self.box, axis=0)
         axis = int(extents.argmin())
         shortest = extents[axis]
         volume = abs(self.mesh.volume)
-        longest_allowed = (1 + SHORTEST_AXIS_TOLERANCE) * shortest
-        largest_growth = (longest_allowed - _extent(spheres, axis)) / 2
+        # The spheres may grow until they are too thick along the shortest axis.
+        largest_extent = (1 + SHORTEST_AXIS_TOLERANCE) * shortest
+        largest_growth = (largest_extent - _extent(spheres, axis)) / 2
         # Most numbers of spheres fail already with few points, which are much faster.
         for n_points, tolerance in (
             (N_VOLUME_POINTS // SCREENING_SHARE, SCREENING_TOLERANCE),
@@ -199,13 +202,15 @@ def sample_surface(
     tuple
         The points and the outward normals there, each (count, 3).
     """
+    # Each face gets points in proportion to its area.
     cumulated_area = np.cumsum(mesh.area_faces)
     draws = qmc.Halton(3, scramble=False).random(count + 1)[1:]  # without the zero
     face = np.searchsorted(cumulated_area, draws[:, 0] * cumulated_area[-1])
     face = np.minimum(face, len(cumulated_area) - 1)
-    # Barycentric weights of points that are even over a triangle
+    # Weights of a triangle's corners, so that points lie evenly over its area
     root = np.sqrt(draws[:, 1:2])
-    weights = np.hstack([1 - root, root * (1 - draws[:, 2:]), root * draws[:, 2:]])
+    share = draws[:, 2:]
+    weights = np.hstack([1 - root, root * (1 - share), root * share])
     points = np.einsum("nk,nki->ni", weights, mesh.triangles[face])
     return points, mesh.face_normals[face]
 
@@ -213,11 +218,21 @@ def sample_surface(
 def _candidate_balls(
     mesh: trimesh.Trimesh, points: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Find the largest inscribed ball around each centre of a grid in a mesh.
+    """Find the largest inscribed ball around each point of a grid inside a mesh.
 
-    The grid is symmetric about the origin; `points` lie on the mesh's surface. Return
-    the centres (N, 3) and the radii (N,).
+    Parameters
+    ----------
+    mesh : Trimesh
+        The mesh.
+    points : ndarray
+        Points (P, 3) on its surface.
+
+    Returns
+    -------
+    tuple
+        Centres (N, 3) and radii (N,) of the balls.
     """
+    # The grid is symmetric about the origin, and about N_CANDIDATES points lie inside.
     spacing = np.cbrt(mesh.volume / N_CANDIDATES)
     lowest = mesh.vertices.min(axis=0) / spacing
     highest = mesh.vertices.max(axis=0) / spacing
@@ -227,16 +242,16 @@ def _candidate_balls(
     ]
     grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
 
-    # Depth below the faces of the hull. In chunks: all centres times all faces of a
-    # scan would fill gigabytes.
+    # A point lies below the nearest face of the hull by its depth. Points are treated in
+    # chunks: all points times all faces of a scan would fill gigabytes.
     hull = mesh.convex_hull
     offsets = np.einsum("fi,fi->f", hull.face_normals, hull.triangles[:, 0])
     n_chunks = 1 + len(grid) * len(offsets) // 2_000_000
-    depths = [
+    chunk_depths = [
         (offsets - chunk @ hull.face_normals.T).min(axis=1)
         for chunk in np.array_split(grid, n_chunks)
     ]
-    depth = np.concatenate(depths)
+    depth = np.concatenate(chunk_depths)
     is_inside = depth > 0
     centres = grid[is_inside]
     # Where the surface lies below its hull, the depth below the hull is too large.
@@ -256,11 +271,20 @@ def distances_from_union(spheres: np.ndarray, points: np.ndarray) -> np.ndarray:
 def union_volume(
     spheres: np.ndarray, box: np.ndarray, count: int = N_VOLUME_POINTS
 ) -> float:
-    """Compute the volume of the union of spheres (M, 4) by a regular set of points.
+    """Compute the volume of a union of spheres, by the share of points that lie in it.
 
-    The points fill a box (2, 3) that holds most of the union, extended to all of it.
     With the default number of points the error is below 0.2 % for unions of up to 60
     spheres (tested).
+
+    Parameters
+    ----------
+    spheres : ndarray
+        Centres and radii (M, 4).
+    box : ndarray
+        Lower and upper corner (2, 3) of a box that holds most of the union. The points
+        fill this box, extended to all of the union.
+    count : int
+        Number of points, which are the same each time.
     """
     centres = spheres[:, :3]
     radii = spheres[:, 3:]
@@ -279,20 +303,22 @@ def _growth(
     box: np.ndarray,
     count: int = N_VOLUME_POINTS,
 ) -> float:
-    """Find the growth of all radii with which the union has the mesh's volume.
+    """Find by how much all radii must grow until the union has the mesh's volume.
 
-    In a box around the mesh, the share of points nearer than the growth is the mesh's
-    share of the box.
+    The grown union holds the points whose distance from the spheres is less than the
+    growth. In a box of evenly spread points, their share must be the mesh's share of
+    the box.
     """
     margin = 0.2 * np.abs(box).max()
     low = box[0] - margin
     high = box[1] + margin
     points = low + (high - low) * qmc.Halton(3, scramble=False).random(count)
-    point_distances = np.concatenate(
-        [distances_from_union(spheres, chunk) for chunk in np.array_split(points, 16)]
-    )
+    chunk_distances = [
+        distances_from_union(spheres, chunk) for chunk in np.array_split(points, 16)
+    ]
+    distances = np.concatenate(chunk_distances)
     mesh_share = mesh.volume / np.prod(high - low)
-    return float(np.quantile(point_distances, mesh_share))
+    return float(np.quantile(distances, mesh_share))
 
 
 def _cover(
@@ -374,17 +400,33 @@ def _scores(
 def _bumps(
     points: np.ndarray, normals: np.ndarray, radius: float, count: int
 ) -> np.ndarray:
-    """Place balls (count, 4) of one radius that touch the surface from inside.
+    """Place balls of one radius that touch a surface from inside.
 
-    Each is placed as far as possible from those before it. The surface has the points
-    and outward normals (P, 3).
+    Each is placed as far as possible from those before it; the first lies at the end of
+    the x axis.
+
+    Parameters
+    ----------
+    points, normals : ndarray
+        Points and outward normals (P, 3) of the surface.
+    radius : float
+        Radius of the balls.
+    count : int
+        Their number.
+
+    Returns
+    -------
+    ndarray
+        Centres and radii (count, 4).
     """
     centres = points - radius * normals
-    chosen = [int(np.argmax(centres[:, 0]))]
-    nearest = np.linalg.norm(centres - centres[chosen[0]], axis=1)
-    while len(chosen) < count:
-        farthest = int(nearest.argmax())
-        chosen.append(farthest)
-        distance = np.linalg.norm(centres - centres[farthest], axis=1)
-        nearest = np.minimum(nearest, distance)
-    return np.column_stack([centres[chosen], np.full(count, radius)])
+    first = int(np.argmax(centres[:, 0]))
+    selected = [first]
+    # Distance of each possible centre from the nearest selected one
+    distance = np.linalg.norm(centres - centres[first], axis=1)
+    while len(selected) < count:
+        farthest = int(distance.argmax())
+        selected.append(farthest)
+        new_distance = np.linalg.norm(centres - centres[farthest], axis=1)
+        distance = np.minimum(distance, new_distance)
+    return np.column_stack([centres[selected], np.full(count, radius)])

@@ -44,7 +44,7 @@ class _Fit(NamedTuple):
 def recognise_ellipsoid(
     vertices: np.ndarray, radius: float, n: np.ndarray, measured: np.ndarray
 ) -> np.ndarray | None:
-    """Find the ellipsoid on which all vertices of a mesh lie.
+    """Find the ellipsoid on which all vertices of a mesh lie, if there is one.
 
     Parameters
     ----------
@@ -62,22 +62,27 @@ def recognise_ellipsoid(
     ndarray or None
         The half axes (1, 3), the longest first; None if there is no such ellipsoid.
     """
+    # The quadric through the points is an ellipsoid if its matrix is positive.
     points = vertices / radius
     if len(points) < MIN_VERTICES:
         return None
     matrix, linear = _fit_quadric(points)
     if np.linalg.eigvalsh(matrix).min() <= 0:
         return None
+
+    # Move its centre to the origin, which leaves x'Bx = 1. The eigenvectors of B are
+    # its axes, and the eigenvalues ascend, so the longest axis comes first.
     centre = -0.5 * np.linalg.solve(matrix, linear)
-    normalised = matrix / (1 + centre @ matrix @ centre)
-    # Eigenvalues ascend, so the longest axis comes first.
-    eigenvalues, directions = np.linalg.eigh(normalised)
+    centred_matrix = matrix / (1 + centre @ matrix @ centre)
+    eigenvalues, axes = np.linalg.eigh(centred_matrix)
     semi_axes = 1 / np.sqrt(eigenvalues)
 
-    scaled = (points - centre) @ directions / semi_axes  # on the unit sphere
-    distances = np.abs(np.linalg.norm(scaled, axis=1) - 1).max() * semi_axes.max()
+    # Stretched to the unit sphere, all points must lie on it.
+    sphere_points = (points - centre) @ axes / semi_axes
+    heights = np.linalg.norm(sphere_points, axis=1) - 1
+    distance = np.abs(heights).max() * semi_axes.max()
     deviation = np.abs(support(radius * semi_axes[None], n) - measured).max()
-    if distances > ON_ELLIPSOID or deviation > COARSEST_FACET * radius:
+    if distance > ON_ELLIPSOID or deviation > COARSEST_FACET * radius:
         return None
     return radius * semi_axes[None]
 
@@ -85,8 +90,9 @@ def recognise_ellipsoid(
 def _fit_quadric(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Fit the quadric x'Ax + b'x = 1 to points (N, 3); return A (3, 3) and b (3,).
 
-    The equation is linear in the nine coefficients.
+    The equation is linear in its nine coefficients: six of the symmetric A, three of b.
     """
+    # A coefficient beside the diagonal of A occurs twice.
     terms = []
     for i, j in QUADRIC_PAIRS:
         factor = 1 if i == j else 2
@@ -106,7 +112,9 @@ def fit_components(
     radius: float,
     counts: Sequence[int] = COMPONENTS,
 ) -> np.ndarray:
-    """Fit a sum of co-axial ellipsoids to support values.
+    """Fit a sum of co-axial ellipsoids to the support values of a body.
+
+    More ellipsoids are tried until the fit is good. The best fit is kept.
 
     Parameters
     ----------
@@ -125,21 +133,22 @@ def fit_components(
         The half axes (K, 3), the longest first.
     """
     best = _Fit(np.zeros((0, 3)), math.inf)
-    extents = measured[np.argmax(n, axis=0)]  # along the three axes
+    half_extents = measured[np.argmax(n, axis=0)]  # along the three axes
     for count in counts:
-        starts = _starts(count, extents, radius)
+        starts = _starts(count, half_extents, radius)
         fits = [_least_squares_fit(n, measured, radius, start) for start in starts]
         fit = min(fits, key=lambda fit: fit.rms)
+        # One more ellipsoid must improve the fit clearly.
         if fit.rms < IMPROVEMENT * best.rms:
             best = fit
         if best.rms <= GOOD_RMS * radius:
             break
         if count > 1:
             # A larger rms is accepted if the largest deviation becomes small.
-            evened = _even_deviations(n, measured, radius, best.semi_axes)
-            deviation = np.abs(support(evened, n) - measured).max()
-            if deviation <= GOOD_DEVIATION * 2 * extents.min():
-                best = _Fit(evened, best.rms)
+            even_axes = _even_deviations(n, measured, radius, best.semi_axes)
+            deviation = np.abs(support(even_axes, n) - measured).max()
+            if deviation <= GOOD_DEVIATION * 2 * half_extents.min():
+                best = _Fit(even_axes, best.rms)
                 break
     order = np.argsort(-best.semi_axes[:, 0], kind="stable")
     return best.semi_axes[order]
@@ -148,9 +157,10 @@ def fit_components(
 def _even_deviations(
     n: np.ndarray, measured: np.ndarray, radius: float, semi_axes: np.ndarray
 ) -> np.ndarray:
-    """Fit half axes (K, 3) from a start so that the largest deviation becomes smaller.
+    """Change half axes (K, 3) of a fit so that its largest deviation becomes smaller.
 
-    The sum of sixth powers of the deviations is minimised, which raises their rms.
+    The sum of the sixth powers of the deviations is minimised, which raises their rms.
+    The other arguments are those of `fit_components`.
     """
     largest = np.abs(support(semi_axes, n) - measured).max()
 
@@ -165,9 +175,9 @@ def _even_deviations(
 
 
 def _starts(count: int, extents: np.ndarray, radius: float) -> list[np.ndarray]:
-    """Make start values (count, 3) for a fit.
+    """Make several start values (count, 3) for a fit with `count` ellipsoids.
 
-    The body's extents (3,) are divided among the ellipsoids in several ways.
+    Each divides the body's half extents (3,) among the ellipsoids in another way.
     """
     if count == 1:
         return [extents[None]]
@@ -188,7 +198,10 @@ def _starts(count: int, extents: np.ndarray, radius: float) -> list[np.ndarray]:
 def _least_squares_fit(
     n: np.ndarray, measured: np.ndarray, radius: float, start: np.ndarray
 ) -> _Fit:
-    """Fit half axes (K, 3) from a start, over the logarithms of the axes."""
+    """Fit half axes (K, 3) to support values by least squares, from a start.
+
+    The unknowns are the logarithms of the axes, which keeps the axes positive.
+    """
     squared_n = np.square(n)
 
     def residuals(logs: np.ndarray) -> np.ndarray:
@@ -213,11 +226,13 @@ def _least_squares_fit(
 def _surface_quadrature(
     n_latitudes: int = 200, n_longitudes: int = 250
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Make directions (N, 3) in one octant and their weights (N,) of solid angle.
+    """Make directions (N, 3) and weights (N,) for integrals over the solid angle.
 
-    The weights stand for all eight octants, for functions that are even in x, y and z.
-    Along x the rule is Gauss-Legendre, around x the steps are equal.
+    They are for functions that are even in x, y and z: the directions fill one octant,
+    and the weights stand for all eight. Along x the rule is Gauss-Legendre, around x the
+    steps are equal.
     """
+    # Move the nodes from the interval (-1, 1) to (0, 1).
     nodes, node_weights = np.polynomial.legendre.leggauss(n_latitudes)
     x = (nodes + 1) / 2
     x_weights = node_weights / 2
@@ -227,6 +242,7 @@ def _surface_quadrature(
         x[:, None], ring_radius * np.cos(azimuth), ring_radius * np.sin(azimuth)
     )
     directions = np.stack(coordinates, axis=-1).reshape(-1, 3)
+    # All directions of a ring have the same weight.
     weights = np.repeat(x_weights * 4 * math.pi / n_longitudes, n_longitudes)
     return directions, weights
 
@@ -252,6 +268,7 @@ def volume_integrals(semi_axes: np.ndarray) -> tuple[float, np.ndarray]:
     if len(semi_axes) == 1:
         volume = 4 / 3 * math.pi * float(semi_axes[0].prod())
         return volume, volume / 5 * np.square(semi_axes[0])
+    # Surface points x(n) of each component, from its support values h
     n, weights = _surface_quadrature()
     values = component_supports(semi_axes, n)
     squares = np.square(semi_axes)
@@ -263,21 +280,24 @@ def volume_integrals(semi_axes: np.ndarray) -> tuple[float, np.ndarray]:
     trace = np.einsum("nii->n", q)
     trace_of_square = np.einsum("nij,nji->n", q, q)
     determinant = (trace**2 - trace_of_square) / 2
-    element = values.sum(axis=1) * determinant * weights
-    volume = float(element.sum() / 3)
-    second_moments = element @ np.square(points.sum(axis=1)) / 5
+    # h det Q dOmega for each direction
+    elements = values.sum(axis=1) * determinant * weights
+    volume = float(elements.sum() / 3)
+    second_moments = elements @ np.square(points.sum(axis=1)) / 5
     return volume, second_moments
 
 
 def bounding_radius(semi_axes: np.ndarray) -> float:
-    """Find the distance of the farthest surface point from the centre.
+    """Compute the distance of the farthest surface point of a body from its centre.
 
-    It is the maximum of the support function of the half axes (K, 3).
+    It is the maximum of the support function h of the half axes (K, 3).
     """
-    n = np.concatenate([np.eye(3), sphere_directions(1000)])
-    farthest = np.argsort(-support(semi_axes, n))[:50]
-    n = n[farthest]
-    # As h is convex and homogeneous, it never falls from n to n's own support point.
+    # Begin at the best of many directions.
+    trial_directions = np.concatenate([np.eye(3), sphere_directions(1000)])
+    order = np.argsort(-support(semi_axes, trial_directions))
+    n = trial_directions[order[:50]]
+    # Go from each direction to that of its support point. As h is convex and
+    # homogeneous, it never falls on the way.
     for _ in range(200):
         n = support_point(semi_axes, n)
         n /= np.linalg.norm(n, axis=1, keepdims=True)
