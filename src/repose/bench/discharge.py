@@ -193,6 +193,7 @@ class DischargeTest(BenchTest[DischargeSettings]):
         section = self.section(scene.settings)
         funnel = section.funnel
         radius = 0.5 * funnel.inlet_diameter_m
+
         # A grain that has just appeared at the top must fit below the end of the walls.
         wall_top = section.top_m + 2.0 * largest_radius_m
         up = (0.0, 0.0, 1.0)

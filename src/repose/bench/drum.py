@@ -751,6 +751,7 @@ class DrumTest(RotatingDrum[DrumSettings]):
                 "rotation_from_s": record["rotation_from_s"],
             }
             return without_numbers, no_profile
+
         measured["surface_drop_deg"] = before_deg - after_deg
         motion, profile = self._motion_in_slip(record, arrays, scene)
         return measured | motion, profile

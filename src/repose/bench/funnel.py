@@ -541,6 +541,7 @@ class FunnelTest(BenchTest[FunnelSettings]):
             return Verdict(
                 "left_plate", f"{outcome.off_plate} of {n_grains} grains left the plate"
             )
+
         n_in_pile = int(outcome.in_pile.sum())
         mean_energy_j = outcome.kinetic_energy_j / max(1, n_in_pile)
         motion_verdict = not_at_rest(mean_energy_j, settings, advice=MORE_TIME)
@@ -554,6 +555,7 @@ class FunnelTest(BenchTest[FunnelSettings]):
                 f"{section.rest_window_s:g} s, more than {section.rest_motion_mm:g}; "
                 f"{MORE_TIME}",
             )
+
         n_on_plate = int(outcome.on_plate.sum())
         if n_in_pile < max(FEWEST_IN_PILE, SMALLEST_PILE * n_on_plate):
             return Verdict(

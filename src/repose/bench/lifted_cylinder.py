@@ -489,6 +489,7 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         level_mm = section.filling_height_mm
         if level_mm is None:
             return
+
         # A grain must still find room above the bed.
         shortest_mm = level_mm + axes_mm[0]
         if section.length_mm < shortest_mm:
@@ -497,6 +498,7 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
                 f"at least {shortest_mm:.4g}, the filling height and the length of a "
                 "mean grain",
             )
+
         # Judge the likely number of grains and the time that their filling takes.
         grain_m3 = math.pi / 6 * 1e-9 * math.prod(axes_mm)
         n_likely = LIKELY_PACKING * section.n_solid(grain_m3)

@@ -194,6 +194,7 @@ def assess_targets(
         measure=measure.with_grain_height(grain_mm),
         height_mm=targets["height_mm"].value,
     )
+
     # The definition of the angle by each response that is one
     definitions = {"aor_deg": measure.response}
     for definition, name in MEAN_KEYS.items():

@@ -241,6 +241,7 @@ def of_files(
     )
     if poisson_ratio is not None:
         _check_poisson_ratio("berry", poisson_ratio)
+
     sizes = read_sizes(sizes_csv)
     # Moduli that are not given are measured.
     if poisson_ratio is None or shear_modulus_pa is None:

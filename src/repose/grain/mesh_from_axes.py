@@ -179,6 +179,7 @@ def grain_mesh(
     details = _Details(taper, wrinkles, wrinkle_depth_mm)
     _check_details(details, axes, source)
     volume = mass_g * 1e-3 / density_kg_m3 / MM**3
+
     # Only volumes between those of the leanest and the fullest body are possible.
     leanest, fullest = SHAPE_LIMITS
     smallest = _mesh(axes, leanest, details).volume

@@ -268,6 +268,7 @@ def volume_integrals(semi_axes: np.ndarray) -> tuple[float, np.ndarray]:
     if len(semi_axes) == 1:
         volume = 4 / 3 * math.pi * float(semi_axes[0].prod())
         return volume, volume / 5 * np.square(semi_axes[0])
+
     # Surface points x(n) of each component, from its support values h
     n, weights = _surface_quadrature()
     values = component_supports(semi_axes, n)

@@ -267,6 +267,7 @@ def _read_semi_axes(
         row = int(np.flatnonzero(is_bad)[0])
         value = float(semi_axes[row].min())
         raise InputError(path, f"size, row {row + 1}", value, "a number above 0")
+
     lacks_orientation = (has_semi_axes or has_full_axes) and "qw" not in columns
     if lacks_orientation and (semi_axes != semi_axes[:, :1]).any():
         names = ", ".join(QUATERNION)

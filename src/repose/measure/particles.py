@@ -149,6 +149,7 @@ def measure_particles(
             f"{radius:.4g} {unit}",
             f"a grain of {low:g} to {high:g} m; is the unit of lengths another one?",
         )
+
     # Turn the pile upright, and shift its base to z = 0.
     if up is None:
         up = find_up(particles, source)
@@ -160,6 +161,7 @@ def measure_particles(
     centres = particles.centres @ rotation.T
     centres[:, 2] -= base
     grains = _as_grains(particles, centres * metres, rotation, metres)
+
     # Contacts, which tell the pile from loose grains, are known of spheres only.
     in_pile = None
     if particles.are_spheres:

@@ -332,6 +332,7 @@ class Pose:
         points = world @ self.rotation.T + self.translation.ravel()
         x = points[..., 0] / points[..., 2]
         y = points[..., 1] / points[..., 2]
+
         # The lens moves a point along its distance from the centre.
         k1, k2 = self.camera.distortion[:2]
         squared_distance = x * x + y * y

@@ -80,6 +80,7 @@ def doubts_of_pile(
             f"it is {height_mm / grain_mm:.1f} grains high, less than "
             f"{LOWEST_PILE_GRAINS:g}: a layer, no pile"
         )
+
     # The heights of each side, from the crest outwards
     profile, crest = find_profile(pile)
     sides = (profile[: crest + 1][::-1], profile[crest:])

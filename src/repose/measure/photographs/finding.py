@@ -355,6 +355,7 @@ def _remove_penumbra(
     is_shadow = (
         is_boundary & has_contrast & (pile_share < 1 - PENUMBRA_SHARE) & is_light_enough
     )
+
     # Smaller patches than a shadow are gaps between grains, and stay.
     height = max(3, round(PENUMBRA_HEIGHT * grain_px))
     width = max(3, round(PENUMBRA_WIDTH * grain_px))

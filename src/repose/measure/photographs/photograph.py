@@ -264,11 +264,13 @@ def measure_all(
     """
     if scale.mm_per_pixel is not None:
         return [measure_plain(path, settings, scale) for path in paths]
+
     sheets, cameras = calibrate_cameras([*paths, *lens], scale.square_mm)
     for path in lens:
         if sheets[path] is None:
             allowed = "a photograph that shows the printed sheet"
             raise InputError(path, "sheet", "not seen", allowed)
+
     # Without a camera no photograph shows the sheet.
     if not cameras:
         return [measure_plain(path, settings, scale) for path in paths]
