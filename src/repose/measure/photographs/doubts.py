@@ -246,7 +246,7 @@ def doubts_of_base(image: np.ndarray, pile: Segmentation, grain_px: float) -> li
 
     `grain_px` is the height of a grain in pixels.
     """
-    # Columns in front of and behind the pile, in each of its rows
+    # The numbers of columns to the left and to the right of the pile, in each row
     rows = np.flatnonzero(pile.mask.any(axis=1))
     foot = _Foot(
         rows=rows,

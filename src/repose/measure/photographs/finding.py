@@ -135,9 +135,9 @@ def find(view: SideView, by_roughness: bool = False) -> tuple[np.ndarray, bool]:
         not_background = hidden | (pile > 0)
 
     # Other objects are painted over, and GrabCut separates the pile.
-    features = np.where(guess.others[..., None], background, features)
-    mask = _grab_cut(features, _coarse_marks(guess, hidden))
-    mask = _remove_shadow(mask, features - background, scatter)
+    painted = np.where(guess.others[..., None], background, features)
+    mask = _grab_cut(painted, _coarse_marks(guess, hidden))
+    mask = _remove_shadow(mask, painted - background, scatter)
     mask = _largest_part(mask)
     below_plate = np.zeros((len(view.image) - n_rows, mask.shape[1]), np.uint8)
     return np.vstack([mask, below_plate]), guess.has_neighbour
@@ -324,25 +324,24 @@ def _move_boundary(
 
 
 def _remove_penumbra(
-    mask: np.ndarray, colours: np.ndarray, grain_px: float
+    mask: np.ndarray, features: np.ndarray, grain_px: float
 ) -> np.ndarray:
     """Remove the shadow along the boundary of a mask (H, W), up to a grain wide.
 
     A shadow has the ratios of the background's colours, which are the first two of the
-    features `colours` (H, W, 3); the third is the brightness. Nothing is removed where
+    `features` (H, W, 3); the third is the brightness. Nothing is removed where
     pile and background have nearly the same ratios.
     """
     # Colours of the pile and of the background near each pixel, away from the boundary
     disc = _disc(max(3, round(grain_px)))
     core = cv2.erode(mask, disc, borderValue=1)
     surroundings = 1 - cv2.dilate(mask, disc[::2, ::2])
-    pile = _local_mean(colours, core, 2 * grain_px)
-    background = _local_mean(colours, surroundings, 2 * grain_px)
+    pile = _local_mean(features, core, 2 * grain_px)
+    background = _local_mean(features, surroundings, 2 * grain_px)
 
     # Share of the pile in the ratios of a pixel
-
     ratio_span = (pile - background)[..., :2]
-    difference = colours - background
+    difference = features - background
     squared_span = (ratio_span * ratio_span).sum(-1)
     projection = (difference[..., :2] * ratio_span).sum(-1)
     pile_share = projection / np.maximum(squared_span, 1e-6)
@@ -515,7 +514,7 @@ def _fill_hidden(colours: np.ndarray, hidden: np.ndarray) -> np.ndarray:
     return np.take_along_axis(colours, source[..., None], axis=1)
 
 
-def _fit_background(colours: np.ndarray, excluded: np.ndarray) -> np.ndarray:
+def _fit_background(features: np.ndarray, excluded: np.ndarray) -> np.ndarray:
     """Estimate the features of the background by a line through each row of a picture.
 
     The first estimate is the median of the row's outer parts. Three times a line is
@@ -523,7 +522,7 @@ def _fit_background(colours: np.ndarray, excluded: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    colours : ndarray
+    features : ndarray
         Features (H, W, 3) of the picture.
     excluded : ndarray
         Mask (H, W) of pixels that are no background.
@@ -539,12 +538,12 @@ def _fit_background(colours: np.ndarray, excluded: np.ndarray) -> np.ndarray:
     is_outer = (np.abs(x) > 1 - 2 * SIDES) & is_allowed
     # A row whose outer parts are excluded takes the median of all its pixels.
     has_no_outer = ~is_outer.any(axis=1, keepdims=True)
-    outer = np.where(is_outer | has_no_outer, colours, np.nan)
+    outer = np.where(is_outer | has_no_outer, features, np.nan)
     background = np.repeat(np.nanmedian(outer, axis=1, keepdims=True), width, axis=1)
     for _ in range(3):
-        distance = np.linalg.norm(colours - background, axis=-1, keepdims=True)
+        distance = np.linalg.norm(features - background, axis=-1, keepdims=True)
         is_kept = (distance < LARGEST_TEXTURE) & is_allowed
-        line, n_kept = _fit_lines(x, colours, is_kept.astype(np.float32))
+        line, n_kept = _fit_lines(x, features, is_kept.astype(np.float32))
         # A row with few pixels keeps its estimate.
         has_few = n_kept < 0.1 * width
         background = np.where(has_few, background, line).astype(np.float32)
@@ -612,7 +611,7 @@ def _first_guess(
     NotPlainError
         If there is no such part.
     """
-    # The size of the difference, in colour, brightness and scatter. The scatter is
+    # The strength of the difference, in colour, brightness and scatter. The scatter is
     # compared with its row: an edge of the table is rough, too.
     row_scatter = np.nanmedian(_visible(scatter, hidden), axis=1, keepdims=True)
     squares = (
@@ -620,10 +619,10 @@ def _first_guess(
         + (0.5 * difference[..., 2]) ** 2
         + np.maximum(scatter - row_scatter, 0) ** 2
     )
-    smooth_size = cv2.GaussianBlur(np.sqrt(squares), (0, 0), 1.5)
-    size = np.where(hidden, 0, smooth_size)
+    smooth_strength = cv2.GaussianBlur(np.sqrt(squares), (0, 0), 1.5)
+    strength = np.where(hidden, 0, smooth_strength)
     level, _ = cv2.threshold(
-        np.clip(size, 0, 255).astype(np.uint8),
+        np.clip(strength, 0, 255).astype(np.uint8),
         0,
         1,
         cv2.THRESH_BINARY | cv2.THRESH_OTSU,
@@ -633,7 +632,7 @@ def _first_guess(
     for lower_level in (level, level / 2, level / 4):
         if lower_level < SMALLEST_LEVEL:
             break
-        stands_out = (size > lower_level).astype(np.uint8)
+        stands_out = (strength > lower_level).astype(np.uint8)
         pile, others = _standing_parts(stands_out)
         if pile is not None:
             others = cv2.dilate(others.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
@@ -642,7 +641,7 @@ def _first_guess(
 
 
 def _standing_parts(mask: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
-    """Split the parts of a mask (H, W) that stand out from the background.
+    """Find the pile and other objects among the parts of a mask (H, W).
 
     Returns
     -------
