@@ -1,4 +1,4 @@
-"""Measured grains: sizes to sphericity and equivalent diameter, compression to moduli.
+"""Measured grains: their mean size, their sphericity and their elastic moduli.
 
 Equations 1 to 4 of the paper.
 """

@@ -1,4 +1,4 @@
-"""A grain without a scan: a closed mesh from three axes and a mass.
+"""A closed mesh for a grain without a scan, made from three axes and a mass.
 
 The cross-section is an ellipse whose size follows a profile r(t) = (1 - |t|^m)^k along
 the axis, with t from -1 to 1. With m = 2 and k = 1/2 it is an ellipsoid. A fuller body

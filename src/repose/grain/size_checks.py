@@ -1,4 +1,7 @@
-"""Whether one grain can stand for the measured ones: groups, spread, largest volume."""
+"""Checks whether one mean grain can stand for all of the measured grains.
+
+The sizes may form two groups, and a volume may be larger than the axes allow.
+"""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""A mesh filled with spheres: the rigid clump of multi-sphere programs.
+"""A clump of spheres that fills a mesh, as multi-sphere programs use it.
 
 The kind of surface decides how spheres are placed:
 

@@ -1,4 +1,4 @@
-"""Support functions fitted to a mesh: a sum of co-axial ellipsoids, or a single one.
+"""Fits of a particle's shape to a mesh: a sum of ellipsoids, or a single one.
 
 The support function h(n) of a body is its extent in direction n from its centre. An
 ellipsoid with half axes s has h = sqrt(sum s_i^2 n_i^2). A sum of support functions is

@@ -1,4 +1,4 @@
-"""Reading of saved pours.
+"""Saved pours: their records and arrays are read and checked.
 
 NAME.pours.json holds the status of each pour of a job, NAME.npz the final positions.
 """

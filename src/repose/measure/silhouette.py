@@ -1,4 +1,4 @@
-"""Simulated bodies seen from the side.
+"""Silhouettes of simulated bodies: outlines and pictures seen from the side.
 
 Their outlines are filled into a picture that is measured like a photograph. Rows count
 downwards from the picture's top. The centre of a pixel has whole coordinates, as in

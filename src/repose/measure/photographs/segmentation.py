@@ -1,4 +1,4 @@
-"""The boundary between pile and background of a picture, to a fraction of a pixel.
+"""Splits a picture into pile and background, to a fraction of a pixel.
 
 Rows count downwards from the picture's top. The centre of a pixel has whole
 coordinates, as in OpenCV.

@@ -1,4 +1,4 @@
-"""The printed sheet that gives scale, tilt and lens.
+"""The printed sheet, whose pattern gives a photograph scale, tilt and lens.
 
 It is a chessboard with markers (ChArUco). It stands upright with its lower edge on the
 plate, in the plane of the pile's crest, and faces the camera. Positions on it are

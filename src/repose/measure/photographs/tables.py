@@ -1,6 +1,6 @@
-"""Results of photographs as tables.
+"""Tables and texts of measured photographs, and the targets made from them.
 
-These are a row for each photograph, the mean of all, and the targets of a
+There is a row for each photograph, and a mean of all; the targets are those of a
 configuration.
 """
 
