@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .jit import kernel
+from .jit import inlined, kernel
 
 FACE, EDGE, VERTEX = range(3)  # values of `Meshes.kind`
 
@@ -50,6 +50,8 @@ SAME_DEPTH = 1e-5
 # Of faces that meet in a concave kink of less than this angle [rad], only the face of the
 # largest overlap is touched.
 GENTLE = 0.35
+# An edge between planes is no feature below this angle [rad].
+LEAST_ANGLE = 1e-9
 # A direction lies within a vertex's normals when it does by this margin (a sine).
 LEAST_CONE = 1e-7
 # A triangle has turned over when its area or a side, projected on the old one, is below
@@ -72,9 +74,8 @@ class Meshes(NamedTuple):
     # (F, 2), begin and end. Of a face: its neighbours over gentle kinks, in `near`. Of a
     # vertex: its edges, in `rays`.
     span: Any
-    corners: (
-        Any  # (F, 2), of a vertex: begin and end of its faces' normals in `normals`
-    )
+    # (F, 2), of a vertex: begin and end of its faces' normals, in `normals`.
+    corners: Any
     near: Any  # neighbours of faces, as numbers of features
     rays: Any  # (n, 3): unit vectors along the edges of vertices, away from them
     normals: Any  # (n, 3): normals of faces, into the wall
@@ -84,9 +85,8 @@ class Meshes(NamedTuple):
     items: Any  # features of each cell, one cell after another
     seen: Any  # (F,): stamp of the last search that met the feature
     stamp: Any  # (1,): number of the last search
-    slide: (
-        Any  # (1,): how far a body's deepest point may slide when the body moves by 1
-    )
+    # (1,): how far a body's deepest point may slide over it when the body moves by 1.
+    slide: Any
 
 
 class Part(NamedTuple):
@@ -144,80 +144,100 @@ def edge_table(faces):
     ValueError
         Where more than two faces, or two faces of opposite winding, share an edge.
     """
-    directed = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-    owner = np.repeat(np.arange(len(faces)), 3)
-    edges, number = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True)
-    number = number.ravel()
-    side = (directed[:, 0] > directed[:, 1]).astype(int)
-    count = np.zeros((len(edges), 2), int)
-    np.add.at(count, (number, side), 1)
-    if count.max() > 1:
-        edge = edges[int(np.argmax(count.max(axis=1)))].tolist()
+    # Every face runs around its three sides; two faces may share one edge.
+    sides = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    side_face = np.repeat(np.arange(len(faces)), 3)
+    edges, side_edge = np.unique(np.sort(sides, axis=1), axis=0, return_inverse=True)
+    side_edge = side_edge.ravel()
+    # 0 where the face runs from the lower to the higher vertex, else 1
+    direction = (sides[:, 0] > sides[:, 1]).astype(int)
+
+    n_faces = np.zeros((len(edges), 2), int)
+    np.add.at(n_faces, (side_edge, direction), 1)
+    if n_faces.max() > 1:
+        edge = edges[int(np.argmax(n_faces.max(axis=1)))].tolist()
         raise ValueError(
             f"faces has several triangles on one side of edge {edge}; expected at most "
             "two triangles at an edge, both with their normals outwards"
         )
     edge_faces = np.full((len(edges), 2), -1)
-    edge_faces[number, side] = owner
+    edge_faces[side_edge, direction] = side_face
     return edges, edge_faces
 
 
-def _coplanar_pairs(vertices, faces, edges, edge_faces, normal):
-    """Return the pairs of neighbouring faces that are coplanar, as two arrays."""
-    size = np.linalg.norm(np.ptp(vertices, axis=0))
-    inner = np.flatnonzero((edge_faces >= 0).all(axis=1))
-    first = edge_faces[inner, 0]
-    second = edge_faces[inner, 1]
-    start = vertices[edges[inner, 0]]
+def _coplanar_pairs(vertices, faces, edges, edge_faces, face_normals):
+    """Find the pairs of faces that share an edge and lie in one plane.
+
+    Returns the first faces and the second faces of the pairs, as two arrays.
+    """
+    # The edges between two faces, and a vertex of each of them.
+    is_shared = (edge_faces >= 0).all(axis=1)
+    first = edge_faces[is_shared, 0]
+    second = edge_faces[is_shared, 1]
+    edge_vertex = vertices[edges[is_shared, 0]]
+
     # The height of the corners of one face over the plane of the other, whichever of the
     # two is smaller: the plane of a narrow triangle is uncertain.
-    height = np.full(len(inner), np.inf)
-    for face, other in ((first, second), (second, first)):
-        corners = vertices[faces[other]] - start[:, None]
-        distance = np.abs(np.einsum("eki,ei->ek", corners, normal[face]))
-        height = np.minimum(height, distance.max(axis=1))
-    same_side = np.sum(normal[first] * normal[second], axis=1) > 0.0
-    is_flat = (height < FLAT * size) & same_side
-    return first[is_flat], second[is_flat]
+    height = np.full(len(first), np.inf)
+    for face, other_face in ((first, second), (second, first)):
+        corners = vertices[faces[other_face]] - edge_vertex[:, None]
+        heights = np.abs(np.einsum("eki,ei->ek", corners, face_normals[face]))
+        height = np.minimum(height, heights.max(axis=1))
+
+    size = np.linalg.norm(np.ptp(vertices, axis=0))
+    # positive where the two faces look to the same side
+    cosine = np.sum(face_normals[first] * face_normals[second], axis=1)
+    is_coplanar = (height < FLAT * size) & (cosine > 0.0)
+    return first[is_coplanar], second[is_coplanar]
 
 
-def coplanar_groups(vertices, faces, edges, edge_faces):
-    """Join coplanar triangles in groups.
+def _thicknesses(vertices, faces, group, group_normals):
+    """Compute how far the corners of each group spread along its normal (G,) [m]."""
+    heights = np.einsum("fki,fi->fk", vertices[faces], group_normals[group])
+    lowest = np.full(len(group_normals), np.inf)
+    highest = np.full(len(group_normals), -np.inf)
+    np.minimum.at(lowest, group, heights.min(axis=1))
+    np.maximum.at(highest, group, heights.max(axis=1))
+    return highest - lowest
+
+
+def planes_of_faces(vertices, faces, edges, edge_faces):
+    """Find the planes of a mesh: groups of coplanar triangles.
 
     Returns
     -------
-    group : ndarray (F,)
-        Number of the group of each triangle.
-    normals : ndarray (G, 3)
-        Outward unit normal of each group.
+    face_plane : ndarray (F,)
+        Number of the plane of each triangle.
+    plane_normals : ndarray (P, 3)
+        Outward unit normal of each plane.
     """
     from scipy.sparse import coo_array, csgraph  # slow to import: where there is a mesh
 
-    n = len(faces)
-    area = _area_vectors(vertices, faces)
-    normal = _unit(area)
-    size = np.linalg.norm(np.ptp(vertices, axis=0))
-    first, second = _coplanar_pairs(vertices, faces, edges, edge_faces, normal)
-    coplanar = coo_array((np.ones(len(first)), (first, second)), shape=(n, n))
-    count, group = csgraph.connected_components(coplanar, directed=False)
-    # The common plane of a group, and how far its corners are from it.
-    common = np.zeros((count, 3))
-    np.add.at(common, group, area)
-    common = _unit_or_zero(common)
-    heights = np.einsum("fki,fi->fk", vertices[faces], common[group])
-    low = np.full(count, np.inf)
-    high = np.full(count, -np.inf)
-    np.minimum.at(low, group, heights.min(axis=1))
-    np.maximum.at(high, group, heights.max(axis=1))
-    # A group that is flat only from triangle to triangle, not as a whole, falls apart:
-    # each of its triangles becomes a group with a number from `count` on.
-    is_curved = (high - low > FLAT_GROUP * size)[group]
-    group[is_curved] = count + np.arange(is_curved.sum())
-    old_group, face, group = np.unique(group, return_index=True, return_inverse=True)
-    normals = np.where(
-        is_curved[face, None], normal[face], common[np.minimum(old_group, count - 1)]
+    n_faces = len(faces)
+    area_vectors = _area_vectors(vertices, faces)
+    face_normals = _unit(area_vectors)
+
+    # Triangles that coplanar pairs connect are a group.
+    first, second = _coplanar_pairs(vertices, faces, edges, edge_faces, face_normals)
+    connections = coo_array(
+        (np.ones(len(first)), (first, second)), shape=(n_faces, n_faces)
     )
-    return group.ravel(), normals
+    n_groups, group = csgraph.connected_components(connections, directed=False)
+    group_normals = np.zeros((n_groups, 3))
+    np.add.at(group_normals, group, area_vectors)
+    group_normals = _unit_or_zero(group_normals)
+
+    # A group that is flat only from triangle to triangle, not as a whole, falls apart:
+    # each of its triangles becomes a group with a number from `n_groups` on.
+    size = np.linalg.norm(np.ptp(vertices, axis=0))
+    thicknesses = _thicknesses(vertices, faces, group, group_normals)
+    is_curved = (thicknesses > FLAT_GROUP * size)[group]
+    group[is_curved] = n_groups + np.arange(is_curved.sum())
+    normals = np.vstack([group_normals, face_normals[is_curved]])
+
+    # The groups that still have triangles are the planes.
+    groups_in_use, face_plane = np.unique(group, return_inverse=True)
+    return face_plane.ravel(), normals[groups_in_use]
 
 
 def _planes_of_vertices(planes_at):
@@ -235,11 +255,11 @@ def _planes_of_vertices(planes_at):
     return pairs, np.arange(len(pairs)) - first
 
 
-def inward_steps(vertices, faces, edges, edge_faces, group, normals):
+def inward_steps(vertices, faces, edges, edge_faces, face_plane, plane_normals):
     """Find how each vertex moves when the mesh is eroded.
 
     A vertex moves to a depth of 1 below all its planes, or as near to that as least
-    squares give. The planes are those of the groups, then those upright on the rims.
+    squares give. The planes are those of the faces, then those upright on the rims.
 
     Returns
     -------
@@ -247,25 +267,31 @@ def inward_steps(vertices, faces, edges, edge_faces, group, normals):
         Displacement of each vertex for an edge radius of 1.
     pairs : ndarray (n, 2)
         The planes of each vertex, as pairs (vertex, plane).
-    planes : ndarray (P, 3)
+    normals : ndarray (P, 3)
         Outward normals of the planes.
     """
-    rim = np.flatnonzero((edge_faces < 0).any(axis=1))
-    rim_face = edge_faces[rim].max(axis=1)
-    along = _unit(vertices[edges[rim, 1]] - vertices[edges[rim, 0]])
-    along[edge_faces[rim, 0] < 0] *= -1.0
-    upright = np.cross(along, normals[group[rim_face]])
-    planes = np.vstack([normals, upright])
-    rim_planes = len(normals) + np.arange(len(rim))
-    planes_at = [np.column_stack([faces[:, k], group]) for k in range(3)]
-    planes_at += [np.column_stack([edges[rim, k], rim_planes]) for k in range(2)]
-    pairs, rank = _planes_of_vertices(np.vstack(planes_at))
-    # One linear system for each vertex: its normals times the step are -1.
-    rows = np.zeros((len(vertices), rank.max() + 1, 3))
-    rows[pairs[:, 0], rank] = planes[pairs[:, 1]]
-    depth = np.any(rows != 0.0, axis=2).astype(float)
-    inverse = np.linalg.pinv(rows, rcond=SAME_NORMAL)
-    return -np.einsum("vij,vj->vi", inverse, depth), pairs, planes
+    # A plane upright on each rim. Its normal is across the rim, out of the face; the
+    # face runs along the rim or against it.
+    rims = np.flatnonzero((edge_faces < 0).any(axis=1))
+    rim_faces = edge_faces[rims].max(axis=1)
+    along = _unit(vertices[edges[rims, 1]] - vertices[edges[rims, 0]])
+    along[edge_faces[rims, 0] < 0] *= -1.0
+    rim_normals = np.cross(along, plane_normals[face_plane[rim_faces]])
+    normals = np.vstack([plane_normals, rim_normals])
+
+    # A vertex has the planes of its faces and those of its rims.
+    rim_planes = len(plane_normals) + np.arange(len(rims))
+    at_corners = [np.column_stack([faces[:, k], face_plane]) for k in range(3)]
+    at_rim_ends = [np.column_stack([edges[rims, k], rim_planes]) for k in range(2)]
+    pairs, rank = _planes_of_vertices(np.vstack(at_corners + at_rim_ends))
+
+    # One linear system for each vertex: each of its normals times the step is -1. Rows
+    # of zeros fill up the systems of vertices with fewer planes than others.
+    systems = np.zeros((len(vertices), rank.max() + 1, 3))
+    systems[pairs[:, 0], rank] = normals[pairs[:, 1]]
+    depths = np.any(systems != 0.0, axis=2).astype(float)
+    inverses = np.linalg.pinv(systems, rcond=SAME_NORMAL)
+    return -np.einsum("vij,vj->vi", inverses, depths), pairs, normals
 
 
 def _areas_and_sides(corners, faces):
@@ -282,8 +308,23 @@ def _keeps_triangles(vertices, faces, displacement):
     return bool(np.all(projected > LEAST_SHARE * np.sum(original * original, axis=1)))
 
 
+def _largest_radius(vertices, faces, steps, radius):
+    """Find the largest edge radius below `radius` with which no triangle turns over."""
+    low = 0.0
+    high = radius
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        if _keeps_triangles(vertices, faces, middle * steps):
+            low = middle
+        else:
+            high = middle
+    return low
+
+
 def eroded(vertices, faces, steps, radius):
-    """Return the vertices of the mesh eroded by an edge radius [m].
+    """Return the vertices (V, 3) of the mesh eroded by an edge radius [m].
+
+    `steps` (V, 3) is the displacement of each vertex for a radius of 1.
 
     Raises
     ------
@@ -291,78 +332,109 @@ def eroded(vertices, faces, steps, radius):
         Where a triangle would turn over; the message says the largest possible radius.
     """
     if not _keeps_triangles(vertices, faces, radius * steps):
-        low = 0.0
-        high = radius
-        for _ in range(BISECTIONS):
-            middle = 0.5 * (low + high)
-            if _keeps_triangles(vertices, faces, middle * steps):
-                low = middle
-            else:
-                high = middle
+        largest = _largest_radius(vertices, faces, steps, radius)
         raise ValueError(
-            f"edge_radius_m is {radius!r}; expected below {low:.3g}, "
+            f"edge_radius_m is {radius!r}; expected below {largest:.3g}, "
             "the smallest triangles leave no room for more"
         )
     return vertices + radius * steps
 
 
-def _face_rows(core, faces, edges, edge_faces, group, normals, radius):
+def _face_rows(core, faces, edges, edge_faces, face_plane, plane_normals, radius):
     """Return the rows of `Meshes.data` of the faces (F, COLUMNS)."""
-    n = len(faces)
-    data = np.zeros((n, COLUMNS))
-    outward = normals[group]
-    data[:, FACE_NORMAL : FACE_NORMAL + 3] = -outward
-    # all faces of a group have its offset, bit for bit
-    offset = np.zeros(len(normals))
-    offset[group] = -np.sum(core[faces[:, 0]] * outward, axis=1) - radius
-    data[:, FACE_OFFSET] = offset[group]
-    n_sides = np.zeros(n, int)  # sides of each face that are written
+    rows = np.zeros((len(faces), COLUMNS))
+    outward = plane_normals[face_plane]
+    rows[:, FACE_NORMAL : FACE_NORMAL + 3] = -outward
+    # All faces of a plane have the offset of one of them, bit for bit.
+    plane_offsets = np.zeros(len(plane_normals))
+    plane_offsets[face_plane] = -np.sum(core[faces[:, 0]] * outward, axis=1) - radius
+    rows[:, FACE_OFFSET] = plane_offsets[face_plane]
+    _write_sides(rows, core, edges, edge_faces, outward)
+    return rows
+
+
+def _edges_by_face(edge_face):
+    """Sort edges by their face; edges without a face are left out.
+
+    Parameters
+    ----------
+    edge_face : ndarray (E,)
+        Face of each edge, or -1.
+
+    Returns
+    -------
+    edge, face : ndarray
+        Number of each edge, and its face.
+    number : ndarray
+        Number of each edge among those of its face.
+    """
+    edge = np.flatnonzero(edge_face >= 0)
+    edge = edge[np.argsort(edge_face[edge], kind="stable")]
+    face = edge_face[edge]
+    first_of_face = np.searchsorted(face, face)
+    return edge, face, np.arange(len(face)) - first_of_face
+
+
+def _write_sides(rows, core, edges, edge_faces, outward):
+    """Write the three sides of each face to its row of `Meshes.data`.
+
+    `outward` (F, 3) has the normals of the faces.
+    """
     along = _unit(core[edges[:, 1]] - core[edges[:, 0]])
-    for side, sign in ((0, 1.0), (1, -1.0)):
-        edge = np.flatnonzero(edge_faces[:, side] >= 0)
-        face = edge_faces[edge, side]
-        # Group the edges by face; a face has at most three of them.
-        order = np.argsort(face, kind="stable")
-        edge = edge[order]
-        face = face[order]
-        rank = np.arange(len(face)) - np.searchsorted(face, face)
-        place = n_sides[face] + rank
-        inward = np.cross(outward[face], along[edge])
-        level = np.sum(inward * core[edges[edge, 0]], axis=1)
-        first = SIDES + SIDE_COLUMNS * place
+    n_sides = np.zeros(len(rows), int)  # sides of each face that are written
+    # First the edges along which a face runs, then those against which it runs. The
+    # inside of the face is to the left of the former and to the right of the latter.
+    for direction, sign in ((0, 1.0), (1, -1.0)):
+        edge, face, number = _edges_by_face(edge_faces[:, direction])
+        side = n_sides[face] + number
+        left = np.cross(outward[face], along[edge])
+        offset = np.sum(left * core[edges[edge, 0]], axis=1)
+
+        column = SIDES + SIDE_COLUMNS * side
         for axis in range(3):
-            data[face, first + axis] = sign * inward[:, axis]
-        data[face, first + 3] = sign * level
-        data[face, STRICT + place] = float(side)
+            rows[face, column + axis] = sign * left[:, axis]
+        rows[face, column + 3] = sign * offset
+        # points on an edge belong to the face that runs along it
+        rows[face, STRICT + side] = float(direction)
         np.add.at(n_sides, face, 1)
-    return data
 
 
-def _edge_rows(core, edges, edge_faces, group, normals):
-    """Return the rows of `Meshes.data` of the convex edges and rims."""
-    along = core[edges[:, 1]] - core[edges[:, 0]]
-    length = np.linalg.norm(along, axis=1)
-    along = along / length[:, None]
+def _edge_rows(core, edges, edge_faces, face_plane, plane_normals):
+    """Return the rows of `Meshes.data` of the convex edges and rims (n, COLUMNS)."""
+    start = core[edges[:, 0]]
+    difference = core[edges[:, 1]] - start
+    length = np.linalg.norm(difference, axis=1)
+    along = difference / length[:, None]
+
+    # The normals of the faces on both sides, into the wall. A rim has one face, which
+    # stands for both.
     left = edge_faces[:, 0]
     right = edge_faces[:, 1]
-    # a rim has one face, which stands for both
-    first = -normals[group[np.where(left >= 0, left, right)]]
-    second = -normals[group[np.where(right >= 0, right, left)]]
-    cross = np.cross(first, second)
-    sine = np.sum(cross * along, axis=1)
-    cosine = np.sum(first * second, axis=1)
-    angle = np.arctan2(np.linalg.norm(cross, axis=1), cosine)
     is_rim = (left < 0) | (right < 0)
+    first_face = np.where(left >= 0, left, right)
+    second_face = np.where(right >= 0, right, left)
+    first_normal = -plane_normals[face_plane[first_face]]
+    second_normal = -plane_normals[face_plane[second_face]]
+
+    # The angle between these normals; its sine is positive where the edge is convex.
+    cross = np.cross(first_normal, second_normal)
+    sine = np.sum(cross * along, axis=1)
+    cosine = np.sum(first_normal * second_normal, axis=1)
+    angle = np.arctan2(np.linalg.norm(cross, axis=1), cosine)
+    is_kink = (face_plane[left] != face_plane[right]) & (angle > LEAST_ANGLE)
+    is_convex = is_rim | (is_kink & (sine > 0.0))
+    angle[is_rim] = np.pi  # rounded down to the back of the face
+
     # The normal turns inwards from the face on the left. On a rim whose face is on the
     # right it turns the other way.
-    turn = _unit(np.cross(-first, along)) * np.where(left >= 0, 1.0, -1.0)[:, None]
-    angle[is_rim] = np.pi
-    is_convex = is_rim | ((group[left] != group[right]) & (sine > 0.0) & (angle > 1e-9))
+    sign = np.where(left >= 0, 1.0, -1.0)
+    turn = _unit(np.cross(-first_normal, along)) * sign[:, None]
+
     rows = np.zeros((is_convex.sum(), COLUMNS))
-    rows[:, PLACE : PLACE + 3] = core[edges[:, 0]][is_convex]
+    rows[:, PLACE : PLACE + 3] = start[is_convex]
     rows[:, EDGE_ALONG : EDGE_ALONG + 3] = along[is_convex]
     rows[:, EDGE_LENGTH] = length[is_convex]
-    rows[:, EDGE_NORMAL : EDGE_NORMAL + 3] = first[is_convex]
+    rows[:, EDGE_NORMAL : EDGE_NORMAL + 3] = first_normal[is_convex]
     rows[:, EDGE_TURN : EDGE_TURN + 3] = turn[is_convex]
     rows[:, EDGE_ANGLE] = angle[is_convex]
     return rows
@@ -376,56 +448,76 @@ def _ranges(owner, n):
     return np.column_stack([begin, end])
 
 
-def _steepest(directions, owner, rays):
-    """Return how much each edge leads along its vertex's direction, and the maximum.
+def _steepest(directions, ray_vertex, rays):
+    """Return how much each ray leads along the direction of its vertex, and the maximum.
 
-    The first array has a number for each edge, the second one for each vertex; -inf for
-    a vertex without edges.
+    The first array has a number for each ray, the second one for each vertex; -inf for
+    a vertex without rays.
     """
-    lead = np.sum(directions[owner] * rays, axis=1)
+    lead = np.sum(directions[ray_vertex] * rays, axis=1)
     largest = np.full(len(directions), -np.inf)
-    np.maximum.at(largest, owner, lead)
+    np.maximum.at(largest, ray_vertex, lead)
     return lead, largest
 
 
-def _convex_vertices(core, edges, pairs, planes):
+def _turn_from_rays(directions, ray_vertex, rays):
+    """Turn the direction of each vertex until all its rays recede from it, if possible.
+
+    Perceptron steps: each one turns a direction away from the ray that leads most.
+    Returns the unit vectors (V, 3) after the last step.
+    """
+    for _ in range(PERCEPTRON_STEPS):
+        lead, largest = _steepest(directions, ray_vertex, rays)
+        is_worst = (lead == largest[ray_vertex]) & (lead > -LEAST_CONE)
+        if not is_worst.any():
+            break
+        step = (lead[is_worst, None] + 1e-3) * rays[is_worst]
+        directions[ray_vertex[is_worst]] -= step
+        directions = _unit_or_zero(directions)
+    return directions
+
+
+def _convex_vertices(core, edges, pairs, normals):
     """Find the vertices that have a set of normals of their own.
 
-    These are the vertices with a direction that all their edges recede from. It is
-    sought by perceptron steps away from the worst edge, from the sum of the normals.
+    These are the vertices with a direction that all their edges recede from.
+
+    Parameters
+    ----------
+    core : ndarray (V, 3)
+        Places of the vertices [m].
+    edges : ndarray (E, 2)
+        Vertices of each edge.
+    pairs, normals : ndarray
+        The planes of each vertex and their normals, see `inward_steps`.
 
     Returns
     -------
     convex_vertices : ndarray
         Numbers of these vertices.
-    owner : ndarray (2 E,)
+    ray_vertex : ndarray (2 E,)
         Vertices, sorted; one item for each edge at a vertex.
     rays : ndarray (2 E, 3)
         Direction of that edge, away from the vertex.
     """
-    owner = edges.ravel()
-    rays = _unit(core[edges[:, ::-1].ravel()] - core[owner])
-    order = np.argsort(owner, kind="stable")
-    owner = owner[order]
-    rays = rays[order]
-    directions = np.zeros((len(core), 3))
-    np.add.at(directions, pairs[:, 0], planes[pairs[:, 1]])
-    directions = _unit_or_zero(directions)
-    for _ in range(PERCEPTRON_STEPS):
-        lead, largest = _steepest(directions, owner, rays)
-        worst_edges = np.flatnonzero((lead == largest[owner]) & (lead > -LEAST_CONE))
-        if not len(worst_edges):
-            break
-        directions[owner[worst_edges]] -= (lead[worst_edges, None] + 1e-3) * rays[
-            worst_edges
-        ]
-        directions = _unit_or_zero(directions)
-    _lead, largest = _steepest(directions, owner, rays)
-    convex_vertices = np.flatnonzero((largest < -LEAST_CONE) & np.isfinite(largest))
-    return convex_vertices, owner, rays
+    near_end = edges.ravel()
+    far_end = edges[:, ::-1].ravel()
+    order = np.argsort(near_end, kind="stable")
+    ray_vertex = near_end[order]
+    rays = _unit(core[far_end] - core[near_end])[order]
+
+    # The search begins with the sum of the normals of a vertex.
+    sums = np.zeros((len(core), 3))
+    np.add.at(sums, pairs[:, 0], normals[pairs[:, 1]])
+    directions = _turn_from_rays(_unit_or_zero(sums), ray_vertex, rays)
+
+    _lead, largest = _steepest(directions, ray_vertex, rays)
+    has_edges = np.isfinite(largest)
+    convex_vertices = np.flatnonzero((largest < -LEAST_CONE) & has_edges)
+    return convex_vertices, ray_vertex, rays
 
 
-def _gentle_neighbours(core, faces, group, normals):
+def _gentle_neighbours(core, faces, face_plane, plane_normals):
     """Find faces that share a vertex and meet in a concave kink below GENTLE.
 
     Returns
@@ -435,41 +527,51 @@ def _gentle_neighbours(core, faces, group, normals):
     """
     from scipy.sparse import coo_array
 
-    n = len(faces)
-    owner = np.repeat(np.arange(n), 3)
-    at_vertex = coo_array(
-        (np.ones(3 * n), (owner, faces.ravel())), shape=(n, len(core))
+    # A matrix of faces and vertices. Its product with its transpose is not zero for two
+    # faces that share a vertex.
+    n_faces = len(faces)
+    rows = np.repeat(np.arange(n_faces), 3)
+    columns = faces.ravel()
+    has_vertex = coo_array(
+        (np.ones(3 * n_faces), (rows, columns)), shape=(n_faces, len(core))
     ).tocsr()
-    first, second = (at_vertex @ at_vertex.T).nonzero()
-    outward = normals[group]
+    pairs = np.column_stack((has_vertex @ has_vertex.T).nonzero())
+
+    # Gentle: the planes differ, and their normals differ by a small angle.
+    outward = plane_normals[face_plane]
+    first, second = pairs.T
     cosine = np.sum(outward[first] * outward[second], axis=1)
-    is_gentle = (group[first] != group[second]) & (cosine > np.cos(GENTLE))
-    first = first[is_gentle]
-    second = second[is_gentle]
-    # concave: the middle of the second face is above the plane of the first
+    is_kink = face_plane[first] != face_plane[second]
+    pairs = pairs[is_kink & (cosine > np.cos(GENTLE))]
+
+    # Concave: the middle of the second face is above the plane of the first.
+    first, second = pairs.T
     middle = core[faces].mean(axis=1)
+    corner = core[faces[:, 0]]
+    height = np.sum((middle[second] - corner[first]) * outward[first], axis=1)
     size = np.linalg.norm(np.ptp(core, axis=0))
-    height = np.sum((middle[second] - core[faces[first, 0]]) * outward[first], axis=1)
-    is_concave = height > FLAT * size
-    first = first[is_concave]
-    second = second[is_concave]
-    order = np.lexsort((second, first))
-    return np.column_stack([first, second])[order]
+    pairs = pairs[height > FLAT * size]
+    return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
 
 
-def _planes_of_core(core, vertices, faces, group, normals, radius):
-    """Give triangles planes of their own where the erosion has bent their group.
+def _planes_of_core(core, vertices, faces, face_plane, plane_normals, radius):
+    """Give triangles planes of their own where the erosion has bent their plane.
 
-    A group is bent when its corners are not all one edge radius below its plane. Returns
-    `group` and `normals` as `coplanar_groups`.
+    A plane is bent when its corners are not all one edge radius below it. Returns
+    `face_plane` and `plane_normals` as `planes_of_faces`.
     """
-    depth = np.einsum("fki,fi->fk", (core - vertices)[faces], normals[group]) + radius
-    is_bent = np.zeros(len(normals), bool)
-    is_bent[group[np.abs(depth).max(axis=1) > SAME_DEPTH * radius]] = True
-    is_loose = is_bent[group]
-    group = np.where(is_loose, len(normals) + np.cumsum(is_loose) - 1, group)
-    normals = np.vstack([normals, _unit(_area_vectors(core, faces[is_loose]))])
-    return group, normals
+    displacement = core - vertices
+    heights = np.einsum("fki,fi->fk", displacement[faces], plane_normals[face_plane])
+    errors = np.abs(heights + radius).max(axis=1)
+    is_bent = np.zeros(len(plane_normals), bool)
+    is_bent[face_plane[errors > SAME_DEPTH * radius]] = True
+
+    # The triangles of bent planes get new planes, numbered on from the old ones.
+    is_loose = is_bent[face_plane]
+    new_planes = len(plane_normals) + np.cumsum(is_loose) - 1
+    new_normals = _unit(_area_vectors(core, faces[is_loose]))
+    face_plane = np.where(is_loose, new_planes, face_plane)
+    return face_plane, np.vstack([plane_normals, new_normals])
 
 
 def split(vertices, faces, radius):
@@ -495,37 +597,41 @@ def split(vertices, faces, radius):
         Where the triangles are no surface, or leave no room for the edge radius.
     """
     edges, edge_faces = edge_table(faces)
-    group, normals = coplanar_groups(vertices, faces, edges, edge_faces)
-    steps, pairs, planes = inward_steps(
-        vertices, faces, edges, edge_faces, group, normals
+    face_plane, plane_normals = planes_of_faces(vertices, faces, edges, edge_faces)
+    steps, pairs, normals = inward_steps(
+        vertices, faces, edges, edge_faces, face_plane, plane_normals
     )
     core = eroded(vertices, faces, steps, radius)
-    group, normals = _planes_of_core(core, vertices, faces, group, normals, radius)
+    face_plane, plane_normals = _planes_of_core(
+        core, vertices, faces, face_plane, plane_normals, radius
+    )
 
     # The rows of all features.
-    face_rows = _face_rows(core, faces, edges, edge_faces, group, normals, radius)
-    edge_rows = _edge_rows(core, edges, edge_faces, group, normals)
-    convex_vertices, owner, rays = _convex_vertices(core, edges, pairs, planes)
+    face_rows = _face_rows(
+        core, faces, edges, edge_faces, face_plane, plane_normals, radius
+    )
+    edge_rows = _edge_rows(core, edges, edge_faces, face_plane, plane_normals)
+    convex_vertices, ray_vertex, rays = _convex_vertices(core, edges, pairs, normals)
+    vertex_rows = np.zeros((len(convex_vertices), COLUMNS))
+    vertex_rows[:, PLACE : PLACE + 3] = core[convex_vertices]
+    data = np.concatenate([face_rows, edge_rows, vertex_rows])
+    data[:, RADIUS_COLUMN] = radius
     n_faces = len(face_rows)
     n_edges = len(edge_rows)
-    first_vertex = n_faces + n_edges
-    data = np.zeros((first_vertex + len(convex_vertices), COLUMNS))
-    data[:n_faces] = face_rows
-    data[n_faces:first_vertex] = edge_rows
-    data[first_vertex:, PLACE : PLACE + 3] = core[convex_vertices]
-    data[:, RADIUS_COLUMN] = radius
-    kind = np.repeat([FACE, EDGE, VERTEX], [n_faces, n_edges, len(convex_vertices)])
+    n_vertices = len(vertex_rows)
+    kind = np.repeat([FACE, EDGE, VERTEX], [n_faces, n_edges, n_vertices])
     kind = kind.astype(np.uint8)
 
     # The neighbours of faces, and the edges and normals of vertices.
     span = np.zeros((len(data), 2), np.int64)
     corners = np.zeros((len(data), 2), np.int64)
-    neighbours = _gentle_neighbours(core, faces, group, normals)
+    neighbours = _gentle_neighbours(core, faces, face_plane, plane_normals)
+    first_vertex = n_faces + n_edges
     span[:n_faces] = _ranges(neighbours[:, 0], n_faces)
-    span[first_vertex:] = _ranges(owner, len(core))[convex_vertices]
-    groups_at = np.column_stack([faces.ravel(), np.repeat(group, 3)])
-    groups_at = np.unique(groups_at, axis=0)
-    corners[first_vertex:] = _ranges(groups_at[:, 0], len(core))[convex_vertices]
+    span[first_vertex:] = _ranges(ray_vertex, len(core))[convex_vertices]
+    planes_at = np.column_stack([faces.ravel(), np.repeat(face_plane, 3)])
+    planes_at = np.unique(planes_at, axis=0)
+    corners[first_vertex:] = _ranges(planes_at[:, 0], len(core))[convex_vertices]
     box, cells, begin, items = _cells(core, faces, kind, data, radius)
     return Part(
         kind=kind,
@@ -534,7 +640,7 @@ def split(vertices, faces, radius):
         corners=corners,
         near=neighbours[:, 1].astype(np.int64),
         rays=rays,
-        normals=-normals[groups_at[:, 1]],
+        normals=-plane_normals[planes_at[:, 1]],
         box=box,
         cells=cells,
         begin=begin,
@@ -542,26 +648,20 @@ def split(vertices, faces, radius):
     )
 
 
-def _boxes(core, faces, kind, data, radius):
+def _boxes(core, faces, data, radius):
     """Return the lower and upper corners of the boxes of all features, (n, 3) each."""
-    n_faces = len(faces)
-    low = np.zeros((len(kind), 3))
-    high = np.zeros((len(kind), 3))
+    face_rows = data[: len(faces)]
+    other_rows = data[len(faces) :]
     # a face's wall lies one radius above its triangle
-    inward = data[:n_faces, None, FACE_NORMAL : FACE_NORMAL + 3]
-    outer_corners = core[faces] - radius * inward
-    low[:n_faces] = outer_corners.min(axis=1)
-    high[:n_faces] = outer_corners.max(axis=1)
-    for feature_kind in (EDGE, VERTEX):
-        rows = data[kind == feature_kind]
-        start = rows[:, PLACE : PLACE + 3]
-        end = start
-        if feature_kind == EDGE:
-            length = rows[:, EDGE_LENGTH : EDGE_LENGTH + 1]
-            end = start + length * rows[:, EDGE_ALONG : EDGE_ALONG + 3]
-        low[kind == feature_kind] = np.minimum(start, end) - radius
-        high[kind == feature_kind] = np.maximum(start, end) + radius
-    return low, high
+    inward = face_rows[:, None, FACE_NORMAL : FACE_NORMAL + 3]
+    corners = core[faces] - radius * inward
+    # an edge is a cylinder from its start to its end; a vertex has the length 0
+    start = other_rows[:, PLACE : PLACE + 3]
+    along = other_rows[:, EDGE_ALONG : EDGE_ALONG + 3]
+    end = start + other_rows[:, EDGE_LENGTH, None] * along
+    lower = [corners.min(axis=1), np.minimum(start, end) - radius]
+    upper = [corners.max(axis=1), np.maximum(start, end) + radius]
+    return np.concatenate(lower), np.concatenate(upper)
 
 
 def _cells(core, faces, kind, data, radius):
@@ -571,76 +671,93 @@ def _cells(core, faces, kind, data, radius):
     -------
     box : ndarray (7,)
         Lower corner, upper corner, edge of a cell.
-    shape : ndarray (3,)
+    n_cells : ndarray (3,)
         Number of cells along each axis.
     begin : ndarray
         First item of each cell, and the end of the last one.
     items : ndarray
         The features that reach into each cell, one cell after another.
     """
-    low, high = _boxes(core, faces, kind, data, radius)
+    low, high = _boxes(core, faces, data, radius)
     lower = low.min(axis=0)
     upper = high.max(axis=0)
+    # a flat mesh gets a box with some thickness
     size = np.maximum(upper - lower, 1e-3 * np.max(upper - lower))
     cell = float((size.prod() / len(kind)) ** (1.0 / 3.0))
+    # a little room for rounding
     lower = lower - 1e-6 * cell
     upper = upper + 1e-6 * cell
-    shape = np.maximum(np.ceil((upper - lower) / cell), 1).astype(np.int64)
-    # Count the features of each cell, then write them.
-    count = np.zeros(int(shape.prod()) + 1, np.int64)
+    n_cells = np.maximum(np.ceil((upper - lower) / cell), 1).astype(np.int64)
+
+    # Count the features of each cell, then write them. The list of a cell begins where
+    # that of the cell before ends.
+    count = np.zeros(int(n_cells.prod()) + 1, np.int64)
     no_items = np.zeros(0, np.int64)
-    put_in_cells(low, high, kind, data, lower, cell, shape, count, no_items)
+    put_in_cells(low, high, kind, data, lower, cell, n_cells, count, no_items)
     begin = np.concatenate([[0], np.cumsum(count[:-1])])
     items = np.zeros(max(int(begin[-1]), 1), np.int64)
     next_item = begin[:-1].copy()
-    put_in_cells(low, high, kind, data, lower, cell, shape, next_item, items)
-    return np.concatenate([lower, upper, [cell]]), shape, begin, items
+    put_in_cells(low, high, kind, data, lower, cell, n_cells, next_item, items)
+    return np.concatenate([lower, upper, [cell]]), n_cells, begin, items
+
+
+@inlined
+def cell_at(place, lower, cell):
+    """Return the numbers along each axis of the cell that a place (3,) lies in."""
+    i = int((place[0] - lower[0]) / cell)
+    j = int((place[1] - lower[1]) / cell)
+    k = int((place[2] - lower[2]) / cell)
+    return i, j, k
+
+
+@inlined
+def plane_misses_cell(face, lower, cell, i, j, k):
+    """Return whether the plane of a face, a row of `Meshes.data`, misses a cell."""
+    nx = face[FACE_NORMAL]
+    ny = face[FACE_NORMAL + 1]
+    nz = face[FACE_NORMAL + 2]
+    # the distance of the cell's middle from the plane, and of its farthest corner
+    x = lower[0] + (i + 0.5) * cell
+    y = lower[1] + (j + 0.5) * cell
+    z = lower[2] + (k + 0.5) * cell
+    distance = abs(nx * x + ny * y + nz * z - face[FACE_OFFSET])
+    # a little more than half a cell, for rounding
+    reach = 0.500001 * cell * (abs(nx) + abs(ny) + abs(nz))
+    return distance > reach
 
 
 @kernel
-def put_in_cells(low, high, kind, data, lower, cell, shape, place, items):
+def put_in_cells(low, high, kind, data, lower, cell, n_cells, place, items):
     """Count the features of each cell, or write them.
 
     Parameters
     ----------
     low, high : array (n, 3)
-        Corners of the features' boxes.
+        Corners of the features' boxes [m].
     kind, data : array
         See `Meshes`.
-    lower, cell, shape : array (3,), float, array (3,)
-        Lower corner of the cells, their edge, and their number along each axis.
+    lower, cell, n_cells : array (3,), float, array (3,)
+        Lower corner of the cells [m], their edge [m], and their number along each axis.
     place : array
         Of each cell the place of its next item; it grows by one with each item.
     items : array
         Is written, unless it is empty.
     """
-    for f in range(low.shape[0]):
-        i0 = int((low[f, 0] - lower[0]) / cell)
-        i1 = int((high[f, 0] - lower[0]) / cell)
-        j0 = int((low[f, 1] - lower[1]) / cell)
-        j1 = int((high[f, 1] - lower[1]) / cell)
-        k0 = int((low[f, 2] - lower[2]) / cell)
-        k1 = int((high[f, 2] - lower[2]) / cell)
-        # the plane of a face; of other features these numbers are not used
-        nx = data[f, FACE_NORMAL]
-        ny = data[f, FACE_NORMAL + 1]
-        nz = data[f, FACE_NORMAL + 2]
-        offset = data[f, FACE_OFFSET]
-        reach = 0.500001 * cell * (abs(nx) + abs(ny) + abs(nz))
-        for i in range(i0, min(i1 + 1, shape[0])):
-            for j in range(j0, min(j1 + 1, shape[1])):
-                for k in range(k0, min(k1 + 1, shape[2])):
-                    # the middle of the cell
-                    x = lower[0] + (i + 0.5) * cell
-                    y = lower[1] + (j + 0.5) * cell
-                    z = lower[2] + (k + 0.5) * cell
+    for feature in range(low.shape[0]):
+        i0, j0, k0 = cell_at(low[feature], lower, cell)
+        i1, j1, k1 = cell_at(high[feature], lower, cell)
+        is_face = kind[feature] == FACE
+        for i in range(i0, min(i1 + 1, n_cells[0])):
+            for j in range(j0, min(j1 + 1, n_cells[1])):
+                for k in range(k0, min(k1 + 1, n_cells[2])):
                     # a slanting face misses most cells of its box
-                    distance = abs(nx * x + ny * y + nz * z - offset)
-                    if kind[f] == FACE and distance > reach:
+                    if is_face and plane_misses_cell(
+                        data[feature], lower, cell, i, j, k
+                    ):
                         continue
-                    number = (i * shape[1] + j) * shape[2] + k
+                    number = (i * n_cells[1] + j) * n_cells[2] + k
                     if items.shape[0] > 0:
-                        items[place[number]] = f
+                        items[place[number]] = feature
                     place[number] += 1
 
 
@@ -667,7 +784,10 @@ def _shifted(parts, name, begins):
 
 
 def join(parts, slide):
-    """Put the features of several meshes together, as the kernels take them.
+    """Put the features of several meshes together, as the kernels need them.
+
+    Numbers that refer to rows of an array of one mesh are raised by the number of rows
+    that the meshes before it have.
 
     Parameters
     ----------
