@@ -28,14 +28,23 @@ LEAST_DETERMINANT = 1e-3
 
 @inlined
 def newton_step(gx, gy, gz, xx, xy, xz, yy, yz, zz, f):
-    """Return one Newton step on the unit sphere, in the tangent plane.
+    """Return the step (x, y, z) of a normal towards the maximum of f [rad].
 
-    (gx, gy, gz) is the tangential gradient, (xx, ..., zz) the sum of both curvature
-    matrices. Where the Hessian is not definite, the step is a scaled gradient step. A
-    step longer than LONGEST_STEP is cut.
+    It is one step of Newton's method on the unit sphere, in the tangent plane. Where the
+    Hessian is not definite, it is a scaled gradient step. A step longer than LONGEST_STEP
+    is cut.
+
+    Parameters
+    ----------
+    gx, gy, gz : float
+        Gradient of f in the tangent plane [m].
+    xx, xy, xz, yy, yz, zz : float
+        Sum C of the curvature matrices of both bodies [m], a symmetric matrix.
+    f : float
+        Value of f [m].
     """
     trace = xx + yy + zz
-    determinant = area(xx, xy, xz, yy, yz, zz) + f * (trace + f)
+    determinant = area(xx, xy, xz, yy, yz, zz) + f * (trace + f)  # of C + f I
     if trace + 2.0 * f > 0.0 and determinant > LEAST_DETERMINANT * trace * trace:
         # T = C + f I is a 2 x 2 matrix in the tangent plane. By Cayley and Hamilton
         # T^-1 g = (tr T g - T g) / det T, so no tangents are needed.

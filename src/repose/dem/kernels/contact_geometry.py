@@ -36,8 +36,21 @@ def write_contact(
 ):
     """Fill `geometry` for a body whose support point along the normal is known.
 
-    The support point is extent n + along_u u + along_w w, with the normal n and the
-    tangents u and w. The contact point lies midway between the two surfaces.
+    The support point is the body's outermost point along the normal n. The contact point
+    lies beyond it by half the gap, midway between the two surfaces.
+
+    Parameters
+    ----------
+    geometry : array (8,)
+        Is written.
+    nx, ny, nz : float
+        Unit normal n, from the body into the wall.
+    gap, radius : float
+        Distance of the two surfaces, and the effective radius R* [m].
+    extent, along_u, along_w : float
+        Components of the support point along n, u and w, from the body's centre [m].
+    ux, uy, uz, wx, wy, wz : float
+        Unit tangents u and w.
     """
     reach = extent + 0.5 * gap
     set_vector(geometry, NORMAL, nx, ny, nz)

@@ -13,8 +13,9 @@ up to 2 beta sqrt(N S m): each of the N contacts has the mass m / N. All contact
 clumps share the mass in this way, and so do all spheres of a clump on one wall, wherever
 they touch.
 
-Reads the bodies and the contact points in the scratch tile `t` and the normal in the
-tile `c` of a contact; writes the row tl.INVERSE_MASS of `t`.
+Reads the bodies and the contact points in the tile `scratch` (rows of `tile`), and the
+normals in `history`, the tile of the numbers that contacts keep. Writes the row
+tl.INVERSE_MASS of `scratch`. A lane of a tile is one contact.
 
 References
 ----------
@@ -28,85 +29,100 @@ from . import state as st
 from . import tile as tl
 from .clumps import bits_set, set_bit
 from .jit import inlined
-from .rows import L, lane_matrix, lane_vector
+from .rows import LANES, lane_matrix, lane_vector
 
 
 @inlined
-def mobility(t, c, body, arm, parts, add):
+def mobility(scratch, history, body, arm, parts, add):
     """Write or add the velocity that a unit impulse along the normal gives each body.
+
+    This is 1 / m + (r x n) . J (r x n), with the mass m of the body, its inverse inertia
+    J, the contact point r from its centre, and the normal n.
 
     Parameters
     ----------
-    t, c : array
-        Scratch tile and tile of the contact; the row INVERSE_MASS of `t` is written.
+    scratch, history : array
+        Scratch tile and tile of the contacts; the row INVERSE_MASS of `scratch` is
+        written.
     body, arm : int
-        First row of the body and of its contact point in `t`: tl.A and tl.RA, or tl.B
-        and tl.RB.
+        First row of the body and of its contact point in `scratch`: tl.A and tl.RA, or
+        tl.B and tl.RB.
     parts : int
         Ellipsoids of a body. A contact of SPHERES does not turn them.
     add : float
         1.0 to add to the row, 0.0 to overwrite it. A number instead of a branch keeps
         the loop vector code.
     """
-    inverse_mass = body + st.INVERSE_MASS * L
+    inverse_mass = body + st.INVERSE_MASS * LANES
     if parts == st.SPHERES:
-        for lane in range(L):
-            t[tl.INVERSE_MASS + lane] = (
-                add * t[tl.INVERSE_MASS + lane] + t[inverse_mass + lane]
+        for lane in range(LANES):
+            scratch[tl.INVERSE_MASS + lane] = (
+                add * scratch[tl.INVERSE_MASS + lane] + scratch[inverse_mass + lane]
             )
         return
-    inverse_inertia = body + st.INVERSE_INERTIA * L
-    for lane in range(L):
-        nx, ny, nz = lane_vector(c, tl.N, lane)
-        rx, ry, rz = lane_vector(t, arm, lane)
+    inverse_inertia = body + st.INVERSE_INERTIA * LANES
+    for lane in range(LANES):
+        nx, ny, nz = lane_vector(history, tl.N, lane)
+        rx, ry, rz = lane_vector(scratch, arm, lane)
+        # (x, y, z) is r x n
         x, y, z = ry * nz - rz * ny, rz * nx - rx * nz, rx * ny - ry * nx
-        xx, xy, xz, yy, yz, zz = lane_matrix(t, inverse_inertia, lane)
+        xx, xy, xz, yy, yz, zz = lane_matrix(scratch, inverse_inertia, lane)
         turning = (
             xx * x * x
             + yy * y * y
             + zz * z * z
             + 2.0 * (xy * x * y + xz * x * z + yz * y * z)
         )
-        t[tl.INVERSE_MASS + lane] = (
-            add * t[tl.INVERSE_MASS + lane] + t[inverse_mass + lane] + turning
+        scratch[tl.INVERSE_MASS + lane] = (
+            add * scratch[tl.INVERSE_MASS + lane]
+            + scratch[inverse_mass + lane]
+            + turning
         )
 
 
 @inlined
-def mass_of_pairs(t, c, pairs, parts, clumps, base, lanes):
+def mass_of_pairs(scratch, history, pairs, parts, clumps, base, lanes):
     """Write the row INVERSE_MASS of a tile of pairs.
 
     The tile begins with contact `base` and uses its first `lanes` lanes. All contacts
     of two clumps share their mass.
     """
-    mobility(t, c, tl.A, tl.RA, parts, 0.0)
-    mobility(t, c, tl.B, tl.RB, parts, 1.0)
+    mobility(scratch, history, tl.A, tl.RA, parts, 0.0)
+    mobility(scratch, history, tl.B, tl.RB, parts, 1.0)
     if len(clumps) > 0:
         for lane in range(lanes):
             n_contacts = pairs.live[pairs.entry[base + lane]]
-            t[tl.INVERSE_MASS + lane] *= n_contacts
+            scratch[tl.INVERSE_MASS + lane] *= n_contacts
 
 
 @inlined
-def mass_on_wall(t, c, contacts, parts, clumps, base, lanes):
+def mass_on_wall(scratch, history, contacts, parts, clumps, base, lanes):
     """Write the row INVERSE_MASS of a tile of contacts with walls, as `mass_of_pairs`.
 
     All spheres of a clump on one wall share its mass.
     """
-    mobility(t, c, tl.A, tl.RA, parts, 0.0)
+    mobility(scratch, history, tl.A, tl.RA, parts, 0.0)
     if len(clumps) > 0:
         for lane in range(lanes):
             k = base + lane
             n_spheres = bits_set(contacts.known[contacts.wall[k], contacts.body[k]])
-            t[tl.INVERSE_MASS + lane] *= n_spheres
+            scratch[tl.INVERSE_MASS + lane] *= n_spheres
 
 
 @inlined
 def spheres_on_meshes(meshed, mesh_sphere, n):
     """Write `meshed.known`: which spheres of each body touch each mesh, as bits.
 
-    Reads the first n contacts; `mesh_sphere` holds body * MOST_SPHERES + sphere of each.
     A sphere may touch a mesh in several places and still has one bit.
+
+    Parameters
+    ----------
+    meshed : WallContacts
+        The contacts with meshes, of which the first n are read.
+    mesh_sphere : array
+        Of each contact body * MOST_SPHERES + sphere.
+    n : int
+        Number of contacts.
     """
     known = meshed.known
     for k in range(n):

@@ -1,7 +1,7 @@
 """Forces of all contacts: the same loops for smooth bodies and for clumps of spheres.
 
 Contacts are handled in tiles of L lanes. For each tile: copy the rows of its bodies into
-the scratch tile `t` (gather), compute the geometry, apply the force laws, handle the
+the tile `scratch` (gather), compute the geometry, apply the force laws, handle the
 contacts that ended, and add the forces to the loads of the bodies (scatter). The kernels
 are `pair_forces`, and `plane_forces`, `curved_forces` and `mesh_forces` for walls.
 
@@ -10,7 +10,7 @@ length of a tuple is part of its type, so numba compiles only the branch for the
 the simulation. The geometry of a contact is in `tile`, `walls` and `meshes` for smooth
 bodies, in `clump_tile` and `clump_walls` for spheres.
 
-Names: `c` is a tile of the numbers that contacts keep, `contacts` a list of contacts with
+Names: `history` is a tile of the numbers that contacts keep, `contacts` a list of contacts with
 walls; `flat`, `curved` and `meshed` are these lists for planes, curved walls and meshes.
 
 Reads `Bodies.rows`, the walls and `Physics`. Writes `Bodies.load` and `Bodies.touched`,
@@ -37,7 +37,7 @@ from .damped_mass import mass_of_pairs, mass_on_wall, spheres_on_meshes
 from .frames import load_walls, surface_velocity
 from .jit import inlined, kernel
 from .meshes import follow_mesh
-from .rows import L, vector_at, write_vector
+from .rows import LANES, vector_at, write_vector
 from .simd import WIDTH, add_lanes_to_rows, gather, prefetch
 from .walls import (
     SAME_AZIMUTH,
@@ -53,32 +53,32 @@ OPEN = 1.0  # gap of a lane whose contact has no forces [m]
 
 
 @inlined
-def scatter(load, index, base, t, first):
+def scatter(load, index, base, scratch, first):
     """Add the forces and torques of a tile to the loads of its bodies.
 
     Lane k belongs to body index[base + k]; `first` is tl.TO_A or tl.TO_B.
     """
-    for lane in range(0, L, WIDTH):
-        add_lanes_to_rows(load, 0, index, base + lane, t, first + lane, L)
+    for lane in range(0, LANES, WIDTH):
+        add_lanes_to_rows(load, 0, index, base + lane, scratch, first + lane, LANES)
 
 
 @inlined
-def gather_bodies(rows, index, base, t, first):
-    """Copy the rows of the bodies of a tile to the lanes of `t`; see `scatter`."""
-    gather(rows, rows.shape[1], index, base, t, first)
+def gather_bodies(rows, index, base, scratch, first):
+    """Copy the rows of the bodies of a tile to the lanes of `scratch`; see `scatter`."""
+    gather(rows, rows.shape[1], index, base, scratch, first)
 
 
 @inlined
 def mark_touched(bodies, share, index, base):
     """Note that a share of the loads of a tile's bodies is no longer zero."""
-    for k in range(base, base + L):
-        bodies.touched[share, index[k] // L] = 1
+    for k in range(base, base + LANES):
+        bodies.touched[share, index[k] // LANES] = 1
 
 
 @inlined
 def fetch_bodies(rows, load, index, base):
     """Prefetch the rows and loads of the bodies of a tile of contacts."""
-    for k in range(base, base + L):
+    for k in range(base, base + LANES):
         for column in range(0, rows.shape[1], WIDTH):
             prefetch(rows, index[k], column)
         prefetch(load, index[k], 0)
@@ -91,37 +91,37 @@ def fetch_contacts(pairs, load, rows, base):
     That is the tile of contacts after the next one, and the second bodies of the next
     tile; the first bodies come nearly in order, so the processor fetches them itself.
     """
-    if base + 2 * L < pairs.first.shape[0]:
+    if base + 2 * LANES < pairs.first.shape[0]:
         for column in range(0, pairs.data.shape[1], WIDTH):
-            prefetch(pairs.data, base // L + 2, column)
-    if base + L < pairs.first.shape[0]:
-        fetch_bodies(rows, load, pairs.second, base + L)
+            prefetch(pairs.data, base // LANES + 2, column)
+    if base + LANES < pairs.first.shape[0]:
+        fetch_bodies(rows, load, pairs.second, base + LANES)
 
 
 @inlined
-def zero_lane(t, lane):
+def zero_lane(scratch, lane):
     """Zero the forces of a lane."""
     for column in range(st.LOAD_COLUMNS):
-        t[tl.TO_A + column * L + lane] = 0.0
-        t[tl.TO_B + column * L + lane] = 0.0
+        scratch[tl.TO_A + column * LANES + lane] = 0.0
+        scratch[tl.TO_B + column * LANES + lane] = 0.0
 
 
 @inlined
-def fill_laws(t, physics, a, b):
+def fill_laws(scratch, physics, a, b):
     """Write the constants of the force laws for materials a and b to all lanes."""
-    tl.fill_constants(t, tl.LAW, physics.law_constants[a, b])
-    tl.fill_constants(t, tl.ROLLING, physics.rolling_constants[a, b])
+    tl.fill_constants(scratch, tl.LAW, physics.law_constants[a, b])
+    tl.fill_constants(scratch, tl.ROLLING, physics.rolling_constants[a, b])
 
 
 @inlined
-def fill_lane_laws(t, lane, physics, a, b):
+def fill_lane_laws(scratch, lane, physics, a, b):
     """Write the constants of the force laws for materials a and b to one lane."""
     for number in range(physics.law_constants.shape[2]):
         constant = physics.law_constants[a, b, number]
-        t[tl.LAW + number * L + lane] = constant
+        scratch[tl.LAW + number * LANES + lane] = constant
     for number in range(physics.rolling_constants.shape[2]):
         constant = physics.rolling_constants[a, b, number]
-        t[tl.ROLLING + number * L + lane] = constant
+        scratch[tl.ROLLING + number * LANES + lane] = constant
 
 
 @inlined
@@ -133,41 +133,47 @@ def law_rows(clumps, on_wall):
 
 
 @inlined
-def apply_laws(t, c, physics, clumps, on_wall):
+def apply_laws(scratch, history, physics, clumps, on_wall):
     """Compute forces and torques of each lane by the force laws.
 
-    `c` is the tile of the contacts, in which the laws keep their rows.
+    `history` is the tile of the contacts, in which the laws keep their rows.
     """
     first = law_rows(clumps, on_wall)
     of_spheres = 0 if len(clumps) == 0 else 1
-    surfaces(physics.law, t, c, of_spheres, on_wall)
-    contact_forces(physics.law, t, c, first, physics.dt)
-    tl.torques(t)
+    surfaces(physics.law, scratch, history, of_spheres, on_wall)
+    contact_forces(physics.law, scratch, history, first, physics.dt)
+    tl.torques(scratch)
     # the rows of the rolling law follow those of the contact law
-    rolling_resistance(physics.rolling, t, c, first + physics.n_state * L, physics.dt)
+    rolling_resistance(
+        physics.rolling, scratch, history, first + physics.n_state * LANES, physics.dt
+    )
 
 
 @inlined
-def end_gap(c, physics, clumps, on_wall, lane):
+def end_gap(history, physics, clumps, on_wall, lane):
     """Return the gap at which the contact of a lane ends [m]."""
-    return reach(physics.law, c, law_rows(clumps, on_wall), lane)
+    return reach(physics.law, history, law_rows(clumps, on_wall), lane)
 
 
 @inlined
-def pair_geometry(t, c, parts, clumps):
+def pair_geometry(scratch, history, parts, clumps):
     """Compute normal, gap, effective radius and contact point of each lane's pair."""
     if len(clumps) == 0:
-        tl.pair_geometry(t, c, parts)
+        tl.pair_geometry(scratch, history, parts)
     else:
-        ct.sphere_pair_geometry(t, c)
+        ct.sphere_pair_geometry(scratch, history)
 
 
 @kernel
-def pair_forces(bodies, pairs, clumps, counts, physics, t, share, begin, end):
-    """Add the forces of touching pairs to one share of the loads.
+def pair_forces(bodies, pairs, clumps, counts, physics, scratch, share, begin, end):
+    """Compute the forces of touching pairs and add them to one share of the loads.
 
     Parameters
     ----------
+    bodies, pairs, clumps, counts, physics
+        The bodies, the list of pairs, and the rest of the simulation's state (`state`).
+    scratch : array
+        Scratch tile of LANES contacts.
     share : int
         Number of the share, the first index of `bodies.load`.
     begin, end : int
@@ -182,42 +188,42 @@ def pair_forces(bodies, pairs, clumps, counts, physics, t, share, begin, end):
     n = min(counts[st.N_PAIRS], end)
     load = bodies.load[share]
     n_ended = 0
-    fill_laws(t, physics, 0, 0)
-    share_row = st.share_column(physics.parts) * L
+    fill_laws(scratch, physics, 0, 0)
+    share_row = st.share_column(physics.parts) * LANES
     # A large simulation has several shares and does not fit into the caches.
     large = bodies.load.shape[0] > 1
-    for base in range(begin, n, L):
-        c = pairs.data[base // L]
-        lanes = min(L, n - base)
+    for base in range(begin, n, LANES):
+        history = pairs.data[base // LANES]
+        lanes = min(LANES, n - base)
         if large:
             fetch_contacts(pairs, load, bodies.rows, base)
         if physics.mixed_pairs:
-            for lane in range(L):
+            for lane in range(LANES):
                 k = base + lane
                 kind_a = bodies.kind[pairs.first[k]]
                 kind_b = bodies.kind[pairs.second[k]]
-                fill_lane_laws(t, lane, physics, kind_a, kind_b)
-        gather_bodies(bodies.rows, pairs.first, base, t, tl.A)
-        gather_bodies(bodies.rows, pairs.second, base, t, tl.B)
-        pair_geometry(t, c, physics.parts, clumps)
-        mass_of_pairs(t, c, pairs, physics.parts, clumps, base, lanes)
+                fill_lane_laws(scratch, lane, physics, kind_a, kind_b)
+        gather_bodies(bodies.rows, pairs.first, base, scratch, tl.A)
+        gather_bodies(bodies.rows, pairs.second, base, scratch, tl.B)
+        pair_geometry(scratch, history, physics.parts, clumps)
+        mass_of_pairs(scratch, history, pairs, physics.parts, clumps, base, lanes)
         # A contact takes the smaller share of its bodies, see `laws.tangential`.
-        for lane in range(L):
-            t[tl.SHARE + lane] = min(
-                t[tl.A + share_row + lane], t[tl.B + share_row + lane]
+        for lane in range(LANES):
+            scratch[tl.SHARE + lane] = min(
+                scratch[tl.A + share_row + lane], scratch[tl.B + share_row + lane]
             )
-        apply_laws(t, c, physics, clumps, OF_PAIR)
+        apply_laws(scratch, history, physics, clumps, OF_PAIR)
         # Few tiles have a lane with a gap, so the others skip the loop over the lanes.
-        if tl.open_lanes(t) > 0:
+        if tl.open_lanes(scratch) > 0:
             for lane in range(lanes):
-                gap = t[tl.GAP + lane]
-                if gap > end_gap(c, physics, clumps, OF_PAIR, lane):
-                    zero_lane(t, lane)
+                gap = scratch[tl.GAP + lane]
+                if gap > end_gap(history, physics, clumps, OF_PAIR, lane):
+                    zero_lane(scratch, lane)
                     pairs.gap[base + lane] = gap
                     pairs.ended[begin + n_ended] = base + lane
                     n_ended += 1
-        scatter(load, pairs.first, base, t, tl.TO_A)
-        scatter(load, pairs.second, base, t, tl.TO_B)
+        scatter(load, pairs.first, base, scratch, tl.TO_A)
+        scatter(load, pairs.second, base, scratch, tl.TO_B)
         if large:
             mark_touched(bodies, share, pairs.first, base)
             mark_touched(bodies, share, pairs.second, base)
@@ -225,18 +231,18 @@ def pair_forces(bodies, pairs, clumps, counts, physics, t, share, begin, end):
 
 
 @kernel
-def still_wall(t):
+def still_wall(scratch):
     """Make body B of each lane a wall: of infinite mass, neither moving nor turning."""
-    for lane in range(L):
+    for lane in range(LANES):
         for column in range(st.SHAPE):
-            t[tl.B + column * L + lane] = 0.0
+            scratch[tl.B + column * LANES + lane] = 0.0
         # a wall has no arm, so its velocity at a contact is that of its columns
         for axis in range(3):
-            t[tl.RB + axis * L + lane] = 0.0
+            scratch[tl.RB + axis * LANES + lane] = 0.0
 
 
 @inlined
-def fill_walls(bodies, contacts, walls, physics, first_wall, base, n, t):
+def fill_walls(bodies, contacts, walls, physics, first_wall, base, n, scratch):
     """Write law constants and motion of the walls of a tile of contacts.
 
     Nothing is written where all walls stand still and are of one material; then the
@@ -244,30 +250,36 @@ def fill_walls(bodies, contacts, walls, physics, first_wall, base, n, t):
 
     Parameters
     ----------
+    bodies, contacts, walls, physics : namedtuple
+        The bodies, a list of contacts with walls of one kind, the walls, and the
+        constants of a step, see `state`.
     first_wall : int
         Number of the first wall of this kind.
     base, n : int
         The first contact of the tile, and the number of contacts in the list.
+    scratch : array
+        The tile; the walls are its bodies B.
     """
     if not (physics.mixed_walls or walls.approach[st.WALLS_MOVE] > 0.0):
         return
-    for lane in range(L):
+    for lane in range(LANES):
         k = base + lane
-        vx = vy = vz = ox = oy = oz = 0.0
+        # velocity and angular velocity of the wall; zero in a lane without a contact
+        vx = vy = vz = wx = wy = wz = 0.0
         if k < n:
             wall = first_wall + contacts.wall[k]
-            ox, oy, oz = vector_at(walls.motion[wall], st.WALL_SPIN)
+            wx, wy, wz = vector_at(walls.motion[wall], st.WALL_SPIN)
             if physics.mixed_walls:
                 kind = bodies.kind[contacts.body[k]]
-                fill_lane_laws(t, lane, physics, kind, walls.material[wall])
-            # the wall's velocity at the contact point
-            x = t[tl.A + lane] + t[tl.RA + lane]
-            y = t[tl.A + L + lane] + t[tl.RA + L + lane]
-            z = t[tl.A + 2 * L + lane] + t[tl.RA + 2 * L + lane]
+                fill_lane_laws(scratch, lane, physics, kind, walls.material[wall])
+            # a wall's velocity depends on the place of the contact point
+            x = scratch[tl.A + lane] + scratch[tl.RA + lane]
+            y = scratch[tl.A + LANES + lane] + scratch[tl.RA + LANES + lane]
+            z = scratch[tl.A + 2 * LANES + lane] + scratch[tl.RA + 2 * LANES + lane]
             vx, vy, vz = surface_velocity(walls.motion[wall], x, y, z)
-        write_vector(t, tl.B + st.VELOCITY * L, lane, vx, vy, vz)
+        write_vector(scratch, tl.B + st.VELOCITY * LANES, lane, vx, vy, vz)
         # only laws of rolling use the angular velocity, since a wall has no arm
-        write_vector(t, tl.B + st.ANGULAR_VELOCITY * L, lane, ox, oy, oz)
+        write_vector(scratch, tl.B + st.ANGULAR_VELOCITY * LANES, lane, wx, wy, wz)
 
 
 @inlined
@@ -281,30 +293,34 @@ def search_soon(bodies, contacts, walls, k, gap):
     limit = bodies.displacement[i] + walls.approach[st.WALL_PATH] + max(gap, 0.0)
     contacts.limit[wall, i] = min(contacts.limit[wall, i], limit)
     bodies.wall_check[i] = min(bodies.wall_check[i], limit)
-    bodies.wall_margin[i // L] = 0.0
+    bodies.wall_margin[i // LANES] = 0.0
 
 
 @inlined
-def wall_forces(bodies, contacts, clumps, walls, physics, first_wall, base, n, t):
+def wall_forces(bodies, contacts, clumps, walls, physics, first_wall, base, n, scratch):
     """Compute the forces of a tile of contacts with walls whose geometry is known.
 
-    The arguments are those of `fill_walls`.
+    The arguments are those of `fill_walls`, and `clumps`, see the top of this file. The
+    forces are written to the rows `TO_A` of `scratch`.
     """
-    c = contacts.data[base // L]
-    fill_walls(bodies, contacts, walls, physics, first_wall, base, n, t)
-    mass_on_wall(t, c, contacts, physics.parts, clumps, base, min(L, n - base))
-    share_row = st.share_column(physics.parts) * L
-    for lane in range(L):
-        t[tl.SHARE + lane] = t[tl.A + share_row + lane]
-    apply_laws(t, c, physics, clumps, ON_WALL)
+    history = contacts.data[base // LANES]
+    fill_walls(bodies, contacts, walls, physics, first_wall, base, n, scratch)
+    mass_on_wall(
+        scratch, history, contacts, physics.parts, clumps, base, min(LANES, n - base)
+    )
+    # the share of the dashpot that acts is that of the body
+    share_row = st.share_column(physics.parts) * LANES
+    for lane in range(LANES):
+        scratch[tl.SHARE + lane] = scratch[tl.A + share_row + lane]
+    apply_laws(scratch, history, physics, clumps, ON_WALL)
 
 
 @inlined
-def add_wall_forces(bodies, contacts, walls, first_wall, base, n, t):
+def add_wall_forces(bodies, contacts, walls, first_wall, base, n, scratch):
     """Add the forces of a tile of contacts with walls to the loads of bodies and walls."""
-    load_walls(walls, first_wall, contacts, base, n, t)
+    load_walls(walls, first_wall, contacts, base, n, scratch)
     # contacts with walls use the first share of the loads
-    scatter(bodies.load[0], contacts.body, base, t, tl.TO_A)
+    scatter(bodies.load[0], contacts.body, base, scratch, tl.TO_A)
     if bodies.load.shape[0] > 1:
         mark_touched(bodies, 0, contacts.body, base)
 
@@ -328,35 +344,47 @@ def drop_ended(contacts, clumps, counts, slot, n_ended, ghost):
 
 
 @inlined
-def plane_geometry(t, c, parts, clumps):
+def plane_geometry(scratch, history, parts, clumps):
     """Compute gap, effective radius and contact point of each lane on a plane."""
     if len(clumps) == 0:
-        tl.plane_geometry(t, c, parts)
+        tl.plane_geometry(scratch, history, parts)
     else:
-        ct.sphere_plane_geometry(t, c)
+        ct.sphere_plane_geometry(scratch, history)
 
 
 @kernel
-def plane_forces(bodies, flat, clumps, walls, counts, physics, t, ghost):
-    """Compute and add the forces of all contacts with planes.
+def plane_forces(bodies, flat, clumps, walls, counts, physics, scratch, ghost):
+    """Compute the forces of all contacts with planes and add them to the loads.
 
     A contact that ended is removed, and its body is searched when the gap may close.
+
+    Parameters
+    ----------
+    bodies, flat, clumps, walls, counts, physics
+        The bodies, their contacts with planes, and the rest of the simulation's state
+        (`state`).
+    scratch : array
+        Scratch tile of LANES contacts.
+    ghost : int
+        Number of the absent body, which unused places of a list hold.
     """
     n = counts[st.N_PLANE]
     large = bodies.load.shape[0] > 1
     n_ended = 0
-    for base in range(0, n, L):
-        c = flat.data[base // L]
-        if large and base + L < n:
-            fetch_bodies(bodies.rows, bodies.load[0], flat.body, base + L)
-        gather_bodies(bodies.rows, flat.body, base, t, tl.A)
-        plane_geometry(t, c, physics.parts, clumps)
-        wall_forces(bodies, flat, clumps, walls, physics, 0, base, n, t)
-        if tl.open_lanes(t) > 0:
-            for lane in range(min(L, n - base)):
-                gap = t[tl.GAP + lane]
-                if gap > end_gap(c, physics, clumps, ON_WALL, lane):
-                    zero_lane(t, lane)
+    # One tile after another; `base` is the number of its first contact.
+    for base in range(0, n, LANES):
+        history = flat.data[base // LANES]
+        if large and base + LANES < n:
+            fetch_bodies(bodies.rows, bodies.load[0], flat.body, base + LANES)
+        gather_bodies(bodies.rows, flat.body, base, scratch, tl.A)
+        plane_geometry(scratch, history, physics.parts, clumps)
+        wall_forces(bodies, flat, clumps, walls, physics, 0, base, n, scratch)
+        # Few tiles have a lane with a gap, so the others skip the loop over the lanes.
+        if tl.open_lanes(scratch) > 0:
+            for lane in range(min(LANES, n - base)):
+                gap = scratch[tl.GAP + lane]
+                if gap > end_gap(history, physics, clumps, ON_WALL, lane):
+                    zero_lane(scratch, lane)
                     # beyond the edge of a disc there is no gap to close
                     distance_left = gap if gap < tl.BEYOND else 0.0
                     search_soon(bodies, flat, walls, base + lane, distance_left)
@@ -364,7 +392,7 @@ def plane_forces(bodies, flat, clumps, walls, counts, physics, t, ghost):
                         note_past_edge(flat, clumps, base + lane)
                     flat.ended[n_ended] = base + lane
                     n_ended += 1
-        add_wall_forces(bodies, flat, walls, 0, base, n, t)
+        add_wall_forces(bodies, flat, walls, 0, base, n, scratch)
     drop_ended(flat, clumps, counts, st.N_PLANE, n_ended, ghost)
 
 
@@ -406,32 +434,34 @@ def is_double(contacts, k):
 
 
 @inlined
-def write_lane(t, c, lane, geometry):
+def write_lane(scratch, history, lane, geometry):
     """Copy the geometry of one contact to its lane of both tiles."""
     nx, ny, nz = normal_of(geometry)
     rx, ry, rz = arm_of(geometry)
-    write_vector(c, tl.N, lane, nx, ny, nz)
-    write_vector(t, tl.RA, lane, rx, ry, rz)
-    t[tl.GAP + lane] = geometry[cg.GAP]
-    t[tl.RADIUS + lane] = geometry[cg.RADIUS]
+    write_vector(history, tl.N, lane, nx, ny, nz)
+    write_vector(scratch, tl.RA, lane, rx, ry, rz)
+    scratch[tl.GAP + lane] = geometry[cg.GAP]
+    scratch[tl.RADIUS + lane] = geometry[cg.RADIUS]
 
 
 @inlined
-def open_unused_lanes(t, lanes):
+def open_unused_lanes(scratch, lanes):
     """Give the lanes after the first `lanes` a gap: they hold another tile's geometry."""
-    for lane in range(lanes, L):
-        t[tl.GAP + lane] = OPEN
+    for lane in range(lanes, LANES):
+        scratch[tl.GAP + lane] = OPEN
 
 
 @inlined
 def curved_geometry(
-    bodies, curved, clumps, walls, physics, t, lane, k, geometry, local_row
+    bodies, curved, clumps, walls, physics, scratch, lane, k, geometry, local_row
 ):
     """Write the geometry of contact k with a cone, tube or ring to its lane.
 
-    `geometry` and `local_row` are scratch. Returns whether the contact ended.
+    `geometry` (see `contact_geometry`) and `local_row` are overwritten. Returns whether
+    the contact ended: the gap is too large, the contact lies beyond the wall's end, or
+    two contacts of a body have merged.
     """
-    c = curved.data[k // L]
+    history = curved.data[k // LANES]
     row = bodies.rows[curved.body[k]]
     if len(clumps) == 0:
         on_wall = follow_wall(
@@ -439,19 +469,20 @@ def curved_geometry(
             row,
             walls,
             curved.wall[k],
-            c,
+            history,
             lane,
             geometry,
             local_row,
         )
-        write_lane(t, c, lane, geometry)
-        c[st.GAP + lane] = geometry[cg.GAP]
+        write_lane(scratch, history, lane, geometry)
+        history[st.GAP + lane] = geometry[cg.GAP]
         return (
-            geometry[cg.GAP] > end_gap(c, physics, clumps, ON_WALL, lane)
+            geometry[cg.GAP] > end_gap(history, physics, clumps, ON_WALL, lane)
             or not on_wall
             or (physics.parts != st.SPHERES and is_double(curved, k))
         )
-    arm_x, arm_y, arm_z = sphere_arm(row, c, lane)
+    # The same for the sphere of a clump, at the end of its arm.
+    arm_x, arm_y, arm_z = sphere_arm(row, history, lane)
     x, y, z = vector_at(row, st.POSITION)
     distance_beyond = sphere_on_curved(
         walls,
@@ -459,50 +490,77 @@ def curved_geometry(
         x + arm_x,
         y + arm_y,
         z + arm_z,
-        c[ct.RADIUS + lane],
+        history[ct.RADIUS + lane],
         geometry,
     )
     shift_arm(geometry, arm_x, arm_y, arm_z)
-    write_lane(t, c, lane, geometry)
+    write_lane(scratch, history, lane, geometry)
     return (
-        geometry[cg.GAP] > end_gap(c, physics, clumps, ON_WALL, lane)
+        geometry[cg.GAP] > end_gap(history, physics, clumps, ON_WALL, lane)
         or distance_beyond > 0.0
     )
 
 
 @kernel
 def curved_forces(
-    bodies, curved, clumps, walls, counts, physics, t, geometry, local_row, ghost
+    bodies, curved, clumps, walls, counts, physics, scratch, geometry, local_row, ghost
 ):
-    """Compute and add the forces of all contacts with cones, tubes and rings.
+    """Compute the forces of all contacts with cones, tubes and rings, and add them.
 
-    `geometry` (8,) and `local_row` are scratch.
+    A contact that ended is removed, and its body is searched in the next step.
+
+    Parameters
+    ----------
+    bodies, curved, clumps, walls, counts, physics
+        The bodies, their contacts with these walls, and the rest of the simulation's
+        state (`state`).
+    scratch : array
+        Scratch tile of LANES contacts.
+    geometry, local_row : array
+        Scratch: one contact (`contact_geometry`), and a body in the frame of a wall.
+    ghost : int
+        Number of the absent body, which unused places of a list hold.
     """
     n = counts[st.N_CURVED]
     first_wall = walls.planes.shape[0]
     n_ended = 0
-    for base in range(0, n, L):
-        lanes = min(L, n - base)
-        c = curved.data[base // L]
-        gather_bodies(bodies.rows, curved.body, base, t, tl.A)
-        open_unused_lanes(t, lanes)
+    for base in range(0, n, LANES):
+        lanes = min(LANES, n - base)
+        history = curved.data[base // LANES]
+        gather_bodies(bodies.rows, curved.body, base, scratch, tl.A)
+        open_unused_lanes(scratch, lanes)
+        # The geometry is found contact by contact, the forces for the whole tile.
         for lane in range(lanes):
             k = base + lane
             if curved_geometry(
-                bodies, curved, clumps, walls, physics, t, lane, k, geometry, local_row
+                bodies,
+                curved,
+                clumps,
+                walls,
+                physics,
+                scratch,
+                lane,
+                k,
+                geometry,
+                local_row,
             ):
                 curved.ended[n_ended] = k
                 n_ended += 1
-                if t[tl.GAP + lane] <= 0.0:
-                    depth = -t[tl.GAP + lane]
+                # it ended with an overlap, so it slid over the wall's end
+                if scratch[tl.GAP + lane] <= 0.0:
+                    depth = -scratch[tl.GAP + lane]
                     note_past_end(bodies, curved, clumps, walls, n, k, depth)
-                t[tl.GAP + lane] = OPEN
-        wall_forces(bodies, curved, clumps, walls, physics, first_wall, base, n, t)
+                scratch[tl.GAP + lane] = OPEN
+        wall_forces(
+            bodies, curved, clumps, walls, physics, first_wall, base, n, scratch
+        )
         for lane in range(lanes):
-            if t[tl.GAP + lane] > end_gap(c, physics, clumps, ON_WALL, lane):
-                zero_lane(t, lane)
+            if scratch[tl.GAP + lane] > end_gap(
+                history, physics, clumps, ON_WALL, lane
+            ):
+                zero_lane(scratch, lane)
                 search_soon(bodies, curved, walls, base + lane, 0.0)
-        add_wall_forces(bodies, curved, walls, first_wall, base, n, t)
+        add_wall_forces(bodies, curved, walls, first_wall, base, n, scratch)
     drop_ended(curved, clumps, counts, st.N_CURVED, n_ended, ghost)
 
 
@@ -524,7 +582,7 @@ def mesh_geometry(
 
     `other_geometry` and `local_row` are scratch.
     """
-    end = end_gap(meshed.data[k // L], physics, clumps, ON_WALL, k % L)
+    end = end_gap(meshed.data[k // LANES], physics, clumps, ON_WALL, k % LANES)
     if len(clumps) == 0:
         return follow_mesh(
             bodies,
@@ -563,15 +621,27 @@ def mesh_forces(
     meshes,
     counts,
     physics,
-    t,
+    scratch,
     geometry,
     other_geometry,
     local_row,
     ghost,
 ):
-    """Compute and add the forces of all contacts with meshes.
+    """Compute the forces of all contacts with meshes and add them to the loads.
 
-    `geometry` (8,), `other_geometry` (8,) and `local_row` are scratch.
+    A contact that ended is removed, and its mesh is searched in the next step.
+
+    Parameters
+    ----------
+    bodies, meshed, clumps, walls, meshes, counts, physics
+        The bodies, their contacts with meshes, and the rest of the simulation's state
+        (`state`).
+    scratch : array
+        Scratch tile of LANES contacts.
+    geometry, other_geometry, local_row : array
+        Scratch: two contacts (`contact_geometry`), and a body in the frame of a mesh.
+    ghost : int
+        Number of the absent body, which unused places of a list hold.
     """
     n = counts[st.N_MESHED]
     n_curved = walls.cones.shape[0] + walls.rings.shape[0]
@@ -579,11 +649,11 @@ def mesh_forces(
     n_ended = 0
     if len(clumps) > 0:
         spheres_on_meshes(meshed, clumps.mesh_sphere, n)
-    for base in range(0, n, L):
-        lanes = min(L, n - base)
-        c = meshed.data[base // L]
-        gather_bodies(bodies.rows, meshed.body, base, t, tl.A)
-        open_unused_lanes(t, lanes)
+    for base in range(0, n, LANES):
+        lanes = min(LANES, n - base)
+        history = meshed.data[base // LANES]
+        gather_bodies(bodies.rows, meshed.body, base, scratch, tl.A)
+        open_unused_lanes(scratch, lanes)
         for lane in range(lanes):
             k = base + lane
             is_touching = mesh_geometry(
@@ -599,18 +669,22 @@ def mesh_forces(
                 other_geometry,
                 local_row,
             )
-            write_lane(t, c, lane, geometry)
-            c[st.GAP + lane] = geometry[cg.GAP]
+            write_lane(scratch, history, lane, geometry)
+            history[st.GAP + lane] = geometry[cg.GAP]
             if not is_touching:
                 meshed.ended[n_ended] = k
                 n_ended += 1
-                t[tl.GAP + lane] = OPEN
-        wall_forces(bodies, meshed, clumps, walls, physics, first_wall, base, n, t)
+                scratch[tl.GAP + lane] = OPEN
+        wall_forces(
+            bodies, meshed, clumps, walls, physics, first_wall, base, n, scratch
+        )
         for lane in range(lanes):
-            if t[tl.GAP + lane] > end_gap(c, physics, clumps, ON_WALL, lane):
-                zero_lane(t, lane)
+            if scratch[tl.GAP + lane] > end_gap(
+                history, physics, clumps, ON_WALL, lane
+            ):
+                zero_lane(scratch, lane)
                 # search the mesh in the next step
                 k = base + lane
                 meshed.limit[meshed.wall[k], meshed.body[k]] = -1.0
-        add_wall_forces(bodies, meshed, walls, first_wall, base, n, t)
+        add_wall_forces(bodies, meshed, walls, first_wall, base, n, scratch)
     drop_ended(meshed, clumps, counts, st.N_MESHED, n_ended, ghost)

@@ -68,11 +68,22 @@ def times_shape(row, part, x, y, z):
 
 @inlined
 def extent(row, parts, nx, ny, nz):
-    """Return the support value h(n) of a body [m]."""
+    """Return the support value h(n) of a body: how far it reaches along n [m].
+
+    Parameters
+    ----------
+    row : array
+        The body, a row of `Bodies.rows`.
+    parts : int
+        Ellipsoids of the body, or SPHERES for a sphere.
+    nx, ny, nz : float
+        Unit vector n.
+    """
     if parts == SPHERES:
         return row[SPHERE_RADIUS]
     h = 0.0
     for part in range(parts):
+        # an ellipsoid reaches sqrt(n' S n)
         x, y, z = times_shape(row, part, nx, ny, nz)
         h += math.sqrt(nx * x + ny * y + nz * z)
     return h
@@ -124,10 +135,27 @@ def area(xx, xy, xz, yy, yz, zz):
 
 @inlined
 def support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz):
-    """Return h, x.u, x.w, Q_uu, Q_uw and Q_ww of a body in direction n.
+    """Return the terms of a body's surface at its outermost point along n.
 
-    h is the support value [m], x.u and x.w are the tangential components of the support
-    point x [m], and Q is the curvature matrix in the tangents u and w [m].
+    Parameters
+    ----------
+    row : array
+        The body, a row of `Bodies.rows`.
+    parts : int
+        Ellipsoids of the body, or SPHERES for a sphere.
+    nx, ny, nz : float
+        Unit vector n.
+    ux, uy, uz, wx, wy, wz : float
+        Unit tangents u and w.
+
+    Returns
+    -------
+    h : float
+        Support value: how far the body reaches along n [m].
+    along_u, along_w : float
+        Components of the outermost point along u and w [m].
+    q_uu, q_uw, q_ww : float
+        Curvature matrix Q in the tangents u and w [m].
     """
     if parts == SPHERES:
         return row[SPHERE_RADIUS], 0.0, 0.0, row[SPHERE_RADIUS], 0.0, row[SPHERE_RADIUS]
@@ -143,6 +171,7 @@ def support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz):
         # a part that the body does not have is a matrix of zeros
         if square <= 0.0:
             continue
+        # the outermost point of an ellipsoid is S n / h, with h = sqrt(n' S n)
         h_part = math.sqrt(square)
         inv = 1.0 / h_part
         part_u = (x * ux + y * uy + z * uz) * inv

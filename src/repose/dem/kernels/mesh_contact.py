@@ -60,11 +60,21 @@ EdgeValues = namedtuple("EdgeValues", "f slope bend along")
 
 @inlined
 def ascent_step(gradient_u, gradient_w, q_uu, q_uw, q_ww, f):
-    """Return one Newton step on the sphere, or a scaled gradient step.
+    """Return the step (step_u, step_w) of a normal towards the maximum of f [rad].
 
-    The gradient step is taken where the Hessian -(Q + f I) is not definite. A step
-    longer than LONGEST_STEP is cut.
+    It is a Newton step on the unit sphere, or a scaled gradient step where the Hessian
+    -(Q + f I) is not definite. A step longer than LONGEST_STEP is cut.
+
+    Parameters
+    ----------
+    gradient_u, gradient_w : float
+        Gradient of f along the tangents u and w [m].
+    q_uu, q_uw, q_ww : float
+        Curvature matrix Q of the body in these tangents [m].
+    f : float
+        Value of f [m].
     """
+    # the matrix A = Q + f I
     a_uu = q_uu + f
     a_ww = q_ww + f
     det = a_uu * a_ww - q_uw * q_uw
@@ -97,7 +107,16 @@ def curvature(angle, radius):
 
 @kernel
 def face_contact(row, parts, face, geometry):
-    """Fill `geometry` for a body and a face.
+    """Fill `geometry` for a body and a face of a mesh.
+
+    Parameters
+    ----------
+    row, parts : array, int
+        The body in the frame of the mesh, and its number of ellipsoids, or SPHERES.
+    face : array
+        The row of the face in `Meshes.data`.
+    geometry : array (8,)
+        Is written (`contact_geometry`).
 
     Returns
     -------
@@ -115,11 +134,13 @@ def face_contact(row, parts, face, geometry):
     write_contact(
         geometry, nx, ny, nz, gap, radius, h, along_u, along_w, ux, uy, uz, wx, wy, wz
     )
+    # The distance of the contact point p from the nearest side of the triangle.
     arm_x, arm_y, arm_z = arm_of(geometry)
     px, py, pz = x + arm_x, y + arm_y, z + arm_z
     inside_distance = 1e300
     for side in range(3):
         first = SIDES + SIDE_COLUMNS * side
+        # the normal of the side, in the plane of the face and into the triangle
         sx, sy, sz = vector_at(face, first)
         depth = sx * px + sy * py + sz * pz - face[first + 3]
         # a point exactly on a side belongs to one of the two faces only
@@ -131,7 +152,11 @@ def face_contact(row, parts, face, geometry):
 
 @inlined
 def edge_axes(edge, angle):
-    """Return the normal n at an angle about an edge, and the tangent u to which it turns."""
+    """Return the normal n at an angle about an edge, and the tangent u to which it turns.
+
+    `edge` is the row of the edge in `Meshes.data`. It has the normal a of the first face
+    and the unit vector b to which that normal turns.
+    """
     cos = math.cos(angle)
     sin = math.sin(angle)
     ax, ay, az = vector_at(edge, EDGE_NORMAL)
@@ -143,13 +168,18 @@ def edge_axes(edge, angle):
 
 @inlined
 def edge_support(row, parts, edge, nx, ny, nz, ux, uy, uz):
-    """Return `EdgeValues` for a normal n about an edge, and the body's support terms."""
+    """Return `EdgeValues` for a normal n about an edge, and the body's support terms.
+
+    The tangent u is across the edge, the tangent w along it. The support terms are those
+    of `geometry.support_terms`: h, x.u, x.w, Q_uu, Q_uw and Q_ww [m].
+    """
     wx, wy, wz = vector_at(edge, EDGE_ALONG)
     h, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
     px, py, pz = vector_at(edge, PLACE)
     x, y, z = vector_at(row, POSITION)
+    # (dx, dy, dz) is the way from the body's centre to the start of the edge
     dx, dy, dz = px - x, py - y, pz - z
     level = nx * dx + ny * dy + nz * dz - h
     slope = ux * dx + uy * dy + uz * dz - along_u
@@ -174,7 +204,21 @@ def edge_values(row, parts, edge, angle):
 def edge_contact(row, parts, edge, angle, geometry):
     """Fill `geometry` for a body and an edge, at an angle that is a maximum of f.
 
-    Returns how far along the edge the contact lies [m].
+    Parameters
+    ----------
+    row, parts : array, int
+        The body in the frame of the mesh, and its number of ellipsoids, or SPHERES.
+    edge : array
+        The row of the edge in `Meshes.data`.
+    angle : float
+        Angle of the normal from that of the first face [rad].
+    geometry : array (8,)
+        Is written (`contact_geometry`).
+
+    Returns
+    -------
+    float
+        How far along the edge the contact lies [m].
     """
     nx, ny, nz, ux, uy, uz = edge_axes(edge, angle)
     wx, wy, wz = vector_at(edge, EDGE_ALONG)
@@ -271,13 +315,18 @@ def solve_edge(row, parts, edge, geometry):
 
 @inlined
 def vertex_step(row, parts, vertex, nx, ny, nz):
-    """Return f of a vertex for a normal, and the step to the next normal."""
+    """Return f of a vertex for a normal n [m], and the step to the next normal [rad].
+
+    `vertex` is the row of the vertex in `Meshes.data`. The step is (step_u, step_w) along
+    the tangents of `geometry.tangents`, towards the maximum of f.
+    """
     ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
     h, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
     px, py, pz = vector_at(vertex, PLACE)
     x, y, z = vector_at(row, POSITION)
+    # (dx, dy, dz) is the way from the body's centre to the vertex
     dx, dy, dz = px - x, py - y, pz - z
     level = nx * dx + ny * dy + nz * dz - h
     gradient_u = dx * ux + dy * uy + dz * uz - along_u
@@ -338,11 +387,24 @@ def vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry):
 
 @kernel
 def solve_vertex(row, parts, meshes, feature, geometry):
-    """Find the maximum of f of a vertex, and fill `geometry` for it.
+    """Find the maximum of f over the normals of a vertex, and fill `geometry` for it.
 
-    Returns how far inside the vertex's set the normal lies, see `vertex_contact`.
+    Parameters
+    ----------
+    row, parts : array, int
+        The body in the frame of the mesh, and its number of ellipsoids, or SPHERES.
+    meshes, feature : Meshes, int
+        The features, and the number of the vertex.
+    geometry : array (8,)
+        Is written (`contact_geometry`).
+
+    Returns
+    -------
+    float
+        How far inside the vertex's set the normal lies, see `vertex_contact`.
     """
     vertex = meshes.data[feature]
+    # (x, y, z) is the way from the body's centre to the vertex
     px, py, pz = vector_at(vertex, PLACE)
     cx, cy, cz = vector_at(row, POSITION)
     x, y, z = px - cx, py - cy, pz - cz
@@ -380,9 +442,18 @@ def solve_vertex(row, parts, meshes, feature, geometry):
 
 @inlined
 def solve_feature(row, parts, meshes, feature, radius, geometry):
-    """Find the contact of a body with a feature, and fill `geometry` for it.
+    """Find the contact of a body with a feature of a mesh, and fill `geometry` for it.
 
-    `radius` is the bounding radius of the body [m].
+    Parameters
+    ----------
+    row, parts : array, int
+        The body in the frame of the mesh, and its number of ellipsoids, or SPHERES.
+    meshes, feature : Meshes, int
+        The features, and the number of this one.
+    radius : float
+        Bounding radius of the body [m].
+    geometry : array (8,)
+        Is written (`contact_geometry`).
 
     Returns
     -------
@@ -401,7 +472,8 @@ def solve_feature(row, parts, meshes, feature, radius, geometry):
         )
         return 0.0, inside_distance, free_distance
     is_edge = meshes.kind[feature] == EDGE
-    # Leave early where the body's bounding sphere does not reach the feature.
+    # Leave early where the body's bounding sphere does not reach the feature. (x, y, z)
+    # is the way from the body's centre to the nearest point of the feature.
     px, py, pz = vector_at(data, PLACE)
     cx, cy, cz = vector_at(row, POSITION)
     x, y, z = px - cx, py - cy, pz - cz

@@ -29,7 +29,7 @@ from .mesh_contact import (
     vertex_contact,
     vertex_step,
 )
-from .rows import L, lane_vector, vector_at, write_vector
+from .rows import LANES, lane_vector, vector_at, write_vector
 from .state import bounding_radius
 from .walls import (
     DEEPEST_NEW,
@@ -53,9 +53,10 @@ CellBlock = namedtuple("CellBlock", "x0 x1 y0 y1 z0 z1")
 
 @inlined
 def are_neighbours(meshes, face, other):
-    """Return whether two faces meet in a gentle concave kink."""
+    """Return whether a feature is a face that meets another in a gentle concave kink."""
     if meshes.kind[face] != FACE:
         return False
+    # the neighbours of a face are one part of a list
     is_near = False
     for k in range(meshes.span[face, 0], meshes.span[face, 1]):
         is_near = is_near or meshes.near[k] == other
@@ -106,10 +107,11 @@ def cell_number(meshes, mesh, x, y, z):
 def distance_from_box(row, parts, meshes, mesh):
     """Return a lower bound of the distance of a body from the box of a mesh [m].
 
-    It is 0.0 where the two overlap.
+    It is 0.0 where the two overlap. `row` is the body in the frame of the mesh.
     """
     distance = 0.0
     for axis in range(3):
+        # half the body's length along this axis
         reach = extent(
             row,
             parts,
@@ -128,17 +130,38 @@ def distance_from_box(row, parts, meshes, mesh):
 def search_feature(
     row, contacts, counts, parts, walls, meshes, mesh, feature, i, radius, geometry
 ):
-    """Add the contact of body i with a feature, if there is a new one.
+    """Add the contact of body i with a feature of a mesh, if there is a new one.
 
-    `radius` is the bounding radius of the body [m]; `geometry` (8,) is overwritten.
-    Returns how far the body may move before the next search [m].
+    Parameters
+    ----------
+    row : array
+        The body, or the sphere of one, in the frame of the mesh.
+    contacts, counts : WallContacts, array
+        The list of contacts with meshes, and the lengths of all lists.
+    parts : int
+        Ellipsoids of the body, or SPHERES.
+    walls, meshes : namedtuple
+        The walls, and the features of the meshes.
+    mesh, feature, i : int
+        Numbers of the mesh, the feature and the body.
+    radius : float
+        Bounding radius of the body [m].
+    geometry : array (8,)
+        Scratch for one contact (`contact_geometry`).
+
+    Returns
+    -------
+    float
+        How far the body may move before the next search [m].
     """
     angle, inside_distance, free_distance = solve_feature(
         row, parts, meshes, feature, radius, geometry
     )
     gap = geometry[cg.GAP]
+    # there is a gap
     if free_distance > 0.0 and gap > 0.0:
         return free_distance
+    # the body touches another feature, if any
     if inside_distance < 0.0:
         return max(free_distance, NEXT_LOOK_BEYOND * radius)
     if gap < -DEEPEST_NEW * radius:
@@ -149,7 +172,7 @@ def search_feature(
         k = add_wall_contact(contacts, counts, st.N_MESHED, i, mesh, geometry)
         if k >= 0:
             contacts.feature[k] = feature
-            contacts.data[k // L, st.AZIMUTH + k % L] = angle
+            contacts.data[k // LANES, st.AZIMUTH + k % LANES] = angle
     return NEXT_LOOK_KNOWN * radius
 
 
@@ -163,12 +186,15 @@ def search_mesh(row, contacts, counts, parts, walls, meshes, mesh, i, radius, ge
     distance = distance_from_box(row, parts, meshes, mesh)
     if distance > 0.0:
         return distance
+
+    # The cells that a box about the body meets, which is MARGIN larger than the body.
     free_distance = MARGIN * radius
     reach_x = extent(row, parts, 1.0, 0.0, 0.0) + free_distance
     reach_y = extent(row, parts, 0.0, 1.0, 0.0) + free_distance
     reach_z = extent(row, parts, 0.0, 0.0, 1.0) + free_distance
     x, y, z = vector_at(row, st.POSITION)
     block = cells_about(meshes, mesh, x, y, z, reach_x, reach_y, reach_z)
+
     # A feature lies in several cells. The stamp of this search marks it as seen.
     meshes.stamp[0] += 1
     stamp = meshes.stamp[0]
@@ -199,25 +225,44 @@ def search_mesh(row, contacts, counts, parts, walls, meshes, mesh, i, radius, ge
 
 
 @inlined
-def follow_on_feature(row, parts, meshes, tile, lane, feature, nx, ny, nz, geometry):
+def follow_on_feature(row, parts, meshes, history, lane, feature, nx, ny, nz, geometry):
     """Solve for the contact with the feature of the last step, from its last normal.
 
     As in `walls.follow_wall`, a fixed number of Newton steps is enough for the small
-    motion of one time step. Fills `geometry`; the angle about an edge is updated in the
-    tile. Returns how far inside the feature the contact lies; negative outside.
+    motion of one time step.
+
+    Parameters
+    ----------
+    row, parts : array, int
+        The body in the frame of the mesh, and its number of ellipsoids, or SPHERES.
+    meshes, feature : Meshes, int
+        The features, and the number of this one.
+    history, lane : array, int
+        Place of the contact in `WallContacts.data`; the angle about an edge is updated.
+    nx, ny, nz : float
+        The last normal, in the frame of the mesh.
+    geometry : array (8,)
+        Is filled (`contact_geometry`).
+
+    Returns
+    -------
+    float
+        How far inside the feature the contact lies; negative outside. It is a length
+        [m], of an edge the smaller of a length and an angle, of a vertex a sine.
     """
     data = meshes.data[feature]
     if meshes.kind[feature] == FACE:
         return face_contact(row, parts, data, geometry)
     if meshes.kind[feature] == EDGE:
-        angle = tile[st.AZIMUTH + lane]
+        angle = history[st.AZIMUTH + lane]
         for _ in range(FOLLOWING_STEPS):
             angle = climb_edge(row, parts, data, angle)
-        tile[st.AZIMUTH + lane] = angle
+        history[st.AZIMUTH + lane] = angle
         place_along = edge_contact(row, parts, data, angle, geometry)
         inside_arc = min(angle, data[EDGE_ANGLE] - angle)
         inside_ends = min(place_along, data[EDGE_LENGTH] - place_along)
         return min(inside_arc, inside_ends)
+    # a vertex
     for _ in range(FOLLOWING_STEPS):
         _f, step_u, step_w = vertex_step(row, parts, data, nx, ny, nz)
         nx, ny, nz = stepped(nx, ny, nz, step_u, step_w)
@@ -285,7 +330,7 @@ def hand_over(
                         best_cosine = cosine
                         has_feature = True
                         contacts.feature[k] = feature
-                        contacts.data[k // L, st.AZIMUTH + k % L] = angle
+                        contacts.data[k // LANES, st.AZIMUTH + k % LANES] = angle
                         copy_geometry(other_geometry, geometry)
     return has_feature
 
@@ -295,7 +340,8 @@ def keep_deepest_face(row, parts, meshes, contacts, k, geometry, other_geometry)
     """Where faces meet in a gentle concave kink, keep the face of the largest overlap.
 
     Contact k is with a face. Its feature and `geometry` are replaced by those of a
-    neighbour that the body overlaps more.
+    neighbour that the body overlaps more. `row` is the body in the frame of the mesh,
+    `other_geometry` (8,) is scratch.
     """
     face = contacts.feature[k]
     for m in range(meshes.span[face, 0], meshes.span[face, 1]):
@@ -330,8 +376,14 @@ def follow_feature(
         The body, or the sphere of one, in the frame of the mesh.
     radius : float
         Its bounding radius [m].
-    frame : int
-        Number of the frame of the mesh.
+    parts : int
+        Its number of ellipsoids, or SPHERES.
+    walls, frame : namedtuple, int
+        The walls, and the number of the frame of the mesh.
+    meshes, contacts : namedtuple
+        The features of the meshes, and the list of contacts with meshes.
+    n, k : int
+        Length of this list, and number of the contact.
     end : float
         Gap at which the contact ends [m].
     geometry : array (8,)
@@ -344,15 +396,16 @@ def follow_feature(
     bool
         Whether the contact lasts.
     """
-    tile = contacts.data[k // L]
-    lane = k % L
-    nx, ny, nz = lane_vector(tile, st.NORMAL, lane)
+    history = contacts.data[k // LANES]
+    lane = k % LANES
+    nx, ny, nz = lane_vector(history, st.NORMAL, lane)
     if walls.displaced[frame]:
         nx, ny, nz = into_frame(walls.frames[frame], nx, ny, nz)
     inside_distance = follow_on_feature(
-        row, parts, meshes, tile, lane, contacts.feature[k], nx, ny, nz, geometry
+        row, parts, meshes, history, lane, contacts.feature[k], nx, ny, nz, geometry
     )
     is_touching = inside_distance >= 0.0
+    # A contact that has left its feature goes on with another one, if there is one.
     if not is_touching:
         is_touching = hand_over(
             row, parts, meshes, contacts, n, k, radius, end, geometry, other_geometry
@@ -434,7 +487,7 @@ def update_contacts(
                 local_row,
             )
             nx, ny, nz = normal_of(geometry)
-            write_vector(contacts.data[k // L], st.NORMAL, k % L, nx, ny, nz)
+            write_vector(contacts.data[k // LANES], st.NORMAL, k % LANES, nx, ny, nz)
 
 
 @inlined

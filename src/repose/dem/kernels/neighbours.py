@@ -22,7 +22,7 @@ from . import state as st
 from .contact import solve_gap
 from .jit import inlined, kernel
 from .lists import move_contact, put_contact
-from .rows import L, lane_vector, set_vector, vector_at
+from .rows import LANES, lane_vector, set_vector, vector_at
 from .state import POSITION, bounding_radius
 
 # A proven gap above this share of the skin is good enough; below it the true gap is
@@ -44,7 +44,12 @@ def cell_of(grid, x, y, z):
 
 @kernel
 def unlink(grid, i):
-    """Take body i out of the list of its cell."""
+    """Take body i out of the list of its cell.
+
+    The bodies of a cell are a list that is linked in both directions: `grid.head` has the
+    first body of a cell, `grid.preceding` and `grid.following` have the neighbours of a
+    body in the list. -1 stands for none.
+    """
     cell = grid.cell[i]
     if cell < 0:
         return
@@ -78,7 +83,7 @@ def link(grid, bodies, i):
     """
     x, y, z = vector_at(bodies.rows[i], POSITION)
     cell = cell_of(grid, x, y, z)
-    bodies.motion[i // L, st.RELIST + i % L] = (
+    bodies.motion[i // LANES, st.RELIST + i % LANES] = (
         bodies.displacement[i] + 0.5 * grid.lengths[st.SKIN]
     )
     put_in_cell(grid, i, cell)
@@ -123,7 +128,11 @@ def take_place(counts, slot, room):
 
 @inlined
 def drop_near(pairs, counts, grid, k):
-    """Remove near pair k: the last pair moves to its place."""
+    """Remove near pair k from the list: the last pair moves to its place.
+
+    `counts[N_NEAR]` is the length of the list, `grid.near` the number of near pairs of
+    each body.
+    """
     last = counts[st.N_NEAR] - 1
     counts[st.N_NEAR] = last
     count_pair(grid.near, pairs.near_first[k], pairs.near_second[k], -1)
@@ -135,14 +144,18 @@ def drop_near(pairs, counts, grid, k):
         pairs.near_second[last],
     )
     pairs.near_limit[k] = pairs.near_limit[last]
-    pairs.near_check[k // st.BLOCK] = 0.0
+    pairs.near_check[k // st.BLOCK] = 0.0  # check this block of the list next time
     for axis in range(3):
         pairs.near_normal[k, axis] = pairs.near_normal[last, axis]
 
 
 @inlined
 def add_near(pairs, counts, grid, i, j, limit, nx, ny, nz):
-    """Append a near pair with its limit and the normal of its last check."""
+    """Append a near pair (i, j) with its limit [m] and the normal n of its last check.
+
+    The pair is due when the displacements of i and j add up to the limit. Where the list
+    is full, nothing is added, and `counts[FULL]` is set.
+    """
     k = take_place(counts, st.N_NEAR, pairs.near_limit.shape[0])
     if k < 0:
         return
@@ -182,10 +195,12 @@ def drop_contact(pairs, counts, grid, k, ghost):
 def near_gap(bodies, pairs, grid, parts, k, normal):
     """Return the gap of near pair k [m], solved from its last normal.
 
-    The new normal is written to the pair and to `normal` (3,).
+    The new normal is written to the pair and to `normal` (3,). `parts` is the number of
+    ellipsoids of a body, or SPHERES.
     """
     for axis in range(3):
         normal[axis] = pairs.near_normal[k, axis]
+    # above this gap the solver may stop early: the bodies are far enough apart
     early = EARLY * grid.lengths[st.SKIN]
     gap = solve_gap(
         bodies.rows,
@@ -205,7 +220,7 @@ def near_gap(bodies, pairs, grid, parts, k, normal):
 def check_near(bodies, pairs, counts, grid, parts, k, normal):
     """Solve for the gap of near pair k: make it a contact, or give it a new limit.
 
-    Returns whether the pair stays in the list.
+    `normal` (3,) is scratch. Returns whether the pair stays in the list of near pairs.
     """
     i = pairs.near_first[k]
     j = pairs.near_second[k]
@@ -235,7 +250,19 @@ def next_due(displacement, first, second, limit, begin, end):
 
 @kernel
 def update_near(bodies, pairs, counts, grid, parts, normal):
-    """Check the near pairs that are due; `normal` (3,) is scratch."""
+    """Check the near pairs that are due.
+
+    Parameters
+    ----------
+    bodies, pairs, grid : namedtuple
+        The bodies, the lists of pairs, and the grid of the neighbour search.
+    counts : array
+        Lengths of all lists.
+    parts : int
+        Ellipsoids of a body, or SPHERES.
+    normal : array (3,)
+        Is overwritten.
+    """
     first = pairs.near_first
     second = pairs.near_second
     limit = pairs.near_limit
@@ -266,11 +293,12 @@ def drop_near_of_moved(pairs, counts, grid):
 
     The youngest pairs come first; the loop ends when all pairs of these bodies are found.
     """
-    moved = grid.moved
+    moved = grid.moved  # of each body whether it is in `Grid.moved_list`
     n_left = pairs_of_moved(grid.near, grid, counts)
     k = counts[st.N_NEAR] - 1
     while n_left > 0:
-        u = np.uint64(k)
+        u = np.uint64(k)  # unsigned, see `next_due`
+        # a pair of two such bodies counts twice
         n_moved = moved[pairs.near_first[u]] + moved[pairs.near_second[u]]
         if n_moved > 0:
             n_left -= n_moved
@@ -301,6 +329,7 @@ def chain_contacts(pairs, counts, grid):
     """
     n_links = pairs_of_moved(grid.touching, grid, counts)
     n_used = 0
+    # from the last pair back until all links are made
     k = counts[st.N_PAIRS] - 1
     while n_used < n_links:
         i = pairs.first[np.uint64(k)]
@@ -312,12 +341,14 @@ def chain_contacts(pairs, counts, grid):
 
 @inlined
 def list_pair(bodies, pairs, counts, grid, parts, a, b, normal):
-    """List a pair anew: as touching, as near, or not at all.
+    """List a pair of bodies a and b anew: as touching, as near, or not at all.
 
-    It is not listed where the gap is a skin or more. `normal` (3,) is scratch.
+    It is not listed where the gap is a skin or more. `parts` is the number of ellipsoids
+    of a body, or SPHERES; `normal` (3,) is scratch.
     """
     rows = bodies.rows
     skin = grid.lengths[st.SKIN]
+    # Compare the bounding spheres first.
     ax, ay, az = vector_at(rows[a], POSITION)
     bx, by, bz = vector_at(rows[b], POSITION)
     dx, dy, dz = bx - ax, by - ay, bz - az
@@ -325,6 +356,7 @@ def list_pair(bodies, pairs, counts, grid, parts, a, b, normal):
     reach = bounding_radius(bodies, a) + bounding_radius(bodies, b) + skin
     if square >= reach * reach:
         return
+    # The search for the normal begins with the direction of the centres.
     distance = math.sqrt(square)
     set_vector(normal, 0, dx / distance, dy / distance, dz / distance)
     gap = solve_gap(rows, parts, a, b, normal, TOLERANCE, EARLY * skin)
@@ -348,7 +380,8 @@ def retire_pairs(bodies, pairs, counts, grid, begin, n_ended, ghost):
         k = pairs.ended[e]
         i = pairs.first[k]
         j = pairs.second[k]
+        # they may touch again once both displacements have used up the gap
         limit = bodies.displacement[i] + bodies.displacement[j] + pairs.gap[k]
-        nx, ny, nz = lane_vector(pairs.data[k // L], st.NORMAL, k % L)
+        nx, ny, nz = lane_vector(pairs.data[k // LANES], st.NORMAL, k % LANES)
         add_near(pairs, counts, grid, i, j, limit, nx, ny, nz)
         drop_contact(pairs, counts, grid, k, ghost)

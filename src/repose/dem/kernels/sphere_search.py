@@ -14,10 +14,11 @@ A pair of spheres whose contact ends is watched, too. Where no slot is free for 
 lowers `near_rest` instead.
 
 Reads `Bodies.rows`, `Bodies.displacement` and `Clumps`. Writes the contacts and entries
-of `SpherePairs`, `counts`, and the scratch `s` (`Scratch.spheres`).
+of `SpherePairs`, `counts`, and `scratch` (`Scratch.spheres`).
 
-The scratch `s` is a flat array. The spheres of a body are four rows of MOST_SPHERES
-numbers (x, y, z, radius); sphere k of body A has s[PLACES_A + row * MOST_SPHERES + k].
+`scratch` is a flat array. The spheres of a body are four rows of MOST_SPHERES
+numbers (x, y, z, radius); sphere k of body A has
+scratch[PLACES_A + row * MOST_SPHERES + k].
 """
 
 import math
@@ -58,7 +59,7 @@ LARGEST_GAP = GAPS + WATCHED  # place of the largest of the smallest gaps
 
 
 @inlined
-def place_spheres(row, spheres, n, scale, x0, y0, z0, s, first):
+def place_spheres(row, spheres, n, scale, x0, y0, z0, scratch, first):
     """Write the spheres of a body to four rows of the scratch, in world axes.
 
     Parameters
@@ -73,11 +74,12 @@ def place_spheres(row, spheres, n, scale, x0, y0, z0, s, first):
         Scale of the body.
     x0, y0, z0 : float
         Origin of the places that are written [m].
-    s : array
-        The scratch.
+    scratch : array
+        Is written.
     first : int
         Place of the first row: PLACES_A or PLACES_B.
     """
+    # The quaternion (w, x, y, z) turns the spheres' centres from the body to the world.
     w = row[SHAPE]
     x, y, z = vector_at(row, SHAPE + 1)
     cx, cy, cz = vector_at(row, POSITION)
@@ -86,83 +88,103 @@ def place_spheres(row, spheres, n, scale, x0, y0, z0, s, first):
         px, py, pz = ct.rotated_vector(
             w, x, y, z, spheres[0, k], spheres[1, k], spheres[2, k]
         )
-        s[first + k] = dx + scale * px
-        s[first + MOST_SPHERES + k] = dy + scale * py
-        s[first + 2 * MOST_SPHERES + k] = dz + scale * pz
-        s[first + 3 * MOST_SPHERES + k] = scale * spheres[SPHERE_RADIUS_ROW, k]
+        scratch[first + k] = dx + scale * px
+        scratch[first + MOST_SPHERES + k] = dy + scale * py
+        scratch[first + 2 * MOST_SPHERES + k] = dz + scale * pz
+        scratch[first + 3 * MOST_SPHERES + k] = scale * spheres[SPHERE_RADIUS_ROW, k]
 
 
 @inlined
-def placed_centre(s, first, k):
+def placed_centre(scratch, first, k):
     """Return the centre of sphere k of a body in the scratch."""
     return (
-        s[first + k],
-        s[first + MOST_SPHERES + k],
-        s[first + 2 * MOST_SPHERES + k],
+        scratch[first + k],
+        scratch[first + MOST_SPHERES + k],
+        scratch[first + 2 * MOST_SPHERES + k],
     )
 
 
 @inlined
-def placed_radius(s, first, k):
+def placed_radius(scratch, first, k):
     """Return the radius of sphere k of a body in the scratch."""
-    return s[first + 3 * MOST_SPHERES + k]
+    return scratch[first + 3 * MOST_SPHERES + k]
 
 
 @inlined
-def measure_distances(s, a, n, limit):
-    """Write SQUARES and EXCESS for sphere a of A and the n spheres of B.
+def measure_distances(scratch, a, n, limit):
+    """Compare the distances of sphere a of A and the n spheres of B with a limit.
 
-    Returns the number of spheres of B whose gap to a is below `limit` [m].
+    For each sphere of B this writes the squared distance of the centres to the row
+    SQUARES of `scratch`, and to the row EXCESS by how much it exceeds that of a pair with
+    the gap `limit` [m]. No roots are needed for this. Returns the number of spheres of B
+    whose gap to a is below the limit.
     """
-    x, y, z = placed_centre(s, PLACES_A, a)
-    reach = placed_radius(s, PLACES_A, a) + limit
+    x, y, z = placed_centre(scratch, PLACES_A, a)
+    reach = placed_radius(scratch, PLACES_A, a) + limit
     n_near = 0
     for b in range(n):
-        bx, by, bz = placed_centre(s, PLACES_B, b)
+        bx, by, bz = placed_centre(scratch, PLACES_B, b)
         dx = bx - x
         dy = by - y
         dz = bz - z
-        distance = reach + placed_radius(s, PLACES_B, b)
+        distance = reach + placed_radius(scratch, PLACES_B, b)
         square = dx * dx + dy * dy + dz * dz
         excess = square - distance * distance
-        s[SQUARES + b] = square
-        s[EXCESS + b] = excess
+        scratch[SQUARES + b] = square
+        scratch[EXCESS + b] = excess
         n_near += 1 if excess < 0.0 else 0
     return n_near
 
 
 @inlined
-def keep_gap(s, gap, a, b):
-    """Sort a gap into the smallest gaps; it replaces the largest of them."""
+def keep_gap(scratch, gap, a, b):
+    """Sort a gap into the smallest gaps; it replaces the largest of them.
+
+    The WATCHED + 1 smallest gaps [m] are in the row GAPS of `scratch`, in increasing
+    order, and the spheres a of A and b of B that have them in two more rows.
+    """
     k = WATCHED
     # move the larger gaps one place up
-    while k > 0 and s[GAPS + k - 1] > gap:
-        s[GAPS + k] = s[GAPS + k - 1]
-        s[GAPS_SPHERE_A + k] = s[GAPS_SPHERE_A + k - 1]
-        s[GAPS_SPHERE_B + k] = s[GAPS_SPHERE_B + k - 1]
+    while k > 0 and scratch[GAPS + k - 1] > gap:
+        scratch[GAPS + k] = scratch[GAPS + k - 1]
+        scratch[GAPS_SPHERE_A + k] = scratch[GAPS_SPHERE_A + k - 1]
+        scratch[GAPS_SPHERE_B + k] = scratch[GAPS_SPHERE_B + k - 1]
         k -= 1
-    s[GAPS + k] = gap
-    s[GAPS_SPHERE_A + k] = a
-    s[GAPS_SPHERE_B + k] = b
+    scratch[GAPS + k] = gap
+    scratch[GAPS_SPHERE_A + k] = a
+    scratch[GAPS_SPHERE_B + k] = b
 
 
 @inlined
-def watch_nearest(bodies, pairs, entry, i, j, skin, s):
-    """Let an entry watch the pairs with the smallest gaps, and write its limits."""
+def watch_nearest(bodies, pairs, entry, i, j, skin, scratch):
+    """Let an entry watch the pairs of spheres with the smallest gaps; write its limits.
+
+    Parameters
+    ----------
+    bodies, pairs : namedtuple
+        The bodies, and the list of entries (`clumps.SpherePairs`).
+    entry, i, j : int
+        Place of the entry, and its two bodies.
+    skin : float
+        Gaps of this size or more are not watched [m].
+    scratch : array
+        Has the smallest gaps, see `keep_gap`.
+    """
+    # A limit is the sum of both displacements at which a gap may be used up.
     total = bodies.displacement[i] + bodies.displacement[j]
     n = 0
-    while n < WATCHED and s[GAPS + n] < skin:
-        pairs.watched[entry, n, 0] = np.uint8(s[GAPS_SPHERE_A + n])
-        pairs.watched[entry, n, 1] = np.uint8(s[GAPS_SPHERE_B + n])
-        pairs.watched_limit[entry, n] = total + s[GAPS + n]
+    while n < WATCHED and scratch[GAPS + n] < skin:
+        pairs.watched[entry, n, 0] = np.uint8(scratch[GAPS_SPHERE_A + n])
+        pairs.watched[entry, n, 1] = np.uint8(scratch[GAPS_SPHERE_B + n])
+        pairs.watched_limit[entry, n] = total + scratch[GAPS + n]
         n += 1
     pairs.n_watched[entry] = n
-    pairs.near_limit[entry] = total + s[GAPS]
-    pairs.near_rest[entry] = total + s[LARGEST_GAP]
+    pairs.near_limit[entry] = total + scratch[GAPS]
+    pairs.near_rest[entry] = total + scratch[LARGEST_GAP]
 
 
 @kernel
-def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, s):
+def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, scratch):
     """Make a full search of bodies i and j, and add the new contacts to their entry.
 
     Parameters
@@ -170,8 +192,8 @@ def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, s):
     entry : int
         Place of the entry. With -1 an entry is made for the first contact, or for a gap
         below the skin.
-    s : array
-        Scratch.
+    scratch : array
+        Is overwritten.
 
     Returns
     -------
@@ -188,56 +210,75 @@ def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, s):
     # Places relative to the centre of A lose fewer digits than those in the world.
     x, y, z = vector_at(rows[i], POSITION)
     place_spheres(
-        rows[i], clumps.spheres[shape_a], n_a, clumps.scale[i], x, y, z, s, PLACES_A
+        rows[i],
+        clumps.spheres[shape_a],
+        n_a,
+        clumps.scale[i],
+        x,
+        y,
+        z,
+        scratch,
+        PLACES_A,
     )
     place_spheres(
-        rows[j], clumps.spheres[shape_b], n_b, clumps.scale[j], x, y, z, s, PLACES_B
+        rows[j],
+        clumps.spheres[shape_b],
+        n_b,
+        clumps.scale[j],
+        x,
+        y,
+        z,
+        scratch,
+        PLACES_B,
     )
     bx, by, bz = vector_at(rows[j], POSITION)
     bx, by, bz = bx - x, by - y, bz - z  # the centre of B
     radius_b = bounding_radius(bodies, j)
     largest = largest_size(clumps)
     for k in range(WATCHED + 1):
-        s[GAPS + k] = skin
+        scratch[GAPS + k] = skin
     for a in range(n_a):
         # Only gaps below the largest of the smallest ones matter.
-        limit = s[LARGEST_GAP]
-        ax, ay, az = placed_centre(s, PLACES_A, a)
+        limit = scratch[LARGEST_GAP]
+        ax, ay, az = placed_centre(scratch, PLACES_A, a)
         dx, dy, dz = ax - bx, ay - by, az - bz
-        radius_a = placed_radius(s, PLACES_A, a)
+        radius_a = placed_radius(scratch, PLACES_A, a)
         reach = radius_a + radius_b + limit
         if (
             dx * dx + dy * dy + dz * dz >= reach * reach
-            or measure_distances(s, a, n_b, limit) == 0
+            or measure_distances(scratch, a, n_b, limit) == 0
         ):
             continue
         for b in range(n_b):
-            if s[EXCESS + b] >= 0.0 or (
+            if scratch[EXCESS + b] >= 0.0 or (
                 entry >= 0 and is_set(pairs.known[entry], a * largest + b)
             ):
                 continue
-            gap = math.sqrt(s[SQUARES + b]) - (radius_a + placed_radius(s, PLACES_B, b))
+            gap = math.sqrt(scratch[SQUARES + b]) - (
+                radius_a + placed_radius(scratch, PLACES_B, b)
+            )
             if gap > 0.0:
-                if gap < s[LARGEST_GAP]:
-                    keep_gap(s, gap, a, b)
+                if gap < scratch[LARGEST_GAP]:
+                    keep_gap(scratch, gap, a, b)
                 continue
             if entry < 0:
                 entry = add_entry(pairs, counts, grid, i, j)
             if entry >= 0:
                 add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b)
-    if entry < 0 and s[GAPS] < skin:
+    if entry < 0 and scratch[GAPS] < skin:
         entry = add_entry(pairs, counts, grid, i, j)
     if entry >= 0:
-        watch_nearest(bodies, pairs, entry, i, j, skin, s)
-    return s[GAPS]
+        watch_nearest(bodies, pairs, entry, i, j, skin, scratch)
+    return scratch[GAPS]
 
 
 @inlined
 def sphere_in_world(bodies, clumps, i, k):
-    """Return centre (3) and radius of sphere k of body i, in the world."""
+    """Return centre (x, y, z) and radius of sphere k of body i, in the world [m]."""
     row = bodies.rows[i]
     spheres = clumps.spheres[clumps.shape[i]]
     scale = clumps.scale[i]
+    # The quaternion (w, x, y, z) turns the sphere's centre from the body to the world.
     w = row[SHAPE]
     x, y, z = vector_at(row, SHAPE + 1)
     cx, cy, cz = vector_at(row, POSITION)
@@ -275,8 +316,10 @@ def forget_watched(pairs, entry, k):
 def check_watched(bodies, pairs, counts, clumps, entry, i, j):
     """Check the watched pairs of spheres that are due, and write the entry's limit.
 
-    Pairs that touch become contacts, the others get new limits. The function is inlined:
-    a call would take longer than the check, since the arrays are some 300 arguments.
+    Pairs that touch become contacts, the others get new limits. A pair is due when the
+    sum of the displacements of bodies i and j has reached its limit. The function is
+    inlined: a call would take longer than the check, since the arrays are some 300
+    arguments.
     """
     total = bodies.displacement[i] + bodies.displacement[j]
     next_check = pairs.near_rest[entry]
@@ -300,10 +343,22 @@ def check_watched(bodies, pairs, counts, clumps, entry, i, j):
 
 
 @inlined
-def update_near_clumps(bodies, pairs, counts, grid, clumps, s, ghost):
-    """Check the entries that are due.
+def update_near_clumps(bodies, pairs, counts, grid, clumps, scratch, ghost):
+    """Check the entries of two clumps that are due.
 
     An entry without contacts and with a gap of a skin or more is dropped.
+
+    Parameters
+    ----------
+    bodies, pairs, grid, clumps : namedtuple
+        The bodies, the list of entries and their contacts, the grid of the neighbour
+        search, and the spheres of the clumps.
+    counts : array
+        Lengths of all lists.
+    scratch : array
+        Is overwritten.
+    ghost : int
+        Number of the absent body, which unused places of a list hold.
     """
     first = pairs.near_first
     second = pairs.near_second
@@ -314,11 +369,12 @@ def update_near_clumps(bodies, pairs, counts, grid, clumps, s, ghost):
         i = np.int64(first[entry])
         j = np.int64(second[entry])
         total = bodies.displacement[i] + bodies.displacement[j]
+        # Until the limit of all other pairs of spheres, only watched pairs are checked.
         if total < pairs.near_rest[entry]:
             check_watched(bodies, pairs, counts, clumps, entry, i, j)
         else:
             gap = search_all_spheres(
-                bodies, pairs, counts, grid, clumps, entry, i, j, s
+                bodies, pairs, counts, grid, clumps, entry, i, j, scratch
             )
             if gap >= grid.lengths[st.SKIN] and pairs.live[entry] == 0:
                 drop_entry(pairs, counts, grid, entry, ghost)
@@ -326,15 +382,18 @@ def update_near_clumps(bodies, pairs, counts, grid, clumps, s, ghost):
 
 
 @inlined
-def list_clumps(bodies, pairs, counts, grid, clumps, i, j, s):
-    """Make an entry of two bodies that have none, where they are nearer than the skin."""
+def list_clumps(bodies, pairs, counts, grid, clumps, i, j, scratch):
+    """Make an entry of two clumps that have none, where they are nearer than the skin.
+
+    Their bounding spheres are compared first. `scratch` is overwritten.
+    """
     ax, ay, az = vector_at(bodies.rows[i], POSITION)
     bx, by, bz = vector_at(bodies.rows[j], POSITION)
     dx, dy, dz = bx - ax, by - ay, bz - az
     radii = bounding_radius(bodies, i) + bounding_radius(bodies, j)
     reach = radii + grid.lengths[st.SKIN]
     if dx * dx + dy * dy + dz * dz < reach * reach:
-        search_all_spheres(bodies, pairs, counts, grid, clumps, -1, i, j, s)
+        search_all_spheres(bodies, pairs, counts, grid, clumps, -1, i, j, scratch)
 
 
 @kernel
@@ -357,6 +416,7 @@ def retire_spheres(bodies, pairs, counts, clumps, n_ended, ghost):
             + pairs.gap[contact]
         )
         pairs.near_limit[entry] = min(pairs.near_limit[entry], limit)
+        # Watch them, or, where no slot is free, let the next full search come earlier.
         slot = pairs.n_watched[entry]
         if slot < SLOTS:
             pairs.watched[entry, slot, 0] = pairs.spheres[contact, 0]

@@ -79,10 +79,11 @@ def limited_turn(turn):
 
 @inlined
 def cone_axes(cone, theta):
-    """Return cos, sin, and the normal n, tangent u and line w of a cone at an angle.
+    """Return cos, sin, and the unit vectors n, u and w of a cone at an angle.
 
-    n points into the wall, u along the circle and w along the line of the cone; u has
-    no z component.
+    The normal n points into the wall, the tangent u along the circle about the axis (it
+    has no z component), and the tangent w along the line of the cone. `cone` is the row
+    of `Walls.cones`.
     """
     cos = math.cos(theta)
     sin = math.sin(theta)
@@ -96,7 +97,11 @@ def cone_axes(cone, theta):
 
 @inlined
 def cone_slope(row, parts, cone, theta):
-    """Return the first and second derivative of phi at an angle."""
+    """Return the first and second derivative of the overlap phi at an angle.
+
+    `row` is the body in the frame of the cone, `cone` the row of `Walls.cones`, `theta`
+    the angle about the cone's axis [rad].
+    """
     cos, sin, nx, ny, nz, ux, uy, uz, wx, wy, wz = cone_axes(cone, theta)
     normal_r = cone[CONE_NORMAL_R]
     x, y, _z = vector_at(row, POSITION)
@@ -124,6 +129,17 @@ def climb_cone(row, parts, cone, theta):
 def cone_contact(row, parts, cone, theta, geometry):
     """Fill `geometry` for a body that touches a cone at a maximum theta of phi.
 
+    Parameters
+    ----------
+    row, parts : array, int
+        The body in the frame of the cone, and its number of ellipsoids, or SPHERES.
+    cone : array
+        The row of `Walls.cones`.
+    theta : float
+        Angle about the cone's axis at which the overlap phi is largest [rad].
+    geometry : array (8,)
+        Is written (`contact_geometry`).
+
     Returns
     -------
     bool
@@ -135,14 +151,19 @@ def cone_contact(row, parts, cone, theta, geometry):
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
     gap = cone[CONE_OFFSET] - (nx * x + ny * y + nz * z + h)
+    # the effective radius follows below, as it depends on the contact point
     write_contact(
         geometry, nx, ny, nz, gap, 0.0, h, along_u, along_w, ux, uy, uz, wx, wy, wz
     )
+
+    # (px, py, pz) is the contact point
     px, py, pz = x + geometry[ARM], y + geometry[ARM + 1], z + geometry[ARM + 2]
     distance = max(cos * px + sin * py, SMALLEST_CIRCLE)  # from the axis
     # a cone curves towards the body, with the radius distance / n_r along the circle
     wall_u = -cone[CONE_NORMAL_R] / distance
     geometry[RADIUS] = effective_radius(q_uu, q_uw, q_ww, wall_u, 0.0)
+
+    # its place along the line of the cone
     place_along = distance * cone[CONE_UP_R] + pz * cone[CONE_UP_Z]
     return place_along >= cone[CONE_START] and place_along <= cone[CONE_END]
 
@@ -234,6 +255,19 @@ def ring_curvatures(ring, outward):
 def ring_contact(row, parts, ring, theta, nx, ny, nz, geometry):
     """Fill `geometry` for a body that touches a ring edge, at a solved theta and n.
 
+    Parameters
+    ----------
+    row, parts : array, int
+        The body in the frame of the ring, and its number of ellipsoids, or SPHERES.
+    ring : array
+        The row of `Walls.rings`.
+    theta : float
+        Angle about the axis of the point of the circle that is nearest to the body [rad].
+    nx, ny, nz : float
+        Unit normal n, from the body into the wall.
+    geometry : array (8,)
+        Is written (`contact_geometry`).
+
     Returns
     -------
     bool
@@ -253,6 +287,8 @@ def ring_contact(row, parts, ring, theta, nx, ny, nz, geometry):
     h, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
+    # From the body's surface to the circle in the middle of the torus, less the radius
+    # of the edge.
     gap = (
         nx * (ring[RING_RADIUS] * cos - x)
         + ny * (ring[RING_RADIUS] * sin - y)
@@ -260,7 +296,7 @@ def ring_contact(row, parts, ring, theta, nx, ny, nz, geometry):
         - h
         - ring[RING_EDGE_RADIUS]
     )
-    outward = nx * cos + ny * sin
+    outward = nx * cos + ny * sin  # component of n away from the axis
     wall_u, wall_w = ring_curvatures(ring, outward)
     radius = effective_radius(q_uu, q_uw, q_ww, wall_u, wall_w)
     write_contact(
@@ -306,6 +342,17 @@ def azimuth_of(x, y):
 def sphere_on_cone(x, y, z, radius, cone, geometry):
     """Fill `geometry` for a sphere and a cone, in closed form.
 
+    Parameters
+    ----------
+    x, y, z : float
+        Centre of the sphere in the frame of the cone [m].
+    radius : float
+        Radius of the sphere [m].
+    cone : array
+        The row of `Walls.cones`.
+    geometry : array (8,)
+        Is written (`contact_geometry`).
+
     Returns
     -------
     float
@@ -330,12 +377,24 @@ def sphere_on_cone(x, y, z, radius, cone, geometry):
 def sphere_on_ring(x, y, z, radius, ring, geometry):
     """Fill `geometry` for a sphere and a ring edge, in closed form.
 
+    Parameters
+    ----------
+    x, y, z : float
+        Centre of the sphere in the frame of the ring [m].
+    radius : float
+        Radius of the sphere [m].
+    ring : array
+        The row of `Walls.rings`.
+    geometry : array (8,)
+        Is written (`contact_geometry`).
+
     Returns
     -------
     float
         A lower bound of the way to the open part of the edge [m]; negative or zero on
         it.
     """
+    # In the half plane through the axis and the sphere: from its centre to the circle.
     distance, cos, sin = azimuth_of(x, y)
     dr = ring[RING_RADIUS] - distance
     dz = ring[RING_HEIGHT] - z

@@ -1,10 +1,10 @@
 """The search for new contacts with walls: which bodies are searched, and which walls.
 
-The *reading* of a body is its displacement plus that of the walls. A search of a wall
-returns how far the body may move before the next search; the reading at which that is
-used up is `WallContacts.limit`. The least of a body's limits is `Bodies.wall_check`, and
-the least way left in a tile of bodies is `Bodies.wall_margin`. `clumps` is an empty tuple
-in a simulation of smooth bodies, see `forces`.
+The *path* of a body is the sum of its displacement and that of the walls so far. A search
+of a wall returns how far the body may move before the next search; the path at which that
+is used up is `WallContacts.limit`. The least of a body's limits is `Bodies.wall_check`,
+and the least way left in a tile of bodies is `Bodies.wall_margin`. `clumps` is an empty
+tuple in a simulation of smooth bodies, see `forces`.
 
 Reads `Bodies.rows` and the walls. Writes `Bodies.wall_check`, `wall_margin` and `passed`,
 the lists and limits of `WallContacts`, `counts`, and scratch arrays.
@@ -16,7 +16,7 @@ from . import state as st
 from .clump_walls import place_clump, spheres_at_mesh, spheres_at_wall
 from .jit import inlined, kernel
 from .meshes import body_at_mesh
-from .rows import L
+from .rows import LANES
 from .state import bounding_radius
 from .walls import search_curved, search_plane
 
@@ -49,7 +49,7 @@ def find_on_plane(bodies, flat, curved, clumps, walls, counts, parts, wall, i, s
 
 @inlined
 def find_on_curved(
-    bodies, curved, clumps, walls, counts, parts, wall, i, reading, scratch
+    bodies, curved, clumps, walls, counts, parts, wall, i, path, scratch
 ):
     """Find new contacts of body i with a cone, tube or ring.
 
@@ -57,7 +57,7 @@ def find_on_curved(
     """
     if len(clumps) == 0:
         return search_curved(
-            bodies, curved, walls, counts, parts, wall, i, reading, scratch
+            bodies, curved, walls, counts, parts, wall, i, path, scratch
         )
     return spheres_at_wall(
         bodies,
@@ -75,22 +75,43 @@ def find_on_curved(
 
 @kernel
 def search_walls(
-    bodies, flat, curved, clumps, walls, counts, parts, i, reading, lowest, scratch
+    bodies, flat, curved, clumps, walls, counts, parts, i, path, lowest, scratch
 ):
     """Find new contacts of body i with planes and curved walls that are due.
 
-    A body that is below `lowest` once is searched on planes only from then on. Returns
-    the reading at the body's next search.
+    Parameters
+    ----------
+    bodies, flat, curved, clumps, walls : namedtuple
+        The bodies, their contacts with planes and with curved walls, the clumps (an
+        empty tuple for smooth bodies), and the walls.
+    counts : array
+        Lengths of all lists.
+    parts : int
+        Ellipsoids of a body, or SPHERES.
+    i : int
+        Number of the body.
+    path : float
+        Displacement of the body and the walls so far [m].
+    lowest : float
+        All curved walls lie above this height [m]. A body that was once wholly below it
+        is not searched against them again.
+    scratch : Scratch
+        Arrays that are overwritten.
+
+    Returns
+    -------
+    float
+        The path at the body's next search [m].
     """
     if len(clumps) > 0:
         place_clump(bodies, clumps, i, scratch.spheres)
     next_search = math.inf
     for wall in range(walls.planes.shape[0]):
-        if reading >= flat.limit[wall, i]:
+        if path >= flat.limit[wall, i]:
             free_distance = find_on_plane(
                 bodies, flat, curved, clumps, walls, counts, parts, wall, i, scratch
             )
-            flat.limit[wall, i] = reading + free_distance
+            flat.limit[wall, i] = path + free_distance
         next_search = min(next_search, flat.limit[wall, i])
     top = bodies.rows[i, st.POSITION + 2] + bounding_radius(bodies, i)
     if top < lowest:
@@ -98,11 +119,11 @@ def search_walls(
     if bodies.passed[i]:
         return next_search
     for wall in range(walls.cones.shape[0] + walls.rings.shape[0]):
-        if reading >= curved.limit[wall, i]:
+        if path >= curved.limit[wall, i]:
             free_distance = find_on_curved(
-                bodies, curved, clumps, walls, counts, parts, wall, i, reading, scratch
+                bodies, curved, clumps, walls, counts, parts, wall, i, path, scratch
             )
-            curved.limit[wall, i] = reading + free_distance
+            curved.limit[wall, i] = path + free_distance
         next_search = min(next_search, curved.limit[wall, i])
     return next_search
 
@@ -114,8 +135,8 @@ def search_bodies(
     """Search the walls for those of bodies `begin` to `end` that are due."""
     approach = walls.approach[st.WALL_PATH]
     for i in range(begin, end):
-        reading = bodies.displacement[i] + approach
-        if reading >= bodies.wall_check[i]:
+        path = bodies.displacement[i] + approach
+        if path >= bodies.wall_check[i]:
             bodies.wall_check[i] = search_walls(
                 bodies,
                 flat,
@@ -125,7 +146,7 @@ def search_bodies(
                 counts,
                 parts,
                 i,
-                reading,
+                path,
                 lowest,
                 scratch,
             )
@@ -136,8 +157,8 @@ def margin_of(bodies, approach, begin, end):
     """Return the least way left until one of the bodies is due for walls [m]."""
     margin = math.inf
     for i in range(begin, end):
-        reading = bodies.displacement[i] + approach
-        margin = min(margin, bodies.wall_check[i] - reading)
+        path = bodies.displacement[i] + approach
+        margin = min(margin, bodies.wall_check[i] - path)
     return margin
 
 
@@ -147,19 +168,21 @@ def update_walls(bodies, flat, curved, clumps, walls, counts, parts, lowest, scr
 
     A body once below `lowest` is searched on planes only. In a large simulation whose
     walls stand still, a tile of bodies is skipped until the paths of its fastest bodies
-    may have used up its `wall_margin`.
+    may have used up its `wall_margin`. The arguments are those of `search_walls`.
     """
     n = counts[st.N_BODIES]
+    # A large simulation has several shares of the loads.
     if bodies.load.shape[0] == 1 or walls.approach[st.WALLS_MOVE] > 0.0:
         search_bodies(
             bodies, flat, curved, clumps, walls, counts, parts, lowest, scratch, 0, n
         )
         return
-    for base in range(0, n, L):
-        tile = base // L
+    # One tile of bodies after another; `base` is the number of its first body.
+    for base in range(0, n, LANES):
+        tile = base // LANES
         if bodies.wall_margin[tile] > st.ROUNDING:
             continue
-        end = min(base + L, n)
+        end = min(base + LANES, n)
         search_bodies(
             bodies,
             flat,
@@ -220,14 +243,27 @@ def find_on_mesh(
 
 @kernel
 def update_meshes(bodies, meshed, clumps, walls, meshes, counts, parts, scratch):
-    """Find new contacts with meshes, of all bodies that are due."""
+    """Find new contacts with meshes, of all present bodies that are due.
+
+    Parameters
+    ----------
+    bodies, meshed, clumps, walls, meshes : namedtuple
+        The bodies, their contacts with meshes, the clumps (an empty tuple for smooth
+        bodies), the walls, and the features of the meshes.
+    counts : array
+        Lengths of all lists.
+    parts : int
+        Ellipsoids of a body, or SPHERES.
+    scratch : Scratch
+        Arrays that are overwritten.
+    """
     approach = walls.approach[st.WALL_PATH]
     for mesh in range(meshes.box.shape[0]):
         for i in range(counts[st.N_BODIES]):
-            reading = bodies.displacement[i] + approach
-            if reading < meshed.limit[mesh, i] or bodies.presence[i] != st.PRESENT:
+            path = bodies.displacement[i] + approach
+            if path < meshed.limit[mesh, i] or bodies.presence[i] != st.PRESENT:
                 continue
             free_distance = find_on_mesh(
                 bodies, meshed, clumps, walls, meshes, counts, parts, mesh, i, scratch
             )
-            meshed.limit[mesh, i] = reading + free_distance
+            meshed.limit[mesh, i] = path + free_distance

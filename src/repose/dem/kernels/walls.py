@@ -33,7 +33,7 @@ from .geometry import extent, support_terms, tangents
 from .jit import inlined, kernel
 from .lists import move_contact, put_contact
 from .neighbours import take_place
-from .rows import L, set_vector, vector_at
+from .rows import LANES, set_vector, vector_at
 from .state import bounding_radius
 from .wall_contact import (
     climb_cone,
@@ -90,7 +90,7 @@ def angle_between(a, b):
 @inlined
 def azimuth(data, k):
     """Return the azimuth of contact k."""
-    return data[k // L, st.AZIMUTH + k % L]
+    return data[k // LANES, st.AZIMUTH + k % LANES]
 
 
 @inlined
@@ -110,8 +110,21 @@ def is_known(contacts, n, body, wall, theta):
 def add_wall_contact(contacts, counts, slot, body, wall, geometry):
     """Append a contact with a relaxed spring and the normal of `geometry`.
 
-    `slot` is the place of the list's length in `counts`. Returns the number of the
-    contact, or -1 where there is no room.
+    Parameters
+    ----------
+    contacts : WallContacts
+        The list of contacts.
+    counts, slot : array, int
+        Lengths of all lists, and the place of this list's length.
+    body, wall : int
+        Numbers of the body and of the wall.
+    geometry : array (8,)
+        The contact (`contact_geometry`).
+
+    Returns
+    -------
+    int
+        Number of the contact, or -1 where there is no room.
     """
     k = take_place(counts, slot, contacts.body.shape[0])
     if k >= 0:
@@ -124,10 +137,10 @@ def add_wall_contact(contacts, counts, slot, body, wall, geometry):
 
 @inlined
 def drop_wall_contact(contacts, counts, slot, k, ghost):
-    """Remove contact k: the last contact moves to its place.
+    """Remove contact k of a list: the last contact moves to its place.
 
-    The place that becomes free holds the body `ghost`, with a gap and without a law's
-    state, so no force acts on the ghost.
+    `counts[slot]` is the length of the list. The place that becomes free holds the absent
+    body `ghost`, with a gap and without a law's state, so no force acts on the ghost.
     """
     last = counts[slot] - 1
     counts[slot] = last
@@ -137,7 +150,7 @@ def drop_wall_contact(contacts, counts, slot, k, ghost):
     move_contact(contacts.data, last, k)
     contacts.body[last] = ghost
     put_contact(contacts.data, last, 0.0, 0.0, 1.0)
-    contacts.data[last // L, st.RADIUS2 + last % L] = math.inf
+    contacts.data[last // LANES, st.RADIUS2 + last % LANES] = math.inf
 
 
 @inlined
@@ -155,7 +168,7 @@ def overlap_elsewhere(contacts, n, body, wall):
     depth = 0.0
     for k in range(n):
         if contacts.body[k] == body and contacts.wall[k] != wall:
-            gap = contacts.data[k // L, st.GAP + k % L]
+            gap = contacts.data[k // LANES, st.GAP + k % LANES]
             depth = max(depth, -gap)
     return depth
 
@@ -164,10 +177,12 @@ def overlap_elsewhere(contacts, n, body, wall):
 def slid_off(bodies, contacts, walls, n, k, depth):
     """Note that contact k with a curved wall slid over the wall's end.
 
-    Writes `deepest` and `limit` of the contact's body.
+    Writes `deepest` and `limit` of the contact's body, see `state.WallContacts`.
 
     Parameters
     ----------
+    bodies, contacts, walls : namedtuple
+        The bodies, the list of contacts with curved walls, and the walls.
     n : int
         Number of contacts in the list.
     depth : float
@@ -176,11 +191,13 @@ def slid_off(bodies, contacts, walls, n, k, depth):
     """
     wall = contacts.wall[k]
     i = contacts.body[k]
-    reading = bodies.displacement[i] + walls.approach[st.WALL_PATH]
+    path = bodies.displacement[i] + walls.approach[st.WALL_PATH]
+    # Any wall may be the next one: its contact may begin with this overlap, and all
+    # walls but this one are searched now.
     for other in range(contacts.deepest.shape[0]):
         contacts.deepest[other, i] = max(contacts.deepest[other, i], depth)
         if other != wall:
-            contacts.limit[other, i] = min(contacts.limit[other, i], reading)
+            contacts.limit[other, i] = min(contacts.limit[other, i], path)
     # a body that touches another wall is not past this one
     if not touches_others(contacts, n, i, k):
         contacts.deepest[wall, i] = depth
@@ -197,19 +214,23 @@ def add_if_new(
     body,
     wall,
     theta,
-    on_wall,
+    is_on_wall,
     radius,
     deepest,
     distance_moved,
     geometry,
 ):
-    """Add the contact of `geometry` to the list unless it is known or may not begin.
+    """Add a contact with a curved wall to the list unless it is known or may not begin.
 
     Parameters
     ----------
+    contacts, counts, walls : namedtuple, array, namedtuple
+        The list of contacts with curved walls, the lengths of all lists, and the walls.
+    body, wall : int
+        Numbers of the body and of the wall.
     theta : float
         Azimuth of the contact [rad].
-    on_wall : bool
+    is_on_wall : bool
         Whether it lies on the wall, not beyond its end.
     radius : float
         Bounding radius of the body [m].
@@ -218,8 +239,8 @@ def add_if_new(
     distance_moved : float
         How far the body may have moved since it was searched last [m].
     geometry : array (8,)
-        Geometry in the frame of the wall; for a new contact its normal is rotated into
-        world axes.
+        The contact in the frame of the wall (`contact_geometry`). For a new contact its
+        normal is rotated into world axes.
 
     Returns
     -------
@@ -230,9 +251,10 @@ def add_if_new(
     gap = geometry[cg.GAP]
     if gap > 0.0:
         return gap
+    # A body that is past the wall may slide onto it from another one.
     if deepest < math.inf:
         deepest = max(deepest, overlap_elsewhere(contacts, n, body, wall))
-    if not on_wall or gap < -min(DEEPEST_NEW * radius, deepest + distance_moved):
+    if not is_on_wall or gap < -min(DEEPEST_NEW * radius, deepest + distance_moved):
         # the body is past the wall, or stays past it
         if deepest == math.inf and not touches_others(contacts, n, body, -1):
             deepest = 0.0
@@ -242,7 +264,7 @@ def add_if_new(
         normal_to_world(walls, wall, geometry)
         k = add_wall_contact(contacts, counts, st.N_CURVED, body, wall, geometry)
         if k >= 0:
-            contacts.data[k // L, st.AZIMUTH + k % L] = theta
+            contacts.data[k // LANES, st.AZIMUTH + k % LANES] = theta
     return NEXT_LOOK_KNOWN * radius
 
 
@@ -261,11 +283,29 @@ def search_cone(
     profile,
     geometry,
 ):
-    """Search for contacts of body i with a cone, from every local maximum of phi.
+    """Search for contacts of body i with a cone, from every local maximum of overlap.
 
-    `row` is the body in the frame of the cone, `profile` (STARTS,) and `geometry` (8,)
-    are overwritten; the other arguments are those of `add_if_new`. Returns how far the
-    body may move before the next search [m].
+    The overlap phi depends on an angle about the cone's axis. It is calculated at STARTS
+    equal angles; from each of them that is larger than both neighbours the solver climbs
+    to the maximum.
+
+    Parameters
+    ----------
+    row : array
+        The body in the frame of the cone, a row of `Bodies.rows`.
+    parts : int
+        Ellipsoids of the body.
+    profile : array (STARTS,)
+        Scratch.
+    geometry : array (8,)
+        Scratch for one contact.
+    contacts, counts, walls, wall, i, radius, deepest, distance_moved
+        See `add_if_new`; i is the body.
+
+    Returns
+    -------
+    float
+        How far the body may move before the next search [m].
     """
     cone = walls.cones[wall]
     angle = 2.0 * math.pi / st.STARTS
@@ -288,7 +328,7 @@ def search_cone(
         if overlap < profile[start - 1] or overlap < profile[(start + 1) % st.STARTS]:
             continue
         theta = solve_cone(row, parts, cone, start * angle)
-        on_wall = cone_contact(row, parts, cone, theta, geometry)
+        is_on_wall = cone_contact(row, parts, cone, theta, geometry)
         free_distance = add_if_new(
             contacts,
             counts,
@@ -296,7 +336,7 @@ def search_cone(
             i,
             wall,
             theta,
-            on_wall,
+            is_on_wall,
             radius,
             deepest,
             distance_moved,
@@ -323,9 +363,11 @@ def search_ring(
 ):
     """Search for contacts of body i with a ring edge, from every local minimum.
 
-    The arguments and the returned distance are those of `search_cone`.
+    The minima are those of the distance between the body and the circle in the middle of
+    the ring. The arguments and the returned distance are those of `search_cone`.
     """
     ring = walls.rings[wall - walls.cones.shape[0]]
+    # Leave early where the body's bounding sphere does not reach the ring.
     x, y, z = vector_at(row, st.POSITION)
     axial = abs(z - ring[st.RING_HEIGHT])
     radial = abs(math.sqrt(x * x + y * y) - ring[st.RING_RADIUS])
@@ -386,9 +428,30 @@ def touching_distance(row, parts, nx, ny, nz, dx, dy, dz):
 def search_plane(bodies, contacts, curved, counts, parts, plane, wall, i, geometry):
     """Search for the contact of body i with a plane.
 
-    `contacts` are those with planes, `curved` those with cones and rings. Returns how
-    far the body may move before the next search [m]; while a contact lasts, no search
-    is due.
+    Parameters
+    ----------
+    bodies : namedtuple
+        The bodies.
+    contacts, curved : namedtuple
+        The lists of contacts with planes, and with cones and rings.
+    counts : array
+        Lengths of all lists.
+    parts : int
+        Ellipsoids of a body, or SPHERES.
+    plane : array
+        The row of `Walls.planes`.
+    wall : int
+        Number of the plane.
+    i : int
+        Number of the body.
+    geometry : array (8,)
+        Scratch.
+
+    Returns
+    -------
+    float
+        How far the body may move before the next search [m]; while a contact lasts, no
+        search is due.
     """
     row = bodies.rows[i]
     nx, ny, nz = vector_at(plane, st.PLANE_NORMAL)
@@ -402,8 +465,8 @@ def search_plane(bodies, contacts, curved, counts, parts, plane, wall, i, geomet
         return gap
     distance = touching_distance(row, parts, nx, ny, nz, dx, dy, dz)
     is_on_disc = distance <= plane[st.PLANE_RADIUS]
-    # the touching point is beyond the edge of the disc, or the centre is behind it: the
-    # body is past the wall
+    # The touching point is beyond the edge of the disc, or the centre is behind it: the
+    # body is past the wall.
     if height < 0.0 or not is_on_disc:
         contacts.deepest[wall, i] = 0.0
     if contacts.deepest[wall, i] == 0.0:
@@ -416,7 +479,7 @@ def search_plane(bodies, contacts, curved, counts, parts, plane, wall, i, geomet
     set_vector(geometry, cg.NORMAL, nx, ny, nz)
     k = add_wall_contact(contacts, counts, st.N_PLANE, i, wall, geometry)
     if k >= 0:
-        write_plane(contacts.data[k // L], k % L, plane)
+        write_plane(contacts.data[k // LANES], k % LANES, plane)
     return FAR
 
 
@@ -462,7 +525,7 @@ def search_sphere(
     The arguments are those of `search_cone`. Returns how far the body may move before
     the next search [m]; while the contact lasts, no search is due.
     """
-    on_wall = sphere_row_on_wall(row, walls, wall, geometry)
+    is_on_wall = sphere_row_on_wall(row, walls, wall, geometry)
     if geometry[cg.GAP] > 0.0:
         return geometry[cg.GAP]
     free_distance = add_if_new(
@@ -472,7 +535,7 @@ def search_sphere(
         i,
         wall,
         0.0,
-        on_wall,
+        is_on_wall,
         radius,
         deepest,
         distance_moved,
@@ -484,18 +547,20 @@ def search_sphere(
 
 
 @inlined
-def search_curved(bodies, curved, walls, counts, parts, wall, i, reading, scratch):
+def search_curved(bodies, curved, walls, counts, parts, wall, i, path, scratch):
     """Search for contacts of smooth body i with a cone or ring.
 
-    `reading` is the displacement of body and walls. Returns how far the body may move
-    before the next search [m].
+    `path` is the displacement of body and walls so far [m]. Returns how far the body may
+    move before the next search [m].
     """
     profile = scratch.profile
     geometry = scratch.geometry
     radius = bounding_radius(bodies, i)
+    # The overlap with which a contact may begin now. It grows by the way since the last
+    # search: a body that is past a wall is searched whenever it moved by
+    # NEXT_LOOK_BEYOND.
     deepest = curved.deepest[wall, i]
-    # a body that is past a wall is searched whenever it moved by NEXT_LOOK_BEYOND
-    distance_moved = reading - curved.limit[wall, i] + NEXT_LOOK_BEYOND * radius
+    distance_moved = path - curved.limit[wall, i] + NEXT_LOOK_BEYOND * radius
     curved.deepest[wall, i] = math.inf
     row = seen_from(walls, wall, bodies.rows[i], parts, scratch.local_row)
     if parts == st.SPHERES:
@@ -543,7 +608,7 @@ def search_curved(bodies, curved, walls, counts, parts, wall, i, reading, scratc
 
 
 @inlined
-def follow_wall(parts, row, walls, wall, tile, lane, geometry, local_row):
+def follow_wall(parts, row, walls, wall, history, lane, geometry, local_row):
     """Follow a contact of a smooth body with a cone or ring by one time step.
 
     The solver starts from the last azimuth and normal. A body moves so little in a step
@@ -552,9 +617,13 @@ def follow_wall(parts, row, walls, wall, tile, lane, geometry, local_row):
 
     Parameters
     ----------
+    parts : int
+        Ellipsoids of the body, or SPHERES.
     row : array
         The body, a row of `Bodies.rows`.
-    tile, lane : array, int
+    walls, wall : namedtuple, int
+        The walls, and the number of this one.
+    history, lane : array, int
         Place of the contact in `WallContacts.data`; its azimuth is updated.
     geometry : array (8,)
         Is filled, in world axes.
@@ -567,25 +636,25 @@ def follow_wall(parts, row, walls, wall, tile, lane, geometry, local_row):
         Whether the contact lies on the wall.
     """
     n_cones = walls.cones.shape[0]
-    theta = tile[st.AZIMUTH + lane]
+    theta = history[st.AZIMUTH + lane]
     row = seen_from(walls, wall, row, parts, local_row)
     if parts == st.SPHERES:
-        on_wall = sphere_row_on_wall(row, walls, wall, geometry)
+        is_on_wall = sphere_row_on_wall(row, walls, wall, geometry)
     elif wall < n_cones:
         cone = walls.cones[wall]
         for _ in range(FOLLOWING_STEPS):
             theta = climb_cone(row, parts, cone, theta)
-        on_wall = cone_contact(row, parts, cone, theta, geometry)
+        is_on_wall = cone_contact(row, parts, cone, theta, geometry)
     else:
         ring = walls.rings[wall - n_cones]
         # (read number by number: `lane_vector` changes last bits here, see `jit`)
-        n = st.NORMAL + lane
-        nx, ny, nz = tile[n], tile[n + L], tile[n + 2 * L]
+        first = st.NORMAL + lane
+        nx, ny, nz = history[first], history[first + LANES], history[first + 2 * LANES]
         if walls.displaced[wall]:
             nx, ny, nz = into_frame(walls.frames[wall], nx, ny, nz)
         for _ in range(FOLLOWING_STEPS):
             theta, nx, ny, nz, _step = ring_newton(row, parts, ring, theta, nx, ny, nz)
-        on_wall = ring_contact(row, parts, ring, theta, nx, ny, nz, geometry)
-    tile[st.AZIMUTH + lane] = theta
+        is_on_wall = ring_contact(row, parts, ring, theta, nx, ny, nz, geometry)
+    history[st.AZIMUTH + lane] = theta
     contact_to_world(walls, wall, geometry)
-    return on_wall
+    return is_on_wall
