@@ -16,7 +16,7 @@ contact alone may stop it, and together they can turn it back. The law needs a r
 to resist: where a torque acts a body creeps, and a pile goes on settling. The torque on
 B is the opposite of that on A, so angular momentum is kept, which `budget` does not do.
 
-Rows of the scratch tile `t`: ROLLING_FRICTION is mu_r, TWISTING_FRICTION mu_t, PUSH
+Rows of the tile `scratch`: ROLLING_FRICTION is mu_r, TWISTING_FRICTION mu_t, PUSH
 F_c, CIRCLE a.
 
 References
@@ -33,7 +33,7 @@ import numpy as np
 
 from ..kernels import state as st
 from ..kernels import tile as tl
-from ..kernels.rows import L, Rows, lane_vector
+from ..kernels.rows import LANES, Rows, lane_vector
 from ..materials import Contact, Material
 from . import epsd
 from .epsd import SPHERE_ABOUT_CENTRE, TINY, levers, oppose, relative_rotation
@@ -52,26 +52,39 @@ def constants(
     return epsd.constants(a, b, contact)[:2]
 
 
-def kernel(law: Any, t: np.ndarray, c: np.ndarray, first: int, dt: float) -> None:
-    """Compute the torques of each lane, as `law.rolling_resistance` describes."""
-    for k in range(L):
-        nx, ny, nz = lane_vector(c, st.NORMAL, k)
-        inverse_lever, mobility = levers(t, k)
-        spin, wx, wy, wz = relative_rotation(t, k, nx, ny, nz)
+def kernel(
+    law: Any, scratch: np.ndarray, history: np.ndarray, first: int, dt: float
+) -> None:
+    """Compute the torques on both bodies of each lane's contact.
 
-        # torque over angular velocity: at most what stops the rotation in this step
+    The arguments are those of `law.rolling_resistance`. The torques oppose the angular
+    velocity of A relative to B: (wx, wy, wz) across the normal, `spin` along it.
+    """
+    for lane in range(LANES):
+        nx, ny, nz = lane_vector(history, st.NORMAL, lane)
+        inverse_lever, mobility = levers(scratch, lane)
+        spin, wx, wy, wz = relative_rotation(scratch, lane, nx, ny, nz)
+
+        # Rolling: torque over angular velocity, at most what stops it in this step.
         stopping = SPHERE_ABOUT_CENTRE / (dt * mobility + TINY)
-        limit = t[ROLLING_FRICTION + k] * t[tl.PUSH + k] / inverse_lever
-        rate = math.sqrt(wx * wx + wy * wy + wz * wz)
-        rolling = min(stopping, limit / (rate + TINY))
+        rolling_limit = (
+            scratch[ROLLING_FRICTION + lane] * scratch[tl.PUSH + lane] / inverse_lever
+        )
+        rolling_speed = math.sqrt(wx * wx + wy * wy + wz * wz)
+        rolling = min(stopping, rolling_limit / (rolling_speed + TINY))
 
-        limit = t[TWISTING_FRICTION + k] * t[tl.PUSH + k] * t[tl.CIRCLE + k]
-        twist = max(-limit, min(limit, stopping * spin))
+        # Twisting: the torque about the normal.
+        twisting_limit = (
+            scratch[TWISTING_FRICTION + lane]
+            * scratch[tl.PUSH + lane]
+            * scratch[tl.CIRCLE + lane]
+        )
+        twist = max(-twisting_limit, min(twisting_limit, stopping * spin))
 
         x = rolling * wx + twist * nx
         y = rolling * wy + twist * ny
         z = rolling * wz + twist * nz
-        oppose(t, k, x, y, z)
+        oppose(scratch, lane, x, y, z)
 
 
 LAW = Law(

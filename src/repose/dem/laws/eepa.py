@@ -29,7 +29,7 @@ surface energy it returns e_p (`restitution`):
 The tangential force is that of `hertz_mindlin_rescaled`; Coulomb's limit takes the
 normal force and k_a d^1.5.
 
-Rows of the scratch tile `t`, after those of `hertz_mindlin` (NORMAL_STIFFNESS is 4/3
+Rows of the tile `scratch`, after those of `hertz_mindlin` (NORMAL_STIFFNESS is 4/3
 E*, CIRCLE sqrt(R* d)):
 
     PLASTIC_SHARE    L^(2/3), d_p / d when loading
@@ -38,7 +38,7 @@ E*, CIRCLE sqrt(R* d)):
     FORCE            normal force without dashpot
     FLOOR            k_a d^1.5
 
-Rows that a contact keeps in `c`, after those of `hertz_mindlin_rescaled`: PLASTIC, the
+Rows that a contact keeps in `history`, after those of `hertz_mindlin_rescaled`: PLASTIC, the
 plastic overlap d_p.
 
 References
@@ -58,7 +58,7 @@ from ..constants import PLASTICITY_RATIO, SURFACE_ENERGY
 from ..kernels import state as st
 from ..kernels import tile as tl
 from ..kernels.jit import inlined
-from ..kernels.rows import L, Rows
+from ..kernels.rows import LANES, Rows
 from ..materials import Contact, Material
 from . import hertz_mindlin
 from .hertz_mindlin import (
@@ -84,7 +84,7 @@ _rows.take(hertz_mindlin.LAW.n_rows)
 PLASTIC_SHARE, STIFFENING, ADHESION = _rows.take_each(3)
 FORCE, FLOOR = _rows.take_each(2)
 
-PLASTIC = RESCALED.n_state * L
+PLASTIC = RESCALED.n_state * LANES
 
 
 def constants(
@@ -92,8 +92,8 @@ def constants(
 ) -> np.ndarray:
     """Compute the constants of the law for two materials (n,), in SI units.
 
-    They are those of `hertz_mindlin`, zeros for its other rows, and the three of this
-    law.
+    They are those of `hertz_mindlin`, zeros for the other rows of that law, and those of
+    the rows PLASTIC_SHARE, STIFFENING and ADHESION.
     """
     plasticity = contact.constants[PLASTICITY_RATIO.name]
     gamma = contact.constants[SURFACE_ENERGY.name]
@@ -181,63 +181,102 @@ def branches(
 
 
 @inlined
-def hysteresis(t: np.ndarray, c: np.ndarray, last_circle: int, plastic: int) -> None:
-    """Compute the rows FORCE and FLOOR of each lane, and the plastic overlap.
+def hysteresis(
+    scratch: np.ndarray, history: np.ndarray, last_circle: int, plastic: int
+) -> None:
+    """Compute the normal force without dashpot, which depends on the path of the overlap.
 
-    `last_circle` and `plastic` are places of rows of `c`; the former still has the
-    radius of the step before.
+    Writes the rows FORCE and FLOOR of `scratch`, and the plastic overlap.
+
+    Parameters
+    ----------
+    scratch, history : numpy.ndarray
+        The tiles of 32 contacts, one in each lane, see `law.contact_forces`.
+    last_circle, plastic : int
+        Places of rows of `history`: the radius of the contact circle in the last step
+        [m], and the plastic overlap [m].
     """
-    for k in range(L):
-        gap = t[tl.GAP + k]
+    for lane in range(LANES):
+        gap = scratch[tl.GAP + lane]
         overlap = -gap if gap < 0.0 else 0.0
-        radius, circle = t[tl.RADIUS + k], t[tl.CIRCLE + k]
-        stiffness = t[NORMAL_STIFFNESS + k]
-        stiffening, adhesion = t[STIFFENING + k], t[ADHESION + k]
+        radius, circle = scratch[tl.RADIUS + lane], scratch[tl.CIRCLE + lane]
+        stiffness = scratch[NORMAL_STIFFNESS + lane]
+        stiffening, adhesion = scratch[STIFFENING + lane], scratch[ADHESION + lane]
 
         # A contact that was on the adhesive branch and is loaded again has a smaller
         # plastic overlap: that of the unloading branch through its last point.
-        d_p = c[plastic + k]
-        _, lowest, share = branches(stiffness, stiffening, adhesion, radius, d_p)
-        last = c[last_circle + k]
-        last_overlap = last * last / max(radius, TINY)
-        if circle > last and stiffness * last * last_overlap < lowest:
-            d_p = last_overlap * (1.0 + share / stiffening) ** (2.0 / 3.0)
+        plastic_overlap = history[plastic + lane]
+        _, lowest, adhesive_share = branches(
+            stiffness, stiffening, adhesion, radius, plastic_overlap
+        )
+        old_circle = history[last_circle + lane]
+        old_overlap = old_circle * old_circle / max(radius, TINY)
+        if circle > old_circle and stiffness * old_circle * old_overlap < lowest:
+            ratio = 1.0 + adhesive_share / stiffening
+            plastic_overlap = old_overlap * ratio ** (2.0 / 3.0)
         # A contact that is pressed deeper than before has a larger one.
-        d_p = max(d_p, t[PLASTIC_SHARE + k] * overlap)
+        plastic_overlap = max(plastic_overlap, scratch[PLASTIC_SHARE + lane] * overlap)
 
-        pressed, _, share = branches(stiffness, stiffening, adhesion, radius, d_p)
+        # The force is that of unloading, but not below the adhesive branch.
+        pressed, _, adhesive_share = branches(
+            stiffness, stiffening, adhesion, radius, plastic_overlap
+        )
         loading = stiffness * circle * overlap
-        t[FLOOR + k] = share * loading
-        t[FORCE + k] = max(stiffening * (loading - pressed), -share * loading)
-        c[plastic + k] = st.alive(d_p) if overlap > 0.0 else 0.0
+        unloading = stiffening * (loading - pressed)
+        scratch[FLOOR + lane] = adhesive_share * loading
+        scratch[FORCE + lane] = max(unloading, -adhesive_share * loading)
+        history[plastic + lane] = st.alive(plastic_overlap) if overlap > 0.0 else 0.0
 
 
 @inlined
 def push(
-    t: np.ndarray, c: np.ndarray, spring: int, tension: int, friction_limit: int
+    scratch: np.ndarray,
+    history: np.ndarray,
+    spring: int,
+    tension: int,
+    friction_limit: int,
 ) -> None:
     """Compute the forces of each lane; arguments as of `hertz_mindlin.push`."""
-    for k in range(L):
-        circle = t[tl.CIRCLE + k]
-        viscous = t[VISCOUS + k]
-        force = t[FORCE + k]
-        damped = force + t[NORMAL_DAMPING + k] * viscous * t[tl.VN + k]
+    for lane in range(LANES):
+        circle = scratch[tl.CIRCLE + lane]
+        viscous = scratch[VISCOUS + lane]
+        force = scratch[FORCE + lane]
+        damped = (
+            force + scratch[NORMAL_DAMPING + lane] * viscous * scratch[tl.VN + lane]
+        )
+        # A contact that releases does not pull by more than without its dashpot.
         smallest = -math.inf if tension == KEEP else min(force, 0.0)
-        fn = max(damped, smallest)
-        carrying = force if friction_limit == ELASTIC else fn
-        limit = abs(carrying + t[FLOOR + k])
-        stiffness = t[TANGENTIAL_STIFFNESS + k] * circle
-        damping = t[TANGENTIAL_DAMPING + k] * viscous
-        add_forces(t, c, spring, k, fn, limit, t[FRICTION + k], stiffness, damping)
+        normal_force = max(damped, smallest)
+        # Friction is limited by the normal force and the adhesion at this overlap.
+        carrying = force if friction_limit == ELASTIC else normal_force
+        limit = abs(carrying + scratch[FLOOR + lane])
+        stiffness = scratch[TANGENTIAL_STIFFNESS + lane] * circle
+        damping = scratch[TANGENTIAL_DAMPING + lane] * viscous
+        add_forces(
+            scratch,
+            history,
+            spring,
+            lane,
+            normal_force,
+            limit,
+            scratch[FRICTION + lane],
+            stiffness,
+            damping,
+        )
 
 
-def kernel(law: Any, t: np.ndarray, c: np.ndarray, first: int, dt: float) -> None:
-    """Compute the forces of each lane, as `law.contact_forces` describes."""
-    contact_sizes(t)
-    hysteresis(t, c, first + LAST_CIRCLE, first + PLASTIC)
-    keep_force(t, c, first + SPRING, first + LAST_CIRCLE)
-    slip(t, c, first + SPRING, dt)
-    push(t, c, first + SPRING, law.tension, law.friction_limit)
+def kernel(
+    law: Any, scratch: np.ndarray, history: np.ndarray, first: int, dt: float
+) -> None:
+    """Compute the forces of 32 contacts, one in each lane, of this time step.
+
+    The arguments are those of `law.contact_forces`.
+    """
+    contact_sizes(scratch)
+    hysteresis(scratch, history, first + LAST_CIRCLE, first + PLASTIC)
+    keep_force(scratch, history, first + SPRING, first + LAST_CIRCLE)
+    slip(scratch, history, first + SPRING, dt)
+    push(scratch, history, first + SPRING, law.tension, law.friction_limit)
 
 
 LAW = Law(

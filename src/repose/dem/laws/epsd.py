@@ -21,13 +21,13 @@ that limits friction. The torque on B is the opposite of that on A, so angular m
 is kept; and a wall that turns takes the bodies along. For two equal spheres R is half
 of what the law `budget` takes as the lever of either.
 
-Rows of the scratch tile `t`, by their symbols:
+Rows of the tile `scratch`, by their symbols:
 
     ROLLING_FRICTION    mu_r        NORMAL_STIFFNESS      2 E* = k_n / a
     TWISTING_FRICTION   mu_t        TWISTING_STIFFNESS    4 G* = k_t / a^3
     CIRCLE              a           PUSH                  F_c
 
-Rows that a contact keeps in `c`: ROLLED, the three components of the torque k_r
+Rows that a contact keeps in `history`: ROLLED, the three components of the torque k_r
 theta_r, and TWISTED, the torque k_t theta_n.
 
 References
@@ -46,7 +46,7 @@ import numpy as np
 from ..kernels import state as st
 from ..kernels import tile as tl
 from ..kernels.jit import inlined
-from ..kernels.rows import L, Rows, add_vector, lane_vector, write_vector
+from ..kernels.rows import LANES, Rows, add_vector, lane_vector, write_vector
 from ..materials import Contact, Material, effective_moduli
 from .law import Law
 
@@ -68,12 +68,12 @@ _state = Rows()
 ROLLED = _state.take(3)
 TWISTED = _state.take()
 
-TORQUE_A, TORQUE_B = tl.TO_A + 3 * L, tl.TO_B + 3 * L
-BUDGET_A, BUDGET_B = tl.TO_A + st.ROLL * L, tl.TO_B + st.ROLL * L
-SPIN_A = tl.A + st.ANGULAR_VELOCITY * L
-SPIN_B = tl.B + st.ANGULAR_VELOCITY * L
-INVERSE_MASS_A = tl.A + st.INVERSE_MASS * L
-INVERSE_MASS_B = tl.B + st.INVERSE_MASS * L
+TORQUE_A, TORQUE_B = tl.TO_A + 3 * LANES, tl.TO_B + 3 * LANES
+BUDGET_A, BUDGET_B = tl.TO_A + st.ROLL * LANES, tl.TO_B + st.ROLL * LANES
+SPIN_A = tl.A + st.ANGULAR_VELOCITY * LANES
+SPIN_B = tl.B + st.ANGULAR_VELOCITY * LANES
+INVERSE_MASS_A = tl.A + st.INVERSE_MASS * LANES
+INVERSE_MASS_B = tl.B + st.INVERSE_MASS * LANES
 
 
 def constants(
@@ -97,51 +97,61 @@ def lever(x: float, y: float, z: float) -> float:
 
 
 @inlined
-def levers(t: np.ndarray, k: int) -> tuple[float, float]:
-    """Compute 1/R and 1/(m_a r_a^2) + 1/(m_b r_b^2) of a lane."""
-    ax, ay, az = lane_vector(t, tl.RA, k)
-    bx, by, bz = lane_vector(t, tl.RB, k)
+def levers(scratch: np.ndarray, lane: int) -> tuple[float, float]:
+    """Compute the inverse lever 1/R and the mobility of a lane's contact.
+
+    The mobility 1/(m_a r_a^2) + 1/(m_b r_b^2) is that of two spheres of the bodies'
+    masses, with the distances r of their centres from the contact. A wall has no inverse
+    mass and an infinite r.
+    """
+    ax, ay, az = lane_vector(scratch, tl.RA, lane)
+    bx, by, bz = lane_vector(scratch, tl.RB, lane)
     r_a = lever(ax, ay, az)
     r_b = lever(bx, by, bz)
-    mobility = t[INVERSE_MASS_A + k] / (r_a * r_a)
-    mobility += t[INVERSE_MASS_B + k] / (r_b * r_b)
+    mobility = scratch[INVERSE_MASS_A + lane] / (r_a * r_a)
+    mobility += scratch[INVERSE_MASS_B + lane] / (r_b * r_b)
     return 1.0 / r_a + 1.0 / r_b, mobility
 
 
 @inlined
 def relative_rotation(
-    t: np.ndarray, k: int, nx: float, ny: float, nz: float
+    scratch: np.ndarray, lane: int, nx: float, ny: float, nz: float
 ) -> tuple[float, float, float, float]:
     """Compute the angular velocity of A relative to B in a lane.
 
     Returns its part along the normal, and the vector across it.
     """
-    ax, ay, az = lane_vector(t, SPIN_A, k)
-    bx, by, bz = lane_vector(t, SPIN_B, k)
+    ax, ay, az = lane_vector(scratch, SPIN_A, lane)
+    bx, by, bz = lane_vector(scratch, SPIN_B, lane)
     wx, wy, wz = ax - bx, ay - by, az - bz
     spin = wx * nx + wy * ny + wz * nz
     return spin, wx - spin * nx, wy - spin * ny, wz - spin * nz
 
 
 @inlined
-def oppose(t: np.ndarray, k: int, x: float, y: float, z: float) -> None:
+def oppose(scratch: np.ndarray, lane: int, x: float, y: float, z: float) -> None:
     """Apply a torque against A and along B, with budgets of zero."""
-    add_vector(t, TORQUE_A, k, -x, -y, -z)
-    add_vector(t, TORQUE_B, k, x, y, z)
-    t[BUDGET_A + k] = 0.0
-    t[BUDGET_B + k] = 0.0
+    add_vector(scratch, TORQUE_A, lane, -x, -y, -z)
+    add_vector(scratch, TORQUE_B, lane, x, y, z)
+    scratch[BUDGET_A + lane] = 0.0
+    scratch[BUDGET_B + lane] = 0.0
 
 
 @inlined
 def resist(
-    t: np.ndarray, c: np.ndarray, first: int, dt: float, tangential: int, eta: float
+    scratch: np.ndarray,
+    history: np.ndarray,
+    first: int,
+    dt: float,
+    tangential: int,
+    eta: float,
 ) -> None:
-    """Compute the torques of each lane on both bodies.
+    """Compute the torques on both bodies of each lane's contact.
 
     Parameters
     ----------
-    t, c, first, dt
-        As of a law's kernel.
+    scratch, history, first, dt
+        As of `law.rolling_resistance`.
     tangential : int
         1 where k_r follows from the tangential stiffness (`epsd2`), else 0.
     eta : float
@@ -149,24 +159,26 @@ def resist(
     """
     rolled = first + ROLLED
     twisted = first + TWISTED
-    for k in range(L):
-        nx, ny, nz = lane_vector(c, st.NORMAL, k)
-        circle = t[tl.CIRCLE + k]
+    for lane in range(LANES):
+        nx, ny, nz = lane_vector(history, st.NORMAL, lane)
+        circle = scratch[tl.CIRCLE + lane]
         touching = 1.0 if circle > 0.0 else 0.0
-        push = t[tl.PUSH + k]
-        friction = t[ROLLING_FRICTION + k]
-        inverse_arm, mobility = levers(t, k)
+        push = scratch[tl.PUSH + lane]
+        friction = scratch[ROLLING_FRICTION + lane]
+        inverse_arm, mobility = levers(scratch, lane)
         arm = 1.0 / inverse_arm
-        spin, wx, wy, wz = relative_rotation(t, k, nx, ny, nz)
+        spin, wx, wy, wz = relative_rotation(scratch, lane, nx, ny, nz)
 
-        # the rolling spring: drop its part along the present normal, add the rotation
-        # of this step, cut
+        # The stiffness k_r of the rolling spring.
         if tangential:
-            stiffness = 2.0 * t[TWISTING_STIFFNESS + k] * circle * arm * arm
+            stiffness = 2.0 * scratch[TWISTING_STIFFNESS + lane] * circle * arm * arm
         else:
-            stiffness = 2.25 * t[NORMAL_STIFFNESS + k] * circle
+            stiffness = 2.25 * scratch[NORMAL_STIFFNESS + lane] * circle
             stiffness = stiffness * friction * friction * arm * arm
-        x, y, z = lane_vector(c, rolled, k)
+
+        # Its torque (x, y, z): drop the part along the present normal, add the rotation
+        # of this step, and cut it to the limit.
+        x, y, z = lane_vector(history, rolled, lane)
         along = x * nx + y * ny + z * nz
         x = x - along * nx + stiffness * dt * wx
         y = y - along * ny + stiffness * dt * wy
@@ -174,30 +186,35 @@ def resist(
         limit = friction * push * arm
         cut = touching * min(1.0, limit / math.sqrt(x * x + y * y + z * z + TINY))
         x, y, z = cut * x, cut * y, cut * z
-        write_vector(c, rolled, k, st.alive(x), st.alive(y), st.alive(z))
+        write_vector(history, rolled, lane, st.alive(x), st.alive(y), st.alive(z))
 
-        # its dashpot, and the limit of the sum
+        # Add its dashpot, and cut the sum.
         inertia_stiffness = SPHERE_ABOUT_CONTACT * stiffness / (mobility + TINY)
         dashpot = 2.0 * eta * math.sqrt(inertia_stiffness)
         x, y, z = x + dashpot * wx, y + dashpot * wy, z + dashpot * wz
         cut = min(1.0, limit / math.sqrt(x * x + y * y + z * z + TINY))
 
-        # the same about the normal
-        stiffness = t[TWISTING_STIFFNESS + k] * circle * circle * circle
-        limit = touching * t[TWISTING_FRICTION + k] * push * circle
-        twist = max(-limit, min(limit, c[twisted + k] + stiffness * dt * spin))
-        c[twisted + k] = st.alive(twist)
+        # The same about the normal: the twisting spring, its dashpot, and the limit.
+        stiffness = scratch[TWISTING_STIFFNESS + lane] * circle * circle * circle
+        limit = touching * scratch[TWISTING_FRICTION + lane] * push * circle
+        twist = max(-limit, min(limit, history[twisted + lane] + stiffness * dt * spin))
+        history[twisted + lane] = st.alive(twist)
         inertia_stiffness = SPHERE_ABOUT_CENTRE * stiffness / (mobility + TINY)
         twist += 2.0 * ETA * math.sqrt(inertia_stiffness) * spin
         twist = max(-limit, min(limit, twist))
 
         x, y, z = cut * x + twist * nx, cut * y + twist * ny, cut * z + twist * nz
-        oppose(t, k, x, y, z)
+        oppose(scratch, lane, x, y, z)
 
 
-def kernel(law: Any, t: np.ndarray, c: np.ndarray, first: int, dt: float) -> None:
-    """Compute the torques of each lane, as `law.rolling_resistance` describes."""
-    resist(t, c, first, dt, 0, ETA)
+def kernel(
+    law: Any, scratch: np.ndarray, history: np.ndarray, first: int, dt: float
+) -> None:
+    """Compute the torques on both bodies of 32 contacts, one in each lane.
+
+    The arguments are those of `law.rolling_resistance`.
+    """
+    resist(scratch, history, first, dt, 0, ETA)
 
 
 LAW = Law(

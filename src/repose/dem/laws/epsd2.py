@@ -25,9 +25,14 @@ from .epsd import resist
 Epsd2 = namedtuple("Epsd2", "tension friction_limit")
 
 
-def kernel(law: Any, t: np.ndarray, c: np.ndarray, first: int, dt: float) -> None:
-    """Compute the torques of each lane, as `law.rolling_resistance` describes."""
-    resist(t, c, first, dt, 1, 0.0)
+def kernel(
+    law: Any, scratch: np.ndarray, history: np.ndarray, first: int, dt: float
+) -> None:
+    """Compute the torques on both bodies of 32 contacts, one in each lane.
+
+    The arguments are those of `law.rolling_resistance`.
+    """
+    resist(scratch, history, first, dt, 1, 0.0)
 
 
 LAW = replace(

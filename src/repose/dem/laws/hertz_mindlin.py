@@ -20,7 +20,7 @@ For two spheres that is the usual m* = m_a m_b / (m_a + m_b). A wall has no such
 No restitution is defined along the tangent, and the tangential damping takes the same
 m.
 
-Rows of the scratch tile `t`, by their symbols:
+Rows of the tile `scratch`, by their symbols:
 
     GAP            -delta        NORMAL_STIFFNESS       4/3 E*
     RADIUS         R*            TANGENTIAL_STIFFNESS   8 G* = S_t / a
@@ -29,7 +29,7 @@ Rows of the scratch tile `t`, by their symbols:
     VISCOUS        sqrt(a m)     FRICTION               mu_s
     VN, V          v_n, v_t      PUSH                   F_c
 
-Rows that a contact keeps in `c`: SPRING, the three components of delta_t.
+Rows that a contact keeps in `history`: SPRING, the three components of delta_t.
 
 References
 ----------
@@ -46,7 +46,7 @@ import numpy as np
 
 from ..kernels import tile as tl
 from ..kernels.jit import inlined
-from ..kernels.rows import L, Rows
+from ..kernels.rows import LANES, Rows
 from ..kernels.simd import rsqrt
 from ..materials import Contact, Material, effective_moduli
 from .law import Law
@@ -89,11 +89,11 @@ def damping_ratio(restitution: float, tension: str = "keep") -> float:
     log = math.log(restitution)
     if tension != "release" or restitution == 1.0:
         return -log / math.sqrt(log * log + math.pi * math.pi)
+    # ln e falls as beta grows.
     low, high = 0.0, 1.0 / restitution
     middle = 0.5 * (low + high)
-    while (
-        low < middle < high
-    ):  # until they are neighbours among the floating-point numbers
+    # until low and high are neighbours among the floating-point numbers
+    while low < middle < high:
         if _log_restitution(middle) > log:
             low = middle
         else:
@@ -216,60 +216,84 @@ def oscillator(
 
 
 @inlined
-def contact_sizes(t: np.ndarray) -> None:
-    """Compute the rows CIRCLE and VISCOUS of each lane.
+def contact_sizes(scratch: np.ndarray) -> None:
+    """Compute the radius of the contact circle a, and sqrt(a m), of each lane's contact.
 
-    The roots have a loop of their own, of which the processor runs several lanes at
-    once.
+    They are written to the rows CIRCLE and VISCOUS. The roots have a loop of their own,
+    of which the processor runs several lanes at once.
     """
-    for k in range(L):
-        gap = t[tl.GAP + k]
+    for lane in range(LANES):
+        gap = scratch[tl.GAP + lane]
         overlap = -gap if gap < 0.0 else 0.0
-        square = t[tl.RADIUS + k] * overlap
+        # square * rsqrt(square) is the root, and 0 where nothing touches
+        square = scratch[tl.RADIUS + lane] * overlap
         circle = square * rsqrt(square)
-        t[tl.CIRCLE + k] = circle
-        t[VISCOUS + k] = circle * rsqrt(circle * t[tl.INVERSE_MASS + k])
+        scratch[tl.CIRCLE + lane] = circle
+        scratch[VISCOUS + lane] = circle * rsqrt(
+            circle * scratch[tl.INVERSE_MASS + lane]
+        )
 
 
 @inlined
 def push(
-    t: np.ndarray, c: np.ndarray, spring: int, tension: int, friction_limit: int
+    scratch: np.ndarray,
+    history: np.ndarray,
+    spring: int,
+    tension: int,
+    friction_limit: int,
 ) -> None:
     """Compute the forces of each lane from velocities and springs of this step.
 
     Parameters
     ----------
-    t : numpy.ndarray
-        Tile of 32 contacts; its rows TO_A and PUSH are written.
-    c : numpy.ndarray
-        Tile of the quantities that the contacts keep from step to step.
+    scratch : numpy.ndarray
+        What is computed in this step for 32 contacts, one in each lane; the rows TO_A and
+        PUSH are written.
+    history : numpy.ndarray
+        What the contacts keep from step to step.
     spring : int
-        Place of the spring's first row in `c`.
+        Place of the spring's first row in `history`.
     tension, friction_limit : int
         Numbers of `law.TENSIONS` and `law.FRICTION_LIMITS`.
     """
-    for k in range(L):
-        gap = t[tl.GAP + k]
+    for lane in range(LANES):
+        gap = scratch[tl.GAP + lane]
         overlap = -gap if gap < 0.0 else 0.0
-        circle = t[tl.CIRCLE + k]
-        viscous = t[VISCOUS + k]
-        elastic = t[NORMAL_STIFFNESS + k] * circle * overlap
-        damped = elastic + t[NORMAL_DAMPING + k] * viscous * t[tl.VN + k]
-        fn, limit = normal_forces(elastic, damped, tension, friction_limit)
-        stiffness = t[TANGENTIAL_STIFFNESS + k] * circle
-        damping = t[TANGENTIAL_DAMPING + k] * viscous
-        add_forces(t, c, spring, k, fn, limit, t[FRICTION + k], stiffness, damping)
+        circle = scratch[tl.CIRCLE + lane]
+        viscous = scratch[VISCOUS + lane]
+        elastic = scratch[NORMAL_STIFFNESS + lane] * circle * overlap
+        damped = (
+            elastic + scratch[NORMAL_DAMPING + lane] * viscous * scratch[tl.VN + lane]
+        )
+        normal_force, limit = normal_forces(elastic, damped, tension, friction_limit)
+        stiffness = scratch[TANGENTIAL_STIFFNESS + lane] * circle
+        damping = scratch[TANGENTIAL_DAMPING + lane] * viscous
+        add_forces(
+            scratch,
+            history,
+            spring,
+            lane,
+            normal_force,
+            limit,
+            scratch[FRICTION + lane],
+            stiffness,
+            damping,
+        )
 
 
-def kernel(law: Any, t: np.ndarray, c: np.ndarray, first: int, dt: float) -> None:
-    """Compute the forces of each lane, as `law.contact_forces` describes.
+def kernel(
+    law: Any, scratch: np.ndarray, history: np.ndarray, first: int, dt: float
+) -> None:
+    """Compute the forces of 32 contacts, one in each lane, of this time step.
+
+    The arguments are those of `law.contact_forces`.
 
     There are several short loops, because a processor runs as many lanes at once as its
     window holds.
     """
-    contact_sizes(t)
-    slip(t, c, first + SPRING, dt)
-    push(t, c, first + SPRING, law.tension, law.friction_limit)
+    contact_sizes(scratch)
+    slip(scratch, history, first + SPRING, dt)
+    push(scratch, history, first + SPRING, law.tension, law.friction_limit)
 
 
 LAW = Law(

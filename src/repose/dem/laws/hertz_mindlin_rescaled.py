@@ -13,7 +13,7 @@ it with the radius a of the contact circle:
 The contact keeps delta_t with F_t = -S_t delta_t. So where a grows, delta_t is
 multiplied by (a a step ago) / a. LAMMPS calls this law `mindlin_rescale/force`.
 
-The rows are those of `hertz_mindlin`. A contact keeps one more row in `c`: LAST_CIRCLE,
+The rows are those of `hertz_mindlin`. A contact keeps one more row in `history`: LAST_CIRCLE,
 the radius a of the step before.
 
 References
@@ -31,7 +31,7 @@ import numpy as np
 
 from ..kernels import tile as tl
 from ..kernels.jit import inlined
-from ..kernels.rows import L, Rows
+from ..kernels.rows import LANES, Rows
 from .hertz_mindlin import LAW as HERTZ_MINDLIN
 from .hertz_mindlin import contact_sizes, push
 from .tangential import slip
@@ -44,27 +44,42 @@ LAST_CIRCLE = _state.take()
 
 
 @inlined
-def keep_force(t: np.ndarray, c: np.ndarray, spring: int, last_circle: int) -> None:
+def keep_force(
+    scratch: np.ndarray, history: np.ndarray, spring: int, last_circle: int
+) -> None:
     """Shorten the springs of contacts that were pressed, so that their force stays.
 
-    `spring` and `last_circle` are places of rows of `c`.
+    A spring's stiffness is proportional to the radius of the contact circle.
+
+    Parameters
+    ----------
+    scratch, history : numpy.ndarray
+        The tiles of 32 contacts, one in each lane, see `law.contact_forces`.
+    spring, last_circle : int
+        Places of rows of `history`: the three of the spring, and that of the radius in
+        the last step, which is brought up to date.
     """
-    for k in range(L):
-        circle = t[tl.CIRCLE + k]
-        last = c[last_circle + k]
-        share = last / circle if circle > last else 1.0
-        c[last_circle + k] = circle
-        c[spring + k] *= share
-        c[spring + L + k] *= share
-        c[spring + 2 * L + k] *= share
+    for lane in range(LANES):
+        circle = scratch[tl.CIRCLE + lane]
+        old_circle = history[last_circle + lane]
+        share = old_circle / circle if circle > old_circle else 1.0
+        history[last_circle + lane] = circle
+        history[spring + lane] *= share
+        history[spring + LANES + lane] *= share
+        history[spring + 2 * LANES + lane] *= share
 
 
-def kernel(law: Any, t: np.ndarray, c: np.ndarray, first: int, dt: float) -> None:
-    """Compute the forces of each lane, as `law.contact_forces` describes."""
-    contact_sizes(t)
-    keep_force(t, c, first + SPRING, first + LAST_CIRCLE)
-    slip(t, c, first + SPRING, dt)
-    push(t, c, first + SPRING, law.tension, law.friction_limit)
+def kernel(
+    law: Any, scratch: np.ndarray, history: np.ndarray, first: int, dt: float
+) -> None:
+    """Compute the forces of 32 contacts, one in each lane, of this time step.
+
+    The arguments are those of `law.contact_forces`.
+    """
+    contact_sizes(scratch)
+    keep_force(scratch, history, first + SPRING, first + LAST_CIRCLE)
+    slip(scratch, history, first + SPRING, dt)
+    push(scratch, history, first + SPRING, law.tension, law.friction_limit)
 
 
 LAW = replace(

@@ -30,13 +30,13 @@ pair with gamma = 0 is dry.
 
 EDEM's surface energy is w itself; LAMMPS and Lethe have this gamma.
 
-Rows of the scratch tile `t`, by their symbols, besides those of the same names in
+Rows of the tile `scratch`, by their symbols, besides those of the same names in
 `hertz_mindlin`:
 
     BOND       sqrt(2 pi w / E*)      ELASTIC     F_n without dashpot
     ADHESION   pi w                   PULL_OFF    3/2 pi w R*
 
-Rows that a contact keeps in `c`: SPRING and LAST_CIRCLE as in `hertz_mindlin_rescaled`;
+Rows that a contact keeps in `history`: SPRING and LAST_CIRCLE as in `hertz_mindlin_rescaled`;
 ROOT, the square root of A, 0 without cohesion; REACH, the gap at which the contact ends
 [m].
 
@@ -56,7 +56,7 @@ import numpy as np
 from ..constants import SURFACE_ENERGY
 from ..kernels import tile as tl
 from ..kernels.jit import inlined
-from ..kernels.rows import L, Rows
+from ..kernels.rows import LANES, Rows
 from ..kernels.simd import rsqrt
 from ..materials import Contact, Material, effective_moduli
 from . import hertz_mindlin
@@ -102,7 +102,10 @@ def pull_off_force(contact: Contact, radius: float) -> float:
 def constants(
     a: Material, b: Material, contact: Contact, tension: str = "keep"
 ) -> np.ndarray:
-    """Compute the constants of `hertz_mindlin`, sqrt(2 pi w / E*) and pi w (7,); SI."""
+    """Compute the constants of the law for two materials (7,), in SI units.
+
+    They are those of `hertz_mindlin`, then BOND and ADHESION.
+    """
     young, _ = effective_moduli(a, b)
     work = work_of_adhesion(contact)
     bond = math.sqrt(2.0 * math.pi * work / young)
@@ -113,14 +116,29 @@ def constants(
 def circle_radius(
     a: Material, b: Material, contact: Contact, radius: float, overlap: float
 ) -> float:
-    """Compute the radius of the contact circle [m] at an overlap, negative for a gap.
+    """Compute the radius of the contact circle [m] at an overlap.
 
-    ValueError if the gap is larger than that at which a contact ends.
+    Parameters
+    ----------
+    a, b : Material
+        Materials of the two bodies.
+    contact : Contact
+        Their contact.
+    radius : float
+        Effective radius R* [m].
+    overlap : float
+        Overlap, negative for a gap [m].
+
+    Raises
+    ------
+    ValueError
+        If the gap is larger than that at which a contact ends.
     """
     work = work_of_adhesion(contact)
     young, _ = effective_moduli(a, b)
     if work == 0.0:
         return math.sqrt(radius * max(overlap, 0.0))
+    # The radius is A s^2, with s^4 - s = overlap R* / A^2.
     unit = (2.0 * math.pi * work * radius**2 / young) ** (1.0 / 3.0)  # A
     excess = overlap * radius / unit**2 + DEPTH
     if excess < 0.0:
@@ -162,61 +180,82 @@ def _root(excess: float) -> float:
 
 
 @inlined
-def begin(t: np.ndarray, c: np.ndarray, root: int) -> None:
+def begin(scratch: np.ndarray, history: np.ndarray, root: int) -> None:
     """Compute the row ROOT of contacts that begin: (R* sqrt(2 pi w / E*))^(1/3).
 
-    `sizes` updates it when R* changes. `root` is the place of the row in `c`.
+    `sizes` updates it when R* changes. `root` is the place of the row in `history`.
     """
-    for k in range(L):
+    for lane in range(LANES):
         if (
-            c[root + k] == 0.0
-            and t[tl.GAP + k] < 0.0
-            and t[BOND + k] * t[tl.RADIUS + k] > 0.0
+            history[root + lane] == 0.0
+            and scratch[tl.GAP + lane] < 0.0
+            and scratch[BOND + lane] * scratch[tl.RADIUS + lane] > 0.0
         ):
-            c[root + k] = (t[tl.RADIUS + k] * t[BOND + k]) ** (1.0 / 3.0)
+            history[root + lane] = (
+                scratch[tl.RADIUS + lane] * scratch[BOND + lane]
+            ) ** (1.0 / 3.0)
 
 
 @inlined
-def sizes(t: np.ndarray, c: np.ndarray, root: int, reach: int) -> None:
+def sizes(scratch: np.ndarray, history: np.ndarray, root: int, reach: int) -> None:
     """Compute contact circle, elastic force, pull-off force and reach of each lane.
 
-    `root` and `reach` are places of rows of `c`.
+    Writes the rows CIRCLE, VISCOUS, ELASTIC and PULL_OFF of `scratch`.
+
+    Parameters
+    ----------
+    scratch, history : numpy.ndarray
+        The tiles of 32 contacts, one in each lane, see `law.contact_forces`.
+    root, reach : int
+        Places of the rows ROOT and REACH of `history`, which are brought up to date.
     """
-    for k in range(L):
-        gap, radius, root_a = t[tl.GAP + k], t[tl.RADIUS + k], c[root + k]
+    for lane in range(LANES):
+        gap, radius, root_a = (
+            scratch[tl.GAP + lane],
+            scratch[tl.RADIUS + lane],
+            history[root + lane],
+        )
         coheres = root_a > 0.0
 
-        # one step of Newton's method for the cube root, as R* changes little in a time
-        # step
+        # The root of A. One step of Newton's method for the cube root is enough, as R*
+        # changes little in a time step.
         unit = root_a * root_a if coheres else 1.0
-        root_a -= (root_a - radius * t[BOND + k] / unit) / 3.0
+        root_a -= (root_a - radius * scratch[BOND + lane] / unit) / 3.0
         unit = root_a * root_a  # A
         length = unit * unit / radius if coheres else 1.0  # A^2 / R*
-        end = DEPTH * length if coheres else 0.0
+        end = DEPTH * length if coheres else 0.0  # gap at which the contact ends
         touching = 1.0 if gap <= end else 0.0
 
+        # The force with cohesion, from the root s of the radius of the contact circle.
         excess = DEPTH - gap / length
         s = _root(excess if excess > SMALLEST_EXCESS else SMALLEST_EXCESS)
         cube = s * s * s
-        work_radius = touching * t[ADHESION + k] * radius if coheres else 0.0
+        work_radius = touching * scratch[ADHESION + lane] * radius if coheres else 0.0
         adhesive = work_radius * cube * (8.0 / 3.0 * cube - 4.0)
 
+        # The force without cohesion, that of Hertz.
         overlap = -gap if gap < 0.0 else 0.0
         dry_circle = math.sqrt(radius * overlap)
-        dry = t[NORMAL_STIFFNESS + k] * dry_circle * overlap
+        dry = scratch[NORMAL_STIFFNESS + lane] * dry_circle * overlap
 
         circle = touching * unit * s * s if coheres else dry_circle
-        t[tl.CIRCLE + k] = circle
-        t[VISCOUS + k] = math.sqrt(circle) * rsqrt(t[tl.INVERSE_MASS + k])
-        t[ELASTIC + k] = adhesive if coheres else dry
-        t[PULL_OFF + k] = 1.5 * work_radius
-        c[root + k] = root_a if coheres else 0.0
-        c[reach + k] = end
+        scratch[tl.CIRCLE + lane] = circle
+        scratch[VISCOUS + lane] = math.sqrt(circle) * rsqrt(
+            scratch[tl.INVERSE_MASS + lane]
+        )
+        scratch[ELASTIC + lane] = adhesive if coheres else dry
+        scratch[PULL_OFF + lane] = 1.5 * work_radius
+        history[root + lane] = root_a if coheres else 0.0
+        history[reach + lane] = end
 
 
 @inlined
 def push(
-    t: np.ndarray, c: np.ndarray, spring: int, tension: int, friction_limit: int
+    scratch: np.ndarray,
+    history: np.ndarray,
+    spring: int,
+    tension: int,
+    friction_limit: int,
 ) -> None:
     """Compute the forces of each lane; arguments as of `hertz_mindlin.push`.
 
@@ -224,30 +263,48 @@ def push(
     subtracted after them, so a contact that releases ends at the pull-off force instead
     of at 0.
     """
-    for k in range(L):
-        viscous, pull_off = t[VISCOUS + k], t[PULL_OFF + k]
-        elastic = t[ELASTIC + k] + pull_off
-        damped = elastic + t[NORMAL_DAMPING + k] * viscous * t[tl.VN + k]
-        fn, limit = normal_forces(elastic, damped, tension, friction_limit)
-        fn -= pull_off
+    for lane in range(LANES):
+        viscous, pull_off = scratch[VISCOUS + lane], scratch[PULL_OFF + lane]
+        elastic = scratch[ELASTIC + lane] + pull_off
+        damped = (
+            elastic + scratch[NORMAL_DAMPING + lane] * viscous * scratch[tl.VN + lane]
+        )
+        normal_force, limit = normal_forces(elastic, damped, tension, friction_limit)
+        # Friction is limited by the normal force and twice the pull-off force.
+        normal_force -= pull_off
         limit += pull_off
-        stiffness = t[TANGENTIAL_STIFFNESS + k] * t[tl.CIRCLE + k]
-        damping = t[TANGENTIAL_DAMPING + k] * viscous
-        add_forces(t, c, spring, k, fn, limit, t[FRICTION + k], stiffness, damping)
+        stiffness = scratch[TANGENTIAL_STIFFNESS + lane] * scratch[tl.CIRCLE + lane]
+        damping = scratch[TANGENTIAL_DAMPING + lane] * viscous
+        add_forces(
+            scratch,
+            history,
+            spring,
+            lane,
+            normal_force,
+            limit,
+            scratch[FRICTION + lane],
+            stiffness,
+            damping,
+        )
 
 
-def kernel(law: Any, t: np.ndarray, c: np.ndarray, first: int, dt: float) -> None:
-    """Compute the forces of each lane, as `law.contact_forces` describes."""
-    begin(t, c, first + ROOT)
-    sizes(t, c, first + ROOT, first + REACH)
-    keep_force(t, c, first + SPRING, first + LAST_CIRCLE)
-    slip(t, c, first + SPRING, dt, first + REACH)
-    push(t, c, first + SPRING, law.tension, law.friction_limit)
+def kernel(
+    law: Any, scratch: np.ndarray, history: np.ndarray, first: int, dt: float
+) -> None:
+    """Compute the forces of 32 contacts, one in each lane, of this time step.
+
+    The arguments are those of `law.contact_forces`.
+    """
+    begin(scratch, history, first + ROOT)
+    sizes(scratch, history, first + ROOT, first + REACH)
+    keep_force(scratch, history, first + SPRING, first + LAST_CIRCLE)
+    slip(scratch, history, first + SPRING, dt, first + REACH)
+    push(scratch, history, first + SPRING, law.tension, law.friction_limit)
 
 
-def reach(law: Any, c: np.ndarray, first: int, k: int) -> float:
-    """Return the gap at which the contact of lane k ends [m]."""
-    return c[first + REACH + k]
+def reach(law: Any, history: np.ndarray, first: int, lane: int) -> float:
+    """Return the gap at which the contact of a lane ends [m]."""
+    return history[first + REACH + lane]
 
 
 LAW = Law(

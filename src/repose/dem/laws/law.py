@@ -8,15 +8,16 @@ only.
 A kernel computes 32 contacts at a time, each in one lane of two tiles (`kernels.rows`
 explains tiles):
 
-    t    scratch tile of this step: the two bodies A and B, the geometry, and the
-         forces (rows of `kernels.tile`). The constants of the contact law lie from
-         row `tl.LAW` on, those of the rolling law from `tl.ROLLING` on.
-    c    tile of the quantities that contacts keep from step to step: the normal (row
-         `st.NORMAL`), and the rows of the law from a place `first` on. The latter
-         are zero when a contact begins.
+    scratch   what is computed in this step: copies of the two bodies A and B, the
+              geometry, and the forces (rows of `kernels.tile`). The constants of the
+              contact law lie from row `tl.LAW` on, those of the rolling law from
+              `tl.ROLLING` on.
+    history   what the contacts keep from step to step: the normal (row `st.NORMAL`),
+              and the rows of the law from a place `first` on. The latter are zero when
+              a contact begins.
 
-`t[tl.GAP + k]` is the gap of lane k; `lane_vector(c, st.NORMAL, k)` is its normal. B
-may be a wall: it has no inverse mass, and its arm is 0.
+`scratch[tl.GAP + lane]` is the gap of a lane, `lane_vector(history, st.NORMAL, lane)`
+its normal. B may be a wall: it has no inverse mass, and its arm is 0.
 """
 
 from collections.abc import Callable, Mapping
@@ -80,8 +81,9 @@ class Law:
         Rows that the law keeps for each contact from step to step. They are zero when a
         contact begins.
     kernel : function
-        (options, t, c, first, dt) -> None, a plain function that numba can compile. t,
-        c: the tiles; first: place of the law's first row in c; dt: time step [s].
+        (options, scratch, history, first, dt) -> None, a plain function that numba can
+        compile. scratch, history: the tiles; first: place of the law's first row in
+        history; dt: time step [s].
     words : mapping
         Text for people: for each direction, such as ``normal``, one sentence, in which
         ``{limit}`` stands for the normal force that limits friction.
@@ -97,12 +99,12 @@ class Law:
     asks : tuple of Constant
         Further constants that the law needs of two materials, from `Contact.constants`.
     reach : callable, optional
-        (options, c, first, lane) -> gap [m] at which a contact ends, 0 until it has
+        (options, history, first, lane) -> gap [m] at which a contact ends, 0 until it has
         borne a force, below 1 m; of a law that attracts across a gap. Other contacts
         end when the surfaces part.
     geometry : callable, optional
-        (options, t, c, of_spheres, on_wall) -> None, called before the kernel: further
-        quantities of the surfaces besides R*.
+        (options, scratch, history, of_spheres, on_wall) -> None, called before the
+        kernel: further quantities of the surfaces besides R*.
     """
 
     name: str
@@ -151,31 +153,32 @@ class Law:
 
 
 def contact_forces(
-    law: Any, t: np.ndarray, c: np.ndarray, first: int, dt: float
+    law: Any, scratch: np.ndarray, history: np.ndarray, first: int, dt: float
 ) -> None:
     """Compute the force on body A in each lane, and the force that limits rolling.
 
-    They are written to the rows `TO_A` and `PUSH` of `t`, and the radius of the contact
+    They are written to the rows `TO_A` and `PUSH` of `scratch`, and the radius of the contact
     circle to `CIRCLE`.
 
     Parameters
     ----------
     law : namedtuple
         The options of a law.
-    t : ndarray
-        Tile of 32 contacts, rows as `repose.dem.kernels.tile` names them.
-    c : ndarray
-        Tile of the quantities that the contacts keep from step to step.
+    scratch : ndarray
+        What is computed in this step for 32 contacts, rows as `repose.dem.kernels.tile`
+        names them.
+    history : ndarray
+        What the contacts keep from step to step.
     first : int
-        Place of the law's first row in `c`.
+        Place of the law's first row in `history`.
     dt : float
         Time step [s].
     """
-    _KERNELS[type(law)](law, t, c, first, dt)
+    _KERNELS[type(law)](law, scratch, history, first, dt)
 
 
 def rolling_resistance(
-    law: Any, t: np.ndarray, c: np.ndarray, first: int, dt: float
+    law: Any, scratch: np.ndarray, history: np.ndarray, first: int, dt: float
 ) -> None:
     """Compute the rolling resistance of each lane's contact on both bodies.
 
@@ -187,36 +190,37 @@ def rolling_resistance(
     ----------
     law : namedtuple
         The options of a law.
-    t : ndarray
-        Tile of 32 contacts, rows as `repose.dem.kernels.tile` names them.
-    c : ndarray
-        Tile of the quantities that the contacts keep from step to step.
+    scratch : ndarray
+        What is computed in this step for 32 contacts, rows as `repose.dem.kernels.tile`
+        names them.
+    history : ndarray
+        What the contacts keep from step to step.
     first : int
-        Place of the law's first row in `c`.
+        Place of the law's first row in `history`.
     dt : float
         Time step [s].
     """
-    _KERNELS[type(law)](law, t, c, first, dt)
+    _KERNELS[type(law)](law, scratch, history, first, dt)
 
 
-def _no_reach(law, c, first, k):
+def _no_reach(law, history, first, lane):
     return 0.0
 
 
-def _no_geometry(law, t, c, of_spheres, on_wall):
+def _no_geometry(law, scratch, history, of_spheres, on_wall):
     return None
 
 
-def reach(law: Any, c: np.ndarray, first: int, k: int) -> float:
-    """Return the gap at which the contact of lane k ends [m]."""
-    return _REACHES[type(law)](law, c, first, k)
+def reach(law: Any, history: np.ndarray, first: int, lane: int) -> float:
+    """Return the gap at which the contact of a lane ends [m]."""
+    return _REACHES[type(law)](law, history, first, lane)
 
 
 def surfaces(
-    law: Any, t: np.ndarray, c: np.ndarray, of_spheres: int, on_wall: int
+    law: Any, scratch: np.ndarray, history: np.ndarray, of_spheres: int, on_wall: int
 ) -> None:
     """Compute quantities of each lane's surfaces that a law needs besides R*."""
-    _GEOMETRIES[type(law)](law, t, c, of_spheres, on_wall)
+    _GEOMETRIES[type(law)](law, scratch, history, of_spheres, on_wall)
 
 
 def _dispatch_in_kernels(

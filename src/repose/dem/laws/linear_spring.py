@@ -12,14 +12,14 @@ which a Hertz contact carries an overlap of SECANT R*, k_t / k_n the ratio of Mi
 stiffnesses, F_c the normal force that Coulomb's limit takes (`tangential`). An impact
 lasts pi / sqrt(k_n / m (1 - beta^2)) and ends with the same restitution at any speed.
 
-Rows of the scratch tile `t`, by their symbols:
+Rows of the tile `scratch`, by their symbols:
 
     GAP               -delta              STIFFNESS          k_n / R*
     RADIUS            R*                  TANGENTIAL_RATIO   k_t / k_n
     INVERSE_MASS      1 / m               DAMPING            2 beta
     VN, V             v_n, v_t            FRICTION           mu_s
 
-Rows that a contact keeps in `c`: SPRING, the three components of delta_t.
+Rows that a contact keeps in `history`: SPRING, the three components of delta_t.
 
 References
 ----------
@@ -34,7 +34,7 @@ from typing import Any
 import numpy as np
 
 from ..kernels import tile as tl
-from ..kernels.rows import L, Rows
+from ..kernels.rows import LANES, Rows
 from ..kernels.simd import rsqrt
 from ..materials import Contact, Material, effective_moduli
 from .hertz_mindlin import damping_ratio
@@ -146,26 +146,45 @@ def oscillator(
     return stiffness, damping_ratio(contact.restitution, tension)
 
 
-def kernel(law: Any, t: np.ndarray, c: np.ndarray, first: int, dt: float) -> None:
-    """Compute the forces of each lane, as `law.contact_forces` describes."""
+def kernel(
+    law: Any, scratch: np.ndarray, history: np.ndarray, first: int, dt: float
+) -> None:
+    """Compute the forces of 32 contacts, one in each lane, of this time step.
+
+    The arguments are those of `law.contact_forces`.
+    """
     spring = first + SPRING
-    slip(t, c, spring, dt)
-    for k in range(L):
-        # The gap may be infinite, beyond the edge of a disc; so it is not multiplied by
-        # 0.
-        gap = t[tl.GAP + k]
+    slip(scratch, history, spring, dt)
+    for lane in range(LANES):
+        # The gap may be infinite, beyond the edge of a disc. So the overlap is chosen, not
+        # multiplied by 0.
+        gap = scratch[tl.GAP + lane]
         touching = 1.0 if gap < 0.0 else 0.0
         overlap = -gap if gap < 0.0 else 0.0
-        t[tl.CIRCLE + k] = math.sqrt(t[tl.RADIUS + k] * overlap)
-        stiffness = touching * t[STIFFNESS + k] * t[tl.RADIUS + k]
-        viscous = math.sqrt(stiffness) * rsqrt(t[tl.INVERSE_MASS + k])
+        scratch[tl.CIRCLE + lane] = math.sqrt(scratch[tl.RADIUS + lane] * overlap)
+
+        # The normal force: spring and dashpot.
+        stiffness = touching * scratch[STIFFNESS + lane] * scratch[tl.RADIUS + lane]
+        viscous = math.sqrt(stiffness) * rsqrt(scratch[tl.INVERSE_MASS + lane])
         elastic = stiffness * overlap
-        damped = elastic + t[DAMPING + k] * viscous * t[tl.VN + k]
-        fn, limit = normal_forces(elastic, damped, law.tension, law.friction_limit)
-        ratio = t[TANGENTIAL_RATIO + k]
-        damping = t[DAMPING + k] * math.sqrt(ratio) * viscous
+        damped = elastic + scratch[DAMPING + lane] * viscous * scratch[tl.VN + lane]
+        normal_force, limit = normal_forces(
+            elastic, damped, law.tension, law.friction_limit
+        )
+
+        # The tangential spring and dashpot.
+        ratio = scratch[TANGENTIAL_RATIO + lane]
+        damping = scratch[DAMPING + lane] * math.sqrt(ratio) * viscous
         add_forces(
-            t, c, spring, k, fn, limit, t[FRICTION + k], ratio * stiffness, damping
+            scratch,
+            history,
+            spring,
+            lane,
+            normal_force,
+            limit,
+            scratch[FRICTION + lane],
+            ratio * stiffness,
+            damping,
         )
 
 

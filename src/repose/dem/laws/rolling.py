@@ -25,7 +25,7 @@ import numpy as np
 
 from ..kernels import state as st
 from ..kernels import tile as tl
-from ..kernels.rows import L, Rows, lane_vector
+from ..kernels.rows import LANES, Rows, lane_vector
 from ..kernels.simd import rsqrt
 from ..materials import Contact, Material
 from .law import Law
@@ -36,8 +36,8 @@ _rows = Rows(tl.ROLLING)
 ROLLING_FRICTION = _rows.take()  # mu_r
 
 # Rows of the budgets of both bodies.
-BUDGET_A = tl.TO_A + st.ROLL * L
-BUDGET_B = tl.TO_B + st.ROLL * L
+BUDGET_A = tl.TO_A + st.ROLL * LANES
+BUDGET_B = tl.TO_B + st.ROLL * LANES
 
 
 def constants(
@@ -47,17 +47,23 @@ def constants(
     return np.array([contact.rolling_friction])
 
 
-def kernel(law: Any, t: np.ndarray, c: np.ndarray, first: int, dt: float) -> None:
-    """Compute the budgets of each lane, as `law.rolling_resistance` describes."""
-    for k in range(L):
-        torque_per_arm = t[ROLLING_FRICTION + k] * t[tl.PUSH + k]
+def kernel(
+    law: Any, scratch: np.ndarray, history: np.ndarray, first: int, dt: float
+) -> None:
+    """Compute the budgets of both bodies of 32 contacts, one in each lane.
+
+    A budget is a torque: mu_r times the force that limits friction times the arm. The
+    arguments are those of `law.rolling_resistance`.
+    """
+    for lane in range(LANES):
+        torque_per_arm = scratch[ROLLING_FRICTION + lane] * scratch[tl.PUSH + lane]
         # square * rsqrt(square) is the length of the arm, and 0 for the arm of a wall
-        x, y, z = lane_vector(t, tl.RA, k)
+        x, y, z = lane_vector(scratch, tl.RA, lane)
         square = x * x + y * y + z * z
-        t[BUDGET_A + k] = torque_per_arm * square * rsqrt(square)
-        x, y, z = lane_vector(t, tl.RB, k)
+        scratch[BUDGET_A + lane] = torque_per_arm * square * rsqrt(square)
+        x, y, z = lane_vector(scratch, tl.RB, lane)
         square = x * x + y * y + z * z
-        t[BUDGET_B + k] = torque_per_arm * square * rsqrt(square)
+        scratch[BUDGET_B + lane] = torque_per_arm * square * rsqrt(square)
 
 
 LAW = Law(

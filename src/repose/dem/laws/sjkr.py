@@ -19,8 +19,8 @@ a gap, and the strongest pull depends on the stiffness: at rest without load sqr
 = 3 pi k sqrt(R*) / (2 E*), about. Friction is limited by the normal force without
 cohesion, as there.
 
-Rows of the scratch tile `t`, after those of `hertz_mindlin`: DENSITY is k, INVERSE_SUM
-1/S. A contact keeps in `c` the rows of `hertz_mindlin_rescaled`.
+Rows of the tile `scratch`, after those of `hertz_mindlin`: DENSITY is k, INVERSE_SUM
+1/S. A contact keeps in `history` the rows of `hertz_mindlin_rescaled`.
 
 References
 ----------
@@ -39,7 +39,7 @@ from ..kernels import clump_tile as ct
 from ..kernels import state as st
 from ..kernels import tile as tl
 from ..kernels.jit import inlined
-from ..kernels.rows import L, Rows, add_vector, lane_vector
+from ..kernels.rows import LANES, Rows, add_vector, lane_vector
 from ..materials import Contact, Material
 from . import hertz_mindlin
 from .hertz_mindlin import contact_sizes, push
@@ -59,9 +59,9 @@ INVERSE_SUM = _rows.take()
 def constants(
     a: Material, b: Material, contact: Contact, tension: str = "keep"
 ) -> np.ndarray:
-    """Compute the constants of `hertz_mindlin`, zeros for its other rows, and k (n,).
+    """Compute the constants of the law for two materials (n,), in SI units.
 
-    SI.
+    They are those of `hertz_mindlin`, zeros for the other rows of that law, and k.
     """
     hertz_constants = hertz_mindlin.constants(a, b, contact, tension)
     values = np.zeros(hertz_mindlin.LAW.n_rows + 1)
@@ -85,38 +85,54 @@ def area(overlap: float, radius: float, inverse_sum: float) -> float:
 
 
 def geometry(
-    law: Any, t: np.ndarray, c: np.ndarray, of_spheres: int, on_wall: int
+    law: Any, scratch: np.ndarray, history: np.ndarray, of_spheres: int, on_wall: int
 ) -> None:
-    """Compute the row INVERSE_SUM of each lane, as `law.surfaces` describes."""
-    for k in range(L):
+    """Compute the inverse sum of the two radii of each lane's contact, row INVERSE_SUM.
+
+    The arguments are those of `law.surfaces`.
+    """
+    for lane in range(LANES):
         if on_wall:
-            t[INVERSE_SUM + k] = 0.0
+            scratch[INVERSE_SUM + lane] = 0.0
         elif of_spheres:
-            radii = c[ct.REACH + k]  # the sum of both
-            t[INVERSE_SUM + k] = 1.0 / radii if radii > 0.0 else 0.0
+            # spheres keep the sum of their radii; it is 0 in unused lanes
+            sum_of_radii = history[ct.REACH + lane]
+            scratch[INVERSE_SUM + lane] = (
+                1.0 / sum_of_radii if sum_of_radii > 0.0 else 0.0
+            )
         else:
-            radii = math.sqrt(t[tl.AREA_A + k]) + math.sqrt(t[tl.AREA_B + k])
-            t[INVERSE_SUM + k] = 1.0 / radii
+            # the radius of a smooth body is the root of the product of its two radii
+            sum_of_radii = math.sqrt(scratch[tl.AREA_A + lane]) + math.sqrt(
+                scratch[tl.AREA_B + lane]
+            )
+            scratch[INVERSE_SUM + lane] = 1.0 / sum_of_radii
 
 
 @inlined
-def pull(t: np.ndarray, c: np.ndarray) -> None:
+def pull(scratch: np.ndarray, history: np.ndarray) -> None:
     """Add the cohesion k A to the force on body A of each lane, towards B."""
-    for k in range(L):
-        gap = t[tl.GAP + k]
+    for lane in range(LANES):
+        gap = scratch[tl.GAP + lane]
         overlap = -gap if gap < 0.0 else 0.0
-        force = t[DENSITY + k] * area(overlap, t[tl.RADIUS + k], t[INVERSE_SUM + k])
-        nx, ny, nz = lane_vector(c, st.NORMAL, k)
-        add_vector(t, tl.TO_A, k, force * nx, force * ny, force * nz)
+        force = scratch[DENSITY + lane] * area(
+            overlap, scratch[tl.RADIUS + lane], scratch[INVERSE_SUM + lane]
+        )
+        nx, ny, nz = lane_vector(history, st.NORMAL, lane)
+        add_vector(scratch, tl.TO_A, lane, force * nx, force * ny, force * nz)
 
 
-def kernel(law: Any, t: np.ndarray, c: np.ndarray, first: int, dt: float) -> None:
-    """Compute the forces of each lane, as `law.contact_forces` describes."""
-    contact_sizes(t)
-    keep_force(t, c, first + SPRING, first + LAST_CIRCLE)
-    slip(t, c, first + SPRING, dt)
-    push(t, c, first + SPRING, law.tension, law.friction_limit)
-    pull(t, c)
+def kernel(
+    law: Any, scratch: np.ndarray, history: np.ndarray, first: int, dt: float
+) -> None:
+    """Compute the forces of 32 contacts, one in each lane, of this time step.
+
+    The arguments are those of `law.contact_forces`.
+    """
+    contact_sizes(scratch)
+    keep_force(scratch, history, first + SPRING, first + LAST_CIRCLE)
+    slip(scratch, history, first + SPRING, dt)
+    push(scratch, history, first + SPRING, law.tension, law.friction_limit)
+    pull(scratch, history)
 
 
 LAW = replace(

@@ -26,10 +26,10 @@ the dashpots d and their arms r, a body takes the share 1 / S of each dashpot, a
 contact that of the body with the smaller share. The share is that of the step before.
 With shorter steps it is 1: this is no part of the law.
 
-Rows of the scratch tile `t` (see `kernels.tile`): velocities and arms of both bodies
+Rows of the tile `scratch` (see `kernels.tile`): velocities and arms of both bodies
 are read, V (v_t), VN (v_n), TO_A (the force on A), PUSH (F_c) and DASHPOT (d) are
-written, SHARE is read. Rows of the contacts' tile `c`: the normal n, and three rows of
-e, from a place `spring` on.
+written, SHARE is read. Rows of `history`: the normal n, and three rows of e, from a
+place `spring` on.
 """
 
 import math
@@ -39,63 +39,74 @@ import numpy as np
 from ..kernels import state as st
 from ..kernels import tile as tl
 from ..kernels.jit import inlined
-from ..kernels.rows import L, lane_vector, write_vector
+from ..kernels.rows import LANES, lane_vector, write_vector
 from ..kernels.simd import rsqrt
 from .law import ELASTIC, KEEP
 
 # First rows of the velocities and angular velocities of both bodies.
-VELOCITY_A = tl.A + st.VELOCITY * L
-VELOCITY_B = tl.B + st.VELOCITY * L
-SPIN_A = tl.A + st.ANGULAR_VELOCITY * L
-SPIN_B = tl.B + st.ANGULAR_VELOCITY * L
+VELOCITY_A = tl.A + st.VELOCITY * LANES
+VELOCITY_B = tl.B + st.VELOCITY * LANES
+SPIN_A = tl.A + st.ANGULAR_VELOCITY * LANES
+SPIN_B = tl.B + st.ANGULAR_VELOCITY * LANES
 
 
 @inlined
-def slip(t: np.ndarray, c: np.ndarray, spring: int, dt: float, reach: int = 0) -> None:
+def slip(
+    scratch: np.ndarray, history: np.ndarray, spring: int, dt: float, reach: int = 0
+) -> None:
     """Compute the velocity of A against B in each lane, and move the tangential spring.
 
     Parameters
     ----------
-    t : numpy.ndarray
-        Tile of 32 contacts; its rows V (tangential) and VN (normal) are written.
-    c : numpy.ndarray
-        Tile of the quantities that the contacts keep from step to step.
+    scratch : numpy.ndarray
+        What is computed in this step for 32 contacts, one in each lane; the rows V
+        (tangential velocity) and VN (normal velocity) are written.
+    history : numpy.ndarray
+        What the contacts keep from step to step.
     spring : int
-        Place of the spring's first row in `c`; its three rows are written.
+        Place of the spring's first row in `history`; its three rows are written.
     dt : float
         Time step [s].
     reach : int
-        Place in `c` of the row with the gaps at which the contacts end; 0 for a law
+        Place in `history` of the row with the gaps at which the contacts end; 0 for a law
         whose contacts end when the surfaces part.
     """
-    for k in range(L):
-        nx, ny, nz = lane_vector(c, st.NORMAL, k)
-        ax, ay, az = lane_vector(t, tl.RA, k)  # arm of A
-        bx, by, bz = lane_vector(t, tl.RB, k)  # arm of B
-        vax, vay, vaz = lane_vector(t, VELOCITY_A, k)
-        vbx, vby, vbz = lane_vector(t, VELOCITY_B, k)
-        wax, way, waz = lane_vector(t, SPIN_A, k)
-        wbx, wby, wbz = lane_vector(t, SPIN_B, k)
+    for lane in range(LANES):
+        # Normal n, arms a and b, velocities v and angular velocities w of both bodies.
+        nx, ny, nz = lane_vector(history, st.NORMAL, lane)
+        ax, ay, az = lane_vector(scratch, tl.RA, lane)
+        bx, by, bz = lane_vector(scratch, tl.RB, lane)
+        vax, vay, vaz = lane_vector(scratch, VELOCITY_A, lane)
+        vbx, vby, vbz = lane_vector(scratch, VELOCITY_B, lane)
+        wax, way, waz = lane_vector(scratch, SPIN_A, lane)
+        wbx, wby, wbz = lane_vector(scratch, SPIN_B, lane)
+
+        # Velocity of A against B at the contact point: v_a - v_b + w_a x a - w_b x b.
         vx = vax - vbx + way * az - waz * ay - (wby * bz - wbz * by)
         vy = vay - vby + waz * ax - wax * az - (wbz * bx - wbx * bz)
         vz = vaz - vbz + wax * ay - way * ax - (wbx * by - wby * bx)
 
+        # Its normal and its tangential part.
         vn = vx * nx + vy * ny + vz * nz
         vx -= vn * nx
         vy -= vn * ny
         vz -= vn * nz
-        write_vector(t, tl.V, k, vx, vy, vz)
-        t[tl.VN + k] = vn
+        write_vector(scratch, tl.V, lane, vx, vy, vz)
+        scratch[tl.VN + lane] = vn
 
         if reach > 0:  # a law without reach must compile to one comparison
-            touching = 1.0 if t[tl.GAP + k] <= c[reach + k] else 0.0
+            touching = 1.0 if scratch[tl.GAP + lane] <= history[reach + lane] else 0.0
         else:
-            touching = 1.0 if t[tl.GAP + k] < 0.0 else 0.0
-        ex, ey, ez = lane_vector(c, spring, k)
+            touching = 1.0 if scratch[tl.GAP + lane] < 0.0 else 0.0
+
+        # The spring loses its part along the normal and grows by the path of this step.
+        ex, ey, ez = lane_vector(history, spring, lane)
         en = ex * nx + ey * ny + ez * nz
-        c[spring + k] = st.alive(touching * (ex - en * nx + vx * dt))
-        c[spring + L + k] = st.alive(touching * (ey - en * ny + vy * dt))
-        c[spring + 2 * L + k] = st.alive(touching * (ez - en * nz + vz * dt))
+        history[spring + lane] = st.alive(touching * (ex - en * nx + vx * dt))
+        history[spring + LANES + lane] = st.alive(touching * (ey - en * ny + vy * dt))
+        history[spring + 2 * LANES + lane] = st.alive(
+            touching * (ez - en * nz + vz * dt)
+        )
 
 
 @inlined
@@ -126,11 +137,11 @@ def normal_forces(
 
 @inlined
 def add_forces(
-    t: np.ndarray,
-    c: np.ndarray,
+    scratch: np.ndarray,
+    history: np.ndarray,
     spring: int,
-    k: int,
-    fn: float,
+    lane: int,
+    normal_force: float,
     limit: float,
     friction: float,
     stiffness: float,
@@ -140,17 +151,16 @@ def add_forces(
 
     Parameters
     ----------
-    t : numpy.ndarray
-        Tile of 32 contacts, with the velocity in row V; its rows TO_A, PUSH and DASHPOT
-        are written.
-    c : numpy.ndarray
-        Tile of the quantities that the contacts keep from step to step; the spring in
-        it is cut.
+    scratch : numpy.ndarray
+        What is computed in this step for 32 contacts, with the velocity in row V; the
+        rows TO_A, PUSH and DASHPOT are written.
+    history : numpy.ndarray
+        What the contacts keep from step to step; the spring in it is cut.
     spring : int
-        Place of the spring's first row in `c`.
-    k : int
-        The lane.
-    fn, limit : float
+        Place of the spring's first row in `history`.
+    lane : int
+        Lane of the contact.
+    normal_force, limit : float
         The normal force, and the one that limits friction and rolling [N].
     friction : float
         Coefficient of static friction.
@@ -158,28 +168,34 @@ def add_forces(
         Of the tangential spring [N/m], and of the dashpot [N s/m], of which the share
         in row SHARE acts.
     """
-    t[tl.DASHPOT + k] = damping
-    damping *= t[tl.SHARE + k]
-    cap = friction * limit
+    scratch[tl.DASHPOT + lane] = damping
+    damping *= scratch[tl.SHARE + lane]
+    largest_force = friction * limit
 
-    # cut the spring
-    ex, ey, ez = lane_vector(c, spring, k)
+    # Cut the spring, whose force is (sx, sy, sz) without sign.
+    ex, ey, ez = lane_vector(history, spring, lane)
     sx, sy, sz = stiffness * ex, stiffness * ey, stiffness * ez
-    cut = cap * rsqrt(sx * sx + sy * sy + sz * sz)
+    cut = largest_force * rsqrt(sx * sx + sy * sy + sz * sz)
     cut = cut if cut < 1.0 else 1.0
-    write_vector(c, spring, k, cut * ex, cut * ey, cut * ez)
+    write_vector(history, spring, lane, cut * ex, cut * ey, cut * ez)
 
     # Add the dashpot and cut the sum. The velocities are read here, one by one: if they
     # were read before, the compiler would fuse other products, and the last bits would
     # change.
-    fx = cut * sx + damping * t[tl.V + k]
-    fy = cut * sy + damping * t[tl.V + L + k]
-    fz = cut * sz + damping * t[tl.V + 2 * L + k]
-    cut = cap * rsqrt(fx * fx + fy * fy + fz * fz)
+    fx = cut * sx + damping * scratch[tl.V + lane]
+    fy = cut * sy + damping * scratch[tl.V + LANES + lane]
+    fz = cut * sz + damping * scratch[tl.V + 2 * LANES + lane]
+    cut = largest_force * rsqrt(fx * fx + fy * fy + fz * fz)
     cut = cut if cut < 1.0 else 1.0
 
-    nx, ny, nz = lane_vector(c, st.NORMAL, k)
+    # The force on A opposes the normal, and the velocity.
+    nx, ny, nz = lane_vector(history, st.NORMAL, lane)
     write_vector(
-        t, tl.TO_A, k, -fn * nx - cut * fx, -fn * ny - cut * fy, -fn * nz - cut * fz
+        scratch,
+        tl.TO_A,
+        lane,
+        -normal_force * nx - cut * fx,
+        -normal_force * ny - cut * fy,
+        -normal_force * nz - cut * fz,
     )
-    t[tl.PUSH + k] = limit
+    scratch[tl.PUSH + lane] = limit
