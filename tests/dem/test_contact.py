@@ -10,7 +10,7 @@ from repose.dem import Contact, random_quaternion
 from repose.dem.kernels import state as st
 from repose.dem.kernels import tile as tl
 from repose.dem.kernels.contact import solve_gap
-from repose.dem.kernels.damped_mass import mobility
+from repose.dem.kernels.damped_mass import write_mobility
 from repose.dem.kernels.forces import scatter
 from repose.dem.kernels.jit import kernel
 from repose.dem.kernels.simd import gather, rsqrt_by_processor, rsqrt_by_steps
@@ -34,8 +34,8 @@ def pair_tile(t, contacts, rows, first, second, parts, dt, law, rolling, load):
     gather(rows, rows.shape[1], first, 0, t, tl.A)
     gather(rows, rows.shape[1], second, 0, t, tl.B)
     tl.pair_geometry(t, contacts, parts)
-    mobility(t, contacts, tl.A, tl.RA, parts, 0.0)
-    mobility(t, contacts, tl.B, tl.RB, parts, 1.0)
+    write_mobility(t, contacts, tl.A, tl.RA, parts, 0.0)
+    write_mobility(t, contacts, tl.B, tl.RB, parts, 1.0)
     column = st.share_column(parts) * LANES
     for k in range(LANES):
         t[tl.SHARE + k] = min(t[tl.A + column + k], t[tl.B + column + k])

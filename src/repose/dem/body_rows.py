@@ -21,7 +21,9 @@ class Body(NamedTuple):
     scale: float  # of its lengths, over those of its kind
 
 
-def write_body(bodies: Any, i: int, body: Body, parts: int, tile: np.ndarray) -> None:
+def write_body(
+    bodies: Any, i: int, body: Body, parts: int, scratch: np.ndarray
+) -> None:
     """Write a body into the arrays of the bodies.
 
     Parameters
@@ -34,8 +36,8 @@ def write_body(bodies: Any, i: int, body: Body, parts: int, tile: np.ndarray) ->
         Its data.
     parts : int
         See `shapes.parts_of`.
-    tile : ndarray
-        Scratch of the kernel.
+    scratch : ndarray
+        Scratch tile of bodies, which is overwritten.
     """
     # Mass goes with the third power of the lengths, moments of inertia with the fifth.
     mass = body.kind.mass_kg * body.scale**3
@@ -47,20 +49,26 @@ def write_body(bodies: Any, i: int, body: Body, parts: int, tile: np.ndarray) ->
     row[st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3] = body.angular_velocity
     row[st.INVERSE_MASS] = 1.0 / mass
 
+    # The moments of inertia are about the axes of the body.
     turn = rotation_matrix(body.quaternion)
-    angular_momentum = turn @ (inertia * (turn.T @ body.angular_velocity))
+    body_velocity = turn.T @ body.angular_velocity
+    angular_momentum = turn @ (inertia * body_velocity)
     radius = body.kind.bounding_radius_m * body.scale
-    lane = bodies.motion[i // st.LANES, i % st.LANES :: st.LANES]
+
+    # What moves the body is in a tile of LANES bodies, in which the numbers of one body
+    # are LANES apart (`kernels.rows`).
+    motion = bodies.motion[i // st.LANES]
+    lane = motion[i % st.LANES :: st.LANES]
     _write_rows(lane, st.QUATERNION, body.quaternion)
     _write_rows(lane, st.ANGULAR_MOMENTUM, angular_momentum)
     _write_rows(lane, st.INVERSE_MOMENTS, 1.0 / inertia)
     _write_rows(lane, st.SQUARES, _squared_axes(body))
     _write_rows(lane, st.RADIUS, np.array([radius]))
-    place_shape(bodies, i, parts, tile)
+    place_shape(bodies, i, parts, scratch)
 
 
 def _write_rows(lane: np.ndarray, place: int, values: np.ndarray) -> None:
-    """Write values to the rows of a lane from a place of its tile on."""
+    """Write values to the rows of a lane; `place` is where the first row begins."""
     first = place // st.LANES
     lane[first : first + len(values)] = values
 

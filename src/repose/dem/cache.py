@@ -1,4 +1,4 @@
-"""Compiled code on disk, found by the text of the sources and not by their path.
+"""Store compiled code on disk, found by the text of the sources and not by their path.
 
 The folder is named after a hash of all sources of this package and of laws from other
 packages. In it is a file for each kernel and signature. numba's own cache depends on
@@ -92,8 +92,9 @@ class KernelCache(NullCache):
         return folder()
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        # numba's own method also loads its declarations for the compiler, which takes
-        # 0.3 s and is not needed here.
+        # numba calls this before it compiles `sig`, a signature; None lets it compile.
+        # Its own method also loads its declarations for the compiler, which takes 0.3 s
+        # and is not needed here.
         rtsys.initialize(target_context)
         path = self._path(sig, target_context.codegen())
         stored = _read(path, sig)
@@ -120,19 +121,23 @@ class KernelCache(NullCache):
         _unlock(path)
 
     def _path(self, signature: object, codegen: Any) -> str:
-        """Name the file after everything that the code depends on."""
+        """Name the file after everything that the code depends on.
+
+        The name ends with 24 digits of a hash.
+        """
         function = self._function
         name = f"{function.__module__}.{function.__qualname__}"
+        # Variables of an outer function that the function uses.
         closure = dumps([cell.cell_contents for cell in function.__closure__ or ()])
-        # The signature's text is used as its pickle may vary.
         sources = (
             name,
             function.__code__.co_firstlineno,
             closure,
-            str(signature),
+            str(signature),  # its text, as its pickle may vary
             self._options,
             self._text,
         )
+        # The versions of numba and Python, and the type of the processor.
         compiler = (numba.__version__, sys.version_info[:2], codegen.magic_tuple())
         digest = hashlib.sha256(repr((sources, compiler)).encode()).hexdigest()
         file_name = name.replace("<", "").replace(">", "")
@@ -154,15 +159,16 @@ def _read(path: str, signature: object) -> tuple[Any, ...] | None:
 
 def _write(path: str, content: bytes) -> None:
     """Store a file in one move; if it cannot be written, each process compiles anew."""
-    part = f"{path}.{uuid.uuid4().hex}"
+    # Written under another name first, so that no process reads half a file.
+    temporary = f"{path}.{uuid.uuid4().hex}"
     try:
-        with open(part, "wb") as file:
+        with open(temporary, "wb") as file:
             file.write(content)
-        os.replace(part, path)
+        os.replace(temporary, path)
     except OSError as error:
         _warn_once(f"{os.path.dirname(path)} keeps no compiled code: {error.strerror}")
         with contextlib.suppress(OSError):
-            os.unlink(part)
+            os.unlink(temporary)
 
 
 @functools.cache
@@ -197,14 +203,16 @@ def _set_lock(path: str, operation: int) -> None:
     Nothing happens in a folder that has no lock file.
     """
     parent = os.path.dirname(path)
-    kernel_byte = int(path[-15:], 16)
+    # The place of the byte is the end of the hash in the file's name: below 2^60, and
+    # another one for each kernel. A lock may lie beyond the end of its file.
+    byte_number = int(path[-15:], 16)
     with contextlib.suppress(OSError):
         if parent not in _lock_files:
             os.makedirs(parent, exist_ok=True)
             # It stays open, since its locks end when it is closed.
             file = open(os.path.join(parent, "locks"), "ab")  # noqa: SIM115
             _lock_files[parent] = file
-        fcntl.lockf(_lock_files[parent], operation, 1, kernel_byte)
+        fcntl.lockf(_lock_files[parent], operation, 1, byte_number)
 
 
 class _UnlockOnFailure(event.Listener):
@@ -238,7 +246,9 @@ def add_source(*functions: Callable[..., Any] | None) -> None:
     if all(function.__module__.startswith(package) for function in law_functions):
         return
     for function in law_functions:
-        for module in sorted({function.__module__, *_called_modules(function)}):
+        # A function may call others, which lie in further modules.
+        modules = {function.__module__, *_called_modules(function)}
+        for module in sorted(modules):
             if not module.startswith(package):
                 key = f"{module} {function.__name__}"
                 outside_sources[key] = _source(module, function)

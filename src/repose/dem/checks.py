@@ -1,7 +1,7 @@
-"""Checks of a user's values.
+"""Check a user's values: numbers, vectors, names and mappings.
 
-Each returns the value in the form that the engine needs, or raises a ValueError that
-names the argument, its value and what is allowed.
+Each function returns the value in the form that the engine needs, or raises a ValueError
+that names the argument, its value and what is allowed.
 """
 
 import math
@@ -117,18 +117,27 @@ def array(
     ValueError
         If the value is no such array.
     """
-    dimensions = len(shape)
+    least_dimensions = len(shape) if rows else 0
     try:
-        numbers = np.array(value, float, ndmin=dimensions if rows else 0)
+        numbers = np.array(value, float, ndmin=least_dimensions)
     except (TypeError, ValueError):
-        numbers = np.full((1,) * dimensions, np.nan)  # refused below
-    has_shape = numbers.ndim == dimensions and all(
+        numbers = np.array(np.nan)  # refused below, as it is not finite
+    is_valid = (
+        _has_shape(numbers, shape) and np.all(np.isfinite(numbers)) and accepts(numbers)
+    )
+    if not is_valid:
+        raise ValueError(f"{name} is {shown(value)}; expected {allowed}")
+    return numbers
+
+
+def _has_shape(numbers: np.ndarray, shape: tuple[int | None, ...]) -> bool:
+    """Tell whether an array has a shape, in which None stands for any length."""
+    if numbers.ndim != len(shape):
+        return False
+    return all(
         expected is None or expected == length
         for expected, length in zip(shape, numbers.shape, strict=True)
     )
-    if not (has_shape and np.all(np.isfinite(numbers)) and accepts(numbers)):
-        raise ValueError(f"{name} is {shown(value)}; expected {allowed}")
-    return numbers
 
 
 def direction(name: str, value: Any, length: int = 3) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The lists of contacts of a simulation, and how they grow."""
+"""Make the lists of contacts of a simulation, and lengthen them when they fill up."""
 
 from typing import Any
 
@@ -45,26 +45,38 @@ def _pair_lists(
 
 
 def new_wall_contacts(
-    capacity: int, n_walls: tuple[int, int, int], of_clumps: bool, n_state: int
+    capacity: int, n_walls: tuple[int, int, int], has_clumps: bool, n_state: int
 ) -> list[Any]:
     """Make empty lists of contacts with planes, with cones and rings, and with meshes.
 
-    `n_walls` has the numbers of these walls; the other arguments are those of
-    `new_pairs`.
+    Parameters
+    ----------
+    capacity : int
+        Most bodies.
+    n_walls : tuple of int
+        Numbers of planes, of cones and rings, and of meshes.
+    has_clumps : bool
+        Whether the bodies are clumps of spheres.
+    n_state : int
+        Rows that the force laws keep for each contact.
     """
-    n_planes, n_curved, n_meshes = n_walls
-    spare = 64 * st.MOST_SPHERES if of_clumps else 64
-    geometry = ct.WALL_STATE if of_clumps else st.WALL_STATE
-    rows = geometry // st.LANES + n_state
-
-    def new_list(entries: int, walls: int) -> Any:
-        return st.new_wall_contacts(entries, walls, capacity, capacity, rows, of_clumps)
-
-    return [
-        new_list(n_planes * capacity + spare, n_planes),
-        new_list(capacity + spare, n_curved),
-        new_list(capacity + spare if n_meshes else 1, n_meshes),
+    n_planes, _n_curved, n_meshes = n_walls
+    spare = 64 * st.MOST_SPHERES if has_clumps else 64
+    entries_of_lists = [
+        n_planes * capacity + spare,
+        capacity + spare,
+        capacity + spare if n_meshes else 1,
     ]
+    # A contact keeps its geometry in the first rows, then the rows of the laws.
+    first_law_row = ct.WALL_STATE if has_clumps else st.WALL_STATE
+    rows = first_law_row // st.LANES + n_state
+    ghost = capacity  # the absent body of unused entries
+    lists = []
+    for entries, walls in zip(entries_of_lists, n_walls, strict=True):
+        lists.append(
+            st.new_wall_contacts(entries, walls, capacity, ghost, rows, has_clumps)
+        )
+    return lists
 
 
 def grown_pairs(
@@ -85,8 +97,8 @@ def grown_wall_contacts(contacts: Any, used: int, ghost: int) -> Any:
     entries = _next_length(contacts.body, used)
     n_walls, n_bodies = contacts.limit.shape
     rows = contacts.data.shape[1] // st.LANES
-    of_clumps = isinstance(contacts.known, np.ndarray)
-    new = st.new_wall_contacts(entries, n_walls, n_bodies, ghost, rows, of_clumps)
+    has_clumps = isinstance(contacts.known, np.ndarray)
+    new = st.new_wall_contacts(entries, n_walls, n_bodies, ghost, rows, has_clumps)
     return _copy_lists(new, contacts)
 
 
@@ -98,8 +110,11 @@ def _next_length(array: Any, used: int) -> int:
 
 
 def _copy_lists(new: Any, old: Any) -> Any:
-    """Copy lists into others that are as long or longer."""
-    for target, source in zip(new, old, strict=True):
-        if len(source):
-            target[: len(source)] = source
+    """Copy the arrays of lists into those of others, which are as long or longer.
+
+    A list of smooth bodies has an empty tuple in place of each array for clumps.
+    """
+    for new_array, old_array in zip(new, old, strict=True):
+        if len(old_array):
+            new_array[: len(old_array)] = old_array
     return new

@@ -1,4 +1,4 @@
-"""Materials by number, and a force law's constants for each pair of them."""
+"""Number the materials of a simulation, and tabulate a force law for their pairs."""
 
 from collections.abc import Iterable, Mapping
 from itertools import product
@@ -15,10 +15,13 @@ Pairs = dict[tuple[str, str], Contact]
 
 
 class MaterialNumbers(NamedTuple):
-    """Number of each material by its name; the materials of bodies come first."""
+    """Number of each material by its name.
 
-    of_bodies: dict[str, int]
-    of_all: dict[str, int]
+    The materials of the bodies come first, then those of walls alone.
+    """
+
+    body_materials: dict[str, int]
+    all_materials: dict[str, int]
 
 
 def pairs_of(
@@ -36,7 +39,7 @@ def pairs_of(
         raise ValueError(
             f"contacts is {contacts!r}; expected (material, material): Contact"
         )
-    pairs: Pairs = {}
+    contact_of_pair: Pairs = {}
     for pair, contact in contacts.items():
         if not (_is_pair_of_names(pair) and isinstance(contact, Contact)):
             raise ValueError(
@@ -47,14 +50,14 @@ def pairs_of(
             raise ValueError(
                 f"contacts has {pair!r}; expected pairs of {', '.join(materials)}"
             )
-        if pairs.get(pair, contact) != contact:
+        if contact_of_pair.get(pair, contact) != contact:
             raise ValueError(
                 f"contacts has {pair!r} in both orders; "
                 "expected one of them, or the same for both"
             )
-        pairs[pair] = contact
-        pairs[pair[::-1]] = contact
-    return pairs
+        contact_of_pair[pair] = contact
+        contact_of_pair[pair[::-1]] = contact
+    return contact_of_pair
 
 
 def _is_pair_of_names(pair: Any) -> bool:
@@ -77,26 +80,27 @@ def number_materials(
     ValueError
         For a missing material, or a missing contact of two materials that can meet.
     """
-    body_names = dict.fromkeys(shape.material for shape in shapes.values())
-    names = list(dict.fromkeys([*body_names, *wall_materials]))
-    for name in names:
+    # A dictionary keeps each name once, in order.
+    body_names = list(dict.fromkeys(shape.material for shape in shapes.values()))
+    all_names = list(dict.fromkeys([*body_names, *wall_materials]))
+    for name in all_names:
         if name not in materials:
             raise ValueError(f"material is {name!r}; expected {', '.join(materials)}")
-    for a, b in product(body_names, names):
+    for a, b in product(body_names, all_names):
         if (a, b) not in contacts:
             raise ValueError(
                 f"contacts has no pair ({a!r}, {b!r}); "
                 "every pair of materials that can meet needs one"
             )
     return MaterialNumbers(
-        of_bodies={name: k for k, name in enumerate(body_names)},
-        of_all={name: k for k, name in enumerate(names)},
+        body_materials={name: number for number, name in enumerate(body_names)},
+        all_materials={name: number for number, name in enumerate(all_names)},
     )
 
 
 def check_constants(law: Law, numbers: MaterialNumbers, contacts: Pairs) -> None:
     """Raise ValueError if a contact has not just the constants that the law needs."""
-    for pair in product(numbers.of_bodies, numbers.of_all):
+    for pair in product(numbers.body_materials, numbers.all_materials):
         try:
             _check_constants_of_contact(law, contacts[pair].constants)
         except ValueError as error:
@@ -104,20 +108,26 @@ def check_constants(law: Law, numbers: MaterialNumbers, contacts: Pairs) -> None
 
 
 def _check_constants_of_contact(law: Law, values: Mapping[str, float]) -> None:
-    """Check the constants of one contact."""
-    known = {constant.name: constant for constant in law.asks}
-    for name, constant in known.items():
-        if name not in values:
+    """Check the constants of one contact, given by their names.
+
+    Raises
+    ------
+    ValueError
+        For a constant that is missing, out of its bounds, or not one of the law.
+    """
+    for constant in law.asks:
+        if constant.name not in values:
             raise ValueError(
-                f"contact_law {law.name!r} needs constants[{name!r}], "
+                f"contact_law {law.name!r} needs constants[{constant.name!r}], "
                 f"the {constant.words} in {constant.unit}"
             )
-        constant.check(values[name])
+        constant.check(values[constant.name])
+    law_names = [constant.name for constant in law.asks]
     for name in values:
-        if name not in known:
+        if name not in law_names:
             raise ValueError(
                 f"{name} is no constant of contact_law {law.name!r}; "
-                f"expected {', '.join(known) or 'none'}"
+                f"expected {', '.join(law_names) or 'none'}"
             )
 
 
@@ -128,14 +138,18 @@ def constants_of(
     contacts: Pairs,
     tension: str,
 ) -> np.ndarray:
-    """Compute the constants of a force law for all pairs of K materials (K, K, n).
+    """Compute the constants of a force law for all pairs of materials.
 
-    0 for two walls.
+    Returns
+    -------
+    ndarray (K, K, n)
+        The n constants for the materials with the numbers i and j, at [i, j] and at
+        [j, i]. They are zero for two materials of walls, which never meet.
     """
-    n_materials = len(numbers.of_all)
+    n_materials = len(numbers.all_materials)
     table = np.zeros((n_materials, n_materials, law.n_constants))
-    for a, i in numbers.of_bodies.items():
-        for b, j in numbers.of_all.items():
+    for a, i in numbers.body_materials.items():
+        for b, j in numbers.all_materials.items():
             values = law.constants(materials[a], materials[b], contacts[a, b], tension)
             table[i, j] = values
             table[j, i] = values

@@ -1,4 +1,4 @@
-"""The results that a simulation reports: bodies, contacts and loads on walls."""
+"""The results of a simulation: its bodies, contacts, and loads on walls."""
 
 from copy import deepcopy
 from typing import NamedTuple
@@ -196,11 +196,12 @@ class Observables(World):
         if self._has_clumps:
             first_sphere, second_sphere = self.pairs.spheres[:n].T
 
-        first_extent = self._extents(first, normals, first_sphere)
-        second_extent = self._extents(second, -normals, second_sphere)
-        between = self.positions[second] - self.positions[first]
-        distance = np.sum(between * normals, axis=1)
-        overlaps = first_extent + second_extent - distance
+        # Along the normal, the first body reaches towards the second and vice versa.
+        first_extents = self._extents(first, normals, first_sphere)
+        second_extents = self._extents(second, -normals, second_sphere)
+        between_centres = self.positions[second] - self.positions[first]
+        distances = np.sum(between_centres * normals, axis=1)
+        overlaps = first_extents + second_extents - distances
         return np.column_stack([first, second]), overlaps
 
     def wall_overlaps(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -220,32 +221,41 @@ class Observables(World):
         At a contact a wall is replaced by its tangent plane n.x = c. The overlap of a
         body with the support function h and the centre x is h(n) + n.x - c.
         """
-        n = int(self.counts[st.N_PLANE])
-        plane_bodies = self._user_numbers[self.flat.body[:n]]
-        planes = self.flat.wall[:n].astype(np.int64)
-        normals = self.walls.planes[planes, 3:6]
-        offsets = np.sum(normals * self.walls.planes[planes, :3], axis=1)
-        spheres = self.flat.feature[:n]
-        plane_overlaps = self._overlaps_with_planes(
-            plane_bodies, normals, offsets, spheres
-        )
-
-        curved_bodies, curved, normals, azimuths = self.curved_contacts()
-        curved = curved.astype(np.int64)
-        offsets = _tangent_plane_offsets(self.walls, curved, normals, azimuths)
-        spheres = self.curved.feature[: len(curved_bodies)]
-        curved_overlaps = self._overlaps_with_planes(
-            curved_bodies, normals, offsets, spheres
-        )
-
+        plane_bodies, planes, plane_overlaps = self._plane_overlaps()
+        curved_bodies, curved_walls, curved_overlaps = self._curved_overlaps()
         mesh_bodies, meshes, _, _, mesh_overlaps = self.mesh_contacts()
 
+        # The walls of each kind are numbered from 0; here the numbers run on.
         first_curved = len(self.walls.planes)
         first_mesh = first_curved + len(self.walls.cones) + len(self.walls.rings)
+        walls = np.concatenate(
+            [planes, first_curved + curved_walls, first_mesh + meshes]
+        )
         bodies = np.concatenate([plane_bodies, curved_bodies, mesh_bodies])
-        walls = np.concatenate([planes, first_curved + curved, first_mesh + meshes])
         overlaps = np.concatenate([plane_overlaps, curved_overlaps, mesh_overlaps])
         return bodies.astype(np.int64), walls.astype(np.int64), overlaps
+
+    def _plane_overlaps(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return body, number of the plane, and overlap [m] of each contact (M,)."""
+        n = int(self.counts[st.N_PLANE])
+        bodies = self._user_numbers[self.flat.body[:n]]
+        planes = self.flat.wall[:n].astype(np.int64)
+        spheres = self.flat.feature[:n]
+        rows = self.walls.planes[planes]
+        points = rows[:, st.PLANE_POINT : st.PLANE_POINT + 3]
+        normals = rows[:, st.PLANE_NORMAL : st.PLANE_NORMAL + 3]
+        offsets = np.sum(normals * points, axis=1)
+        overlaps = self._overlaps_with_planes(bodies, normals, offsets, spheres)
+        return bodies, planes, overlaps
+
+    def _curved_overlaps(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return body, curved wall, and overlap [m] of each contact (M,)."""
+        bodies, walls, normals, azimuths = self.curved_contacts()
+        walls = walls.astype(np.int64)
+        spheres = self.curved.feature[: len(bodies)]
+        offsets = _tangent_plane_offsets(self.walls, walls, normals, azimuths)
+        overlaps = self._overlaps_with_planes(bodies, normals, offsets, spheres)
+        return bodies, walls, overlaps
 
     def _overlaps_with_planes(
         self,
@@ -265,21 +275,37 @@ class Observables(World):
     def _extents(
         self, bodies: np.ndarray, directions: np.ndarray, spheres: np.ndarray | None
     ) -> np.ndarray:
-        """Compute the extents (M,) of bodies along directions (M, 3) of the world.
+        """Compute how far bodies reach from their centres in directions of the world.
 
-        With `spheres` it is the extent of one sphere of each clump.
+        Parameters
+        ----------
+        bodies : ndarray (M,)
+            Indices of the bodies.
+        directions : ndarray (M, 3)
+            Unit vectors.
+        spheres : ndarray (M,), optional
+            For clumps: the sphere of each body that counts.
+
+        Returns
+        -------
+        ndarray (M,)
+            The extents [m].
         """
+        # The shapes are known in the frames of the bodies, at scale 1.
         turns = rotation_matrices(self.quaternions[bodies])
-        local = np.einsum("nji,nj->ni", turns, directions)
+        body_directions = np.einsum("nji,nj->ni", turns, directions)
         extents = np.zeros(len(bodies))
-        for number, shape in enumerate(self.shapes.values()):
-            has_shape = self.shape_ids[bodies] == number
+        for shape_id, shape in enumerate(self.shapes.values()):
+            has_shape = self.shape_ids[bodies] == shape_id
+            shape_directions = body_directions[has_shape]
             if spheres is None:
-                extents[has_shape] = shape.support(local[has_shape])
+                extents[has_shape] = shape.support(shape_directions)
             else:
                 rows = shape.spheres_m[spheres[has_shape]]
-                distances = np.sum(rows[:, :3] * local[has_shape], axis=1)
-                extents[has_shape] = distances + rows[:, 3]
+                centres = rows[:, :3]
+                radii = rows[:, 3]
+                along = np.sum(centres * shape_directions, axis=1)
+                extents[has_shape] = along + radii
         return extents * self.scales[bodies]
 
     def wall_loads(self, about_m: ArrayLike = (0.0, 0.0, 0.0)) -> dict[str, WallLoad]:
@@ -312,7 +338,7 @@ class Observables(World):
         about = vector("about_m", about_m)
         names = self.wall_set.names
         loads = np.zeros((len(names), 6))
-        # The kernel changes what it gets, so it gets copies; in a step of no time no
+        # The kernel changes its arguments, so it gets copies. In a step of no time no
         # spring moves.
         bodies, flat, curved, meshed, clumps = deepcopy(
             (self.bodies, self.flat, self.curved, self.meshed, self.clumps)
@@ -331,12 +357,13 @@ class Observables(World):
             self._scratches[0].copy(),
             len(self.grid.cell),
         )
-        load_of = {}
+        # The kernel gives torques about the origin.
+        load_of_wall = {}
         for name, load in zip(names, loads, strict=True):
-            force, torque_about_origin = load[:3], load[3:]
-            torque = torque_about_origin - np.cross(about, force)
-            load_of[name] = WallLoad(force.copy(), torque)
-        return load_of
+            force = load[:3].copy()
+            torque = load[3:] - np.cross(about, force)
+            load_of_wall[name] = WallLoad(force, torque)
+        return load_of_wall
 
     def curved_contacts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """List the contacts with cones, tubes and rings.
@@ -354,17 +381,19 @@ class Observables(World):
         """
         n = self.counts[st.N_CURVED]
         rows = st.contact_rows(self.curved.data, n)
+        normal = rows[:, :3].copy()
         body = self._user_numbers[self.curved.body[:n]]
         wall = self.curved.wall[:n].copy()
+        # Contacts of smooth bodies keep their azimuth, those of spheres do not.
         if self._has_clumps:
-            centres = rows[:, ct.CENTRE // st.LANES :][:, :3]
+            column = ct.CENTRE // st.LANES
+            centres = rows[:, column : column + 3]
             azimuth = self._sphere_azimuths(body, wall, centres)
         elif self.physics.parts == st.SPHERES:
             azimuth = self._sphere_azimuths(body, wall, np.zeros((n, 3)))
         else:
-            # The contacts of spheres do not keep it.
             azimuth = rows[:, st.AZIMUTH // st.LANES].copy()
-        return body, wall, rows[:, :3].copy(), azimuth
+        return body, wall, normal, azimuth
 
     def _sphere_azimuths(
         self, body: np.ndarray, wall: np.ndarray, centres: np.ndarray
@@ -373,12 +402,14 @@ class Observables(World):
 
         `centres` (M, 3) are those of the spheres in the frames of their bodies.
         """
+        # From the frames of the bodies to the world, then to the frames of the walls.
         turns = rotation_matrices(self.quaternions[body])
         places = self.positions[body] + np.einsum("nij,nj->ni", turns, centres)
         frames = self.walls.frames[wall]
-        frame_turns = frames[:, 3:].reshape(-1, 3, 3)
-        local = np.einsum("nji,nj->ni", frame_turns, places - frames[:, :3])
-        return np.arctan2(local[:, 1], local[:, 0])
+        origins = frames[:, :3]
+        wall_turns = frames[:, 3:].reshape(-1, 3, 3)
+        x, y, _z = np.einsum("nji,nj->ni", wall_turns, places - origins).T
+        return np.arctan2(y, x)
 
     def mesh_contacts(
         self,
@@ -402,29 +433,50 @@ class Observables(World):
         body = self._user_numbers[self.meshed.body[:n]]
         mesh = self.meshed.wall[:n].copy()
         feature = self.meshed.feature[:n].copy()
-        overlap = -rows[:, st.GAP // st.LANES]
-        return body, mesh, feature, rows[:, :3].copy(), overlap
+        normal = rows[:, :3].copy()
+        gap = rows[:, st.GAP // st.LANES]
+        return body, mesh, feature, normal, -gap
 
 
 def _tangent_plane_offsets(
     walls: st.Walls, wall: np.ndarray, normals: np.ndarray, azimuths: np.ndarray
 ) -> np.ndarray:
-    """Compute the offsets c (M,) of tangent planes n.x = c of curved walls."""
-    n_cones = len(walls.cones)
+    """Compute the offsets c of the tangent planes n.x = c at contacts of curved walls.
+
+    Parameters
+    ----------
+    walls : Walls
+        The arrays of the walls.
+    wall : ndarray (M,)
+        Number of the wall at each contact: the cones and tubes first, then the rings.
+    normals : ndarray (M, 3)
+        Unit vectors n into the walls.
+    azimuths : ndarray (M,)
+        Azimuths about the walls' axes [rad].
+
+    Returns
+    -------
+    ndarray (M,)
+        The offsets [m].
+    """
     frames = walls.frames[wall]
-    offsets = np.sum(normals * frames[:, :3], axis=1)
+    origins = frames[:, :3]
+    offsets = np.sum(normals * origins, axis=1)
 
-    on_cone = wall < n_cones
-    offsets[on_cone] += walls.cones[wall[on_cone], 2]
+    # A tangent plane of a cone has the offset of the cone's line from the origin.
+    n_cones = len(walls.cones)
+    is_cone = wall < n_cones
+    offsets[is_cone] += walls.cones[wall[is_cone], st.CONE_OFFSET]
 
-    # The point of the core circle that is nearest to the contact, in the ring's frame
-    # and along the normal.
-    on_ring = ~on_cone
-    rings = walls.rings[wall[on_ring] - n_cones]
-    radius, height, edge_radius = rings[:, 0], rings[:, 1], rings[:, 2]
-    x = radius * np.cos(azimuths[on_ring])
-    y = radius * np.sin(azimuths[on_ring])
-    turns = frames[on_ring, 3:].reshape(-1, 3, 3)
-    cores = np.einsum("nij,nj->ni", turns, np.column_stack([x, y, height]))
-    offsets[on_ring] += np.sum(normals[on_ring] * cores, axis=1) - edge_radius
+    # That of a ring lies one edge radius before the core circle, at the point of the
+    # circle that is nearest to the contact.
+    is_ring = ~is_cone
+    rings = walls.rings[wall[is_ring] - n_cones]
+    x = rings[:, st.RING_RADIUS] * np.cos(azimuths[is_ring])
+    y = rings[:, st.RING_RADIUS] * np.sin(azimuths[is_ring])
+    z = rings[:, st.RING_HEIGHT]
+    turns = frames[is_ring, 3:].reshape(-1, 3, 3)
+    points = np.einsum("nij,nj->ni", turns, np.column_stack([x, y, z]))
+    distances = np.sum(normals[is_ring] * points, axis=1)
+    offsets[is_ring] += distances - rings[:, st.RING_EDGE_RADIUS]
     return offsets

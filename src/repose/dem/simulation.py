@@ -112,10 +112,11 @@ class Simulation(Observables):
         if not isinstance(motion, Motion):
             raise ValueError(f"motion is {motion!r}; expected a Motion")
         self.wall_set = self.wall_set.with_motion(wall, motion)
-        self.walls = self._wall_arrays(self.walls, self.wall_set.names.index(wall))
-        # The next step checks all bodies against all walls.
-        present = self.bodies.presence[: self.n_bodies] == st.PRESENT
-        self.bodies.wall_check[: self.n_bodies][present] = -1.0
+        number = self.wall_set.names.index(wall)
+        self.walls = self._wall_arrays(old=self.walls, changed=number)
+        # The next step searches the walls for all bodies, as each is due at -1.
+        present = np.flatnonzero(self.bodies.presence[: self.n_bodies] == st.PRESENT)
+        self.bodies.wall_check[present] = -1.0
         self.bodies.wall_margin[:] = 0.0
 
     def _warn_of_turning_walls(self) -> None:
@@ -221,7 +222,7 @@ class Simulation(Observables):
         write_body(self.bodies, i, body, self.physics.parts, self._body_tiles[0])
         self._shape_ids[i] = list(self.shapes).index(shape)
         self._scales[i] = scale
-        self.bodies.kind[i] = self._numbers.of_bodies[kind.material]
+        self.bodies.kind[i] = self._numbers.body_materials[kind.material]
         self.bodies.presence[i] = st.PRESENT
         self.counts[st.N_BODIES] = i + 1
 
@@ -276,7 +277,10 @@ class Simulation(Observables):
         row[st.VELOCITY : st.VELOCITY + 3] = 0.0
         row[st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3] = 0.0
         row[st.INVERSE_MASS] = 0.0
-        lane = self.bodies.motion[i // st.LANES, i % st.LANES :: st.LANES]
+        # The rest is in a tile of LANES bodies, in which the numbers of one body are
+        # LANES apart (`kernels.rows`).
+        tile = self.bodies.motion[i // st.LANES]
+        lane = tile[i % st.LANES :: st.LANES]
         for place in (st.INVERSE_MOMENTS, st.ANGULAR_MOMENTUM):
             first = place // st.LANES
             lane[first : first + 3] = 0.0
@@ -335,10 +339,13 @@ class Simulation(Observables):
 
     def _advance_in_shares(self, steps: int) -> int:
         """Advance a large simulation, whose threads share the work, like `_advance`."""
+        # The bodies are numbered anew every so many steps, so a run ends there.
         steps_since_reorder = self.steps % parallel.REORDER_EVERY
         if steps_since_reorder == 0:
             self._renumber()
         steps = min(steps, parallel.REORDER_EVERY - steps_since_reorder)
+
+        # Arrays through which the threads work together.
         shared = st.Shared(
             counters=np.zeros(BARRIER_SIZE, np.int64),
             orders=np.zeros(1, np.int64),
@@ -375,6 +382,7 @@ class Simulation(Observables):
             self.meshed,
             self.counts,
         )
+        # `order` has the old engine number of each body in its new place.
         self._user_numbers[:n] = self._user_numbers[:n][order]
         self._engine_numbers[self._user_numbers[:n]] = np.arange(n)
 
@@ -398,7 +406,8 @@ class Simulation(Observables):
             self.meshed, counts[st.N_MESHED], capacity
         )
         if self._has_clumps:
-            # `mesh_sphere` is as long as the list of contacts with meshes.
+            # `mesh_sphere` is as long as the list of contacts with meshes. It is made
+            # longer first, so that it is never too short.
             n_added = len(meshed.body) - len(self.clumps.mesh_sphere)
             mesh_sphere = np.pad(self.clumps.mesh_sphere, (0, n_added))
             self.clumps = self.clumps._replace(mesh_sphere=mesh_sphere)

@@ -1,4 +1,4 @@
-"""Bodies and walls as triangles, for pictures and files."""
+"""Triangulate bodies and walls, for pictures and files."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
@@ -42,15 +42,17 @@ def tessellate(
         Indices of their points, anticlockwise seen from outside. V and T are the same
         for all bodies.
     """
-    latitudes = np.linspace(0, math.pi, rings + 1)
-    longitudes = np.linspace(0, 2 * math.pi, sectors, endpoint=False)
-    polar, turn = np.meshgrid(latitudes, longitudes, indexing="ij")
+    # Points of the unit sphere.
+    polar_angles = np.linspace(0, math.pi, rings + 1)
+    azimuths = np.linspace(0, 2 * math.pi, sectors, endpoint=False)
+    polar, azimuth = np.meshgrid(polar_angles, azimuths, indexing="ij")
     x = np.cos(polar)
-    y = np.sin(polar) * np.cos(turn)
-    z = np.sin(polar) * np.sin(turn)
+    y = np.sin(polar) * np.cos(azimuth)
+    z = np.sin(polar) * np.sin(azimuth)
     sphere = np.stack([x, y, z], axis=-1)
 
-    # The normals of a slim body are spread so that its tips are well resolved.
+    # The normals are those of an ellipsoid with the extents of the body, so that the
+    # tips of a slim body are well resolved.
     extents = np.array([body.support(axis) for axis in np.eye(3)])
     normals = (sphere / extents).reshape(-1, 3)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -65,35 +67,52 @@ def tessellate(
 def _visible_from_centre(
     clump: Clump, rays: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Find the points where rays (V, 3) from a clump's origin leave it.
+    """Find the points where rays from a clump's centre of mass leave the clump.
 
-    Returns the points and the normals there, each (V, 3).
+    Parameters
+    ----------
+    clump : Clump
+        M spheres.
+    rays : ndarray (V, 3)
+        Unit vectors.
+
+    Returns
+    -------
+    points, normals : ndarray (V, 3)
+        The points [m] and the unit normals there; the centre of mass, and the ray, where
+        a ray meets no sphere.
     """
-    centres, radii = clump.spheres_m[:, :3], clump.spheres_m[:, 3]
-    # A ray leaves a sphere where |t ray - centre| = radius; the larger of both t
-    # counts.
+    centres = clump.spheres_m[:, :3]
+    radii = clump.spheres_m[:, 3]
+    # A ray leaves a sphere at the distance t where |t ray - centre| = radius: the larger
+    # root of this quadratic equation. Where there is no root, it misses the sphere.
     along = rays @ centres.T
-    square = along**2 - np.sum(centres**2, axis=1) + radii**2
-    root = np.sqrt(np.maximum(square, 0.0))
-    distances = np.where(square >= 0.0, along + root, 0.0)
-    farthest = np.argmax(distances, axis=1)
-    distance = np.maximum(distances[np.arange(len(rays)), farthest], 0.0)[:, None]
+    discriminant = along**2 - np.sum(centres**2, axis=1) + radii**2
+    root = np.sqrt(np.maximum(discriminant, 0.0))
+    distances = np.where(discriminant >= 0.0, along + root, 0.0)
 
+    # The sphere that it leaves last is the one that is seen.
+    sphere = np.argmax(distances, axis=1)
+    distance = np.maximum(distances.max(axis=1), 0.0)[:, None]
     points = distance * rays
-    normals = (points - centres[farthest]) / radii[farthest, None]
+    normals = (points - centres[sphere]) / radii[sphere, None]
     return points, np.where(distance > 0.0, normals, rays)
 
 
 def _grid_triangles(rows: int, columns: int) -> np.ndarray:
-    """Triangulate a grid of points (rows + 1, columns) whose rows are closed."""
-    row_start, column = np.meshgrid(
-        np.arange(rows) * columns, np.arange(columns), indexing="ij"
-    )
-    next_column = (column + 1) % columns
+    """Triangulate a grid of points (rows + 1, columns) whose rows are closed.
+
+    The points are numbered row by row. Returns the triangles (2 * rows * columns, 3).
+    """
+    row_starts = np.arange(rows) * columns
+    row_start, column = np.meshgrid(row_starts, np.arange(columns), indexing="ij")
+    next_column = (column + 1) % columns  # the first one after the last one
+    # The corners of each cell of the grid:  a  b
+    #                                        c  d
     a = row_start + column
     b = row_start + next_column
-    c = a + columns  # below a
-    d = b + columns  # below b
+    c = a + columns
+    d = b + columns
     upper = np.stack([a, c, b], -1).reshape(-1, 3)
     lower = np.stack([b, c, d], -1).reshape(-1, 3)
     return np.concatenate([upper, lower])
@@ -122,31 +141,42 @@ def plane_polygon(
     ndarray (M, 3)
         The corners, anticlockwise seen from the bodies [m].
     """
-    point, inwards, radius = plane[:3], -plane[3:6], plane[6]
-    u = np.cross(np.eye(3)[np.argmin(np.abs(inwards))], inwards)
-    u /= np.linalg.norm(u)
-    w = np.cross(inwards, u)
+    point = plane[:3]
+    towards_bodies = -plane[3:6]
+    radius = plane[6]
+    u, w = _tangents(towards_bodies)
     if math.isfinite(radius):
         angles = 2.0 * math.pi * np.arange(SECTORS) / SECTORS
         directions = np.cos(angles)[:, None] * u + np.sin(angles)[:, None] * w
         return point + radius * directions
 
-    # A square that is larger than the box, cut by the sides of the box and by the other
-    # planes.
+    # A square of the plane that is larger than the box.
     size = np.linalg.norm(upper - lower)
     centre = 0.5 * (lower + upper)
-    middle = centre + ((point - centre) @ inwards) * inwards
+    middle = centre + ((point - centre) @ towards_bodies) * towards_bodies
     signs = ((-1, -1), (1, -1), (1, 1), (-1, 1))
     polygon = np.array([middle + size * (a * u + b * w) for a, b in signs])
+
+    # It is cut by the sides of the box and by the other planes.
     for normal, corner in _box_sides(lower, upper):
         # A plane that misses the box by no more than the thickness of a wall is shown.
-        is_parallel = abs(normal @ inwards) > 0.999
+        is_parallel = abs(normal @ towards_bodies) > 0.999
         slack = 0.02 * size * is_parallel
         polygon = _cut_polygon(polygon, normal, normal @ corner + slack)
     for other in others:
-        normal = other[3:6]
-        polygon = _cut_polygon(polygon, normal, normal @ other[:3])
+        other_point = other[:3]
+        other_normal = other[3:6]
+        polygon = _cut_polygon(polygon, other_normal, other_normal @ other_point)
     return polygon
+
+
+def _tangents(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Find two unit vectors u and w that make (u, w, normal) a right-handed frame."""
+    # the axis of the world that is the least parallel to the normal
+    axis = np.eye(3)[np.argmin(np.abs(normal))]
+    u = np.cross(axis, normal)
+    u /= np.linalg.norm(u)
+    return u, np.cross(normal, u)
 
 
 def _box_sides(
@@ -159,20 +189,22 @@ def _box_sides(
 
 
 def _cut_polygon(polygon: np.ndarray, normal: np.ndarray, offset: float) -> np.ndarray:
-    """Cut a convex polygon (M, 3) to normal.x at most an offset.
+    """Cut a convex polygon (M, 3) to the half space normal.x <= offset.
 
     Sutherland and Hodgman, Commun. ACM 17 (1974) 32.
     """
-    distances = polygon @ normal - offset
+    distances = polygon @ normal - offset  # positive outside the half space
     corners = []
     for k in range(len(polygon)):
-        following = (k + 1) % len(polygon)
-        a, b = distances[k], distances[following]
-        if a <= 0.0:
-            corners.append(polygon[k])
-        if a * b < 0.0:
-            share = a / (a - b)
-            corners.append(polygon[k] + share * (polygon[following] - polygon[k]))
+        next_k = (k + 1) % len(polygon)
+        corner, next_corner = polygon[k], polygon[next_k]
+        distance, next_distance = distances[k], distances[next_k]
+        if distance <= 0.0:
+            corners.append(corner)
+        # A side that crosses the plane has a new corner there.
+        if distance * next_distance < 0.0:
+            share = distance / (distance - next_distance)
+            corners.append(corner + share * (next_corner - corner))
     return np.array(corners).reshape(-1, 3)
 
 
@@ -218,26 +250,28 @@ def _surface_of_revolution(profile: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 def _edge_profile(ring: RingEdge) -> np.ndarray:
     """Compute the profile (M, 2) of the part of a `RingEdge` that bodies can touch.
 
-    Its columns are radius and height in the ring's own frame [m].
+    It is an arc of the circle in which a half plane through the axis cuts the edge. Its
+    columns are radius and height in the ring's own frame [m].
     """
-    angles = (
-        2.0
-        * math.pi
-        * (np.arange(TUBE_SECTORS + 1) - 0.5 * TUBE_SECTORS)
-        / TUBE_SECTORS
-    )
+    # The circle in sectors, from -pi to pi.
+    borders = np.arange(TUBE_SECTORS + 1) - 0.5 * TUBE_SECTORS
+    angles = 2.0 * math.pi * borders / TUBE_SECTORS
+    middles = 0.5 * (angles[1:] + angles[:-1])
+
     # A sector is open unless its contact normal, which points into the edge, opposes a
     # gate.
-    middles = 0.5 * (angles[1:] + angles[:-1])
     is_open = np.ones(TUBE_SECTORS, bool)
-    for g_r, g_z in ring.gates:
-        is_open &= -(np.cos(middles) * g_r + np.sin(middles) * g_z) >= -1e-12
-    begins = is_open & ~np.roll(is_open, 1)
-    first = int(np.argmax(begins))
-    sectors = np.arange(int(is_open.sum()) + 1)
-    turns = angles[first] + 2.0 * math.pi * sectors / TUBE_SECTORS
-    radius = ring.radius_m + ring.edge_radius_m * np.cos(turns)
-    height = ring.height_m + ring.edge_radius_m * np.sin(turns)
+    for gate_r, gate_z in ring.gates:
+        is_open &= -(np.cos(middles) * gate_r + np.sin(middles) * gate_z) >= -1e-12
+
+    # The open sectors are neighbours. The first one comes after a closed one; a whole
+    # circle begins at -pi.
+    is_first = is_open & ~np.roll(is_open, 1)
+    first_angle = angles[int(np.argmax(is_first))]
+    n_open = int(is_open.sum())
+    arc = first_angle + 2.0 * math.pi * np.arange(n_open + 1) / TUBE_SECTORS
+    radius = ring.radius_m + ring.edge_radius_m * np.cos(arc)
+    height = ring.height_m + ring.edge_radius_m * np.sin(arc)
     return np.column_stack([radius, height])
 
 
@@ -259,16 +293,17 @@ def triangulated_walls(
         Points (V, 3) [m] and triangles (T, 3) of each wall by its name, in the order of
         `wall_set.surfaces`.
     """
-    numbers = {name: k for k, name in enumerate(simulation.wall_set.names)}
     n_planes = len(simulation.walls.planes)
     triangulated = {}
     for name, surface in simulation.wall_set.surfaces.items():
-        k = numbers[name]
+        # The number of the wall in the arrays of the kernels: planes come first.
+        number = simulation.wall_set.names.index(name)
         if isinstance(surface, Plane):
-            triangulated[name] = _triangulated_polygon(visible_polygon(simulation, k))
+            corners = visible_polygon(simulation, number)
+            triangulated[name] = _triangulated_polygon(corners)
         else:
             points, triangles = _triangulated_in_frame(surface)
-            frame = simulation.walls.frames[k - n_planes]
+            frame = simulation.walls.frames[number - n_planes]
             triangulated[name] = in_world(frame, points), triangles
     return triangulated
 
@@ -296,12 +331,13 @@ def _all_spheres(
     """Triangulate every sphere of a clump: points (V, 3) [m] and triangles (T, 3)."""
     unit_sphere = Clump(np.array([[0.0, 0.0, 0.0, 1.0]]), 1.0, np.ones(3), "any")
     sphere_points, _, sphere_triangles = tessellate(unit_sphere, rings, sectors)
-    centres = clump.spheres_m[:, None, :3]
-    radii = clump.spheres_m[:, None, 3:]
-    points = centres + radii * sphere_points
-    first_points = len(sphere_points) * np.arange(len(points))
-    triangles = first_points[:, None, None] + sphere_triangles
-    return points.reshape(-1, 3), triangles.reshape(-1, 3)
+    surfaces = []
+    for row in clump.spheres_m:
+        centre = row[:3]
+        radius = row[3]
+        surfaces.append((centre + radius * sphere_points, sphere_triangles))
+    points, triangles, _ = joined(surfaces, np.arange(len(surfaces)))
+    return points, triangles
 
 
 def triangulated_bodies(
@@ -320,44 +356,56 @@ def triangulated_bodies(
     body : ndarray (T,)
         Index of the body of each triangle.
     """
-    surface_of_shape = []
+    # Each shape is triangulated once, in the frame of a body of scale 1.
+    shape_surfaces = []
     for shape in simulation.shapes.values():
         if isinstance(shape, Clump):
-            surface_of_shape.append(_all_spheres(shape, rings, sectors))
+            shape_surfaces.append(_all_spheres(shape, rings, sectors))
         else:
             points, _, triangles = tessellate(shape, rings, sectors)
-            surface_of_shape.append((points, triangles))
+            shape_surfaces.append((points, triangles))
 
-    present = np.flatnonzero(simulation.present)
-    turns = rotation_matrices(simulation.quaternions[present])
+    bodies = np.flatnonzero(simulation.present)
+    turns = rotation_matrices(simulation.quaternions[bodies])
     surfaces = []
-    for turn, i in zip(turns, present, strict=True):
-        points, triangles = surface_of_shape[simulation.shape_ids[i]]
-        in_place = simulation.positions[i] + simulation.scales[i] * points @ turn.T
-        surfaces.append((in_place, triangles))
-    return joined(surfaces, present)
+    for body, turn in zip(bodies, turns, strict=True):
+        points, triangles = shape_surfaces[simulation.shape_ids[body]]
+        position = simulation.positions[body]
+        world_points = position + simulation.scales[body] * points @ turn.T
+        surfaces.append((world_points, triangles))
+    return joined(surfaces, bodies)
 
 
 def joined(
     surfaces: Iterable[tuple[np.ndarray, np.ndarray]],
     numbers: Sequence[int] | np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Join surfaces of points (V, 3) and triangles (T, 3).
+    """Join several surfaces to one.
+
+    Parameters
+    ----------
+    surfaces : iterable of (ndarray, ndarray)
+        Points (V, 3) of each surface, and its triangles (T, 3), indices of its points.
+    numbers : sequence of int
+        A number for each surface.
 
     Returns
     -------
     points, triangles : ndarray
         Those of all surfaces together.
     number : ndarray (T,)
-        For each triangle the number of its surface, from `numbers`.
+        For each triangle the number of its surface.
     """
-    all_points, all_triangles = [np.zeros((0, 3))], [np.zeros((0, 3), int)]
+    # The empty arrays keep the result valid where there is no surface.
+    point_arrays = [np.zeros((0, 3))]
+    triangle_arrays = [np.zeros((0, 3), int)]
     n_triangles = []
     n_points = 0
     for points, triangles in surfaces:
-        all_points.append(points)
-        all_triangles.append(triangles + n_points)
+        point_arrays.append(points)
+        # the points of this surface come after those of the ones before it
+        triangle_arrays.append(triangles + n_points)
         n_triangles.append(len(triangles))
         n_points += len(points)
     number = np.repeat(numbers, np.array(n_triangles, int))
-    return np.concatenate(all_points), np.concatenate(all_triangles), number
+    return np.concatenate(point_arrays), np.concatenate(triangle_arrays), number

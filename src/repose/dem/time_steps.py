@@ -1,4 +1,4 @@
-"""The longest time step of a simulation.
+"""The longest time step with which a simulation is stable.
 
 It is short enough to resolve an impact, and to keep a body stable that is pressed
 between two others.
@@ -63,11 +63,9 @@ def longest(
     smallest_scale : float
         Scale of the smallest body.
     """
-    limits = []
-    for a in scene.shapes.values():
-        for b in scene.shapes.values():
-            limits.append(impact(scene, a, b, speed_m_s))
-    for shape in scene.shapes.values():
+    shapes = list(scene.shapes.values())
+    limits = [impact(scene, a, b, speed_m_s) for a in shapes for b in shapes]
+    for shape in shapes:
         limits += _limits_of_pressed(scene, shape)
     limit = min(limits)
     if smallest_scale == 1.0:
@@ -132,9 +130,10 @@ def pressed(
     before the step, is stable for dt < 2 / w (sqrt(1 + z^2) - z). In a row of equal
     bodies m is the m* of two of them.
     """
-    sharing_bodies = 2.0 if of_body else 1.0
-    radius = shape.flattest_radius_m / sharing_bodies
-    mass = shape.mass_kg / sharing_bodies
+    # R* and m* of two equal bodies are half those of a body against a plate.
+    n_bodies = 2.0 if of_body else 1.0
+    radius = shape.flattest_radius_m / n_bodies
+    mass = shape.mass_kg / n_bodies
     if overlap_m is None:
         overlap_m = _default_overlap(scene, shape)
 
@@ -149,10 +148,10 @@ def pressed(
         overlap_m,
     )
     n_contacts = shape.acting_together(overlap_m)
-    frequency = math.sqrt(2.0 * n_contacts * stiffness / mass)
+    angular_frequency = math.sqrt(2.0 * n_contacts * stiffness / mass)
     z = math.sqrt(2.0) * contact_damping_ratio
     # 1 / (sqrt(1 + z^2) + z) is sqrt(1 + z^2) - z
-    time_step = 2.0 / frequency / (math.sqrt(1.0 + z * z) + z)
+    time_step = 2.0 / angular_frequency / (math.sqrt(1.0 + z * z) + z)
 
     spheres = f", {n_contacts:.1f} spheres at one place" if n_contacts > 1.0 else ""
     reason = (

@@ -214,12 +214,13 @@ class Cone:
             raise ValueError(
                 "base_radius_m and top_radius_m are 0; expected at most one of them"
             )
+        # The line from the first circle to the second, in the half plane (r, z): the
+        # unit vector e along it, and the normal m into the wall, a quarter turn from e.
         length = math.hypot(height, top_radius_m - base_radius_m)
-        # unit vector up along the line, and the normal into the wall, a quarter turn
-        # from it
         e_r = (top_radius_m - base_radius_m) / length
         e_z = height / length
         m_r, m_z = e_z, -e_r
+        # its distance from the origin, and the places of both circles along it
         offset = m_r * base_radius_m
         first = e_r * base_radius_m
         last = e_r * top_radius_m + e_z * height
@@ -459,11 +460,13 @@ def _check_faces(value: Any, vertices: np.ndarray) -> np.ndarray:
             f"faces has {faces.min()} to {faces.max()}; "
             f"expected 0 to {last}, rows of vertices_m"
         )
+    # The cross product of two sides is twice the area.
     corners = vertices[faces]
-    sides = corners[:, 1:] - corners[:, :1]
-    twice_areas = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    first_side = corners[:, 1] - corners[:, 0]
+    second_side = corners[:, 2] - corners[:, 0]
+    double_areas = np.linalg.norm(np.cross(first_side, second_side), axis=1)
     squared_size = np.sum(np.ptp(vertices, axis=0) ** 2)
-    degenerate = np.flatnonzero(twice_areas <= 1e-12 * squared_size)
+    degenerate = np.flatnonzero(double_areas <= 1e-12 * squared_size)
     if len(degenerate):
         raise ValueError(
             f"faces has {faces[degenerate[0]].tolist()}, a triangle without area; "
@@ -475,17 +478,20 @@ def _check_faces(value: Any, vertices: np.ndarray) -> np.ndarray:
 def frame_of(surface: Any) -> np.ndarray:
     """Return the frame of a curved wall or a mesh (12,).
 
-    It consists of its origin [m] and the rows of its rotation to the world.
+    It consists of the frame's origin [m] and the rows of its rotation to the world.
     """
     origin = vector("origin_m", surface.origin_m)
     z = direction("axis", surface.axis)
     if np.array_equal(z, UP):
         rotation = np.eye(3)
     else:
-        # across the axis and the axis of the world that is the least parallel to it
-        x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
+        # Any x axis across z will do. It is found with the axis of the world that is
+        # the least parallel to z.
+        world_axis = np.eye(3)[np.argmin(np.abs(z))]
+        x = np.cross(z, world_axis)
         x /= np.linalg.norm(x)
-        rotation = np.column_stack([x, np.cross(z, x), z])
+        y = np.cross(z, x)
+        rotation = np.column_stack([x, y, z])
     return np.concatenate([origin, rotation.ravel()])
 
 
@@ -558,36 +564,30 @@ def wall_arrays(
         The arrays.
     """
     planes, cones, rings, meshes = (wall_set.of(kind) for kind in WALL_KINDS)
-    framed = [*cones, *rings, *meshes]
-    surfaces = [*planes, *framed]
+    walls_with_frame = [*cones, *rings, *meshes]
+    surfaces = [*planes, *walls_with_frame]
     plane_rows = _rows_of([wall.row() for wall in planes], st.PLANE_COLUMNS)
-    frames = _rows_of([frame_of(wall) for wall in framed], 12)
+    frames = _rows_of([frame_of(wall) for wall in walls_with_frame], 12)
     motion = _rows_of([wall.motion.row() for wall in surfaces], 9)
+    path = 0.0  # how far any wall may have come nearer until now
+    was_displaced = np.zeros(len(frames), bool)
     if old is not None:
         plane_rows = old.planes.copy()
         frames = old.frames.copy()
         # The pivots of the other walls stay where their motion has brought them.
-        others = np.arange(len(motion)) != changed
-        motion[others] = old.motion[others]
-
-    moves = np.any(motion[:, :6] != 0.0, axis=1)
-    displaced = np.any(frames != WORLD_FRAME, axis=1) | moves[len(planes) :]
-    path = 0.0  # how far any wall may have come nearer until now
-    if old is not None:
-        displaced |= old.displaced > 0
+        is_other = np.arange(len(motion)) != changed
+        motion[is_other] = old.motion[is_other]
         path = old.approach[st.WALL_PATH]
+        was_displaced = old.displaced > 0
 
-    frame_axes = frames[:, 3:].reshape(-1, 3, 3)[:, :, 2]
-    speeds = [
-        _approach_speed(*wall, size_m)
-        for wall in zip(
-            surfaces,
-            [*plane_rows[:, 3:6], *frame_axes],
-            [*plane_rows[:, :3], *frames[:, :3]],
-            motion,
-            strict=True,
-        )
-    ]
+    # The velocities are the first six columns. A frame that is not the world's, or will
+    # not be, is displaced: the kernels transform bodies to it.
+    moves = np.any(motion[:, :6] != 0.0, axis=1)
+    is_elsewhere = np.any(frames != WORLD_FRAME, axis=1)
+    displaced = is_elsewhere | moves[len(planes) :] | was_displaced
+
+    speeds = _approach_speeds(surfaces, plane_rows, frames, motion, size_m)
+    materials = [material_numbers[surface.material] for surface in surfaces]
     return st.Walls(
         planes=plane_rows,
         cones=_rows_of([wall.row() for wall in cones], st.CONE_COLUMNS),
@@ -596,10 +596,28 @@ def wall_arrays(
         displaced=displaced.astype(np.uint8),
         motion=motion,
         moves=moves.astype(np.uint8),
-        material=np.array([material_numbers[w.material] for w in surfaces], np.uint8),
+        material=np.array(materials, np.uint8),
         approach=np.array([path, max(speeds, default=0.0), float(moves.any())]),
         loads=np.zeros((0, 6)),
     )
+
+
+def _approach_speeds(
+    surfaces: Sequence[Wall],
+    plane_rows: np.ndarray,
+    frames: np.ndarray,
+    motion: np.ndarray,
+    size_m: float,
+) -> list[float]:
+    """Compute `_approach_speed` of each wall [m/s]: planes, then the others."""
+    normals = plane_rows[:, 3:6]
+    frame_axes = frames[:, 3:].reshape(-1, 3, 3)[:, :, 2]  # the z axes
+    axes = [*normals, *frame_axes]
+    places = [*plane_rows[:, :3], *frames[:, :3]]
+    speeds = []
+    for k, surface in enumerate(surfaces):
+        speeds.append(_approach_speed(surface, axes[k], places[k], motion[k], size_m))
+    return speeds
 
 
 def _rows_of(rows: list[np.ndarray], columns: int) -> np.ndarray:
@@ -629,19 +647,25 @@ def _approach_speed(
     size_m : float
         Size of the box of the bodies [m].
     """
-    velocity, angular_velocity, pivot = motion[:3], motion[3:6], motion[6:]
+    velocity = motion[:3]
+    angular_velocity = motion[3:6]
+    pivot = motion[6:]
     speed = float(np.linalg.norm(velocity))
-    rate = float(np.linalg.norm(angular_velocity))
-    if rate == 0.0:
+    angular_speed = float(np.linalg.norm(angular_velocity))
+    if angular_speed == 0.0:
         return speed
+
     offset = place - pivot
     distance = np.linalg.norm(offset)
     if isinstance(surface, Mesh):
         # A vertex is at most this far from the frame's origin.
         reach = np.linalg.norm(surface.vertices_m, axis=1).max()
-        return speed + rate * float(reach + distance)
-    is_parallel = abs(abs(axis @ angular_velocity) - rate) < 1e-12 * rate
+        return speed + angular_speed * float(reach + distance)
+
+    # A wall that turns about its own axis stays where it is.
+    axial_speed = abs(axis @ angular_velocity)
+    is_parallel = abs(axial_speed - angular_speed) < 1e-12 * angular_speed
     offset_across = offset - (offset @ axis) * axis
     if is_parallel and np.linalg.norm(offset_across) < 1e-9 * size_m:
         return speed
-    return speed + rate * float(size_m + distance)
+    return speed + angular_speed * float(size_m + distance)

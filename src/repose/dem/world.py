@@ -1,4 +1,4 @@
-"""The parts of a simulation: laws, materials, and arrays of bodies, walls, contacts."""
+"""The parts of a simulation: its force laws, materials, bodies, walls and contacts."""
 
 import math
 from collections.abc import Mapping
@@ -84,6 +84,7 @@ class World:
 
         ValueError for an unknown one.
         """
+        # `chosen` refuses unknown names; the names themselves are kept.
         chosen("tension", tension, TENSIONS)
         if friction_limit is None:
             friction_limit = COULOMB[tension]
@@ -135,26 +136,26 @@ class World:
 
     def _make_body_arrays(self) -> None:
         """Make the arrays of the absent bodies and the grid of the search."""
-        radii = [shape.bounding_radius_m for shape in self.shapes.values()]
-        self.radius = self.largest_scale * max(radii)
         # Large simulations of smooth bodies run in shares, whatever the number of
         # threads is. They number the bodies anew as these move; two arrays translate
         # between the numbers of the engine and those of the user.
-        self._runs_in_shares = (
-            self.capacity >= parallel.FEWEST_BODIES and not self._has_clumps
-        )
+        is_large = self.capacity >= parallel.FEWEST_BODIES
+        self._runs_in_shares = is_large and not self._has_clumps
         self._engine_numbers = np.arange(self.capacity)
         self._user_numbers = np.arange(self.capacity)
-        self.bodies = st.new_bodies(
-            self.capacity,
-            parts_of(self.shapes.values()),
-            parallel.SHARES if self._runs_in_shares else 1,
-        )
+
+        n_shares = parallel.SHARES if self._runs_in_shares else 1
+        parts = parts_of(self.shapes.values())
+        self.bodies = st.new_bodies(self.capacity, parts, n_shares)
         self._shape_ids = np.zeros(self.capacity, np.int32)
         self._scales = np.ones(self.capacity)
 
-        skin = SKIN_SHARE * self.radius
+        # The centres of two bodies that touch are at most `reach` apart. Pairs are
+        # listed up to a gap of one skin.
+        radii = [shape.bounding_radius_m for shape in self.shapes.values()]
+        self.radius = self.largest_scale * max(radii)
         reach = 2.0 * self.radius
+        skin = SKIN_SHARE * self.radius
         self.grid = st.new_grid(self.capacity, self.lower, self.upper, reach + skin)
         self.grid.lengths[st.REACH] = reach
         self.grid.lengths[st.SKIN] = skin
@@ -174,7 +175,9 @@ class World:
         `old` and `changed` are those of `walls.wall_arrays`.
         """
         size = float(np.linalg.norm(self.upper - self.lower))
-        return wall_arrays(self.wall_set, self._numbers.of_all, size, old, changed)
+        return wall_arrays(
+            self.wall_set, self._numbers.all_materials, size, old, changed
+        )
 
     def _make_contact_lists(self) -> None:
         """Make empty lists of contacts."""
@@ -183,11 +186,17 @@ class World:
         self.pairs = contact_lists.new_pairs(
             self.capacity, self._most_spheres, self._n_state
         )
+        # There are lists of contacts with planes, with curved walls and with meshes.
+        n_planes = len(self.walls.planes)
         n_curved = len(self.walls.cones) + len(self.walls.rings)
-        n_walls = (len(self.walls.planes), n_curved, len(self.wall_set.of(Mesh)))
+        n_meshes = len(self.wall_set.of(Mesh))
         self.flat, self.curved, self.meshed = contact_lists.new_wall_contacts(
-            self.capacity, n_walls, self._has_clumps, self._n_state
+            self.capacity,
+            (n_planes, n_curved, n_meshes),
+            self._has_clumps,
+            self._n_state,
         )
+        # The kernels tell smooth bodies from clumps by an empty tuple.
         self.clumps: Any = ()
         if self._has_clumps:
             self.clumps = cl.new_clumps(
@@ -204,7 +213,7 @@ class World:
         floor_height: float,
     ) -> st.Physics:
         """Make the constants of a step as the kernels need them."""
-        has_mixed_bodies = len(self._numbers.of_bodies) > 1
+        has_mixed_bodies = len(self._numbers.body_materials) > 1
         has_mixed_walls = len(set(self._wall_materials())) > 1
         return st.Physics(
             parts=parts_of(self.shapes.values()),

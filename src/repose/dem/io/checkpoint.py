@@ -1,4 +1,4 @@
-"""A simulation in one file, from which it goes on with the same bits."""
+"""Save a simulation in one file, from which it goes on with the same bits."""
 
 import dataclasses
 import json
@@ -110,7 +110,8 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
 def _named_arrays(simulation: World) -> Iterator[tuple[str, np.ndarray]]:
     """Yield every array of a simulation with its name.
 
-    Arrays in a named tuple have a name such as "group.name".
+    An attribute is an array, or a named tuple with arrays, such as the list of pairs;
+    these have names such as "pairs.first".
     """
     for name, value in vars(simulation).items():
         if isinstance(value, np.ndarray):
@@ -122,19 +123,32 @@ def _named_arrays(simulation: World) -> Iterator[tuple[str, np.ndarray]]:
 
 
 def _restore(simulation: World, saved: Mapping[str, np.ndarray]) -> None:
-    """Give a new simulation the arrays of a saved one."""
+    """Give a new simulation the arrays of a saved one.
+
+    Raises
+    ------
+    KeyError
+        If the names of the arrays differ.
+    ValueError
+        If an array has another type or shape than in the new simulation.
+    """
     arrays = dict(_named_arrays(simulation))
     if set(arrays) != set(saved):
         raise KeyError(f"arrays {sorted(set(arrays) ^ set(saved))}")
     for name, values in saved.items():
         array = arrays[name]
-        has_type = array.dtype == values.dtype
-        if has_type and array.shape == values.shape:
+        if array.dtype == values.dtype and array.shape == values.shape:
             array[...] = values
-        elif has_type and _may_grow(name) and array.shape[1:] == values.shape[1:]:
+        elif _may_replace(name, array, values):
             _replace_array(simulation, name, values)
         else:
             raise ValueError(f"array {name} is {values.dtype}{values.shape}")
+
+
+def _may_replace(name: str, array: np.ndarray, values: np.ndarray) -> bool:
+    """Tell whether values may replace an array: it grows, and they are as wide."""
+    has_type = array.dtype == values.dtype
+    return has_type and _may_grow(name) and array.shape[1:] == values.shape[1:]
 
 
 def _may_grow(name: str) -> bool:
@@ -190,17 +204,16 @@ def _describe(simulation: World) -> dict[str, Any]:
 
 
 def _arguments(description: Mapping[str, Any]) -> dict[str, Any]:
-    """Make the arguments of the described simulation."""
-    walls = {}
-    for name, (kind, fields) in description["walls"].items():
-        values = _tuples(fields)
-        values["motion"] = Motion(**values["motion"])
-        walls[name] = getattr(wall_types, kind)(**values)
+    """Make the arguments of a simulation from its description, see `_describe`."""
     shapes = {name: _shape(fields) for name, fields in description["shapes"].items()}
     materials = {
         name: Material(**fields) for name, fields in description["materials"].items()
     }
     contacts = {(a, b): Contact(**fields) for a, b, fields in description["contacts"]}
+    walls = {
+        name: _wall(class_name, fields)
+        for name, (class_name, fields) in description["walls"].items()
+    }
     return {
         "shapes": shapes,
         "materials": materials,
@@ -208,6 +221,13 @@ def _arguments(description: Mapping[str, Any]) -> dict[str, Any]:
         "walls": walls,
         **description["arguments"],
     }
+
+
+def _wall(class_name: str, fields: Mapping[str, Any]) -> Any:
+    """Make the wall of a class that has these fields."""
+    values = _tuples(fields)
+    values["motion"] = Motion(**values["motion"])
+    return getattr(wall_types, class_name)(**values)
 
 
 def _shape(fields: Mapping[str, Any]) -> Clump | Shape:

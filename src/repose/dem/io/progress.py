@@ -64,25 +64,57 @@ def _shown_on_stderr(
     Yield a function to call with the simulated time.
     """
     is_terminal = sys.stderr.isatty()
-    start = time.perf_counter()
-    marks = deque([Mark(start, begin_s)])
-    # The first line comes after a minute, the bar at once.
-    interval_s = BAR_EVERY_S if is_terminal else LINE_EVERY_S
-    due = 0.0 if is_terminal else start + LINE_EVERY_S
-
-    def report(time_s: float) -> None:
-        nonlocal due
-        now = time.perf_counter()
-        marks.append(Mark(now, time_s))
-        while len(marks) > 2 and now - marks[0].wall_s > WINDOW_S:
-            marks.popleft()
-        is_last = is_terminal and time_s >= end_s
-        if now >= due or is_last:
-            due = now + interval_s
-            show(time_s, _speed_text(marks[0], marks[-1], end_s, time_step_s))
-
+    start = Mark(time.perf_counter(), begin_s)
     with _display_of(is_terminal, label, begin_s, end_s) as show:
-        yield report
+        yield _Reporter(show, start, end_s, time_step_s, has_bar=is_terminal)
+
+
+class _Reporter:
+    """Shows the progress at intervals, when it is called with the simulated time.
+
+    Parameters
+    ----------
+    show : callable
+        Shows the simulated time and a text.
+    start : Mark
+        When the run began.
+    end_s, time_step_s : float
+        Simulated time at the end, and the time step [s].
+    has_bar : bool
+        Whether `show` draws a bar. It is drawn at once, again after `BAR_EVERY_S`, and
+        at the end. The first line comes after `LINE_EVERY_S`.
+    """
+
+    def __init__(
+        self,
+        show: Callable[[float, str], None],
+        start: Mark,
+        end_s: float,
+        time_step_s: float,
+        has_bar: bool,
+    ) -> None:
+        self._show = show
+        self._end_s = end_s
+        self._time_step_s = time_step_s
+        self._has_bar = has_bar
+        self._interval_s = BAR_EVERY_S if has_bar else LINE_EVERY_S
+        self._next_report_s = 0.0 if has_bar else start.wall_s + LINE_EVERY_S
+        self._marks = deque([start])  # of the last `WINDOW_S`
+
+    def __call__(self, time_s: float) -> None:
+        """Show the simulated time and the speed, if it is time for that."""
+        now = time.perf_counter()
+        self._marks.append(Mark(now, time_s))
+        while len(self._marks) > 2 and now - self._marks[0].wall_s > WINDOW_S:
+            self._marks.popleft()
+
+        is_last_bar = self._has_bar and time_s >= self._end_s
+        if now >= self._next_report_s or is_last_bar:
+            self._next_report_s = now + self._interval_s
+            text = _speed_text(
+                self._marks[0], self._marks[-1], self._end_s, self._time_step_s
+            )
+            self._show(time_s, text)
 
 
 def _display_of(

@@ -41,6 +41,7 @@ class Recorder:
         simulation : Simulation
             The simulation.
         """
+        # Bodies are only added, so the last call has the shapes and scales of all.
         self._shapes = simulation.shape_ids.copy()
         self._scales = simulation.scales.copy()
         present = simulation.present[:, None]
@@ -70,7 +71,8 @@ class Recorder:
             names of the shapes; scale (N,); planes (T, P, 7) and wall_frames (T, C,
             12), the walls as the kernels have them (`repose.dem.kernels.state`).
         """
-        n_frames, n_bodies = len(self._frames), len(self._scales)
+        n_frames = len(self._frames)
+        n_bodies = len(self._scales)  # of the last frame, which has the most
         positions = np.full((n_frames, n_bodies, 3), np.nan, np.float32)
         quaternions = np.full((n_frames, n_bodies, 4), np.nan, np.float32)
         for k, frame in enumerate(self._frames):

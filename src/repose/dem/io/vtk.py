@@ -1,4 +1,4 @@
-"""Bodies and walls as VTK files that ParaView opens.
+"""Write bodies and walls as VTK files, which ParaView opens.
 
 The format is XML PolyData with each array in base64, so every bit of a number survives.
 It is written here, as the libraries that write it bring a renderer or a mesh converter
@@ -86,26 +86,27 @@ def _check_suffix(path: str | os.PathLike, suffix: str) -> Path:
 
 
 def _body_points(simulation: "Observables") -> PolyData:
-    """Collect the bodies as points."""
-    present = np.flatnonzero(simulation.present)
-    shape_ids = simulation.shape_ids[present]
-    scales = simulation.scales[present]
-    quaternions = simulation.quaternions[present]
+    """Collect the bodies that are there as points."""
+    bodies = np.flatnonzero(simulation.present)
+    shape_ids = simulation.shape_ids[bodies]
+    scales = simulation.scales[bodies]
+    quaternions = simulation.quaternions[bodies]
     extents = np.array([shape.half_extents_m for shape in simulation.shapes.values()])
     semi_axes = scales[:, None] * extents[shape_ids]
+    # The tensor R diag(full extents) R', with the rotation R of each body.
     turns = rotation_matrices(quaternions)
     tensors = np.einsum("nij,nj,nkj->nik", turns, 2.0 * semi_axes, turns)
     return PolyData(
-        points=simulation.positions[present],
+        points=simulation.positions[bodies],
         cell_kind="Verts",
-        cells=np.arange(len(present))[:, None],
+        cells=np.arange(len(bodies))[:, None],
         point_data={
-            "id": present,
+            "id": bodies,
             "shape": shape_ids,
             "scale": scales,
             "quaternion": quaternions,
-            "velocity": simulation.velocities[present],
-            "angular_velocity": simulation.angular_velocities[present],
+            "velocity": simulation.velocities[bodies],
+            "angular_velocity": simulation.angular_velocities[bodies],
             "semi_axes": semi_axes,
             "tensor": tensors.reshape(-1, 9),
         },
@@ -145,13 +146,17 @@ _COLLECTORS = {"points": _body_points, "surfaces": _body_surfaces, "walls": _wal
 
 
 def _data_array(name: str, values: np.ndarray, attributes: str = "") -> str:
-    """Write a DataArray element: the number of bytes and the bytes, in base64."""
+    """Write a DataArray element of numbers (N,) or (N, columns).
+
+    Its text is the number of bytes and then the bytes, in base64. `attributes` are
+    further attributes of the element, with a space before each.
+    """
     values = np.ascontiguousarray(values)
-    type_code = values.dtype.str[1:]
+    type_code = values.dtype.str[1:]  # such as f8, without the order of the bytes
     columns = values.shape[1] if values.ndim > 1 else 1
-    size = np.uint64(values.nbytes).tobytes()
-    content = values.astype("<" + type_code).tobytes()
-    text = base64.b64encode(size + content).decode()
+    n_bytes = np.uint64(values.nbytes).tobytes()
+    little_endian = values.astype("<" + type_code).tobytes()
+    text = base64.b64encode(n_bytes + little_endian).decode()
     return (
         f"<DataArray type={quoteattr(VTK_TYPES[type_code])} Name={quoteattr(name)} "
         f'NumberOfComponents="{columns}"{attributes} format="binary">{text}</DataArray>'
@@ -178,8 +183,9 @@ def _vtp_text(time_s: float, names: str, data: PolyData) -> str:
 
     `names` is the element with the names of shapes or walls.
     """
-    n_cells, corners = data.cells.shape
-    ends = corners * np.arange(1, n_cells + 1)
+    # The cells are one list of points, and the place in it at which each cell ends.
+    n_cells, n_corners = data.cells.shape
+    ends = n_corners * np.arange(1, n_cells + 1)
     topology = {
         "connectivity": data.cells.reshape(-1).astype(np.int64),
         "offsets": ends.astype(np.int64),
@@ -192,6 +198,7 @@ def _vtp_text(time_s: float, names: str, data: PolyData) -> str:
         *_element("PointData", *_data_arrays(data.point_data)),
         *_element("CellData", *_data_arrays(data.cell_data)),
     )
+    # Time and names belong to the whole file.
     time = _data_array("TimeValue", np.array([time_s]), ' NumberOfTuples="1"')
     fields = _element("FieldData", time, names)
     file = _element(
@@ -267,6 +274,7 @@ class VtkSeries:
             raise ValueError(
                 f"time_s is {time!r}; expected later than the last one, {last_time!r}"
             )
+        # The new files first, then the .pvd that names them.
         number = len(self._states)
         bodies_file = f"{self.path.stem}/bodies_{number:06d}.vtp"
         write_vtk(self.path.parent / bodies_file, simulation, self.content)
@@ -278,16 +286,18 @@ class VtkSeries:
         write_whole(self.path, lambda handle: handle.write(text.encode()))
 
     def _write_walls(self, simulation: "Observables", number: int) -> str:
-        """Write the walls if they have moved since the last time.
+        """Write the walls, unless they are still where they were last written.
 
-        Return the name of their file.
+        Return the name of the file in which they are.
         """
         walls = simulation.walls
         places = np.concatenate([walls.planes.ravel(), walls.frames.ravel()])
-        if self._walls_file is None or not np.array_equal(places, self._wall_places):
-            self._walls_file = f"{self.path.stem}/walls_{number:06d}.vtp"
-            self._wall_places = places
-            write_vtk(self.path.parent / self._walls_file, simulation, "walls")
+        is_unmoved = np.array_equal(places, self._wall_places)
+        if self._walls_file is not None and is_unmoved:
+            return self._walls_file
+        self._walls_file = f"{self.path.stem}/walls_{number:06d}.vtp"
+        self._wall_places = places
+        write_vtk(self.path.parent / self._walls_file, simulation, "walls")
         return self._walls_file
 
     def _pvd_text(self) -> str:

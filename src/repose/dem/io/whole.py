@@ -1,4 +1,4 @@
-"""Files that are either complete or absent."""
+"""Write a file so that it is either complete or absent."""
 
 import os
 from collections.abc import Callable

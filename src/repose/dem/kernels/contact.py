@@ -1,4 +1,4 @@
-"""Gap between two smooth bodies by their support functions, solved to convergence.
+"""The gap between two smooth bodies, found by Newton's method on the contact normal.
 
 With d = c_B - c_A, f(n) = n.d - h_A(n) - h_B(-n). Its maximum over unit vectors n is the
 gap, or minus the overlap where it is negative; n is then the contact normal from A to B.

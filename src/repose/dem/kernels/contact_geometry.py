@@ -1,4 +1,4 @@
-"""Where a body touches a wall: eight numbers in an array, one contact at a time.
+"""One contact of a body with a wall, as eight numbers in an array.
 
 The solvers of `wall_contact` and `mesh_contact` fill such an array, called `geometry`;
 a thread keeps two of them in its scratch (`state.Scratch`). `forces` copies it to a

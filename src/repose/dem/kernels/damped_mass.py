@@ -1,4 +1,4 @@
-"""The mass in the damping of a contact, with which an impact has its nominal restitution.
+"""The effective mass of each contact, on which its viscous damping depends.
 
 A unit impulse along the normal n gives the place of a contact at r from a body's centre
 the velocity
@@ -33,7 +33,7 @@ from .rows import LANES, lane_matrix, lane_vector
 
 
 @inlined
-def mobility(scratch, history, body, arm, parts, add):
+def write_mobility(scratch, history, body, arm, parts, add):
     """Write or add the velocity that a unit impulse along the normal gives each body.
 
     This is 1 / m + (r x n) . J (r x n), with the mass m of the body, its inverse inertia
@@ -81,14 +81,14 @@ def mobility(scratch, history, body, arm, parts, add):
 
 
 @inlined
-def mass_of_pairs(scratch, history, pairs, parts, clumps, base, lanes):
+def write_mass_of_pairs(scratch, history, pairs, parts, clumps, base, lanes):
     """Write the row INVERSE_MASS of a tile of pairs.
 
     The tile begins with contact `base` and uses its first `lanes` lanes. All contacts
     of two clumps share their mass.
     """
-    mobility(scratch, history, tl.A, tl.RA, parts, 0.0)
-    mobility(scratch, history, tl.B, tl.RB, parts, 1.0)
+    write_mobility(scratch, history, tl.A, tl.RA, parts, 0.0)
+    write_mobility(scratch, history, tl.B, tl.RB, parts, 1.0)
     if len(clumps) > 0:
         for lane in range(lanes):
             n_contacts = pairs.live[pairs.entry[base + lane]]
@@ -96,12 +96,12 @@ def mass_of_pairs(scratch, history, pairs, parts, clumps, base, lanes):
 
 
 @inlined
-def mass_on_wall(scratch, history, contacts, parts, clumps, base, lanes):
-    """Write the row INVERSE_MASS of a tile of contacts with walls, as `mass_of_pairs`.
+def write_mass_on_wall(scratch, history, contacts, parts, clumps, base, lanes):
+    """Write the row INVERSE_MASS of a tile of contacts with walls, as `write_mass_of_pairs`.
 
     All spheres of a clump on one wall share its mass.
     """
-    mobility(scratch, history, tl.A, tl.RA, parts, 0.0)
+    write_mobility(scratch, history, tl.A, tl.RA, parts, 0.0)
     if len(clumps) > 0:
         for lane in range(lanes):
             k = base + lane
@@ -110,7 +110,7 @@ def mass_on_wall(scratch, history, contacts, parts, clumps, base, lanes):
 
 
 @inlined
-def spheres_on_meshes(meshed, mesh_sphere, n):
+def mark_spheres_on_meshes(meshed, mesh_sphere, n):
     """Write `meshed.known`: which spheres of each body touch each mesh, as bits.
 
     A sphere may touch a mesh in several places and still has one bit.

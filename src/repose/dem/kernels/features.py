@@ -1,4 +1,4 @@
-"""The features of a triangle mesh that a body can touch, in a grid of cells.
+"""Faces, edges and vertices of a mesh that bodies can touch, in a grid of cells.
 
 Features are faces, convex edges and convex vertices. The mesh is *eroded* by the edge
 radius: every vertex moves inwards until it lies that deep below all its faces; the
@@ -321,7 +321,7 @@ def _largest_radius(vertices, faces, steps, radius):
     return low
 
 
-def eroded(vertices, faces, steps, radius):
+def erode(vertices, faces, steps, radius):
     """Return the vertices (V, 3) of the mesh eroded by an edge radius [m].
 
     `steps` (V, 3) is the displacement of each vertex for a radius of 1.
@@ -601,7 +601,7 @@ def split(vertices, faces, radius):
     steps, pairs, normals = inward_steps(
         vertices, faces, edges, edge_faces, face_plane, plane_normals
     )
-    core = eroded(vertices, faces, steps, radius)
+    core = erode(vertices, faces, steps, radius)
     face_plane, plane_normals = _planes_of_core(
         core, vertices, faces, face_plane, plane_normals, radius
     )

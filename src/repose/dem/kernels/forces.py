@@ -1,9 +1,10 @@
-"""Forces of all contacts: the same loops for smooth bodies and for clumps of spheres.
+"""Contact forces of one time step, computed for tiles of 32 contacts.
 
-Contacts are handled in tiles of L lanes. For each tile: copy the rows of its bodies into
-the tile `scratch` (gather), compute the geometry, apply the force laws, handle the
-contacts that ended, and add the forces to the loads of the bodies (scatter). The kernels
-are `pair_forces`, and `plane_forces`, `curved_forces` and `mesh_forces` for walls.
+The same loops serve smooth bodies and clumps of spheres. A tile has LANES lanes, one for
+each contact. For each tile: copy the rows of its bodies into the tile `scratch` (gather),
+compute the geometry, apply the force laws, handle the contacts that ended, and add the
+forces to the loads of the bodies (scatter). The kernels are `pair_forces`, and
+`plane_forces`, `curved_forces` and `mesh_forces` for walls.
 
 `clumps` is an empty tuple in a simulation of smooth bodies, else a `clumps.Clumps`. The
 length of a tuple is part of its type, so numba compiles only the branch for the bodies of
@@ -33,7 +34,7 @@ from .clump_walls import (
 )
 from .clumps import set_bit
 from .contact_geometry import arm_of, normal_of, shift_arm
-from .damped_mass import mass_of_pairs, mass_on_wall, spheres_on_meshes
+from .damped_mass import mark_spheres_on_meshes, write_mass_of_pairs, write_mass_on_wall
 from .frames import load_walls, surface_velocity
 from .jit import inlined, kernel
 from .meshes import follow_mesh
@@ -45,7 +46,7 @@ from .walls import (
     azimuth,
     drop_wall_contact,
     follow_wall,
-    slid_off,
+    note_slide_off,
 )
 
 ON_WALL, OF_PAIR = 1, 0  # values of `on_wall`
@@ -206,7 +207,7 @@ def pair_forces(bodies, pairs, clumps, counts, physics, scratch, share, begin, e
         gather_bodies(bodies.rows, pairs.first, base, scratch, tl.A)
         gather_bodies(bodies.rows, pairs.second, base, scratch, tl.B)
         pair_geometry(scratch, history, physics.parts, clumps)
-        mass_of_pairs(scratch, history, pairs, physics.parts, clumps, base, lanes)
+        write_mass_of_pairs(scratch, history, pairs, physics.parts, clumps, base, lanes)
         # A contact takes the smaller share of its bodies, see `laws.tangential`.
         for lane in range(LANES):
             scratch[tl.SHARE + lane] = min(
@@ -305,7 +306,7 @@ def wall_forces(bodies, contacts, clumps, walls, physics, first_wall, base, n, s
     """
     history = contacts.data[base // LANES]
     fill_walls(bodies, contacts, walls, physics, first_wall, base, n, scratch)
-    mass_on_wall(
+    write_mass_on_wall(
         scratch, history, contacts, physics.parts, clumps, base, min(LANES, n - base)
     )
     # the share of the dashpot that acts is that of the body
@@ -411,7 +412,7 @@ def note_past_edge(flat, clumps, k):
 def note_past_end(bodies, curved, clumps, walls, n, k, depth):
     """Note that contact k slid over the end of a curved wall, with an overlap of depth."""
     if len(clumps) == 0:
-        slid_off(bodies, curved, walls, n, k, depth)
+        note_slide_off(bodies, curved, walls, n, k, depth)
     else:
         sphere_slid_off(bodies, curved, walls, k)
 
@@ -648,7 +649,7 @@ def mesh_forces(
     first_wall = walls.planes.shape[0] + n_curved
     n_ended = 0
     if len(clumps) > 0:
-        spheres_on_meshes(meshed, clumps.mesh_sphere, n)
+        mark_spheres_on_meshes(meshed, clumps.mesh_sphere, n)
     for base in range(0, n, LANES):
         lanes = min(LANES, n - base)
         history = meshed.data[base // LANES]

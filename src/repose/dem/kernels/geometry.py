@@ -1,4 +1,4 @@
-"""Directions and support functions of one body, as scalars.
+"""Support points and curvatures of one body: a sum of ellipsoids with common axes.
 
 A body is a Minkowski sum of ellipsoids ("parts") with common axes. Its support function
 is h(n) = sum_k sqrt(n' S_k n) with S_k = R diag(a_k^2) R', smooth and convex for any
@@ -34,7 +34,7 @@ def tangents(nx, ny, nz):
 
 
 @inlined
-def stepped(nx, ny, nz, step_u, step_w):
+def step_normal(nx, ny, nz, step_u, step_w):
     """Return a unit vector after a step along its `tangents`, normalised again."""
     ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
     x = nx + step_u * ux + step_w * wx

@@ -35,7 +35,7 @@ from .features import (
     SIDES,
     STRICT,
 )
-from .geometry import extent, stepped, support_terms, tangents
+from .geometry import extent, step_normal, support_terms, tangents
 from .jit import inlined, kernel
 from .rows import vector_at
 from .state import POSITION
@@ -428,7 +428,7 @@ def solve_vertex(row, parts, meshes, feature, geometry):
     for _ in range(VERTEX_ITERATIONS):
         if step_u * step_u + step_w * step_w < VERTEX_CONVERGED:
             break
-        nx, ny, nz = stepped(best_x, best_y, best_z, step_u, step_w)
+        nx, ny, nz = step_normal(best_x, best_y, best_z, step_u, step_w)
         value, next_u, next_w = vertex_step(row, parts, vertex, nx, ny, nz)
         if value < best - DOWNHILL:
             step_u *= 0.5

@@ -1,4 +1,4 @@
-"""Contacts of bodies with meshes: found anew, and followed on their feature.
+"""Contacts of bodies with triangle meshes: how they begin and are followed in time.
 
 A contact stays on one feature of the mesh (`features`) as long as it lies inside it. A
 contact that leaves its feature is handed over, with its spring, to the feature that the
@@ -18,7 +18,7 @@ from . import state as st
 from .contact_geometry import arm_of, copy_geometry, normal_of
 from .features import EDGE, EDGE_ANGLE, EDGE_LENGTH, FACE
 from .frames import contact_to_world, into_frame, mesh_frame, normal_to_world
-from .geometry import extent, stepped
+from .geometry import extent, step_normal
 from .jit import inlined, kernel
 from .mesh_contact import (
     SLACK,
@@ -37,7 +37,7 @@ from .walls import (
     NEXT_LOOK_BEYOND,
     NEXT_LOOK_KNOWN,
     add_wall_contact,
-    seen_from,
+    row_seen_from_wall,
 )
 
 # A search reaches this far beyond the body's box (share of its radius).
@@ -265,7 +265,7 @@ def follow_on_feature(row, parts, meshes, history, lane, feature, nx, ny, nz, ge
     # a vertex
     for _ in range(FOLLOWING_STEPS):
         _f, step_u, step_w = vertex_step(row, parts, data, nx, ny, nz)
-        nx, ny, nz = stepped(nx, ny, nz, step_u, step_w)
+        nx, ny, nz = step_normal(nx, ny, nz, step_u, step_w)
     return vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry)
 
 
@@ -434,7 +434,7 @@ def follow_mesh(
     """Follow contact k of a smooth body with a mesh, as `follow_feature`."""
     i = contacts.body[k]
     frame = mesh_frame(walls, contacts.wall[k])
-    row = seen_from(walls, frame, bodies.rows[i], parts, local_row)
+    row = row_seen_from_wall(walls, frame, bodies.rows[i], parts, local_row)
     radius = bounding_radius(bodies, i)
     return follow_feature(
         row,
@@ -522,7 +522,7 @@ def body_at_mesh(
         other_geometry,
         local_row,
     )
-    row = seen_from(walls, frame, bodies.rows[i], parts, local_row)
+    row = row_seen_from_wall(walls, frame, bodies.rows[i], parts, local_row)
     radius = bounding_radius(bodies, i)
     return search_mesh(
         row, meshed, counts, parts, walls, meshes, mesh, i, radius, geometry

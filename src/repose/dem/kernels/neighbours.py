@@ -1,4 +1,4 @@
-"""The neighbour (Verlet) list with a skin, kept pair by pair and body by body.
+"""The neighbour (Verlet) list: the pairs of bodies that touch or are near each other.
 
 Every body has a displacement: the sum over all steps of how far any of its points may
 have moved. A near pair has a limit: the gap at its last check plus both displacements at

@@ -1,4 +1,4 @@
-"""The search for spheres of two clumps that begin to touch.
+"""The search for spheres of two clumps (rigid bodies of spheres) that begin to touch.
 
 An entry of `clumps.SpherePairs` is checked when the displacements of its two bodies have
 reached its limit, as in `neighbours`: the displacement of a body bounds the motion of

@@ -1,4 +1,4 @@
-"""The search for new contacts with walls: which bodies are searched, and which walls.
+"""The search for new contacts with walls, for bodies that may have reached one.
 
 The *path* of a body is the sum of its displacement and that of the walls so far. A search
 of a wall returns how far the body may move before the next search; the path at which that
@@ -153,7 +153,7 @@ def search_bodies(
 
 
 @inlined
-def margin_of(bodies, approach, begin, end):
+def smallest_margin(bodies, approach, begin, end):
     """Return the least way left until one of the bodies is due for walls [m]."""
     margin = math.inf
     for i in range(begin, end):
@@ -197,7 +197,7 @@ def update_walls(bodies, flat, curved, clumps, walls, counts, parts, lowest, scr
             end,
         )
         approach = walls.approach[st.WALL_PATH]
-        bodies.wall_margin[tile] = margin_of(bodies, approach, base, end)
+        bodies.wall_margin[tile] = smallest_margin(bodies, approach, base, end)
 
 
 @inlined

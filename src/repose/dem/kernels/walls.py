@@ -1,4 +1,4 @@
-"""Contacts of smooth bodies with planes, cones and ring edges: found, and followed.
+"""Contacts of smooth bodies with planes, cones and rings: how they begin and go on.
 
 `search_plane` and `search_curved` look for new contacts of a body; `follow_wall` keeps a
 contact with a cone or ring up to date from step to step (see `wall_contact`). Search and
@@ -174,7 +174,7 @@ def overlap_elsewhere(contacts, n, body, wall):
 
 
 @inlined
-def slid_off(bodies, contacts, walls, n, k, depth):
+def note_slide_off(bodies, contacts, walls, n, k, depth):
     """Note that contact k with a curved wall slid over the wall's end.
 
     Writes `deepest` and `limit` of the contact's body, see `state.WallContacts`.
@@ -484,7 +484,7 @@ def search_plane(bodies, contacts, curved, counts, parts, plane, wall, i, geomet
 
 
 @inlined
-def seen_from(walls, frame, row, parts, local_row):
+def row_seen_from_wall(walls, frame, row, parts, local_row):
     """Return the row of a body in the frame of a curved wall or mesh.
 
     It is written to `local_row`, unless the frame is the world's: then it is `row`.
@@ -562,7 +562,7 @@ def search_curved(bodies, curved, walls, counts, parts, wall, i, path, scratch):
     deepest = curved.deepest[wall, i]
     distance_moved = path - curved.limit[wall, i] + NEXT_LOOK_BEYOND * radius
     curved.deepest[wall, i] = math.inf
-    row = seen_from(walls, wall, bodies.rows[i], parts, scratch.local_row)
+    row = row_seen_from_wall(walls, wall, bodies.rows[i], parts, scratch.local_row)
     if parts == st.SPHERES:
         return search_sphere(
             row,
@@ -637,7 +637,7 @@ def follow_wall(parts, row, walls, wall, history, lane, geometry, local_row):
     """
     n_cones = walls.cones.shape[0]
     theta = history[st.AZIMUTH + lane]
-    row = seen_from(walls, wall, row, parts, local_row)
+    row = row_seen_from_wall(walls, wall, row, parts, local_row)
     if parts == st.SPHERES:
         is_on_wall = sphere_row_on_wall(row, walls, wall, geometry)
     elif wall < n_cones:

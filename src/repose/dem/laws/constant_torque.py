@@ -1,4 +1,4 @@
-"""Rolling resistance of constant size against the relative rotation of two bodies.
+"""Rolling resistance law: a constant torque against the relative rotation of bodies.
 
 This is model A of Ai et al.
 

@@ -1,4 +1,4 @@
-"""Edinburgh elasto-plastic adhesion (EEPA).
+"""Contact law: Edinburgh elasto-plastic adhesion (EEPA).
 
 A contact that was pressed unloads more stiffly, and then pulls.
 

@@ -1,4 +1,4 @@
-"""Rolling resistance as a spring and dashpot between two bodies.
+"""Rolling resistance law: a spring and dashpot between two bodies.
 
 This is model C of Ai et al., with another spring and dashpot against twisting.
 

@@ -1,4 +1,4 @@
-"""Rolling resistance as a spring without dashpot.
+"""Rolling resistance law: a spring without dashpot.
 
 It is `epsd` with the tangential stiffness in place of the normal one.
 

@@ -1,4 +1,4 @@
-"""Hertz-Mindlin contact without slip, with viscous damping and Coulomb's limit.
+"""Contact law of Hertz and Mindlin, with viscous damping and Coulomb's limit.
 
 With overlap delta, effective radius R*, radius of the contact circle a = sqrt(R*
 delta), effective moduli E* and G*, mass m, damping ratio beta, and relative velocities

@@ -1,4 +1,4 @@
-"""Hertz-Mindlin contact whose tangential force falls with the normal load.
+"""Contact law of Hertz and Mindlin whose tangential force falls with the normal load.
 
 It is `hertz_mindlin` with another tangential spring.
 

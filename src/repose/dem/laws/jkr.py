@@ -1,4 +1,4 @@
-"""Cohesion of Johnson, Kendall and Roberts (JKR).
+"""Contact law with the cohesion of Johnson, Kendall and Roberts (JKR).
 
 Bodies attract each other up to a gap, once they have touched.
 

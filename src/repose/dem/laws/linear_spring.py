@@ -1,4 +1,4 @@
-"""Linear spring and dashpot with Coulomb's limit.
+"""Contact law: a linear spring and dashpot, with Coulomb's limit.
 
 With overlap delta, effective radius R*, effective moduli E* and G*, mass m, damping
 ratio beta and relative velocities v_n, v_t:

@@ -1,4 +1,4 @@
-"""Rolling resistance as a budget of torque: the law "budget".
+"""Rolling resistance law "budget": a torque against the rotation of each body.
 
 Every contact gives each of its bodies a budget mu_r F_c r, with the distance r of the
 contact from the body's centre of mass, and the normal force F_c that limits friction

@@ -1,4 +1,4 @@
-"""Hertz-Mindlin contact with a cohesion in proportion to the area of contact.
+"""Contact law of Hertz and Mindlin, with a cohesion in proportion to the contact area.
 
 This is the simplified JKR model of LIGGGHTS.
 
