@@ -92,9 +92,9 @@ class KernelCache(NullCache):
         return folder()
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        # numba calls this before it compiles `sig`, a signature; None lets it compile.
-        # Its own method also loads its declarations for the compiler, which takes 0.3 s
-        # and is not needed here.
+        """Return the stored code of a signature, or None, so that numba compiles it."""
+        # numba's own method also loads its declarations for the compiler, which takes
+        # 0.3 s and is not needed here.
         rtsys.initialize(target_context)
         path = self._path(sig, target_context.codegen())
         stored = _read(path, sig)
@@ -109,6 +109,7 @@ class KernelCache(NullCache):
         return CompileResult._rebuild(target_context, *stored)
 
     def save_overload(self, sig: Any, data: Any) -> None:
+        """Store the code that numba has compiled for a signature."""
         path = self._path(sig, data.codegen)
         if not self._is_called_by_kernels:
             # No kernel links this function, so its bitcode, which takes 0.1 s to read,

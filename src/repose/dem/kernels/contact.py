@@ -30,9 +30,9 @@ LEAST_DETERMINANT = 1e-3
 def newton_step(gx, gy, gz, xx, xy, xz, yy, yz, zz, f):
     """Return the step (x, y, z) of a normal towards the maximum of f [rad].
 
-    It is one step of Newton's method on the unit sphere, in the tangent plane. Where the
-    Hessian is not definite, it is a scaled gradient step. A step longer than LONGEST_STEP
-    is cut.
+    f is the gap of two bodies along the normal. The step is one of Newton's method on the
+    unit sphere, in the tangent plane. Where the Hessian is not definite, it is a scaled
+    gradient step. A step longer than LONGEST_STEP is cut.
 
     Parameters
     ----------

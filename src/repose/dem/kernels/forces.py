@@ -465,7 +465,7 @@ def curved_geometry(
     history = curved.data[k // LANES]
     row = bodies.rows[curved.body[k]]
     if len(clumps) == 0:
-        on_wall = follow_wall(
+        is_on_wall = follow_wall(
             physics.parts,
             row,
             walls,
@@ -479,7 +479,7 @@ def curved_geometry(
         history[st.GAP + lane] = geometry[cg.GAP]
         return (
             geometry[cg.GAP] > end_gap(history, physics, clumps, ON_WALL, lane)
-            or not on_wall
+            or not is_on_wall
             or (physics.parts != st.SPHERES and is_double(curved, k))
         )
     # The same for the sphere of a clump, at the end of its arm.

@@ -1,6 +1,6 @@
 """Contact of one body with one feature of a mesh: a face, a convex edge or vertex.
 
-The overlap of a body is the largest value of
+The gap of a body, or minus its overlap, is the largest value of
 
     f(n) = n.(place - centre) - h(n) - edge radius
 
@@ -62,8 +62,9 @@ EdgeValues = namedtuple("EdgeValues", "f slope bend along")
 def ascent_step(gradient_u, gradient_w, q_uu, q_uw, q_ww, f):
     """Return the step (step_u, step_w) of a normal towards the maximum of f [rad].
 
-    It is a Newton step on the unit sphere, or a scaled gradient step where the Hessian
-    -(Q + f I) is not definite. A step longer than LONGEST_STEP is cut.
+    f is the gap of a body and a vertex along the normal. The step is one of Newton's
+    method on the unit sphere, or a scaled gradient step where the Hessian -(Q + f I) is
+    not definite. A step longer than LONGEST_STEP is cut.
 
     Parameters
     ----------
@@ -317,8 +318,9 @@ def solve_edge(row, parts, edge, geometry):
 def vertex_step(row, parts, vertex, nx, ny, nz):
     """Return f of a vertex for a normal n [m], and the step to the next normal [rad].
 
-    `vertex` is the row of the vertex in `Meshes.data`. The step is (step_u, step_w) along
-    the tangents of `geometry.tangents`, towards the maximum of f.
+    f is the gap of the body and the rounded vertex along n. `vertex` is the row of the
+    vertex in `Meshes.data`. The step is (step_u, step_w) along the tangents of
+    `geometry.tangents`, towards the maximum of f.
     """
     ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
     h, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
@@ -388,6 +390,8 @@ def vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry):
 @kernel
 def solve_vertex(row, parts, meshes, feature, geometry):
     """Find the maximum of f over the normals of a vertex, and fill `geometry` for it.
+
+    f(n) is the gap of the body and the vertex along the normal n.
 
     Parameters
     ----------

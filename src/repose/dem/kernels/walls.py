@@ -235,7 +235,8 @@ def add_if_new(
     radius : float
         Bounding radius of the body [m].
     deepest : float
-        `contacts.deepest` of the body before this search [m].
+        Largest overlap with which a contact may begin [m], see the top of this file. It
+        is infinite unless the body was past the wall before this search.
     distance_moved : float
         How far the body may have moved since it was searched last [m].
     geometry : array (8,)
@@ -308,9 +309,9 @@ def search_cone(
         How far the body may move before the next search [m].
     """
     cone = walls.cones[wall]
-    angle = 2.0 * math.pi / st.STARTS
-    # The overlap phi at equal angles about the axis. (Numbers of `row` and `cone` are read
-    # in the loop: moved out of it, they change last bits, see `jit`.)
+    spacing = 2.0 * math.pi / st.STARTS
+    # The overlap phi at equal angles about the axis. Numbers of `row` and `cone` are read
+    # in the loop: moved out of it, they change last bits, see `jit`.
     for start in range(st.STARTS):
         nx = cone[st.CONE_NORMAL_R] * COSINES[start]
         ny = cone[st.CONE_NORMAL_R] * SINES[start]
@@ -327,7 +328,7 @@ def search_cone(
         # profile[-1] is the last start: the angles close to a circle
         if overlap < profile[start - 1] or overlap < profile[(start + 1) % st.STARTS]:
             continue
-        theta = solve_cone(row, parts, cone, start * angle)
+        theta = solve_cone(row, parts, cone, start * spacing)
         is_on_wall = cone_contact(row, parts, cone, theta, geometry)
         free_distance = add_if_new(
             contacts,
@@ -375,7 +376,7 @@ def search_ring(
     clearance = clearance - ring[st.RING_EDGE_RADIUS] - radius
     if clearance > 0.0:
         return clearance
-    angle = 2.0 * math.pi / st.STARTS
+    spacing = 2.0 * math.pi / st.STARTS
     # The distance from points of the circle at equal angles about the axis.
     for start in range(st.STARTS):
         nx, ny, nz, distance = towards_ring(row, ring, start)
@@ -389,7 +390,7 @@ def search_ring(
         ):
             continue
         nx, ny, nz, _distance = towards_ring(row, ring, start)
-        theta, nx, ny, nz = solve_ring(row, parts, ring, start * angle, nx, ny, nz)
+        theta, nx, ny, nz = solve_ring(row, parts, ring, start * spacing, nx, ny, nz)
         is_open = ring_contact(row, parts, ring, theta, nx, ny, nz, geometry)
         free_distance = add_if_new(
             contacts,
@@ -457,6 +458,7 @@ def search_plane(bodies, contacts, curved, counts, parts, plane, wall, i, geomet
     nx, ny, nz = vector_at(plane, st.PLANE_NORMAL)
     px, py, pz = vector_at(plane, st.PLANE_POINT)
     x, y, z = vector_at(row, st.POSITION)
+    # (dx, dy, dz) is the way from the body's centre to the point of the plane
     dx, dy, dz = px - x, py - y, pz - z
     height = nx * dx + ny * dy + nz * dz  # of the centre in front of the plane
     gap = height - extent(row, parts, nx, ny, nz)
@@ -647,7 +649,7 @@ def follow_wall(parts, row, walls, wall, history, lane, geometry, local_row):
         is_on_wall = cone_contact(row, parts, cone, theta, geometry)
     else:
         ring = walls.rings[wall - n_cones]
-        # (read number by number: `lane_vector` changes last bits here, see `jit`)
+        # read number by number, as `lane_vector` changes last bits here, see `jit`
         first = st.NORMAL + lane
         nx, ny, nz = history[first], history[first + LANES], history[first + 2 * LANES]
         if walls.displaced[wall]:
