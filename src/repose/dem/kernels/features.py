@@ -168,7 +168,9 @@ def edge_table(faces):
 def _coplanar_pairs(vertices, faces, edges, edge_faces, face_normals):
     """Find the pairs of faces that share an edge and lie in one plane.
 
-    Returns the first faces and the second faces of the pairs, as two arrays.
+    `edges` and `edge_faces` are those of `edge_table`, `face_normals` (F, 3) are outward
+    unit vectors. Returns the first faces and the second faces of the pairs, as two
+    arrays.
     """
     # The edges between two faces, and a vertex of each of them.
     is_shared = (edge_faces >= 0).all(axis=1)
@@ -203,6 +205,13 @@ def _thicknesses(vertices, faces, group, group_normals):
 
 def planes_of_faces(vertices, faces, edges, edge_faces):
     """Find the planes of a mesh: groups of coplanar triangles.
+
+    Parameters
+    ----------
+    vertices, faces : ndarray (V, 3), (F, 3)
+        Places of the vertices [m], and vertices of each triangle.
+    edges, edge_faces : ndarray (E, 2)
+        Vertices and faces of each edge, see `edge_table`.
 
     Returns
     -------
@@ -260,6 +269,15 @@ def inward_steps(vertices, faces, edges, edge_faces, face_plane, plane_normals):
 
     A vertex moves to a depth of 1 below all its planes, or as near to that as least
     squares give. The planes are those of the faces, then those upright on the rims.
+
+    Parameters
+    ----------
+    vertices, faces : ndarray (V, 3), (F, 3)
+        Places of the vertices [m], and vertices of each triangle.
+    edges, edge_faces : ndarray (E, 2)
+        Vertices and faces of each edge, see `edge_table`. A rim has one face.
+    face_plane, plane_normals : ndarray (F,), (P, 3)
+        Plane of each face, and normal of each plane, see `planes_of_faces`.
 
     Returns
     -------
@@ -341,7 +359,11 @@ def erode(vertices, faces, steps, radius):
 
 
 def _face_rows(core, faces, edges, edge_faces, face_plane, plane_normals, radius):
-    """Return the rows of `Meshes.data` of the faces (F, COLUMNS)."""
+    """Return the rows of `Meshes.data` of the faces (F, COLUMNS).
+
+    `core` (V, 3) has the places of the vertices [m], `radius` is the edge radius [m]; the
+    other arguments are those of `_edge_rows`.
+    """
     rows = np.zeros((len(faces), COLUMNS))
     outward = plane_normals[face_plane]
     rows[:, FACE_NORMAL : FACE_NORMAL + 3] = -outward
@@ -400,7 +422,18 @@ def _write_sides(rows, core, edges, edge_faces, outward):
 
 
 def _edge_rows(core, edges, edge_faces, face_plane, plane_normals):
-    """Return the rows of `Meshes.data` of the convex edges and rims (n, COLUMNS)."""
+    """Return the rows of `Meshes.data` of the convex edges and rims (n, COLUMNS).
+
+    Parameters
+    ----------
+    core : ndarray (V, 3)
+        Places of the vertices [m].
+    edges, edge_faces : ndarray (E, 2)
+        Vertices and faces of each edge, see `edge_table`. A rim has one face, and -1 in
+        place of the other.
+    face_plane, plane_normals : ndarray (F,), (P, 3)
+        Plane of each face, and outward normal of each plane.
+    """
     start = core[edges[:, 0]]
     difference = core[edges[:, 1]] - start
     length = np.linalg.norm(difference, axis=1)
@@ -519,6 +552,13 @@ def _convex_vertices(core, edges, pairs, normals):
 
 def _gentle_neighbours(core, faces, face_plane, plane_normals):
     """Find faces that share a vertex and meet in a concave kink below GENTLE.
+
+    Parameters
+    ----------
+    core, faces : ndarray (V, 3), (F, 3)
+        Places of the vertices [m], and vertices of each triangle.
+    face_plane, plane_normals : ndarray (F,), (P, 3)
+        Plane of each face, and outward normal of each plane.
 
     Returns
     -------
@@ -666,6 +706,15 @@ def _boxes(core, faces, data, radius):
 
 def _cells(core, faces, kind, data, radius):
     """Divide the mesh's box into cells, about as many as there are features.
+
+    Parameters
+    ----------
+    core, faces : ndarray (V, 3), (F, 3)
+        Places of the vertices [m], and vertices of each triangle.
+    kind, data : ndarray (n,), (n, COLUMNS)
+        The features, see `Meshes`.
+    radius : float
+        Edge radius [m].
 
     Returns
     -------

@@ -370,6 +370,8 @@ def plane_forces(bodies, flat, clumps, walls, counts, physics, scratch, ghost):
         Number of the absent body, which unused places of a list hold.
     """
     n = counts[st.N_PLANE]
+    # A large simulation has several shares of the loads, and does not fit into the
+    # caches.
     large = bodies.load.shape[0] > 1
     n_ended = 0
     # One tile after another; `base` is the number of its first contact.
@@ -555,6 +557,7 @@ def curved_forces(
         wall_forces(
             bodies, curved, clumps, walls, physics, first_wall, base, n, scratch
         )
+        # Contacts that ended have no force, and their bodies are searched again.
         for lane in range(lanes):
             if scratch[tl.GAP + lane] > end_gap(
                 history, physics, clumps, ON_WALL, lane

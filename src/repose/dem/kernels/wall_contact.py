@@ -400,11 +400,12 @@ def sphere_on_ring(x, y, z, radius, ring, geometry):
     dz = ring[RING_HEIGHT] - z
     to_circle = math.sqrt(dr * dr + dz * dz)
     inverse = 1.0 / max(to_circle, NEAREST)
-    nr, nz = dr * inverse, dz * inverse
+    nr, nz = dr * inverse, dz * inverse  # the normal
     wall_u, wall_w = ring_curvatures(ring, nr)
     effective = effective_radius(radius, 0.0, radius, wall_u, wall_w)
     gap = to_circle - radius - ring[RING_EDGE_RADIUS]
     write_sphere_contact(geometry, nr * cos, nr * sin, nz, gap, effective, radius)
+    # Behind one of the adjoining walls the normal opposes one of the two gates.
     return -min(
         dr * ring[RING_GATE_A_R] + dz * ring[RING_GATE_A_Z],
         dr * ring[RING_GATE_B_R] + dz * ring[RING_GATE_B_Z],
