@@ -1,7 +1,7 @@
 """Check a user's values: numbers, vectors, names and mappings.
 
-Each function returns the value in the form that the engine needs, or raises a ValueError
-that names the argument, its value and what is allowed.
+Each function returns the value in the form that the engine needs, or raises a
+ValueError that names the argument, its value and what is allowed.
 """
 
 import math

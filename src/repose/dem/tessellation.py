@@ -79,13 +79,14 @@ def _visible_from_centre(
     Returns
     -------
     points, normals : ndarray (V, 3)
-        The points [m] and the unit normals there; the centre of mass, and the ray, where
-        a ray meets no sphere.
+        The points [m] and the unit normals there; the centre of mass, and the ray,
+        where a ray meets no sphere.
     """
     centres = clump.spheres_m[:, :3]
     radii = clump.spheres_m[:, 3]
-    # A ray leaves a sphere at the distance t where |t ray - centre| = radius: the larger
-    # root of this quadratic equation. Where there is no root, it misses the sphere.
+    # A ray leaves a sphere at the distance t where |t ray - centre| = radius: the
+    # larger root of this quadratic equation. Where there is no root, it misses the
+    # sphere.
     along = rays @ centres.T
     discriminant = along**2 - np.sum(centres**2, axis=1) + radii**2
     root = np.sqrt(np.maximum(discriminant, 0.0))

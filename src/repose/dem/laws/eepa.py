@@ -38,8 +38,8 @@ E*, CIRCLE sqrt(R* d)):
     FORCE            normal force without dashpot
     FLOOR            k_a d^1.5
 
-Rows that a contact keeps in `history`, after those of `hertz_mindlin_rescaled`: PLASTIC, the
-plastic overlap d_p.
+Rows that a contact keeps in `history`, after those of `hertz_mindlin_rescaled`:
+PLASTIC, the plastic overlap d_p.
 
 References
 ----------
@@ -92,8 +92,8 @@ def constants(
 ) -> np.ndarray:
     """Compute the constants of the law for two materials (n,), in SI units.
 
-    They are those of `hertz_mindlin`, zeros for the other rows of that law, and those of
-    the rows PLASTIC_SHARE, STIFFENING and ADHESION.
+    They are those of `hertz_mindlin`, zeros for the other rows of that law, and those
+    of the rows PLASTIC_SHARE, STIFFENING and ADHESION.
     """
     plasticity = contact.constants[PLASTICITY_RATIO.name]
     gamma = contact.constants[SURFACE_ENERGY.name]
@@ -181,10 +181,10 @@ def branches(
 
 
 @inlined
-def hysteresis(
+def plastic_forces(
     scratch: np.ndarray, history: np.ndarray, last_circle: int, plastic: int
 ) -> None:
-    """Compute the normal force without dashpot, which depends on the path of the overlap.
+    """Compute the normal force without dashpot, by the path of the overlap.
 
     Writes the rows FORCE and FLOOR of `scratch`, and the plastic overlap.
 
@@ -273,7 +273,7 @@ def kernel(
     The arguments are those of `law.contact_forces`.
     """
     contact_sizes(scratch)
-    hysteresis(scratch, history, first + LAST_CIRCLE, first + PLASTIC)
+    plastic_forces(scratch, history, first + LAST_CIRCLE, first + PLASTIC)
     keep_force(scratch, history, first + SPRING, first + LAST_CIRCLE)
     slip(scratch, history, first + SPRING, dt)
     push(scratch, history, first + SPRING, law.tension, law.friction_limit)

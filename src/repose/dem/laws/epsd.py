@@ -101,8 +101,8 @@ def levers(scratch: np.ndarray, lane: int) -> tuple[float, float]:
     """Compute the inverse lever 1/R and the mobility of a lane's contact.
 
     The mobility 1/(m_a r_a^2) + 1/(m_b r_b^2) is that of two spheres of the bodies'
-    masses, with the distances r of their centres from the contact. A wall has no inverse
-    mass and an infinite r.
+    masses, with the distances r of their centres from the contact. A wall has no
+    inverse mass and an infinite r.
     """
     ax, ay, az = lane_vector(scratch, tl.RA, lane)
     bx, by, bz = lane_vector(scratch, tl.RB, lane)

@@ -217,7 +217,7 @@ def oscillator(
 
 @inlined
 def contact_sizes(scratch: np.ndarray) -> None:
-    """Compute the radius of the contact circle a, and sqrt(a m), of each lane's contact.
+    """Compute the radius a of the contact circle, and sqrt(a m), of each contact.
 
     They are written to the rows CIRCLE and VISCOUS. The roots have a loop of their own,
     of which the processor runs several lanes at once.
@@ -247,8 +247,8 @@ def push(
     Parameters
     ----------
     scratch : numpy.ndarray
-        What is computed in this step for 32 contacts, one in each lane; the rows TO_A and
-        PUSH are written.
+        What is computed in this step for 32 contacts, one in each lane; the rows TO_A
+        and PUSH are written.
     history : numpy.ndarray
         What the contacts keep from step to step.
     spring : int

@@ -13,8 +13,8 @@ it with the radius a of the contact circle:
 The contact keeps delta_t with F_t = -S_t delta_t. So where a grows, delta_t is
 multiplied by (a a step ago) / a. LAMMPS calls this law `mindlin_rescale/force`.
 
-The rows are those of `hertz_mindlin`. A contact keeps one more row in `history`: LAST_CIRCLE,
-the radius a of the step before.
+The rows are those of `hertz_mindlin`. A contact keeps one more row in `history`:
+LAST_CIRCLE, the radius a of the step before.
 
 References
 ----------

@@ -36,9 +36,9 @@ Rows of the tile `scratch`, by their symbols, besides those of the same names in
     BOND       sqrt(2 pi w / E*)      ELASTIC     F_n without dashpot
     ADHESION   pi w                   PULL_OFF    3/2 pi w R*
 
-Rows that a contact keeps in `history`: SPRING and LAST_CIRCLE as in `hertz_mindlin_rescaled`;
-ROOT, the square root of A, 0 without cohesion; REACH, the gap at which the contact ends
-[m].
+Rows that a contact keeps in `history`: SPRING and LAST_CIRCLE as in
+`hertz_mindlin_rescaled`; ROOT, the square root of A, 0 without cohesion; REACH, the gap
+at which the contact ends [m].
 
 References
 ----------
@@ -180,10 +180,11 @@ def _root(excess: float) -> float:
 
 
 @inlined
-def begin(scratch: np.ndarray, history: np.ndarray, root: int) -> None:
+def begin_cohesion(scratch: np.ndarray, history: np.ndarray, root: int) -> None:
     """Compute the row ROOT of contacts that begin: (R* sqrt(2 pi w / E*))^(1/3).
 
-    `sizes` updates it when R* changes. `root` is the place of the row in `history`.
+    `cohesive_sizes` updates it when R* changes. `root` is the place of the row in
+    `history`.
     """
     for lane in range(LANES):
         if (
@@ -197,7 +198,9 @@ def begin(scratch: np.ndarray, history: np.ndarray, root: int) -> None:
 
 
 @inlined
-def sizes(scratch: np.ndarray, history: np.ndarray, root: int, reach: int) -> None:
+def cohesive_sizes(
+    scratch: np.ndarray, history: np.ndarray, root: int, reach: int
+) -> None:
     """Compute contact circle, elastic force, pull-off force and reach of each lane.
 
     Writes the rows CIRCLE, VISCOUS, ELASTIC and PULL_OFF of `scratch`.
@@ -295,8 +298,8 @@ def kernel(
 
     The arguments are those of `law.contact_forces`.
     """
-    begin(scratch, history, first + ROOT)
-    sizes(scratch, history, first + ROOT, first + REACH)
+    begin_cohesion(scratch, history, first + ROOT)
+    cohesive_sizes(scratch, history, first + ROOT, first + REACH)
     keep_force(scratch, history, first + SPRING, first + LAST_CIRCLE)
     slip(scratch, history, first + SPRING, dt, first + REACH)
     push(scratch, history, first + SPRING, law.tension, law.friction_limit)

@@ -99,9 +99,9 @@ class Law:
     asks : tuple of Constant
         Further constants that the law needs of two materials, from `Contact.constants`.
     reach : callable, optional
-        (options, history, first, lane) -> gap [m] at which a contact ends, 0 until it has
-        borne a force, below 1 m; of a law that attracts across a gap. Other contacts
-        end when the surfaces part.
+        (options, history, first, lane) -> gap [m] at which a contact ends, 0 until it
+        has borne a force, below 1 m; of a law that attracts across a gap. Other
+        contacts end when the surfaces part.
     geometry : callable, optional
         (options, scratch, history, of_spheres, on_wall) -> None, called before the
         kernel: further quantities of the surfaces besides R*.
@@ -157,8 +157,8 @@ def contact_forces(
 ) -> None:
     """Compute the force on body A in each lane, and the force that limits rolling.
 
-    They are written to the rows `TO_A` and `PUSH` of `scratch`, and the radius of the contact
-    circle to `CIRCLE`.
+    They are written to the rows `TO_A` and `PUSH` of `scratch`, and the radius of the
+    contact circle to `CIRCLE`.
 
     Parameters
     ----------

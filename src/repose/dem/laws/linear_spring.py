@@ -156,8 +156,8 @@ def kernel(
     spring = first + SPRING
     slip(scratch, history, spring, dt)
     for lane in range(LANES):
-        # The gap may be infinite, beyond the edge of a disc. So the overlap is chosen, not
-        # multiplied by 0.
+        # The gap may be infinite, beyond the edge of a disc. So the overlap is chosen,
+        # not multiplied by 0.
         gap = scratch[tl.GAP + lane]
         touching = 1.0 if gap < 0.0 else 0.0
         overlap = -gap if gap < 0.0 else 0.0

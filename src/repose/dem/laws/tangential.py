@@ -68,8 +68,8 @@ def slip(
     dt : float
         Time step [s].
     reach : int
-        Place in `history` of the row with the gaps at which the contacts end; 0 for a law
-        whose contacts end when the surfaces part.
+        Place in `history` of the row with the gaps at which the contacts end; 0 for a
+        law whose contacts end when the surfaces part.
     """
     for lane in range(LANES):
         # Normal n, arms a and b, velocities v and angular velocities w of both bodies.
