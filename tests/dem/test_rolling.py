@@ -68,11 +68,11 @@ def test_rolling_resistance_of_a_tile_agrees_with_the_slow_law(framed):
     # the last lane is that of a body that is not there, with a torque all the same
     c[st.INVERSE_MOMENTS + LANES - 1 :: LANES][:3] = 0.0
     m[body_tile.LOAD + st.ROLL * LANES + LANES - 1] = 0.0
-    body_rotation.inertia_lanes(m, c)
+    body_rotation.write_inverse_inertia(m, c)
     if framed:
-        body_rotation.resist_in_frame(m, c, dt, *frame)
+        body_rotation.resist_rolling_in_frame(m, c, dt, *frame)
     else:
-        assert body_rotation.resist_lanes(m, c, dt) == LANES - stuck
+        assert body_rotation.resist_rolling(m, c, dt) == LANES - stuck
     assert np.all(np.isfinite([*c, *m[body_tile.OMEGA :][: 3 * LANES]]))
     for lane, (momentum, inertia) in enumerate(expected[:-1]):
         assert np.allclose(

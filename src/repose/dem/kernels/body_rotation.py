@@ -1,17 +1,20 @@
-"""Rotation of the bodies of a tile: angular momentum, rolling resistance, orientation.
+"""Rotation of 32 bodies by one time step, under their torques and rolling resistance.
 
-The state is the angular momentum in world axes; the angular velocity at the middle of
-the step follows from it. So free rotation keeps the momentum to the bit, and the energy
-to second order in the time step.
+The state of a rotation is the angular momentum in world axes; the angular velocity at
+the middle of the step follows from it. So free rotation keeps the momentum to the bit,
+and the energy to second order in the time step.
 
-`m` is the scratch tile of the bodies (rows of `body_tile`), `c` their tile of
-`Bodies.motion` (rows of `state`). Reads the torques and budgets in the rows LOAD of `m`.
-Writes angular momentum and quaternion in `c`; angular velocity, inverse inertia, shape
-and share of the dashpots in `m`; adds to the row PATH of `m`. Loops over the lanes have
-no branches that depend on a lane, so that they become vector code.
+The functions work on two tiles of 32 bodies, one body in each lane (see `rows`):
+`scratch` is the scratch tile of the time step (rows of `body_tile`), `motion` a tile of
+`Bodies.motion` (rows of `state`). They read the torques and the budgets of the rolling
+resistance in the rows LOAD of `scratch`. They write angular momentum and quaternion in
+`motion`; angular velocity, inverse inertia, shape and share of the dashpots in
+`scratch`; they add to its row PATH. Loops over the lanes have no branches that depend on
+a lane, so that they become vector code.
 
-Names: l angular momentum, o angular velocity, J inverse inertia, B budget: the angular
-momentum that rolling resistance can take away in a step.
+The budget of a body is the angular momentum that rolling resistance can take away from
+it in a step. `omega` is an angular velocity [rad/s]. Vectors are in world axes unless
+`body` is part of their names.
 """
 
 import math
@@ -20,7 +23,7 @@ from . import state as st
 from .body_tile import INVERSE_INERTIA, LOAD, OMEGA, PATH, ROWS, TORQUE
 from .geometry import matrix_times
 from .jit import inlined, kernel
-from .rows import L, lane_matrix, lane_vector, write_vector
+from .rows import LANES, lane_matrix, lane_vector, write_matrix, write_vector
 from .state import (
     ANGULAR_MOMENTUM,
     INVERSE_MOMENTS,
@@ -30,6 +33,7 @@ from .state import (
     SQUARES,
     alive,
 )
+from .vectors import cross, squared_length
 
 CERTAIN = 1.0 - 1e-12  # share of a budget that rounding leaves
 SLOWEST = 1e-150  # angular speed below which a rotation has no direction [rad/s]
@@ -37,63 +41,83 @@ SLOWEST = 1e-150  # angular speed below which a rotation has no direction [rad/s
 # moments of inertia differ sixfold, and 4e-4 for a factor of thirty.
 NEWTON_STEPS = 3
 # First rows of the scratch tile.
-BUDGET = LOAD + st.ROLL * L  # per second: a torque
-DASHPOTS = LOAD + st.DASHPOTS * L
+BUDGET = LOAD + st.ROLL * LANES  # per second: a torque
+DASHPOTS = LOAD + st.DASHPOTS * LANES
 
 
 @inlined
-def quaternion_of(c, lane):
+def quaternion_of(motion, lane):
     """Return the quaternion (w, x, y, z) of a lane's body."""
     return (
-        c[QUATERNION + lane],
-        c[QUATERNION + L + lane],
-        c[QUATERNION + 2 * L + lane],
-        c[QUATERNION + 3 * L + lane],
+        motion[QUATERNION + lane],
+        motion[QUATERNION + LANES + lane],
+        motion[QUATERNION + 2 * LANES + lane],
+        motion[QUATERNION + 3 * LANES + lane],
     )
 
 
 @inlined
-def rotated_quaternion(qw, qx, qy, qz, ox, oy, oz, half):
-    """Return a quaternion after a rotation with angular velocity o, normalised.
+def rotated_quaternion(qw, qx, qy, qz, omega_x, omega_y, omega_z, half_dt):
+    """Return a quaternion after a rotation with constant angular velocity, normalised.
 
-    `half` is half of the duration [s]; o is in world axes.
+    It is q + dt / 2 (0, omega) q, by the product of quaternions; `half_dt` is dt / 2.
     """
-    a = qw - half * (ox * qx + oy * qy + oz * qz)
-    b = qx + half * (ox * qw + oy * qz - oz * qy)
-    c = qy + half * (oy * qw + oz * qx - ox * qz)
-    d = qz + half * (oz * qw + ox * qy - oy * qx)
-    inv = 1.0 / math.sqrt(a * a + b * b + c * c + d * d)
-    return a * inv, b * inv, c * inv, d * inv
+    w = qw - half_dt * (omega_x * qx + omega_y * qy + omega_z * qz)
+    x = qx + half_dt * (omega_x * qw + omega_y * qz - omega_z * qy)
+    y = qy + half_dt * (omega_y * qw + omega_z * qx - omega_x * qz)
+    z = qz + half_dt * (omega_z * qw + omega_x * qy - omega_y * qx)
+    inverse_length = 1.0 / math.sqrt(w * w + x * x + y * y + z * z)
+    return (
+        w * inverse_length,
+        x * inverse_length,
+        y * inverse_length,
+        z * inverse_length,
+    )
 
 
 @inlined
-def turn_quaternion(c, lane, ox, oy, oz, half, is_turning):
-    """Turn a lane's body by `rotated_quaternion`.
+def turn_quaternion(motion, lane, omega_x, omega_y, omega_z, half_dt, is_turning):
+    """Turn the quaternion of a lane's body by `rotated_quaternion`.
 
     A body that does not turn keeps its quaternion to the bit.
     """
-    qw, qx, qy, qz = quaternion_of(c, lane)
-    hw, hx, hy, hz = rotated_quaternion(qw, qx, qy, qz, ox, oy, oz, half)
-    c[QUATERNION + lane] = hw if is_turning else qw
-    c[QUATERNION + L + lane] = hx if is_turning else qx
-    c[QUATERNION + 2 * L + lane] = hy if is_turning else qy
-    c[QUATERNION + 3 * L + lane] = hz if is_turning else qz
+    qw, qx, qy, qz = quaternion_of(motion, lane)
+    w, x, y, z = rotated_quaternion(qw, qx, qy, qz, omega_x, omega_y, omega_z, half_dt)
+    motion[QUATERNION + lane] = w if is_turning else qw
+    write_vector(
+        motion,
+        QUATERNION + LANES,
+        lane,
+        x if is_turning else qx,
+        y if is_turning else qy,
+        z if is_turning else qz,
+    )
 
 
 @inlined
-def write_rotated_diagonal(m, first, c, diagonal):
-    """Write R diag(a1, a2, a3) R' of each lane's body, with R of its quaternion.
+def write_rotated_diagonal(scratch, row, motion, diagonal_row):
+    """Turn a diagonal matrix from the axes of each lane's body into world axes.
 
-    `diagonal` is the first row of a1, a2, a3 in `c`; the symmetric matrix is written to
-    six rows of `m` from `first` on.
+    This writes R diag(d1, d2, d3) R', with the rotation R of the body's quaternion.
+
+    Parameters
+    ----------
+    scratch : array
+        Scratch tile, to which the symmetric matrices are written.
+    row : int
+        First of their six rows: xx, xy, xz, yy, yz, zz.
+    motion : array
+        Tile with the quaternions and the diagonals.
+    diagonal_row : int
+        First of the three rows d1, d2, d3.
     """
-    for lane in range(L):
-        qw, qx, qy, qz = quaternion_of(c, lane)
+    for lane in range(LANES):
+        qw, qx, qy, qz = quaternion_of(motion, lane)
         # (read number by number: `lane_vector` changes last bits here, see `jit`)
-        a1 = c[diagonal + lane]
-        a2 = c[diagonal + L + lane]
-        a3 = c[diagonal + 2 * L + lane]
-        # the rotation R, row by row
+        d1 = motion[diagonal_row + lane]
+        d2 = motion[diagonal_row + LANES + lane]
+        d3 = motion[diagonal_row + 2 * LANES + lane]
+        # the rotation R: xy is the x component of the body's second axis
         xx = 1.0 - 2.0 * (qy * qy + qz * qz)
         xy = 2.0 * (qx * qy - qw * qz)
         xz = 2.0 * (qx * qz + qw * qy)
@@ -103,25 +127,30 @@ def write_rotated_diagonal(m, first, c, diagonal):
         zx = 2.0 * (qx * qz - qw * qy)
         zy = 2.0 * (qy * qz + qw * qx)
         zz = 1.0 - 2.0 * (qx * qx + qy * qy)
-        m[first + lane] = a1 * xx * xx + a2 * xy * xy + a3 * xz * xz
-        m[first + L + lane] = a1 * xx * yx + a2 * xy * yy + a3 * xz * yz
-        m[first + 2 * L + lane] = a1 * xx * zx + a2 * xy * zy + a3 * xz * zz
-        m[first + 3 * L + lane] = a1 * yx * yx + a2 * yy * yy + a3 * yz * yz
-        m[first + 4 * L + lane] = a1 * yx * zx + a2 * yy * zy + a3 * yz * zz
-        m[first + 5 * L + lane] = a1 * zx * zx + a2 * zy * zy + a3 * zz * zz
+        write_matrix(
+            scratch,
+            row,
+            lane,
+            d1 * xx * xx + d2 * xy * xy + d3 * xz * xz,
+            d1 * xx * yx + d2 * xy * yy + d3 * xz * yz,
+            d1 * xx * zx + d2 * xy * zy + d3 * xz * zz,
+            d1 * yx * yx + d2 * yy * yy + d3 * yz * yz,
+            d1 * yx * zx + d2 * yy * zy + d3 * yz * zz,
+            d1 * zx * zx + d2 * zy * zy + d3 * zz * zz,
+        )
 
 
 @inlined
-def inverse_inertia_times(m, lane, x, y, z):
+def inverse_inertia_times(scratch, lane, x, y, z):
     """Multiply the inverse inertia of a lane's body by a vector; both in world axes."""
-    xx, xy, xz, yy, yz, zz = lane_matrix(m, INVERSE_INERTIA, lane)
+    xx, xy, xz, yy, yz, zz = lane_matrix(scratch, INVERSE_INERTIA, lane)
     return matrix_times(xx, xy, xz, yy, yz, zz, x, y, z)
 
 
 @inlined
-def into_body(c, lane, x, y, z):
-    """Return a vector of the world in the axes of a lane's body."""
-    qw, qx, qy, qz = quaternion_of(c, lane)
+def into_body(motion, lane, x, y, z):
+    """Return a vector (x, y, z) of the world in the axes of a lane's body."""
+    qw, qx, qy, qz = quaternion_of(motion, lane)
     # twice the vector product with the quaternion's vector
     tx = 2.0 * (y * qz - z * qy)
     ty = 2.0 * (z * qx - x * qz)
@@ -134,9 +163,10 @@ def into_body(c, lane, x, y, z):
 
 
 @inlined
-def into_world(c, lane, x, y, z):
-    """Return a vector of a lane's body in world axes."""
-    qw, qx, qy, qz = quaternion_of(c, lane)
+def into_world(motion, lane, x, y, z):
+    """Return a vector (x, y, z), in the axes of a lane's body, in world axes."""
+    qw, qx, qy, qz = quaternion_of(motion, lane)
+    # twice the vector product of the quaternion's vector with it
     tx = 2.0 * (qy * z - qz * y)
     ty = 2.0 * (qz * x - qx * z)
     tz = 2.0 * (qx * y - qy * x)
@@ -147,222 +177,277 @@ def into_world(c, lane, x, y, z):
     )
 
 
+@inlined
+def exceeds_budget(scratch, lane, lx, ly, lz, dt):
+    """Return whether an angular momentum may exceed a lane's budget, but for rounding."""
+    budget = CERTAIN * dt * scratch[BUDGET + lane]
+    return budget * budget < squared_length(lx, ly, lz)
+
+
 @kernel
-def count_disturbed(m, dt):
+def count_disturbed(scratch, dt):
     """Return how many bodies of a tile at rest may begin to turn.
 
     These are the bodies whose torque exceeds their budget of rolling resistance.
     """
-    n = 0
-    for lane in range(L):
-        torque_x, torque_y, torque_z = lane_vector(m, TORQUE, lane)
-        lx, ly, lz = dt * torque_x, dt * torque_y, dt * torque_z
-        budget = CERTAIN * dt * m[BUDGET + lane]
-        n += 1 if budget * budget < lx * lx + ly * ly + lz * lz else 0
-    return n
+    n_disturbed = 0
+    for lane in range(LANES):
+        torque_x, torque_y, torque_z = lane_vector(scratch, TORQUE, lane)
+        may_turn = exceeds_budget(
+            scratch, lane, dt * torque_x, dt * torque_y, dt * torque_z, dt
+        )
+        n_disturbed += 1 if may_turn else 0
+    return n_disturbed
 
 
 @kernel
-def twist_lanes(m, c, dt):
+def add_torques(scratch, motion, dt):
     """Add the torque of each lane's body to its angular momentum.
 
     Returns how many bodies may turn after rolling resistance.
     """
-    n = 0
-    for lane in range(L):
-        torque_x, torque_y, torque_z = lane_vector(m, TORQUE, lane)
-        lx, ly, lz = lane_vector(c, ANGULAR_MOMENTUM, lane)
+    n_turning = 0
+    for lane in range(LANES):
+        torque_x, torque_y, torque_z = lane_vector(scratch, TORQUE, lane)
+        lx, ly, lz = lane_vector(motion, ANGULAR_MOMENTUM, lane)
         lx = lx + dt * torque_x
         ly = ly + dt * torque_y
         lz = lz + dt * torque_z
-        write_vector(c, ANGULAR_MOMENTUM, lane, lx, ly, lz)
-        budget = CERTAIN * dt * m[BUDGET + lane]
-        n += 1 if budget * budget < lx * lx + ly * ly + lz * lz else 0
-    return n
+        write_vector(motion, ANGULAR_MOMENTUM, lane, lx, ly, lz)
+        may_turn = exceeds_budget(scratch, lane, lx, ly, lz, dt)
+        n_turning += 1 if may_turn else 0
+    return n_turning
 
 
 @kernel
-def stop_lanes(m, c):
-    """End the rotation of all lanes."""
-    for number in range(3 * L):
-        c[ANGULAR_MOMENTUM + number] = 0.0
-        m[OMEGA + number] = 0.0
+def stop_rotations(scratch, motion):
+    """End the rotation of all bodies of a tile."""
+    for place in range(3 * LANES):
+        motion[ANGULAR_MOMENTUM + place] = 0.0
+        scratch[OMEGA + place] = 0.0
 
 
 @inlined
-def resistance_direction(x, y, z, i1, i2, i3, size, budget):
+def resistance_direction(l1, l2, l3, j1, j2, j3, momentum, budget):
     """Return the direction of rolling resistance on a body that it does not stop.
 
-    Everything is in the axes of the body, and relative to the frame against which
-    rolling is resisted. The rotation that remains has the direction n, which is
-    returned, and the angular velocity s n. With the angular momentum l before, the
-    budget B and the inertia I, I s n = l - B n, so (s + B J) n = J l with J = 1 / I. The
-    speed s is the root of |n(s)| = 1. Newton's method on 1 / |n(s)|, which is concave,
-    converges to it from below. The unit of speed is the speed without resistance.
+    Everything is along the principal axes of the body, and relative to the frame against
+    which rolling is resisted.
+
+    The rotation that remains has the angular velocity s n, with the unit vector n, which
+    is returned. The resistance takes the angular momentum B n. With the angular momentum
+    l before and the inertia I, I s n = l - B n. So n = J l / (s + B J) along each axis,
+    with J = 1 / I, and the speed s is the root of |n(s)| = 1. Newton's method on
+    1 / |n(s)|, which is concave, converges to it from below.
 
     Parameters
     ----------
-    x, y, z, size : float
-        l and its length.
-    i1, i2, i3 : float
-        The diagonal of J: inverse moments of inertia.
+    l1, l2, l3 : float
+        Angular momentum l.
+    j1, j2, j3 : float
+        Inverse moments of inertia J.
+    momentum : float
+        Length of l.
     budget : float
-        B.
+        B, less than the length of l.
+
+    Returns
+    -------
+    n1, n2, n3 : float
     """
-    # J l and B J, both in the unit of speed.
-    ox, oy, oz = i1 * x, i2 * y, i3 * z
-    unit = 1.0 / max(math.sqrt(ox * ox + oy * oy + oz * oz), SLOWEST)
-    ox, oy, oz = unit * ox, unit * oy, unit * oz
-    b1, b2, b3 = unit * budget * i1, unit * budget * i2, unit * budget * i3
-    # Two bounds of the root from below: by the budget along the rotation, and by the
-    # largest moment of inertia.
-    s = max(
-        1.0 - (ox * ox * b1 + oy * oy * b2 + oz * oz * b3),
-        unit * (size - budget) * min(i1, i2, i3),
+    # The numerators J l and the terms B J of the denominators, divided by the speed
+    # without resistance: the root s is then between 0 and 1.
+    num1, num2, num3 = j1 * l1, j2 * l2, j3 * l3
+    unit = 1.0 / max(math.sqrt(squared_length(num1, num2, num3)), SLOWEST)
+    num1, num2, num3 = unit * num1, unit * num2, unit * num3
+    loss1, loss2, loss3 = unit * budget * j1, unit * budget * j2, unit * budget * j3
+    # Begin with the higher one of two bounds of the root from below: by the budget along
+    # the rotation, and by the largest moment of inertia.
+    speed = max(
+        1.0 - (num1 * num1 * loss1 + num2 * num2 * loss2 + num3 * num3 * loss3),
+        unit * (momentum - budget) * min(j1, j2, j3),
     )
-    s = max(s, 0.0)
+    speed = max(speed, 0.0)
     for _ in range(NEWTON_STEPS):
-        d1, d2, d3 = s + b1, s + b2, s + b3
-        # n is (ox / d1, oy / d2, oz / d3). All of it is multiplied by d1 d2 d3, so that
-        # there is one division.
-        c1, c2, c3 = d2 * d3, d3 * d1, d1 * d2
-        g1, g2, g3 = ox * ox * c1 * c1, oy * oy * c2 * c2, oz * oz * c3 * c3
-        g = g1 + g2 + g3
-        s = max(s + g * (math.sqrt(g) - d1 * c1) / (g1 * c1 + g2 * c2 + g3 * c3), 0.0)
-    d1, d2, d3 = s + b1, s + b2, s + b3
-    product = 1.0 / (d1 * d2 * d3)
-    return ox * product * d2 * d3, oy * product * d3 * d1, oz * product * d1 * d2
+        den1, den2, den3 = speed + loss1, speed + loss2, speed + loss3
+        # All fractions of n are multiplied by the product of the three denominators, so
+        # that a step has one division.
+        pair1, pair2, pair3 = den2 * den3, den3 * den1, den1 * den2
+        square1 = num1 * num1 * pair1 * pair1
+        square2 = num2 * num2 * pair2 * pair2
+        square3 = num3 * num3 * pair3 * pair3
+        square = square1 + square2 + square3
+        excess = math.sqrt(square) - den1 * pair1
+        slope = square1 * pair1 + square2 * pair2 + square3 * pair3
+        speed = max(speed + square * excess / slope, 0.0)
+    den1, den2, den3 = speed + loss1, speed + loss2, speed + loss3
+    inverse = 1.0 / (den1 * den2 * den3)
+    return (
+        num1 * inverse * den2 * den3,
+        num2 * inverse * den3 * den1,
+        num3 * inverse * den1 * den2,
+    )
 
 
 @kernel
-def resist_lanes(m, c, dt):
+def resist_rolling(scratch, motion, dt):
     """Apply rolling resistance to each lane's body; return how many bodies turn.
 
     The budget B, the sum of mu_r F_n R over a body's contacts times dt, acts against the
-    rotation that remains after it: l' = l - B o' / |o'|, with the angular velocity o' of
-    l'. This has one solution. The body stands still where |l| <= B in any orientation,
-    and its rotation is never reversed, so a settled pile is at rest.
+    rotation that remains after it: l' = l - B o' / |o'|, with the angular momentum l and
+    the angular velocity o' of l'. This has one solution. The body stands still where
+    |l| <= B in any orientation, and its rotation is never reversed, so a settled pile is
+    at rest.
     """
-    n = 0
-    for lane in range(L):
-        lx, ly, lz = lane_vector(c, ANGULAR_MOMENTUM, lane)
-        budget = dt * m[BUDGET + lane]
-        square = lx * lx + ly * ly + lz * lz
-        i1, i2, i3 = lane_vector(c, INVERSE_MOMENTS, lane)
-        # the lane of an absent body may hold a torque and has no moments
-        is_turning = (square > budget * budget) & (i1 > 0.0)
-        n += 1 if is_turning else 0
-        x, y, z = into_body(c, lane, lx, ly, lz)
-        x, y, z = resistance_direction(x, y, z, i1, i2, i3, math.sqrt(square), budget)
-        x, y, z = into_world(c, lane, x, y, z)
-        lx = lx - budget * x if is_turning else 0.0
-        ly = ly - budget * y if is_turning else 0.0
-        lz = lz - budget * z if is_turning else 0.0
-        write_vector(c, ANGULAR_MOMENTUM, lane, lx, ly, lz)
-        ox, oy, oz = inverse_inertia_times(m, lane, lx, ly, lz)
-        write_vector(m, OMEGA, lane, ox, oy, oz)
-    return n
-
-
-@kernel
-def resist_in_frame(m, c, dt, fx, fy, fz):
-    """Apply rolling resistance relative to a frame that turns with angular velocity f.
-
-    It is that of `resist_lanes`, but a body that the resistance stops turns with the
-    frame.
-    """
-    for lane in range(L):
-        lx, ly, lz = lane_vector(c, ANGULAR_MOMENTUM, lane)
-        budget = dt * m[BUDGET + lane]
-        i1, i2, i3 = lane_vector(c, INVERSE_MOMENTS, lane)
-        is_present = i1 > 0.0
-        # w: the angular momentum of a body that turns with the frame
-        x, y, z = into_body(c, lane, fx, fy, fz)
-        x = x / i1 if is_present else 0.0
-        y = y / i2 if is_present else 0.0
-        z = z / i3 if is_present else 0.0
-        wx, wy, wz = into_world(c, lane, x, y, z)
-        x, y, z = into_body(c, lane, lx - wx, ly - wy, lz - wz)
-        square = x * x + y * y + z * z
+    n_turning = 0
+    for lane in range(LANES):
+        lx, ly, lz = lane_vector(motion, ANGULAR_MOMENTUM, lane)
+        budget = dt * scratch[BUDGET + lane]
+        square = squared_length(lx, ly, lz)
+        # the lane of an absent body may hold a torque and has no moments of inertia
+        j1, j2, j3 = lane_vector(motion, INVERSE_MOMENTS, lane)
+        is_present = j1 > 0.0
         is_turning = (square > budget * budget) & is_present
-        x, y, z = resistance_direction(x, y, z, i1, i2, i3, math.sqrt(square), budget)
-        x, y, z = into_world(c, lane, x, y, z)
-        lx = lx - budget * x if is_turning else wx
-        ly = ly - budget * y if is_turning else wy
-        lz = lz - budget * z if is_turning else wz
-        write_vector(c, ANGULAR_MOMENTUM, lane, lx, ly, lz)
-        ox, oy, oz = inverse_inertia_times(m, lane, lx, ly, lz)
-        # a stopped body has the frame's velocity without rounding
-        is_stopped = is_present & (not is_turning)
-        ox = fx if is_stopped else ox
-        oy = fy if is_stopped else oy
-        oz = fz if is_stopped else oz
-        write_vector(m, OMEGA, lane, ox, oy, oz)
-
-
-@kernel
-def advance_orientation(m, c, dt):
-    """Turn each lane's body with the angular velocity o at the middle of the step.
-
-    o = J l, and l is constant within the step, so o changes at the rate -J (o x l).
-    """
-    for lane in range(L):
-        lx, ly, lz = lane_vector(c, ANGULAR_MOMENTUM, lane)
-        ox, oy, oz = lane_vector(m, OMEGA, lane)
-        rx, ry, rz = inverse_inertia_times(
-            m, lane, oy * lz - oz * ly, oz * lx - ox * lz, ox * ly - oy * lx
+        n_turning += 1 if is_turning else 0
+        # in the body's own axes: its momentum, and the direction of the resistance
+        l1, l2, l3 = into_body(motion, lane, lx, ly, lz)
+        n1, n2, n3 = resistance_direction(
+            l1, l2, l3, j1, j2, j3, math.sqrt(square), budget
         )
-        ox = alive(ox - 0.5 * dt * rx)
-        oy = alive(oy - 0.5 * dt * ry)
-        oz = alive(oz - 0.5 * dt * rz)
-        write_vector(c, ANGULAR_MOMENTUM, lane, alive(lx), alive(ly), alive(lz))
-        write_vector(m, OMEGA, lane, ox, oy, oz)
-        square = ox * ox + oy * oy + oz * oz
+        # a body that stops has a direction, too, which is not used
+        nx, ny, nz = into_world(motion, lane, n1, n2, n3)
+        lx = lx - budget * nx if is_turning else 0.0
+        ly = ly - budget * ny if is_turning else 0.0
+        lz = lz - budget * nz if is_turning else 0.0
+        write_vector(motion, ANGULAR_MOMENTUM, lane, lx, ly, lz)
+        omega_x, omega_y, omega_z = inverse_inertia_times(scratch, lane, lx, ly, lz)
+        write_vector(scratch, OMEGA, lane, omega_x, omega_y, omega_z)
+    return n_turning
+
+
+@inlined
+def frame_momentum(motion, lane, frame_x, frame_y, frame_z):
+    """Return the angular momentum of a lane's body if it turned with a frame.
+
+    (frame_x, frame_y, frame_z) is the frame's angular velocity; all is in world axes.
+    """
+    j1, j2, j3 = lane_vector(motion, INVERSE_MOMENTS, lane)
+    is_present = j1 > 0.0
+    # in the body's own axes the momentum is the angular velocity times the moments
+    x, y, z = into_body(motion, lane, frame_x, frame_y, frame_z)
+    x = x / j1 if is_present else 0.0
+    y = y / j2 if is_present else 0.0
+    z = z / j3 if is_present else 0.0
+    return into_world(motion, lane, x, y, z)
+
+
+@kernel
+def resist_rolling_in_frame(scratch, motion, dt, frame_x, frame_y, frame_z):
+    """Apply rolling resistance relative to a frame that turns.
+
+    It is that of `resist_rolling`, but a body that the resistance stops turns with the
+    frame, whose angular velocity is (frame_x, frame_y, frame_z) [rad/s].
+    """
+    for lane in range(LANES):
+        lx, ly, lz = lane_vector(motion, ANGULAR_MOMENTUM, lane)
+        budget = dt * scratch[BUDGET + lane]
+        j1, j2, j3 = lane_vector(motion, INVERSE_MOMENTS, lane)
+        is_present = j1 > 0.0
+        # the angular momentum of a body that turns with the frame
+        rest_x, rest_y, rest_z = frame_momentum(motion, lane, frame_x, frame_y, frame_z)
+        # in the body's own axes: its momentum relative to the frame, and the direction
+        l1, l2, l3 = into_body(motion, lane, lx - rest_x, ly - rest_y, lz - rest_z)
+        square = squared_length(l1, l2, l3)
+        is_turning = (square > budget * budget) & is_present
+        n1, n2, n3 = resistance_direction(
+            l1, l2, l3, j1, j2, j3, math.sqrt(square), budget
+        )
+        nx, ny, nz = into_world(motion, lane, n1, n2, n3)
+        lx = lx - budget * nx if is_turning else rest_x
+        ly = ly - budget * ny if is_turning else rest_y
+        lz = lz - budget * nz if is_turning else rest_z
+        write_vector(motion, ANGULAR_MOMENTUM, lane, lx, ly, lz)
+        omega_x, omega_y, omega_z = inverse_inertia_times(scratch, lane, lx, ly, lz)
+        # a stopped body has the frame's angular velocity without rounding
+        is_stopped = is_present & (not is_turning)
+        omega_x = frame_x if is_stopped else omega_x
+        omega_y = frame_y if is_stopped else omega_y
+        omega_z = frame_z if is_stopped else omega_z
+        write_vector(scratch, OMEGA, lane, omega_x, omega_y, omega_z)
+
+
+@kernel
+def advance_orientation(scratch, motion, dt):
+    """Turn each lane's body with its angular velocity at the middle of the step.
+
+    The angular momentum l is constant within the step. With the inverse inertia J the
+    angular velocity is o = J l. J turns with the body, so o changes at the rate
+    -J (o x l).
+    """
+    for lane in range(LANES):
+        lx, ly, lz = lane_vector(motion, ANGULAR_MOMENTUM, lane)
+        omega_x, omega_y, omega_z = lane_vector(scratch, OMEGA, lane)
+        turn_x, turn_y, turn_z = cross(omega_x, omega_y, omega_z, lx, ly, lz)
+        rate_x, rate_y, rate_z = inverse_inertia_times(
+            scratch, lane, turn_x, turn_y, turn_z
+        )
+        # half a step later, at its middle
+        omega_x = alive(omega_x - 0.5 * dt * rate_x)
+        omega_y = alive(omega_y - 0.5 * dt * rate_y)
+        omega_z = alive(omega_z - 0.5 * dt * rate_z)
+        write_vector(motion, ANGULAR_MOMENTUM, lane, alive(lx), alive(ly), alive(lz))
+        write_vector(scratch, OMEGA, lane, omega_x, omega_y, omega_z)
+        square = squared_length(omega_x, omega_y, omega_z)
         # the way of the farthest point of the body
-        m[PATH + lane] += dt * c[st.RADIUS + lane] * math.sqrt(square)
-        turn_quaternion(c, lane, ox, oy, oz, 0.5 * dt, square > 0.0)
+        scratch[PATH + lane] += dt * motion[st.RADIUS + lane] * math.sqrt(square)
+        turn_quaternion(motion, lane, omega_x, omega_y, omega_z, 0.5 * dt, square > 0.0)
 
 
 @kernel
-def inertia_lanes(m, c):
+def write_inverse_inertia(scratch, motion):
     """Write the inverse inertia of each lane's body as it is oriented now."""
-    write_rotated_diagonal(m, INVERSE_INERTIA, c, INVERSE_MOMENTS)
+    write_rotated_diagonal(scratch, INVERSE_INERTIA, motion, INVERSE_MOMENTS)
 
 
 @kernel
-def shape_lanes(m, c, parts):
+def write_shapes(scratch, motion, parts):
     """Write inverse inertia and shape of each lane's body as it is oriented now.
 
-    The shape of a clump (parts == 0) is its quaternion. The loop over the parts is
-    written out, so that their rows are constants in the compiled code.
+    The shape of a smooth body is a symmetric matrix for each of its `parts`, that of a
+    clump (parts == 0) its quaternion. The loop over the parts is written out, so that
+    their rows are constants in the compiled code.
     """
-    inertia_lanes(m, c)
+    write_inverse_inertia(scratch, motion)
+    first = ROWS + SHAPE * LANES
     if parts == 0:
-        for number in range(4 * L):
-            m[ROWS + SHAPE * L + number] = c[QUATERNION + number]
+        for place in range(4 * LANES):
+            scratch[first + place] = motion[QUATERNION + place]
         return
-    write_rotated_diagonal(m, ROWS + SHAPE * L, c, SQUARES)
+    write_rotated_diagonal(scratch, first, motion, SQUARES)
     if parts > 1:
-        write_rotated_diagonal(m, ROWS + (SHAPE + PART) * L, c, SQUARES + 3 * L)
+        second = ROWS + (SHAPE + PART) * LANES
+        write_rotated_diagonal(scratch, second, motion, SQUARES + 3 * LANES)
     if parts > 2:
-        write_rotated_diagonal(m, ROWS + (SHAPE + 2 * PART) * L, c, SQUARES + 6 * L)
+        third = ROWS + (SHAPE + 2 * PART) * LANES
+        write_rotated_diagonal(scratch, third, motion, SQUARES + 6 * LANES)
 
 
 @kernel
-def share_lanes(m, c, dt, parts):
+def write_dashpot_shares(scratch, motion, dt, parts):
     """Write the share of its tangential dashpots that each body takes in the next step.
 
     All of them together stop at most the body's whole rotation, see `laws.tangential`.
     """
-    share = ROWS + st.share_column(parts) * L
-    for lane in range(L):
-        i1, i2, i3 = lane_vector(c, INVERSE_MOMENTS, lane)
-        largest = max(i1, max(i2, i3))
-        m[share + lane] = 1.0 / max(1.0, dt * largest * m[DASHPOTS + lane])
+    share_row = ROWS + st.share_column(parts) * LANES
+    for lane in range(LANES):
+        j1, j2, j3 = lane_vector(motion, INVERSE_MOMENTS, lane)
+        largest = max(j1, max(j2, j3))
+        rotation_loss = dt * largest * scratch[DASHPOTS + lane]
+        scratch[share_row + lane] = 1.0 / max(1.0, rotation_loss)
 
 
 @inlined
-def rotate_lanes(m, c, dt, parts, is_resting, fx, fy, fz):
+def rotate_bodies(scratch, motion, dt, parts, is_resting, frame_x, frame_y, frame_z):
     """Turn the smooth bodies or clumps of a tile by one step.
 
     Where none turned in the last step and none may begin to turn, this costs little.
@@ -372,7 +457,7 @@ def rotate_lanes(m, c, dt, parts, is_resting, fx, fy, fz):
     is_resting : bool
         Whether no body of the tile turned in the last step. Then only the first columns
         of the bodies are in the scratch tile.
-    fx, fy, fz : float
+    frame_x, frame_y, frame_z : float
         Angular velocity of the frame against which rolling is resisted [rad/s].
 
     Returns
@@ -380,69 +465,73 @@ def rotate_lanes(m, c, dt, parts, is_resting, fx, fy, fz):
     bool
         Whether any body turns.
     """
-    has_frame = fx != 0.0 or fy != 0.0 or fz != 0.0
-    if is_resting and not has_frame and count_disturbed(m, dt) == 0:
+    has_frame = frame_x != 0.0 or frame_y != 0.0 or frame_z != 0.0
+    if is_resting and not has_frame and count_disturbed(scratch, dt) == 0:
         return False
-    n_twisted = twist_lanes(m, c, dt)
+    n_turning = add_torques(scratch, motion, dt)
     if is_resting:
-        inertia_lanes(m, c)
+        # the scratch tile does not hold it yet
+        write_inverse_inertia(scratch, motion)
     if has_frame:
-        resist_in_frame(m, c, dt, fx, fy, fz)
-    elif n_twisted == 0:
-        stop_lanes(m, c)
+        resist_rolling_in_frame(scratch, motion, dt, frame_x, frame_y, frame_z)
+    elif n_turning == 0:
+        stop_rotations(scratch, motion)
         return False
-    elif resist_lanes(m, c, dt) == 0:
+    elif resist_rolling(scratch, motion, dt) == 0:
         return False
-    advance_orientation(m, c, dt)
-    shape_lanes(m, c, parts)
-    share_lanes(m, c, dt, parts)
+    advance_orientation(scratch, motion, dt)
+    write_shapes(scratch, motion, parts)
+    write_dashpot_shares(scratch, motion, dt, parts)
     return True
 
 
 @kernel
-def turn_spheres(m, c, dt, fx, fy, fz):
+def turn_spheres(scratch, motion, dt, frame_x, frame_y, frame_z):
     """Turn each lane's sphere against its rolling resistance; return how many turn.
 
-    It is the motion of `resist_in_frame` and `advance_orientation`. Momentum and angular
-    velocity of a sphere are parallel: the resistance shortens both, and the velocity is
-    constant within the step. No path is added, since the surface of a turning sphere
-    stays in its place.
+    It is the motion of `resist_rolling_in_frame` and `advance_orientation`. Momentum and
+    angular velocity of a sphere are parallel: the resistance shortens both, and the
+    velocity is constant within the step. No path is added, since the surface of a turning
+    sphere stays in its place.
     """
-    n = 0
-    for lane in range(L):
-        inverse = c[INVERSE_MOMENTS + lane]
+    n_turning = 0
+    for lane in range(LANES):
+        inverse = motion[INVERSE_MOMENTS + lane]
         is_present = inverse > 0.0
         moment = 1.0 / (inverse if is_present else 1.0)
         # the angular momentum relative to the frame, after the torque of this step
-        torque_x, torque_y, torque_z = lane_vector(m, TORQUE, lane)
-        lx, ly, lz = lane_vector(c, ANGULAR_MOMENTUM, lane)
-        lx = lx + dt * torque_x - moment * fx
-        ly = ly + dt * torque_y - moment * fy
-        lz = lz + dt * torque_z - moment * fz
-        budget = dt * m[BUDGET + lane]
-        size = math.sqrt(lx * lx + ly * ly + lz * lz)
-        is_turning = is_present & (size > budget)
+        torque_x, torque_y, torque_z = lane_vector(scratch, TORQUE, lane)
+        lx, ly, lz = lane_vector(motion, ANGULAR_MOMENTUM, lane)
+        lx = lx + dt * torque_x - moment * frame_x
+        ly = ly + dt * torque_y - moment * frame_y
+        lz = lz + dt * torque_z - moment * frame_z
         # the share of it that the resistance leaves
-        kept_share = 1.0 - budget / (size if is_turning else 1.0)
-        kept_share = kept_share if is_turning else 0.0
-        lx = alive(kept_share * lx + moment * fx if is_present else 0.0)
-        ly = alive(kept_share * ly + moment * fy if is_present else 0.0)
-        lz = alive(kept_share * lz + moment * fz if is_present else 0.0)
-        ox, oy, oz = alive(inverse * lx), alive(inverse * ly), alive(inverse * lz)
-        write_vector(c, ANGULAR_MOMENTUM, lane, lx, ly, lz)
-        write_vector(m, OMEGA, lane, ox, oy, oz)
-        is_turning_now = ox * ox + oy * oy + oz * oz > 0.0
-        n += 1 if is_turning_now else 0
-        turn_quaternion(c, lane, ox, oy, oz, 0.5 * dt, is_turning_now)
-        m[ROWS + st.SPHERE_RADIUS * L + lane] = c[st.RADIUS + lane]
-    return n
+        budget = dt * scratch[BUDGET + lane]
+        momentum = math.sqrt(squared_length(lx, ly, lz))
+        is_left = is_present & (momentum > budget)
+        share = 1.0 - budget / (momentum if is_left else 1.0)
+        share = share if is_left else 0.0
+        # back in the world
+        lx = alive(share * lx + moment * frame_x if is_present else 0.0)
+        ly = alive(share * ly + moment * frame_y if is_present else 0.0)
+        lz = alive(share * lz + moment * frame_z if is_present else 0.0)
+        omega_x = alive(inverse * lx)
+        omega_y = alive(inverse * ly)
+        omega_z = alive(inverse * lz)
+        write_vector(motion, ANGULAR_MOMENTUM, lane, lx, ly, lz)
+        write_vector(scratch, OMEGA, lane, omega_x, omega_y, omega_z)
+        is_turning = squared_length(omega_x, omega_y, omega_z) > 0.0
+        n_turning += 1 if is_turning else 0
+        turn_quaternion(motion, lane, omega_x, omega_y, omega_z, 0.5 * dt, is_turning)
+        scratch[ROWS + st.SPHERE_RADIUS * LANES + lane] = motion[st.RADIUS + lane]
+    return n_turning
 
 
 @inlined
-def rotate_spheres(m, c, dt, is_resting, fx, fy, fz):
-    """Turn the spheres of a tile by one step; see `rotate_lanes`."""
-    has_frame = fx != 0.0 or fy != 0.0 or fz != 0.0
-    if is_resting and not has_frame and count_disturbed(m, dt) == 0:
+def rotate_spheres(scratch, motion, dt, is_resting, frame_x, frame_y, frame_z):
+    """Turn the spheres of a tile by one step; see `rotate_bodies`."""
+    has_frame = frame_x != 0.0 or frame_y != 0.0 or frame_z != 0.0
+    if is_resting and not has_frame and count_disturbed(scratch, dt) == 0:
         return False
-    share_lanes(m, c, dt, st.SPHERES)
-    return turn_spheres(m, c, dt, fx, fy, fz) > 0 or has_frame
+    write_dashpot_shares(scratch, motion, dt, st.SPHERES)
+    return turn_spheres(scratch, motion, dt, frame_x, frame_y, frame_z) > 0 or has_frame

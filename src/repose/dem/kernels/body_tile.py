@@ -5,14 +5,14 @@ then numbers that only this step needs. See `rows` for the layout of a tile.
 """
 
 from . import state as st
-from .rows import L
+from .rows import LANES
 
 ROWS = 0  # one row for each column of `Bodies.rows`, see `state`
-OMEGA = ROWS + st.ANGULAR_VELOCITY * L
-INVERSE_INERTIA = ROWS + st.INVERSE_INERTIA * L
-LOAD = 40 * L  # one row for each column of `Bodies.load`: the sum over all shares
-TORQUE = LOAD + st.TORQUE * L
-PATH = 48 * L  # bound of the motion of any point of the body in this step [m]
-BEFORE = 49 * L  # height of the centre before the step [m]
-MORE = 50 * L  # the loads of one share, before they are added to LOAD
+OMEGA = ROWS + st.ANGULAR_VELOCITY * LANES
+INVERSE_INERTIA = ROWS + st.INVERSE_INERTIA * LANES
+LOAD = 40 * LANES  # one row for each column of `Bodies.load`: the sum over all shares
+TORQUE = LOAD + st.TORQUE * LANES
+PATH = 48 * LANES  # bound of the motion of any point of the body in this step [m]
+BEFORE = 49 * LANES  # height of the centre before the step [m]
+MORE = 50 * LANES  # the loads of one share, before they are added to LOAD
 TILE_ROWS = 58

@@ -1,9 +1,10 @@
 """One time step of the bodies: translation, rotation, then the events of bodies.
 
-The centres move by semi-implicit Euler (`move_lanes`), the rotation is in
-`body_rotation`. Bodies are handled in tiles of L lanes in the scratch tile `m` (rows of
-`body_tile`): copy the columns of `Bodies.rows` and the loads into it, move the bodies,
-and copy the columns back. `motion` is the body's tile of `Bodies.motion`.
+The centres move by semi-implicit Euler (`move_centres`), the rotation is in
+`body_rotation`. Bodies are handled in tiles of 32, in a scratch tile with one body in
+each lane (rows of `body_tile`): copy the columns of `Bodies.rows` and the loads into it,
+move the bodies, and copy the columns back. `scratch` is this scratch tile, `motion` the
+bodies' tile of `Bodies.motion`, `base` the number of the tile's first body.
 
 Reads and clears `Bodies.load`. Writes `Bodies.rows`, `motion`, `displacement`,
 `resting`, `touched`, `longest`, `wall_margin`, `event`, `events`, `exit_time` and
@@ -13,11 +14,11 @@ Reads and clears `Bodies.load`. Writes `Bodies.rows`, `motion`, `displacement`,
 import math
 
 from . import state as st
-from .body_rotation import rotate_lanes, rotate_spheres, shape_lanes
+from .body_rotation import rotate_bodies, rotate_spheres, write_shapes
 from .body_tile import BEFORE, LOAD, MORE, PATH, ROWS
 from .jit import inlined, kernel
 from .neighbours import mark_moved
-from .rows import L, add_vector, lane_vector, set_vector, vector_at, write_vector
+from .rows import LANES, add_vector, lane_vector, set_vector, vector_at, write_vector
 from .simd import WIDTH, gather, lanes_to_rows, prefetch
 from .state import (
     ANGULAR_MOMENTUM,
@@ -28,78 +29,86 @@ from .state import (
     SHAPE,
     alive,
 )
+from .vectors import squared_length
 
 # Bits of `Bodies.event`: the body fell through the exit height; it moved by half a skin,
 # so its neighbours are found anew; it went below the floor.
 FELL, MOVED_FAR, BELOW_FLOOR = 1, 2, 4
 
-# First rows of the scratch tile `m`.
-POSITION = ROWS + st.POSITION * L
-HEIGHT = POSITION + 2 * L
-VELOCITY = ROWS + st.VELOCITY * L
-INVERSE_MASS = ROWS + st.INVERSE_MASS * L
+# First rows of the scratch tile.
+POSITION = ROWS + st.POSITION * LANES
+HEIGHT = POSITION + 2 * LANES
+VELOCITY = ROWS + st.VELOCITY * LANES
+INVERSE_MASS = ROWS + st.INVERSE_MASS * LANES
 
 
 @kernel
-def move_lanes(m, gx, gy, gz, dt):
+def move_centres(scratch, gx, gy, gz, dt):
     """Move the centres of a tile's bodies by one step under their loads and gravity.
 
-    Writes their velocities and positions, the height before the step (row BEFORE) and
-    the length of the path (row PATH). Absent bodies have no mass and do not move.
+    (gx, gy, gz) is the acceleration of gravity [m/s2], `dt` the time step [s]. Writes
+    their velocities and positions, the height before the step (row BEFORE) and the
+    length of the path (row PATH). Absent bodies have no mass and do not move.
     """
-    for lane in range(L):
-        inverse_mass = m[INVERSE_MASS + lane]
+    for lane in range(LANES):
+        inverse_mass = scratch[INVERSE_MASS + lane]
         is_present = 1.0 if inverse_mass > 0.0 else 0.0
         kick = dt * inverse_mass  # change of velocity per force
-        vx, vy, vz = lane_vector(m, VELOCITY, lane)
-        fx, fy, fz = lane_vector(m, LOAD, lane)
+        vx, vy, vz = lane_vector(scratch, VELOCITY, lane)
+        fx, fy, fz = lane_vector(scratch, LOAD, lane)
         vx = alive(vx + kick * fx + is_present * dt * gx)
         vy = alive(vy + kick * fy + is_present * dt * gy)
         vz = alive(vz + kick * fz + is_present * dt * gz)
-        write_vector(m, VELOCITY, lane, vx, vy, vz)
-        m[BEFORE + lane] = m[HEIGHT + lane]
-        add_vector(m, POSITION, lane, dt * vx, dt * vy, dt * vz)
-        square = vx * vx + vy * vy + vz * vz
-        m[PATH + lane] = dt * math.sqrt(square)
+        write_vector(scratch, VELOCITY, lane, vx, vy, vz)
+        scratch[BEFORE + lane] = scratch[HEIGHT + lane]
+        add_vector(scratch, POSITION, lane, dt * vx, dt * vy, dt * vz)
+        scratch[PATH + lane] = dt * math.sqrt(squared_length(vx, vy, vz))
 
 
 @kernel
-def count_events(m, motion, displacement, base, exit_height, floor_height):
+def count_events(scratch, motion, displacement, base, exit_height, floor_height):
     """Add the paths of a tile's bodies to their displacements, and count events.
 
     `base` is the first body of the tile. Returns the number of bodies with an event (see
     `event_of`). The loop has no branches, so it is vector code; events are rare.
     """
-    n = 0
-    for lane in range(L):
-        reading = displacement[base + lane] + m[PATH + lane]
-        displacement[base + lane] = reading
-        z = m[HEIGHT + lane]
-        has_fallen = (m[BEFORE + lane] >= exit_height) & (z < exit_height)
-        is_present = m[INVERSE_MASS + lane] > 0.0
-        has_moved_far = reading >= motion[RELIST + lane]
-        n += 1 if is_present & (has_moved_far | has_fallen | (z < floor_height)) else 0
-    return n
+    n_events = 0
+    for lane in range(LANES):
+        new_displacement = displacement[base + lane] + scratch[PATH + lane]
+        displacement[base + lane] = new_displacement
+        z = scratch[HEIGHT + lane]
+        has_fallen = (scratch[BEFORE + lane] >= exit_height) & (z < exit_height)
+        is_present = scratch[INVERSE_MASS + lane] > 0.0
+        has_moved_far = new_displacement >= motion[RELIST + lane]
+        is_below_floor = z < floor_height
+        has_event = is_present & (has_moved_far | has_fallen | is_below_floor)
+        n_events += 1 if has_event else 0
+    return n_events
 
 
 @inlined
-def longest_path(m):
-    """Return the longest path of a tile's bodies in this step; overwrites the paths."""
-    # Halving the number of lanes in each round makes vector code of a maximum.
-    half = L // 2
+def longest_path(scratch):
+    """Return the longest path of a tile's bodies in this step [m]; overwrites the paths.
+
+    Each round keeps the longer one of every two paths. Unlike a plain maximum, this
+    becomes vector code.
+    """
+    half = LANES // 2
     while half > 0:
         for lane in range(half):
-            m[PATH + lane] = max(m[PATH + lane], m[PATH + half + lane])
+            scratch[PATH + lane] = max(
+                scratch[PATH + lane], scratch[PATH + half + lane]
+            )
         half //= 2
-    return m[PATH]
+    return scratch[PATH]
 
 
 @inlined
-def event_of(bodies, physics, m, motion, lane, i):
+def event_of(bodies, physics, scratch, motion, lane, i):
     """Return the event of body i as bits FELL, MOVED_FAR and BELOW_FLOOR; 0 for none."""
-    z = m[HEIGHT + lane]
+    z = scratch[HEIGHT + lane]
     event = 0
-    if m[BEFORE + lane] >= physics.exit_height and z < physics.exit_height:
+    if scratch[BEFORE + lane] >= physics.exit_height and z < physics.exit_height:
         event |= FELL
     if bodies.displacement[i] >= motion[RELIST + lane]:
         event |= MOVED_FAR
@@ -110,9 +119,13 @@ def event_of(bodies, physics, m, motion, lane, i):
 
 @kernel
 def act_on_events(bodies, grid, counts, begin, n, time):
-    """Handle the events of n bodies, listed in `bodies.events` from place `begin` on."""
-    for e in range(begin, begin + n):
-        i = bodies.events[e]
+    """Handle the events of n bodies, listed in `bodies.events` from place `begin` on.
+
+    A body that fell gets `time` [s] as its exit time. One below the floor is gone. Those
+    that moved far or are gone are marked: their neighbours are found anew.
+    """
+    for place in range(begin, begin + n):
+        i = bodies.events[place]
         event = bodies.event[i]
         if event & FELL:
             bodies.exit_time[i] = time
@@ -124,79 +137,83 @@ def act_on_events(bodies, grid, counts, begin, n, time):
 
 
 @inlined
-def sum_loads(bodies, tile, m):
+def sum_loads(bodies, tile, scratch):
     """Write the sum of the shares of a tile's loads to the rows LOAD, and clear them.
 
-    A share that no contact touched is zero and is skipped. The shares are added in their
-    order, whichever thread made them, so the sum has the same bits.
+    `tile` is the number of the tile. A share that no contact touched is zero and is
+    skipped. The shares are added in their order, whichever thread made them, so the sum
+    has the same bits.
     """
-    base = tile * L
-    for number in range(st.LOAD_COLUMNS * L):
-        m[LOAD + number] = 0.0
+    base = tile * LANES
+    for place in range(st.LOAD_COLUMNS * LANES):
+        scratch[LOAD + place] = 0.0
     for share in range(bodies.load.shape[0]):
         if bodies.touched[share, tile]:
             bodies.touched[share, tile] = 0
             load = bodies.load[share]
-            gather(load, st.LOAD_COLUMNS, bodies.every, base, m, MORE)
-            for number in range(st.LOAD_COLUMNS * L):
-                m[LOAD + number] += m[MORE + number]
-            load[base : base + L] = 0.0
+            # copy the share to the rows MORE, and add these to the sum
+            gather(load, st.LOAD_COLUMNS, bodies.every, base, scratch, MORE)
+            for place in range(st.LOAD_COLUMNS * LANES):
+                scratch[LOAD + place] += scratch[MORE + place]
+            load[base : base + LANES] = 0.0
 
 
 @inlined
-def move_only_load(bodies, tile, m):
-    """Move the loads of a tile to the rows LOAD, where there is only one share."""
-    base = tile * L
+def move_only_load(bodies, tile, scratch):
+    """Move the loads of tile number `tile` to the rows LOAD: there is only one share."""
+    base = tile * LANES
     load = bodies.load[0]
-    gather(load, st.LOAD_COLUMNS, bodies.every, base, m, LOAD)
-    load[base : base + L] = 0.0
+    gather(load, st.LOAD_COLUMNS, bodies.every, base, scratch, LOAD)
+    load[base : base + LANES] = 0.0
 
 
 @inlined
 def fetch_next(bodies, tile):
-    """Prefetch the loads, rows and motion of the tile after the next one.
+    """Ask for the data of the tile after the next one: its rows, loads and motion.
 
-    In a large simulation they are not in the cache.
+    In a large simulation they are not in the cache. When the step comes to that tile,
+    they have arrived. A line of the cache holds WIDTH numbers.
     """
     next_tile = tile + 2
     if next_tile >= bodies.resting.shape[0]:
         return
     is_turning = bodies.resting[next_tile] == 0
-    base = next_tile * L
-    for k in range(base, base + L):
-        prefetch(bodies.rows, k, 0)
+    base = next_tile * LANES
+    # of a tile at rest, only the first columns of the rows are read
+    for i in range(base, base + LANES):
+        prefetch(bodies.rows, i, 0)
         if is_turning:
             for column in range(WIDTH, bodies.rows.shape[1], WIDTH):
-                prefetch(bodies.rows, k, column)
+                prefetch(bodies.rows, i, column)
     for share in range(bodies.load.shape[0]):
         if bodies.touched[share, next_tile]:
-            for k in range(base, base + L):
-                prefetch(bodies.load[share], k, 0)
-    # of a tile at rest, only the row RELIST is read
+            for i in range(base, base + LANES):
+                prefetch(bodies.load[share], i, 0)
+    # of a tile at rest, only the row RELIST of the motion is read
     first = QUATERNION if is_turning else RELIST
-    last = st.RADIUS + L if is_turning else INVERSE_MOMENTS
-    for column in range(first, last, WIDTH):
-        prefetch(bodies.motion, next_tile, column)
+    end = st.RADIUS + LANES if is_turning else INVERSE_MOMENTS
+    for place in range(first, end, WIDTH):
+        prefetch(bodies.motion, next_tile, place)
 
 
 @inlined
-def scatter_rows(bodies, base, m, columns):
+def scatter_rows(bodies, base, scratch, columns):
     """Copy the first columns of a tile's bodies from the scratch tile to `Bodies.rows`."""
-    for lane in range(0, L, WIDTH):
+    for lane in range(0, LANES, WIDTH):
         for column in range(0, columns, WIDTH):
             lanes_to_rows(
                 bodies.rows,
                 column,
                 bodies.every,
                 base + lane,
-                m,
-                ROWS + column * L + lane,
-                L,
+                scratch,
+                ROWS + column * LANES + lane,
+                LANES,
             )
 
 
 @kernel
-def integrate(bodies, counts, physics, m, begin, end):
+def integrate(bodies, counts, physics, scratch, begin, end):
     """Advance bodies `begin` to `end` by one step, and clear their loads.
 
     Where the loads have several shares, the longest path of each tile is written to
@@ -204,10 +221,10 @@ def integrate(bodies, counts, physics, m, begin, end):
 
     Parameters
     ----------
-    m : array
+    scratch : array
         Scratch tile.
     begin, end : int
-        The bodies; `begin` is the first one of a tile.
+        The bodies; `begin` is the first one of a tile. `end` may be beyond the last one.
 
     Returns
     -------
@@ -217,69 +234,81 @@ def integrate(bodies, counts, physics, m, begin, end):
     """
     dt = physics.dt
     gx, gy, gz = vector_at(physics.gravity, 0)
-    fx, fy, fz = vector_at(physics.rolling_frame, 0)
+    frame_x, frame_y, frame_z = vector_at(physics.rolling_frame, 0)
     columns = bodies.rows.shape[1]
-    n = min(counts[st.N_BODIES], end)
+    stop = min(counts[st.N_BODIES], end)
     shares = bodies.load.shape[0]
     n_events = 0
-    for base in range(begin, n, L):
-        tile = base // L
+    for base in range(begin, stop, LANES):
+        tile = base // LANES
         motion = bodies.motion[tile]
         is_resting = bodies.resting[tile] == 1
         # Of a tile in which nothing turned, only the first eight columns are read and
         # written: position, velocity, inverse mass.
-        n_read = WIDTH if bodies.resting[tile] else columns
-        gather(bodies.rows, n_read, bodies.every, base, m, ROWS)
+        n_read = WIDTH if is_resting else columns
+        gather(bodies.rows, n_read, bodies.every, base, scratch, ROWS)
         if shares > 1:
             fetch_next(bodies, tile)
-            sum_loads(bodies, tile, m)
+            sum_loads(bodies, tile, scratch)
         else:
-            move_only_load(bodies, tile, m)
-        move_lanes(m, gx, gy, gz, dt)
+            move_only_load(bodies, tile, scratch)
+        move_centres(scratch, gx, gy, gz, dt)
         if physics.parts == st.SPHERES:
-            is_turning = rotate_spheres(m, motion, dt, is_resting, fx, fy, fz)
-        else:
-            is_turning = rotate_lanes(
-                m, motion, dt, physics.parts, is_resting, fx, fy, fz
+            is_turning = rotate_spheres(
+                scratch, motion, dt, is_resting, frame_x, frame_y, frame_z
             )
-        n_written = columns if is_turning else n_read
+        else:
+            is_turning = rotate_bodies(
+                scratch,
+                motion,
+                dt,
+                physics.parts,
+                is_resting,
+                frame_x,
+                frame_y,
+                frame_z,
+            )
         bodies.resting[tile] = 0 if is_turning else 1
-        scatter_rows(bodies, base, m, n_written)
-        in_tile = count_events(
-            m,
+        n_written = columns if is_turning else n_read
+        scatter_rows(bodies, base, scratch, n_written)
+        n_in_tile = count_events(
+            scratch,
             motion,
             bodies.displacement,
             base,
             physics.exit_height,
             physics.floor_height,
         )
-        if in_tile > 0:
-            for lane in range(min(L, n - base)):
-                event = event_of(bodies, physics, m, motion, lane, base + lane)
+        if n_in_tile > 0:
+            for lane in range(min(LANES, stop - base)):
+                event = event_of(bodies, physics, scratch, motion, lane, base + lane)
                 if event:
                     bodies.event[base + lane] = event
                     bodies.events[begin + n_events] = base + lane
                     n_events += 1
         if shares > 1:
-            longest = longest_path(m)
+            longest = longest_path(scratch)
             bodies.longest[tile] = longest
             bodies.wall_margin[tile] -= longest
     return n_events
 
 
 @kernel
-def place_shape(bodies, i, parts, m):
-    """Write inverse inertia and shape of body i as it is oriented now.
+def place_shape(bodies, i, parts, scratch):
+    """Write inverse inertia and shape of body i to its row, as it is oriented now.
 
-    It does not move the body. `m` is a scratch tile.
+    No body moves, and no other row changes. `scratch` is a scratch tile, `parts` that of
+    `Physics`.
     """
+    motion = bodies.motion[i // LANES]
+    lane = i % LANES
     if parts == st.SPHERES:
-        bodies.rows[i, st.SPHERE_RADIUS] = bodies.motion[i // L, st.RADIUS + i % L]
+        bodies.rows[i, st.SPHERE_RADIUS] = motion[st.RADIUS + lane]
         return
-    lane = i % L
-    shape_lanes(m, bodies.motion[i // L], parts)
+    write_shapes(scratch, motion, parts)
+    # the columns of the inverse inertia, then those of the shape
     for column in range(st.INVERSE_INERTIA, SHAPE + max(PART * parts, 4)):
-        bodies.rows[i, column] = m[ROWS + column * L + lane]
+        bodies.rows[i, column] = scratch[ROWS + column * LANES + lane]
 
 
 @kernel
@@ -289,5 +318,5 @@ def stop_body(bodies, i):
     set_vector(row, st.VELOCITY, 0.0, 0.0, 0.0)
     set_vector(row, st.ANGULAR_VELOCITY, 0.0, 0.0, 0.0)
     row[st.INVERSE_MASS] = 0.0
-    write_vector(bodies.motion[i // L], ANGULAR_MOMENTUM, i % L, 0.0, 0.0, 0.0)
+    write_vector(bodies.motion[i // LANES], ANGULAR_MOMENTUM, i % LANES, 0.0, 0.0, 0.0)
     bodies.wall_check[i] = math.inf

@@ -283,7 +283,7 @@ def alive(x):
 
 @inlined
 def scratch_of(numbers):
-    """Return the views of a `Scratch` in an array of SCRATCH numbers."""
+    """Return the `Scratch` whose arrays are parts of an array of SCRATCH numbers."""
     return Scratch(
         numbers[_NORMAL_BEGIN : _NORMAL_BEGIN + 3],
         numbers[_GEOMETRY_BEGIN:_OTHER_BEGIN],
@@ -304,7 +304,7 @@ def bounding_radius(bodies, i):
 def share_column(parts):
     """Return the column of `Bodies.rows` with a body's share of tangential dashpots.
 
-    See `body_rotation.share_lanes`. It follows the shape of the body.
+    See `body_rotation.write_dashpot_shares`. It follows the shape of the body.
     """
     return SPHERE_RADIUS + 1 if parts == SPHERES else SHAPE + max(PART * parts, 4)
 
@@ -320,24 +320,25 @@ def zeros(*shape):
     A vector that straddles two cache lines costs twice.
     """
     size = int(np.prod(shape))
+    # a longer array, of which the first numbers up to the cache line are skipped
     store = np.zeros(size + CACHE_LINE)
     skip = -store.ctypes.data % (8 * CACHE_LINE) // 8
     return store[skip : skip + size].reshape(shape)
 
 
 def each(names, shape, kind, value=0):
-    """Return a dict with an array of its own for each name, filled with a value.
+    """Make several equal arrays; return a dict of them by name.
 
     Parameters
     ----------
     names : str
-        Names with spaces between them.
+        Names of the arrays, with spaces between them.
     shape : int or tuple of int
         Shape of each array.
     kind : data type
         Type of the numbers.
     value : number
-        Their value.
+        Value of all numbers.
     """
     arrays = {}
     for name in names.split():
@@ -367,14 +368,16 @@ def new_bodies(n, parts, shares=1):
         always absent. It is the "ghost" that stands in the unused lanes of contact tiles:
         it has no mass, so no force moves it, and a small shape, so its geometry is finite.
     """
-    padded = LANES * (n // LANES + 1)
-    n_tiles = padded // LANES
+    n_tiles = n // LANES + 1
+    n_places = LANES * n_tiles
+    # a row has whole cache lines
     columns = CACHE_LINE * -(-row_end(parts) // CACHE_LINE)
-    rows = zeros(padded, columns)
+    # a small shape of all bodies; their mass is 0
+    rows = zeros(n_places, columns)
     if parts == SPHERES:
         rows[:, SPHERE_RADIUS] = 1e-3
     else:
-        diagonal = [SHAPE, SHAPE + 3, SHAPE + 5]
+        diagonal = [SHAPE, SHAPE + 3, SHAPE + 5]  # xx, yy, zz
         rows[:, diagonal] = 1e-6
     rows[:, share_column(parts)] = 1.0
     motion = zeros(n_tiles, MOTION_ROWS * LANES)
@@ -383,24 +386,37 @@ def new_bodies(n, parts, shares=1):
     motion[:, SQUARES : SQUARES + 3 * LANES] = 1e-6
     return Bodies(
         rows=rows,
-        load=zeros(shares, padded, LOAD_COLUMNS),
+        load=zeros(shares, n_places, LOAD_COLUMNS),
         touched=np.zeros((shares, n_tiles), np.uint8),
         motion=motion,
-        displacement=zeros(padded),
-        wall_check=np.full(padded, np.inf),
-        **each("presence passed kind event", padded, np.uint8),
-        exit_time=np.full(padded, np.nan),
-        every=np.arange(padded, dtype=np.uint32),
+        displacement=zeros(n_places),
+        wall_check=np.full(n_places, np.inf),
+        **each("presence passed kind event", n_places, np.uint8),
+        exit_time=np.full(n_places, np.nan),
+        every=np.arange(n_places, dtype=np.uint32),
         resting=np.zeros(n_tiles, np.uint8),
-        events=np.zeros(padded, np.int64),
+        events=np.zeros(n_places, np.int64),
         **each("longest wall_margin", n_tiles, float),
     )
 
 
 def lanes_of(motion, row, columns, n):
-    """Return a quantity of the first n bodies as a copy (n, columns).
+    """Copy a quantity of the first n bodies from `Bodies.motion`.
 
-    `row` is the first row of the quantity in the tiles of `Bodies.motion`.
+    Parameters
+    ----------
+    motion : ndarray (tiles, MOTION_ROWS * LANES)
+        `Bodies.motion`.
+    row : int
+        First row of the quantity in a tile.
+    columns : int
+        Number of its rows: its components.
+    n : int
+        Number of bodies.
+
+    Returns
+    -------
+    ndarray (n, columns)
     """
     first = row // LANES
     tiles = motion.reshape(len(motion), MOTION_ROWS, LANES)[:, first : first + columns]
@@ -414,11 +430,22 @@ def new_grid(n, lower, upper, cell):
     depends on the number of bodies and not on the box. The cells repeat in space like
     the tiles of a floor: a place outside the grid belongs to the cell at the same place
     of the repetition.
+
+    Parameters
+    ----------
+    n : int
+        Number of bodies.
+    lower, upper : array_like (3,)
+        Corners of the box [m].
+    cell : float
+        Edge of a cell [m].
     """
     lower = np.asarray(lower, float)
     upper = np.asarray(upper, float)
+    most_cells = max(CELLS_PER_BODY * n, FEWEST_CELLS)
     shape = np.maximum(1.0, np.ceil((upper - lower) / cell))
-    while shape.prod() > max(CELLS_PER_BODY * n, FEWEST_CELLS):
+    # halve the longest side until there are few enough cells
+    while shape.prod() > most_cells:
         shape[shape.argmax()] = np.ceil(0.5 * shape.max())
     shape = shape.astype(np.int64)
     return Grid(

@@ -1,0 +1,21 @@
+"""Products of vectors of three components, which kernels hold as three numbers each."""
+
+from .jit import inlined
+
+
+@inlined
+def dot(ax, ay, az, bx, by, bz):
+    """Return the scalar product of two vectors."""
+    return ax * bx + ay * by + az * bz
+
+
+@inlined
+def squared_length(x, y, z):
+    """Return the square of the length of a vector."""
+    return x * x + y * y + z * z
+
+
+@inlined
+def cross(ax, ay, az, bx, by, bz):
+    """Return the vector product a x b."""
+    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
