@@ -1,12 +1,12 @@
-"""The inner loops of clumps: 32 contacts of single spheres at a time.
+"""The inner loops of clumps: geometry of 32 contacts of single spheres at a time.
 
 Two spheres, or a sphere and a plane, touch in closed form. A contact keeps the places of
 its spheres in the axes of their bodies, and their radii; the rows of the bodies have
 positions and, in the columns of the shape, quaternions.
 
-`t` is the scratch tile (rows of `tile`), `c` the tile of numbers that the contacts keep.
-The functions read the rows of the bodies (`tl.A`, `tl.B`) and write N in `c`, GAP,
-RADIUS, RA and RB in `t`. See `rows` for the layout of a tile.
+`scratch` is the scratch tile (rows of `tile`), `contacts` the tile of numbers that the
+contacts keep. The functions read the rows of the bodies (`tl.A`, `tl.B`) and write N in
+`contacts`, GAP, RADIUS, RA and RB in `scratch`. See `rows` for the layout of a tile.
 """
 
 import math
@@ -14,8 +14,9 @@ import math
 from . import state as st
 from . import tile as tl
 from .jit import inlined
-from .rows import L, Rows, lane_vector, write_vector
+from .rows import LANES, Rows, lane_vector, write_vector
 from .state import OFFSET, SHAPE
+from .vectors import squared_length
 
 N = st.NORMAL
 # Rows that a pair of spheres keeps, after the normal.
@@ -51,69 +52,80 @@ def rotated_vector(w, x, y, z, px, py, pz):
 
 
 @inlined
-def write_arms(t, c, body, centre, arm):
+def write_arms(scratch, contacts, body_row, centre_row, arm_row):
     """Write the vector from the body's centre to the sphere's, in world axes.
 
-    `body` is the first row of the body in `t`, `centre` that of the sphere's place in
-    `c`, and `arm` the first of three rows of `t` to which the vector is written.
+    Parameters
+    ----------
+    scratch, contacts : array
+        Tiles with the bodies and with their spheres.
+    body_row : int
+        First row of the bodies in `scratch`.
+    centre_row : int
+        First of the three rows of the spheres' centres in `contacts`.
+    arm_row : int
+        First of the three rows of `scratch` to which the vectors are written.
     """
-    quaternion = body + SHAPE * L
-    for lane in range(L):
-        w = t[quaternion + lane]
-        x, y, z = lane_vector(t, quaternion + L, lane)
-        px, py, pz = lane_vector(c, centre, lane)
-        px, py, pz = rotated_vector(w, x, y, z, px, py, pz)
-        write_vector(t, arm, lane, px, py, pz)
+    quaternion_row = body_row + SHAPE * LANES
+    for lane in range(LANES):
+        w = scratch[quaternion_row + lane]
+        x, y, z = lane_vector(scratch, quaternion_row + LANES, lane)
+        centre_x, centre_y, centre_z = lane_vector(contacts, centre_row, lane)
+        arm_x, arm_y, arm_z = rotated_vector(w, x, y, z, centre_x, centre_y, centre_z)
+        write_vector(scratch, arm_row, lane, arm_x, arm_y, arm_z)
 
 
 @inlined
-def sphere_pair_geometry(t, c):
+def sphere_pair_geometry(scratch, contacts):
     """Compute normal, gap, effective radius and contact point of each pair of spheres."""
-    write_arms(t, c, tl.A, CENTRE_A, ARM_A)
-    write_arms(t, c, tl.B, CENTRE_B, ARM_B)
-    for lane in range(L):
-        # between the centres of the bodies
-        dx = t[tl.B + lane] - t[tl.A + lane]
-        dy = t[tl.B + L + lane] - t[tl.A + L + lane]
-        dz = t[tl.B + 2 * L + lane] - t[tl.A + 2 * L + lane]
-        # between the centres of the spheres
-        ax, ay, az = lane_vector(t, ARM_A, lane)
-        bx, by, bz = lane_vector(t, ARM_B, lane)
-        sx = dx + bx - ax
-        sy = dy + by - ay
-        sz = dz + bz - az
-        distance = math.sqrt(sx * sx + sy * sy + sz * sz)
-        inv = 1.0 / (distance if distance > NEAREST else NEAREST)
-        nx, ny, nz = inv * sx, inv * sy, inv * sz
-        gap = distance - c[REACH + lane]
+    write_arms(scratch, contacts, tl.A, CENTRE_A, ARM_A)
+    write_arms(scratch, contacts, tl.B, CENTRE_B, ARM_B)
+    for lane in range(LANES):
+        # from the centre of body A to that of body B
+        ax, ay, az = lane_vector(scratch, tl.A, lane)
+        bx, by, bz = lane_vector(scratch, tl.B, lane)
+        dx, dy, dz = bx - ax, by - ay, bz - az
+        # from the centre of the sphere of A to that of the sphere of B
+        arm_a_x, arm_a_y, arm_a_z = lane_vector(scratch, ARM_A, lane)
+        arm_b_x, arm_b_y, arm_b_z = lane_vector(scratch, ARM_B, lane)
+        sx = dx + arm_b_x - arm_a_x
+        sy = dy + arm_b_y - arm_a_y
+        sz = dz + arm_b_z - arm_a_z
+        distance = math.sqrt(squared_length(sx, sy, sz))
+        inverse = 1.0 / (distance if distance > NEAREST else NEAREST)
+        nx, ny, nz = inverse * sx, inverse * sy, inverse * sz
+        write_vector(contacts, N, lane, nx, ny, nz)
+        gap = distance - contacts[REACH + lane]
+        scratch[tl.GAP + lane] = gap
+        scratch[tl.RADIUS + lane] = contacts[CURVATURE + lane]
         # the contact point lies midway between the two surfaces
-        reach = c[RADIUS_A + lane] + 0.5 * gap
-        rx, ry, rz = ax + reach * nx, ay + reach * ny, az + reach * nz
-        write_vector(c, N, lane, nx, ny, nz)
-        t[tl.GAP + lane] = gap
-        t[tl.RADIUS + lane] = c[CURVATURE + lane]
-        write_vector(t, tl.RA, lane, rx, ry, rz)
-        write_vector(t, tl.RB, lane, rx - dx, ry - dy, rz - dz)
+        reach = contacts[RADIUS_A + lane] + 0.5 * gap
+        rx = arm_a_x + reach * nx
+        ry = arm_a_y + reach * ny
+        rz = arm_a_z + reach * nz
+        write_vector(scratch, tl.RA, lane, rx, ry, rz)
+        write_vector(scratch, tl.RB, lane, rx - dx, ry - dy, rz - dz)
 
 
 @inlined
-def sphere_plane_geometry(t, c):
+def sphere_plane_geometry(scratch, contacts):
     """Compute gap, effective radius and contact point of each sphere on a plane.
 
     Beyond the disc of the plane the gap is tl.BEYOND, as in `tile.plane_geometry`.
     """
-    write_arms(t, c, tl.A, CENTRE, ARM_A)
-    for lane in range(L):
-        nx, ny, nz = lane_vector(c, N, lane)
-        ax, ay, az = lane_vector(t, ARM_A, lane)
+    write_arms(scratch, contacts, tl.A, CENTRE, ARM_A)
+    for lane in range(LANES):
+        nx, ny, nz = lane_vector(contacts, N, lane)
         # the centre of the sphere
-        x = t[tl.A + lane] + ax
-        y = t[tl.A + L + lane] + ay
-        z = t[tl.A + 2 * L + lane] + az
-        radius = c[RADIUS + lane]
-        gap = c[OFFSET + lane] - nx * x - ny * y - nz * z - radius
+        body_x, body_y, body_z = lane_vector(scratch, tl.A, lane)
+        arm_x, arm_y, arm_z = lane_vector(scratch, ARM_A, lane)
+        x, y, z = body_x + arm_x, body_y + arm_y, body_z + arm_z
+        radius = contacts[RADIUS + lane]
+        gap = contacts[OFFSET + lane] - nx * x - ny * y - nz * z - radius
+        scratch[tl.RADIUS + lane] = radius
+        # the contact point lies midway between sphere and plane
         reach = radius + 0.5 * gap
-        t[tl.RADIUS + lane] = radius
-        write_vector(t, tl.RA, lane, ax + reach * nx, ay + reach * ny, az + reach * nz)
-        on_disc = tl.is_on_disc(c, lane, x, y, z, nx, ny, nz)
-        t[tl.GAP + lane] = gap if on_disc else tl.BEYOND
+        rx, ry, rz = arm_x + reach * nx, arm_y + reach * ny, arm_z + reach * nz
+        write_vector(scratch, tl.RA, lane, rx, ry, rz)
+        on_disc = tl.is_on_disc(contacts, lane, x, y, z, nx, ny, nz)
+        scratch[tl.GAP + lane] = gap if on_disc else tl.BEYOND

@@ -13,7 +13,7 @@ from . import contact_geometry as cg
 from . import state as st
 from . import tile as tl
 from .jit import inlined, kernel
-from .rows import L, lane_vector, set_vector, vector_at
+from .rows import LANES, lane_vector, set_vector, vector_at
 from .state import FRAME_ORIGIN, FRAME_ROTATION, PART, SHAPE, SPHERES
 
 # Places of the rotation in a frame. XY is the x component of the frame's y axis.
@@ -83,7 +83,10 @@ def mesh_frame(walls, mesh):
 def row_in_frame(row, parts, frame, local_row):
     """Write position and shape of a body, as seen from a frame, to `local_row`.
 
-    Both are rows of `Bodies.rows`; the other columns of `local_row` keep their values.
+    `row` and `local_row` are rows of `Bodies.rows`; the other columns of `local_row` keep
+    their values. `parts` is the number of ellipsoids of the body, or SPHERES. Each has a
+    symmetric matrix S of six columns: xx, xy, xz, yy, yz, zz. In the frame it is R' S R,
+    with the rotation R of the frame.
     """
     x, y, z = vector_at(row, st.POSITION)
     x, y, z = place_in_frame(frame, x, y, z)
@@ -91,33 +94,36 @@ def row_in_frame(row, parts, frame, local_row):
     if parts == SPHERES:
         local_row[st.SPHERE_RADIUS] = row[st.SPHERE_RADIUS]
     for part in range(parts):
-        # The columns of the symmetric matrix S, each rotated into the frame: R' S.
-        s = SHAPE + PART * part
-        ax, ay, az = into_frame(frame, row[s], row[s + 1], row[s + 2])
-        bx, by, bz = into_frame(frame, row[s + 1], row[s + 3], row[s + 4])
-        cx, cy, cz = into_frame(frame, row[s + 2], row[s + 4], row[s + 5])
-        # Then the rows of that: R' S R. Only the upper triangle is kept.
+        first = SHAPE + PART * part
+        xx, xy, xz = vector_at(row, first)
+        yy, yz, zz = vector_at(row, first + 3)
+        # R' S: the three columns a, b, c of S, each rotated into the frame
+        ax, ay, az = into_frame(frame, xx, xy, xz)
+        bx, by, bz = into_frame(frame, xy, yy, yz)
+        cx, cy, cz = into_frame(frame, xz, yz, zz)
+        # R' S R: the rows of R' S rotated; only the upper triangle is kept
         xx, xy, xz = into_frame(frame, ax, bx, cx)
         _yx, yy, yz = into_frame(frame, ay, by, cy)
         _zx, _zy, zz = into_frame(frame, az, bz, cz)
-        set_vector(local_row, s, xx, xy, xz)
-        set_vector(local_row, s + 3, yy, yz, zz)
+        set_vector(local_row, first, xx, xy, xz)
+        set_vector(local_row, first + 3, yy, yz, zz)
 
 
 @inlined
 def surface_velocity(motion, x, y, z):
-    """Return the velocity of a moving wall at a place: v + omega x r.
+    """Return the velocity of a moving wall at a place (x, y, z): v + omega x r.
 
-    `motion` is a row of `Walls.motion`.
+    `motion` is a row of `Walls.motion`; r is the vector from the wall's pivot to the
+    place.
     """
     vx, vy, vz = vector_at(motion, st.WALL_VELOCITY)
-    ox, oy, oz = vector_at(motion, st.WALL_SPIN)
-    px, py, pz = vector_at(motion, st.WALL_PIVOT)
-    rx, ry, rz = x - px, y - py, z - pz
+    omega_x, omega_y, omega_z = vector_at(motion, st.WALL_SPIN)
+    pivot_x, pivot_y, pivot_z = vector_at(motion, st.WALL_PIVOT)
+    rx, ry, rz = x - pivot_x, y - pivot_y, z - pivot_z
     return (
-        vx + oy * rz - oz * ry,
-        vy + oz * rx - ox * rz,
-        vz + ox * ry - oy * rx,
+        vx + omega_y * rz - omega_z * ry,
+        vy + omega_z * rx - omega_x * rz,
+        vz + omega_x * ry - omega_y * rx,
     )
 
 
@@ -134,55 +140,68 @@ def rotated_about(angle, ux, uy, uz, x, y, z):
     )
 
 
+@inlined
+def turn_frame(frame, angle, ux, uy, uz):
+    """Turn the rotation of a frame by an angle [rad] about a unit axis u, in place."""
+    # the columns of the rotation are the axes of the frame
+    for axis in range(3):
+        column = FRAME_ROTATION + axis
+        x, y, z = rotated_about(
+            angle,
+            ux,
+            uy,
+            uz,
+            frame[column],
+            frame[column + 3],
+            frame[column + 6],
+        )
+        frame[column] = x
+        frame[column + 3] = y
+        frame[column + 6] = z
+
+
 @kernel
 def move_walls(walls, dt):
     """Move all moving walls by one time step [s].
 
-    Writes the planes and frames of these walls, their pivots, and how far any wall may
-    have come nearer.
+    A wall turns about its pivot, and the pivot moves. Writes the planes and frames of
+    these walls, their pivots, and how far any wall may have come nearer.
     """
     planes = walls.planes
     n_planes = planes.shape[0]
     for wall in range(walls.moves.shape[0]):
         if walls.moves[wall] == 0:
             continue
+        # the rotation in this step: an angle about a unit vector u
         motion = walls.motion[wall]
-        px, py, pz = vector_at(motion, st.WALL_PIVOT)
-        ox, oy, oz = vector_at(motion, st.WALL_SPIN)
-        rate = math.sqrt(ox**2 + oy**2 + oz**2)
+        omega_x, omega_y, omega_z = vector_at(motion, st.WALL_SPIN)
+        rate = math.sqrt(omega_x**2 + omega_y**2 + omega_z**2)
         inverse = 1.0 / rate if rate > 0.0 else 0.0
-        ux, uy, uz = ox * inverse, oy * inverse, oz * inverse
+        ux, uy, uz = omega_x * inverse, omega_y * inverse, omega_z * inverse
         angle = rate * dt
         # a plane is moved itself, another wall with its frame; both begin with a place
-        place = planes[wall] if wall < n_planes else walls.frames[wall - n_planes]
-        x, y, z = rotated_about(
-            angle, ux, uy, uz, place[0] - px, place[1] - py, place[2] - pz
+        surface = planes[wall] if wall < n_planes else walls.frames[wall - n_planes]
+        pivot_x, pivot_y, pivot_z = vector_at(motion, st.WALL_PIVOT)
+        arm_x, arm_y, arm_z = rotated_about(
+            angle,
+            ux,
+            uy,
+            uz,
+            surface[0] - pivot_x,
+            surface[1] - pivot_y,
+            surface[2] - pivot_z,
         )
         for axis in range(3):
             motion[st.WALL_PIVOT + axis] += dt * motion[st.WALL_VELOCITY + axis]
-        place[0] = motion[st.WALL_PIVOT] + x
-        place[1] = motion[st.WALL_PIVOT + 1] + y
-        place[2] = motion[st.WALL_PIVOT + 2] + z
+        surface[0] = motion[st.WALL_PIVOT] + arm_x
+        surface[1] = motion[st.WALL_PIVOT + 1] + arm_y
+        surface[2] = motion[st.WALL_PIVOT + 2] + arm_z
         if wall < n_planes:
-            nx, ny, nz = vector_at(place, st.PLANE_NORMAL)
+            nx, ny, nz = vector_at(surface, st.PLANE_NORMAL)
             nx, ny, nz = rotated_about(angle, ux, uy, uz, nx, ny, nz)
-            set_vector(place, st.PLANE_NORMAL, nx, ny, nz)
+            set_vector(surface, st.PLANE_NORMAL, nx, ny, nz)
         else:
-            # the columns of the rotation are the axes of the frame
-            for axis in range(3):
-                column = FRAME_ROTATION + axis
-                x, y, z = rotated_about(
-                    angle,
-                    ux,
-                    uy,
-                    uz,
-                    place[column],
-                    place[column + 3],
-                    place[column + 6],
-                )
-                place[column] = x
-                place[column + 3] = y
-                place[column + 6] = z
+            turn_frame(surface, angle, ux, uy, uz)
     walls.approach[st.WALL_PATH] += dt * walls.approach[st.WALL_SPEED]
 
 
@@ -192,18 +211,22 @@ def move_plane_contacts(flat, walls, n):
     for k in range(n):
         wall = flat.wall[k]
         if walls.moves[wall]:
-            write_plane(flat.data[k // L], k % L, walls.planes[wall])
+            write_plane(flat.data[k // LANES], k % LANES, walls.planes[wall])
 
 
 @inlined
 def write_plane(tile, lane, plane):
-    """Write normal, offset, middle and squared radius of a plane to a contact's lane."""
+    """Write a plane to the lane of a contact: normal, offset, middle, squared radius.
+
+    `tile` is the contact's tile, `plane` a row of `Walls.planes`. The offset is the
+    distance of the plane from the origin along its normal.
+    """
     offset = 0.0
     for axis in range(3):
         normal = plane[st.PLANE_NORMAL + axis]
         point = plane[st.PLANE_POINT + axis]
-        tile[st.NORMAL + axis * L + lane] = normal
-        tile[st.MIDDLE + axis * L + lane] = point
+        tile[st.NORMAL + axis * LANES + lane] = normal
+        tile[st.MIDDLE + axis * LANES + lane] = point
         offset += normal * point
     tile[st.OFFSET + lane] = offset
     radius = plane[st.PLANE_RADIUS]
@@ -211,31 +234,41 @@ def write_plane(tile, lane, plane):
 
 
 @inlined
-def load_walls(walls, first_wall, contacts, base, n, t):
+def load_walls(walls, first_wall, contacts, base, n, scratch):
     """Add the loads of a tile of contacts to their walls, if the user asked for them.
+
+    The load of a wall is the force on it and the torque about the origin of the world,
+    of all its contacts: six numbers of a row of `Walls.loads`.
 
     Parameters
     ----------
+    walls : Walls
+        All walls.
     first_wall : int
         Number of the first wall of this kind.
     contacts : WallContacts
         Contacts with walls of one kind; the tile begins with contact `base`.
+    base : int
+        First contact of the tile.
     n : int
         Number of contacts in the list.
-    t : array
-        Scratch tile with the forces on the bodies.
+    scratch : array
+        Scratch tile of the contacts (rows of `tile`) with the forces on the bodies.
     """
     if walls.loads.shape[0] == 0:
         return
-    for lane in range(min(L, n - base)):
+    for lane in range(min(LANES, n - base)):
         load = walls.loads[first_wall + contacts.wall[base + lane]]
-        force_x, force_y, force_z = lane_vector(t, tl.TO_A, lane)
+        # the force on the wall is opposite to that on the body
+        force_x, force_y, force_z = lane_vector(scratch, tl.TO_A, lane)
         fx, fy, fz = -force_x, -force_y, -force_z
         # The torque on B is only the couple of a law of rolling: a wall has no arm.
-        couple_x, couple_y, couple_z = lane_vector(t, tl.TO_B + st.TORQUE * L, lane)
-        x = t[tl.A + lane] + t[tl.RA + lane]
-        y = t[tl.A + L + lane] + t[tl.RA + L + lane]
-        z = t[tl.A + 2 * L + lane] + t[tl.RA + 2 * L + lane]
+        torque_row = tl.TO_B + st.TORQUE * LANES
+        couple_x, couple_y, couple_z = lane_vector(scratch, torque_row, lane)
+        # the contact point: the body's centre and its arm
+        body_x, body_y, body_z = lane_vector(scratch, tl.A, lane)
+        arm_x, arm_y, arm_z = lane_vector(scratch, tl.RA, lane)
+        x, y, z = body_x + arm_x, body_y + arm_y, body_z + arm_z
         load[0] += fx
         load[1] += fy
         load[2] += fz
