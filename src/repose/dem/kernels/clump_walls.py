@@ -25,7 +25,7 @@ from .contact_geometry import normal_of, shift_arm, write_sphere_contact
 from .frames import contact_to_world, mesh_frame, place_in_frame, write_plane
 from .jit import inlined, kernel
 from .meshes import follow_feature, search_mesh
-from .rows import L, lane_vector, set_vector, vector_at, write_vector
+from .rows import LANES, lane_vector, set_vector, vector_at, write_vector
 from .sphere_search import PLACES_A, place_spheres, placed_centre, placed_radius
 from .state import MOST_SPHERES, PLANE_NORMAL, PLANE_POINT, PLANE_RADIUS, SHAPE
 from .walls import add_wall_contact, sphere_on_frame_wall
@@ -35,32 +35,39 @@ from .walls import add_wall_contact, sphere_on_frame_wall
 def sphere_arm(row, tile, lane):
     """Return the vector from a body's centre to that of its sphere, in world axes.
 
-    `row` is the body, `tile` and `lane` the place of the sphere's contact.
+    `row` is the body's row of `Bodies.rows`, `tile` and `lane` the place of the sphere's
+    contact, which keeps the centre in the body's axes.
     """
     w = row[SHAPE]
     x, y, z = vector_at(row, SHAPE + 1)
-    px, py, pz = lane_vector(tile, ct.CENTRE, lane)
-    return ct.rotated_vector(w, x, y, z, px, py, pz)
+    centre_x, centre_y, centre_z = lane_vector(tile, ct.CENTRE, lane)
+    return ct.rotated_vector(w, x, y, z, centre_x, centre_y, centre_z)
 
 
 @inlined
 def sphere_on_plane(x, y, z, radius, plane, geometry):
-    """Fill `geometry` for a sphere and a plane.
+    """Fill `geometry` for a sphere with the centre (x, y, z) and a plane.
 
-    Returns how far the sphere's centre is beyond the disc's edge [m].
+    `plane` is a row of `Walls.planes`. Returns how far the sphere's centre is beyond the
+    edge of the plane's disc [m], which is negative inside.
     """
     nx, ny, nz = vector_at(plane, PLANE_NORMAL)
-    px, py, pz = vector_at(plane, PLANE_POINT)
-    dx, dy, dz = px - x, py - y, pz - z
+    point_x, point_y, point_z = vector_at(plane, PLANE_POINT)
+    # from the sphere's centre to the middle of the disc, and its part along the normal
+    dx, dy, dz = point_x - x, point_y - y, point_z - z
     height = nx * dx + ny * dy + nz * dz
     write_sphere_contact(geometry, nx, ny, nz, height - radius, radius, radius)
+    # the part in the plane, by Pythagoras
     square = max(dx * dx + dy * dy + dz * dz - height * height, 0.0)
     return math.sqrt(square) - plane[PLANE_RADIUS]
 
 
 @inlined
 def seen_place(walls, frame, x, y, z):
-    """Return a place in the world as seen from the frame of a curved wall or mesh."""
+    """Return a place (x, y, z) in the world as seen from a curved wall's or mesh's frame.
+
+    `frame` is the number of the frame in `Walls.frames`.
+    """
     if walls.displaced[frame]:
         return place_in_frame(walls.frames[frame], x, y, z)
     return x, y, z
@@ -80,13 +87,16 @@ def sphere_on_curved(walls, wall, x, y, z, radius, geometry):
 
 @inlined
 def write_sphere(contacts, clumps, k, i, sphere):
-    """Write place and radius of a sphere of body i to the lane of contact k."""
-    tile = contacts.data[k // L]
-    lane = k % L
+    """Write centre and radius of a sphere of body i to the lane of contact k.
+
+    The shape of the body has them in the body's axes; they are multiplied by its scale.
+    """
+    tile = contacts.data[k // LANES]
+    lane = k % LANES
     spheres = clumps.spheres[clumps.shape[i]]
     scale = clumps.scale[i]
     for axis in range(3):
-        tile[ct.CENTRE + axis * L + lane] = scale * spheres[axis, sphere]
+        tile[ct.CENTRE + axis * LANES + lane] = scale * spheres[axis, sphere]
     tile[ct.RADIUS + lane] = scale * spheres[SPHERE_RADIUS_ROW, sphere]
 
 
@@ -141,22 +151,25 @@ def free_way(gap, distance_beyond, radius, past, sphere, is_leaning):
     is_leaning : bool
         Whether the body touches a wall of this kind.
     """
+    # a sphere that is clear of the surface
     if gap > 0.0:
         clear_bit(past, sphere)
         return gap
+    # how far it is beyond the wall's end, or its centre behind the surface
     distance_outside = max(distance_beyond, -gap - radius)
     if distance_outside > 0.0 and not is_leaning:
         set_bit(past, sphere)
+    # one that is past the wall has to be clear of the surface first
     return -gap if is_set(past, sphere) else max(distance_outside, 0.0)
 
 
 @inlined
 def touching_spheres(known, i):
     """Return the spheres of body i that touch any wall of this kind, as bits."""
-    word = np.uint64(0)
+    bits = np.uint64(0)
     for wall in range(known.shape[0]):
-        word |= known[wall, i]
-    return word
+        bits |= known[wall, i]
+    return bits
 
 
 @inlined
@@ -169,9 +182,11 @@ def sphere_slid_off(bodies, contacts, walls, k):
     i = contacts.body[k]
     sphere = contacts.feature[k]
     for wall in range(contacts.limit.shape[0]):
+        # a view of one word, since bits are set in a row of words
         past = contacts.past[wall, i : i + 1]
         if is_set(past, sphere):
             clear_bit(past, sphere)
+            # the limit is the present displacement: the search is due
             contacts.limit[wall, i] = (
                 bodies.displacement[i] + walls.approach[st.WALL_PATH]
             )
@@ -179,17 +194,21 @@ def sphere_slid_off(bodies, contacts, walls, k):
 
 @kernel
 def spheres_at_wall(
-    bodies, contacts, slot, clumps, walls, counts, wall, i, s, geometry
+    bodies, contacts, slot, clumps, walls, counts, wall, i, places, geometry
 ):
     """Find the spheres of body i that begin to touch a plane, cone or ring.
 
+    Each gets a contact.
+
     Parameters
     ----------
+    contacts : WallContacts
+        The contacts with walls of this kind.
     slot : int
         Place of the number of contacts in `counts`: st.N_PLANE or st.N_CURVED.
     wall : int
         Number of the wall among those of its kind.
-    s : array
+    places : array
         Scratch that holds the spheres of the body, see `place_clump`.
     geometry : array (8,)
         Scratch.
@@ -206,11 +225,12 @@ def spheres_at_wall(
         touching_bits = np.uint64(0)
     is_leaning = touching_bits != np.uint64(0)
     for sphere in range(clumps.sizes[clumps.shape[i]]):
-        # views of one word, since bits are set in a row of words
+        # a sphere that touches the wall has a contact already
+        # (`i : i + 1` are views of one word, since bits are set in a row of words)
         if is_set(contacts.known[wall, i : i + 1], sphere):
             continue
-        x, y, z = placed_centre(s, PLACES_A, sphere)
-        radius = placed_radius(s, PLACES_A, sphere)
+        x, y, z = placed_centre(places, PLACES_A, sphere)
+        radius = placed_radius(places, PLACES_A, sphere)
         if slot == st.N_CURVED:
             distance_beyond = sphere_on_curved(walls, wall, x, y, z, radius, geometry)
         else:
@@ -228,29 +248,35 @@ def spheres_at_wall(
             nearest = min(nearest, free_distance)
             continue
         k = add_sphere(contacts, counts, slot, clumps, i, wall, sphere, geometry)
+        # a contact with a plane keeps a copy of the plane
         if slot == st.N_PLANE and k >= 0:
-            write_plane(contacts.data[k // L], k % L, walls.planes[wall])
+            write_plane(contacts.data[k // LANES], k % LANES, walls.planes[wall])
     return nearest
 
 
 @inlined
-def place_clump(bodies, clumps, i, s):
-    """Write the spheres of body i, in the world, to the rows PLACES_A of the scratch."""
+def place_clump(bodies, clumps, i, places):
+    """Write the spheres of body i, in world axes, to the rows PLACES_A of `places`.
+
+    `places` is the scratch array `Scratch.spheres`.
+    """
     shape = clumps.shape[i]
     row = bodies.rows[i]
     spheres = clumps.spheres[shape]
     size = clumps.sizes[shape]
-    place_spheres(row, spheres, size, clumps.scale[i], 0.0, 0.0, 0.0, s, PLACES_A)
+    place_spheres(row, spheres, size, clumps.scale[i], 0.0, 0.0, 0.0, places, PLACES_A)
 
 
 @inlined
 def sphere_row(walls, frame, x, y, z, radius, local_row):
     """Write a sphere in a frame to `local_row`, as the row of a body of one ellipsoid.
 
-    This is the form in which `meshes` takes bodies.
+    This is the form in which `meshes` takes bodies. (x, y, z) is the sphere's centre in
+    the world.
     """
     x, y, z = seen_place(walls, frame, x, y, z)
     set_vector(local_row, st.POSITION, x, y, z)
+    # the matrix of a sphere: its squared radius on the diagonal
     square = radius * radius
     set_vector(local_row, SHAPE, square, 0.0, 0.0)
     set_vector(local_row, SHAPE + 3, square, 0.0, square)
@@ -288,12 +314,15 @@ def follow_sphere(
 ):
     """Follow contact k of a sphere with a mesh by one step, as `meshes.follow_feature`.
 
-    The arm of `geometry` begins at the centre of the body, not at that of the sphere.
+    The arguments after `n`, the number of contacts with meshes, and the result are those
+    of that function. The arm of `geometry` begins at the centre of the body, not at that
+    of the sphere.
     """
     contacts = by_sphere(meshed, clumps)
     frame = mesh_frame(walls, meshed.wall[k])
-    tile = meshed.data[k // L]
-    lane = k % L
+    # the sphere in the frame of the mesh
+    tile = meshed.data[k // LANES]
+    lane = k % LANES
     row = bodies.rows[meshed.body[k]]
     arm_x, arm_y, arm_z = sphere_arm(row, tile, lane)
     radius = tile[ct.RADIUS + lane]
@@ -327,12 +356,12 @@ def spheres_at_mesh(
     counts,
     mesh,
     i,
-    s,
+    places,
     geometry,
     other_geometry,
     local_row,
 ):
-    """Find the spheres of body i that begin to touch a mesh.
+    """Find the spheres of body i that begin to touch a mesh; each gets a contact.
 
     Returns how far the body may move before the next search [m].
     """
@@ -356,15 +385,16 @@ def spheres_at_mesh(
                 local_row,
             )
             nx, ny, nz = normal_of(geometry)
-            write_vector(meshed.data[k // L], st.NORMAL, k % L, nx, ny, nz)
-    place_clump(bodies, clumps, i, s)
+            write_vector(meshed.data[k // LANES], st.NORMAL, k % LANES, nx, ny, nz)
+    place_clump(bodies, clumps, i, places)
     frame = mesh_frame(walls, mesh)
     nearest = math.inf
     for sphere in range(clumps.sizes[clumps.shape[i]]):
-        x, y, z = placed_centre(s, PLACES_A, sphere)
-        radius = placed_radius(s, PLACES_A, sphere)
+        x, y, z = placed_centre(places, PLACES_A, sphere)
+        radius = placed_radius(places, PLACES_A, sphere)
         sphere_row(walls, frame, x, y, z, radius, local_row)
         n_before = counts[st.N_MESHED]
+        # the search knows a sphere by one number, as if it was a body
         number = MOST_SPHERES * i + sphere
         free_distance = search_mesh(
             local_row,
@@ -379,7 +409,7 @@ def spheres_at_mesh(
             geometry,
         )
         nearest = min(nearest, free_distance)
-        # The search wrote the number of the sphere to `mesh_sphere`; write the body, too.
+        # it wrote this number to `mesh_sphere` of its new contacts: write the body, too
         for k in range(n_before, counts[st.N_MESHED]):
             meshed.body[k] = i
             write_sphere(meshed, clumps, k, i, sphere)

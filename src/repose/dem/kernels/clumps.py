@@ -1,8 +1,9 @@
 """The lists of pairs of clumps: entries of near bodies, and contacts of their spheres.
 
-A pair of clumps has an *entry* when two of its spheres that do not touch are nearer than
-the skin. A *contact* is a pair of touching spheres; it stores the place of its entry. So
-entries keep their places, and a place that becomes free is a hole, which is used again.
+A clump is a rigid body of spheres. A pair of clumps has an *entry* when two of its
+spheres that do not touch are nearer than the skin. A *contact* is a pair of touching
+spheres; it stores the place of its entry. So entries keep their places, and a place that
+becomes free is a hole, which is used again.
 `sphere_search` decides what is in the lists; the functions here keep them consistent.
 
 Reads the shapes in `Clumps`. Writes all arrays of `SpherePairs`, `counts`, and
@@ -25,7 +26,7 @@ from .neighbours import (
     take_place,
     write_pair,
 )
-from .rows import L
+from .rows import LANES
 from .state import MOST_SPHERES
 
 WORD = 64  # bits of a word of flags
@@ -121,7 +122,7 @@ def new_sphere_pairs(n_contacts, n_entries, most_spheres, ghost, n_state):
         **st.each("first second", n_contacts, np.uint32, ghost),
         entry=np.zeros(n_contacts, np.uint32),
         spheres=np.zeros((n_contacts, 2), np.uint8),
-        data=st.new_contacts(n_contacts, ct.PAIR_STATE // L + n_state),
+        data=st.new_contacts(n_contacts, ct.PAIR_STATE // LANES + n_state),
         ended=np.zeros(n_contacts, np.int64),
         gap=np.zeros(n_contacts),
         **st.each("near_first near_second", n_entries, np.uint32, ghost),
@@ -155,7 +156,7 @@ def clear_bit(words, bit):
 @inlined
 def bits_set(word):
     """Return the number of bits of a word that are set."""
-    # add up pairs of bits, then groups of four, then bytes
+    # count the bits of each pair of bits, then of each group of four, then of each byte
     word -= (word >> np.uint64(1)) & np.uint64(0x5555555555555555)
     word = (word & np.uint64(0x3333333333333333)) + (
         (word >> np.uint64(2)) & np.uint64(0x3333333333333333)
@@ -176,7 +177,7 @@ def largest_size(clumps):
 
 @inlined
 def pair_bit(clumps, a, b):
-    """Return the bit of sphere a of the first body and sphere b of the second."""
+    """Return which bit of `known` is that of spheres a and b of the two bodies."""
     return a * largest_size(clumps) + b
 
 
@@ -184,7 +185,8 @@ def pair_bit(clumps, a, b):
 def add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b):
     """Append the contact of sphere a of body i with sphere b of body j.
 
-    Its spring is relaxed. Nothing happens where the list has no room.
+    `entry` is the place of the entry of the two bodies. The spring of the contact is
+    relaxed. Nothing happens where the list has no room.
     """
     k = take_place(counts, st.N_PAIRS, pairs.first.shape[0])
     if k < 0:
@@ -193,19 +195,21 @@ def add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b):
     pairs.entry[k] = entry
     pairs.spheres[k, 0] = a
     pairs.spheres[k, 1] = b
+    # the entry has one contact more, and knows that the two spheres touch
     pairs.live[entry] += 1
     set_bit(pairs.known[entry], pair_bit(clumps, a, b))
+    # the normal (0, 0, 1) stands until the geometry is calculated
     put_contact(pairs.data, k, 0.0, 0.0, 1.0)
-    # The geometry that the contact keeps: places and radii of its spheres.
-    tile = pairs.data[k // L]
-    lane = k % L
+    # the geometry that the contact keeps: places and radii of its spheres
+    tile = pairs.data[k // LANES]
+    lane = k % LANES
     spheres_a = clumps.spheres[clumps.shape[i]]
     spheres_b = clumps.spheres[clumps.shape[j]]
     scale_a = clumps.scale[i]
     scale_b = clumps.scale[j]
     for axis in range(3):
-        tile[ct.CENTRE_A + axis * L + lane] = scale_a * spheres_a[axis, a]
-        tile[ct.CENTRE_B + axis * L + lane] = scale_b * spheres_b[axis, b]
+        tile[ct.CENTRE_A + axis * LANES + lane] = scale_a * spheres_a[axis, a]
+        tile[ct.CENTRE_B + axis * LANES + lane] = scale_b * spheres_b[axis, b]
     radius_a = scale_a * spheres_a[SPHERE_RADIUS_ROW, a]
     radius_b = scale_b * spheres_b[SPHERE_RADIUS_ROW, b]
     tile[ct.RADIUS_A + lane] = radius_a
@@ -221,11 +225,13 @@ def drop_sphere_contact(pairs, counts, clumps, k, ghost):
     These are in the same place, but without radii they do not overlap, and without a
     law's state they do not cohere.
     """
+    # the entry has one contact fewer
     entry = pairs.entry[k]
     pairs.live[entry] -= 1
     a = np.int64(pairs.spheres[k, 0])
     b = np.int64(pairs.spheres[k, 1])
     clear_bit(pairs.known[entry], pair_bit(clumps, a, b))
+    # the last contact moves to place k
     last = counts[st.N_PAIRS] - 1
     counts[st.N_PAIRS] = last
     write_pair(pairs.first, pairs.second, k, pairs.first[last], pairs.second[last])
@@ -233,16 +239,18 @@ def drop_sphere_contact(pairs, counts, clumps, k, ghost):
     pairs.spheres[k, 0] = pairs.spheres[last, 0]
     pairs.spheres[k, 1] = pairs.spheres[last, 1]
     move_contact(pairs.data, last, k)
+    # its old place holds ghosts
     write_pair(pairs.first, pairs.second, last, ghost, ghost)
     put_contact(pairs.data, last, 0.0, 0.0, 1.0)
 
 
 @inlined
 def add_entry(pairs, counts, grid, i, j):
-    """Add an entry of two bodies, in a hole or at the end of the list.
+    """Add an entry of bodies i and j, in a hole or at the end of the list.
 
     Returns its place, or -1 where there is no room.
     """
+    # take a hole, if there is one
     if counts[st.N_FREE] > 0:
         counts[st.N_FREE] -= 1
         entry = pairs.free[counts[st.N_FREE]]
@@ -269,25 +277,30 @@ def drop_entry(pairs, counts, grid, entry, ghost):
 def chain_entries(pairs, counts, grid, ghost):
     """Chain the partners of each body of `Grid.moved_list`, from its entries.
 
-    See `neighbours.chain_contacts`. The youngest entries come first; the loop ends when
-    all links of these bodies are found.
+    A chain is a linked list of the bodies with which a body has an entry, see
+    `neighbours.chain_contacts`. `ghost` stands in the holes of the list of entries. The
+    last entries of the list come first; the loop ends when all links are found.
     """
     n_links = pairs_of_moved(grid.near, grid, counts)
-    n_used = 0
+    n_found = 0
     entry = counts[st.N_NEAR] - 1
-    while n_used < n_links:
+    while n_found < n_links:
         i = pairs.near_first[np.uint64(entry)]
         j = pairs.near_second[np.uint64(entry)]
         entry -= 1
         if i == ghost:
             continue
-        n_used = chain_partner(pairs, grid, n_used, i, j)
-        n_used = chain_partner(pairs, grid, n_used, j, i)
+        # one link if i is in the list of moved bodies, and one if j is
+        n_found = chain_partner(pairs, grid, n_found, i, j)
+        n_found = chain_partner(pairs, grid, n_found, j, i)
 
 
 @kernel
 def drop_entries_of_gone(bodies, pairs, counts, grid, clumps, ghost):
-    """Drop the contacts and entries of the bodies that are gone."""
+    """Drop the contacts and entries of the bodies that are gone.
+
+    `ghost` is the number of the absent body, which stands in the places that become free.
+    """
     presence = bodies.presence
     # from the end, since a dropped contact is replaced by the last one
     for k in range(counts[st.N_PAIRS] - 1, -1, -1):

@@ -11,13 +11,15 @@ import numpy as np
 from . import state as st
 from .jit import kernel
 from .neighbours import put_in_cell
-from .rows import L
+from .rows import LANES
 
 
 def morton(cell, shape):
     """Return the places of cells on a Morton curve.
 
-    The bits of the three indices of a cell are interleaved.
+    On this curve, cells that are near in space are mostly near. The place of a cell is a
+    number whose bits are those of the cell's three indices, in turn: bit 0 of the index
+    along x, of that along y and of that along z, then bit 1 of each, and so on.
 
     Parameters
     ----------
@@ -31,22 +33,23 @@ def morton(cell, shape):
     ndarray (n,)
         The places.
     """
-    cell = np.maximum(cell, 0)
+    number = np.maximum(cell, 0)
     indices = (
-        cell // (shape[1] * shape[2]),
-        cell // shape[2] % shape[1],
-        cell % shape[2],
+        number // (shape[1] * shape[2]),
+        number // shape[2] % shape[1],
+        number % shape[2],
     )
-    code = np.zeros(len(cell), np.int64)
+    place = np.zeros(len(number), np.int64)
     for bit in range(int(max(shape)).bit_length()):
         for axis, index in enumerate(indices):
-            code |= (index >> bit & 1) << (3 * bit + axis)
-    return code
+            bit_of_index = index >> bit & 1
+            place |= bit_of_index << (3 * bit + axis)
+    return place
 
 
 @kernel
 def relink(grid, n):
-    """Make the lists of the cells anew for the first n bodies."""
+    """Put the first n bodies into empty lists of the cells, by `grid.cell`."""
     grid.head[:] = -1
     for i in range(n):
         if grid.cell[i] >= 0:
@@ -60,32 +63,38 @@ def permute(order, *arrays):
 
 
 def permute_lanes(order, tiles):
-    """Permute the first lanes of an array of tiles (tiles, rows * L) in place."""
-    lanes = st.contact_rows(tiles, tiles.size)
-    permute(order, lanes)
-    tiles[:] = lanes.reshape(len(tiles), L, -1).transpose(0, 2, 1).reshape(tiles.shape)
+    """Permute the first lanes of an array of tiles (tiles, rows * LANES) in place.
+
+    Lane k, counted through all tiles, becomes lane order[k].
+    """
+    n_tiles = len(tiles)
+    # a table with a row for each lane, then back to tiles
+    table = st.contact_rows(tiles, tiles.size)
+    permute(order, table)
+    by_tile = table.reshape(n_tiles, LANES, -1)
+    tiles[:] = by_tile.transpose(0, 2, 1).reshape(tiles.shape)
 
 
-def sort_by(bodies_of, arrays, *tiles):
-    """Sort lists of contacts by a body of each.
+def sort_by(bodies, arrays, *tiles):
+    """Sort a list of contacts by a body of each, in place.
 
     Parameters
     ----------
-    bodies_of : ndarray (n,)
+    bodies : ndarray (n,)
         The body of each contact.
     arrays : sequence of ndarray
         Arrays of the list.
     *tiles : ndarray
         Tiles of the list.
     """
-    order = np.argsort(bodies_of, kind="stable")
+    order = np.argsort(bodies, kind="stable")
     permute(order, *arrays)
     for data in tiles:
         permute_lanes(order, data)
 
 
 def _permute_bodies(order, bodies, grid, flat, curved, meshed):
-    """Permute all arrays that have a place for each body."""
+    """Permute all arrays that have a place for each body; body k becomes order[k]."""
     permute(
         order,
         bodies.rows,
@@ -109,7 +118,11 @@ def _permute_bodies(order, bodies, grid, flat, curved, meshed):
 
 
 def _rename_bodies(new_number, pairs, flat, curved, meshed, counts):
-    """Write the new number of each body to the lists of contacts and near pairs."""
+    """Write the new number of each body to the lists of contacts and near pairs.
+
+    `new_number` (n,) has the new number of each old one.
+    """
+    # arrays of body numbers, and where `counts` has their length
     lists = (
         (pairs.first, st.N_PAIRS),
         (pairs.second, st.N_PAIRS),
@@ -119,32 +132,38 @@ def _rename_bodies(new_number, pairs, flat, curved, meshed, counts):
         (curved.body, st.N_CURVED),
         (meshed.body, st.N_MESHED),
     )
-    for bodies_of, slot in lists:
+    for numbers, slot in lists:
         n = counts[slot]
-        bodies_of[:n] = new_number[bodies_of[:n]]
+        numbers[:n] = new_number[numbers[:n]]
 
 
 def _sort_contacts(pairs, flat, counts):
     """Sort pairs, contacts with planes and near pairs by their (lower) bodies."""
+    # pairs that touch
     n_pairs = counts[st.N_PAIRS]
     lower = np.minimum(pairs.first[:n_pairs], pairs.second[:n_pairs])
     sort_by(lower, (pairs.first, pairs.second), pairs.data)
-    on_planes = flat.body[: counts[st.N_PLANE]]
-    sort_by(on_planes, (flat.body, flat.wall, flat.feature), flat.data)
+    # contacts with planes
+    bodies = flat.body[: counts[st.N_PLANE]]
+    sort_by(bodies, (flat.body, flat.wall, flat.feature), flat.data)
+    # near pairs
     n_near = counts[st.N_NEAR]
-    lower = np.minimum(pairs.near_first[:n_near], pairs.near_second[:n_near])
+    lower_near = np.minimum(pairs.near_first[:n_near], pairs.near_second[:n_near])
     near_arrays = (
         pairs.near_first,
         pairs.near_second,
         pairs.near_limit,
         pairs.near_normal,
     )
-    sort_by(lower, near_arrays)
+    sort_by(lower_near, near_arrays)
+    # the blocks of near pairs have changed, see `parallel.CHANGED`
     pairs.near_check[:] = 0.0
 
 
 def reorder(bodies, grid, pairs, flat, curved, meshed, counts):
     """Renumber the bodies along the Morton curve, between two steps.
+
+    The arguments are the arrays of `state`; all are changed in place.
 
     Returns
     -------
@@ -152,13 +171,14 @@ def reorder(bodies, grid, pairs, flat, curved, meshed, counts):
         The old number of each body.
     """
     n = int(counts[st.N_BODIES])
-    order = np.argsort(morton(grid.cell[:n], grid.shape), kind="stable")
+    old_number = np.argsort(morton(grid.cell[:n], grid.shape), kind="stable")
     new_number = np.empty(n, np.int64)
-    new_number[order] = np.arange(n)
-    _permute_bodies(order, bodies, grid, flat, curved, meshed)
+    new_number[old_number] = np.arange(n)
+    _permute_bodies(old_number, bodies, grid, flat, curved, meshed)
+    # the lists that hold numbers of bodies
     n_moved = int(counts[st.N_MOVED])
     grid.moved_list[:n_moved] = new_number[grid.moved_list[:n_moved]]
     relink(grid, n)
     _rename_bodies(new_number, pairs, flat, curved, meshed, counts)
     _sort_contacts(pairs, flat, counts)
-    return order
+    return old_number

@@ -28,7 +28,7 @@ UNMARKED = -1  # value of `Grid.mark` of a body that is marked with none
 
 @inlined
 def list_bodies(bodies, pairs, clumps, counts, grid, parts, i, j, scratch):
-    """List the pair of two bodies where they touch or are near.
+    """List the pair of bodies i and j where they touch or are near.
 
     `scratch` is an array (3,) for a normal, or of clumps `Scratch.spheres`.
     """
@@ -40,10 +40,12 @@ def list_bodies(bodies, pairs, clumps, counts, grid, parts, i, j, scratch):
 
 @kernel
 def find_partners(bodies, pairs, clumps, counts, grid, parts, i, scratch):
-    """List the pairs of body i anew.
+    """List the pairs of body i anew, with the bodies in its cell and the cells about it.
 
-    Bodies that are marked with i are skipped: their pairs with i are listed already.
+    Bodies that are marked with i are skipped: their pairs with i are listed already. Of
+    two bodies that both moved, the one with the lower number lists the pair.
     """
+    # the indices of the body's cell along the three axes
     nx, ny, nz = grid.shape[0], grid.shape[1], grid.shape[2]
     cell = grid.cell[i]
     cell_z = cell % nz
@@ -57,11 +59,11 @@ def find_partners(bodies, pairs, clumps, counts, grid, parts, i, scratch):
             y = (cell_y + step_y - 1) % ny
             for step_z in range(min(nz, 3)):
                 z = (cell_z + step_z - 1) % nz
+                # all bodies of this cell, which form a linked list
                 j = grid.head[(x * ny + y) * nz + z]
                 while j >= 0:
-                    # two bodies that both moved find each other once
-                    found_already = grid.moved[j] == 1 and j < i
-                    if j != i and grid.mark[j] != i and not found_already:
+                    is_listed_by_j = grid.moved[j] == 1 and j < i
+                    if j != i and grid.mark[j] != i and not is_listed_by_j:
                         list_bodies(
                             bodies,
                             pairs,
@@ -78,11 +80,11 @@ def find_partners(bodies, pairs, clumps, counts, grid, parts, i, scratch):
 
 @inlined
 def mark_partners(pairs, grid, i, mark):
-    """Mark all bodies in the chain of partners of body i with a number."""
-    link_number = grid.chain[i]
-    while link_number >= 0:
-        grid.mark[pairs.partner[link_number]] = mark
-        link_number = pairs.link[link_number]
+    """Write `mark` to all bodies in the chain of partners of body i."""
+    place = grid.chain[i]
+    while place >= 0:
+        grid.mark[pairs.partner[place]] = mark
+        place = pairs.link[place]
 
 
 @kernel
@@ -92,6 +94,15 @@ def renew(bodies, pairs, clumps, counts, grid, parts, scratch, ghost):
     Near pairs of smooth bodies are dropped and found again. Touching pairs stay, since
     they have springs, and so do the entries of clumps; their bodies are chained, so that
     the search does not list them a second time.
+
+    Parameters
+    ----------
+    parts : int
+        That of `Physics`.
+    scratch : array
+        See `list_bodies`.
+    ghost : int
+        Number of the absent body.
     """
     n_moved = counts[st.N_MOVED]
     if n_moved == 0:
@@ -99,24 +110,26 @@ def renew(bodies, pairs, clumps, counts, grid, parts, scratch, ghost):
     if len(clumps) == 0:
         drop_near_of_moved(pairs, counts, grid)
     # Put the bodies into the cells of their present positions.
-    for m in range(n_moved):
-        i = grid.moved_list[m]
+    for place in range(n_moved):
+        i = grid.moved_list[place]
         unlink(grid, i)
         if bodies.presence[i] == st.PRESENT:
             link(grid, bodies, i)
+    # Chain the pairs that stay.
     if len(clumps) == 0:
         chain_contacts(pairs, counts, grid)
     else:
         chain_entries(pairs, counts, grid, ghost)
-    for m in range(n_moved):
-        i = grid.moved_list[m]
+    # Find the other pairs. While those of a body are listed, its partners are marked.
+    for place in range(n_moved):
+        i = grid.moved_list[place]
         if bodies.presence[i] == st.PRESENT:
             mark_partners(pairs, grid, i, i)
             find_partners(bodies, pairs, clumps, counts, grid, parts, i, scratch)
             mark_partners(pairs, grid, i, UNMARKED)
     # Empty the list and the chains.
-    for m in range(n_moved):
-        i = grid.moved_list[m]
+    for place in range(n_moved):
+        i = grid.moved_list[place]
         grid.moved[i] = 0
         grid.chain[i] = -1
     counts[st.N_MOVED] = 0
@@ -142,8 +155,9 @@ def drop_pairs_of_gone(bodies, pairs, clumps, counts, grid, ghost):
 def drop_touches_of_gone(presence, contacts, clumps, counts, slot, ghost):
     """Drop the contacts of gone bodies with walls of one kind.
 
-    `slot` is the place of their number in `counts`.
+    `slot` is the place of the number of these contacts in `counts`.
     """
+    # from the end, since a dropped contact is replaced by the last one
     for k in range(counts[slot] - 1, -1, -1):
         if presence[contacts.body[k]] != st.PRESENT:
             drop_touch(contacts, clumps, counts, slot, k, ghost)
@@ -153,15 +167,16 @@ def drop_touches_of_gone(presence, contacts, clumps, counts, slot, ghost):
 def drop_gone(bodies, pairs, flat, curved, meshed, clumps, counts, grid, ghost):
     """Drop all contacts of the bodies that went below the floor in the last step.
 
-    These bodies are in `Grid.moved_list`; they are stopped.
+    These bodies are in `Grid.moved_list`; they are stopped. `flat`, `curved` and `meshed`
+    are the contacts with planes, with curved walls and with meshes.
     """
     presence = bodies.presence
     drop_pairs_of_gone(bodies, pairs, clumps, counts, grid, ghost)
     drop_touches_of_gone(presence, flat, clumps, counts, st.N_PLANE, ghost)
     drop_touches_of_gone(presence, curved, clumps, counts, st.N_CURVED, ghost)
     drop_touches_of_gone(presence, meshed, clumps, counts, st.N_MESHED, ghost)
-    for m in range(counts[st.N_MOVED]):
-        i = grid.moved_list[m]
+    for place in range(counts[st.N_MOVED]):
+        i = grid.moved_list[place]
         if presence[i] != st.PRESENT:
             stop_body(bodies, i)
     counts[st.N_GONE] = 0
