@@ -8,8 +8,8 @@ import numpy as np
 WIDTH = 8
 
 
-def _columns(first, stride):
-    """Return the places of WIDTH numbers in a tile, `stride` apart."""
+def _places(first, stride):
+    """Return the places of WIDTH numbers in a tile, `stride` apart, as a slice."""
     return slice(first, first + WIDTH * stride, stride)
 
 
@@ -21,7 +21,7 @@ def rows_to_lanes(table, column, index, k, tile, first, stride):
     """
     for lane in range(WIDTH):
         row = table[index[k + lane], column : column + WIDTH]
-        tile[_columns(first + lane, stride)] = row
+        tile[_places(first + lane, stride)] = row
 
 
 def lanes_to_rows(table, column, index, k, tile, first, stride):
@@ -31,14 +31,18 @@ def lanes_to_rows(table, column, index, k, tile, first, stride):
     of 0..7.
     """
     for lane in range(WIDTH):
-        numbers = tile[_columns(first + lane, stride)]
+        numbers = tile[_places(first + lane, stride)]
         table[index[k + lane], column : column + WIDTH] = numbers
 
 
 def add_lanes_to_rows(table, column, index, k, tile, first, stride):
-    """Add as `lanes_to_rows` writes, lane after lane: a body may come twice."""
+    """Add eight rows of eight lanes of a tile to columns of a table.
+
+    This is `lanes_to_rows` with a sum. Lane after lane is added, since a body may come
+    twice.
+    """
     for lane in range(WIDTH):
-        numbers = tile[_columns(first + lane, stride)]
+        numbers = tile[_places(first + lane, stride)]
         table[index[k + lane], column : column + WIDTH] += numbers
 
 

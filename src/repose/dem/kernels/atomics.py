@@ -1,4 +1,4 @@
-"""A barrier for threads that run a kernel each.
+"""A barrier: each of several threads that run a kernel waits there for all others.
 
 It is an array of BARRIER_SIZE int64 numbers with two counters, which LLVM changes by
 atomic instructions: how many threads have arrived, and the number of the round.
@@ -6,6 +6,7 @@ atomic instructions: how many threads have arrived, and the number of the round.
 
 from llvmlite import ir
 from numba import types
+from numba.core import cgutils
 from numba.extending import intrinsic
 
 from .jit import inlined
@@ -18,7 +19,7 @@ PATIENCE = 4000  # reads of a counter before the processor is offered to others
 
 
 def _place(context, builder, signature, values):
-    """Return the pointer to element values[1] of the array values[0]."""
+    """Return the pointer to element values[1] of the array values[0] (LLVM values)."""
     array = context.make_array(signature.args[0])(context, builder, values[0])
     index = context.cast(builder, values[1], signature.args[1], types.int64)
     return builder.gep(array.data, [index])
@@ -61,10 +62,9 @@ def offer_processor(typingctx):
     """Let another thread of the machine run (POSIX sched_yield)."""
 
     def generate(context, builder, sig, values):
-        name = "sched_yield"
-        function = builder.module.globals.get(name)
-        if not function:
-            function = ir.Function(builder.module, ir.FunctionType(INT32, []), name)
+        function = cgutils.get_or_insert_function(
+            builder.module, ir.FunctionType(INT32, []), "sched_yield"
+        )
         builder.call(function, [])
         return context.get_dummy_value()
 
@@ -77,11 +77,19 @@ def wait_for_all(counters, threads):
 
     The last thread to arrive clears the counter of arrivals and begins a new round, for
     which the others wait.
+
+    Parameters
+    ----------
+    counters : array (BARRIER_SIZE,) of int64
+        The barrier; all threads have the same one.
+    threads : int
+        Number of threads.
     """
     if threads == 1:
         return
     this_round = atomic_load(counters, ROUND)
-    if atomic_add(counters, ARRIVED, 1) == threads - 1:
+    n_before = atomic_add(counters, ARRIVED, 1)
+    if n_before == threads - 1:
         atomic_add(counters, ARRIVED, -threads)
         atomic_add(counters, ROUND, 1)
         return

@@ -1,12 +1,13 @@
 """One time step: find the contacts, add up their forces, move the bodies.
 
-`clumps` is an empty tuple in a simulation of smooth bodies (see `forces`), and `meshes`
-where no wall is a mesh; their code is not compiled then. `advance` runs on one thread;
-`parallel.advance_shared` makes the same steps on several.
+`advance` runs on one thread; `parallel.advance_shared` makes the same steps on several.
 
-Every function writes to most arrays of a simulation (see `state`); `t` and `bodies_tile`
-are scratch tiles for contacts and bodies, `numbers` is the array of a `Scratch`. `ghost`
-is the number of the absent body.
+The arguments are the arrays of a simulation (see `state`), and every function writes to
+most of them. `flat`, `curved` and `meshed` are the contacts with planes, with curved
+walls and with meshes. `contact_tile` and `body_tile` are scratch tiles for contacts and
+bodies, `numbers` is the array of a `Scratch`. `ghost` is the number of the absent body.
+`clumps` is an empty tuple in a simulation of smooth bodies (see `forces`), and `meshes`
+where no wall is a mesh; their code is not compiled then.
 """
 
 from . import state as st
@@ -49,7 +50,7 @@ def has_room(pairs, flat, curved, meshed, counts):
 def begin_step(
     bodies, pairs, flat, curved, meshed, clumps, grid, walls, counts, physics, ghost
 ):
-    """Drop the contacts of bodies that are gone, and move the walls."""
+    """Drop the contacts of the bodies that are gone, and move the moving walls."""
     if counts[st.N_GONE] > 0:
         drop_gone(bodies, pairs, flat, curved, meshed, clumps, counts, grid, ghost)
     if walls.approach[st.WALLS_MOVE] > 0.0:
@@ -68,11 +69,11 @@ def wall_contacts_and_forces(
     meshes,
     counts,
     physics,
-    t,
+    contact_tile,
     scratch,
     ghost,
 ):
-    """Find the contacts with walls, and add their forces to the loads."""
+    """Find the contacts with walls, and add their forces to the loads of the bodies."""
     geometry = scratch.geometry
     other_geometry = scratch.other_geometry
     local_row = scratch.local_row
@@ -90,12 +91,22 @@ def wall_contacts_and_forces(
     )
     if len(meshes) > 0:
         update_meshes(bodies, meshed, clumps, walls, meshes, counts, parts, scratch)
-    # The tile of walls that stand still and are all of one material, the last one.
-    still_wall(t)
-    fill_laws(t, physics, 0, physics.law_constants.shape[0] - 1)
-    plane_forces(bodies, flat, clumps, walls, counts, physics, t, ghost)
+    # Prepare the tile for walls that stand still and are all of one material, the last
+    # one. Where walls move or have several materials, each tile of contacts writes its own.
+    still_wall(contact_tile)
+    fill_laws(contact_tile, physics, 0, physics.law_constants.shape[0] - 1)
+    plane_forces(bodies, flat, clumps, walls, counts, physics, contact_tile, ghost)
     curved_forces(
-        bodies, curved, clumps, walls, counts, physics, t, geometry, local_row, ghost
+        bodies,
+        curved,
+        clumps,
+        walls,
+        counts,
+        physics,
+        contact_tile,
+        geometry,
+        local_row,
+        ghost,
     )
     if len(meshes) > 0:
         mesh_forces(
@@ -106,7 +117,7 @@ def wall_contacts_and_forces(
             meshes,
             counts,
             physics,
-            t,
+            contact_tile,
             geometry,
             other_geometry,
             local_row,
@@ -115,7 +126,7 @@ def wall_contacts_and_forces(
 
 
 @inlined
-def pair_contacts(bodies, pairs, clumps, counts, grid, physics, scratch, ghost):
+def find_pair_contacts(bodies, pairs, clumps, counts, grid, physics, scratch, ghost):
     """Find the contacts of pairs: check near pairs, and renew the neighbour list."""
     parts = physics.parts
     if len(clumps) == 0:
@@ -129,10 +140,10 @@ def pair_contacts(bodies, pairs, clumps, counts, grid, physics, scratch, ghost):
 
 
 @inlined
-def add_pair_forces(bodies, pairs, clumps, counts, grid, physics, t, ghost):
+def add_pair_forces(bodies, pairs, clumps, counts, grid, physics, contact_tile, ghost):
     """Add the forces of pairs to the loads, and retire the pairs that parted."""
     n_ended = pair_forces(
-        bodies, pairs, clumps, counts, physics, t, 0, 0, counts[st.N_PAIRS]
+        bodies, pairs, clumps, counts, physics, contact_tile, 0, 0, counts[st.N_PAIRS]
     )
     if len(clumps) == 0:
         retire_pairs(bodies, pairs, counts, grid, 0, n_ended, ghost)
@@ -153,8 +164,8 @@ def advance(
     meshes,
     counts,
     physics,
-    t,
-    bodies_tile,
+    contact_tile,
+    body_tile,
     numbers,
     steps,
 ):
@@ -180,8 +191,11 @@ def advance(
             physics,
             ghost,
         )
-        pair_contacts(bodies, pairs, clumps, counts, grid, physics, scratch, ghost)
-        add_pair_forces(bodies, pairs, clumps, counts, grid, physics, t, ghost)
+        # contacts and forces: the loads of all bodies
+        find_pair_contacts(bodies, pairs, clumps, counts, grid, physics, scratch, ghost)
+        add_pair_forces(
+            bodies, pairs, clumps, counts, grid, physics, contact_tile, ghost
+        )
         wall_contacts_and_forces(
             bodies,
             flat,
@@ -192,14 +206,13 @@ def advance(
             meshes,
             counts,
             physics,
-            t,
+            contact_tile,
             scratch,
             ghost,
         )
+        # the motion under these loads
         counts[st.STEPS] += 1
-        n_events = integrate(
-            bodies, counts, physics, bodies_tile, 0, counts[st.N_BODIES]
-        )
+        n_events = integrate(bodies, counts, physics, body_tile, 0, counts[st.N_BODIES])
         time = counts[st.STEPS] * physics.dt
         act_on_events(bodies, grid, counts, 0, n_events, time)
     return steps
@@ -216,7 +229,7 @@ def add_wall_loads(
     meshes,
     counts,
     physics,
-    t,
+    contact_tile,
     numbers,
     ghost,
 ):
@@ -235,7 +248,7 @@ def add_wall_loads(
         meshes,
         counts,
         physics,
-        t,
+        contact_tile,
         scratch,
         ghost,
     )

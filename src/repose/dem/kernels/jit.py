@@ -72,6 +72,8 @@ class Kernel:
     one that kernels call. The code that reads the arguments of a call from Python takes
     up to a third of the time to compile, and the second version is without it.
 
+    Other attributes than the methods here are those of the version that Python calls.
+
     Parameters
     ----------
     function : callable
@@ -90,16 +92,16 @@ class Kernel:
 
     @cached_property
     def from_python(self) -> Any:
-        """The dispatcher that Python calls."""
+        """The compiled function that Python calls."""
         return self._dispatcher(FROM_PYTHON)
 
     @cached_property
     def from_kernels(self) -> Any:
-        """The dispatcher that kernels call."""
+        """The compiled function that kernels call."""
         return self._dispatcher(FROM_KERNELS)
 
     def _dispatcher(self, caller_options):
-        """Make a dispatcher of numba that uses our cache."""
+        """Make numba's function of these options, with the cache of this package."""
         options = {**self._options, **caller_options}
         dispatcher = numba.njit(**options)(self.py_func)
         if self._text:

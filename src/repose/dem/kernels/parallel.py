@@ -1,4 +1,4 @@
-"""One simulation on several threads.
+"""One large simulation on several threads, with the same result for any number of them.
 
 The work of a step is cut into SHARES, a number that does not depend on the threads. Each
 share of the contacts has loads of its own, and these are added up in a fixed order. So
@@ -29,7 +29,7 @@ from .jit import inlined, kernel, kernel_without_gil
 from .neighbours import add_contact, drop_near, near_gap, next_due, retire_pairs
 from .renewal import renew
 from .rigid import act_on_events, integrate
-from .rows import L
+from .rows import LANES
 
 SHARES = 8
 # Smaller simulations have one share: they gain nothing from threads.
@@ -45,11 +45,14 @@ STOP = 0  # place in `Shared.orders` that ends the run
 
 
 @inlined
-def share_of(n, share, grain):
-    """Return begin and end of a share of n items, in whole grains of `grain` items."""
-    grains = (n + grain - 1) // grain
-    begin = grains * share // SHARES * grain
-    end = grains * (share + 1) // SHARES * grain
+def share_of(n, share, size):
+    """Return the first item of a share of n items, and the end of the share.
+
+    A share has whole groups of `size` items, but for the last group.
+    """
+    n_groups = (n + size - 1) // size
+    begin = n_groups * share // SHARES * size
+    end = n_groups * (share + 1) // SHARES * size
     return begin, min(end, n)
 
 
@@ -59,23 +62,35 @@ def least_slack(displacement, first, second, limit, begin, end):
 
     It is a lower bound of the distance by which the pairs may come nearer before one of
     them is due.
+
+    Parameters
+    ----------
+    displacement : array (bodies,)
+        How far each body may have moved until now [m].
+    first, second : array (pairs,)
+        The two bodies of each pair.
+    limit : array (pairs,)
+        Sum of the displacements of both bodies at which the pair is due [m].
+    begin, end : int
+        First pair, and end of the pairs.
     """
-    slack = math.inf
+    least = math.inf
     for k in range(begin, end):
-        u = np.uint64(k)
-        slack = min(
-            slack, limit[u] - (displacement[first[u]] + displacement[second[u]])
-        )
-    return slack
+        # an index without a sign: the compiled code need not handle negative ones
+        pair = np.uint64(k)
+        path = displacement[first[pair]] + displacement[second[pair]]
+        least = min(least, limit[pair] - path)
+    return least
 
 
 @inlined
 def group_bits(bodies):
     """Return the shift of bits that turns a body's number into that of its group.
 
-    A group has whole tiles, and there are at most st.MOST_GROUPS groups.
+    A group has 2^bits bodies, which are whole tiles, and there are at most st.MOST_GROUPS
+    groups.
     """
-    bits = 5
+    bits = 5  # one tile of 32 bodies
     while bodies.displacement.shape[0] >> bits >= st.MOST_GROUPS:
         bits += 1
     return bits
@@ -83,63 +98,73 @@ def group_bits(bodies):
 
 @kernel
 def groups_of(first, second, begin, end, bits):
-    """Return the groups of all bodies of the pairs `begin` to `end`, as bits."""
+    """Return the groups of all bodies of the pairs `begin` to `end`, as bits.
+
+    `first` and `second` (pairs,) are the bodies of the pairs, `bits` is `group_bits`.
+    """
     groups = 0
     for k in range(begin, end):
-        u = np.uint64(k)
-        groups |= 1 << (np.int64(first[u]) >> bits)
-        groups |= 1 << (np.int64(second[u]) >> bits)
+        pair = np.uint64(k)
+        groups |= 1 << (np.int64(first[pair]) >> bits)
+        groups |= 1 << (np.int64(second[pair]) >> bits)
     return groups
 
 
 @kernel
 def paths_of(paths, groups):
-    """Return the sum of the paths of some groups [m]; `groups` has a bit for each."""
+    """Return the sum of the paths of some groups [m].
+
+    `paths` has the path of each group, and bit g of `groups` is set for group g.
+    """
     total = 0.0
     group = 0
-    while groups > 0:
-        if groups & 1:
+    while groups >> group > 0:
+        if groups >> group & 1:
             total += paths[group]
-        groups >>= 1
         group += 1
     return total
 
 
 @kernel
 def note_paths(bodies, counts, grid):
-    """Write the longest path of each group's bodies in this step to `Grid.paths`."""
-    tiles = (counts[st.N_BODIES] + L - 1) // L
-    size = (1 << group_bits(bodies)) // L  # tiles of a group
-    for begin in range(0, tiles, size):
+    """Write the longest path of each group's bodies in this step to `Grid.paths`.
+
+    The longest paths of the single tiles are in `Bodies.longest`.
+    """
+    n_tiles = (counts[st.N_BODIES] + LANES - 1) // LANES
+    tiles_per_group = (1 << group_bits(bodies)) // LANES
+    for begin in range(0, n_tiles, tiles_per_group):
         path = 0.0
-        for tile in range(begin, min(begin + size, tiles)):
+        for tile in range(begin, min(begin + tiles_per_group, n_tiles)):
             path = max(path, bodies.longest[tile])
-        grid.paths[UP_TO_NOW, begin // size] += path
-        grid.paths[LAST_STEP, begin // size] = path
+        group = begin // tiles_per_group
+        grid.paths[UP_TO_NOW, group] += path
+        grid.paths[LAST_STEP, group] = path
 
 
 @inlined
 def check_block(bodies, pairs, grid, parts, begin, end, due, place, normal):
-    """Find the near pairs `begin` to `end` that are due and touch.
+    """Find the near pairs `begin` to `end` that touch.
 
-    They are written to `due` from `place` on; the others that are due get new limits.
-    Returns the number of pairs found.
+    Pairs that are due are checked. Those that touch are written to `due` from `place` on;
+    the others get new limits. Returns the number of pairs that touch. `normal` (3,) is
+    scratch.
     """
+    displacement = bodies.displacement
     first = pairs.near_first
     second = pairs.near_second
     limit = pairs.near_limit
     n_found = 0
-    k = next_due(bodies.displacement, first, second, limit, begin, end)
+    k = next_due(displacement, first, second, limit, begin, end)
     while k < end:
         gap = near_gap(bodies, pairs, grid, parts, k, normal)
         if gap <= 0.0:
             due[place + n_found] = k
             n_found += 1
         else:
-            limit[k] = (
-                bodies.displacement[first[k]] + bodies.displacement[second[k]] + gap
-            )
-        k = next_due(bodies.displacement, first, second, limit, k + 1, end)
+            # the pair cannot touch before its bodies have moved by the gap
+            limit[k] = displacement[first[k]] + displacement[second[k]] + gap
+        k = next_due(displacement, first, second, limit, k + 1, end)
     return n_found
 
 
@@ -147,10 +172,27 @@ def check_block(bodies, pairs, grid, parts, begin, end, due, place, normal):
 def check_share(bodies, pairs, grid, parts, begin, end, due, normal):
     """Find the near pairs of one share that touch, and write them to `due`.
 
-    The share is the pairs `begin` to `end`; its pairs are written from place `begin` on,
-    and their number is returned. A block whose bodies are nearly at rest is skipped until
-    its slack may be used up: two bodies come nearer by at most twice the sum of the
-    longest paths of all groups with bodies in the block.
+    A block whose bodies are nearly at rest is skipped until its slack may be used up: two
+    bodies come nearer by at most twice the sum of the longest paths of all groups with
+    bodies in the block.
+
+    Parameters
+    ----------
+    bodies, pairs, grid : Bodies, Pairs, Grid
+        The arrays.
+    parts : int
+        That of `Physics`.
+    begin, end : int
+        The pairs of the share; `begin` is the first pair of a block.
+    due : array (near,)
+        The pairs that touch are written to it from place `begin` on.
+    normal : array (3,)
+        Scratch.
+
+    Returns
+    -------
+    int
+        Number of pairs that touch.
     """
     first = pairs.near_first
     second = pairs.near_second
@@ -161,7 +203,8 @@ def check_share(bodies, pairs, grid, parts, begin, end, due, normal):
     for block_begin in range(begin, end, st.BLOCK):
         block = block_begin // st.BLOCK
         groups = pairs.near_groups[block]
-        if paths_of(grid.paths[UP_TO_NOW], groups) < pairs.near_check[block]:
+        path = paths_of(grid.paths[UP_TO_NOW], groups)
+        if path < pairs.near_check[block]:
             continue
         block_end = min(block_begin + st.BLOCK, end)
         n_found += check_block(
@@ -175,17 +218,19 @@ def check_share(bodies, pairs, grid, parts, begin, end, due, normal):
             begin + n_found,
             normal,
         )
+        # a block that has other pairs than at the last check may have other groups
         if pairs.near_check[block] == CHANGED:
             groups = groups_of(first, second, block_begin, block_end, bits)
             pairs.near_groups[block] = groups
+        # where the bodies are nearly at rest, the next check is when half of the slack
+        # is used up; else it is in the next step
         pairs.near_check[block] = DUE
         if 2.0 * paths_of(grid.paths[LAST_STEP], groups) < calm_path:
             slack = least_slack(
                 bodies.displacement, first, second, limit, block_begin, block_end
             )
-            pairs.near_check[block] = (
-                paths_of(grid.paths[UP_TO_NOW], groups) + 0.5 * slack - st.ROUNDING
-            )
+            path = paths_of(grid.paths[UP_TO_NOW], groups)
+            pairs.near_check[block] = path + 0.5 * slack - st.ROUNDING
     return n_found
 
 
@@ -198,8 +243,9 @@ def add_found_contacts(pairs, counts, grid, due, n_due, begins):
     pair of the list takes its place, so the places that are still to come stay valid.
     """
     for share in range(SHARES - 1, -1, -1):
-        for e in range(begins[share] + n_due[share] - 1, begins[share] - 1, -1):
-            k = due[e]
+        begin = begins[share]
+        for place in range(begin + n_due[share] - 1, begin - 1, -1):
+            k = due[place]
             add_contact(
                 pairs,
                 counts,
@@ -232,14 +278,24 @@ def advance_shared(
 ):
     """Run the part of one thread in a number of steps; return the steps made.
 
-    A thread uses its own row of the scratch arrays `tiles`, `body_tiles` and
-    `scratches`. It handles the shares thread, thread + threads, and so on.
+    Parameters
+    ----------
+    bodies, pairs, flat, curved, meshed, grid, walls, meshes, counts, physics
+        The simulation, see `state`.
+    tiles, body_tiles, scratches : array
+        Scratch arrays; row `thread` of each is that of this thread.
+    shared : Shared
+        What the threads share.
+    thread : int
+        Number of this thread. It handles the shares thread, thread + threads, and so on.
+    steps : int
+        Number of steps.
     """
     threads = tiles.shape[0]
     ghost = grid.cell.shape[0]
     is_first = thread == 0
-    t = tiles[thread]
-    m = body_tiles[thread]
+    contact_tile = tiles[thread]
+    body_tile = body_tiles[thread]
     scratch = st.scratch_of(scratches[thread])
     begins = shared.begins
     numbers = shared.numbers
@@ -294,7 +350,7 @@ def advance_shared(
                 meshes,
                 counts,
                 physics,
-                t,
+                contact_tile,
                 scratch,
                 ghost,
             )
@@ -302,10 +358,10 @@ def advance_shared(
 
         # Forces of the pairs; then retire the pairs that parted.
         for share in range(thread, SHARES, threads):
-            begin, end = share_of(counts[st.N_PAIRS], share, L)
+            begin, end = share_of(counts[st.N_PAIRS], share, LANES)
             begins[share] = begin
             numbers[share] = pair_forces(
-                bodies, pairs, (), counts, physics, t, share, begin, end
+                bodies, pairs, (), counts, physics, contact_tile, share, begin, end
             )
         wait_for_all(shared.counters, threads)
         if is_first:
@@ -318,9 +374,9 @@ def advance_shared(
 
         # Move the bodies; then handle their events.
         for share in range(thread, SHARES, threads):
-            begin, end = share_of(counts[st.N_BODIES], share, L)
+            begin, end = share_of(counts[st.N_BODIES], share, LANES)
             begins[share] = begin
-            numbers[share] = integrate(bodies, counts, physics, m, begin, end)
+            numbers[share] = integrate(bodies, counts, physics, body_tile, begin, end)
         wait_for_all(shared.counters, threads)
         if is_first:
             time = counts[st.STEPS] * physics.dt
@@ -337,7 +393,7 @@ def run_threads(arrays, tiles, shared, steps):
     ----------
     arrays : sequence
         The first arguments of `advance_shared`, from `bodies` to `physics`.
-    tiles : sequence
+    tiles : sequence of ndarray
         The scratch arrays of all threads: `tiles`, `body_tiles` and `scratches`.
     shared : Shared
         What the threads share.

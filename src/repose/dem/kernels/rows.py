@@ -1,4 +1,4 @@
-"""Tiles: arrays in which one quantity of 32 contacts or bodies lies side by side.
+"""Tiles: arrays in which the values of a quantity of 32 contacts or bodies are neighbours.
 
 A tile is a flat array of doubles. It consists of rows of LANES numbers. A row is one
 quantity, a lane is one contact or one body:

@@ -1,4 +1,4 @@
-"""Vector code that numba's loops do not give: transpositions, prefetches and 1 / sqrt(x).
+"""Vector code that numba does not make of loops: transpositions, prefetches, 1 / sqrt(x).
 
 Bodies lie in rows of a table (all columns of one body, then the next body). The inner
 loops need lanes (one column of 32 bodies, then the next column; see `rows`). The change
@@ -17,6 +17,7 @@ import math
 from llvmlite import ir
 from llvmlite.binding import get_host_cpu_name
 from numba import types
+from numba.core import cgutils
 from numba.extending import intrinsic
 
 from . import as_python
@@ -32,6 +33,7 @@ BYTES_OF_DOUBLE = 8
 VECTOR = ir.VectorType(DOUBLE, WIDTH)
 HALF = ir.VectorType(DOUBLE, WIDTH // 2)
 FOR_READING, TO_ALL_CACHES, DATA = 0, 3, 1  # arguments of llvm.prefetch
+PREFETCH_TYPE = ir.FunctionType(ir.VoidType(), [BYTE.as_pointer(), INT32, INT32, INT32])
 SMALLEST = 1e-300  # makes the root of zero a number to divide by
 
 # The arguments of the three intrinsics that move numbers between a table and a tile:
@@ -39,9 +41,13 @@ SMALLEST = 1e-300  # makes the root of zero a number to divide by
 MOVE_ARGUMENTS = ("table", "column", "index", "k", "tile", "first", "stride")
 
 
-def _shuffle(builder, a, b, mask):
-    """Return a vector of WIDTH numbers of a and b; `mask` has places in (a, b)."""
-    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(INT32, WIDTH), mask))
+def _shuffle(builder, first, second, places):
+    """Return a vector of WIDTH numbers of two vectors.
+
+    `places` are those of its numbers among the numbers of `first`, then of `second`.
+    """
+    mask = ir.Constant(ir.VectorType(INT32, WIDTH), places)
+    return builder.shuffle_vector(first, second, mask)
 
 
 def _load(builder, pointer, kind=VECTOR):
@@ -55,19 +61,19 @@ def _store(builder, value, pointer):
 
 
 def _transposed(builder, pointers):
-    """Return the 8 x 8 transpose of the eight numbers at each of eight places.
+    """Write code that transposes a matrix of 8 x 8 numbers; return its columns.
 
-    Row r of the matrix is at pointers[r]; vector c that is returned is its column c. A
+    `pointers` are those to its eight rows; the result is a list of eight vectors. A
     vector is made of halves of two rows: one instruction, which is no shuffle, loads and
     inserts the second half. So 16 shuffles are needed instead of 24 with whole rows.
     """
     columns = []
-    for side in (0, 4):  # columns 0 to 3, then columns 4 to 7
+    for first_column in (0, 4):  # columns 0 to 3, then columns 4 to 7
         halves = [
-            _load(builder, builder.gep(pointer, [INT64(side)]), HALF)
+            _load(builder, builder.gep(pointer, [INT64(first_column)]), HALF)
             for pointer in pointers
         ]
-        # Four numbers of row k, then four numbers of row k + 2.
+        # Four numbers of a row, then four numbers of the row after the next one.
         joined = {}
         for row in (0, 1, 4, 5):
             joined[row] = _shuffle(
@@ -78,9 +84,9 @@ def _transposed(builder, pointers):
         even = [_shuffle(builder, *pair, [0, 8, 2, 10, 4, 12, 6, 14]) for pair in pairs]
         odd = [_shuffle(builder, *pair, [1, 9, 3, 11, 5, 13, 7, 15]) for pair in pairs]
         # The first even and odd column of all eight rows, then the second ones.
-        for mask in ([0, 1, 4, 5, 8, 9, 12, 13], [2, 3, 6, 7, 10, 11, 14, 15]):
-            columns.append(_shuffle(builder, *even, mask))
-            columns.append(_shuffle(builder, *odd, mask))
+        for places in ([0, 1, 4, 5, 8, 9, 12, 13], [2, 3, 6, 7, 10, 11, 14, 15]):
+            columns.append(_shuffle(builder, *even, places))
+            columns.append(_shuffle(builder, *odd, places))
     return columns
 
 
@@ -109,10 +115,11 @@ class _Move:
     def row(self, lane):
         """Return the pointer to table[index[k + lane], column]."""
         builder = self.builder
-        place = builder.gep(self.index, [builder.add(self.k, INT64(lane))])
-        number = builder.load(place)
+        entry = builder.gep(self.index, [builder.add(self.k, INT64(lane))])
+        number = builder.load(entry)
         if number.type != INT64:
             number = builder.zext(number, INT64)
+        # the address in bytes: that of the table, of the row, and of the column in it
         address = builder.ptrtoint(self.table, INT64)
         address = builder.add(address, builder.mul(number, self.row_bytes))
         address = builder.add(address, builder.mul(self.column, INT64(BYTES_OF_DOUBLE)))
@@ -134,7 +141,11 @@ class _Move:
 
 
 def _move_signature(table, column, index, k, tile, first, stride):
-    """Return the signature of an intrinsic that moves numbers, or None for other types."""
+    """Return the signature of an intrinsic that moves numbers.
+
+    The arguments are numba's types of MOVE_ARGUMENTS. Where the intrinsic cannot move
+    them the result is None, by which numba knows that no such function exists.
+    """
     if not all(isinstance(array, types.Array) for array in (table, tile, index)):
         return None
     if not table.dtype == tile.dtype == types.float64:
@@ -144,9 +155,22 @@ def _move_signature(table, column, index, k, tile, first, stride):
     return types.void(table, column, index, k, tile, first, stride)
 
 
-def _moving(write_code):
-    """Make an intrinsic of a function that writes its code for a `_Move`."""
+def _move_intrinsic(write_code):
+    """Make an intrinsic, a function with LLVM code of its own, that moves numbers.
 
+    Parameters
+    ----------
+    write_code : callable
+        Writes the code, given LLVM's builder and the arguments as a `_Move`. It gives the
+        intrinsic its name and docstring.
+
+    Returns
+    -------
+    callable
+        A function that kernels call with MOVE_ARGUMENTS.
+    """
+
+    # numba calls `declare` with the types of the arguments, then `generate` for the code
     def declare(typingctx, table, column, index, k, tile, first, stride):
         def generate(context, builder, sig, values):
             write_code(builder, _Move(context, builder, sig, values))
@@ -160,7 +184,7 @@ def _moving(write_code):
     return intrinsic(declare)
 
 
-@_moving
+@_move_intrinsic
 def rows_to_lanes(builder, move):
     """Copy eight columns of eight rows of a table to lanes of a tile.
 
@@ -171,7 +195,7 @@ def rows_to_lanes(builder, move):
         _store(builder, lanes, move.lanes(quantity))
 
 
-@_moving
+@_move_intrinsic
 def lanes_to_rows(builder, move):
     """Copy eight rows of eight lanes of a tile to columns of a table.
 
@@ -182,40 +206,48 @@ def lanes_to_rows(builder, move):
         _store(builder, row, move.row(lane))
 
 
-@_moving
+@_move_intrinsic
 def add_lanes_to_rows(builder, move):
-    """Add as `lanes_to_rows` writes, lane after lane: a body may come twice."""
+    """Add eight rows of eight lanes of a tile to columns of a table.
+
+    This is `lanes_to_rows` with a sum. Lane after lane is added, since a body may come
+    twice.
+    """
     for lane, row in enumerate(_transposed(builder, move.all_lanes())):
         place = move.row(lane)
         _store(builder, builder.fadd(_load(builder, place), row), place)
 
 
+def _pointer_to_number(context, builder, sig, values):
+    """Return the pointer to table[row, column], as one to bytes.
+
+    `values` are the table, the row and the column as LLVM values, `sig.args` their types.
+    """
+    table_kind, row_kind, column_kind = sig.args
+    table, row, column = values
+    array = context.make_array(table_kind)(context, builder, table)
+    row = context.cast(builder, row, row_kind, types.int64)
+    column = context.cast(builder, column, column_kind, types.int64)
+    row_offset = builder.mul(row, builder.extract_value(array.strides, 0))
+    column_offset = builder.mul(column, builder.extract_value(array.strides, 1))
+    offset = builder.add(row_offset, column_offset)
+    return builder.gep(builder.bitcast(array.data, BYTE.as_pointer()), [offset])
+
+
 @intrinsic
 def prefetch(typingctx, table, row, column):
-    """Prefetch the cache line of table[row, column] for reading and writing."""
-    signature = types.void(table, row, column)
+    """Ask for the cache line of table[row, column] before it is read or written."""
 
     def generate(context, builder, sig, values):
-        table_kind, row_kind, column_kind = sig.args
-        table, row, column = values
-        array = context.make_array(table_kind)(context, builder, table)
-        row = context.cast(builder, row, row_kind, types.int64)
-        column = context.cast(builder, column, column_kind, types.int64)
-        offset = builder.mul(row, builder.extract_value(array.strides, 0))
-        in_row = builder.mul(column, builder.extract_value(array.strides, 1))
-        offset = builder.add(offset, in_row)
-        place = builder.gep(builder.bitcast(array.data, BYTE.as_pointer()), [offset])
-        name = "llvm.prefetch.p0i8"
-        function = builder.module.globals.get(name)
-        if not function:
-            arguments = [BYTE.as_pointer(), INT32, INT32, INT32]
-            kind = ir.FunctionType(ir.VoidType(), arguments)
-            function = ir.Function(builder.module, kind, name)
+        place = _pointer_to_number(context, builder, sig, values)
+        function = cgutils.get_or_insert_function(
+            builder.module, PREFETCH_TYPE, "llvm.prefetch.p0i8"
+        )
         options = [INT32(FOR_READING), INT32(TO_ALL_CACHES), INT32(DATA)]
         builder.call(function, [place, *options])
         return context.get_dummy_value()
 
-    return signature, generate
+    return types.void(table, row, column), generate
 
 
 @intrinsic
@@ -225,6 +257,7 @@ def _rsqrt_seed(typingctx, x):
     Its error is 3.5 % at most.
     """
 
+    # halving the bits halves the exponent; the difference changes its sign
     def generate(context, builder, sig, values):
         bits = builder.bitcast(values[0], INT64)
         bits = builder.sub(INT64(0x5FE6EB50C7B537A9), builder.lshr(bits, INT64(1)))
@@ -234,11 +267,23 @@ def _rsqrt_seed(typingctx, x):
 
 
 @inlined
-def gather(rows, columns, index, base, t, first):
-    """Copy the first columns of the rows of a tile's bodies to lanes.
+def gather(rows, columns, index, base, tile, first):
+    """Copy the first columns of the rows of 32 bodies to the lanes of a tile.
 
-    Lane k of the tile is body index[base + k]; column c goes to the row of `t` at
-    first + c * LANES.
+    Parameters
+    ----------
+    rows : array (bodies, columns)
+        Table with a row for each body.
+    columns : int
+        Number of columns, in steps of WIDTH.
+    index : array of int
+        Lane k of the tile is body index[base + k].
+    base : int
+        Place of lane 0 in `index`.
+    tile : array
+        The tile.
+    first : int
+        Place in the tile to which column 0 goes; the next columns go to the next rows.
     """
     for lane in range(0, LANES, WIDTH):
         for column in range(0, columns, WIDTH):
@@ -247,7 +292,7 @@ def gather(rows, columns, index, base, t, first):
                 column,
                 index,
                 base + lane,
-                t,
+                tile,
                 first + column * LANES + lane,
                 LANES,
             )
@@ -255,7 +300,11 @@ def gather(rows, columns, index, base, t, first):
 
 @inlined
 def rsqrt_by_steps(x):
-    """Return 1 / sqrt(x) by multiplications alone: a seed and two steps of third order."""
+    """Return 1 / sqrt(x) by multiplications alone: a seed and two steps of third order.
+
+    A step improves y by the error 1 - x y^2 and the first terms of the series of
+    1 / sqrt(1 - error).
+    """
     y = _rsqrt_seed(x)
     error = 1.0 - (x * y) * y
     y += y * error * (0.5 + error * (0.375 + error * 0.3125))
