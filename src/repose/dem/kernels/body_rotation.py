@@ -188,7 +188,8 @@ def exceeds_budget(scratch, lane, lx, ly, lz, dt):
 def count_disturbed(scratch, dt):
     """Return how many bodies of a tile at rest may begin to turn.
 
-    These are the bodies whose torque exceeds their budget of rolling resistance.
+    These are the bodies whose torque, times `dt` [s], exceeds their budget of rolling
+    resistance.
     """
     n_disturbed = 0
     for lane in range(LANES):
@@ -202,9 +203,10 @@ def count_disturbed(scratch, dt):
 
 @kernel
 def add_torques(scratch, motion, dt):
-    """Add the torque of each lane's body to its angular momentum.
+    """Add the torque of each lane's body, times `dt` [s], to its angular momentum.
 
-    Returns how many bodies may turn after rolling resistance.
+    Returns how many bodies may turn after rolling resistance: those whose momentum
+    exceeds their budget.
     """
     n_turning = 0
     for lane in range(LANES):

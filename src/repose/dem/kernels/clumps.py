@@ -91,9 +91,12 @@ def new_clumps(shapes, shape, scale, n_meshed):
     spheres = np.zeros((len(shapes), 4, MOST_SPHERES))
     for number, clump in enumerate(shapes):
         spheres[number, :, : len(clump.spheres_m)] = clump.spheres_m.T
-    sizes = np.array([len(clump.spheres_m) for clump in shapes])
     return Clumps(
-        spheres, sizes, shape, scale, mesh_sphere=np.zeros(n_meshed, np.uint32)
+        spheres=spheres,
+        sizes=np.array([len(clump.spheres_m) for clump in shapes]),
+        shape=shape,
+        scale=scale,
+        mesh_sphere=np.zeros(n_meshed, np.uint32),
     )
 
 
@@ -117,6 +120,7 @@ def new_sphere_pairs(n_contacts, n_entries, most_spheres, ghost, n_state):
         The lists.
     """
     n_contacts = st.whole_tiles(n_contacts)
+    # words with a bit for each pair of spheres
     words = -(-most_spheres * most_spheres // WORD)
     return SpherePairs(
         **st.each("first second", n_contacts, np.uint32, ghost),

@@ -105,7 +105,11 @@ def longest_path(scratch):
 
 @inlined
 def event_of(bodies, physics, scratch, motion, lane, i):
-    """Return the event of body i as bits FELL, MOVED_FAR and BELOW_FLOOR; 0 for none."""
+    """Return the events of body i as bits FELL, MOVED_FAR and BELOW_FLOOR; 0 for none.
+
+    The body is in lane `lane` of the scratch tile and of `motion`. A body falls in the
+    step in which its centre goes from above the exit height to below it.
+    """
     z = scratch[HEIGHT + lane]
     event = 0
     if scratch[BEFORE + lane] >= physics.exit_height and z < physics.exit_height:
