@@ -57,6 +57,7 @@ class DrumInside:
         normal : array (H, W, 3)
             Unit normals there.
         """
+        # The open front end and the closed back end are planes across the axis.
         half_length = 0.5 * self.length_m
         front_depth = (-half_length - eye_m[1]) / rays[..., 1]
         back_depth = (half_length - eye_m[1]) / rays[..., 1]
@@ -64,19 +65,25 @@ class DrumInside:
         radius_at_front = np.hypot(at_front[..., 0], at_front[..., 2])
         shell_depth = self._shell_depth(eye_m, rays)
 
+        # A ray that enters the drum ends at the shell or at the back; one that does
+        # not enter ends at the rim or passes the drum.
         enters = radius_at_front < self.radius_m
         depth = np.where(enters, np.minimum(shell_depth, back_depth), front_depth)
-        point = eye_m + depth[..., None] * rays
+
+        # The shell faces the axis; the rim and the back face the camera.
         normal = np.zeros(rays.shape)
         on_shell = enters & (shell_depth < back_depth)
-        normal[on_shell] = -point[on_shell] * (1.0, 0.0, 1.0) / self.radius_m
+        place = eye_m + depth[..., None] * rays
+        normal[on_shell] = -place[on_shell] * (1.0, 0.0, 1.0) / self.radius_m
         normal[~on_shell] = 0.0, -1.0, 0.0
-        is_met = radius_at_front <= self.radius_m + self.thickness_m
-        return np.where(is_met, depth, np.inf), normal
+
+        meets_drum = radius_at_front <= self.radius_m + self.thickness_m
+        return np.where(meets_drum, depth, np.inf), normal
 
     def _shell_depth(self, eye_m: np.ndarray, rays: np.ndarray) -> np.ndarray:
         """Find the depth (H, W) at which each ray leaves the endless inner cylinder."""
-        # The root of a quadratic equation a t^2 + 2 b t + c = 0.
+        # A point eye + t * ray is on the cylinder where a t^2 + 2 b t + c = 0; the ray
+        # leaves the cylinder at the larger root.
         a = rays[..., 0] ** 2 + rays[..., 2] ** 2
         b = rays[..., 0] * eye_m[0] + rays[..., 2] * eye_m[2]
         c = eye_m[0] ** 2 + eye_m[2] ** 2 - self.radius_m**2
@@ -101,21 +108,30 @@ class DrumInside:
         array (M, 3)
             Red, green and blue, 0 to 1 or a little above.
         """
+        # Shadows, gaps between grains, and surfaces that face down are darker.
         tone = (0.62 + 0.38 * lit) * (0.35 + 0.65 * sky) * (0.86 + 0.14 * normal[:, 2])
         colour = DRUM_TONE * 1.1 * tone[:, None]
+
+        # The rim is the ring around the open front end.
         on_rim = np.hypot(place[:, 0], place[:, 2]) > 0.9999 * self.radius_m
         on_rim &= place[:, 1] < -0.4999 * self.length_m
         colour[on_rim] = RIM_TONE
+
+        # The marks turn with the drum.
         angle = np.arctan2(place[:, 2], place[:, 0]) - self.turned_rad
         colour[on_rim & _is_marked(angle)] = MARK_TONE
         return colour
 
 
 def _is_marked(angle: np.ndarray) -> np.ndarray:
-    """Tell which angles (M,) on the rim have a mark; the first mark is wider."""
+    """Tell which angles (M,) in radians on the rim have a mark.
+
+    The mark at the bottom of a drum that has not turned is three times as wide.
+    """
     spacing = 2.0 * math.pi / MARKS
-    to_mark = np.abs((angle + 0.5 * spacing) % spacing - 0.5 * spacing)
-    to_first = np.abs((angle + 0.5 * math.pi + math.pi) % (2.0 * math.pi) - math.pi)
-    on_mark = to_mark < MARK_HALF_WIDTH_RAD
-    on_first = to_first < 3.0 * MARK_HALF_WIDTH_RAD
-    return on_mark | on_first
+    to_nearest_mark = np.abs((angle + 0.5 * spacing) % spacing - 0.5 * spacing)
+    # The bottom is at the angle -pi / 2; the difference is brought to -pi to pi.
+    to_bottom = np.abs((angle + 0.5 * math.pi + math.pi) % (2.0 * math.pi) - math.pi)
+    on_mark = to_nearest_mark < MARK_HALF_WIDTH_RAD
+    on_wide_mark = to_bottom < 3.0 * MARK_HALF_WIDTH_RAD
+    return on_mark | on_wide_mark

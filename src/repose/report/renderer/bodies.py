@@ -104,37 +104,20 @@ def place_bodies(
         Size of each body as a multiple of its shape.
     """
     turn = rotation_matrices(quaternions)
-    ball_id = len(shapes)
-    drawn_shapes = [*shapes, _Ball()]
-    parts_of_shapes = []
-    for shape_id, shape in enumerate(shapes):
-        members = np.flatnonzero(shape_ids == shape_id)
-        spheres = np.asarray(getattr(shape, "spheres_m", ()))
-        if len(spheres):
-            drawn_shapes[shape_id] = _Ball()
-            parts = _spheres_of(
-                members,
-                spheres,
-                centres=centres,
-                turn=turn,
-                scales=scales,
-                ball_id=ball_id,
-            )
-        else:
-            parts = _Parts(
-                centres[members],
-                scales[members],
-                shape_ids=np.full(len(members), shape_id),
-                owner=members,
-            )
-        parts_of_shapes.append(parts)
-    columns = zip(*parts_of_shapes, strict=True)
-    parts = _Parts(*(np.concatenate(column) for column in columns))
-
+    parts = _split_into_parts(
+        centres, turn=turn, shapes=shapes, shape_ids=shape_ids, scales=scales
+    )
+    # The unit sphere is the last shape; a shape of spheres is not drawn itself.
+    drawn_shapes = [
+        _Ball() if len(_spheres_of_shape(shape)) else shape for shape in shapes
+    ]
+    drawn_shapes.append(_Ball())
     tessellated = [tessellate(shape) for shape in drawn_shapes]
     points = np.array([points for points, _, _ in tessellated])
     normals = np.array([normals for _, normals, _ in tessellated])
     triangles = tessellated[0][2]
+
+    # Scale the points of each part, turn them, and move them to its centre.
     turn_of_parts = turn[parts.owner]
     scaled_points = parts.scales[:, None, None] * points[parts.shape_ids]
     vertices = parts.centres[:, None, :] + np.einsum(
@@ -153,21 +136,64 @@ def place_bodies(
     )
 
 
-def _spheres_of(
-    members: np.ndarray,
+def _spheres_of_shape(shape: Drawable) -> np.ndarray:
+    """Give the spheres (M, 4) of a shape; an empty array for a shape of another kind."""
+    return np.asarray(getattr(shape, "spheres_m", ()))
+
+
+def _split_into_parts(
+    centres: np.ndarray,
+    turn: np.ndarray,
+    shapes: Sequence[Drawable],
+    shape_ids: np.ndarray,
+    scales: np.ndarray,
+) -> _Parts:
+    """Split bodies of spheres into their spheres; other bodies are one part each.
+
+    `turn` (N, 3, 3) are the rotations of the bodies, the other arguments those of
+    `place_bodies`. A sphere has the number of shapes as the number of its shape.
+    """
+    ball_id = len(shapes)
+    parts_of_shapes = []
+    for shape_id, shape in enumerate(shapes):
+        bodies = np.flatnonzero(shape_ids == shape_id)
+        spheres = _spheres_of_shape(shape)
+        if len(spheres):
+            parts = _place_spheres(
+                bodies,
+                spheres,
+                centres=centres,
+                turn=turn,
+                scales=scales,
+                ball_id=ball_id,
+            )
+        else:
+            parts = _Parts(
+                centres[bodies],
+                scales[bodies],
+                shape_ids=np.full(len(bodies), shape_id),
+                owner=bodies,
+            )
+        parts_of_shapes.append(parts)
+    columns = zip(*parts_of_shapes, strict=True)
+    return _Parts(*(np.concatenate(column) for column in columns))
+
+
+def _place_spheres(
+    bodies: np.ndarray,
     spheres: np.ndarray,
     centres: np.ndarray,
     turn: np.ndarray,
     scales: np.ndarray,
     ball_id: int,
 ) -> _Parts:
-    """Give the spheres of the bodies `members` (M,) as parts."""
-    spheres_of_members = np.tile(spheres, (len(members), 1))
-    owner = np.repeat(members, len(spheres))
-    offsets = np.einsum("nij,nj->ni", turn[owner], spheres_of_members[:, :3])
+    """Give the spheres (S, 4) of each of the bodies numbered `bodies` (M,) as parts."""
+    owner = np.repeat(bodies, len(spheres))
+    spheres_of_bodies = np.tile(spheres, (len(bodies), 1))
+    offsets = np.einsum("nij,nj->ni", turn[owner], spheres_of_bodies[:, :3])
     return _Parts(
         centres[owner] + scales[owner, None] * offsets,
-        scales[owner] * spheres_of_members[:, 3],
+        scales[owner] * spheres_of_bodies[:, 3],
         shape_ids=np.full(len(owner), ball_id),
         owner=owner,
     )

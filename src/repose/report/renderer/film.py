@@ -68,20 +68,21 @@ def animate_pour(
     record = read_npz(trajectory, KEYS, "the trajectory of a pour")
     positions = record["position"]
     scales = _scales(record)
-    look: dict[str, Any] = {
+    default_view: dict[str, Any] = {
         "width": 360,
         "height": 460,
         "elevation_deg": 10.0,
         "azimuth_deg": 20.0,
     }
-    look |= view
-    look |= {
+    options = {
+        **default_view,
+        **view,
         "walls": walls,
         "frame_m": _frame_of_pour(positions[-1], particle, scales=scales, walls=walls),
         "scales": scales,
     }
     pictures = [
-        render_pile(positions[k], record["quaternion"][k], particle, **look)
+        render_pile(positions[k], record["quaternion"][k], particle, **options)
         for k in _spread(record["time_s"], frames)
     ]
     _write_within(pictures, FRAME_S, out_path=out_path, max_bytes=MAX_BYTES)
@@ -99,12 +100,13 @@ def _frame_of_pour(
     """
     is_there = np.isfinite(last_positions).all(axis=1)
     resting = last_positions[is_there].astype(float)
-    radius = particle.bounding_radius_m * float(scales.max(initial=0.0))
-    from_axis = np.hypot(resting[:, 0], resting[:, 1])
-    near = resting[from_axis < 2 * np.median(from_axis)]
-    frame = outline(near, radius, walls)
-    above = [[0, 0, frame[:, 2].max() + 2 * radius]]
-    return np.concatenate([frame, above])
+    largest_radius_m = particle.bounding_radius_m * float(scales.max(initial=0.0))
+    distance_from_axis = np.hypot(resting[:, 0], resting[:, 1])
+    in_pile = resting[distance_from_axis < 2 * np.median(distance_from_axis)]
+    frame = outline(in_pile, largest_radius_m, walls)
+    # Leave room for a grain that falls in from above.
+    point_above = [[0, 0, frame[:, 2].max() + 2 * largest_radius_m]]
+    return np.concatenate([frame, point_above])
 
 
 def animate(
@@ -199,21 +201,23 @@ def animate_drum(
     out_path = _with_known_ending(out_path)
     record = read_npz(trajectory, (*KEYS, "turned_deg"), "the trajectory of a drum")
     turned_rad = np.radians(record["turned_deg"])
-    look: dict[str, Any] = {
+    default_view: dict[str, Any] = {
         "width": 380,
         "elevation_deg": 0.0,
         "azimuth_deg": -90.0,
     }
-    look |= view
-    look["height"] = look["width"]
-    look["scales"] = _scales(record)
+    options = {**default_view, **view, "scales": _scales(record)}
+    options["height"] = options["width"]  # the picture is a square
     pictures = []
     for k in _spread(record["time_s"], frames):
         inside = drum_inside(section, turned_rad[k])
-        look["frame_m"] = inside.outline()
-        look["backdrop"] = inside
         picture = render_pile(
-            record["position"][k], record["quaternion"][k], particle, **look
+            record["position"][k],
+            record["quaternion"][k],
+            particle,
+            frame_m=inside.outline(),
+            backdrop=inside,
+            **options,
         )
         pictures.append(picture)
     _write_within(pictures, DRUM_FRAME_S, out_path=out_path, max_bytes=DRUM_MAX_BYTES)
@@ -258,9 +262,11 @@ def _write_within(
     InputError if even the fewest take more.
     """
     images = [Image.fromarray(picture) for picture in pictures]
-    durations_ms = [round(1000 * frame_s)] * (len(images) - 1) + [round(1000 * LAST_S)]
+    durations_ms = [round(1000 * frame_s)] * len(images)
+    durations_ms[-1] = round(1000 * LAST_S)
     is_webp = FORMATS[out_path.suffix.lower()] == "WEBP"
     content = b""
+    # From the best quality to the worst, until the file is small enough.
     for colours, quality in zip(GIF_COLOURS, WEBP_QUALITY, strict=True):
         if is_webp:
             content = _encode_webp(images, durations_ms, quality)

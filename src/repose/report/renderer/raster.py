@@ -14,7 +14,7 @@ GOLDEN_ANGLE = 2.399963  # in radians
 
 
 @compiled
-def _rasterise(x, y, near, triangles, nearest, body, weights, corner):
+def _rasterise(x, y, near, triangles, nearest, body, weights, triangle):
     """Draw all triangles that face the viewer into a z-buffer: the largest `near` wins.
 
     The arguments are those of `draw`, and the arrays that it returns.
@@ -57,7 +57,7 @@ def _rasterise(x, y, near, triangles, nearest, body, weights, corner):
                     if depth > nearest[row, column]:
                         nearest[row, column] = depth
                         body[row, column] = b
-                        corner[row, column] = t
+                        triangle[row, column] = t
                         weights[row, column, 0] = u
                         weights[row, column, 1] = v
 
@@ -175,7 +175,7 @@ def lit_fraction(
     across, down = _spiral(taps)
     point = np.empty(3)
     place = np.empty(3)  # of the point, in the axes of the light
-    reach = 1.0 + softness_m / pixel_m
+    reach = 1.0 + softness_m / pixel_m  # of the disc of samples, in pixels of the map
     for row in range(rows):
         for column in range(columns):
             if math.isinf(depth[row, column]):
@@ -187,11 +187,12 @@ def lit_fraction(
                     place[axis] += (point[k] + normals[row, column, k] * bias_m) * axes[
                         axis, k
                     ]
-            # Nothing shades a point beside the map.
+            # Nothing shades a point whose disc of samples lies beside the map.
             u = (place[0] - origin[0]) / pixel_m
             v = (place[1] - origin[1]) / pixel_m
             if not (-reach < u < map_columns + reach and -reach < v < map_rows + reach):
                 continue
+            # The disc is turned by another angle in each pixel.
             angle = _angle_of_pixel(row, column)
             turn_x = softness_m * math.cos(angle)
             turn_y = softness_m * math.sin(angle)
@@ -246,6 +247,7 @@ def openness(depth, normals, camera, mask, radius_m, taps):
                 continue
             place_of(camera, depth.shape, row, column, depth[row, column], point)
             angle = _angle_of_pixel(row, column)
+            # The disc of neighbours in pixels, turned by another angle in each pixel.
             reach_px = radius_m * camera[2] / depth[row, column]
             turn_x = reach_px * math.cos(angle)
             turn_y = reach_px * math.sin(angle)
@@ -262,6 +264,7 @@ def openness(depth, normals, camera, mask, radius_m, taps):
                     step = neighbour[k] - point[k]
                     height += step * normals[row, column, k]
                     squared_distance += step * step
+                # A neighbour hides the more of the sky, the higher and the nearer it is.
                 distance = math.sqrt(squared_distance)
                 hidden += max(0.0, height / distance - 0.08) * max(
                     0.0, 1.0 - 0.4 * distance / radius_m

@@ -113,10 +113,25 @@ def look_at(
     margin: float = 1.06,
     field_of_view_deg: float = FIELD_OF_VIEW_DEG,
 ) -> Camera:
-    """Place a camera in a direction so that all points (M, 3) are in view."""
+    """Place a camera so that all points are in the picture.
+
+    Parameters
+    ----------
+    points_m : array (M, 3)
+        The points.
+    width, height : int
+        Of the picture in pixels.
+    elevation_deg, azimuth_deg : float
+        Direction from the points to the camera: above the horizontal plane, and about
+        the z axis from the x axis.
+    margin : float
+        Size of the picture as a multiple of that which just holds the points.
+    field_of_view_deg : float
+        Angle of the longer side of the picture at the camera.
+    """
     elevation = math.radians(elevation_deg)
     azimuth = math.radians(azimuth_deg)
-    back = np.array(
+    towards_camera = np.array(
         [
             math.cos(azimuth) * math.cos(elevation),
             math.sin(azimuth) * math.cos(elevation),
@@ -124,18 +139,21 @@ def look_at(
         ]
     )
     right = np.array([-math.sin(azimuth), math.cos(azimuth), 0.0])
-    axes = np.stack([right, np.cross(back, right), -back])
-    focal = max(width, height) / 2 / math.tan(math.radians(field_of_view_deg / 2))
+    up = np.cross(towards_camera, right)
+    axes = np.stack([right, up, -towards_camera])
+    focal_px = max(width, height) / 2 / math.tan(math.radians(field_of_view_deg / 2))
+
+    # Look at the middle of the points, from the smallest distance at which each of
+    # them is in the picture.
     seen = points_m @ axes.T
-    centre = (seen.min(axis=0) + seen.max(axis=0)) / 2
-    offset = seen - centre
-    # The distance at which each point is just in view.
-    reach = margin * (np.abs(offset[:, :2]) * 2 / (width, height)).max(axis=1)
-    distance = np.max(reach * focal - offset[:, 2])
+    middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
+    offset = seen - middle
+    share = margin * (np.abs(offset[:, :2]) * 2 / (width, height)).max(axis=1)
+    distance = np.max(share * focal_px - offset[:, 2])
     return Camera(
-        centre @ axes + distance * back,
+        middle @ axes + distance * towards_camera,
         axes,
-        focal_px=focal,
+        focal_px=focal_px,
         width=width,
         height=height,
     )
@@ -158,37 +176,38 @@ def outline(
 
     Without panels the origin is one of them. `reach` is the radius of a body.
     """
-    around = np.linspace(0, 2 * math.pi, CIRCLE_POINTS, endpoint=False)
     points = [boxes(centres, reach), *(panel.corners_m for panel in panels)]
     for wall in walls:
         for radius, z in ((wall.r_low_m, wall.z_low_m), (wall.r_high_m, wall.z_high_m)):
-            ring = np.column_stack(
-                [
-                    radius * np.cos(around),
-                    radius * np.sin(around),
-                    np.full(CIRCLE_POINTS, z),
-                ]
-            )
-            points.append(in_world(np.asarray(wall.frame, float), ring))
+            circle = _circle(radius, z)
+            points.append(in_world(np.asarray(wall.frame, float), circle))
     if not panels:
         points.append(np.zeros((1, 3)))
     return np.concatenate(points)
+
+
+def _circle(radius: float, z: float) -> np.ndarray:
+    """Give points (36, 3) of a level circle about the z axis."""
+    angle = np.linspace(0, 2 * math.pi, CIRCLE_POINTS, endpoint=False)
+    return np.column_stack(
+        [radius * np.cos(angle), radius * np.sin(angle), np.full(CIRCLE_POINTS, z)]
+    )
 
 
 def funnel_walls(funnel: Funnel) -> list[Frustum]:
     """Give the funnel's cone and, if it has one, its tube."""
     outlet_radius = funnel.outlet_diameter_m / 2
     inlet_radius = funnel.inlet_diameter_m / 2
-    top = funnel.inlet_height_m
-    neck = funnel.outlet_height_m + funnel.tube_length_m
-    # The rounded rim lets the cone end a little outside the outlet's own circle.
+    top_m = funnel.inlet_height_m
+    neck_m = funnel.outlet_height_m + funnel.tube_length_m
+    # The rounded rim lets the cone end a little outside the circle of the outlet.
     slope = math.tan(math.radians(funnel.cone_angle_deg))
-    cone_end = inlet_radius - (top - neck) / slope
-    cone = Frustum(neck, cone_end, z_high_m=top, r_high_m=inlet_radius)
+    neck_radius = inlet_radius - (top_m - neck_m) / slope
+    cone = Frustum(neck_m, neck_radius, z_high_m=top_m, r_high_m=inlet_radius)
     if funnel.tube_length_m <= 0:
         return [cone]
     tube = Frustum(
-        funnel.outlet_height_m, outlet_radius, z_high_m=neck, r_high_m=outlet_radius
+        funnel.outlet_height_m, outlet_radius, z_high_m=neck_m, r_high_m=outlet_radius
     )
     return [tube, cone]
 
@@ -212,35 +231,53 @@ def setting_of(
     frames : array (C, 12), optional
         Frames of the other walls, likewise.
     """
-    planes = simulation.walls.planes if planes is None else planes
-    frames = simulation.walls.frames if frames is None else frames
-    panels: list[Panel] = []
-    plate = None
-    for k, plane in enumerate(planes):
-        is_other = np.arange(len(planes)) != k
-        others = planes[endless(planes) & is_other]
-        is_endless = np.isinf(plane[6])
-        faces_up = plane[5] < -1 + 1e-9
-        if is_endless and faces_up and not len(others):
-            plate = float(plane[2])
-            continue
-        corners = plane_polygon(
-            plane, simulation.lower, upper=simulation.upper, others=others
-        )
-        if len(corners) > 2:
-            panels.append(Panel(corners))
+    if planes is None:
+        planes = simulation.walls.planes
+    if frames is None:
+        frames = simulation.walls.frames
+    plate_m, panels = _plate_and_panels(simulation, planes)
 
     # The frames are those of the cones, of other walls, then of the meshes.
     cones = simulation.wall_set.of(Cone)
     meshes = simulation.wall_set.of(Mesh)
-    frusta = []
-    for cone, frame in zip(cones, frames, strict=False):
-        (r_low, z_low), (r_high, z_high) = cone_circles(cone.line)
-        frusta.append(
-            Frustum(z_low, r_low, z_high_m=z_high, r_high_m=r_high, frame=tuple(frame))
-        )
+    frusta = [
+        _frustum_of(cone, frame) for cone, frame in zip(cones, frames, strict=False)
+    ]
     frames_of_meshes = frames[len(frames) - len(meshes) :]
     for mesh, frame in zip(meshes, frames_of_meshes, strict=True):
         corners = in_world(np.asarray(frame, float), mesh.vertices_m)
         panels += [Panel(corners[face]) for face in mesh.faces]
-    return Setting(plate, tuple(panels), tuple(frusta))
+    return Setting(plate_m, tuple(panels), tuple(frusta))
+
+
+def _plate_and_panels(
+    simulation: Simulation, planes: np.ndarray
+) -> tuple[float | None, list[Panel]]:
+    """Give the height of the plate, or None without a plate, and all other planes.
+
+    A row of `planes` (P, 7) has a point in m, the normal away from the grains, and a
+    radius, which is infinite for an endless plane.
+    """
+    plate_m = None
+    panels = []
+    for k, plane in enumerate(planes):
+        is_other = np.arange(len(planes)) != k
+        endless_others = planes[endless(planes) & is_other]
+        is_endless = np.isinf(plane[6])
+        faces_up = plane[5] < -1 + 1e-9
+        if is_endless and faces_up and not len(endless_others):
+            plate_m = float(plane[2])
+            continue
+        corners = plane_polygon(
+            plane, simulation.lower, upper=simulation.upper, others=endless_others
+        )
+        # A plane outside the box of the simulation has no corners.
+        if len(corners) > 2:
+            panels.append(Panel(corners))
+    return plate_m, panels
+
+
+def _frustum_of(cone: Cone, frame: np.ndarray) -> Frustum:
+    """Give a cone of a simulation, whose place and rotation are a row of frames (12,)."""
+    (r_low, z_low), (r_high, z_high) = cone_circles(cone.line)
+    return Frustum(z_low, r_low, z_high_m=z_high, r_high_m=r_high, frame=tuple(frame))

@@ -86,12 +86,13 @@ def tints_of(
     array (N, 3)
         Red, green and blue, about 0 to 1.
     """
-    first = [int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)]
-    others = [OTHER_SHAPES[k % len(OTHER_SHAPES)] for k in range(shapes - 1)]
-    colours = np.array([first, *others])
+    first_colour = [int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)]
+    other_colours = [OTHER_SHAPES[k % len(OTHER_SHAPES)] for k in range(shapes - 1)]
+    colours = np.array([first_colour, *other_colours])
+    # Each body is lighter or darker, and more or less yellow, by a fixed random number.
     ripeness, shade = np.random.RandomState(2026).uniform(-1, 1, (2, count))
-    tint = colours[shape] * (1 + 0.16 * shade[body, None])
-    return tint + np.array([0.045, 0.050, 0.004]) * ripeness[body, None]
+    shaded = colours[shape] * (1 + 0.16 * shade[body, None])
+    return shaded + np.array([0.045, 0.050, 0.004]) * ripeness[body, None]
 
 
 def paint(
@@ -139,12 +140,11 @@ def paint(
         _paint_panels(band)
         _paint_bodies(band, camera, tints)
         _blend_walls(band, camera, walls=setting.frusta, order=order)
-        # Average the rays of each pixel.
-        fine = np.clip(image, 0, 1).reshape(-1, supersample, width, supersample, 3)
+        # The colour of a pixel is the mean of its rays.
+        of_rays = np.clip(image, 0, 1).reshape(-1, supersample, width, supersample, 3)
+        pixels = np.round(255 * of_rays.mean(axis=(1, 3)))
         first_row = rows.start // supersample
-        picture[first_row : first_row + len(fine)] = np.round(
-            255 * fine.mean(axis=(1, 3))
-        )
+        picture[first_row : first_row + len(pixels)] = pixels
     return picture
 
 
@@ -161,6 +161,7 @@ def _light_and_sky(
     if not len(bodies.vertices):
         lit, sky = np.ones((2, *view.depth.shape), np.float32)
         return lit, sky
+    # The camera as the compiled loops expect it.
     kernel_camera = (camera.eye_m, camera.axes, float(camera.focal_px))
     light_axes = _light_axes(camera)
     light_map = _light_map(bodies, light_axes)
@@ -176,51 +177,52 @@ def _light_and_sky(
         BIAS_SHARE * bodies.largest_m,
         LIGHT_TAPS,
     )
-    # Far from all bodies the walls see the whole sky.
-    reach = SKY_REACH_SHARE * bodies.largest_m
+    # Far from all bodies the walls see the whole sky, so only pixels near a body are
+    # sampled. A length has the most pixels at the nearest body.
+    reach_m = SKY_REACH_SHARE * bodies.largest_m
     nearest_m = view.depth[view.hit].min(initial=np.inf)
-    reach_px = math.ceil(reach * camera.focal_px / nearest_m)
+    reach_px = math.ceil(reach_m * camera.focal_px / nearest_m)
     is_near_body = maximum_filter(view.hit, size=2 * reach_px + 1)
     sky = raster.openness(
-        view.depth, view.normal, kernel_camera, is_near_body, reach, SKY_TAPS
+        view.depth, view.normal, kernel_camera, is_near_body, reach_m, SKY_TAPS
     )
     return lit, sky
 
 
 def _light_axes(camera: Camera) -> np.ndarray:
-    """Give rows: two axes across the light, then towards it.
+    """Give the axes (3, 3) of the light: two rows across the light, one towards it.
 
     The light turns with the camera.
     """
-    heading = camera.axes[2] * (1.0, 1.0, 0.0)
-    length = np.linalg.norm(heading)
-    # A camera that looks down has its heading at the top of the picture.
-    heading = heading / length if length > 1e-9 else camera.axes[1]
-    towards = (
-        LIGHT[0] * camera.axes[0]
-        + LIGHT[1] * heading
-        + LIGHT[2] * np.array([0.0, 0.0, 1.0])
-    )
-    across = np.cross([0.0, 0.0, 1.0], towards)
+    right, top_of_picture, forward = camera.axes
+    level_forward = forward * (1.0, 1.0, 0.0)
+    length = np.linalg.norm(level_forward)
+    # A camera that looks straight down has its heading at the top of the picture.
+    heading = top_of_picture
+    if length > 1e-9:
+        heading = level_forward / length
+    vertical = np.array([0.0, 0.0, 1.0])
+    towards_light = LIGHT[0] * right + LIGHT[1] * heading + LIGHT[2] * vertical
+    across = np.cross(vertical, towards_light)
     across /= np.linalg.norm(across)
-    return np.stack([across, np.cross(towards, across), towards])
+    return np.stack([across, np.cross(towards_light, across), towards_light])
 
 
 def _light_map(bodies: Bodies, axes: np.ndarray) -> LightMap:
-    """Draw the depth map seen from the light, whose axes are rows."""
-    place = bodies.vertices @ axes.T
-    low = place[..., :2].min(axis=(0, 1))
-    extent = place[..., :2].max(axis=(0, 1)) - low
+    """Draw the depth map seen from the light; `axes` are those of `_light_axes`."""
+    points = bodies.vertices @ axes.T
+    corner = points[..., :2].min(axis=(0, 1))
+    extent = points[..., :2].max(axis=(0, 1)) - corner
     pixel_m = float(extent.max() / LIGHT_PIXELS)
-    x = (place[..., 0] - low[0]) / pixel_m
-    y = (place[..., 1] - low[1]) / pixel_m
+    x = (points[..., 0] - corner[0]) / pixel_m
+    y = (points[..., 1] - corner[1]) / pixel_m
     shape = (int(y.max()) + 2, int(x.max()) + 2)
     # The rows count upwards, so what is anticlockwise in a picture is clockwise here.
     clockwise = bodies.triangles[:, ::-1]
     heights, *_ = raster.draw(
-        x, y, near=place[..., 2], triangles=clockwise, shape=shape
+        x, y, near=points[..., 2], triangles=clockwise, shape=shape
     )
-    return LightMap(heights, low, pixel_m)
+    return LightMap(heights, corner, pixel_m)
 
 
 # --- Opaque surfaces ------------------------------------------------------------------
@@ -237,12 +239,16 @@ def _paint_bodies(band: Band, camera: Camera, tints: np.ndarray) -> None:
     rays = band.rays[hit]
     sight = rays / np.linalg.norm(rays, axis=1, keepdims=True)
 
+    # Lambert's law: the brightness falls with the cosine of the angle to the light.
     diffuse = np.clip(normal @ towards_light, 0, 1) * lit
+    # Highlights (Blinn): bright where the normal is halfway between light and viewer.
     halfway = towards_light - sight
     halfway /= np.linalg.norm(halfway, axis=1, keepdims=True)
     shine = np.clip(np.sum(normal * halfway, axis=1), 0, 1)
     gloss = (0.42 * shine**60 + 0.085 * shine**9) * lit
+    # The edge of a body, seen at a grazing angle, reflects the sky.
     rim = np.clip(1 + np.sum(normal * sight, axis=1), 0, 1) ** 3 * 0.10
+    # Light of the sky, more on what faces up.
     ambient = (0.26 + 0.24 * (0.5 + 0.5 * normal[:, 2])) * sky
     # Light that neighbours throw on each other has their colour and keeps gaps warm.
     glow = 0.10 * sky
@@ -260,9 +266,10 @@ def _paint_plate(band: Band, camera: Camera, frame: np.ndarray) -> None:
     from_middle = band.places(camera, mask)[:, :2] - (low + high) / 2
     distance = np.hypot(from_middle[:, 0], from_middle[:, 1])
     diagonal = np.linalg.norm(high - low)
-    fade = np.clip((2.6 - 2 * distance / diagonal) / 1.6, 0, 1) ** 1.5
+    # Share of the plate's colour: 1 up to half a diagonal, 0 from 1.3 diagonals on.
+    opacity = np.clip((2.6 - 2 * distance / diagonal) / 1.6, 0, 1) ** 1.5
     plate = PLATE * 1.13 * band.tone(mask)[:, None]
-    band.image[mask] = BACKGROUND + fade[:, None] * (plate - BACKGROUND)
+    band.image[mask] = BACKGROUND + opacity[:, None] * (plate - BACKGROUND)
 
 
 def _paint_backdrop(band: Band, camera: Camera, backdrop: DrumInside | None) -> None:
@@ -291,29 +298,34 @@ def _paint_panels(band: Band) -> None:
 def _far_to_near(walls: Sequence[Frustum], camera: Camera) -> list[int]:
     """Give the numbers of the frusta's sides, far ones first.
 
-    They are sorted by their median distance along some thousands of rays.
+    A frustum has two sides, numbered one after the other. They are sorted by their
+    median distance along some thousands of rays.
     """
     step = max(1, camera.height // 100)
     rays = camera.rays(slice(None, None, step))[:, ::step]
-    medians = [
+    median_distances = [
         np.nanmedian(side.distance)
         for wall in walls
         for side in _cone_sides(wall, camera, rays)
     ]
-    return sorted(range(len(medians)), key=lambda side: -medians[side])
+    side_numbers = range(len(median_distances))
+    return sorted(side_numbers, key=lambda number: -median_distances[number])
 
 
 def _cone_sides(wall: Frustum, camera: Camera, rays: np.ndarray) -> list[ConeSide]:
     """Find where rays (H, W, 3) meet the endless cone of a frustum: far and near side."""
+    # In the frame of the wall, its axis is the z axis.
     turn = np.reshape(wall.frame[3:], (3, 3)).astype(float)
     eye = (camera.eye_m - wall.frame[:3]) @ turn
-    rays = rays @ turn
+    local_rays = rays @ turn
     # The radius of the cone at the height of the eye, and its gain along each ray.
     radius = wall.r_low_m + wall.slope * (eye[2] - wall.z_low_m)
-    radius_gain = wall.slope * rays[..., 2]
-    # The roots of a quadratic equation a t^2 + 2 b t + c = 0.
-    a = rays[..., 0] ** 2 + rays[..., 1] ** 2 - radius_gain**2
-    b = rays[..., 0] * eye[0] + rays[..., 1] * eye[1] - radius_gain * radius
+    radius_gain = wall.slope * local_rays[..., 2]
+    # A point eye + t * ray is on the cone where a t^2 + 2 b t + c = 0.
+    x = local_rays[..., 0]
+    y = local_rays[..., 1]
+    a = x**2 + y**2 - radius_gain**2
+    b = x * eye[0] + y * eye[1] - radius_gain * radius
     c = eye[0] ** 2 + eye[1] ** 2 - radius**2
     root = np.sqrt(np.maximum(b * b - a * c, 0))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -337,25 +349,29 @@ def _blend_side(band: Band, camera: Camera, side: ConeSide) -> None:
     wall, distance, is_met = side
     turn = np.reshape(wall.frame[3:], (3, 3)).astype(float)
     eye = camera.eye_m - wall.frame[:3]
-    light = _light_axes(camera)[2] @ turn
-    z = eye @ turn[:, 2] + distance * (band.rays @ turn[:, 2])
+
+    # The frustum is the part of the endless cone between its two ends.
+    height = eye @ turn[:, 2] + distance * (band.rays @ turn[:, 2])
     mask = is_met & (distance > 0) & (distance < band.view.depth)
-    mask &= (z >= wall.z_low_m) & (z <= wall.z_high_m)
+    mask &= (height >= wall.z_low_m) & (height <= wall.z_high_m)
     if not mask.any():
         return
-    rays = band.rays[mask]
-    z = z[mask]
-    # Points and directions in the frame of the wall.
-    point = (eye + distance[mask][:, None] * rays) @ turn
-    outward = point / np.hypot(point[:, 0], point[:, 1])[:, None]
-    outward[:, 2] = -wall.slope
-    outward /= math.hypot(1.0, wall.slope)
-    sight = rays @ turn / np.linalg.norm(rays, axis=1, keepdims=True)
 
-    grazing = 1 - np.abs(np.sum(outward * sight, axis=1))
-    to_end = np.minimum(z - wall.z_low_m, wall.z_high_m - z)
+    # Points and directions in the frame of the wall.
+    rays = band.rays[mask]
+    point = (eye + distance[mask][:, None] * rays) @ turn
+    sight = rays @ turn / np.linalg.norm(rays, axis=1, keepdims=True)
+    towards_light = _light_axes(camera)[2] @ turn
+    normal = point / np.hypot(point[:, 0], point[:, 1])[:, None]
+    normal[:, 2] = -wall.slope
+    normal /= math.hypot(1.0, wall.slope)
+
+    # Glass hides most at its ends and where it is seen at a grazing angle.
+    grazing = 1 - np.abs(np.sum(normal * sight, axis=1))
+    height_on_side = height[mask]
+    to_end = np.minimum(height_on_side - wall.z_low_m, wall.z_high_m - height_on_side)
     is_rim = to_end < RIM_WIDTH_M
-    alpha = np.clip(0.07 + 0.45 * grazing**3 + 0.45 * is_rim, 0, 0.75)
-    shine = 0.35 * np.clip(np.abs(outward @ light), 0, 1) ** 12
+    opacity = np.clip(0.07 + 0.45 * grazing**3 + 0.45 * is_rim, 0, 0.75)
+    shine = 0.35 * np.clip(np.abs(normal @ towards_light), 0, 1) ** 12
     background = band.image[mask]
-    band.image[mask] += alpha[..., None] * (FUNNEL + shine[:, None] - background)
+    band.image[mask] += opacity[..., None] * (FUNNEL + shine[:, None] - background)

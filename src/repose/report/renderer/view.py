@@ -111,11 +111,13 @@ def _normals_of_bodies(
 
     `weights` (M, 2) are the shares of the second and third corner of the triangle.
     """
+    # The normal is the mean of those at the corners, weighted by their shares.
     corners = bodies.triangles[triangle]
     shares = np.column_stack([1 - weights.sum(axis=1), weights])
     corner_normals = bodies.normals[bodies.shape_ids[part][:, None], corners]
     normals = np.einsum("mk,mki->mi", shares, corner_normals)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    # Turn each from the frame of its part to the world.
     return np.einsum("mij,mj->mi", bodies.turn[part], normals)
 
 
@@ -128,9 +130,11 @@ def _panel_depth(panel: Panel, eye: np.ndarray, rays: np.ndarray) -> np.ndarray:
     corners = panel.corners_m
     next_corners = np.roll(corners, -1, axis=0)
     along_normal = rays @ normal
+    # A ray along the panel divides by zero; the comparisons then leave it out.
     with np.errstate(divide="ignore", invalid="ignore"):
         depth = ((corners[0] - eye) @ normal) / along_normal
         is_inside = (along_normal < 0) & (depth > 0)
+        # A point is inside a convex polygon if it is on the inner side of each edge.
         for corner, next_corner in zip(corners, next_corners, strict=True):
             outwards = np.cross(next_corner - corner, normal)
             is_inside &= (eye - corner) @ outwards + depth * (rays @ outwards) <= 0
