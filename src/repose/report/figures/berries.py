@@ -40,22 +40,22 @@ def sizes_and_sphericity(inputs: Inputs, study: StudyView) -> Figure:
     reconstruction from published statistics and was not measured.
     """
     sizes = berry.read_sizes(inputs["sizes"])
-    figure, axes_of_histograms = panels.grid(4, 2.1, columns=4, sharey=True)
-    *size_panels, sphericity_panel = axes_of_histograms
-    lengths = [sizes[column].to_numpy() for column, _, _ in GRAIN_AXES]
-    for panel, length, (_, label, colour) in zip(
-        size_panels, lengths, GRAIN_AXES, strict=True
-    ):
+    figure, histogram_panels = panels.grid(4, 2.1, columns=4, sharey=True)
+    *size_panels, sphericity_panel = histogram_panels
+    lengths = []
+    for panel, (column, label, colour) in zip(size_panels, GRAIN_AXES, strict=True):
+        length = sizes[column].to_numpy()
+        lengths.append(length)
         _draw_histogram(panel, length, label=f"{label} (mm)", colour=colour, unit="mm")
-    sphericity = 100 * berry.sphericity(*lengths)
+    sphericity_percent = 100 * berry.sphericity(*lengths)
     _draw_histogram(
         sphericity_panel,
-        sphericity,
+        sphericity_percent,
         label="sphericity (%)",
         colour=style.PURPLE,
         unit="%",
     )
-    style.name_panels(axes_of_histograms)
+    style.name_panels(histogram_panels)
     size_panels[0].set_ylabel("number of grains")
     size_panels[0].yaxis.set_major_locator(MaxNLocator(integer=True))
     style.below(
@@ -87,10 +87,11 @@ def _draw_histogram(
         edgecolor="white",
         linewidth=0.6,
     )
+    # The normal curve as the number of grains that it expects in a bin.
     x = np.linspace(mean - 3.2 * shown_sd, mean + 3.2 * shown_sd, 200)
     bin_width = edges[1] - edges[0]
-    curve = len(values) * bin_width * stats.norm.pdf(x, mean, shown_sd)
-    panel.plot(x, curve, color=style.BLACK)
+    expected_count = len(values) * bin_width * stats.norm.pdf(x, mean, shown_sd)
+    panel.plot(x, expected_count, color=style.BLACK)
     top = max(panel.get_ylim()[1], 1.35 * counts.max())
     panel.set(xlabel=label, ylim=(0, top))
     words = f"{mean:.2f} ± {sd:.2f} {unit}\nn = {len(values)}"
@@ -118,6 +119,7 @@ def particle_and_mesh(inputs: Inputs, study: StudyView) -> Figure:
     mesh = load_mesh(inputs["stl"])
     mesh_in_m = mesh.copy().apply_scale(1e-3)
 
+    # All pictures have the same camera, so they have the same scale.
     width = style.picture_pixels(study, PICTURE_PIXELS)
     camera: dict[str, Any] = {
         "width": width,
@@ -146,12 +148,17 @@ def particle_and_mesh(inputs: Inputs, study: StudyView) -> Figure:
         extent_m=max(mesh_in_m.extents),
     )
     for panel, kind, letter in zip(particle_panels, KINDS, "bcd", strict=True):
+        title = f"{letter}  {kind}"
         try:
             particle = _particle_of_kind(kind, mesh, simulated=simulated, study=study)
         except InputError as error:
+            # Not every mesh has a particle of each kind.
             words = "\n".join(textwrap.wrap(str(error), 34))
-            _describe(panel, f"{letter}  {kind}", body=None, words=words)
+            _describe(panel, title, body=None, words=words)
             continue
+        if kind == simulated.kind:
+            title += " (poured)"
+        _describe(panel, title, body=particle, words=_account(particle))
         picture = render_bodies(
             np.zeros((1, 3)),
             np.array([[1.0, 0.0, 0.0, 0.0]]),
@@ -160,14 +167,16 @@ def particle_and_mesh(inputs: Inputs, study: StudyView) -> Figure:
             **view,
         )
         panel.imshow(picture)
-        remark = " (poured)" if kind == simulated.kind else ""
-        words = (
-            f"{_parts_in_words(particle)}\n"
-            f"off by {1e3 * particle.deviation_max_m:.2f} mm at most,\n"
-            f"{1e3 * particle.deviation_rms_m:.3f} mm rms"
-        )
-        _describe(panel, f"{letter}  {kind}{remark}", body=particle, words=words)
     return figure
+
+
+def _account(particle: Particle) -> str:
+    """Say of what a particle consists, and how far its surface is from the mesh."""
+    return (
+        f"{_parts_in_words(particle)}\n"
+        f"off by {1e3 * particle.deviation_max_m:.2f} mm at most,\n"
+        f"{1e3 * particle.deviation_rms_m:.3f} mm rms"
+    )
 
 
 def _particle_of_kind(

@@ -67,13 +67,15 @@ def _draw_first_view(
     from repose.measure.photographs.segmentation import segment  # slow to import
 
     scale = settings.mm_per_pixel
-    silhouette = segment(image, settings.largest_pile_only, image.shape[0] - 0.5)
+    plate_row = image.shape[0] - 0.5
+    silhouette = segment(image, settings.largest_pile_only, plate_row)
     measured = pile.measure_segmented(silhouette, settings)
+
     height, width = image.shape
-    crest = measured.top[0]
+    crest_column = measured.top[0]
     greys = np.where(image < 128, PILE_GREY, BACKGROUND_GREY).astype(np.uint8)
-    left = (-0.5 - crest) * scale
-    right = (width - 0.5 - crest) * scale
+    left = (-0.5 - crest_column) * scale
+    right = (width - 0.5 - crest_column) * scale
     panel.imshow(
         greys,
         cmap="gray",
@@ -81,22 +83,8 @@ def _draw_first_view(
         vmax=255,
         extent=(left, right, 0, height * scale),
     )
-    for name, angle in measured.angles.items():
-        is_calibrated = name == settings.response
-        look = {
-            "color": COLOURS[name],
-            "ls": LINE_STYLES[name],
-            "lw": 3.0 if is_calibrated else 1.5,
-        }
-        for line in angle.lines:
-            column, row = np.array(line).T
-            panel.plot(
-                (column - crest) * scale, (measured.base_row - row) * scale, **look
-            )
-        words = style.line_in_words(settings, name)
-        if is_calibrated:
-            words += ", used"
-        panel.plot([], [], label=f"{angle.aor_deg:.1f}°  {name}: {words}", **look)
+    for name in measured.angles:
+        _draw_definition(panel, measured, name=name, settings=settings)
     _draw_levels(panel, measured.height_mm, settings)
     panel.set(
         xlabel="distance from the crest (mm)",
@@ -107,6 +95,27 @@ def _draw_first_view(
     )
     panel.figure.legend(*panel.get_legend_handles_labels(), loc="outside lower left")
     return measured
+
+
+def _draw_definition(
+    panel: Axes, measured: pile.Measurement, name: str, settings: MeasureSettings
+) -> None:
+    """Draw both lines of a definition, with one entry of the legend."""
+    scale = settings.mm_per_pixel
+    crest_column = measured.top[0]
+    angle = measured.angles[name]
+    words = style.line_in_words(settings, name)
+    width = 1.5
+    if name == settings.response:
+        words += ", used"
+        width = 3.0
+    look = {"color": COLOURS[name], "ls": LINE_STYLES[name], "lw": width}
+    for line in angle.lines:
+        column, row = np.array(line).T
+        x = (column - crest_column) * scale
+        z = (measured.base_row - row) * scale
+        panel.plot(x, z, **look)
+    panel.plot([], [], label=f"{angle.aor_deg:.1f}°  {name}: {words}", **look)
 
 
 def _draw_levels(panel: Axes, height_mm: float, settings: MeasureSettings) -> None:

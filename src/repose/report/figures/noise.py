@@ -45,15 +45,17 @@ def noise_floor(inputs: Inputs, study: StudyView) -> Figure:
     rows = [[k, min(k + 1, n_targets - 1)] for k in range(0, n_targets, 2)]
     figure = style.new_figure(style.PAGE, 2.15 + 2.45 * len(rows))
     panels = figure.subplot_mosaic(
-        [*rows, [-2, -1]], height_ratios=[1.15] * len(rows) + [1]
+        [*rows, ["error", "r2"]], height_ratios=[1.15] * len(rows) + [1]
     )
-    *of_responses, error_panel, r2_panel = panels.values()
+    response_panels = [panels[k] for k in range(n_targets)]
+    error_panel = panels["error"]
+    r2_panel = panels["r2"]
 
-    for k, (panel, target) in enumerate(zip(of_responses, targets, strict=True)):
+    for k, (panel, target) in enumerate(zip(response_panels, targets, strict=True)):
         name = target.name
-        good = runs[(runs["status"] == "ok") & runs[name].notna()]
+        measured_runs = runs[(runs["status"] == "ok") & runs[name].notna()]
         look = style.series(k)
-        _draw_runs(panel, good, column=name, colour=look["color"])
+        _draw_runs(panel, measured_runs, column=name, colour=look["color"])
         panel.set(
             xlabel="samples, in order of their mean (line)",
             ylabel=style.response_label(target.response),
@@ -62,7 +64,7 @@ def noise_floor(inputs: Inputs, study: StudyView) -> Figure:
         _draw_standard_error(error_panel, seeds, target=target, look=look)
         _draw_reachable_r2(r2_panel, seeds, target=target, look=look)
     _finish_panels_over_seeds(error_panel, r2_panel)
-    style.name_panels([*of_responses, error_panel, r2_panel])
+    style.name_panels([*response_panels, error_panel, r2_panel])
     error_panel.legend()
     r2_panel.legend(
         loc="lower right",

@@ -140,14 +140,19 @@ def _batch_of_sample(calibration: Calibration) -> pd.Series:
 def _draw_samples(
     panel: Axes, samples: pd.DataFrame, target: Target, batch: pd.Series
 ) -> None:
-    """Draw how far the samples are off a target, those of a batch beside each other."""
+    """Draw how far the samples are off a target, those of a batch beside each other.
+
+    `batch` is the number of the batch of each sample.
+    """
+    # Spread the samples of a batch evenly over 0.6 of the space to the next batch.
     in_batch = samples.groupby(batch)["sample"]
     share = (in_batch.cumcount() + 0.5) / in_batch.transform("size")
-    percent = 100 / target.whole
+    x = batch + 0.6 * (share - 0.5)
+    percent_of_target = 100 / target.whole
     panel.errorbar(
-        batch + 0.6 * (share - 0.5),
+        x,
         target.off_percent(samples[target.name]),
-        percent * samples[target.response.error].fillna(0.0),
+        percent_of_target * samples[target.response.error].fillna(0.0),
         fmt="o",
         ms=3,
         mew=0,
@@ -161,11 +166,11 @@ def _draw_answer(
     panel: Axes, target: Target, mean: float, error: float, place: int
 ) -> None:
     """Draw how far the predicted response of the answer is off a target."""
-    percent = 100 / target.whole
+    percent_of_target = 100 / target.whole
     panel.errorbar(
         [place],
         [target.off_percent(mean)],
-        [percent * error],
+        [percent_of_target * error],
         fmt="D",
         ms=5,
         mfc="white",

@@ -218,13 +218,14 @@ def _draw_marginal(
 def _prior_density(
     parameters: ParameterSpace, name: str
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Give values of a free parameter over its range, and the prior's density there."""
+    """Give values (201,) of a free parameter, and the prior's density at each."""
     index = parameters.free.index(name)
     low = parameters.low[index]
     high = parameters.high[index]
-    unit = np.linspace(0, 1, 201)
-    values = low + unit * (high - low)
-    points = np.repeat(unit[:, None], parameters.dimensions, axis=1)
+    share_of_range = np.linspace(0, 1, 201)
+    values = low + share_of_range * (high - low)
+    # `prior_cdf` takes all free parameters; only one of its columns is needed.
+    points = np.repeat(share_of_range[:, None], parameters.dimensions, axis=1)
     cumulative = parameters.prior_cdf(points)[:, index]
     return values, np.gradient(cumulative, values)
 
@@ -238,17 +239,28 @@ def _draw_contours(
     counts, x_edges, y_edges = np.histogram2d(
         across, down, bins=CELLS, range=(x_range, y_range)
     )
-    # Twice along each axis; the ends are reflected.
+    # Smooth twice along each axis; the counts are reflected at the ends.
+    smooth_counts = counts
     for axis in (0, 0, 1, 1):
-        counts = ndimage.correlate1d(counts, SMOOTHING, axis)
-    # The outermost cells are drawn out to the bounds, where the prior ends.
-    x = (x_edges[:-1] + x_edges[1:]) / 2
-    y = (y_edges[:-1] + y_edges[1:]) / 2
-    x[0], x[-1] = x_range
-    y[0], y[-1] = y_range
+        smooth_counts = ndimage.correlate1d(smooth_counts, SMOOTHING, axis)
     panel.contourf(
-        x, y, counts.T, levels=_credible_levels(counts), colors=CONTOUR_COLOURS
+        _contour_places(x_edges),
+        _contour_places(y_edges),
+        smooth_counts.T,
+        levels=_credible_levels(smooth_counts),
+        colors=CONTOUR_COLOURS,
     )
+
+
+def _contour_places(edges: np.ndarray) -> np.ndarray:
+    """Give a place for each cell of a range: its middle, or the bound of the range.
+
+    So the outermost cells are drawn out to the bounds, where the prior ends.
+    """
+    places = (edges[:-1] + edges[1:]) / 2
+    places[0] = edges[0]
+    places[-1] = edges[-1]
+    return places
 
 
 def _credible_levels(counts: np.ndarray) -> list[float]:
@@ -257,11 +269,12 @@ def _credible_levels(counts: np.ndarray) -> list[float]:
     The last level is just above the highest count.
     """
     ordered = np.sort(counts.ravel())[::-1]
+    # Share of the draws in the cells with the highest counts, from 1 cell to all.
     share_inside = np.cumsum(ordered) / ordered.sum()
-    outer, inner = (
-        ordered[min(int(np.searchsorted(share_inside, share)), ordered.size - 1)]
-        for share in CREDIBLE_SHARES
-    )
+    last = ordered.size - 1
+    outer_share, inner_share = CREDIBLE_SHARES
+    outer = ordered[min(int(np.searchsorted(share_inside, outer_share)), last)]
+    inner = ordered[min(int(np.searchsorted(share_inside, inner_share)), last)]
     # Levels have to rise, also where a single cell has most of the draws.
     return [outer, max(inner, outer * (1 + 1e-9)), ordered[0] * (1 + 1e-6)]
 
@@ -419,19 +432,21 @@ def _draw_interval_strip(panel: Axes, row: pd.Series, y: float, is_first: bool) 
     width = row["high"] - low
     panel.barh(y, 1, height=0.8, color=style.STRIP_COLOUR, zorder=0)
     for columns, offset, colour, label in INTERVALS:
+        # An interval that the table lacks is drawn as nothing.
         ends = row.reindex(columns).dropna().astype(float).to_numpy()
-        x = (ends - low) / width
+        place = (ends - low) / width
         panel.plot(
-            x,
-            [y + offset] * len(x),
+            place,
+            [y + offset] * len(place),
             "-|",
             color=colour,
             lw=3,
             ms=7,
-            label=label if is_first and len(x) else None,
+            label=label if is_first and len(place) else None,
         )
+    place_of_median = (row["median"] - low) / width
     panel.plot(
-        [(row["median"] - low) / width],
+        [place_of_median],
         [y + 0.22],
         "o",
         ms=4.5,
@@ -440,8 +455,9 @@ def _draw_interval_strip(panel: Axes, row: pd.Series, y: float, is_first: bool) 
         zorder=5,
     )
     if "answer" in row:
+        place_of_answer = (row["answer"] - low) / width
         panel.plot(
-            [(row["answer"] - low) / width],
+            [place_of_answer],
             [y],
             "D",
             label="the answer" if is_first else "_the answer",

@@ -41,18 +41,19 @@ def profiles(inputs: Inputs, study: StudyView) -> Figure:
 
     figure, axes = panels.grid(len(targets.profiles), 2.6)
     for panel, profile in zip(axes, targets.profiles.values(), strict=True):
-        of_profile = [target for target in targets if target.profile == profile]
-        responses = [target.response for target in of_profile]
+        scores_of_profile = [target for target in targets if target.profile == profile]
+        responses = [target.response for target in scores_of_profile]
         predicted = answer[[score.predicted for score in responses]].to_numpy(float)
         simulated = answer[[score.simulated for score in responses]].to_numpy(float)
         error = answer[[score.error for score in responses]].to_numpy(float)
-        # The errors of scores are independent.
-        height_error = np.sqrt(profile.basis**2 @ np.square(np.nan_to_num(error)))
+        # The errors of scores are independent, so their squares add up.
+        squared_error = np.square(np.nan_to_num(error))
+        height_error = np.sqrt(profile.basis**2 @ squared_error)
         lines = {
             "predicted": (profile.heights(predicted), 0.0),
             "simulated ± SE": (profile.heights(simulated), height_error),
         }
-        height_sd = of_profile[0].sd * np.sqrt(profile.functions)
+        height_sd = scores_of_profile[0].sd * np.sqrt(profile.functions)
         draw(panel, profile, sd=height_sd, lines=lines)
     style.name_panels(axes)
     return figure

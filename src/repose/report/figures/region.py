@@ -69,24 +69,26 @@ def not_excluded(inputs: Inputs, study: StudyView) -> Figure:
     table = read_table(inputs["region"], COLUMNS)
     summary = read_json(inputs["summary"], ("not_implausible_share",))
     names = study.parameters.free
-    edges = _cell_edges(study.parameters, table["x_quantile"].nunique())
+    n_cells = table["x_quantile"].nunique()  # along each parameter
+    edges = _cell_edges(study.parameters, n_cells)
     largest_share = table["share"].max() or 1.0
 
     figure = style.new_figure(style.PAGE, 1.08 * style.PAGE)
     axes = figure.subplots(len(names), len(names), squeeze=False)
-    share_mesh = None
+    share_mesh = None  # for the colour bar; a single parameter has none
     for (row, column), panel in np.ndenumerate(axes):
         if row == column:
             _name_parameter(panel, names[row], edges[row])
             continue
         cells = _cells_of_pair(table, names, row=row, column=column)
-        panel_edges = edges[column], edges[row]
+        x_edges = edges[column]
+        y_edges = edges[row]
         if row > column:
-            _draw_misfit(panel, cells["least_implausibility"], *panel_edges)
+            _draw_misfit(panel, cells["least_implausibility"], x_edges, y_edges)
         else:
             # The table has each pair once, with the earlier parameter across.
             share_mesh = _draw_share(
-                panel, cells["share"].T, *panel_edges, largest_share
+                panel, cells["share"].T, x_edges, y_edges, largest_share
             )
         _place_ticks(panel, row, column, last=len(names) - 1)
 
@@ -119,22 +121,27 @@ def not_excluded(inputs: Inputs, study: StudyView) -> Figure:
 
 
 def _cell_edges(parameters: ParameterSpace, n_cells: int) -> list[np.ndarray]:
-    """Give the edges of the cells of each free parameter, in its unit.
+    """Give the edges (n_cells + 1,) of the cells of each free parameter, in its unit.
 
     The cells have equal probabilities in the prior.
     """
     quantile = np.linspace(0, 1, n_cells + 1)[:, None]
     quantiles = np.repeat(quantile, parameters.dimensions, axis=1)
+    share_of_range = parameters.from_prior(quantiles)
     width = parameters.high - parameters.low
-    return list((parameters.low + width * parameters.from_prior(quantiles)).T)
+    return list((parameters.low + width * share_of_range).T)
 
 
 def _cells_of_pair(
     table: pd.DataFrame, names: tuple[str, ...], row: int, column: int
 ) -> pd.DataFrame:
-    """Give the cells of two parameters: down the later one, across the earlier one."""
+    """Give the cells of two parameters: down the later one, across the earlier one.
+
+    The result has a column for each pair of a column of the table and a cell across.
+    """
     first, second = sorted((row, column))
-    cells = table[(table["x"] == names[first]) & (table["y"] == names[second])]
+    is_pair = (table["x"] == names[first]) & (table["y"] == names[second])
+    cells = table[is_pair]
     return cells.pivot(index="y_quantile", columns="x_quantile")
 
 

@@ -115,10 +115,16 @@ def perturbation(inputs: Inputs, study: StudyView) -> Figure:
     figure, axes = panels.grid(len(models), 2.9, columns=len(models))
     coded = np.linspace(-1, 1, GRID_POINTS)
     for panel, target, model in zip(axes, targets, models, strict=True):
-        directions = np.eye(len(model.factors))
         for k, name in enumerate(model.factors):
-            values = model.predict(np.outer(coded, directions[k]))
-            panel.plot(coded, values, label=SYMBOLS[name], **style.series(k))
+            # One factor from -1 to 1, the others at the centre, which is 0.
+            points = np.zeros((GRID_POINTS, len(model.factors)))
+            points[:, k] = coded
+            panel.plot(
+                coded,
+                model.predict(points),
+                label=SYMBOLS[name],
+                **style.series(k),
+            )
         panel.axhline(target.aim, color=style.GREY, lw=0.8)
         panel.set(xlabel="factor (coded)", ylabel=style.response_label(target.response))
     axes[-1].legend(loc="best")
@@ -149,13 +155,12 @@ def contours(inputs: Inputs, study: StudyView) -> Figure:
     pairs = list(combinations(range(len(models[0].factors)), 2))
     columns = min(3, max(len(pairs), len(models)))
     figure, axes = panels.grid(len(models) * len(pairs), 2.3, columns=columns)
-    unused_axes = iter(axes)
+    next_panels = iter(axes)
     for target, model in zip(targets, models, strict=True):
         point = np.array([optimum[name] for name in model.factors])
         for pair in pairs:
-            _draw_contours(
-                next(unused_axes), model, target=target, pair=pair, point=point
-            )
+            panel = next(next_panels)
+            _draw_contours(panel, model, target=target, pair=pair, point=point)
     return figure
 
 
@@ -166,6 +171,7 @@ def _draw_contours(
 
     `pair` are the indices of the factors, `point` the coded optimum.
     """
+    # A grid of points over the two factors; the others stay at the optimum.
     coded = np.linspace(-1, 1, GRID_POINTS)
     across, up = np.meshgrid(coded, coded)
     points = np.repeat(point[None], GRID_POINTS * GRID_POINTS, axis=0)
@@ -179,12 +185,19 @@ def _draw_contours(
         panel.contour(
             across, up, values, levels=[target.aim], colors=style.BLACK, linewidths=1.4
         )
-    x, y = point[[*pair]]
-    panel.plot(x, y, "*", ms=8, mfc=style.ORANGE, mec=style.BLACK, mew=0.5)
-    x_name, y_name = (SYMBOLS[model.factors[k]] for k in pair)
+    first, second = pair
+    panel.plot(
+        point[first],
+        point[second],
+        "*",
+        ms=8,
+        mfc=style.ORANGE,
+        mec=style.BLACK,
+        mew=0.5,
+    )
     panel.set(
-        xlabel=f"{x_name} (coded)",
-        ylabel=f"{y_name} (coded)",
+        xlabel=f"{SYMBOLS[model.factors[first]]} (coded)",
+        ylabel=f"{SYMBOLS[model.factors[second]]} (coded)",
         title=style.response_label(target.response),
     )
 

@@ -94,16 +94,19 @@ def _slip_in_words(
         f"The bed slipped first when the drum had turned by {turned_deg:.1f}°, after "
         f"{seconds:.1f} s."
     )
-    slipped = runs[runs["status"] == "ok"] if len(runs) else runs
+    if runs.empty:
+        return words
+    slipped = runs[runs["status"] == "ok"]
     if len(slipped) > 1:
-        turned, waited = (
-            f"{slipped[column].mean():.1f} ± {slipped[column].sem():.1f}"
-            for column in SLIP_COLUMNS
-        )
-        words += (
-            f"\nIn {len(slipped)} runs, mean ± standard error: {turned}°, {waited} s."
-        )
+        angle = _mean_and_error(slipped["before_turned_deg"])
+        time = _mean_and_error(slipped["before_time_s"])
+        words += f"\nIn {len(slipped)} runs, mean ± standard error: {angle}°, {time} s."
     return words
+
+
+def _mean_and_error(values: pd.Series) -> str:
+    """Write the mean of some values with its standard error."""
+    return f"{values.mean():.1f} ± {values.sem():.1f}"
 
 
 def _draw_side_view(
@@ -126,6 +129,7 @@ def _draw_side_view(
     turned_rad = np.radians(float(arrays[f"turned_{state}_deg"]))
     inside = drum_inside(settings, turned_rad)
 
+    # The camera looks along the axis of the drum.
     pixels = style.picture_pixels(study, PIXELS)
     view: dict[str, Any] = {
         "elevation_deg": 0.0,
@@ -134,32 +138,37 @@ def _draw_side_view(
         "height": pixels,
         "field_of_view_deg": style.TELEPHOTO_DEG,
     }
-    frame = inside.outline()
+    frame_m = inside.outline()
     picture = render_pile(
         centres,
         quaternions,
         particle,
         scales=scales,
         colour=study.settings.colour,
-        frame_m=frame,
+        frame_m=frame_m,
         backdrop=inside,
         **view,
     )
     panel.imshow(picture)
+    camera = look_at(frame_m, **view)
+    style.scale_bar(panel, camera, place_m=np.zeros(3), extent_m=2 * inside.radius_m)
 
+    # The surface is measured in the silhouette of the bed.
     mm_per_pixel = study.settings.measure.mm_per_pixel
-    filled = bed.side_view(
+    silhouette = bed.side_view(
         Grains(centres, quaternions, particle=particle, scales=scales),
         inside.radius_m,
         mm_per_pixel,
     )
     surface = bed.surface_of(
-        filled, inside.radius_m, mm_per_pixel=mm_per_pixel, fit_share=settings.fit_share
+        silhouette,
+        inside.radius_m,
+        mm_per_pixel=mm_per_pixel,
+        fit_share=settings.fit_share,
     )
-    camera = look_at(frame, **view)
-    style.scale_bar(panel, camera, place_m=np.zeros(3), extent_m=2 * inside.radius_m)
-    # The line lies in the plane y = 0.
-    x, y, _ = camera.project(np.insert(surface.line_m, 1, 0.0, axis=1))
+    # Its line lies in the plane y = 0, across the middle of the drum.
+    line_m = np.insert(surface.line_m, 1, 0.0, axis=1)
+    x, y, _ = camera.project(line_m)
     panel.plot(x, y, color="white", lw=2.6, solid_capstyle="butt")
     panel.plot(x, y, color=style.GREEN, lw=1.6, solid_capstyle="butt")
     panel.set(xticks=[], yticks=[])

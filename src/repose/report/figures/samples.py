@@ -30,15 +30,15 @@ def design_matrix(inputs: Inputs, study: StudyView) -> Figure:
     The design ({design[method]}): every pair of parameters. Each parameter has one
     sample in each of {design[samples]} equal strata of its range.
     """
-    free = study.parameters.free
+    names = study.parameters.free
     ranges = parameter_ranges(study.parameters)
-    table = read_table(inputs["samples"], free)
+    samples = read_table(inputs["samples"], names)
     figure = style.new_figure(style.PAGE, style.PAGE)
     pair_panels = panels.panels_of_pairs(figure, study.parameters)
     for panel, across, down in pair_panels:
         if across == down:
             panel.hist(
-                table[across],
+                samples[across],
                 bins=10,
                 range=ranges[across],
                 color=style.SKY,
@@ -46,14 +46,14 @@ def design_matrix(inputs: Inputs, study: StudyView) -> Figure:
             )
         else:
             panel.scatter(
-                table[across], table[down], s=4, color=style.BLUE, alpha=0.75, lw=0
+                samples[across], samples[down], s=4, color=style.BLUE, alpha=0.75, lw=0
             )
     panels.finish_pairs(pair_panels, study.parameters)
     method = METHODS[study.settings.design.method]
     words = (
-        f"{len(table)} samples: {method}\ndiagonal: samples in each tenth of a range"
+        f"{len(samples)} samples: {method}\ndiagonal: samples in each tenth of a range"
     )
-    if len(free) == 1:
+    if len(names) == 1:
         # A single panel leaves no empty corner to write in.
         figure.suptitle(words, fontsize=9)
         return figure
@@ -127,18 +127,15 @@ def _draw_response(
         mew=0,
     )
     if len(failed):
+        # The crosses stand a tenth of the height of the panel below all values.
         bottom = 0.0
         top = 1.0
         if len(good):
             bottom = (value - error).min()
             top = (value + error).max()
-        height = bottom - 0.1 * (top - bottom)
+        row = bottom - 0.1 * (top - bottom)
         panel.plot(
-            failed[name],
-            np.full(len(failed), height),
-            "x",
-            ms=3.5,
-            color=style.RED,
+            failed[name], np.full(len(failed), row), "x", ms=3.5, color=style.RED
         )
     if len(good) > 3:
         correlation = good[name].rank().corr(value.rank())

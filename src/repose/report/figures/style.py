@@ -203,22 +203,14 @@ def line_in_words(settings: MeasureSettings, definition: str | None = None) -> s
 def explain_symbols(figure: Figure, config: Config) -> None:
     """Explain below a figure the line of its calibrated angle, and its subscripts."""
     shown_text = " ".join(text.get_text() for text in figure.findobj(Text))
-    lines = []
-    if {"targets", "measure"} <= config.keys():
-        line = line_in_words(StudyView(config).settings.measure)
-        for response in targets_of(config).responses:
-            is_calibrated_angle = "measure.response" in response.definition
-            if is_calibrated_angle and response.symbol in shown_text:
-                lines.append(
-                    f"{response.symbol}: {response.label} (simulated piles: {line})"
-                )
+    explanations = _angle_explanations(config, shown_text)
     if any(symbol in shown_text for symbol in SYMBOLS.values()):
-        lines.append(SUBSCRIPTS)
-    if not lines:
+        explanations.append(SUBSCRIPTS)
+    if not explanations:
         return
 
     width = int(LETTERS_PER_INCH * figure.get_figwidth())
-    words = "\n".join(textwrap.fill(line, width) for line in lines)
+    words = "\n".join(textwrap.fill(sentence, width) for sentence in explanations)
     lowest_legend = _legend_at_lower_edge(figure)
     if lowest_legend is None:
         words_before = figure.get_supxlabel()
@@ -227,6 +219,21 @@ def explain_symbols(figure: Figure, config: Config) -> None:
         # The layout has one place at the lower edge, which the legend has.
         title = lowest_legend.get_title().get_text()
         lowest_legend.set_title(f"{title}\n{words}".lstrip(), {"size": SMALL_TEXT_PT})
+
+
+def _angle_explanations(config: Config, shown_text: str) -> list[str]:
+    """Say which line has each calibrated angle whose symbol is shown."""
+    if not {"targets", "measure"} <= config.keys():
+        return []
+    line = line_in_words(StudyView(config).settings.measure)
+    explanations = []
+    for response in targets_of(config).responses:
+        is_calibrated_angle = "measure.response" in response.definition
+        if is_calibrated_angle and response.symbol in shown_text:
+            explanations.append(
+                f"{response.symbol}: {response.label} (simulated piles: {line})"
+            )
+    return explanations
 
 
 def _legend_at_lower_edge(figure: Figure) -> Any:
@@ -305,6 +312,12 @@ def off_target(panel: Axes, target: Target, percent: float, xlabel: str) -> None
     panel.set_title(f"{response.symbol}, target {target.aim:g} {response.unit}")
 
 
+def round_length(longest: float) -> float:
+    """Give the largest length of 1, 2 or 5 times a power of ten that is not longer."""
+    power = 10.0 ** math.floor(math.log10(longest))
+    return power * max(digit for digit in (1, 2, 5) if digit * power <= longest)
+
+
 def scale_bar(
     panel: Axes,
     camera: "Camera",
@@ -317,18 +330,19 @@ def scale_bar(
     Its length is 1, 2 or 5 times a power of ten, at most 0.3 of an extent, at the scale
     of a place. `words_after` follow its length.
     """
-    longest_m = 0.3 * extent_m
-    power = 10.0 ** math.floor(math.log10(longest_m))
-    length_m = power * max(step for step in (1, 2, 5) if step * power <= longest_m)
+    length_m = round_length(0.3 * extent_m)
+    # Length in pixels of a bar across the view that begins at the place.
     ends_m = place_m + np.outer([0.0, length_m], camera.axes[0])
     x, _, _ = camera.project(ends_m)
+    length_px = x[1] - x[0]
+
     right = 0.97 * camera.width
-    low = 0.94 * camera.height
+    row = 0.94 * camera.height
     # A white margin, since the bar may lie over grains.
     margin = [withStroke(linewidth=3, foreground="white")]
     panel.plot(
-        [right - x[1] + x[0], right],
-        [low, low],
+        [right - length_px, right],
+        [row, row],
         lw=1.6,
         solid_capstyle="butt",
         color=BLACK,
@@ -336,7 +350,7 @@ def scale_bar(
     )
     panel.text(
         right,
-        low - 0.02 * camera.height,
+        row - 0.02 * camera.height,
         f"{1e3 * length_m:g} mm{words_after}",
         ha="right",
         va="bottom",

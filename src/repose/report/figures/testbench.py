@@ -65,6 +65,7 @@ def simulated_pile(inputs: Inputs, study: StudyView) -> Figure:
     is_in_pile = pour["in_pile"]
     scales = pour.get("scale", np.ones(len(centres))).astype(float)
 
+    # The picture holds the pile; grains that rolled away may leave it.
     centres_of_pile = centres[is_in_pile].astype(float)
     largest_radius_m = particle.bounding_radius_m * scales.max(initial=0.0)
     frame_m = boxes(centres_of_pile, largest_radius_m)
@@ -155,22 +156,22 @@ def _name_lines(
 
     angle = measured.angles[settings.response]
     scale = settings.mm_per_pixel
+    left_line, right_line = angle.lines
+    # Name of a flank, its angle and line, colour in OpenCV, and side of the words.
     flanks = (
-        ("left", angle.left_deg, drawing.RED, "right", -12),
-        ("right", angle.right_deg, drawing.GREEN, "left", 12),
+        ("left", angle.left_deg, left_line, drawing.RED, "right", -12),
+        ("right", angle.right_deg, right_line, drawing.GREEN, "left", 12),
     )
-    for (name, flank_deg, bgr, alignment, offset), line in zip(
-        flanks, angle.lines, strict=True
-    ):
+    for name, flank_deg, line, blue_green_red, alignment, offset_pt in flanks:
         column, row = np.mean(line, axis=0)
         panel.annotate(
             f"{name} {flank_deg:.1f}°",
             (column * scale, height_mm - (row + 0.5) * scale),
-            (offset, 12),
+            (offset_pt, 12),
             textcoords="offset points",
             ha=alignment,
             fontweight="bold",
-            color=[value / 255 for value in reversed(bgr)],
+            color=[value / 255 for value in reversed(blue_green_red)],
         )
     panel.set_title(f"d  boundary, Height {measured.height_mm:.1f} mm")
     line_words = style.line_in_words(settings)
@@ -200,6 +201,7 @@ def apparatus(inputs: Inputs, study: StudyView) -> Figure:
     """
     from repose.report.renderer.scenery import funnel_walls  # slow to import
 
+    # Heights and half widths in mm; the factory is the place where grains are made.
     settings = study.settings.funnel
     walls = funnel_walls(settings.funnel)
     top = 1e3 * walls[-1].z_high_m
@@ -209,6 +211,7 @@ def apparatus(inputs: Inputs, study: StudyView) -> Figure:
     low = -34
     high = factory + 34
 
+    # Inches; the panel is to scale, and its labels take 0.5 across and 0.55 down.
     width = 1.3 * style.COLUMN
     height = (width - 0.5) * (high - low) / (2 * half_view) + 0.55
     figure, (panel,) = panels.grid(1, height, width=width)
@@ -248,10 +251,11 @@ def _draw_grains(panel: Axes, inputs: Inputs, colour: str) -> None:
         scales=record.get("scale", 1.0),
     )
     is_there = np.isfinite(grains.centres_m).all(axis=1)
-    # The nearest are drawn last; the view is along y, and x points right.
-    depth = -grains.centres_m[is_there, 1]
-    order = np.flatnonzero(is_there)[np.argsort(depth)]
-    outlines_m = outlines(grains[order], [0.0])[0]
+    # The view is along y, and x points right. The nearest grains, those of the smallest
+    # y, are drawn last, over the others.
+    nearness = -grains.centres_m[is_there, 1]
+    far_to_near = np.flatnonzero(is_there)[np.argsort(nearness)]
+    outlines_m = outlines(grains[far_to_near], [0.0])[0]
     panel.add_collection(
         PolyCollection(
             1e3 * outlines_m,
@@ -324,59 +328,57 @@ def _draw_dimensions(
     """
     outlet = settings.outlet_height_mm
     half_outlet = settings.outlet_diameter_mm / 2
-    over_inlet = top + settings.factory_height_mm + 14
-    under_outlet = outlet - 11
+
+    # Diameters of the inlet and of the outlet.
+    row_of_inlet = top + settings.factory_height_mm + 14
     dimension(
         panel,
-        start=(-half_inlet, over_inlet),
-        end=(half_inlet, over_inlet),
+        start=(-half_inlet, row_of_inlet),
+        end=(half_inlet, row_of_inlet),
         text=f"inlet {2 * half_inlet:g}",
-        place=(0, over_inlet + 4),
+        place=(0, row_of_inlet + 4),
         va="bottom",
     )
+    row_of_outlet = outlet - 11
     dimension(
         panel,
-        start=(-half_outlet, under_outlet),
-        end=(half_outlet, under_outlet),
+        start=(-half_outlet, row_of_outlet),
+        end=(half_outlet, row_of_outlet),
         text=f"{2 * half_outlet:g}",
-        place=(half_outlet + 4, under_outlet),
+        place=(half_outlet + 4, row_of_outlet),
         ha="left",
         va="center",
     )
-    left = -half_inlet - 32
+
+    # Heights of the outlet above the plate, and of the funnel.
+    column = -half_inlet - 32
     for low, high, text in (
         (0, outlet, f"{outlet:g}"),
         (outlet, top, f"{top - outlet:.0f}"),
     ):
         dimension(
             panel,
-            start=(left, low),
-            end=(left, high),
+            start=(column, low),
+            end=(column, high),
             text=text,
-            place=(left - 4, (low + high) / 2),
+            place=(column - 4, (low + high) / 2),
             ha="right",
             va="center",
         )
 
+    words = {"color": style.BLUE, "fontsize": DIMENSION_FONT_SIZE}
     panel.text(
         (half_outlet + half_inlet) / 2 + 9,
         (outlet + top) / 2 - 8,
         f"{settings.cone_angle_deg:g}° from horizontal",
-        color=style.BLUE,
-        fontsize=DIMENSION_FONT_SIZE,
+        **words,
     )
     plate = settings.plate_diameter_mm
     remark = ""
     if plate > np.ptp(panel.get_xlim()):
         remark = ", wider than this view"
     panel.text(
-        0,
-        -11,
-        f"plate diameter {plate:g}{remark}",
-        ha="center",
-        va="top",
-        color=style.BLUE,
-        fontsize=DIMENSION_FONT_SIZE,
+        0, -11, f"plate diameter {plate:g}{remark}", ha="center", va="top", **words
     )
 
 

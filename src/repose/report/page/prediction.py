@@ -49,18 +49,18 @@ def for_page(
 
 def _networks(surrogate: BayesianBP | NetworkEnsemble) -> dict[str, Any]:
     """Give the weights of a network, or of each network of an ensemble."""
+    networks = [surrogate]
     if isinstance(surrogate, NetworkEnsemble):
         networks = surrogate.members_
-    else:
-        networks = [surrogate]
     members = []
     for network in networks:
         content = network.to_dict()
         member = {key: content[key] for key in OF_EACH}
         member["root"] = packed(network.posterior_root_, "<f4")
         members.append(member)
-    content = networks[0].to_dict()
-    scaling = {key: content[key] for key in SCALING_KEYS}
+    # All networks have the scaling of the first.
+    first_content = networks[0].to_dict()
+    scaling = {key: first_content[key] for key in SCALING_KEYS}
     return scaling | {"kind": "network", "members": members}
 
 

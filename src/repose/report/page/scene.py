@@ -80,10 +80,12 @@ def for_page(
     n_grains = record["position"].shape[1]
     frames = choose_frames(times_s, n_grains)
     positions = quantised(1e3 * record["position"][frames].astype(float))
-    # The file has w first; an absent grain has no orientation.
+    # The file has w first, the page last.
     quaternions = np.roll(record["quaternion"][frames].astype(float), -1, axis=2)
-    quaternions = np.nan_to_num(quaternions)
+    # An absent grain has no orientation in the file.
+    orientations = np.nan_to_num(quaternions)
     scales = record.get("scale")
+    # Height and radius of both ends of each wall.
     walls = [
         [1e3 * length for length in astuple(wall)[:4]]
         for wall in funnel_walls(section.funnel)
@@ -100,7 +102,7 @@ def for_page(
         "low": positions.low.tolist(),
         "step": positions.step.tolist(),
         "positions": packed(positions.whole, "<u2"),
-        "turns": packed(np.rint(ORIENTATION_STEPS * quaternions), "<i1"),
+        "turns": packed(np.rint(ORIENTATION_STEPS * orientations), "<i1"),
         "scales": None if scales is None else packed(scales, "<f4"),
         "walls": walls,
         "plate_mm": section.plate_diameter_mm / 2,
@@ -113,7 +115,8 @@ def choose_frames(times_s: np.ndarray, n_grains: int) -> np.ndarray:
     Their number is limited by `FRAMES` and `MAX_BYTES`.
     """
     bytes_per_frame = BYTES_PER_GRAIN * max(n_grains, 1)
-    n_frames = min(FRAMES, max(2, MAX_BYTES // bytes_per_frame), len(times_s))
+    most_frames = max(2, MAX_BYTES // bytes_per_frame)
+    n_frames = min(FRAMES, most_frames, len(times_s))
     shown_times_s = np.linspace(times_s[0], times_s[-1], n_frames)
     return np.unique(np.searchsorted(times_s, shown_times_s))
 
@@ -134,6 +137,7 @@ def quantised(positions: np.ndarray) -> Quantised:
 def grain_surface(particle: Particle, most_triangles: int) -> Surface:
     """Give the surface of a grain in few triangles; of spheres only the visible ones."""
     if not particle.is_clump:
+        # n rings of 2 n points have about 4 n^2 triangles.
         n_rings = int(np.clip(np.sqrt(most_triangles / 4), 8, 18))
         points, normals, triangles = tessellate(particle, n_rings, 2 * n_rings)
         return Surface(1e3 * points, normals, triangles)
@@ -149,16 +153,23 @@ def _visible_surface(spheres: np.ndarray, ball: trimesh.Trimesh) -> Surface:
 
     `ball` is a mesh of the unit sphere.
     """
-    corners = np.asarray(ball.vertices)
+    unit_points = np.asarray(ball.vertices)
     centres = spheres[:, :3]
     radii = spheres[:, 3]
-    points = centres[:, None, :] + radii[:, None, None] * corners
+    points = centres[:, None, :] + radii[:, None, None] * unit_points
+
+    # A point is hidden if it lies inside any other sphere.
     distances = np.linalg.norm(points[:, :, None] - centres, axis=3)
     is_hidden = (distances < radii * (1 - 1e-9)).any(axis=2).ravel()
-    first_corner = len(corners) * np.arange(len(spheres))
-    faces = (first_corner[:, None, None] + ball.faces).reshape(-1, 3)
-    visible_faces = faces[~is_hidden[faces].all(axis=1)]
-    # Leave out the points that no visible triangle has.
-    used, triangles = np.unique(visible_faces, return_inverse=True)
-    normals = np.tile(corners, (len(spheres), 1))
-    return Surface(points.reshape(-1, 3)[used], normals[used], triangles.reshape(-1, 3))
+
+    # The points of all spheres are numbered one after the other.
+    first_point = len(unit_points) * np.arange(len(spheres))
+    triangles = (first_point[:, None, None] + ball.faces).reshape(-1, 3)
+    visible_triangles = triangles[~is_hidden[triangles].all(axis=1)]
+
+    # Leave out the points that no visible triangle has, and number the others anew.
+    kept, renumbered = np.unique(visible_triangles, return_inverse=True)
+    normals = np.tile(unit_points, (len(spheres), 1))
+    return Surface(
+        points.reshape(-1, 3)[kept], normals[kept], renumbered.reshape(-1, 3)
+    )

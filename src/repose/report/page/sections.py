@@ -26,6 +26,7 @@ from repose.report.page.study import Results
 from repose.report.page.tables import FoldedTable, Table, folded_table
 from repose.report.page.templates import cell_text
 from repose.report.page.verdict import VerdictText, checks_of, percent_text, verdict_of
+from repose.report.study_view import parameter_ranges
 from repose.stages.card import read as read_card
 
 
@@ -165,8 +166,8 @@ def _parameter_row(study: Results, name: str, value: float) -> list[str]:
             f"{interval['low']:.3g} to {interval['high']:.3g}",
             f"{100 * row['width_ratio']:.0f} %",
         ]
-    index = parameters.free.index(name)
-    searched = f"{parameters.low[index]:.3g} to {parameters.high[index]:.3g}"
+    low, high = parameter_ranges(parameters)[name]
+    searched = f"{low:.3g} to {high:.3g}"
     values_of_sets = study.solutions[name]
     sets_found = f"{values_of_sets.min():.3g} to {values_of_sets.max():.3g}"
     meaning = with_remark(label, interval)
@@ -334,10 +335,10 @@ def _design_step(study: Results, design: DesignSettings) -> str:
 
 def _accuracy(study: Results) -> str:
     """Say how well the surrogate predicts samples that its training did not use."""
-    test = read_json(study.files["metrics"]).get("test") or {}
+    metrics_on_test_samples = read_json(study.files["metrics"]).get("test") or {}
     accuracies = []
     for response in study.targets.responses:
-        metrics = test.get(response.name, {})
+        metrics = metrics_on_test_samples.get(response.name, {})
         rmse = metrics.get("rmse") or np.nan
         if np.isfinite(rmse):
             accuracies.append(
@@ -346,8 +347,8 @@ def _accuracy(study: Results) -> str:
             )
     if not accuracies:
         return "its accuracy was not tested."
-    responses = " and the ".join(accuracies)
-    return f"on samples that it had not learned from, it predicts the {responses}."
+    predictions = " and the ".join(accuracies)
+    return f"on samples that it had not learned from, it predicts the {predictions}."
 
 
 def folded_tables(tables: Mapping[str, pd.DataFrame]) -> list[FoldedTable]:

@@ -221,7 +221,10 @@ def _read_posterior(files: Files) -> pd.DataFrame | None:
 def _surrogate(
     files: Files, targets: Targets, parameters: ParameterSpace
 ) -> Predictor | None:
-    """Load the surrogate of a file, or fit kriging to all runs of a strategy."""
+    """Load the surrogate of a file, or fit kriging to all runs of a strategy.
+
+    None if there are neither.
+    """
     if "network" in files:
         return load(files["network"], targets.names)
     if "runs" not in files:

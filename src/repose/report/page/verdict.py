@@ -62,9 +62,10 @@ def verdict_of(study: Results) -> VerdictText:
         line = line.replace(
             f"targets {Verdict.UNCHECKED}", "targets predicted to be met"
         )
-    line = line[0].upper() + line[1:]
+    first_sentence = line[0].upper() + line[1:]
+    # Without a feasible set, the message says what the search found instead.
     ending = probability_text(study) if result.feasible else result.message
-    return VerdictText(_rating(study, result), f"{line} {ending}")
+    return VerdictText(_rating(study, result), f"{first_sentence} {ending}")
 
 
 def _rating(study: Results, result: Result) -> str:
@@ -85,13 +86,6 @@ def probability_text(study: Results) -> str:
             "How probable this is, is unknown: fewer than two runs of these "
             "parameters could be measured."
         )
-    n_targets = len(study.targets)
-    if n_targets == 1:
-        responses = "the response lies"
-    elif n_targets == 2:
-        responses = "both responses lie"
-    else:
-        responses = f"all {n_targets} responses lie"
     n_runs = study.number("n_seeds")
     if n_runs is None:
         evidence = (
@@ -99,17 +93,27 @@ def probability_text(study: Results) -> str:
         )
     else:
         evidence = f"judged by {n_runs:.0f} new simulations with these parameters"
-    sentences = (
-        f"With a probability of {percent_text(probability)} {responses} inside the "
-        f"target range, {evidence}."
-    )
+    n_targets = len(study.targets)
+    sentences = [
+        f"With a probability of {percent_text(probability)} "
+        f"{_responses_lie(n_targets)} inside the target range, {evidence}."
+    ]
     targets = "target" if n_targets == 1 else "targets"
     for percent, within in study.probability_within.items():
         if within is not None:
-            sentences += (
-                f" Within {percent:g} % of the {targets}: {percent_text(within)}."
+            sentences.append(
+                f"Within {percent:g} % of the {targets}: {percent_text(within)}."
             )
-    return sentences
+    return " ".join(sentences)
+
+
+def _responses_lie(n_targets: int) -> str:
+    """Write subject and verb of a sentence on all responses."""
+    if n_targets == 1:
+        return "the response lies"
+    if n_targets == 2:
+        return "both responses lie"
+    return f"all {n_targets} responses lie"
 
 
 def percent_text(probability: float | None) -> str:
