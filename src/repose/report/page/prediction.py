@@ -49,9 +49,10 @@ def for_page(
 
 def _networks(surrogate: BayesianBP | NetworkEnsemble) -> dict[str, Any]:
     """Give the weights of a network, or of each network of an ensemble."""
-    networks = [surrogate]
     if isinstance(surrogate, NetworkEnsemble):
-        networks = surrogate.members_
+        networks: list[BayesianBP] = surrogate.members_
+    else:
+        networks = [surrogate]
     members = []
     for network in networks:
         content = network.to_dict()
