@@ -206,11 +206,10 @@ def window_slopes(
     """
     # In the order of the heights, the points of a window follow each other.
     order = np.argsort(height, kind="stable")
-    sorted_height = height[order]
-    first = np.searchsorted(sorted_height, lows, side="left")
-    last = np.searchsorted(sorted_height, highs, side="right")
+    first = np.searchsorted(height[order], lows, side="left")
+    last = np.searchsorted(height[order], highs, side="right")
     x = distance[order] - distance.mean()
-    z = sorted_height - height.mean()
+    z = height[order] - height.mean()
     moments = _window_moments(x, z, first, last)
     has_points = moments.n >= MIN_LEVELS
     is_usable = has_points & (moments.xx >= moments.n * WALL_SD**2)
