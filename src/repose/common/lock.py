@@ -54,29 +54,29 @@ def take_folder(folder: str | os.PathLike) -> Held:
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / WORKFLOW
-    held = _try_lock(path)
-    if held is None:
+    lock = _try_lock(path)
+    if lock is None:
         holder = path.read_text(encoding="utf-8") or "running"
         allowed = "one at a time; wait until it has ended"
         raise InputError(folder, "workflow", holder, allowed)
     _wait_for_jobs(folder)
     with open_descriptor(path, os.O_TRUNC) as handle:
         os.write(handle, f"process {os.getpid()} on {platform.node()}".encode())
-    return held
+    return lock
 
 
 def _wait_for_jobs(folder: Path) -> None:
     """Wait until the jobs of an earlier workflow have ended, with a single message."""
     has_printed = False
     for path in sorted(folder.glob(f"{JOB}*")):
-        held = _try_lock(path)
-        if held is None:
+        lock = _try_lock(path)
+        if lock is None:
             if not has_printed:
                 text = "waiting until the jobs of a workflow that was killed have ended"
                 print(f"repose: {folder}: {text}", file=sys.stderr, flush=True)
                 has_printed = True
-            held = _lock(path)
-        with held:
+            lock = _lock(path)
+        with lock:
             path.unlink(missing_ok=True)
 
 

@@ -41,7 +41,7 @@ TRIALS = {
 # A time step that could be longer by this factor is worth a hint.
 MUCH_LONGER = 1.5
 
-Waiting = Callable[[str], AbstractContextManager[None]]
+ShowMessage = Callable[[str], AbstractContextManager[None]]
 
 
 def propose_smaller_scene(files: Iterable[str], grains: int) -> Iterator[str]:
@@ -259,7 +259,7 @@ def warn_of_few_measurements(study: PipelineConfig) -> Iterator[str]:
 
 
 def run_trials(
-    study: PipelineConfig, grain_step_s: float, waiting: Waiting
+    study: PipelineConfig, grain_step_s: float, show_message: ShowMessage
 ) -> Iterator[str]:
     """Run each bench test of the targets at three points of the ranges.
 
@@ -271,7 +271,7 @@ def run_trials(
         The study.
     grain_step_s : float
         Time for one step of one grain [s]; a long run is left out.
-    waiting : callable
+    show_message : callable
         Makes a context that shows a sentence during the runs.
 
     Yields
@@ -288,7 +288,7 @@ def run_trials(
 
         test = bench(name)
         runs = []
-        with waiting(f"three trial runs of {name}, about {3 * expected_s:.0f} s"):
+        with show_message(f"three trial runs of {name}, about {3 * expected_s:.0f} s"):
             for parameters in parameter_sets:
                 run, _ = run_once(test, study.scene(parameters, 1))
                 runs.append(run)

@@ -331,11 +331,11 @@ def _content_hash(path: str | PathLike) -> str | None:
 
 
 class Difference(NamedTuple):
-    """A setting of a result that the study has otherwise."""
+    """A setting in which a result differs from the study."""
 
     key: str
-    then: Any
-    now: Any
+    recorded: Any  # value of the result
+    current: Any  # value of the study
 
 
 def difference(
@@ -427,13 +427,13 @@ def require_same_study(config: Config, inputs: Inputs, source: str) -> None:
         The file of the configuration, for the message.
     """
     for path, record in inputs:
-        found = difference(config, record, is_of_engine=False)
-        if found is not None:
+        mismatch = difference(config, record, is_of_engine=False)
+        if mismatch is not None:
             raise InputError(
                 path,
-                found.key,
-                found.then,
-                f"{found.now}, as in {source}: results of one study; give the "
+                mismatch.key,
+                mismatch.recorded,
+                f"{mismatch.current}, as in {source}: results of one study; give the "
                 "configuration of this file, or make the file again with this one",
             )
 

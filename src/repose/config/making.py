@@ -96,9 +96,9 @@ class ConfigChecks:
         # Check each key by itself.
         self._complete_targets()
         self.config = faults.with_whole_numbers(self.config, settings_type())
-        found = faults.check(self.config, self.source, settings_type())
-        self.faults = found.faults
-        self.bad = found.keys
+        checked = faults.check(self.config, self.source, settings_type())
+        self.faults = checked.faults
+        self.bad = checked.keys
 
         # Mark the missing numbers as `auto` until they are computed.
         pending = []

@@ -117,13 +117,13 @@ def _kept(workflow: Any, folder: str) -> Iterator[str]:
 def _check_results(study: PipelineConfig, paths: Iterable[str]) -> None:
     """Raise InputError for the first of the results that is of other settings."""
     for path in sorted(paths):
-        found = dependencies.difference(study.config, attached.read(path))
-        if found is not None:
+        mismatch = dependencies.difference(study.config, attached.read(path))
+        if mismatch is not None:
             raise InputError(
                 path,
-                found.key,
-                found.then,
-                f"{found.now}, as in this study: this run would keep the result, and mix "
+                mismatch.key,
+                mismatch.recorded,
+                f"{mismatch.current}, as in this study: this run would keep the result, and mix "
                 "results of two studies; add --forceall (pours of equal settings are "
                 "kept), take the earlier value, or choose another results_dir",
             )

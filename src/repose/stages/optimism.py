@@ -34,9 +34,9 @@ def search_again(
 
     def search(surrogate: Surrogate) -> tuple[np.ndarray, Sequence[str]]:
         solutions = invert(surrogate, parameters, targets, short(settings)).solutions
-        chosen = select_for_validation(solutions, count, parameters)
-        sets = chosen[list(parameters.names)].to_numpy(float)
-        return sets, chosen["role"].tolist()
+        selected = select_for_validation(solutions, count, parameters)
+        sets = selected[list(parameters.names)].to_numpy(float)
+        return sets, selected["role"].tolist()
 
     return search
 

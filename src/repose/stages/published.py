@@ -201,9 +201,9 @@ def published_responses(
 
     Predicted and simulated values of each are among its columns.
     """
-    present = set(columns)
+    table_columns = set(columns)
     return tuple(
         response
         for response in responses
-        if {response.predicted, response.simulated} <= present
+        if {response.predicted, response.simulated} <= table_columns
     )
