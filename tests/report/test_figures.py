@@ -24,6 +24,7 @@ from repose.report import figures
 from repose.report.figures import (
     berries,
     checks,
+    outline,
     plane,
     rotation,
     samples,
@@ -228,10 +229,11 @@ def test_figures_say_what_a_reader_has_to_know(inputs, drawn, tmp_path, monkeypa
     corner = ("NOT CONVERGED", "EXTRAPOLATED", "best draw 2.00 standard deviations")
     failed = ("3 of 150 samples gave no result", "3 jammed")
     nothing = ("no set is predicted inside all ranges: the ", "nearest: 3.1 deg short")
-    # without the noise 1 - (4 - 4 / 4) / (20 - 3 / 4 * 4 / 4), and for the height more than 1
+    # a perfect model is off by the standard errors: R2 = 1 - 4 * 0.25 / 20, and for the
+    # height 1 - 4 * 2.25 / 20
     accuracy = (
-        "test: R² 0.800, RMSE 1.00 deg, n 4\n    R² 0.844 corrected for the scatter",
-        "R² ≈ 1 corrected",
+        "test: R² 0.80, RMSE 1.00 deg\nperfect model, 4 sets: R² 0.95, RMSE 0.50 deg",
+        "test: R² 0.80, RMSE 1.00 mm\nperfect model, 4 sets: R² 0.55, RMSE 1.50 mm",
     )
     cases = [
         (
@@ -257,7 +259,7 @@ def test_figures_say_what_a_reader_has_to_know(inputs, drawn, tmp_path, monkeypa
             accuracy,
         ),
         # errors are percent of the simulated value
-        (checks.validation, {"table4": changed["table4"]}, ("| 10.0 |",)),
+        (checks.validation, {"table4": changed["table4"]}, ("| 10.0 % |",)),
     ]
     with style.applied():
         texts = [words(draw(files, CONFIG)) for draw, files, _ in cases]
@@ -367,7 +369,7 @@ def test_the_angle_has_its_lines_in_figure_6_and_a_search_without_result_its_axe
     with style.applied():
         figure = search.convergence({"history": tmp_path / "history.csv"}, CONFIG)
         figure.canvas.draw()
-    (panel,) = figure.axes  # none for the number of solutions, 0 all along
+    (panel,) = figure.axes
     assert panel.get_title(loc="left") == "no feasible solution was met"
     assert sum(bool(tick.get_text()) for tick in panel.get_yticklabels()) > 1
 
@@ -388,12 +390,29 @@ def test_predicted_and_simulated_responses_have_equal_axes(fresh, inputs, drawn)
         assert panel.get_xticks().tolist() == panel.get_yticks().tolist()
     text = words(figure)
     assert ("new points: R²" in text) is fresh
-    assert text.count(
-        "scatter of the pours\n" if fresh else "scatter of the pours |"
-    ) == len(figure.axes)
+    assert text.count("perfect model, ") == (1 + fresh) * len(figure.axes)
 
 
-def test_large_weights_draw_no_thick_lines_and_a_scale_bar_has_its_length(
+def test_the_error_of_the_surrogate_is_drawn_in_units_of_the_objective(
+    inputs, tmp_path
+):
+    errors = {"aor_deg": 0.3, "height_mm": 0.5}
+    summary = {"feasible": True, "representative_judged": {"predicted_se": errors}}
+    (tmp_path / "summary.json").write_text(json.dumps(summary))
+    files = {"history": inputs["history"], "summary": tmp_path / "summary.json"}
+    with style.applied():
+        figure = search.convergence(files, CONFIG)
+    line = next(line for line in figure.axes[0].lines if line.get_ls() == "--")
+    targets = {one["response"]: one for one in CONFIG["targets"]}
+    expected = sum(
+        targets[name].get("weight", 1.0) * error / np.diff(targets[name]["range"])[0]
+        for name, error in errors.items()
+    )
+    np.testing.assert_allclose(line.get_ydata(), expected)
+    assert "0.3 deg, 0.5 mm" in line.get_label()
+
+
+def test_large_weights_draw_no_long_bars_and_a_scale_bar_has_its_length(
     inputs, tmp_path
 ):
     # Two hidden neurons take mus_gg with opposite weights; mur_gg acts by weak ones, which remain.
@@ -409,16 +428,12 @@ def test_large_weights_draw_no_thick_lines_and_a_scale_bar_has_its_length(
         figure = surrogate.network_structure(
             {"network": tmp_path / "network.json"}, CONFIG
         )
-    widths = [
-        line.get_linewidth()
-        for line in figure.axes[0].lines
-        if line.get_xdata()[0] == 0
-    ]  # from an input
-    widths = np.reshape(widths, (6, 3)).mean(axis=1)
-    assert np.argsort(widths)[::-1][:2].tolist() == [2, 0]
-    assert widths[1] == pytest.approx(
-        widths[4], abs=0.01
-    )  # mus_gg as an input without any weight
+    network, bars = figure.axes
+    assert len({line.get_linewidth() for line in network.lines}) == 1
+    lengths = np.array([bar.get_width() for bar in bars.containers[0]])
+    assert np.argsort(lengths)[::-1][:2].tolist() == [2, 0]
+    # mus_gg is as an input without any weight
+    assert lengths[1] == pytest.approx(lengths[4], abs=0.5)
     assert {"90 % ↗", "10 % ↘"} <= set(words(figure).split(" | "))
     camera = look_at(
         np.array([[-0.1, 0.0, 0.0], [0.1, 0.0, 0.05]]), 600, 300, 0.0, -90.0
@@ -433,3 +448,37 @@ def test_large_weights_draw_no_thick_lines_and_a_scale_bar_has_its_length(
     x, _, _ = camera.project(np.array([[0.02, 0.0, 0.0], [0.07, 0.0, 0.0]]))
     assert np.ptp(bar.get_xdata()) == pytest.approx(x[1] - x[0])
     assert max(bar.get_xdata()) < 600
+
+
+def test_the_outline_has_the_measured_height_and_slope_at_one_scale(drawn):
+    figure, _ = drawn("outline")
+    (panel,) = figure.axes
+    assert panel.get_aspect() == 1
+    targets = {one["response"]: one for one in CONFIG["targets"]}
+    height = targets["height_mm"]
+    angle = targets["aor_deg"]
+    lines = {line.get_label(): line for line in panel.lines}
+    (measured,) = [
+        line for label, line in lines.items() if label.startswith("measured height")
+    ]
+    np.testing.assert_allclose(measured.get_ydata(), height["value"])
+    slopes = [line for line in panel.lines if "measured slope" in line.get_label()]
+    assert len(slopes) == 2
+    for line in slopes:
+        (x0, x1), (z0, z1) = line.get_data()
+        slope = (z1 - z0) / abs(x1 - x0)
+        assert np.degrees(np.arctan(slope)) == pytest.approx(angle["value"])
+    # The cone of made-up grains is as high as its outlines.
+    mean = lines["simulated pile, mean of the views"]
+    views = [line for line in panel.lines if line.get_color() == style.SKY]
+    assert len(views) == CONFIG["measure"]["views"]
+    highest = max(view.get_ydata().max() for view in views)
+    assert 0 < mean.get_ydata().max() <= highest
+
+
+def test_the_mean_outline_of_equal_triangles_is_the_triangle():
+    x = np.arange(-40.0, 40.5, 0.5)
+    triangle = outline.Outline(x, np.maximum(0.0, 20.0 - abs(x)))
+    mean = outline._mean_outline([triangle, triangle])
+    expected = np.maximum(0.0, 20.0 - abs(mean.x_mm))
+    np.testing.assert_allclose(mean.height_mm, expected, atol=1e-9)

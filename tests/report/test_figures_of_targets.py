@@ -21,7 +21,7 @@ from repose.calibrate.targets import Targets
 from repose.calibrate.uncertainty import implausibility
 from repose.common.files import write_json
 from repose.report import figures
-from repose.report.figures import style
+from repose.report.figures import posterior, style
 from repose.stages.published import STALE
 
 FURTHER = [
@@ -53,7 +53,7 @@ def made_up(folder, count, feasible=True):
 
 
 @pytest.mark.parametrize(
-    ("count", "panels", "feasible"), [(2, 1, True), (2, 1, False), (4, 6, True)]
+    ("count", "panels", "feasible"), [(2, 2, True), (2, 2, False), (4, 12, True)]
 )
 def test_the_planes_of_the_targets_show_samples_ranges_and_answer(
     count, panels, feasible, tmp_path
@@ -121,18 +121,41 @@ def test_solutions_have_a_strip_for_each_target(names, tmp_path, monkeypatch):
     }
     inputs["summary"].write_text(json.dumps({"feasible": True}))
     figure, result = draw("figure14", inputs, config)
-    strips = figure.axes[1:]
-    assert [panel.get_title(loc="left") for panel in strips] == list("bcdef")[
-        : len(names)
-    ]
-    labels = [panel.get_xlabel() for panel in strips]
-    assert labels == [
-        f"predicted {response(name).symbol} ({response(name).unit})" for name in names
-    ]
+    assert len(figure.axes) == 1
+    text = " ".join(result).replace("\n", " ")
+    for name in names:
+        assert f"Predicted {response(name).symbol}: " in text
+        assert f"{response(name).unit}, the answer" in text
     assert (
         len(figure.axes[0].get_yticklabels()) == 5
     )  # the fixed parameter has no strip
-    assert "a   90 feasible solutions" in result
+    assert "90 feasible solutions" in result
+
+
+def test_figure_14_counts_the_published_intervals_that_are_reached(
+    tmp_path, monkeypatch
+):
+    files = made_up(tmp_path, 2)
+    solutions = pd.read_csv(files["feasible"])
+    config = config_of(2)
+    rows = []
+    for k, name in enumerate(RANGES):
+        low, high = solutions[name].min(), solutions[name].max()
+        # two intervals lie beside the solutions
+        ends = (low, high) if k > 1 else (high + 0.01, high + 0.02)
+        rows.append((name, *ends))
+    pd.DataFrame(rows, columns=["parameter", "low", "high"]).to_csv(
+        tmp_path / "table3.csv", index=False
+    )
+    (tmp_path / "s.json").write_text(json.dumps({"feasible": True}))
+    inputs = {
+        "feasible": files["feasible"],
+        "summary": tmp_path / "s.json",
+        "published": tmp_path / "table3.csv",
+    }
+    _, result = draw("figure14", inputs, config)
+    text = " ".join(result).replace("\n", " ")
+    assert "published interval of 4 of the 6 parameters" in text
 
 
 DRAWN = {
@@ -168,14 +191,14 @@ def test_every_mark_of_the_published_solutions_has_its_words_and_stale_numbers_a
         return draw("published", {"published": files["published"]}, config)[1]
 
     result = result_of(table.assign(**{column: [table[column][0], *5 * [np.nan]]}))
-    assert result.count("not published") == 5
+    assert result.count("not\npublished") == 5
     names = dict.fromkeys(
         text for text in result if text.startswith("P")
     )  # of two panels
     assert list(names) == ["P\n(answer)", "P2", "P15", "P22", "P56", "P84"]
     assert {
-        "measured ± standard deviation of one repetition",
-        "measured mean",
+        "target range",
+        "measured mean ± standard error",
         "published simulation",
     } <= set(result)
     simulated, measured = (
@@ -185,7 +208,7 @@ def test_every_mark_of_the_published_solutions_has_its_words_and_stale_numbers_a
     for stale in (False, True):
         result = result_of(table.assign(stale=[*5 * [False], stale]))
         assert "published measurement" in result
-        assert "not published" not in result
+        assert "not\npublished" not in result
         assert (STALE in result) == stale
     result = result_of(
         table.drop(columns="height_simulated_mm")
@@ -219,7 +242,7 @@ def test_a_target_that_was_not_published_and_a_profile_are_drawn(tmp_path, monke
     np.testing.assert_allclose(predicted.get_ydata(), HEIGHTS, atol=1e-9)
     inputs = {key: files[key] for key in ("dataset", "table4", "feasible")}
     assert (
-        len(draw("plane", inputs, config_of(5))[0].axes) == 1
+        len(draw("plane", inputs, config_of(5))[0].axes) == 2
     )  # scores have no planes
 
 
@@ -281,8 +304,9 @@ def uncertain(folder, count):
 @pytest.mark.parametrize("count", [1, 4])
 def test_the_panels_are_those_of_targets_and_free_parameters(count, tmp_path):
     config, made = uncertain(tmp_path, count)
+    # the corner also has a scale of colours
     wanted = {
-        "noise": (count + 2, "slip (deg)", None), "corner": (len(FREE) * (len(FREE) + 1) / 2, "predicted", count),
+        "noise": (count + 2, "slip (deg)", None), "corner": (len(FREE) * (len(FREE) + 1) / 2 + 1, "predicted", count),
         "sobol": (count, f"first orders sum to {0.15 * len(FREE):.2f}", count),
         "main_effects": (len(FREE) * count, "slip (deg)", None),
     }  # fmt: skip
@@ -396,3 +420,23 @@ def test_the_region_has_its_parameters_on_the_right_axes(tmp_path):
     assert np.asarray(np.diff(depth.get_coordinates()[0, :, 0])) == pytest.approx(
         0.4 / implausibility.CELLS
     )
+
+
+def test_cells_of_a_pair_show_the_posterior_over_the_prior():
+    fixed = {name: {"fixed": 0.3} for name in PARAMETERS}
+    space = contact_space(fixed | {"e_gg": [0.0, 1.0], "mus_gg": [0.0, 2.0]})
+    places = (np.arange(64) + 0.5) / 64
+    x, y = (grid.ravel() for grid in np.meshgrid(places, 2 * places))
+    draws = pd.DataFrame({"e_gg": x, "mus_gg": y})
+    with style.applied():
+        panel = style.new_figure(3, 3).subplots()
+        # Draws of the prior itself say nothing; draws of its lower half say a factor 2.
+        for part, low, high in (
+            (draws, 1.0, 1.0),
+            (draws[draws["e_gg"] < 0.5], 2.0, 1 / posterior.LARGEST_RATIO),
+        ):
+            mesh = posterior._draw_ratio(panel, part["e_gg"], part["mus_gg"], space)
+            values = np.reshape(mesh.get_array(), (posterior.PAIR_CELLS, -1))
+            half = posterior.PAIR_CELLS // 2
+            np.testing.assert_allclose(values[:, :half], low)
+            np.testing.assert_allclose(values[:, half:], high)

@@ -52,7 +52,7 @@ def points(panel, label):
 def test_the_points_are_the_runs_and_the_box_is_the_range(answer, tmp_path):
     figure = own.plot(answer, tmp_path / "own.png")
     assert (tmp_path / "own.png").read_bytes().startswith(b"\x89PNG")
-    plane, off_y, off_z, *_ = figure.axes
+    plane, _, off_y, off_z, *_ = figure.axes
     means = answer.runs.groupby("sample", sort=False)[["y", "z"]].mean()
     (samples,) = [
         line

@@ -13,6 +13,7 @@ from repose.report.figures import checks  # noqa: F401, isort: skip
 from repose.report.figures import discrepancy  # noqa: F401, isort: skip
 from repose.report.figures import measuring  # noqa: F401, isort: skip
 from repose.report.figures import noise  # noqa: F401, isort: skip
+from repose.report.figures import outline  # noqa: F401, isort: skip
 from repose.report.figures import plane  # noqa: F401, isort: skip
 from repose.report.figures import posterior  # noqa: F401, isort: skip
 from repose.report.figures import profiles  # noqa: F401, isort: skip

@@ -55,10 +55,11 @@ def validation(inputs: Inputs, study: StudyView) -> Figure:
     A row of panels for each target: left the solutions of `table4`, right those of the
     table `published`, if there is one.
 
-    Table 4 as a figure: predicted and simulated responses of the answer, the
+    Table 4 as a figure: do new simulations agree with the predictions, and do they lie
+    inside the target ranges? Predicted and simulated responses of the answer, the
     representative solution, and others, simulated with seeds that no sample of the
-    design had. Published solutions have a P before their number. Bars are one standard
-    error; the band is the measurement, mean and standard deviation.
+    design had. Published solutions have a P before their number; the article did not
+    simulate its answer. Bars are one standard error.
     """
     targets = study.targets
     simulated = [target.response.simulated for target in targets]
@@ -103,7 +104,7 @@ def validation(inputs: Inputs, study: StudyView) -> Figure:
         axes[-1, 1].set_xlabel("published solution (P)")
     figure.align_xlabels(axes[-1])
     style.one_legend(axes.ravel(), loc="outside upper center", ncols=3)
-    style.below(figure, "numbers: error of the prediction in % of the simulated value")
+    style.below(figure, "percentages: error of the prediction, of the simulated value")
     return figure
 
 
@@ -116,8 +117,10 @@ def validation(inputs: Inputs, study: StudyView) -> Figure:
 def published_solutions(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the responses of published solutions, as published and as simulated here.
 
-    The published parameter sets in this simulator, from the stored table that the
-    configuration names, with what was published of their piles.
+    Do the published parameter sets meet the targets in this simulator? Their responses
+    as published, and as simulated here, from the stored table that the configuration
+    names. Bars are one standard error over the seeds; another draw of seeds moves a mean
+    by about as much.
     """
     table = _sorted_by_name(read_table(inputs["published"], ("solution",)), "P")
     targets = [target for target in study.targets if target.response.simulated in table]
@@ -137,6 +140,7 @@ def _draw_published_and_simulated(
     """Draw one response of the published solutions, as published and as simulated here."""
     response = target.response
     x = _draw_measurement(panel, table, target)
+    unpublished = np.empty(0)
     published_column = derived(response.name, "published_simulated")
     measured_column = derived(response.name, "published_measured")
     if published_column in table:
@@ -145,21 +149,13 @@ def _draw_published_and_simulated(
         panel.errorbar(x - OFFSET, published, **SIMULATED_BY_OTHERS)
         if measured.notna().any():
             panel.errorbar(x - OFFSET, measured, **MEASURED_BY_OTHERS)
-        for place in x[published.isna() & measured.isna()]:
-            panel.text(
-                place - 0.2,
-                target.value,
-                "not published",
-                rotation=90,
-                ha="center",
-                va="center",
-                fontsize=style.SMALL_TEXT_PT,
-            )
+        unpublished = x[published.isna() & measured.isna()]
     simulated = table[response.simulated]
     error = table[response.error].fillna(0.0)
     panel.errorbar(x + OFFSET, simulated, error, **SIMULATED_HERE)
     panel.set(ylabel=style.response_label(response), xlabel="published solution (P)")
     panel.margins(y=0.15)
+    _say_below(panel, unpublished, "not\npublished")
 
 
 def _draw_predicted_and_simulated(
@@ -192,7 +188,7 @@ def _draw_predicted_and_simulated(
             continue
         percent = 100 * abs((prediction - simulation) / simulation)
         panel.annotate(
-            f"{percent:.1f}",
+            f"{percent:.1f} %",
             (place, min(prediction, simulation)),
             xytext=(0, -9),
             textcoords="offset points",
@@ -202,18 +198,43 @@ def _draw_predicted_and_simulated(
             color=style.GREY,
         )
     panel.margins(y=0.25)
+    _say_below(panel, x[~np.isfinite(simulated)], "not\nsimulated")
+
+
+def _say_below(panel: Axes, places: np.ndarray, words: str) -> None:
+    """Write small words at places on the x axis, below everything in a panel."""
+    if len(places):
+        bottom, top = panel.get_ylim()
+        panel.set_ylim(bottom - 0.15 * (top - bottom), top)
+    for place in places:
+        panel.text(
+            place,
+            0.02,
+            words,
+            transform=panel.get_xaxis_transform(),
+            ha="center",
+            va="bottom",
+            fontsize=style.SMALL_TEXT_PT,
+            color=style.GREY,
+        )
 
 
 def _draw_measurement(panel: Axes, table: pd.DataFrame, target: Target) -> np.ndarray:
-    """Draw the measured mean with its standard deviation, and name the solutions.
+    """Draw the target range and the measured mean, and name the solutions.
 
     Returns the places (n,) of the solutions on the x axis.
     """
-    words = "measured ± standard deviation of one repetition"
-    style.band(
-        panel, target.value - target.sd, high=target.value + target.sd, label=words
+    style.band(panel, target.low, high=target.high, label="target range")
+    error = target.standard_error
+    panel.axhspan(
+        target.value - error,
+        target.value + error,
+        color=style.GREEN,
+        alpha=0.25,
+        lw=0,
+        label="measured mean ± standard error",
     )
-    panel.axhline(target.value, color=style.GREEN, lw=0.9, label="measured mean")
+    panel.axhline(target.value, color=style.GREEN, lw=0.9)
     panel.set_xticks(range(len(table)), table["name"])
     panel.set_xlim(-0.6, len(table) - 0.4)
     return np.arange(len(table))

@@ -77,7 +77,7 @@ def parts(calibration: Calibration) -> dict[str, Part]:
     if n_plane_targets > 1:
         n_planes = math.comb(n_plane_targets, 2)
         found["plane"] = Part(
-            4.7 * math.ceil(n_planes / 2), partial(_draw_planes, calibration)
+            1.0 + plane.ROW_HEIGHT * n_planes, partial(_draw_planes, calibration)
         )
     if n_batches > 1:
         found["history"] = Part(
@@ -99,7 +99,7 @@ def _draw_planes(calibration: Calibration, figure: FigureBase) -> None:
         solutions=calibration.solutions,
         answer=calibration.solutions.iloc[0],
     )
-    axes = panels.panels_in(figure, math.comb(len(targets), 2))
+    axes = panels.panels_in(figure, 2 * math.comb(len(targets), 2))
     plane.draw(axes, targets, data=data, legend_title=BARS)
 
 

@@ -33,6 +33,8 @@ SAMPLES = {
     "fresh": ("sets with many pours each", style.PURPLE),
     "own": ("parameter sets, simulated", style.BLUE),
 }
+ROW_HEIGHT = 3.1  # of the panels of a pair, in inches
+MARGIN = 0.12  # about what an enlarged panel shows, as a share of it
 BARS = (
     "a point is the mean of one parameter set's piles; bars: ± 1 standard error of a "
     "mean"
@@ -79,10 +81,11 @@ def planes(inputs: Inputs, study: StudyView) -> Figure:
     The samples are the rows of `dataset`, `pool` and `fresh` with the status ok, the
     solutions those of `feasible`, the answer the row of `table4` with its role.
 
-    Targets against each other: all samples with their standard errors, and of the pool
+    Can the simulated piles meet the targets together, and does the answer? All samples with their standard errors, and of the pool
     if it was poured; the target ranges; the mean of the measured piles with its
     standard error; the predictions of the solutions that the search lists; and the
-    answer, as predicted and as simulated with fresh seeds, with its standard error.
+    answer, as predicted and as simulated with fresh seeds, with its standard error. The
+    second panel of each pair enlarges the target ranges.
     """
     targets = without_profiles(study.targets)
     sample_columns = ("status", *targets.names, *targets.errors)
@@ -98,8 +101,8 @@ def planes(inputs: Inputs, study: StudyView) -> Figure:
     )
     answer = checked[checked["role"] == "representative"].iloc[0]
 
-    width = style.PAGE if len(targets) > 2 else 0.75 * style.PAGE
-    figure, axes = panels.grid(math.comb(len(targets), 2), 4.7, width=width)
+    n_panels = 2 * math.comb(len(targets), 2)
+    figure, axes = panels.grid(n_panels, ROW_HEIGHT, extra_height=1.0)
     draw(axes, targets, data=PlaneData(samples, solutions, answer), legend_title=BARS)
     return figure
 
@@ -107,14 +110,22 @@ def planes(inputs: Inputs, study: StudyView) -> Figure:
 def draw(
     axes: Sequence[Axes], targets: Targets, data: PlaneData, legend_title: str
 ) -> None:
-    """Draw a panel for each pair of targets; the legend's title explains the bars."""
+    """Draw two panels for each pair of targets: all samples, and the ranges enlarged.
+
+    The legend's title explains the bars.
+    """
     pairs = combinations(targets, 2)
-    for panel, (across, up) in zip(axes, pairs, strict=True):
-        _draw_samples(panel, data.samples, across=across, up=up)
-        _draw_targets(panel, across, up)
-        _draw_solutions(panel, data.solutions, across=across, up=up)
-        _draw_answer(panel, data.answer, across=across, up=up)
-    style.name_panels(axes)
+    for k, (across, up) in enumerate(pairs):
+        whole, enlarged = axes[2 * k : 2 * k + 2]
+        for panel in (whole, enlarged):
+            _draw_samples(panel, data.samples, across=across, up=up)
+            _draw_targets(panel, across, up)
+            _draw_solutions(panel, data.solutions, across=across, up=up)
+            _draw_answer(panel, data.answer, across=across, up=up)
+        enlarged.set_xlim(_enlarged_ends(across, data.answer))
+        enlarged.set_ylim(_enlarged_ends(up, data.answer))
+        whole.set_title(f"{style.letter(2 * k)}   all samples")
+        enlarged.set_title(f"{style.letter(2 * k + 1)}   the target ranges, enlarged")
     style.one_legend(
         axes,
         loc="outside lower center",
@@ -122,6 +133,29 @@ def draw(
         title=legend_title,
         title_fontsize=style.SMALL_TEXT_PT,
     )
+
+
+def _enlarged_ends(target: Target, answer: pd.Series) -> tuple[float, float]:
+    """Give the ends of an axis that shows the target range and the answer."""
+    response = target.response
+    values = [
+        target.low,
+        target.high,
+        target.value - target.standard_error,
+        target.value + target.standard_error,
+        answer[response.predicted],
+    ]
+    if response.simulated in answer:
+        error = answer[response.error]
+        values += [
+            answer[response.simulated] - error,
+            answer[response.simulated] + error,
+        ]
+    known_values = [value for value in values if pd.notna(value)]
+    low = min(known_values)
+    high = max(known_values)
+    margin = MARGIN * (high - low)
+    return low - margin, high + margin
 
 
 def _draw_samples(

@@ -7,6 +7,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
+from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure, FigureBase
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
@@ -22,12 +24,13 @@ from .registry import PUBLISHED_HERE, Inputs, StudyView, figure
 if TYPE_CHECKING:
     from repose.calibrate.uncertainty.posterior import Posterior
 
-Range = tuple[float, float]
-
-CREDIBLE_SHARES = (0.95, 0.5)  # of the posterior inside a contour
-CONTOUR_COLOURS = ("#BCD9EC", "#6FAED6")
-CELLS = 25  # of a range, of histograms and contours
-SMOOTHING = (0.25, 0.5, 0.25)
+BINS = 25  # of a histogram
+# Cells along each range of a pair: few, so that each has draws enough to be judged.
+PAIR_CELLS = 8
+RATIO_TICKS = (0.25, 0.5, 1, 2, 4)
+LARGEST_RATIO = 4.0  # of posterior to prior, at the end of the colours
+RATIO_COLOURS = "PuOr_r"  # white in the middle
+RATIO_LABEL = "posterior over prior in each cell; white: as before the measurements"
 SEARCH_SOLUTIONS = "solutions of the search"
 CREDIBLE_COLUMNS = ["credible_low", "credible_high"]
 SEARCH_COLUMNS = ["miga_low", "miga_high"]
@@ -89,9 +92,10 @@ def corner(inputs: Inputs, study: StudyView) -> Figure:
     `draws` has a parameter set in each row, `posterior` a parameter, `feasible` a
     solution, `stored` a published set.
 
-    The free parameters given the physical measurements: draws of the posterior, with
-    the feasible solutions of the search. A parameter whose draws fill its range is not
-    determined by the targets. Published parameter sets are marked; one of another wall
+    What do the measurements say about the parameters, alone and in pairs? Draws of the
+    posterior over the prior, with the feasible solutions of the search. A parameter whose
+    draws fill its range, and a pair whose cells are white, are not determined by the
+    targets. Published parameter sets are marked; one of another wall
     stands in the panels of two grain-grain parameters alone.
     """
     from repose.calibrate.uncertainty.posterior import Posterior  # slow to import
@@ -138,7 +142,7 @@ def draw_corner(
     draws = data.posterior.draws
     table = data.posterior.parameters.set_index("parameter")
     has_published_intervals = "published_low" in table
-    ranges = parameter_ranges(parameters)
+    mesh = None  # for the colour bar; a single parameter has none
     pair_panels = panels.panels_of_pairs(figure, parameters)
     for panel, across, down in pair_panels:
         if across == down:
@@ -146,13 +150,7 @@ def draw_corner(
                 panel, draws[across], parameters=parameters, row=table.loc[across]
             )
             continue
-        _draw_contours(
-            panel,
-            draws[across],
-            down=draws[down],
-            x_range=ranges[across],
-            y_range=ranges[down],
-        )
+        mesh = _draw_ratio(panel, draws[across], draws[down], parameters)
         panel.scatter(
             data.sets[across], data.sets[down], s=5, color=style.RED, lw=0, zorder=4
         )
@@ -177,6 +175,17 @@ def draw_corner(
         va="top",
         linespacing=1.5,
     )
+    if mesh is not None:
+        bar = figure.colorbar(
+            mesh,
+            ax=[panel.axes for panel in pair_panels],
+            location="bottom",
+            label=RATIO_LABEL,
+            aspect=50,
+            pad=0.02,
+        )
+        bar.set_ticks(RATIO_TICKS, labels=[f"{tick:g}" for tick in RATIO_TICKS])
+        bar.minorticks_off()
     last_panel = pair_panels[-1].axes
     handles = _legend_handles(
         last_panel,
@@ -199,7 +208,7 @@ def _draw_marginal(
     name = row.name
     panel.hist(
         values,
-        bins=CELLS,
+        bins=BINS,
         range=parameter_ranges(parameters)[name],
         density=True,
         color=style.BLUE,
@@ -230,53 +239,38 @@ def _prior_density(
     return values, np.gradient(cumulative, values)
 
 
-def _draw_contours(
-    panel: Axes, across: pd.Series, down: pd.Series, x_range: Range, y_range: Range
-) -> None:
-    """Draw the smoothed counts of two parameters' draws, filled to each credible share."""
-    from scipy import ndimage  # slow to import
-
+def _draw_ratio(
+    panel: Axes, across: pd.Series, down: pd.Series, parameters: ParameterSpace
+) -> QuadMesh:
+    """Draw the draws of two parameters over those of the prior, cell by cell."""
+    ranges = parameter_ranges(parameters)
     counts, x_edges, y_edges = np.histogram2d(
-        across, down, bins=CELLS, range=(x_range, y_range)
+        across,
+        down,
+        bins=PAIR_CELLS,
+        range=(ranges[str(across.name)], ranges[str(down.name)]),
     )
-    # Smooth twice along each axis; the counts are reflected at the ends.
-    smooth_counts = counts
-    for axis in (0, 0, 1, 1):
-        smooth_counts = ndimage.correlate1d(smooth_counts, SMOOTHING, axis)
-    panel.contourf(
-        _contour_places(x_edges),
-        _contour_places(y_edges),
-        smooth_counts.T,
-        levels=_credible_levels(smooth_counts),
-        colors=CONTOUR_COLOURS,
+    prior = np.outer(
+        _prior_of_cells(parameters, str(across.name)),
+        _prior_of_cells(parameters, str(down.name)),
+    )
+    ratio = counts / counts.sum() / prior
+    # Equal steps of colour for equal factors, to both sides of 1.
+    colours = LogNorm(1 / LARGEST_RATIO, LARGEST_RATIO)
+    shown = np.clip(ratio, 1 / LARGEST_RATIO, LARGEST_RATIO)
+    return panel.pcolormesh(
+        x_edges, y_edges, shown.T, cmap=RATIO_COLOURS, norm=colours, rasterized=True
     )
 
 
-def _contour_places(edges: np.ndarray) -> np.ndarray:
-    """Give a place for each cell of a range: its middle, or the bound of the range.
-
-    So the outermost cells are drawn out to the bounds, where the prior ends.
-    """
-    places = (edges[:-1] + edges[1:]) / 2
-    places[0] = edges[0]
-    places[-1] = edges[-1]
-    return places
-
-
-def _credible_levels(counts: np.ndarray) -> list[float]:
-    """Find the counts above which each credible share of the draws lies, in rising order.
-
-    The last level is just above the highest count.
-    """
-    ordered = np.sort(counts.ravel())[::-1]
-    # Share of the draws in the cells with the highest counts, from 1 cell to all.
-    share_inside = np.cumsum(ordered) / ordered.sum()
-    last = ordered.size - 1
-    outer_share, inner_share = CREDIBLE_SHARES
-    outer = ordered[min(int(np.searchsorted(share_inside, outer_share)), last)]
-    inner = ordered[min(int(np.searchsorted(share_inside, inner_share)), last)]
-    # Levels have to rise, also where a single cell has most of the draws.
-    return [outer, max(inner, outer * (1 + 1e-9)), ordered[0] * (1 + 1e-6)]
+def _prior_of_cells(parameters: ParameterSpace, name: str) -> np.ndarray:
+    """Give the probability of each cell (PAIR_CELLS,) of a free parameter's range."""
+    index = parameters.free.index(name)
+    share_of_range = np.linspace(0, 1, PAIR_CELLS + 1)
+    # `prior_cdf` takes all free parameters; only one of its columns is needed.
+    points = np.repeat(share_of_range[:, None], parameters.dimensions, axis=1)
+    probability = np.diff(parameters.prior_cdf(points)[:, index])
+    return np.maximum(probability, np.finfo(float).tiny)
 
 
 def _draw_published_box(panel: Axes, across: pd.Series, down: pd.Series) -> None:
@@ -340,7 +334,7 @@ def _legend_handles(
             color=style.BLUE,
             alpha=0.35,
             lw=0,
-            label="posterior: 50 and 95 % of it",
+            label="posterior",
         ),
         Line2D(
             [],
@@ -394,8 +388,9 @@ def _legend_handles(
 def intervals(inputs: Inputs, study: StudyView) -> Figure:
     """Draw credible intervals in the parameters' ranges.
 
-    Credible intervals of the free parameters with the published intervals and the
-    intervals of the feasible solutions. All are shown as parts of the parameter's range.
+    Does the pile determine the parameters? Credible intervals of the free parameters with
+    the published intervals and the intervals of the feasible solutions, as parts of the
+    parameter's range. An interval that covers the whole range determines nothing.
     """
     table = read_table(inputs["posterior"], ("parameter", "credible_low", "miga_low"))
     figure = style.new_figure(style.PAGE, 3.3)
@@ -416,7 +411,7 @@ def draw_intervals(panel: Axes, table: pd.DataFrame) -> None:
     panel.text(
         1.03,
         n_parameters - 0.45,
-        "width / prior's,\ninformation",
+        "left open,\ninformation",
         fontsize=6.3,
         va="bottom",
         color=style.GREY,
@@ -463,7 +458,9 @@ def _draw_interval_strip(panel: Axes, row: pd.Series, y: float, is_first: bool) 
             label="the answer" if is_first else "_the answer",
             **style.ANSWER,
         )
-    words = f"{100 * row['width_ratio']:.0f} %   {row['information_bits']:.2f} bits"
+    # The intervals are estimated, so the ratio can pass 1 by a little.
+    percent = 100 * min(row["width_ratio"], 1.0)
+    words = f"{percent:.0f} %   {row['information_bits']:.2f} bits"
     panel.text(1.03, y, words, fontsize=style.SMALL_TEXT_PT, va="center")
     for x, value in ((0, row["low"]), (1, row["high"])):
         panel.text(

@@ -20,6 +20,7 @@ from .registry import DRUM_STATES, Inputs, StudyView, figure, has_drum
 
 PIXELS = 620  # side of a picture at the default resolution
 SLIP_COLUMNS = ("before_turned_deg", "before_time_s")
+ARTICLE_RUN_S = 10.0  # time of the article's run, from the start of the filling
 # States of the file by name, and their words in a title.
 TITLES = {
     "start": "before the rotation",
@@ -46,10 +47,11 @@ def states(inputs: Inputs, study: StudyView) -> Figure:
 
     Figure 15. The bed in the drum before the rotation, before its first slip and after
     it, simulated with the representative solution: side views along the axis; the green
-    line is fitted to the middle {drum[fit_share]:.3g} of the upper edge. The pictures
-    show the first of {drum[seeds]} run(s). Below them stands how far and how long the
-    drum turned before the slip. The paper shows pictures and gives no number to compare
-    with.
+    line is fitted to the middle {drum[fit_share]:.3g} of the upper edge, which is that of
+    the highest grains along the axis. The pictures show the first of {drum[seeds]}
+    run(s). Does the bed slip as early as in the article? Below stands how far the drum
+    turned before the slip. The article gives no angle, but its run ends
+    {drum[report_s]:g} s after the filling began.
     """
     arrays = read_npz(
         inputs["states"], ("position_start", "quaternion_start"), "the states of a drum"
@@ -74,7 +76,14 @@ def states(inputs: Inputs, study: StudyView) -> Figure:
         if "runs" in inputs:
             runs = read_table(inputs["runs"], ("status", *SLIP_COLUMNS))
         turned_deg = float(arrays["turned_before_deg"])
-        words = _slip_in_words(turned_deg, runs, study.section(DRUM, DrumSettings))
+        settings = study.section(DRUM, DrumSettings)
+        words = _slip_in_words(turned_deg, runs, settings)
+        if settings.report_s == ARTICLE_RUN_S and "turned_report_deg" in arrays:
+            end_deg = float(arrays["turned_report_deg"])
+            words += (
+                f"\nThe article's run ends at {end_deg:.0f}° and shows the bed after a "
+                "slip."
+            )
         figure.supxlabel(words, fontsize=7.5)
     else:
         figure.supxlabel("NO SLIP in this run", fontsize=7.5, color=style.RED)
@@ -193,10 +202,11 @@ def course(inputs: Inputs, study: StudyView) -> Figure:
     `record` has the angles of surface and centre of mass at each time, `profile` the
     motion in the slip at each depth, `runs` a row for each run.
 
-    The drum over time. a: surface and centre of mass of every run. A slip is judged
-    when the centre of mass has fallen by {drum[slip_drop_deg]} degrees below its
-    highest, and began at that highest; the drum then stops. b: how far grains moved in
-    the slip, against the drum, by depth.
+    The drum over time: when does the bed slip? a: surface and centre of mass of every
+    run. A slip is judged when the centre of mass has fallen by {drum[slip_drop_deg]}
+    degrees below its highest, and began at that highest; the drum then stops. The
+    article shows the bed after a slip by the time of the vertical line. b: how far
+    grains moved in the slip, against the drum, by depth.
     """
     record = read_table(inputs["record"], ("seed", "time_s", "surface_deg", "bed_deg"))
     profile = read_table(inputs["profile"], ("seed", "depth_mm", "moved_mm"))
@@ -239,13 +249,13 @@ def _draw_angles(
         label="carried like a solid",
     )
     if "report_time_s" in runs:
+        label = f"{settings.report_s:g} s after the filling began, the time reported"
+        if settings.report_s == ARTICLE_RUN_S:
+            label = (
+                f"the article's end, {settings.report_s:g} s after the filling began"
+            )
         panel.axvline(
-            runs["report_time_s"].median(),
-            color=style.ORANGE,
-            lw=0.8,
-            label=(
-                f"{settings.report_s:g} s after the filling began, the time reported"
-            ),
+            runs["report_time_s"].median(), color=style.ORANGE, lw=1.4, label=label
         )
     lowest = min(-3.0, record["bed_deg"].min() - 2)
     highest = 1.05 * max(record["surface_deg"].max(), record["bed_deg"].max())

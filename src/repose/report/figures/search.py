@@ -1,4 +1,4 @@
-"""Figure 14 and the convergence of the island genetic algorithm."""
+"""Figure 14, the solutions of the search, and how the search came to them."""
 
 import re
 from collections.abc import Mapping
@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 from repose.bench.parameters import SYMBOLS
 from repose.calibrate.search.settings import LEAST_LOSS
@@ -19,9 +18,9 @@ from repose.report.study_view import parameter_ranges
 from . import panels, style
 from .registry import PUBLISHED_INTERVALS, Inputs, StudyView, figure
 
-HEIGHTS_WORDS = "points lie at different heights for sight only"
 LEAST_LOSS_WORDS = (
-    "the answer may lie apart: it has the least expected loss, where its error counts"
+    "The answer is the set of the least expected error, which counts how uncertain each "
+    "prediction is; so it may lie beside the other sets."
 )
 GOLDEN_FRACTION = 0.6180339887
 HISTORY_COLUMNS = (
@@ -45,10 +44,12 @@ def feasible_solutions(inputs: Inputs, study: StudyView) -> Figure:
     `feasible` has a row for each solution with its parameters and predicted responses;
     `published` has intervals of the parameters (Table 3 of the paper).
 
-    Figure 14. Solutions that the search met, in their ranges, and their predicted
-    responses. Of all feasible points met, the best {miga[solutions]} are kept that lie
-    at least {miga[distance]} apart in parameters normalised to [-1, 1]. Where none was
-    feasible the nearest ones are shown, and the figure says so.
+    Figure 14. Where are the solutions, and where are the published ones? Solutions that
+    the search met, in the ranges of the parameters, with the published intervals. Of all
+    feasible points met, the best {miga[solutions]} are kept that lie at least
+    {miga[distance]} apart in parameters normalised to [-1, 1]. They are the sets of one
+    search, and not all sets that agree with the measurements. Where none was feasible
+    the nearest ones are shown, and the figure says so.
     """
     targets = study.targets
     solutions = read_table(
@@ -60,23 +61,48 @@ def feasible_solutions(inputs: Inputs, study: StudyView) -> Figure:
         published = read_table(inputs["published"], ("parameter", "low", "high"))
         published = published.set_index("parameter")
 
-    height_of_strips = 0.9 + 0.42 * study.parameters.dimensions
-    height_of_responses = 0.3 + 0.95 * len(targets)
-    figure = style.new_figure(style.PAGE, max(height_of_strips, height_of_responses))
-    places = figure.add_gridspec(len(targets), 2, width_ratios=(1.7, 1))
-    left = figure.add_subplot(places[:, 0])
-    _draw_parameter_strips(left, solutions, study=study, published=published)
-    for k, target in enumerate(targets):
-        panel = figure.add_subplot(places[k, 1])
-        _draw_response_strip(panel, solutions, target)
-        panel.set_title(style.letter(k + 1), fontweight="bold")
-
-    words = HEIGHTS_WORDS
+    figure = style.new_figure(style.PAGE, 1.5 + 0.42 * study.parameters.dimensions)
+    panel = figure.subplots()
+    _draw_parameter_strips(panel, solutions, study=study, published=published)
+    words = []
     if study.config.get("miga", {}).get("answer") == LEAST_LOSS:
-        words = f"{HEIGHTS_WORDS}; {LEAST_LOSS_WORDS}"
-    style.below(figure, words)
-    _write_title(figure, left, solutions=solutions, summary=summary)
+        words.append(LEAST_LOSS_WORDS)
+    words += [_predictions_in_words(solutions, target) for target in targets]
+    if published is not None:
+        words.append(_overlap_in_words(solutions, study, published))
+    style.below(figure, " ".join(words))
+    _write_title(figure, panel, solutions=solutions, summary=summary)
     return figure
+
+
+def _predictions_in_words(solutions: pd.DataFrame, target: Target) -> str:
+    """Say which response is predicted for the solutions and for the answer."""
+    response = target.response
+    predicted = solutions[response.predicted]
+    is_answer = _as_boolean(solutions["representative"])
+    low = predicted.min()
+    high = predicted.max()
+    sentence = f"Predicted {response.symbol}: {low:.2f} to {high:.2f} {response.unit}"
+    if is_answer.any():
+        sentence += f", the answer {predicted[is_answer].iloc[0]:.2f}"
+    return f"{sentence} (target range {target.low:g} to {target.high:g})."
+
+
+def _overlap_in_words(
+    solutions: pd.DataFrame, study: StudyView, published: pd.DataFrame
+) -> str:
+    """Say for how many parameters the solutions reach into the published interval."""
+    names = study.parameters.free
+    overlaps = [
+        name
+        for name in names
+        if solutions[name].min() <= published.loc[name, "high"]
+        and solutions[name].max() >= published.loc[name, "low"]
+    ]
+    return (
+        f"The solutions reach into the published interval of {len(overlaps)} of the "
+        f"{len(names)} parameters."
+    )
 
 
 def _write_title(
@@ -88,18 +114,17 @@ def _write_title(
         others = ""
         if n_feasible < len(solutions):
             others = f" and the {len(solutions) - n_feasible} nearest others"
-        title = f"a   {n_feasible} feasible solutions{others}"
+        title = f"{n_feasible} feasible solutions{others}"
         left.set_title(title, fontweight="bold", color=style.BLACK)
         return
     title = (
-        f"a   no set is predicted inside all ranges: the {len(solutions)} nearest are "
-        "shown"
+        f"no set is predicted inside all ranges: the {len(solutions)} nearest are shown"
     )
     left.set_title(title, fontweight="bold", color=style.RED)
     # The message has the names of parameters, the figure their symbols.
     message = summary.get("message", "")
     message = re.sub("|".join(SYMBOLS), lambda match: SYMBOLS[match[0]], message)
-    figure.supxlabel(message, fontsize=style.SMALL_TEXT_PT, color=style.RED, wrap=True)
+    style.below(figure, message)
 
 
 def _scattered(count: int) -> np.ndarray:
@@ -131,13 +156,14 @@ def _draw_parameter_strips(
         _draw_strip(panel, y, place=place, is_answer=is_answer, hidden=hidden)
         if published is not None:
             ends = published.loc[name, ["low", "high"]].astype(float).to_numpy()
-            panel.plot(
-                (ends - low) / (high - low),
-                [y - 0.27, y - 0.27],
-                "-|",
+            start, end = (ends - low) / (high - low)
+            panel.barh(
+                y - 0.22,
+                end - start,
+                left=start,
+                height=0.18,
                 color=style.ORANGE,
-                lw=2.4,
-                ms=5,
+                zorder=3,
                 label=f"{hidden}published interval",
             )
         for x, value, alignment in ((-0.01, low, "left"), (1.01, high, "right")):
@@ -213,83 +239,39 @@ def _draw_strip(
         )
 
 
-def _draw_response_strip(panel: Axes, solutions: pd.DataFrame, target: Target) -> None:
-    """Draw the predictions of one response from left to right, with its range and aim."""
-    unit = target.response.unit
-    values = solutions[target.response.predicted].to_numpy()
-    is_answer = _as_boolean(solutions["representative"])
-    n_others = (~is_answer).sum()
-    panel.axvspan(target.low, target.high, color=style.GREEN, alpha=0.2, lw=0)
-    panel.axvline(target.aim, color=style.GREEN, lw=1.2, ls="--")
-    panel.scatter(
-        values[~is_answer],
-        0.6 * _scattered(n_others),
-        s=7,
-        color=style.BLUE,
-        alpha=0.7,
-        lw=0,
-        zorder=2,
-    )
-    panel.plot(values[is_answer], np.zeros(is_answer.sum()), "D", **style.ANSWER)
-
-    low = min(target.low, values.min())
-    high = max(target.high, values.max())
-    room = 0.04 * (high - low)
-    panel.set(xlim=(low - room, high + room), ylim=(-0.5, 0.5), yticks=[])
-    panel.set_xlabel(style.response_label(target.response, "predicted"))
-    panel.spines["left"].set_visible(False)
-    panel.text(
-        target.low,
-        0.46,
-        f" target range\n {target.low:g} to {target.high:g} {unit}",
-        va="top",
-        fontsize=style.SMALL_TEXT_PT,
-        color=style.GREEN,
-    )
-    panel.set_title(
-        f"line: aim {target.aim:g} {unit}",
-        loc="right",
-        fontsize=style.SMALL_TEXT_PT,
-        color=style.GREEN,
-    )
-
-
 @figure(
     "convergence",
     "Convergence of the search",
     {"history": "miga/history.csv"},
-    reads=("miga",),
+    optional={"summary": "miga/summary.json"},
+    reads=("miga", "targets"),
 )
 def convergence(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw the objective and the feasible solutions met over the generations.
+    """Draw the objective over the generations, with the error of the surrogate.
 
     `history` has a row for some generations, with the objective of the best and of the
-    mean individual.
+    mean individual; `summary` has the standard errors of the answer's prediction.
 
-    Course of the search: best and mean objective (Eq. 11) over {miga[rounds]} rounds of
-    {miga[generations]} generations.
+    Did the search run long enough? Best and mean objective F (Eq. 11) over
+    {miga[rounds]} rounds of {miga[generations]} generations. The dashed line is the F
+    of a set that is off each target by one standard error of the surrogate. Below it a
+    smaller F is no better set.
     """
     history = read_table(inputs["history"], HISTORY_COLUMNS)
-    generation = history["generation"].to_numpy()
-    n_found = history["feasible_found"].to_numpy()
-    n_found_at_end = int(n_found.max())
-
-    # The panel of the solutions is left out if there are none.
-    height_ratios = [1.6, 1] if n_found_at_end else [1.6]
-    figure = style.new_figure(style.COLUMN, 1.2 + len(height_ratios))
-    axes = panels.panels_in(
-        figure, len(height_ratios), 1, sharex=True, height_ratios=height_ratios
-    )
-    _draw_objective(axes[0], history)
-    if n_found_at_end:
-        axes[1].plot(generation, n_found, color=style.GREEN)
-        axes[1].set(ylabel="feasible\nsolutions met", ylim=(0, 1.05 * n_found_at_end))
-        axes[1].yaxis.set_major_locator(MaxNLocator(4, integer=True))
-    else:
-        axes[0].set_title("no feasible solution was met", color=style.RED)
-    axes[-1].set_xlabel("generation")
-    if generation[-1] > 200:
-        axes[0].set_xscale("log")
+    figure = style.new_figure(style.COLUMN, 2.6)
+    panel = figure.subplots()
+    _draw_objective(panel, history)
+    if "summary" in inputs:
+        summary = read_json(inputs["summary"], ("feasible",))
+        errors = summary.get("representative_judged", {}).get("predicted_se")
+        if errors:
+            _draw_surrogate_error(panel, study, errors)
+    if not history["feasible_found"].max():
+        panel.set_title("no feasible solution was met", color=style.RED)
+    panel.set_xlabel("generation")
+    if history["generation"].max() > 200:
+        panel.set_xscale("log")
+    figure.legend(*panel.get_legend_handles_labels(), loc="outside upper center")
     return figure
 
 
@@ -299,13 +281,32 @@ def _draw_objective(panel: Axes, history: pd.DataFrame) -> None:
     mean = history["mean_objective"].to_numpy()
     best = history["best_objective"].to_numpy()
     panel.plot(generation, mean, color=style.SKY, label="mean of all islands")
-    panel.plot(generation, best, color=style.BLUE, label="best so far")
-    panel.set_ylabel("objective F (dimensionless)")
+    panel.plot(generation, best, color=style.BLUE, label="best set so far")
+    panel.set_ylabel("objective F\n(widths of the target ranges)")
     lowest = min(best.min(), mean.min())
     highest = max(best.max(), mean.max())
     # Over less than a power of ten a logarithmic axis would have no tick.
     if lowest > 0 and highest > 10 * lowest:
         panel.set_yscale("log")
-    panel.figure.legend(
-        *panel.get_legend_handles_labels(), loc="outside upper center", ncols=2
+
+
+def _draw_surrogate_error(
+    panel: Axes, study: StudyView, errors: Mapping[str, float]
+) -> None:
+    """Draw the objective of a set that is off each target by the surrogate's error.
+
+    `errors` are standard errors of the predicted responses, by name.
+    """
+    objective = 0.0
+    clauses = []
+    for target in study.targets:
+        error = errors[target.name]
+        objective += target.weight * error / (target.high - target.low)
+        clauses.append(f"{error:.2g} {target.response.unit}".rstrip())
+    panel.axhline(
+        objective,
+        color=style.RED,
+        ls="--",
+        lw=1.1,
+        label=f"F of the surrogate's standard errors ({', '.join(clauses)})",
     )

@@ -1,6 +1,6 @@
 """Figures 10 and 13: the network, and the quality of its predictions."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +16,6 @@ from repose.calibrate.responses import Response, response
 from repose.calibrate.surrogates import Surrogate, load, surrogate_class
 from repose.calibrate.surrogates.accuracy import r2
 from repose.calibrate.targets import Targets
-from repose.calibrate.training import r2_noise_corrected
 from repose.common.files import read_json, read_table
 
 from . import panels, style
@@ -35,18 +34,15 @@ SPLITS = (
 UNSEEN_SPLITS = ("test", "new points")  # by the model that predicts them
 INFLUENCE_POINTS = 1024
 INFLUENCE_WORDS = (
-    "influence: share of the variance of the predicted response, over the ranges of "
-    "all parameters, in which the input has a part (total Sobol index); arrow: the "
-    "response rises or falls from the input's least to its largest value. These are "
-    "total effects; they add up to more than 100 % where parameters interact. An "
-    "input's lines are as thick as its mean influence."
+    "influence: share of the variance of the predicted response, over the ranges of all "
+    "parameters, in which the input has a part (total Sobol index); shares add up to more "
+    "than 100 % where parameters interact. Arrow: the response rises or falls from the "
+    "input's least to its largest value."
 )
 ACCURACY_WORDS = (
-    "bars: ± 1 standard error of the simulated mean over its pours. R²: share of the "
-    "variance of the simulated means that the prediction explains; these means "
-    "scatter, and no prediction can follow that. R² corrected for the scatter of the "
-    "pours: the same without this scatter, as if each mean were of very many pours; ≈ "
-    "1: the noise of the pours explains all of the error."
+    "bars: ± 1 standard error of the simulated mean over its pours. A perfect model "
+    "predicts the true means. Its R² and RMSE are what the scatter of the simulated means "
+    "leaves; by chance a model can seem better."
 )
 
 
@@ -79,15 +75,15 @@ class Layers(NamedTuple):
     when=lambda study: surrogate_class(study.settings.surrogate).is_network,
 )
 def network_structure(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw the network; the lines of an input are as thick as its influence.
+    """Draw the layers of the network, and bars for the influence of each input.
 
-    Weights mislead: large ones cancel where two hidden neurons pull the same response
-    in opposite directions.
+    Weights are not drawn: large ones cancel where two hidden neurons pull the same
+    response in opposite directions.
 
-    Figure 10. The trained network: {inputs} parameters in, {network[hidden]} hidden
-    neurons, {outputs} response(s) out. The lines of a parameter are as thick as its
-    influence on what the network predicts (total Sobol index, as in
-    ``sensitivity/sobol.csv``), not as its weights: large weights can cancel.
+    Figure 10. Which parameters does the trained network use? a: its structure, {inputs}
+    parameters in, {network[hidden]} hidden neurons, {outputs} response(s) out. b: the
+    influence of each parameter on what the network predicts (total Sobol index, as in
+    ``sensitivity/sobol.csv``).
     """
     path = inputs["network"]
     network = read_json(
@@ -104,43 +100,103 @@ def network_structure(inputs: Inputs, study: StudyView) -> Figure:
         load(path), study.parameters, study.settings.design.seed
     )
     symbols = [response(name, path).symbol for name in network["outputs"]]
-    longest_symbol = max(map(len, symbols))
-
-    column_width = 0.36 + 0.05 * longest_symbol  # of the shares of one output
-    figure, (panel,) = panels.grid(
-        1, 3.7, width=style.COLUMN * (1.2 + 0.33 * column_width * n_outputs)
+    n_bars = n_outputs * len(layers.inputs)
+    figure = style.new_figure(style.PAGE, max(3.1, 1.0 + 0.17 * n_bars))
+    left, right = figure.subplots(1, 2, width_ratios=(1, 1.15))
+    titles = _layer_titles(network, layers)
+    _draw_network(
+        left, layers, titles=titles, inputs=network["inputs"], symbols=symbols
     )
-    _draw_connections(panel, influence.share, layers)
+    _draw_influence(right, influence, inputs=network["inputs"], symbols=symbols)
+    style.name_panels((left, right))
+    style.below(figure, INFLUENCE_WORDS)
+    return figure
+
+
+def _layer_titles(network: Mapping[str, Any], layers: Layers) -> list[str]:
+    """Name each layer with its number of nodes and its activation."""
     activations = network.get("activation", ACTIVATIONS)
     hidden, output = (ACTIVATIONS.get(name, name) for name in activations)
-    titles = ("input", f"hidden ({hidden})", f"output ({output})")
+    names = ("input", f"hidden ({hidden})", f"output ({output})")
+    return [f"{name}\n{len(nodes)}" for name, nodes in zip(names, layers, strict=True)]
+
+
+def _draw_network(
+    panel: Axes,
+    layers: Layers,
+    titles: Sequence[str],
+    inputs: Sequence[str],
+    symbols: Sequence[str],
+) -> None:
+    """Draw the nodes of the network, and a thin line for each weight.
+
+    `titles` are those of the layers, `inputs` the names of the parameters, `symbols`
+    those of the outputs.
+    """
+    _connect(panel, layers.inputs, layers.hidden)
+    _connect(panel, layers.hidden, layers.outputs)
     for x, (title, nodes) in enumerate(zip(titles, layers, strict=True)):
         panel.scatter(
             *nodes.T,
-            s=95,
+            s=70,
             color="white",
             edgecolor=style.BLACK,
-            linewidth=1.2,
+            linewidth=1.1,
             zorder=2,
         )
-        panel.text(
-            x, 1.13, f"{title}\n{len(nodes)}", ha="center", va="bottom", fontsize=7.5
-        )
-    for (x, y), name in zip(layers.inputs, network["inputs"], strict=True):
-        panel.text(x - 0.11, y, SYMBOLS[name], ha="right", va="center", fontsize=8.5)
+        panel.text(x, 1.13, title, ha="center", va="bottom", fontsize=7.5)
+    for (x, y), name in zip(layers.inputs, inputs, strict=True):
+        panel.text(x - 0.12, y, SYMBOLS[name], ha="right", va="center", fontsize=8.5)
     for (x, y), symbol in zip(layers.outputs, symbols, strict=True):
-        panel.text(x + 0.11, y, symbol, ha="left", va="center", fontsize=8)
-    heights = layers.inputs[:, 1]
-    _write_influence(
-        panel, influence, heights=heights, symbols=symbols, column_width=column_width
-    )
-
-    left = -0.5 - column_width * n_outputs
-    right = 2.45 + 0.055 * max(0, longest_symbol - 6)
-    panel.set(xlim=(left, right), ylim=(-1.1, 1.38))
+        panel.text(x + 0.12, y, symbol, ha="left", va="center", fontsize=8)
+    longest_symbol = max(map(len, symbols))
+    panel.set(xlim=(-0.6, 2.45 + 0.055 * longest_symbol), ylim=(-1.1, 1.38))
     panel.axis("off")
-    style.below(figure, INFLUENCE_WORDS)
-    return figure
+
+
+def _connect(panel: Axes, nodes: np.ndarray, next_nodes: np.ndarray) -> None:
+    """Draw a thin line from each node of a layer to each of the next layer."""
+    for x0, y0 in nodes:
+        for x1, y1 in next_nodes:
+            panel.plot(
+                [x0, x1], [y0, y1], lw=0.4, color=style.GREY, alpha=0.5, zorder=1
+            )
+
+
+def _draw_influence(
+    panel: Axes, influence: Influence, inputs: Sequence[str], symbols: Sequence[str]
+) -> None:
+    """Draw a bar for the influence of each input on each output, in percent.
+
+    An arrow beside the bar says whether the output rises or falls with the input.
+    """
+    place = np.arange(len(inputs))
+    height = 0.8 / len(symbols)
+    for k, symbol in enumerate(symbols):
+        y = place + height * (k - 0.5 * (len(symbols) - 1))
+        percent = 100 * influence.share[k]
+        colour = style.SERIES[k % len(style.SERIES)]
+        panel.barh(y, percent, height=height, color=colour, label=symbol)
+        for row, value, direction in zip(
+            y, percent, influence.direction[k], strict=True
+        ):
+            words = "none"
+            if direction:
+                arrow = "↗" if direction > 0 else "↘"
+                words = f"{value:.0f} % {arrow}"
+            panel.annotate(
+                words,
+                (value, row),
+                xytext=(3, 0),
+                textcoords="offset points",
+                va="center",
+                fontsize=6.5,
+            )
+    panel.set_yticks(place, [SYMBOLS[name] for name in inputs], fontsize=8.5)
+    panel.invert_yaxis()
+    panel.set(xlabel="influence on the prediction (%)")
+    panel.margins(x=0.18)
+    panel.legend(loc="lower right")
 
 
 def influence_of_inputs(
@@ -183,73 +239,6 @@ def _node_places(x: float, count: int) -> np.ndarray:
     return np.column_stack([np.full(count, float(x)), y])
 
 
-def _draw_connections(panel: Axes, share: np.ndarray, layers: Layers) -> None:
-    """Draw a line between each node of a layer and of the next one.
-
-    The lines of an input are as thick as its mean share (outputs, inputs).
-    """
-    mean_share = share.mean(axis=0)
-    thickness = mean_share / (mean_share.max() or 1.0)
-    no_thickness = np.zeros(len(layers.hidden))
-    _connect(panel, layers.inputs, next_nodes=layers.hidden, thickness=thickness)
-    _connect(panel, layers.hidden, next_nodes=layers.outputs, thickness=no_thickness)
-
-
-def _connect(
-    panel: Axes, nodes: np.ndarray, next_nodes: np.ndarray, thickness: np.ndarray
-) -> None:
-    """Draw a line from each node to each of the next; `thickness` from 0 to 1 a node."""
-    for (x0, y0), size in zip(nodes, thickness, strict=True):
-        for x1, y1 in next_nodes:
-            panel.plot(
-                [x0, x1],
-                [y0, y1],
-                lw=0.3 + 2.2 * size,
-                zorder=1,
-                color=style.BLUE if size else style.GREY,
-                alpha=0.25 + 0.5 * size,
-            )
-
-
-def _write_influence(
-    panel: Axes,
-    influence: Influence,
-    heights: np.ndarray,
-    symbols: Sequence[str],
-    column_width: float,
-) -> None:
-    """Write the influence of each input to the left of it, a column for each output.
-
-    `heights` are those of the input nodes, `symbols` those of the outputs.
-    """
-    for k, symbol in enumerate(symbols):
-        x = -0.45 - column_width * (len(symbols) - k - 0.5)
-        panel.text(
-            x,
-            1.13,
-            f"influence on\n{symbol}",
-            ha="center",
-            va="bottom",
-            fontsize=style.SMALL_TEXT_PT,
-        )
-        for y, share, direction in zip(
-            heights, influence.share[k], influence.direction[k], strict=True
-        ):
-            words = "none"
-            if direction:
-                arrow = "↗" if direction > 0 else "↘"
-                words = f"{100 * share:.0f} % {arrow}"
-            panel.text(
-                x,
-                y,
-                words,
-                ha="center",
-                va="center",
-                fontsize=7.5,
-                alpha=0.45 + 0.55 * min(share, 1.0),
-            )
-
-
 # --- Its predictions ------------------------------------------------------------------
 
 
@@ -265,14 +254,14 @@ def predicted_against_simulated(inputs: Inputs, study: StudyView) -> Figure:
     """Draw predicted over simulated responses by split, with R2 (Eq. 13) and RMSE.
 
     `predictions` has the split, the simulated and the predicted responses of each
-    sample, `dataset` their standard errors. R2 at unseen points is also given without
-    the noise of the simulated means, `repose.calibrate.training.r2_noise_corrected`.
+    sample, `dataset` their standard errors.
 
-    Figure 13. Predicted against simulated responses, on equal axes. Samples without a
-    result are left out. A mean of few pours scatters about its true value, so no model
-    can be nearer to the line than that scatter. The corrected R2 is the estimate without
-    it. The parts are predicted by the training part's fit, new points, where they were
-    poured, by the final one.
+    Figure 13. Does the surrogate predict samples that it has not seen? Predicted against
+    simulated responses, on equal axes. Samples without a result are left out. A mean of
+    few pours scatters about its true value, so no model can be nearer to the line than
+    that scatter: the figure gives the R2 and the RMSE of a perfect model beside those of
+    the surrogate. The parts are predicted by the training part's fit, new points, where
+    they were poured, by the final one.
     """
     targets = study.targets
     table = read_table(
@@ -292,8 +281,8 @@ def predicted_against_simulated(inputs: Inputs, study: StudyView) -> Figure:
             xlabel=style.response_label(shown, "simulated"),
             ylabel=style.response_label(shown, "predicted"),
         )
+        panel.legend(loc="lower right", handletextpad=0.2)
     style.name_panels(axes)
-    axes[-1].legend(loc="lower right", handletextpad=0.2)
     style.below(figure, ACCURACY_WORDS)
     return figure
 
@@ -316,7 +305,7 @@ def _predict_new_points(inputs: Inputs, targets: Targets) -> pd.DataFrame:
 
 
 def _draw_splits(panel: Axes, table: pd.DataFrame, shown: Response) -> None:
-    """Draw the points of one response on equal axes, with its accuracy by split above."""
+    """Draw the points of one response on equal axes, with the accuracy at unseen ones."""
     values = table[[shown.name, shown.predicted]].to_numpy()
     margin = 0.06 * (values.max() - values.min())
     ends = np.array([values.min() - margin, values.max() + margin])
@@ -341,27 +330,33 @@ def _draw_splits(panel: Axes, table: pd.DataFrame, shown: Response) -> None:
             "elinewidth": 0.5,
             "zorder": 3 if is_unseen else 2,
         }
+        label = f"{split} ({len(rows)})"
         panel.errorbar(
-            simulated, predicted, xerr=np.nan_to_num(error), label=split, **look
-        )
-        share = _r2_text(r2(simulated, predicted))
-        rmse = np.sqrt(np.mean((simulated - predicted) ** 2))
-        lines.append(
-            f"{split}: R² {share}, RMSE {rmse:.2f} {shown.unit}, n {len(rows)}"
+            simulated, predicted, xerr=np.nan_to_num(error), label=label, **look
         )
         if is_unseen:
-            corrected = _r2_text(r2_noise_corrected(simulated, predicted, error))
-            lines.append(f"    R² {corrected} corrected for the scatter of the pours")
+            of_model = _accuracy_text(simulated, predicted - simulated, shown.unit)
+            lines.append(f"{split}: {of_model}")
+            # A perfect model is off the simulated means by their noise alone. Few test
+            # samples tell little about the noise, so it is taken from the whole design.
+            like_these = table["split"] == split
+            if split == "test":
+                like_these = table["split"] != "new points"
+            means = table.loc[like_these, shown.name].to_numpy(float)
+            noise = table.loc[like_these, shown.error].to_numpy(float)
+            of_perfect_model = _accuracy_text(means, noise, shown.unit)
+            lines.append(f"perfect model, {len(means)} sets: {of_perfect_model}")
     panel.set(xlim=ends, ylim=ends, aspect="equal")
     for axis in (panel.xaxis, panel.yaxis):
         axis.set_major_locator(MaxNLocator(6))
-    style.note(panel, "\n".join(lines), x=0.06, y=1.02, va="bottom")
+    style.note(panel, "\n".join(lines))
 
 
-def _r2_text(share: float | None) -> str:
-    """Write R2; an estimate without noise can pass 1."""
-    if share is None:
-        return "undefined"
-    if share > 1:
-        return "≈ 1"
-    return f"{share:.3f}"
+def _accuracy_text(simulated: np.ndarray, deviation: np.ndarray, unit: str) -> str:
+    """Write R2 and RMSE of predictions that deviate from the simulated means (n,)."""
+    if not np.isfinite(deviation).all():
+        return "unknown, without standard errors"
+    share = r2(simulated, simulated + deviation)
+    rmse = np.sqrt(np.mean(deviation**2))
+    share_text = "undefined" if share is None else f"{share:.2f}"
+    return f"R² {share_text}, RMSE {rmse:.2f} {unit}".rstrip()

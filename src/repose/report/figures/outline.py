@@ -1,0 +1,176 @@
+"""The outline of the simulated pile with the measured height and angle, at one scale."""
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from repose.calibrate.targets import Target, Targets
+from repose.grain.berry_files import read_grain
+from repose.grain.particle import Particle
+from repose.measure import pile
+from repose.measure.saved_pours import first_pour
+from repose.measure.settings import MeasureSettings
+from repose.measure.silhouette import Grains
+
+from . import style
+from .registry import MEASURED_PILE, Inputs, StudyView, figure, has_pile
+
+if TYPE_CHECKING:
+    from repose.measure.photographs.segmentation import Segmentation
+
+HEIGHT = "height_mm"  # name of the response
+GRID_STEP_MM = 0.5
+# Ends of a measured slope as shares of the height, where the line has no levels.
+DEFAULT_LEVELS = (0.3, 0.8)
+
+
+class Outline(NamedTuple):
+    """The upper edge of a pile in one view."""
+
+    x_mm: np.ndarray  # (W,), from the middle between its flanks
+    height_mm: np.ndarray  # (W,)
+
+
+@figure(
+    "outline",
+    "Pile and measurement at one scale",
+    MEASURED_PILE,
+    reads=("measure", "targets"),
+    when=has_pile,
+)
+def outline_and_measurement(inputs: Inputs, study: StudyView) -> Figure:
+    """Draw the outlines of a simulated pile over the measured height and slope.
+
+    Does the simulated pile look like the measured one? The outlines of the first pour of
+    the answer in all views, with their mean, over the measured numbers at the same
+    scale: the measured height, and the measured slope through each flank, each with the
+    standard deviation of a repetition. The measurement gives no width, so the lines of
+    the slope are drawn through the middle of the simulated flanks.
+    """
+    settings = study.settings.measure.for_grain(read_grain(inputs["berry"]))
+    pour = first_pour(inputs["heap"])
+    particle = Particle.load(inputs["particle"])
+    grains = Grains.of(pour, particle)
+    _, views = pile.draw_views(grains, settings, pour["in_pile"])
+    outlines = [_outline_of(view, settings) for view in views]
+    mean = _mean_outline(outlines)
+
+    figure = style.new_figure(style.PAGE, 2.6)
+    panel = figure.subplots()
+    for k, outline in enumerate(outlines):
+        label = f"simulated pile, views: {len(outlines)}" if k == 0 else None
+        panel.plot(*outline, color=style.SKY, lw=0.5, alpha=0.6, label=label)
+    panel.plot(
+        *mean, color=style.BLUE, lw=1.6, label="simulated pile, mean of the views"
+    )
+    _draw_measured_height(panel, study.targets, mean)
+    _draw_measured_slope(panel, study.targets, mean=mean, settings=settings)
+    panel.set(
+        xlabel="distance from the middle of the pile (mm)",
+        ylabel="height (mm)",
+        ylim=(0, None),
+        aspect="equal",
+    )
+    figure.legend(
+        *panel.get_legend_handles_labels(), loc="outside upper center", ncols=2
+    )
+    return figure
+
+
+def _outline_of(view: "Segmentation", settings: MeasureSettings) -> Outline:
+    """Measure the upper edge of a view, with x = 0 midway between its flanks."""
+    profile, _ = pile.find_profile(view)
+    columns = np.arange(profile.size)
+    # Midway between the outermost columns that are half as high as the pile.
+    high_columns = np.flatnonzero(profile >= 0.5 * profile.max())
+    middle = 0.5 * (high_columns[0] + high_columns[-1])
+    scale = settings.mm_per_pixel
+    return Outline((columns - middle) * scale, profile * scale)
+
+
+def _mean_outline(outlines: list[Outline]) -> Outline:
+    """Average outlines; beside its pile, an outline has the height 0."""
+    low = min(outline.x_mm[0] for outline in outlines)
+    high = max(outline.x_mm[-1] for outline in outlines)
+    x_mm = np.arange(low, high + GRID_STEP_MM, GRID_STEP_MM)
+    heights = [
+        np.interp(x_mm, outline.x_mm, outline.height_mm, left=0.0, right=0.0)
+        for outline in outlines
+    ]
+    return Outline(x_mm, np.mean(heights, axis=0))
+
+
+def _draw_measured_height(panel: Axes, targets: Targets, mean: Outline) -> None:
+    """Draw the measured height as a line with its standard deviation, if it is a target."""
+    for target in targets:
+        if target.name != HEIGHT:
+            continue
+        ends = mean.x_mm[[0, -1]]
+        panel.fill_between(
+            ends,
+            target.value - target.sd,
+            target.value + target.sd,
+            color=style.ORANGE,
+            alpha=0.18,
+            lw=0,
+        )
+        panel.plot(
+            ends,
+            [target.value, target.value],
+            color=style.ORANGE,
+            label=f"measured height {_mean_and_sd(target)}",
+        )
+
+
+def _draw_measured_slope(
+    panel: Axes, targets: Targets, mean: Outline, settings: MeasureSettings
+) -> None:
+    """Draw the measured angle as a line through each flank, if it is a target."""
+    angles = [
+        target for target in targets if "measure.response" in target.response.definition
+    ]
+    if not angles:
+        return
+    target = angles[0]
+    top = mean.height_mm.max()
+    levels = (settings.fit_from, settings.fit_to)
+    if any(isinstance(level, str) for level in levels):
+        levels = DEFAULT_LEVELS
+    low, high = (level * top for level in levels)
+    middle = 0.5 * (low + high)
+    heights = np.array([low, high])
+    for side in (-1, 1):
+        # The place at which the outermost point of the flank has the middle height.
+        is_on_side = side * mean.x_mm >= 0
+        reaches_middle = is_on_side & (mean.height_mm >= middle)
+        place_mm = side * np.abs(mean.x_mm[reaches_middle]).max()
+
+        def along_flank(angle_deg: float, place_mm: float = place_mm) -> np.ndarray:
+            """Give the places at `heights` of a line through the middle of the flank."""
+            run = (heights - middle) / np.tan(np.radians(angle_deg))
+            return place_mm - np.sign(place_mm) * run
+
+        panel.fill_betweenx(
+            heights,
+            along_flank(target.value - target.sd),
+            along_flank(target.value + target.sd),
+            color=style.RED,
+            alpha=0.3,
+            lw=0,
+        )
+        # The right flank names the line in the legend.
+        hidden = "" if side == 1 else "_"
+        panel.plot(
+            along_flank(target.value),
+            heights,
+            color=style.RED,
+            lw=1.4,
+            label=f"{hidden}measured slope {_mean_and_sd(target)}",
+        )
+
+
+def _mean_and_sd(target: Target) -> str:
+    """Write a measured mean with the standard deviation of a repetition."""
+    return f"{target.value:g} ± {target.sd:g} {target.response.unit} (SD)"
