@@ -337,18 +337,37 @@ def test_the_pile_is_beside_the_photograph_and_below_it_on_a_phone(browser, fold
             assert (photograph["y"] >= pile["y"] + pile["height"]) is not beside
 
 
-def test_a_surrogate_of_curves_moves_one_parameter_at_a_time(browser, tmp_path):
+def test_a_surrogate_of_curves_moves_two_parameters_together(browser, tmp_path):
     page.write(
         *made_up_study(tmp_path, TARGETS[:1], "quadratic"), {}, tmp_path / "report.html"
     )
+    surrogate = load(tmp_path / "network.json")
+
+    def check(tab, changes):
+        point = [[(ANSWER | changes)[name] for name in PARAMETERS]]
+        mean = surrogate.predict(np.array(point))
+        shown = tab.text_content("#predicted-aor_deg").split()[0]
+        assert float(shown) == pytest.approx(mean[0, 0], rel=1e-3)
+
     with page_in(browser, tmp_path) as tab:
         move(tab, "slide-mus_gg", 0.75)
-        move(tab, "slide-e_gg", 0.4)
-        assert float(tab.input_value("#slide-mus_gg")) == pytest.approx(
-            ANSWER["mus_gg"]
-        )
-        point = np.array([[(ANSWER | {"e_gg": 0.4})[name] for name in PARAMETERS]])
-        mean = load(tmp_path / "network.json").predict(point)
-        assert float(
-            tab.text_content("#predicted-aor_deg").split()[0]
-        ) == pytest.approx(mean[0, 0], rel=1e-3)
+        check(tab, {"mus_gg": 0.75})
+        move(tab, "slide-e_gg", 0.37)
+        check(tab, {"mus_gg": 0.75, "e_gg": 0.37})
+        # A third slider puts the first one back.
+        move(tab, "slide-mur_gp", 0.25)
+        check(tab, {"e_gg": 0.37, "mur_gp": 0.25})
+        first = float(tab.input_value("#slide-mus_gg"))
+        assert first == pytest.approx(ANSWER["mus_gg"])
+        tab.click("#home")
+        check(tab, {})
+
+
+def test_a_phone_keeps_the_columns_on_what_is_open(browser, folder):
+    with page_in(browser, folder, 390, 800, is_mobile=True) as tab:
+        row = tab.locator("table.answer tbody tr").first
+        for column in ("95 % interval", "left open", "searched", "sets found"):
+            cell = row.locator(f'td[data-head="{column}"]')
+            assert cell.is_visible(), column
+            box = cell.bounding_box()
+            assert box["x"] + box["width"] <= 390, column

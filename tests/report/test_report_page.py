@@ -1,8 +1,10 @@
 """The report: its numbers, its 3-D scene, and what it says; the page itself is tested in a browser."""
 
+import base64
 import json
 import os
 import re
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -111,7 +113,7 @@ def test_any_number_of_targets_and_fixed_parameters(targets, fixed, tmp_path):
     assert table4.count('data-head="role">spread') == 5
     says(text, "The intervals are not settled", "made &lt;up&gt; &amp; small")
     assert "e_gg: 0.2  #" in values["copy"]
-    assert not re.search(r'(src|href)="(?!data:)', text), "no network"
+    assert not re.search(r'(src|href)="(?!data:|#)', text), "no network"
 
 
 def test_the_page_has_the_same_piles_by_other_lines_and_calls_stale_sets_so(tmp_path):
@@ -153,6 +155,25 @@ def test_a_surrogate_that_is_no_network_is_shown_along_each_parameter(tmp_path):
     np.testing.assert_allclose(model["curves"]["e_gg"]["mean"][-1], mean[0])
     np.testing.assert_allclose(model["curves"]["e_gg"]["std"][-1], std[0])
     assert len(model["curves"]["e_gg"]["mean"]) == prediction.CURVE_POINTS
+    # over each pair of the five free parameters, the last point at both upper ends
+    assert len(model["planes"]) == 10
+    count = model["planePoints"]
+    means = np.frombuffer(
+        base64.b64decode(model["planes"]["e_gg mus_gg"]["mean"]), dtype="<f4"
+    ).reshape(count, count, 2)
+    ends = np.array([[0.4, RANGES["mus_gg"][1], 0.04, 0.3, 0.6, 0.2]])
+    expected = load(tmp_path / "network.json").predict(ends)[0]
+    np.testing.assert_allclose(means[-1, -1], expected, rtol=1e-6)
+
+
+def test_planes_of_many_parameters_keep_the_page_small():
+    assert prediction.plane_points(0, 2) == 0
+    assert prediction.plane_points(15, 2) == prediction.PLANE_POINTS
+    for n_pairs in (45, 190, 400):
+        count = prediction.plane_points(n_pairs, 2)
+        numbers = 2 * 2 * n_pairs * count**2
+        is_least = count == prediction.LEAST_PLANE_POINTS
+        assert is_least or numbers <= prediction.MOST_PLANE_NUMBERS
 
 
 NOT_MET = r"targets NOT met\.</b> Angle of repose .* No parameter set is predicted inside both ranges; "
@@ -313,3 +334,132 @@ def test_the_expected_optimism_stands_beside_each_prediction(tmp_path):
     assert "mus_gg 0.36 is within one standard error of the fit" in text
     first = values_of(text)["targets"][0]
     assert (first["optimism"], first["optimismError"]) == (0.376, 0.07)
+
+
+def card_of(folder):
+    """A card of a simulated study with the parts that another program needs."""
+    card = {
+        "tests": [],
+        "laws": {"normal": "Hertz with damping", "rolling": "constant <torque>"},
+        "grain": {
+            "density_kg_m3": 840.47,
+            "elastic_modulus_pa": 113520.0,
+            "shear_modulus_pa": 43005.0,
+            "poisson_ratio": 0.32,
+            "mean_axes_mm": [21.14, 11.37, 9.88],
+            "volume_mm3": 1488.5,
+            "mass_g": 1.251,
+            "inertia_kg_m2": [2e-8, 5e-8, 6e-8],
+        },
+        "wall": {"shear_modulus_pa": 1.12e9, "poisson_ratio": 0.4},
+        "parameters": {"e_gg": {"meaning": "restitution, grain-grain", "value": 0.2}},
+        "simulation": {"gravity_m_s2": 9.81, "time_step_s": 5e-5},
+    }
+    (folder / "card.json").write_text(json.dumps(card))
+    return folder / "card.json"
+
+
+def test_another_program_finds_material_laws_and_time_step(tmp_path, monkeypatch):
+    config, jobs, files = made_up_study(tmp_path, TARGETS)
+    monkeypatch.setattr(
+        "repose.report.page.sections.read_card",
+        lambda path: json.loads(path.read_text()),
+    )
+    assert "For another program" not in written((config, jobs, files), tmp_path)
+    files["card"] = card_of(tmp_path)
+    text = written((config, jobs, files), tmp_path)
+    values = text[text.index('id="material"') : text.index('id="check"')]
+    cells = re.findall(r"<td[^>]*>([^<]*)</td>", values)
+    rows = dict(pairwise(cells))
+    assert rows["grain: density"] == "840.47"
+    assert rows["grain: length along x"] == "0.02114"  # SI units
+    assert rows["grain: mass"] == "0.001251"
+    # E = 2 G (1 + nu)
+    assert float(rows["wall: Young&#39;s modulus"]) == pytest.approx(3.136e9)
+    assert rows["time step"] == "5e-05"
+    assert "constant &lt;torque&gt;" in values
+    copied = values_of(text)["copyMaterial"]
+    says(copied, "grain: density\t840.47\tkg/m³", "rolling\tconstant <torque>")
+
+
+def test_table_4_has_parameters_errors_and_the_published_sets(tmp_path):
+    config, jobs, files = made_up_study(tmp_path, TARGETS[:1])
+    sets = pd.DataFrame([{name: 0.25 for name in PARAMETERS}] * 2)
+    sets["solution"] = ["22", "representative"]
+    sets["aor_predicted_deg"] = [32.5, 32.5]
+    sets["aor_simulated_deg"] = [32.0, np.nan]
+    sets.to_csv(tmp_path / "published.csv", index=False)
+    files["published"] = tmp_path / "published.csv"
+    text = written((config, jobs, files), tmp_path)
+    start = text.index("<h3>Table 4")
+    table4 = text[start : text.index("Error: of the prediction")]
+    rows = [
+        re.findall(r"<td[^>]*>([^<]*)</td>", row)
+        for row in re.findall("<tr.*?</tr>", table4)
+    ]
+    answer = rows[1]
+    assert answer[3:9] == ["0.2", "0.5", "0.04", "0.3", "0.6", "0.2"]
+    row = pd.read_csv(files["table4"]).iloc[0]
+    simulated = row["aor_simulated_deg"]
+    percent = 100 * abs(row["aor_predicted_deg"] - simulated) / simulated
+    assert float(answer[-1]) == pytest.approx(percent, abs=0.005)
+    published = ["22", "published", "", *6 * ["0.25"], "32.5", "32", "1.56"]
+    assert rows[-2] == published
+    assert rows[-1][1] == "published answer"
+    assert rows[-1][-2:] == ["not published", ""]
+    assert table4.count('<tr class="screen">') == 2  # they are not printed
+
+
+def test_the_page_says_what_the_measurements_do_not_determine(tmp_path):
+    config, jobs, files = made_up_study(tmp_path, TARGETS)
+    table = pd.read_csv(files["posterior"])
+    samples = pd.read_csv(files["dataset"])
+    inside = np.ones(len(samples), bool)
+    for one in BOTH:
+        inside &= samples[one.name].between(one.low, one.high)
+    assert inside.sum() > 1
+    for width, words in (
+        (1.012, "determine none of the 6 parameters: each 95 % interval covers 100 %"),
+        (0.5, "narrow 6 of the 6 parameters: the narrowest 95 % interval covers 50 %"),
+    ):
+        table["width_ratio"] = width
+        table.to_csv(files["posterior"], index=False)
+        text = written((config, jobs, files), tmp_path)
+        assert words in text
+        assert "101 %" not in text
+        assert f"{inside.sum()} of the 60 simulated samples already lie inside" in text
+    assert ("50 %: not determined" in text) is False
+
+
+def test_the_drum_and_the_contents_have_places(tmp_path):
+    config, jobs, files = made_up_study(tmp_path, TARGETS)
+    text = written((config, jobs, files), tmp_path)
+    assert 'href="#drum"' not in text
+    rows = [
+        ("first slip, turned", "before_turned_deg", 50.8, 1.2, 6),
+        ("turned at the report", "report_turned_deg", 27.0, 1.6e-15, 6),
+    ]
+    columns = ["quantity", "key", "mean", "standard_error", "runs"]
+    pd.DataFrame(rows, columns=columns).to_csv(tmp_path / "drum.csv", index=False)
+    files["drum_summary"] = tmp_path / "drum.csv"
+    text = written(
+        (config, jobs, files), tmp_path, {"All samples": tmp_path / "dataset.csv"}
+    )
+    drum = text[text.index('id="drum"') : text.index('id="other-parameters"')]
+    says(drum, "50.8 ± 1.2 deg", '<td data-head="simulated">27 deg</td>')
+    for name in re.findall(r'href="#([\w-]+)"', text):
+        assert f'id="{name}"' in text, name
+
+
+def test_a_prediction_comes_with_its_expected_optimism(tmp_path):
+    study = made_up_study(tmp_path, TARGETS)
+    table4 = pd.read_csv(tmp_path / "table4.csv").drop(columns="n_seeds")
+    table4.to_csv(tmp_path / "table4.csv", index=False)
+    assert "The expected optimism of this prediction was not computed" in written(
+        study, tmp_path
+    )
+    table4[derived("aor_deg", "optimism")] = 0.376
+    table4[derived("aor_deg", "optimism_se")] = 0.07
+    table4.to_csv(tmp_path / "table4.csv", index=False)
+    words = "does not count the expected optimism (angle of repose: expected optimism"
+    assert f"{words} +0.38 ± 0.07 deg)" in written(study, tmp_path)

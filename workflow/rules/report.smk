@@ -21,7 +21,16 @@ POSTERIOR = present(
 OWN_PILES = present({"dataset": AFTER_THE_ARTICLE and rules.dataset.output.dataset})
 # Figures of the page by the strategy that gives the answer; `figures.smk` says which a study has.
 PICTURES = {
-    "published": ("figure13", "figure14", "validation", "definitions"),
+    "published": (
+        *(("intervals",) if HAS_POSTERIOR else ()),
+        "figure13",
+        "figure14",
+        "validation",
+        "outline",
+        "definitions",
+        "figure15",
+        "drum",
+    ),
     "response_surface": ("pareto_screening", "contours"),
     "sequential": ("sequential",),
 }
@@ -43,6 +52,12 @@ PAGE = present(
         "particle": HAS_PILE and rules.shape.output.particle,
         "trajectory": HAS_PILE and TRAJECTORY,
         "photograph": config.get("photograph"),
+        "published": BY_THE_CHAIN
+        and bool(PUBLISHED_NAMES)
+        and config["validation"]["published"],
+        "drum_summary": BY_THE_CHAIN
+        and "drum" in config
+        and rules.drum.output.summary,
     }
 ) | drawn("plane", "profiles", *PICTURES.get(STRATEGY, ()))
 TABLES = present(

@@ -7,15 +7,31 @@ STUDY_FIGURES = {
     ),
     "pareto_screening": "Effect of each parameter on the responses",
     "contours": "The fitted surfaces about their optimum",
-    "figure13": (
-        "Predictions of the surrogate and results of the simulator, for training "
-        "samples and others"
+    "intervals": (
+        "Does the pile determine the parameters? The 95 % interval of each in its range, "
+        "with the sets found and the published intervals"
     ),
-    "plane": "All simulated samples, the target ranges, and the answer",
+    "figure13": (
+        "Does the surrogate predict samples that it has not seen, as well as their "
+        "noise allows?"
+    ),
+    "plane": (
+        "Can the simulated piles meet both targets, and does the answer? All samples, "
+        "the target ranges, and the answer; beside it the same, enlarged"
+    ),
     "profiles": "Measured profiles and the answer's, as predicted and as simulated",
-    "figure14": "The parameter sets that the search found",
-    "validation": "Predicted, simulated and measured responses",
-    "definitions": "The definitions of the angle on the same pile",
+    "figure14": "Where are the parameter sets found, and where are the published ones?",
+    "validation": (
+        "Do new simulations agree with the predictions, and lie inside the target ranges?"
+    ),
+    "outline": "The simulated pile and the measured numbers, drawn at one scale",
+    "definitions": "How much does the angle depend on its definition?",
+}
+
+# Figures of the drum.
+DRUM_FIGURES = {
+    "figure15": "The bed before the rotation, before its first slip, and after it",
+    "drum": "When does the bed slip, and how deep? The angles of every run over time",
 }
 
 # Figures of a study with a simulator of the user's own.

@@ -10,6 +10,7 @@ from repose.common.files import read_table, write_text
 from repose.grain.particle import Particle
 from repose.report.page import prediction, scene, sections, three
 from repose.report.page.study import Files, Results, read
+from repose.report.page.tables import tables_as_text
 from repose.report.page.templates import asset, render
 from repose.report.page.verdict import verdict_of
 from repose.report.study_view import Config, parameter_ranges
@@ -87,6 +88,7 @@ def content(study: Results) -> dict[str, Any]:
         "parameters": parameters,
         "targets": [_target(study, target) for target in study.targets],
         "copy": text_to_copy(study),
+        "copyMaterial": _material_to_copy(study),
         "model": model,
         "pour": _pour(study),
     }
@@ -98,6 +100,14 @@ def text_to_copy(study: Results) -> str:
     for name, value in zip(study.parameters.names, study.answer.tolist(), strict=True):
         lines.append(f"{name}: {value:.6g}  # {LABELS.get(name, name)}")
     return "\n".join(lines) + "\n"
+
+
+def _material_to_copy(study: Results) -> str | None:
+    """Write the tables for another program as text; None without them."""
+    section = sections.material(study)
+    if section is None:
+        return None
+    return tables_as_text([section.values, section.laws])
 
 
 def _parameter(study: Results, name: str, value: float) -> dict[str, Any]:

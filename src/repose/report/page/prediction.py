@@ -2,11 +2,15 @@
 
 A network, and each network of an ensemble, is stored whole, with the root of the
 covariance of its weights; `network.js` predicts from them like
-`repose.calibrate.surrogates.network_ensemble`. Other surrogates are stored as curves:
-one parameter varies over its range, the others stay at the answer.
+`repose.calibrate.surrogates.network_ensemble`. Other surrogates are stored as curves and
+planes: one parameter, or two of them, vary over their ranges, the others stay at the
+answer.
 """
 
 import base64
+import math
+from collections.abc import Sequence
+from itertools import combinations
 from typing import Any, TypeGuard
 
 import numpy as np
@@ -17,6 +21,9 @@ from repose.calibrate.surrogates.bayesian_bp import BayesianBP
 from repose.calibrate.surrogates.network_ensemble import OF_EACH, NetworkEnsemble
 
 CURVE_POINTS = 41
+PLANE_POINTS = 21  # along each side, at most
+LEAST_PLANE_POINTS = 5
+MOST_PLANE_NUMBERS = 100_000  # of all planes together, 0.5 MB in the page
 # What the networks of an ensemble have in common.
 SCALING_KEYS = ("input_min", "input_max", "output_min", "output_max", "scaled_range")
 
@@ -68,15 +75,73 @@ def _networks(surrogate: BayesianBP | NetworkEnsemble) -> dict[str, Any]:
 def _curves(
     surrogate: Predictor, parameters: ParameterSpace, answer: np.ndarray
 ) -> dict[str, Any]:
-    """Give mean and standard deviation of each response along each free parameter."""
+    """Give mean and standard deviation along each free parameter, and over each pair.
+
+    The planes have the key ``first second``; their values (points, points, responses)
+    are packed, the first parameter down.
+    """
     curves = {}
-    ranges = zip(parameters.free, parameters.low, parameters.high, strict=True)
-    for name, low, high in ranges:
+    for name in parameters.free:
+        values = _spread_over_range(parameters, name, CURVE_POINTS)
         points = np.tile(np.asarray(answer, dtype=float), (CURVE_POINTS, 1))
-        points[:, parameters.names.index(name)] = np.linspace(low, high, CURVE_POINTS)
+        points[:, parameters.names.index(name)] = values
         mean, std = surrogate.predict(points, return_std=True, noise=False)
         curves[name] = {
             "mean": np.asarray(mean).tolist(),
             "std": np.asarray(std).tolist(),
         }
-    return {"kind": "curves", "curves": curves}
+    planes = {}
+    pairs = list(combinations(parameters.free, 2))
+    n_responses = len(curves[parameters.free[0]]["mean"][0])
+    n_points = plane_points(len(pairs), n_responses)
+    for first, second in pairs:
+        points = _points_of_plane(parameters, answer, (first, second), n_points)
+        mean, std = surrogate.predict(points, return_std=True, noise=False)
+        planes[f"{first} {second}"] = {
+            "mean": packed(mean, "<f4"),
+            "std": packed(std, "<f4"),
+        }
+    return {
+        "kind": "curves",
+        "curves": curves,
+        "planes": planes,
+        "planePoints": n_points,
+    }
+
+
+def plane_points(n_pairs: int, n_responses: int) -> int:
+    """Give the number of points along a side of each plane, so that the page stays small.
+
+    Mean and standard deviation of each response are stored at each point.
+    """
+    if n_pairs == 0:
+        return 0
+    most_points = MOST_PLANE_NUMBERS / (2 * n_responses * n_pairs)
+    return max(LEAST_PLANE_POINTS, min(PLANE_POINTS, math.isqrt(int(most_points))))
+
+
+def _points_of_plane(
+    parameters: ParameterSpace,
+    answer: np.ndarray,
+    pair: Sequence[str],
+    n_points: int,
+) -> np.ndarray:
+    """Give points (n_points^2, d) over the ranges of a pair, the first one down."""
+    first, second = pair
+    down, across = np.meshgrid(
+        _spread_over_range(parameters, first, n_points),
+        _spread_over_range(parameters, second, n_points),
+        indexing="ij",
+    )
+    points = np.tile(np.asarray(answer, dtype=float), (n_points * n_points, 1))
+    points[:, parameters.names.index(first)] = down.ravel()
+    points[:, parameters.names.index(second)] = across.ravel()
+    return points
+
+
+def _spread_over_range(
+    parameters: ParameterSpace, name: str, n_points: int
+) -> np.ndarray:
+    """Spread values (n_points,) evenly over the range of a free parameter."""
+    index = parameters.free.index(name)
+    return np.linspace(parameters.low[index], parameters.high[index], n_points)

@@ -87,40 +87,89 @@ function drawChecks() {
 
 // --- Sliders -------------------------------------------------------------------------------
 
-// Make the predictor of a surrogate of curves: linear between their points, over the one parameter
-// that was moved.
+// Place of a parameter's value among points that are spread evenly over its range: the number of the
+// point before it, and the share of the way to the next one.
+function placeAmong(name, values, count) {
+  const index = content.parameters.findIndex((parameter) => parameter.name === name);
+  const { low, high } = content.parameters[index];
+  const place = ((values[index] - low) / (high - low)) * (count - 1);
+  const before = Math.max(0, Math.min(Math.floor(place), count - 2));
+  return { before, share: place - before };
+}
+
+function between(start, end, share) {
+  return start.map((value, k) => value + share * (end[k] - value));
+}
+
+// Make the predictor of a surrogate of curves and planes: linear between their points, over the one
+// or two parameters that were moved, whose names are `moved`.
 function curvePredictor(model) {
-  return function (values, moved) {
-    const index = content.parameters.findIndex((parameter) => parameter.name === moved);
-    const { low, high } = content.parameters[index];
-    const { mean, std } = model.curves[moved];
-    const place = ((values[index] - low) / (high - low)) * (mean.length - 1);
-    const first = Math.min(Math.floor(place), mean.length - 2);
-    const interpolate = (points) =>
-      points[first].map((value, k) => value + (place - first) * (points[first + 1][k] - value));
+  const responses = content.targets.length;
+  const count = model.planePoints;
+  const planes = {};
+  for (const [names, { mean, std }] of Object.entries(model.planes)) {
+    planes[names] = { mean: unpacked(mean, Float32Array), std: unpacked(std, Float32Array) };
+  }
+
+  function onCurve(values, name) {
+    const { mean, std } = model.curves[name];
+    const { before, share } = placeAmong(name, values, mean.length);
+    const interpolate = (points) => between(points[before], points[before + 1], share);
     return { mean: interpolate(mean), std: interpolate(std) };
+  }
+
+  function onPlane(values, first, second) {
+    const down = placeAmong(first, values, count);
+    const across = placeAmong(second, values, count);
+    const interpolate = (numbers) => {
+      const at = (row, column) => {
+        const start = (row * count + column) * responses;
+        return Array.from(numbers.subarray(start, start + responses));
+      };
+      const alongRow = (row) => between(at(row, across.before), at(row, across.before + 1), across.share);
+      return between(alongRow(down.before), alongRow(down.before + 1), down.share);
+    };
+    const { mean, std } = planes[`${first} ${second}`];
+    return { mean: interpolate(mean), std: interpolate(std) };
+  }
+
+  return function (values, moved) {
+    if (moved.length < 2) return onCurve(values, moved[0]);
+    const [first, second] = moved;
+    return `${first} ${second}` in planes ? onPlane(values, first, second) : onPlane(values, second, first);
   };
 }
 
 // By how much the prediction at the answer is expected to be too favourable.
 function optimismText({ optimism, optimismError, unit }) {
+  if (optimism === null) return "The expected optimism of this prediction was not computed.";
   const sign = optimism < 0 ? "" : "+";
   const error = optimismError === null ? "" : ` ± ${digits(optimismError, 1)}`;
   return `expected optimism at the answer: ${sign}${digits(optimism, 2)}${error} ${unit}`;
 }
 
-function drawPredictions({ mean, std }) {
+// The probability to lie in the target's range, at the answer also without the expected optimism.
+function insideText(target, mean, std, isAtAnswer) {
+  const range = `${digits(target.low)} to ${digits(target.high)}`;
+  const predicted = percent(shareInside(target.low, target.high, mean, std));
+  const text = `inside the target's range ${range}: ${predicted}`;
+  if (!isAtAnswer || target.optimism === null) return text;
+  const expectedStd = Math.hypot(std, target.optimismError ?? 0);
+  const expected = shareInside(target.low, target.high, mean - target.optimism, expectedStd);
+  return `${text}; less the expected optimism: ${percent(expected)}`;
+}
+
+function drawPredictions({ mean, std }, isAtAnswer) {
   const drawings = content.targets.map((target, k) => {
     const share = shareInside(target.low, target.high, mean[k], std[k]);
     const value = `${digits(mean[k])} ± ${digits(1.96 * std[k], 2)} ${target.unit}`;
-    const range = `${digits(target.low)} to ${digits(target.high)}`;
     return make(
       "div",
       { class: "prediction" },
       make("p", { class: "name" }, `${target.label}: `, make("b", { id: `predicted-${target.name}` }, value)),
       gauge(target, mean[k], std[k], "predicted"),
-      ...(target.optimism === null ? [] : [make("p", { class: "note" }, optimismText(target))]),
-      make("p", { class: share >= 0.5 ? "good" : "bad" }, `inside the target's range ${range}: ${percent(share)}`),
+      make("p", { class: "note" }, optimismText(target)),
+      make("p", { class: share >= 0.5 ? "good" : "bad" }, insideText(target, mean[k], std[k], isAtAnswer)),
     );
   });
   byId("predictions").replaceChildren(...drawings);
@@ -131,6 +180,7 @@ function setUpSliders() {
   const predict = isNetwork ? networkPredictor(content.model) : curvePredictor(content.model);
   const values = content.parameters.map((parameter) => parameter.value);
   const sliders = []; // {index, parameter, input, output}
+  let moved = []; // names of the parameters that were moved, the last one at the end
 
   function moveSlider(slider, value) {
     values[slider.index] = value;
@@ -138,8 +188,10 @@ function setUpSliders() {
     slider.output.textContent = digits(value, 3);
   }
 
-  function moveAllBack() {
-    for (const slider of sliders) moveSlider(slider, slider.parameter.value);
+  function moveBack(isKept) {
+    for (const slider of sliders) {
+      if (!isKept(slider.parameter.name)) moveSlider(slider, slider.parameter.value);
+    }
   }
 
   content.parameters.forEach((parameter, index) => {
@@ -153,17 +205,23 @@ function setUpSliders() {
     sliders.push(slider);
     input.addEventListener("input", () => {
       const value = Number(input.value);
-      if (!isNetwork) moveAllBack(); // the curves run through the answer
+      moved = [...moved.filter((name) => name !== parameter.name), parameter.name];
+      if (!isNetwork) {
+        // The planes run through the answer: all but two parameters stay there.
+        moved = moved.slice(-2);
+        moveBack((name) => moved.includes(name));
+      }
       moveSlider(slider, value);
-      drawPredictions(predict(values, parameter.name));
+      drawPredictions(predict(values, moved), false);
     });
     const name = make("span", {}, make("code", {}, parameter.name), ` ${parameter.label}`);
     byId("sliders").append(make("label", { for: input.id }, name, output, input));
   });
 
   function showAnswer() {
-    moveAllBack();
-    drawPredictions(predict(values, sliders[0].parameter.name));
+    moved = [];
+    moveBack(() => false);
+    drawPredictions(predict(values, [sliders[0].parameter.name]), true);
   }
   byId("home").addEventListener("click", showAnswer);
   showAnswer();
@@ -181,16 +239,16 @@ function copyBySelection(text) {
   area.remove();
 }
 
-function setUpCopy() {
-  const button = byId("copy");
+function setUpCopy(button, text) {
+  const words = button.textContent;
   button.addEventListener("click", async () => {
     try {
-      await navigator.clipboard.writeText(content.copy);
+      await navigator.clipboard.writeText(text);
     } catch {
-      copyBySelection(content.copy);
+      copyBySelection(text);
     }
     button.textContent = "Copied";
-    setTimeout(() => { button.textContent = "Copy the parameters"; }, 2000);
+    setTimeout(() => { button.textContent = words; }, 2000);
   });
 }
 
@@ -309,7 +367,8 @@ function setUpView() {
 }
 
 drawChecks();
-setUpCopy();
+setUpCopy(byId("copy"), content.copy);
+if (content.copyMaterial) setUpCopy(byId("copy-material"), content.copyMaterial);
 setUpTables();
 setUpLarge();
 if (content.model) setUpSliders();

@@ -16,10 +16,11 @@ from repose.calibrate.designs.settings import DesignSettings
 from repose.calibrate.runs import error_of
 from repose.calibrate.targets import Target
 from repose.calibrate.uncertainty.posterior import LARGEST_R_HAT
-from repose.common.files import read_json
+from repose.common.files import read_json, read_table
 from repose.measure.angles import MEAN_KEYS
 from repose.measure.settings import line_for, line_of
 from repose.report.page import captions
+from repose.report.page.material import law_table, material_table
 from repose.report.page.pictures import EmbeddedPicture, embed_known
 from repose.report.page.prediction import has_network
 from repose.report.page.study import Results
@@ -28,6 +29,20 @@ from repose.report.page.templates import cell_text
 from repose.report.page.verdict import VerdictText, checks_of, percent_text, verdict_of
 from repose.report.study_view import parameter_ranges
 from repose.stages.card import read as read_card
+
+# Share of a parameter's range from which on an interval does not determine it.
+NOT_DETERMINED = 0.9
+# Quantities of the drum by their keys, and their units.
+DRUM_QUANTITIES = {
+    "before_turned_deg": "deg",
+    "before_time_s": "s",
+    "before_surface_deg": "deg",
+    "after_surface_deg": "deg",
+    "report_turned_deg": "deg",
+    "report_surface_deg": "deg",
+}
+
+SLIP_KEYS = ("before_turned_deg", "report_turned_deg")
 
 
 @dataclass(frozen=True)
@@ -38,6 +53,8 @@ class AnswerSection:
     verdict: VerdictText
     impossible_targets: list[str]
     origin: str
+    determination: str  # empty without intervals
+    sets_inside: str  # how little it says that a set meets the targets
     nearness: str  # empty if the answer was not simulated again
     near_bounds: str  # empty where no parameter is near a bound
     table: Table
@@ -55,6 +72,22 @@ class CheckSection:
     has_view: bool  # of the pile in 3-D
     pile_pictures: list[EmbeddedPicture]
     checked_sets: Table | None
+    has_published_sets: bool  # in the table of the checked sets
+
+
+class MaterialSection(NamedTuple):
+    """What another program needs to simulate the answer."""
+
+    values: Table
+    laws: Table
+
+
+class DrumSection(NamedTuple):
+    """The answer in the rotating drum."""
+
+    comparison: str  # with the article; empty without published sets
+    table: Table
+    figures: list[EmbeddedPicture]
 
 
 class OtherParametersSection(NamedTuple):
@@ -84,6 +117,8 @@ def answer(study: Results) -> AnswerSection:
         verdict=verdict_of(study),
         impossible_targets=impossible_targets(study.files),
         origin=_origin(study),
+        determination=_determination(study),
+        sets_inside=_sets_inside(study),
         nearness=_nearness(study),
         near_bounds=_near_bounds(study),
         table=_parameter_table(study),
@@ -111,6 +146,44 @@ def _origin(study: Results) -> str:
     if study.origin.get("commit"):
         commit = f", commit {study.origin['commit']}"
     return f"Results of {study.date}, by repose {version}{commit}, on {processor}."
+
+
+def _determination(study: Results) -> str:
+    """Say how many parameters the measurements determine; empty without intervals."""
+    if study.posterior is None:
+        return ""
+    shares = study.posterior["width_ratio"]
+    n_parameters = len(shares)
+    n_determined = int((shares < NOT_DETERMINED).sum())
+    narrowest = 100 * min(shares.min(), 1.0)
+    if n_determined == 0:
+        return (
+            f"The measurements determine none of the {n_parameters} parameters: each "
+            f"95 % interval covers {narrowest:.0f} % or more of what was possible before."
+        )
+    return (
+        f"The measurements narrow {n_determined} of the {n_parameters} parameters: the "
+        f"narrowest 95 % interval covers {narrowest:.0f} % of what was possible before."
+    )
+
+
+def _sets_inside(study: Results) -> str:
+    """Say how many simulated samples meet all targets, and how far apart they are."""
+    samples = study.samples
+    is_inside = np.ones(len(samples), bool)
+    for target in study.targets:
+        is_inside &= samples[target.name].between(target.low, target.high)
+    inside = samples[is_inside]
+    if len(inside) < 2:
+        return ""
+    shares = {}
+    for name, (low, high) in parameter_ranges(study.parameters).items():
+        shares[name] = np.ptp(inside[name]) / (high - low)
+    widest = max(shares, key=shares.__getitem__)
+    return (
+        f"{len(inside)} of the {len(samples)} simulated samples already lie inside all "
+        f"target ranges; they span {100 * shares[widest]:.0f} % of the range of {widest}."
+    )
 
 
 def _nearness(study: Results) -> str:
@@ -164,7 +237,7 @@ def _parameter_row(study: Results, name: str, value: float) -> list[str]:
         )
         interval_cells = [
             f"{interval['low']:.3g} to {interval['high']:.3g}",
-            f"{100 * row['width_ratio']:.0f} %",
+            _share_left_open(row["width_ratio"]),
         ]
     low, high = parameter_ranges(parameters)[name]
     searched = f"{low:.3g} to {high:.3g}"
@@ -172,6 +245,35 @@ def _parameter_row(study: Results, name: str, value: float) -> list[str]:
     sets_found = f"{values_of_sets.min():.3g} to {values_of_sets.max():.3g}"
     meaning = with_remark(label, interval)
     return [name, meaning, f"{value:.4g}", *interval_cells, searched, sets_found]
+
+
+def _share_left_open(share: float) -> str:
+    """Write how much of a parameter's range its 95 % interval leaves open.
+
+    The intervals are estimated, so the share can pass 1 by a little.
+    """
+    percent = f"{100 * min(share, 1.0):.0f} %"
+    return f"{percent}: not determined" if share >= NOT_DETERMINED else percent
+
+
+# --- The material ---------------------------------------------------------------------
+
+
+def material(study: Results) -> MaterialSection | None:
+    """Describe the material and the laws; None without the card of a simulated study."""
+    if "card" not in study.files:
+        return None
+    card = read_card(study.files["card"])
+    if "laws" not in card:
+        return None
+    if "simulation" not in card and study.settings is not None:
+        # Cards of earlier versions have neither gravity nor time step.
+        simulation = study.settings.simulation
+        card["simulation"] = {
+            "gravity_m_s2": simulation.gravity_m_s2,
+            "time_step_s": simulation.time_step_s,
+        }
+    return MaterialSection(values=material_table(card), laws=law_table(card))
 
 
 # --- The check ------------------------------------------------------------------------
@@ -186,6 +288,7 @@ def check(study: Results) -> CheckSection:
         has_view="trajectory" in study.files,
         pile_pictures=embed_known(study.files, captions.PILE_PICTURES),
         checked_sets=_table_of_checked_sets(study),
+        has_published_sets=len(study.published_sets) > 0,
     )
 
 
@@ -251,37 +354,107 @@ def _table_of_angle_definitions(study: Results) -> Table | None:
 
 
 def _table_of_checked_sets(study: Results) -> Table | None:
-    """Tabulate the sets that were simulated again; None for the answer alone."""
+    """Tabulate the sets that were simulated again; None for the answer alone.
+
+    The rows of published sets follow, with the numbers that were published of them.
+    """
     if len(study.checked_sets) < 2:
         return None
-    columns = ["set", "role", "runs"]
+    columns = ["set", "role", "runs", *study.parameters.names]
     for response in study.targets.responses:
         unit = response.unit or "–"
         columns.append(f"{response.symbol} predicted ({unit})")
         if response.optimism in study.checked_sets:
             columns.append(f"expected optimism ({unit})")
         columns.append(f"{response.symbol} simulated ({unit})")
-    rows = []
-    for _, row in study.checked_sets.iterrows():
-        cells = [row.get("solution"), row.get("role"), row.get("n_seeds")]
-        for response in study.targets.responses:
-            cells.append(row[response.predicted])
-            if response.optimism in study.checked_sets:
-                optimism = row[response.optimism]
-                error = row[response.optimism_error]
-                cells.append(_mean_with_error(optimism, error))
-            simulated = row.get(response.simulated)
-            error = row.get(response.error)
-            cells.append(_mean_with_error(simulated, error))
-        rows.append(cells)
-    return Table(columns, rows, style="sets")
+        columns.append(f"{response.symbol} error (%)")
+    rows = [_row_of_set(study, row) for _, row in study.checked_sets.iterrows()]
+    for _, row in study.published_sets.iterrows():
+        published = row.copy()
+        published["role"] = "published"
+        if row["solution"] == "representative":
+            published["solution"] = ""
+            published["role"] = "published answer"
+        rows.append(_row_of_set(study, published, missing="not published"))
+    n_published = len(study.published_sets)
+    return Table(columns, rows, style="sets", screen_rows=n_published)
 
 
-def _mean_with_error(mean: float | None, error: float | None, unit: str = "") -> str:
-    """Write a mean with its standard error."""
+def _row_of_set(
+    study: Results, row: pd.Series, missing: str = "no result"
+) -> list[Any]:
+    """Give the row of one parameter set; `missing` stands for a simulated response."""
+    cells = [row.get("solution"), row.get("role"), row.get("n_seeds")]
+    cells += [f"{row[name]:.3g}" for name in study.parameters.names]
+    for response in study.targets.responses:
+        predicted = row.get(response.predicted)
+        simulated = row.get(response.simulated)
+        cells.append(predicted)
+        if response.optimism in study.checked_sets:
+            cells.append(
+                _mean_with_error(
+                    row.get(response.optimism),
+                    row.get(response.optimism_error),
+                    missing="",
+                )
+            )
+        cells.append(
+            _mean_with_error(simulated, row.get(response.error), missing=missing)
+        )
+        cells.append(_error_percent(predicted, simulated))
+    return cells
+
+
+def _error_percent(predicted: float | None, simulated: float | None) -> str:
+    """Write the error of a prediction in percent of the simulated value."""
+    if predicted is None or simulated is None:
+        return ""
+    percent = 100 * abs(predicted - simulated) / abs(simulated) if simulated else np.nan
+    return f"{percent:.2f}" if np.isfinite(percent) else ""
+
+
+def _mean_with_error(
+    mean: float | None,
+    error: float | None,
+    unit: str = "",
+    missing: str = "no result",
+) -> str:
+    """Write a mean with its standard error, if it has one; `missing` without a mean."""
     if mean is None or pd.isna(mean):
-        return "no result"
-    return f"{mean:.4g} ± {error or 0:.2g}{unit}"
+        return missing
+    is_rounding_error = error is not None and error < 1e-9 * abs(mean)
+    if error is None or pd.isna(error) or is_rounding_error:
+        return f"{mean:.4g}{unit}"
+    return f"{mean:.4g} ± {error:.2g}{unit}"
+
+
+# --- The drum -------------------------------------------------------------------------
+
+
+def drum(study: Results) -> DrumSection | None:
+    """Describe the check in the drum; None for a study without it."""
+    if "drum_summary" not in study.files:
+        return None
+    summary = read_table(study.files["drum_summary"], ("quantity", "key", "mean"))
+    summary = summary.set_index("key")
+    rows = []
+    for key, unit in DRUM_QUANTITIES.items():
+        if key in summary.index:
+            row = summary.loc[key]
+            mean = _mean_with_error(row["mean"], row["standard_error"], f" {unit}")
+            rows.append([row["quantity"], mean, f"{row['runs']:.0f}"])
+    comparison = ""
+    if len(study.published_sets) and {*SLIP_KEYS} <= set(summary.index):
+        slip_deg, report_deg = summary.loc[list(SLIP_KEYS), "mean"]
+        comparison = (
+            f"The article's run ends when its drum has turned by {report_deg:.0f}°, and "
+            f"it shows the bed after a slip. Here the bed first slips at {slip_deg:.0f}°."
+        )
+    return DrumSection(
+        comparison=comparison,
+        table=Table(["quantity", "simulated", "runs"], rows, style="drum"),
+        figures=embed_known(study.files, captions.DRUM_FIGURES),
+    )
 
 
 # --- Other parameters, the method, the tables -----------------------------------------
@@ -362,7 +535,9 @@ def template_values(
     """Give the sections by the names that the templates have for them."""
     return {
         "answer": answer(study),
+        "material": material(study),
         "check": check(study),
+        "drum": drum(study),
         "other_parameters": other_parameters(study),
         "method": method(study),
         "tables": folded_tables(tables),

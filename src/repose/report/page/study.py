@@ -46,6 +46,8 @@ OPTIONAL = (
     "photograph",
     "overlay",
     "card",
+    "published",
+    "drum_summary",
 )
 POSTERIOR_COLUMNS = (
     "parameter",
@@ -90,6 +92,8 @@ class Results:
         with a simulator of the user's own.
     files
         Paths of the files by name; figures in memory take the place of paths.
+    published_sets
+        Parameter sets of a publication, with its predicted and simulated responses.
     captions
         Captions of the figures by name.
     """
@@ -111,6 +115,7 @@ class Results:
     origin: Mapping[str, Any]
     settings: "StudySettings | None" = None
     files: Mapping[str, Any] = field(default_factory=dict)
+    published_sets: pd.DataFrame = field(default_factory=pd.DataFrame)
     captions: Mapping[str, str] = field(default_factory=lambda: captions.STUDY_FIGURES)
 
     @property
@@ -184,12 +189,19 @@ def read(config: Config, jobs: Sequence[str], files: Files) -> Results:
         origin=attached.read(files["table4"]) or provenance.machine(),
         settings=study.settings,
         files=files,
+        published_sets=_read_published_sets(files),
     )
 
 
 def _check_names(files: Files) -> None:
     """Raise InputError for a file of a name that no report knows."""
-    known = (*REQUIRED, *REQUIRED_WITHOUT_STEPS, *OPTIONAL, *captions.STUDY_FIGURES)
+    known = (
+        *REQUIRED,
+        *REQUIRED_WITHOUT_STEPS,
+        *OPTIONAL,
+        *captions.STUDY_FIGURES,
+        *captions.DRUM_FIGURES,
+    )
     for name in files:
         if name not in known:
             raise InputError("report", "--input", name, f"one of {', '.join(known)}")
@@ -216,6 +228,13 @@ def _read_posterior(files: Files) -> pd.DataFrame | None:
     if "posterior" not in files:
         return None
     return read_table(files["posterior"], POSTERIOR_COLUMNS).set_index("parameter")
+
+
+def _read_published_sets(files: Files) -> pd.DataFrame:
+    """Read the published parameter sets; an empty table without them."""
+    if "published" not in files:
+        return pd.DataFrame()
+    return read_table(files["published"], ("solution", *PARAMETERS))
 
 
 def _surrogate(

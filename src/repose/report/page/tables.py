@@ -1,6 +1,6 @@
 """Tables of the report."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,12 +17,18 @@ class Table:
     """A table of the page.
 
     `style` is its class in the style sheet; a table of the class `sorts` sorts by the
-    column whose head is clicked.
+    column whose head is clicked. The last `screen_rows` rows are not printed.
     """
 
     columns: Sequence[str]
     rows: Sequence[Sequence[Any]]
     style: str = "sorts"
+    screen_rows: int = 0
+
+    def row_class(self, number: int) -> str:
+        """Give the class of a row, numbered from 0, or an empty text."""
+        is_printed = number < len(self.rows) - self.screen_rows
+        return "" if is_printed else "screen"
 
     def column_class(self, column: str) -> str:
         """Give the class of a column's cells in the style sheet, or an empty text."""
@@ -44,3 +50,12 @@ def folded_table(title: str, frame: pd.DataFrame) -> FoldedTable:
     columns = [str(column) for column in frame.columns]
     rows = frame.astype(object).where(frame.notna(), None).values.tolist()
     return FoldedTable(f"{title} ({len(frame)} rows)", Table(columns, rows))
+
+
+def tables_as_text(tables: Iterable[Table]) -> str:
+    """Write tables of words as lines with tabs, which a spreadsheet can read."""
+    lines = []
+    for table in tables:
+        lines.append("\t".join(table.columns))
+        lines += ["\t".join(row) for row in table.rows]
+    return "\n".join(lines) + "\n"

@@ -10,6 +10,7 @@ from repose.calibrate.answer import (
     Check,
     Result,
     Verdict,
+    describe_optimism,
     in_one_line,
     out_of_reach,
 )
@@ -104,7 +105,28 @@ def probability_text(study: Results) -> str:
             sentences.append(
                 f"Within {percent:g} % of the {targets}: {percent_text(within)}."
             )
+    if n_runs is None:
+        sentences.append(_optimism_text(study))
     return " ".join(sentences)
+
+
+def _optimism_text(study: Results) -> str:
+    """Say how much too favourable the predictions of the answer are expected to be."""
+    clauses = []
+    for target in study.targets:
+        response = target.response
+        optimism = study.number(response.optimism)
+        if optimism is not None:
+            error = study.number(response.optimism_error)
+            words = describe_optimism(optimism, error)
+            clauses.append(f"{response.label}: {words} {response.unit}".rstrip())
+    if not clauses:
+        return (
+            "The expected optimism of this prediction was not computed: the search takes "
+            "places where the error of the surrogate helps, so the true probability is "
+            "mostly lower."
+        )
+    return f"This does not count the expected optimism ({'; '.join(clauses)})."
 
 
 def _responses_lie(n_targets: int) -> str:

@@ -1,0 +1,80 @@
+"""The material, the contacts and the simulation as values for another program."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+from repose.report.page.tables import Table
+
+# The directions of a grain's principal axes, the longest first.
+AXES = ("x", "y", "z")
+
+
+class Value(NamedTuple):
+    """A value to enter into another program."""
+
+    name: str
+    value: float
+    unit: str = "–"
+
+
+def material_table(card: Mapping[str, Any]) -> Table:
+    """Tabulate the values that another program needs, in SI units.
+
+    Parameters
+    ----------
+    card : mapping
+        The content of a material card of a study that repose simulated.
+    """
+    values = [
+        *_grain_values(card["grain"]),
+        *_wall_values(card["wall"]),
+        *_contact_values(card["parameters"]),
+        *_simulation_values(card.get("simulation", {})),
+    ]
+    rows = [[value.name, f"{value.value:.6g}", value.unit] for value in values]
+    return Table(["quantity", "value", "unit"], rows, style="material")
+
+
+def law_table(card: Mapping[str, Any]) -> Table:
+    """Tabulate the contact laws by name."""
+    rows = [[name, law] for name, law in card["laws"].items()]
+    return Table(["law", "description"], rows, style="laws")
+
+
+def _grain_values(grain: Mapping[str, Any]) -> Iterator[Value]:
+    """Give density, elastic constants, size, mass and moments of a grain."""
+    yield Value("grain: density", grain["density_kg_m3"], "kg/m³")
+    yield Value("grain: Young's modulus", grain["elastic_modulus_pa"], "Pa")
+    yield Value("grain: shear modulus", grain["shear_modulus_pa"], "Pa")
+    yield Value("grain: Poisson's ratio", grain["poisson_ratio"])
+    for axis, length_mm in zip(AXES, grain["mean_axes_mm"], strict=True):
+        yield Value(f"grain: length along {axis}", 1e-3 * length_mm, "m")
+    yield Value("grain: volume", 1e-9 * grain["volume_mm3"], "m³")
+    yield Value("grain: mass", 1e-3 * grain["mass_g"], "kg")
+    # Cards of earlier versions have no moments.
+    for axis, moment in zip(AXES, grain.get("inertia_kg_m2", ()), strict=False):
+        yield Value(f"grain: moment of inertia about {axis}", moment, "kg m²")
+
+
+def _wall_values(wall: Mapping[str, Any]) -> Iterator[Value]:
+    """Give the elastic constants of the walls."""
+    shear_modulus_pa = wall["shear_modulus_pa"]
+    poisson_ratio = wall["poisson_ratio"]
+    young_modulus_pa = 2 * shear_modulus_pa * (1 + poisson_ratio)
+    yield Value("wall: Young's modulus", young_modulus_pa, "Pa")
+    yield Value("wall: shear modulus", shear_modulus_pa, "Pa")
+    yield Value("wall: Poisson's ratio", poisson_ratio)
+
+
+def _contact_values(parameters: Mapping[str, Any]) -> Iterator[Value]:
+    """Give the contact parameters of the answer."""
+    for name, parameter in parameters.items():
+        # The meaning of a parameter with a unit names the unit.
+        yield Value(f"{parameter['meaning']} ({name})", parameter["value"], unit="")
+
+
+def _simulation_values(simulation: Mapping[str, float]) -> Iterator[Value]:
+    """Give gravity and time step; cards of earlier versions have neither."""
+    if simulation:
+        yield Value("gravity, along -z", simulation["gravity_m_s2"], "m/s²")
+        yield Value("time step", simulation["time_step_s"], "s")
