@@ -35,9 +35,10 @@ def sizes_and_sphericity(inputs: Inputs, study: StudyView) -> Figure:
     The axes are columns of the table of sizes; the sphericity is computed from them
     (Eq. 1 and Table 1 of the paper).
 
-    Figure 2. Sizes of the grains, with the normal curves of their means and standard
-    deviations. Where the table of sizes says so in its first line, it is a
-    reconstruction from published statistics and was not measured.
+    Figure 2. How large and how round are the grains? Their sizes, with the normal
+    curves of their means and standard deviations. Where the table of sizes says so in
+    its first line, it is a reconstruction from published statistics and was not
+    measured.
     """
     sizes = berry.read_sizes(inputs["sizes"])
     figure, histogram_panels = panels.grid(4, 2.1, columns=4, sharey=True)
@@ -108,7 +109,8 @@ def _draw_histogram(
 def particle_and_mesh(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the mesh and each kind of particle made from it, on the same scale.
 
-    Figure 7. The grain: its mesh, and the particle that the simulator makes of the mesh.
+    Figure 7. How well does the simulated particle follow the grain? The mesh of the
+    grain, and each kind of particle made from it, with its distance from the mesh.
     """
     # Slow to import, and the other figures do without.
     from repose.grain.mesh import load_mesh

@@ -37,7 +37,8 @@ def over_the_discrepancy(inputs: Inputs, study: StudyView) -> Figure:
     Rows of the table whose `evidence` is ``stated`` have an assumed discrepancy; the
     others come from the shape study.
 
-    Information of the measurements on the parameters, over the discrepancy: the error
+    What do the measurements say if the simulator itself is off? Information of the
+    measurements on the parameters, over the discrepancy: the error
     that the simulator has with the best parameters, too. Above the information; below
     the 95 % interval of each parameter in its range. Where a shape study is given, its
     spread of plausible models is marked.

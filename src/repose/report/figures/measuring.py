@@ -41,10 +41,10 @@ BACKGROUND_GREY = 255
 def definitions(inputs: Inputs, study: StudyView) -> Figure:
     """Draw every definition on one view of a pile, and its values in all views.
 
-    The definitions of the angle of repose on the pile of the representative solution:
-    their lines in one side view, and the angle that each gives in all views. The study
-    calibrates the definition {measure[response]}; ``repose docs measurement`` compares
-    them.
+    How much does the angle depend on its definition? All definitions on the pile of the
+    representative solution: their lines in one side view, and the angle that each gives
+    in all views. The study calibrates the definition {measure[response]}; ``repose docs
+    measurement`` compares them.
     """
     settings = study.settings.measure.for_grain(read_grain(inputs["berry"]))
     pour = first_pour(inputs["heap"])

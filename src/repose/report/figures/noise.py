@@ -31,8 +31,9 @@ def noise_floor(inputs: Inputs, study: StudyView) -> Figure:
     `runs` has a row for each run, `seeds` the standard error and the reachable R2 for
     each number of seeds, `noise` the standard deviations of each response.
 
-    Runs of the same parameters and runs of others, and the standard error that a number
-    of seeds buys. ``noise.json`` has the correlation of the responses within samples.
+    How many seeds does a mean need? Runs of the same parameters and runs of others, and
+    the standard error that a number of seeds buys. ``noise.json`` has the correlation
+    of the responses within samples.
     """
     targets = study.targets
     runs = read_table(inputs["runs"], ("sample", "status", *targets.names))

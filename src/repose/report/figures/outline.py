@@ -43,8 +43,8 @@ class Outline(NamedTuple):
 def outline_and_measurement(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the outlines of a simulated pile over the measured height and slope.
 
-    Does the simulated pile look like the measured one? The outlines of the first pour of
-    the answer in all views, with their mean, over the measured numbers at the same
+    Does the simulated pile look like the measured one? The outlines of the first pour
+    of the answer in all views, with their mean, over the measured numbers at the same
     scale: the measured height, and the measured slope through each flank, each with the
     standard deviation of a repetition. The measurement gives no width, so the lines of
     the slope are drawn through the middle of the simulated flanks.

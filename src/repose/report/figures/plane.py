@@ -81,11 +81,12 @@ def planes(inputs: Inputs, study: StudyView) -> Figure:
     The samples are the rows of `dataset`, `pool` and `fresh` with the status ok, the
     solutions those of `feasible`, the answer the row of `table4` with its role.
 
-    Can the simulated piles meet the targets together, and does the answer? All samples with their standard errors, and of the pool
-    if it was poured; the target ranges; the mean of the measured piles with its
-    standard error; the predictions of the solutions that the search lists; and the
-    answer, as predicted and as simulated with fresh seeds, with its standard error. The
-    second panel of each pair enlarges the target ranges.
+    Can the simulated piles meet the targets together, and does the answer? All samples
+    with their standard errors, and of the pool if it was poured; the target ranges; the
+    mean of the measured piles with its standard error; the predictions of the solutions
+    that the search lists; and the answer, as predicted and as simulated with fresh
+    seeds, with its standard error. The second panel of each pair enlarges the target
+    ranges.
     """
     targets = without_profiles(study.targets)
     sample_columns = ("status", *targets.names, *targets.errors)

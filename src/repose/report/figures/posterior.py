@@ -388,9 +388,10 @@ def _legend_handles(
 def intervals(inputs: Inputs, study: StudyView) -> Figure:
     """Draw credible intervals in the parameters' ranges.
 
-    Does the pile determine the parameters? Credible intervals of the free parameters with
-    the published intervals and the intervals of the feasible solutions, as parts of the
-    parameter's range. An interval that covers the whole range determines nothing.
+    Does the pile determine the parameters? Credible intervals of the free parameters
+    with the published intervals and the intervals of the feasible solutions, as parts
+    of the parameter's range. An interval that covers the whole range determines
+    nothing.
     """
     table = read_table(inputs["posterior"], ("parameter", "credible_low", "miga_low"))
     figure = style.new_figure(style.PAGE, 3.3)

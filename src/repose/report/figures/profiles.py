@@ -27,9 +27,10 @@ def profiles(inputs: Inputs, study: StudyView) -> Figure:
     The scores of a profile are the columns of `table4` for its targets, as predicted
     and as simulated, with their standard error.
 
-    Profiles among the targets: the measured heights with their standard deviation, the
-    profile that is predicted for the answer, and the profile that is simulated with
-    fresh seeds, with its standard error. Lines are the smooth profiles of the scores.
+    Does the answer have the measured profile? The measured heights with their standard
+    deviation, the profile that is predicted for the answer, and the profile that is
+    simulated with fresh seeds, with its standard error. Lines are the smooth profiles
+    of the scores.
     """
     targets = study.targets
     scores = [target.response for target in targets if target.profile]

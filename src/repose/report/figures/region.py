@@ -60,11 +60,12 @@ def not_excluded(inputs: Inputs, study: StudyView) -> Figure:
 
     `region` has a row for each cell of each pair of parameters.
 
-    The region of parameters that the measurements do not exclude (history matching),
-    projected on each pair of parameters. Below the diagonal the misfit (minimum
-    implausibility): how many standard deviations the worst response lies from its
-    measurement at the best values of all other parameters. Above it the share of
-    parameter sets still possible (optical depth): those whose misfit is below three.
+    Which parameters do the measurements exclude? The region of parameters that the
+    measurements do not exclude (history matching), projected on each pair of
+    parameters. Below the diagonal the misfit (minimum implausibility): how many
+    standard deviations the worst response lies from its measurement at the best values
+    of all other parameters. Above it the share of parameter sets still possible
+    (optical depth): those whose misfit is below three.
     """
     table = read_table(inputs["region"], COLUMNS)
     summary = read_json(inputs["summary"], ("not_implausible_share",))

@@ -38,8 +38,8 @@ EFFECT_COLUMNS = (
     "Pareto chart of the screening",
     {"effects": "response_surface/screening_effects.csv"},
     caption=(
-        "Standardised effects of the Plackett-Burman screening. A parameter goes on "
-        "where its bar passes the dashed line."
+        "Which parameters matter? Standardised effects of the Plackett-Burman "
+        "screening. A parameter goes on where its bar passes the dashed line."
     ),
     reads=("targets",),
     folder=FOLDER,
@@ -50,8 +50,8 @@ EFFECT_COLUMNS = (
     "Pareto chart of the surface",
     {"effects": "response_surface/surface_effects.csv"},
     caption=(
-        "Standardised effects of the response surface: single parameters, products of "
-        "two, squares."
+        "Which terms of the surface matter? Standardised effects: single parameters, "
+        "products of two, squares."
     ),
     reads=("targets",),
     folder=FOLDER,
@@ -107,8 +107,8 @@ def perturbation(inputs: Inputs, study: StudyView) -> Figure:
 
     The surfaces are fitted to `samples` and their responses in `dataset`.
 
-    Each response over one parameter after the other, the others at the centre of the
-    design; grey: the target.
+    How does a response change with one parameter alone? Each response over one
+    parameter after the other, the others at the centre of the design; grey: the target.
     """
     targets = study.targets
     models = _fit_models(inputs, targets)
@@ -144,8 +144,8 @@ def contours(inputs: Inputs, study: StudyView) -> Figure:
 
     The surfaces are fitted to `samples` and their responses in `dataset`.
 
-    Each response over every pair of parameters, the others at the optimum (star); the
-    black line is the target.
+    Where is the target met? Each response over every pair of parameters, the others at
+    the optimum (star); the black line is the target.
     """
     targets = study.targets
     models = _fit_models(inputs, targets)

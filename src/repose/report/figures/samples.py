@@ -27,8 +27,9 @@ def design_matrix(inputs: Inputs, study: StudyView) -> Figure:
     `samples` has a column for each parameter; `comparison` has the smallest distance of
     two samples by each method of design.
 
-    The design ({design[method]}): every pair of parameters. Each parameter has one
-    sample in each of {design[samples]} equal strata of its range.
+    Do the samples fill the ranges? The design ({design[method]}): every pair of
+    parameters. Each parameter has one sample in each of {design[samples]} equal strata
+    of its range.
     """
     names = study.parameters.free
     ranges = parameter_ranges(study.parameters)
@@ -89,9 +90,10 @@ def responses_over_parameters(inputs: Inputs, study: StudyView) -> Figure:
     `dataset` has a row for each sample: its status, parameters and responses with their
     standard errors.
 
-    Responses of the samples over each parameter, with their rank correlation. The goji
-    berry's angle falls with the friction between berries: such piles pack more loosely,
-    and the same berries need a wider foot (``repose docs uncertainty``, Sensitivity).
+    Which parameters move the responses? Responses of the samples over each parameter,
+    with their rank correlation. The goji berry's angle falls with the friction between
+    berries: such piles pack more loosely, and the same berries need a wider foot
+    (``repose docs uncertainty``, Sensitivity).
     """
     targets = study.targets
     parameters = study.parameters

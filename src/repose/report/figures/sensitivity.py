@@ -23,8 +23,8 @@ from .registry import Inputs, StudyView, figure
 def sobol_indices(inputs: Inputs, study: StudyView) -> Figure:
     """Draw a pair of bars for each parameter, in a panel for each response.
 
-    First-order and total Sobol indices of each response of the surrogate, with 95 %
-    bootstrap intervals.
+    Which parameters explain the variance of the responses? First-order and total Sobol
+    indices of each response of the surrogate, with 95 % bootstrap intervals.
     """
     targets = study.targets
     table = read_table(inputs["sobol"], ("response", "parameter", "first", "total"))
@@ -87,10 +87,11 @@ def main_effects(inputs: Inputs, study: StudyView) -> Figure:
     `effects` has the mean of the surrogate at values of each parameter, `dataset` the
     samples, `sobol` the indices.
 
-    Each response over each free parameter: the mean of the surrogate over the other
-    parameters. Points are the simulated samples. The goji berry's angle falls with the
-    friction between berries: such piles pack more loosely, and the same berries need a
-    wider foot (``repose docs uncertainty``, Sensitivity).
+    In which direction does each parameter act? Each response over each free parameter:
+    the mean of the surrogate over the other parameters. Points are the simulated
+    samples. The goji berry's angle falls with the friction between berries: such piles
+    pack more loosely, and the same berries need a wider foot (``repose docs
+    uncertainty``, Sensitivity).
     """
     targets = study.targets
     parameters = study.parameters

@@ -25,13 +25,13 @@ def sequential(inputs: Inputs, study: StudyView) -> Figure:
 
     `batches` has a row for each batch of pours, `check` a row for each response.
 
-    How the answer became certain. Left the probability that the best point meets all
-    targets within the tolerance, after each batch of pours; dotted, the most that the
-    pours left can make of it; squares, the probability that any parameter set meets
-    them. Beside it: the responses predicted at the best point, with one standard error,
-    in percent off the target; the band is the tolerance. The filled point at the end is
-    the answer simulated again with fresh seeds, with the standard error of its mean. It
-    took no part in finding the answer.
+    How certain did the answer become, and after how many pours? Left the probability
+    that the best point meets all targets within the tolerance, after each batch of
+    pours; dotted, the most that the pours left can make of it; squares, the probability
+    that any parameter set meets them. Beside it: the responses predicted at the best
+    point, with one standard error, in percent off the target; the band is the
+    tolerance. The filled point at the end is the answer simulated again with fresh
+    seeds, with the standard error of its mean. It took no part in finding the answer.
     """
     targets = study.targets
     settings = study.settings.sequential

@@ -256,12 +256,12 @@ def predicted_against_simulated(inputs: Inputs, study: StudyView) -> Figure:
     `predictions` has the split, the simulated and the predicted responses of each
     sample, `dataset` their standard errors.
 
-    Figure 13. Does the surrogate predict samples that it has not seen? Predicted against
-    simulated responses, on equal axes. Samples without a result are left out. A mean of
-    few pours scatters about its true value, so no model can be nearer to the line than
-    that scatter: the figure gives the R2 and the RMSE of a perfect model beside those of
-    the surrogate. The parts are predicted by the training part's fit, new points, where
-    they were poured, by the final one.
+    Figure 13. Does the surrogate predict samples that it has not seen? Predicted
+    against simulated responses, on equal axes. Samples without a result are left out. A
+    mean of few pours scatters about its true value, so no model can be nearer to the
+    line than that scatter: the figure gives the R2 and the RMSE of a perfect model
+    beside those of the surrogate. The parts are predicted by the training part's fit,
+    new points, where they were poured, by the final one.
     """
     targets = study.targets
     table = read_table(

@@ -52,8 +52,8 @@ DIMENSION_FONT_SIZE = 6.5
 def simulated_pile(inputs: Inputs, study: StudyView) -> Figure:
     """Draw a shaded picture of the first pour of the file.
 
-    Figure 5. Pile of the representative solution, simulated: the counterpart of the
-    photographed pile.
+    Figure 5. What does the simulated pile look like? Pile of the representative
+    solution: the counterpart of the photographed pile.
     """
     # Slow to import, and the other figures here do without.
     from repose.report.renderer.render import render_pile
@@ -103,10 +103,10 @@ def simulated_pile(inputs: Inputs, study: StudyView) -> Figure:
 def measurement(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the steps of the measurement (section 2.3 of the paper).
 
-    Figure 6. Measurement of that pile in one side view: grey picture, threshold, edge,
-    and boundary (yellow) with the Height (blue), the line of the left flank (red) and of
-    the right one (green), each with its angle. The title names the line. The tables take
-    the mean over {measure[views]} view(s).
+    Figure 6. How is a pile measured? The steps on that pile in one side view: grey
+    picture, threshold, edge, and boundary (yellow) with the Height (blue), the line of
+    the left flank (red) and of the right one (green), each with its angle. The title
+    names the line. The tables take the mean over {measure[views]} view(s).
     """
     from repose.measure.photographs import drawing  # slow to import
 
@@ -196,8 +196,8 @@ def apparatus(inputs: Inputs, study: StudyView) -> Figure:
 
     `trajectory` has the places of the grains over the time.
 
-    Figure 8. Virtual test bench to scale, halfway through the pour: the place where
-    grains are made, funnel and plate.
+    Figure 8. How is a pile poured? The virtual test bench to scale, halfway through the
+    pour: the place where grains are made, funnel and plate.
     """
     from repose.report.renderer.scenery import funnel_walls  # slow to import
 
