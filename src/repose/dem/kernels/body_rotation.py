@@ -260,7 +260,8 @@ def resistance_direction(l1, l2, l3, j1, j2, j3, momentum, budget):
     # The numerators J l and the terms B J of the denominators, divided by the speed
     # without resistance: the root s is then between 0 and 1.
     num1, num2, num3 = j1 * l1, j2 * l2, j3 * l3
-    unit = 1.0 / max(math.sqrt(squared_length(num1, num2, num3)), SLOWEST)
+    length = math.sqrt(num1 * num1 + num2 * num2 + num3 * num3)
+    unit = 1.0 / max(length, SLOWEST)
     num1, num2, num3 = unit * num1, unit * num2, unit * num3
     loss1, loss2, loss3 = unit * budget * j1, unit * budget * j2, unit * budget * j3
     # Begin with the higher one of two bounds of the root from below: by the budget along
@@ -279,9 +280,8 @@ def resistance_direction(l1, l2, l3, j1, j2, j3, momentum, budget):
         square2 = num2 * num2 * pair2 * pair2
         square3 = num3 * num3 * pair3 * pair3
         square = square1 + square2 + square3
-        excess = math.sqrt(square) - den1 * pair1
         slope = square1 * pair1 + square2 * pair2 + square3 * pair3
-        speed = max(speed + square * excess / slope, 0.0)
+        speed = max(speed + square * (math.sqrt(square) - den1 * pair1) / slope, 0.0)
     den1, den2, den3 = speed + loss1, speed + loss2, speed + loss3
     inverse = 1.0 / (den1 * den2 * den3)
     return (
@@ -327,22 +327,6 @@ def resist_rolling(scratch, motion, dt):
     return n_turning
 
 
-@inlined
-def frame_momentum(motion, lane, frame_x, frame_y, frame_z):
-    """Return the angular momentum of a lane's body if it turned with a frame.
-
-    (frame_x, frame_y, frame_z) is the frame's angular velocity; all is in world axes.
-    """
-    j1, j2, j3 = lane_vector(motion, INVERSE_MOMENTS, lane)
-    is_present = j1 > 0.0
-    # in the body's own axes the momentum is the angular velocity times the moments
-    x, y, z = into_body(motion, lane, frame_x, frame_y, frame_z)
-    x = x / j1 if is_present else 0.0
-    y = y / j2 if is_present else 0.0
-    z = z / j3 if is_present else 0.0
-    return into_world(motion, lane, x, y, z)
-
-
 @kernel
 def resist_rolling_in_frame(scratch, motion, dt, frame_x, frame_y, frame_z):
     """Apply rolling resistance relative to a frame that turns.
@@ -355,19 +339,22 @@ def resist_rolling_in_frame(scratch, motion, dt, frame_x, frame_y, frame_z):
         budget = dt * scratch[BUDGET + lane]
         j1, j2, j3 = lane_vector(motion, INVERSE_MOMENTS, lane)
         is_present = j1 > 0.0
-        # the angular momentum of a body that turns with the frame
-        rest_x, rest_y, rest_z = frame_momentum(motion, lane, frame_x, frame_y, frame_z)
+        # the angular momentum of a body that turns with the frame: in the body's own
+        # axes it is the angular velocity times the moments of inertia
+        x, y, z = into_body(motion, lane, frame_x, frame_y, frame_z)
+        x = x / j1 if is_present else 0.0
+        y = y / j2 if is_present else 0.0
+        z = z / j3 if is_present else 0.0
+        rest_x, rest_y, rest_z = into_world(motion, lane, x, y, z)
         # in the body's own axes: its momentum relative to the frame, and the direction
-        l1, l2, l3 = into_body(motion, lane, lx - rest_x, ly - rest_y, lz - rest_z)
-        square = squared_length(l1, l2, l3)
+        x, y, z = into_body(motion, lane, lx - rest_x, ly - rest_y, lz - rest_z)
+        square = x * x + y * y + z * z
         is_turning = (square > budget * budget) & is_present
-        n1, n2, n3 = resistance_direction(
-            l1, l2, l3, j1, j2, j3, math.sqrt(square), budget
-        )
-        nx, ny, nz = into_world(motion, lane, n1, n2, n3)
-        lx = lx - budget * nx if is_turning else rest_x
-        ly = ly - budget * ny if is_turning else rest_y
-        lz = lz - budget * nz if is_turning else rest_z
+        x, y, z = resistance_direction(x, y, z, j1, j2, j3, math.sqrt(square), budget)
+        x, y, z = into_world(motion, lane, x, y, z)
+        lx = lx - budget * x if is_turning else rest_x
+        ly = ly - budget * y if is_turning else rest_y
+        lz = lz - budget * z if is_turning else rest_z
         write_vector(motion, ANGULAR_MOMENTUM, lane, lx, ly, lz)
         omega_x, omega_y, omega_z = inverse_inertia_times(scratch, lane, lx, ly, lz)
         # a stopped body has the frame's angular velocity without rounding

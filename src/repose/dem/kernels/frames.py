@@ -94,13 +94,11 @@ def row_in_frame(row, parts, frame, local_row):
     if parts == SPHERES:
         local_row[st.SPHERE_RADIUS] = row[st.SPHERE_RADIUS]
     for part in range(parts):
+        # R' S: the three columns of S, each rotated into the frame
         first = SHAPE + PART * part
-        xx, xy, xz = vector_at(row, first)
-        yy, yz, zz = vector_at(row, first + 3)
-        # R' S: the three columns a, b, c of S, each rotated into the frame
-        ax, ay, az = into_frame(frame, xx, xy, xz)
-        bx, by, bz = into_frame(frame, xy, yy, yz)
-        cx, cy, cz = into_frame(frame, xz, yz, zz)
+        ax, ay, az = into_frame(frame, row[first], row[first + 1], row[first + 2])
+        bx, by, bz = into_frame(frame, row[first + 1], row[first + 3], row[first + 4])
+        cx, cy, cz = into_frame(frame, row[first + 2], row[first + 4], row[first + 5])
         # R' S R: the rows of R' S rotated; only the upper triangle is kept
         xx, xy, xz = into_frame(frame, ax, bx, cx)
         _yx, yy, yz = into_frame(frame, ay, by, cy)
