@@ -30,9 +30,10 @@ TINY = 1e-12
 
 
 def expected_loss(surrogate: Surrogate, X: np.ndarray, targets: Targets) -> np.ndarray:
-    """Compute the expected Eq. 11 of parameter sets.
+    """Compute the expected deviation of parameter sets from the targets (Eq. 11).
 
-    The true mean of each response is taken as normal about its prediction, so that its
+    The deviations of the responses, in widths of their ranges, are summed by weight. The
+    true mean of each response is taken as normal about its prediction, so that its
     absolute deviation from the target has a folded normal distribution.
 
     Parameters
@@ -51,7 +52,7 @@ def expected_loss(surrogate: Surrogate, X: np.ndarray, targets: Targets) -> np.n
     error = np.sqrt(variance)
     deviation = surrogate.predict(X) - targets.aim
     z = np.abs(deviation) / np.maximum(error, TINY)
-    # The mean of the folded normal distribution.
+    # The mean of the folded normal distribution, for each response.
     density_term = error * np.sqrt(2 / np.pi) * np.exp(-0.5 * z**2)
     mean_deviation = density_term + np.abs(deviation) * erf(z / np.sqrt(2))
     return mean_deviation @ (targets.weight / (targets.high - targets.low))

@@ -238,9 +238,16 @@ class Correlation(NamedTuple):
 def residual_correlation(
     first: ArrayLike, second: ArrayLike, groups: ArrayLike
 ) -> Correlation:
-    """Correlate two responses (n,) within samples.
+    """Correlate two responses within samples, from run to run.
 
     The interval is by Fisher's transformation.
+
+    Parameters
+    ----------
+    first, second : array_like, (n,)
+        The responses of each run.
+    groups : array_like, (n,)
+        The sample of each run.
 
     Raises
     ------
@@ -263,6 +270,7 @@ def residual_correlation(
     # The transformed correlation has variance 1 / (n - 3) for n - 1 degrees of freedom.
     # Within groups `freedom` stands for n - 1.
     half = stats.norm.ppf(0.5 + CONFIDENCE / 2) / math.sqrt(freedom - 2)
+    # A correlation of 1 would be infinite there.
     centre = math.atanh(min(max(correlation, -1 + 1e-12), 1 - 1e-12))
     return Correlation(
         value=correlation,

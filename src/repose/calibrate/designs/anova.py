@@ -148,6 +148,7 @@ def effects(model: Model) -> pd.DataFrame:
         of squares over the total.
     """
     table = anova(model).set_index("source")
+    # Standard errors of all coefficients; the first is the constant, which is no effect.
     errors = np.sqrt(model.variance * np.diag(model.inverse))
     estimates = pd.DataFrame(
         {

@@ -218,10 +218,12 @@ def _signs(means: np.ndarray) -> np.ndarray:
 
     They are those of the first principal component; the first response has +1.
     """
+    # Without two complete samples nothing is known of the signs.
     complete = means[np.isfinite(means).all(axis=1)]
     n_responses = means.shape[1]
     if n_responses == 1 or len(complete) < 2:
         return np.ones(n_responses)
+    # The first principal component is the direction of the largest common variation.
     sd = complete.std(axis=0)
     scaled = (complete - complete.mean(axis=0)) / np.where(sd > 0, sd, 1.0)
     _, _, components = np.linalg.svd(scaled, full_matrices=False)
