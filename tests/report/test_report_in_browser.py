@@ -296,7 +296,7 @@ def test_a_figure_opens_large_on_a_click_and_on_a_key_and_keys_turn_and_zoom_the
     np.testing.assert_array_equal(pixels(opened), start)
     button, large = opened.locator(".pictures button.enlarge"), opened.locator("#large")
     assert button.get_attribute("aria-label").startswith(
-        "Open large: All simulated samples"
+        "Open large: Can the simulated piles meet the targets"
     )
     assert not large.is_visible()
     for open_it in (button.click, lambda: button.press("Enter")):

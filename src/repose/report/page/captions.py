@@ -16,7 +16,7 @@ STUDY_FIGURES = {
         "noise allows?"
     ),
     "plane": (
-        "Can the simulated piles meet both targets, and does the answer? All samples, "
+        "Can the simulated piles meet the targets, and does the answer? All samples, "
         "the target ranges, and the answer; beside it the same, enlarged"
     ),
     "profiles": "Measured profiles and the answer's, as predicted and as simulated",
