@@ -1,6 +1,7 @@
 """The parameters that a contact law adds: in the configuration, the design, the tables and the simulation."""
 
 import copy
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -15,6 +16,7 @@ from repose.bench.parameters import (
     parameters_of_law,
 )
 from repose.bench.scene import contacts_of
+from repose.bench.settings import SimulationSettings
 from repose.calibrate.designs.latin_hypercube import design
 from repose.calibrate.designs.settings import DesignSettings
 from repose.common import faults
@@ -69,8 +71,22 @@ def test_the_configuration_knows_the_laws_the_card_their_convention_and_twisting
     assert contacts["berry", "berry"].twisting_friction is None
     assert contacts["berry", "wall"].twisting_friction == 0.25
     assert LABELS["mut_gp"] == "twisting friction, grain-wall"
-    wanted = "mut_gp is .* belongs to simulation.rolling_law .* epsd2, not budget"
+    twisting = [law for law in ROLLING_LAWS if ROLLING_LAWS.entry(law).twists]
+    wanted = f"simulation.rolling_law {' or '.join(twisting)}, not budget"
+    wanted = f"mut_gp is .* belongs to {wanted}"
     input_error(wanted, study, "hertz_mindlin", mut_gp=[0.0, 0.5])
+
+
+def test_a_card_tells_all_laws_apart_by_their_sentences():
+    """`configuration_of_card` finds the laws of a card by its sentences alone."""
+    tensions = ("keep", "release")
+    combinations = list(product(CONTACT_LAWS, ROLLING_LAWS, tensions))
+    told = set()
+    for contact, rolling, tension in combinations:
+        laws = {"contact_law": contact, "rolling_law": rolling, "tension": tension}
+        settings = SimulationSettings.model_construct(None, **laws)
+        told.add(tuple(sorted(described_laws(settings).items())))
+    assert len(told) == len(combinations)
 
 
 def test_a_law_adds_its_parameters_to_the_six_whose_tables_stay_as_they_were(tmp_path):

@@ -23,7 +23,7 @@ from repose.bench.scene import longest_time_step
 from repose.bench.settings import SceneSettings
 from repose.config import making
 from repose.config.pipeline import PipelineConfig
-from repose.dem.constants import OF_LAWS, TWISTED_BY, TWISTING
+from repose.dem.constants import OF_LAWS, TWISTING
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 from repose.grain import berry as berries
 from repose.grain import build
@@ -158,7 +158,8 @@ def drawn(number, default, mean, particles):
     config["simulation"]["tension"] = str(rng.choice(["keep", "release"]))
     config["simulation"]["contact_law"] = str(rng.choice(list(CONTACT_LAWS)))
     config["simulation"]["rolling_law"] = str(rng.choice(list(ROLLING_LAWS)))
-    if config["simulation"]["rolling_law"] in TWISTED_BY and rng.random() < 0.5:
+    rolling_law = ROLLING_LAWS.entry(config["simulation"]["rolling_law"])
+    if rolling_law.twists and rng.random() < 0.5:
         parameters |= {
             f"{TWISTING.short}_{pair}": float(rng.uniform(*RANGES[TWISTING.short]))
             for pair in PAIRS

@@ -39,11 +39,12 @@ from repose.bench.bench_test import (
 from repose.bench.factory import add_above
 from repose.bench.grain_scale import GrainScale
 from repose.bench.scene import Scene
-from repose.bench.settings import CREEPING_LAWS, SceneSettings
+from repose.bench.settings import SceneSettings
 from repose.bench.trial import Progress, Trial
 from repose.calibrate.responses import Response
 from repose.calibrate.runs import Recorded
 from repose.common.section import Contradictions, Section, Seeds
+from repose.dem.laws import ROLLING_LAWS
 
 if TYPE_CHECKING:
     from repose.grain.particle import Particle
@@ -597,7 +598,7 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
     def contradictions(self, settings: SceneSettings) -> Contradictions:
         """Yield a law under which a sled creeps."""
         law = settings.simulation.rolling_law
-        if law in CREEPING_LAWS:
+        if ROLLING_LAWS.entry(law).creeps:
             yield (
                 "simulation.rolling_law",
                 f"a law that can hold a sled, for inclined_plane: {law} lets it creep",

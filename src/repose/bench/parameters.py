@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from repose.common.errors import InputError
-from repose.dem.constants import OF_LAWS, TWISTED_BY, TWISTING, Constant
+from repose.dem.constants import OF_LAWS, TWISTING, Constant
+from repose.dem.laws import ROLLING_LAWS
 
 PARAMETERS = ("e_gg", "mus_gg", "mur_gg", "e_gp", "mus_gp", "mur_gp")
 # The two contacts of a study, by the end of their parameters' names.
@@ -105,8 +106,9 @@ def _law_parameters() -> list[LawParameter]:
     for constant, laws in laws_of_constant.items():
         for pair in PAIRS:
             parameters.append(_law_parameter(constant, pair, laws, needed=True))
+    twisting = tuple(law for law in ROLLING_LAWS if ROLLING_LAWS.entry(law).twists)
     for pair in PAIRS:
-        parameters.append(_law_parameter(TWISTING, pair, TWISTED_BY, needed=False))
+        parameters.append(_law_parameter(TWISTING, pair, twisting, needed=False))
     return parameters
 
 

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from repose.measure.settings import MeasureSettings
 
 S = TypeVar("S", bound=Section)
-# Rolling laws under which a body creeps as long as a torque acts on it.
-CREEPING_LAWS = ("constant_torque",)
 
 
 class SimulationSettings(Section):

@@ -9,9 +9,10 @@ from typing import NamedTuple
 
 from repose.bench import scene_size
 from repose.bench.funnel import NAME, PACKING, FunnelSettings
-from repose.bench.settings import CREEPING_LAWS, SceneSettings
+from repose.bench.settings import SceneSettings
 from repose.common.keys import Config
 from repose.config.computed import Grain, diameter_mm
+from repose.dem.laws import ROLLING_LAWS
 from repose.grain.particle import Particle
 
 # Share of its Height by which a pile of soft grains may sink: far below the scatter of
@@ -78,7 +79,7 @@ def funnel_hints(
         A line of text.
     """
     law = SceneSettings(config).simulation.rolling_law
-    if law in CREEPING_LAWS:
+    if ROLLING_LAWS.entry(law).creeps:
         yield (
             f"rolling law: WARNING: with {law} grains creep under a torque, so runs may "
             "end as not_at_rest"

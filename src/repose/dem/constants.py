@@ -71,8 +71,8 @@ PLASTICITY_RATIO = Constant(
     words="plasticity ratio",
     most=0.99,
 )
-# The rolling laws `TWISTED_BY` resist spin about the normal with mu_t. It is optional:
-# by default 3 pi / 16 mu_s.
+# Rolling laws that twist (`laws.RollingLaw`) resist spin about the normal with mu_t. It
+# is optional: by default 3 pi / 16 mu_s.
 TWISTING = Constant(
     name="twisting_friction",
     short="mut",
@@ -80,7 +80,6 @@ TWISTING = Constant(
     unit="",
     words="twisting friction",
 )
-TWISTED_BY = ("constant_torque", "epsd", "epsd2")
 
 # The constants that each contact law needs; a law without constants has no entry.
 OF_LAWS: dict[str, tuple[Constant, ...]] = {

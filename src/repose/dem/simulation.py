@@ -123,14 +123,15 @@ class Simulation(Observables):
         """Warn if a wall turns while the frame of the rolling resistance does not."""
         if not self.walls.motion[:, 3:6].any():
             return
-        if self.rolling_law is not ROLLING_LAWS["budget"]:
+        law = self.rolling_law.name
+        if not (law in ROLLING_LAWS and ROLLING_LAWS.entry(law).of_each_body):
             return
         if self.physics.rolling_frame.any():
             return
         if all(pair.rolling_friction == 0.0 for pair in self.contact_pairs.values()):
             return
         warnings.warn(
-            "a wall turns, and rolling_law 'budget' resists each body's rotation in "
+            f"a wall turns, and rolling_law {law!r} resists each body's rotation in "
             "space: angles and torques are wrong. Set rolling_frame_rad_s to the "
             "wall's angular velocity, or take rolling_law='epsd'",
             stacklevel=3,

@@ -35,7 +35,7 @@ def _deck_of(module: str) -> Deck:
 
 
 PROGRAMS = {name: _deck_of(name) for name in ("liggghts", "lammps", "yade", "edem")}
-# Laws that every program has.
+# Laws that every program has. A law that is in no list here is refused.
 CONTACT_LAWS_OF_ALL = ("hertz_mindlin", "hertz_mindlin_rescaled")
 ROLLING_LAWS_OF_ALL = ("budget",)
 # Laws that only some programs have.

@@ -10,6 +10,7 @@ from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from repose.dem.laws import ROLLING_LAWS
 from repose.export.job import Job
 from repose.export.laws import law_lines
 
@@ -141,7 +142,7 @@ def _rolling_note(job: Job) -> str:
     """Describe the difference in rolling resistance."""
     law = job.simulation.rolling_law
     lever_mm = 1e3 * job.lever_m
-    if law == "budget":
+    if ROLLING_LAWS.entry(law).of_each_body:
         note = (
             "rolling resistance is a spring with a limit against the relative rotation "
             "(model C of Ai et al. 2011, without damping or with); in the study a budget "

@@ -14,6 +14,7 @@ the clump, elsewhere the effective radius of the two touching spheres. With
 import math
 
 from repose.dem.constants import OF_LAWS, SURFACE_ENERGY, TWISTING
+from repose.dem.laws import ROLLING_LAWS
 from repose.export.job import Job, Pair
 
 
@@ -36,7 +37,8 @@ def rolling_coefficient(job: Job, pair: Pair) -> float:
     grains is half of one grain's.
     """
     lever = job.lever_m
-    if job.simulation.rolling_law != "budget" and pair is job.grains:
+    law = ROLLING_LAWS.entry(job.simulation.rolling_law)
+    if pair is job.grains and not law.of_each_body:
         lever *= 0.5
     return pair.rolling_friction * lever / pair.effective_radius_m
 

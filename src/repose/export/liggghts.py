@@ -11,12 +11,8 @@ from repose.export.surface import AROUND, stl
 
 # LIGGGHTS refuses a coefficient of restitution of 0.05 and less.
 LEAST_RESTITUTION = 0.0501
-ROLLING_MODELS = {
-    "budget": "epsd2",
-    "constant_torque": "cdt",
-    "epsd": "epsd",
-    "epsd2": "epsd2",
-}
+# Its models of the rolling laws that it does not have by the same name.
+ROLLING_MODELS = {"budget": "epsd2", "constant_torque": "cdt"}
 # Angle below which faces of the mesh count as one, over that between two facets.
 FOLD_SHARE = 1.1
 
@@ -29,7 +25,8 @@ def deck(job: Job) -> dict[str, str]:
     simulation = job.simulation
     spheres_m = job.particle.spheres_m
     has_cohesion = simulation.contact_law == "sjkr"
-    model = f"rolling_friction {ROLLING_MODELS[simulation.rolling_law]}"
+    rolling_law = simulation.rolling_law
+    model = f"rolling_friction {ROLLING_MODELS.get(rolling_law, rolling_law)}"
     if has_cohesion:
         model = f"cohesion sjkr {model}"
 
@@ -48,7 +45,7 @@ def deck(job: Job) -> dict[str, str]:
         seed=prime(job.seed),
         model=model,
         sjkr=has_cohesion,
-        epsd=simulation.rolling_law == "epsd",
+        epsd=rolling_law == "epsd",
         eta=ETA,
         limit_force="off" if simulation.tension == "keep" else "on",
         fold=FOLD_SHARE * 360.0 / AROUND,

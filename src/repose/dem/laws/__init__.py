@@ -5,12 +5,12 @@ A new law is a file in this folder and a line in one of the two tables below.
 
 from collections import UserDict
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     from .law import Law
 
-__all__ = ["CONTACT_LAWS", "ROLLING_LAWS", "Laws"]
+__all__ = ["CONTACT_LAWS", "ROLLING_LAWS", "Laws", "RollingLaw", "RollingLaws"]
 
 
 class Laws(UserDict[str, Any]):
@@ -21,10 +21,57 @@ class Laws(UserDict[str, Any]):
     """
 
     def __getitem__(self, name: str) -> "Law":
-        entry = super().__getitem__(name)
-        if isinstance(entry, str):
-            return import_module(f".{entry}", __name__).LAW
-        return entry
+        return _load(super().__getitem__(name))
+
+
+class RollingLaw(NamedTuple):
+    """An entry of `ROLLING_LAWS`: a law, and what it does to bodies.
+
+    Configuration, bench tests and export read these properties. They stand here and not
+    in the module of the law, so that a configuration is checked without the compiler.
+
+    Attributes
+    ----------
+    law : str or Law
+        The law, or the name of its module in this folder.
+    of_each_body : bool
+        Whether it resists the rotation of each body in space; other laws resist that of
+        two bodies against each other.
+    twists : bool
+        Whether it resists spin about the normal with the twisting friction mu_t: a
+        study may then have the parameters ``mut_gg`` and ``mut_gp``.
+    creeps : bool
+        Whether it resists nothing but a rotation that there is. A body then creeps as
+        long as a torque acts on it.
+    """
+
+    law: "str | Law"
+    of_each_body: bool = False
+    twists: bool = False
+    creeps: bool = False
+
+
+class RollingLaws(Laws):
+    """A table of rolling laws by name, whose entries are of `RollingLaw`.
+
+    An entry may also be what a table `Laws` takes; then no property holds.
+    """
+
+    def __getitem__(self, name: str) -> "Law":
+        return _load(self.entry(name).law)
+
+    def entry(self, name: str) -> RollingLaw:
+        """Return the properties of a law without importing its module."""
+        entry = self.data[name]
+        return entry if isinstance(entry, RollingLaw) else RollingLaw(entry)
+
+
+def _load(law: "str | Law") -> "Law":
+    """Return a law, or import the module of this name for its law."""
+    if isinstance(law, str):
+        module_law: Law = import_module(f".{law}", __name__).LAW
+        return module_law
+    return law
 
 
 CONTACT_LAWS = Laws(
@@ -35,6 +82,9 @@ CONTACT_LAWS = Laws(
     sjkr="sjkr",
     eepa="eepa",
 )
-ROLLING_LAWS = Laws(
-    budget="rolling", constant_torque="constant_torque", epsd="epsd", epsd2="epsd2"
+ROLLING_LAWS = RollingLaws(
+    budget=RollingLaw("rolling", of_each_body=True),
+    constant_torque=RollingLaw("constant_torque", twists=True, creeps=True),
+    epsd=RollingLaw("epsd", twists=True),
+    epsd2=RollingLaw("epsd2", twists=True),
 )

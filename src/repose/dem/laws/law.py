@@ -16,6 +16,9 @@ explains tiles):
               and the rows of the law from a place `first` on. The latter are zero when
               a contact begins.
 
+What a rolling law does to bodies, such as whether they creep under it, stands in its
+entry of `laws.ROLLING_LAWS` (`laws.RollingLaw`), which is read without the compiler.
+
 `scratch[tl.GAP + lane]` is the gap of a lane, `lane_vector(history, st.NORMAL, lane)`
 its normal. B may be a wall: it has no inverse mass, and its arm is 0.
 """
@@ -86,7 +89,9 @@ class Law:
         history; dt: time step [s].
     words : mapping
         Text for people: for each direction, such as ``normal``, one sentence, in which
-        ``{limit}`` stands for the normal force that limits friction.
+        ``{limit}`` stands for the normal force that limits friction. A material card
+        names its laws by these sentences only, so no two contact laws have the same
+        sentences, and no two rolling laws.
     limits, ends : mapping
         Of a contact law, text for people: the limit of friction, and the end of an
         impact; by default those without cohesion.
