@@ -59,7 +59,7 @@ class Scene:
 
     @property
     def simulation(self) -> SimulationSettings:
-        """Settings of every simulation."""
+        """Settings of every simulation: a section, not the engine (`Trial.simulation`)."""
         return self.settings.simulation
 
     @property

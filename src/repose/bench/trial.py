@@ -32,7 +32,7 @@ class Trial:
     Attributes
     ----------
     simulation : repose.dem.Simulation
-        The simulation.
+        The engine with its grains; its settings are `scene.simulation`.
     scales : array
         Relative sizes (N,) of the grains, in the order in which they are added.
     largest_radius_m : float
