@@ -65,8 +65,12 @@ class Checkout:
         self.add_line(register, line, name)
 
     def add_line(self, path, line, name):
-        """Add a line below the last one of the same form, which has another name."""
+        """Add a line below the last one of the same form, with another name.
+
+        The line of a law has other properties, too.
+        """
         form = re.escape(line).replace(name, r"\w+")
+        form = re.sub(r"\w+=True", lambda _: r"\w+=True", form)
         text = (self.folder / path).read_text()
         last = list(re.finditer(rf"^( *){form}\n", text, re.M))[-1]
         added = f"{last[0]}{last[1]}{line}\n"
@@ -134,6 +138,67 @@ def test_a_contact_law_of_two_files(checkout):
     checkout.add_module("contact law")
     # Each change of a law compiles all kernels anew; here they run as Python.
     checkout.python("-c", ELASTIC_HIT, NUMBA_DISABLE_JIT="1")
+    checkout.check(
+        "law or laws or engine",
+        "tests/config/test_law_parameters.py",
+        "tests/dem/test_dependencies.py",
+        "tests/dem/test_laws.py",
+        "tests/export/test_export.py",
+        marks="not slow",
+        NUMBA_DISABLE_JIT="1",
+    )
+
+
+# A sphere rolls on a plane. Its speed falls as exp(-mu_r g t / 1.4), as its moment of
+# inertia about the contact is 1.4 m r^2 and the torque mu_r m g r^2 w.
+VISCOUS_ROLL = """
+import math
+
+from repose.bench import bench
+from repose.bench.settings import SceneSettings
+from repose.config.pipeline import PipelineConfig
+from repose.dem import Contact, Material, Plane, Shape, Simulation
+
+radius_m, speed_m_s, seconds, friction = 0.005, 0.02, 0.06, 1.0
+simulation = Simulation(
+    {"ball": Shape.sphere(radius_m, 2500.0, "steel")},
+    {"steel": Material(shear_modulus_pa=1e6, poisson_ratio=0.3)},
+    {("steel", "steel"): Contact(0.5, 0.5, friction)},
+    5e-5,
+    walls={"floor": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), material="steel")},
+    capacity=1,
+    rolling_law="viscous",
+    gravity_m_s2=(0.0, 0.0, -9.81),
+    lower=(-0.02, -0.02, -0.01),
+    upper=(0.02, 0.02, 0.02),
+)
+simulation.add(
+    "ball",
+    (0.0, 0.0, radius_m),
+    velocity_m_s=(speed_m_s, 0.0, 0.0),
+    angular_velocity_rad_s=(0.0, speed_m_s / radius_m, 0.0),
+)
+simulation.run_steps(round(0.02 / 5e-5))
+before = simulation.velocities[0, 0]
+simulation.run_steps(round(seconds / 5e-5))
+after = simulation.velocities[0, 0]
+rate = math.log(before / after) / seconds
+assert abs(rate / (friction * 9.81 / 1.4) - 1.0) < 0.02, rate
+
+laws = {"simulation": {"rolling_law": "viscous"}}
+config = PipelineConfig.load("config/config.yaml", overrides=laws).config
+(refused,) = bench("inclined_plane").contradictions(SceneSettings(config))
+assert "viscous lets it creep" in refused[1]
+"""
+
+
+def test_a_rolling_law_of_two_files(checkout):
+    checkout.add_module("rolling law")
+    # Each change of a law compiles all kernels anew; here they run as Python.
+    use = "from repose.dem.laws.viscous import *\n"
+    use += "from repose.dem.laws.viscous import _rows\n"
+    checkout.python("-c", use + blocks("rolling law")[1], NUMBA_DISABLE_JIT="1")
+    checkout.python("-c", VISCOUS_ROLL, NUMBA_DISABLE_JIT="1")
     checkout.check(
         "law or laws or engine",
         "tests/config/test_law_parameters.py",

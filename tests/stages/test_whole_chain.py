@@ -24,11 +24,12 @@ from repose.calibrate.search.settings import MigaSettings
 from repose.calibrate.surrogates.settings import NetworkSettings
 from repose.calibrate.surrogates.support import Support
 from repose.calibrate.targets import Targets
+from repose.measure.settings import MeasureSettings
 from repose.stages import dataset, design, validate
 
 pytestmark = pytest.mark.slow
 
-MEASURE = every_bench_test()["measure"]
+MEASURE = MeasureSettings.model_validate(every_bench_test()["measure"])
 NETWORK = NetworkSettings.of(
     {"hidden": 6, "epochs": 150, "goal": 0.0, "starts": 2, "seed": 1}
 )
