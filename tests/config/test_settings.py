@@ -6,6 +6,7 @@ import json
 import pickle
 import pkgutil
 import re
+import shutil
 
 import numpy as np
 import pytest
@@ -70,6 +71,25 @@ def test_the_tables_of_the_page_are_those_of_the_sections():
     )
     sections = set(page.TABLE.findall(PAGE))
     assert sections == {name for name in page.tables() if name not in ADDED}
+
+
+def test_a_section_without_a_table_on_the_page_is_named(tmp_path, monkeypatch, capsys):
+    method = tmp_path / page.places.METHOD_CONFIG
+    file = tmp_path / page.PAGE
+    for copied in (method, file):
+        copied.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / copied.relative_to(tmp_path), copied)
+    monkeypatch.setattr(page.places, "root", lambda: tmp_path)
+    page.main()
+    assert capsys.readouterr().out.count("no table of the section") == len(ADDED)
+
+    text = PAGE.replace("<!-- keys: drum -->", "").replace("<!-- keys: wall -->", "")
+    file.write_text(text)
+    page.main()
+    printed = capsys.readouterr().out
+    assert printed.count("\n") == 2 + len(ADDED)
+    for name in ("drum", "wall"):
+        assert f"no table of the section {name}; expected the lines" in printed
 
 
 def test_what_every_key_takes_is_known():

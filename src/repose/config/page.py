@@ -2,6 +2,7 @@
 
 ``python -m repose.config.page`` writes them into the page. A table stands between the
 lines ``<!-- keys: NAME -->`` and ``<!-- end -->``; the text around it is written by hand.
+It prints a line for each section that has no such lines.
 """
 
 import json
@@ -62,6 +63,11 @@ def page(text: str) -> str:
         return f"<!-- keys: {name} -->\n\n{HEAD}\n{rows}\n\n<!-- end -->"
 
     return TABLE.sub(write_table, text)
+
+
+def sections_without_table(text: str) -> list[str]:
+    """List the sections of the configuration for which the page has no table."""
+    return [name for name in tables() if name not in TABLE.findall(text)]
 
 
 def tables() -> dict[str, Table]:
@@ -147,6 +153,11 @@ def main() -> None:
     path = Path(places.root()) / PAGE
     text = page(path.read_text(encoding="utf-8"))
     path.write_text(text, encoding="utf-8")
+    for name in sections_without_table(text):
+        print(
+            f"{PAGE}: no table of the section {name}; expected the lines "
+            f"<!-- keys: {name} --> and <!-- end -->"
+        )
 
 
 if __name__ == "__main__":
