@@ -4,6 +4,10 @@ The search (`repose.calibrate.inversion`) minimises Eq. 11 of the predicted resp
 Thousands of sets reach the same minimum, but the errors of the surrogate differ among
 them. The loss is Eq. 11 of the true mean responses. Its expectation is small where the
 prediction is near the targets and the error of the surrogate is small, too.
+
+Of a target's range only the width enters, over which Eq. 11 takes the deviation from
+the aim. Whether the response lies in the range does not: the set of least loss may be
+infeasible.
 """
 
 from collections.abc import Callable, Mapping, Sequence

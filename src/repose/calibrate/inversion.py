@@ -310,7 +310,9 @@ def _put_first(
 ) -> np.ndarray:
     """Put a parameter set before the points (n, d) that are not too near to it.
 
-    The first of the points always stays.
+    The first of the points always stays, however near it is: it is the set of least
+    objective, which is poured as one of the checks
+    (`repose.stages.validate.select_for_validation`).
     """
     values = np.array([[best[name] for name in space.names]])
     point = 2 * space.unit(values) - 1
