@@ -65,7 +65,11 @@ def study(tmp_path_factory):
         "berry": {"size_distribution": "none"},
     }
     whole = PipelineConfig.load(ROOT / "config/config.yaml").config
-    own |= {name: whole[name] for name in ("measure", "funnel")}
+    # The line is set here, as a study may change it.
+    own |= {
+        "measure": whole["measure"] | {"response": "flank"},
+        "funnel": whole["funnel"],
+    }
     config = configuration(TARGETS, SPACE, sequential=SECTION, **own)
     step = {"time_step_s": 1e-4, "gravity_m_s2": 9.81, "rest_energy_j": 1e-9}
     return folder, config | {
