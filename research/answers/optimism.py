@@ -138,7 +138,9 @@ def kept(args, config):
             expected = optimism.loc[(row["role"], response.name)]
             error = row[response.predicted] - row[response.simulated]
             corrected = error - expected["optimism"]
-            corrected_se = np.hypot(row[response.error], expected["optimism_se"])
+            corrected_se = np.hypot(
+                row[response.standard_error], expected["optimism_se"]
+            )
             rows.append(
                 {
                     "solution": row["solution"],
@@ -147,7 +149,7 @@ def kept(args, config):
                     "response": response.name,
                     "predicted": row[response.predicted],
                     "simulated": row[response.simulated],
-                    "simulated_se": row[response.error],
+                    "simulated_se": row[response.standard_error],
                     "error": error,
                     "optimism": expected["optimism"],
                     "corrected": corrected,

@@ -235,7 +235,9 @@ def of_pours(study, values):
     row = {"pours": len(values)}
     for k, target in enumerate(targets):
         row[target.name] = values[:, k].mean()
-        row[target.response.error] = values[:, k].std(ddof=1) / np.sqrt(len(values))
+        row[target.response.standard_error] = values[:, k].std(ddof=1) / np.sqrt(
+            len(values)
+        )
     random = np.random.default_rng(STREAM)
     again = random.integers(len(values), size=(4000, len(values)))
     means = np.vstack([values.mean(axis=0), values[again].mean(axis=1)])

@@ -120,7 +120,7 @@ def tables_of(
     table["status"] = "ok"
     columns = zip(targets.responses, samples.means().T, samples.errors().T, strict=True)
     for response, mean, error in columns:
-        table[response.name], table[response.error] = mean, error
+        table[response.name], table[response.standard_error] = mean, error
     good = samples.good()
     runs = pd.DataFrame(samples.values[good], columns=list(targets.names))
     runs.insert(0, "sample", np.nonzero(good)[0])

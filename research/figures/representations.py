@@ -84,7 +84,7 @@ def _one_definition(
             published[target.name].mean() + row[derived(target.name, "difference")]
             for target in shown
         ]
-        errors = [2 * row[target.response.error] for target in shown]
+        errors = [2 * row[target.response.standard_error] for target in shown]
         if len(shown) == 1:
             place, errors = [*place, row["distance"]], [*errors, 0.0]
         panel.errorbar(

@@ -192,7 +192,7 @@ def set_table(
         for definition in COLUMNS:
             row = about | {"definition": definition}
             for target in targets:
-                row[target.name], row[target.response.error] = _mean(
+                row[target.name], row[target.response.standard_error] = _mean(
                     group[measured_as(target, definition)]
                 )
             for target in targets:
@@ -205,7 +205,7 @@ def set_table(
     numbers = [
         name
         for target in targets
-        for name in (target.name, target.response.error, _off(target))
+        for name in (target.name, target.response.standard_error, _off(target))
     ]
     return pd.DataFrame(
         rows, columns=["kind", *CELL, "set", "definition", *numbers, "n_ok", "n"]
@@ -232,8 +232,8 @@ def combination_table(sets: pd.DataFrame, targets: Sequence[Target]) -> pd.DataF
         for target in targets:
             difference = group[_off(target)]
             row[difference.name] = difference.mean()
-            squares = group[target.response.error] ** 2
-            row[target.response.error] = (
+            squares = group[target.response.standard_error] ** 2
+            row[target.response.standard_error] = (
                 math.sqrt(squares.fillna(squares.mean()).sum()) / count
             )
             off = off + (difference / target.sd) ** 2
@@ -245,7 +245,9 @@ def combination_table(sets: pd.DataFrame, targets: Sequence[Target]) -> pd.DataF
         }
         rows.append(row)
     numbers = [
-        name for target in targets for name in (_off(target), target.response.error)
+        name
+        for target in targets
+        for name in (_off(target), target.response.standard_error)
     ]
     table = pd.DataFrame(
         rows, columns=[*COMBINATION, *numbers, "sets_within", "sets", "distance"]

@@ -79,11 +79,11 @@ def made_up_tables(folder, targets=TARGETS):
         predictions[response.predicted] = target.value + 2 * sd * trend
         values = predictions[response.predicted] + rng.normal(0, 0.5 * sd, 150)
         dataset[response.name] = predictions[response.name] = values
-        dataset[response.error] = rng.uniform(0.2, 0.4, 150) * sd
+        dataset[response.standard_error] = rng.uniform(0.2, 0.4, 150) * sd
         feasible[response.predicted] = rng.normal(target.value, 0.1 * sd, 90)
         table4[response.predicted] = target.value
         for table, mean in ((table4, target.value), (published, target.value - 2 * sd)):
-            table[response.simulated], table[response.error] = (
+            table[response.simulated], table[response.standard_error] = (
                 rng.normal(mean, 0.5 * sd, 6),
                 0.3 * sd,
             )

@@ -75,7 +75,7 @@ def made_up_study(folder, targets, surrogate="network", fixed=(), runs=12):
     table4[list(found.predicted)] = model.predict(sets[list(PARAMETERS)].to_numpy())
     simulated = found.value + 0.3 * rng.normal(size=(runs, len(found)))
     for one, values in zip(found, simulated.T, strict=True):
-        table4[one.response.simulated], table4[one.response.error] = (
+        table4[one.response.simulated], table4[one.response.standard_error] = (
             values.mean(),
             values.std() / runs**0.5,
         )

@@ -104,9 +104,17 @@ class Response:
         return derived(self.name, "simulated")
 
     @property
-    def error(self) -> str:
+    def standard_error(self) -> str:
         """Column of the standard error of a sample's mean: ``aor_se_deg``."""
         return derived(self.name, "se")
+
+    @property
+    def deviation_percent(self) -> str:
+        """Column of a prediction's deviation from the simulation: ``aor_error_percent``.
+
+        It has no sign, and is over the simulated response.
+        """
+        return f"{self.quantity}_error_percent"
 
     @property
     def quantity(self) -> str:

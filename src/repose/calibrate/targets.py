@@ -165,7 +165,7 @@ class Targets(tuple[Target, ...]):
     @property
     def errors(self) -> tuple[str, ...]:
         """Columns of their standard errors."""
-        return tuple(target.response.error for target in self)
+        return tuple(target.response.standard_error for target in self)
 
     @property
     def apparatus(self) -> tuple[str, ...]:

@@ -306,7 +306,7 @@ def _summarise_runs(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
         values = of_bench(good, response.apparatus)[target.name].to_numpy(float)
         mean, error = np.array(mean_and_error(values), dtype=float)
         row[response.simulated] = mean
-        row[response.error] = error
+        row[response.standard_error] = error
         counts.append(len(values))
 
     # The angle of the piles by every definition.

@@ -176,11 +176,11 @@ def table4(
             if column in rows:
                 table[column] = rows[column]
         table[response.simulated] = rows[response.simulated]
-        table[response.error] = rows[response.error]
+        table[response.standard_error] = rows[response.standard_error]
 
         deviation = (rows[response.predicted] - rows[response.simulated]).abs()
         percent = 100 * deviation / rows[response.simulated]
-        table[f"{response.quantity}_error_percent"] = percent
+        table[response.deviation_percent] = percent
     if measure is not None and set(ANGLES) <= set(rows):
         table[list(ANGLES)] = rows[list(ANGLES)]
         table["line"] = calibrated_line(responses, measure)
@@ -232,7 +232,7 @@ def against_physical(
             "physical_sd": target.sd,
             "predicted": row[target.response.predicted],
             "simulated": simulated,
-            "simulated_se": row[target.response.error],
+            "simulated_se": row[target.response.standard_error],
             "error_percent": 100 * deviation / target.whole_value,
             "within_one_sd": bool(deviation <= target.sd),
             "n_seeds": row["n_seeds"],
@@ -471,7 +471,7 @@ def compared_with_published(
     table = stored.copy()
     for response, column in column_of_response.items():
         table[response.simulated] = stored[column]
-        table[response.error] = stored[error_of(column)]
+        table[response.standard_error] = stored[error_of(column)]
         published_column = derived(response.name, "published_simulated")
         if published_column in stored:
             difference = stored[column] - stored[published_column]

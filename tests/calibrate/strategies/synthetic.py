@@ -119,7 +119,7 @@ def write_tables(folder, table, runs, targets=TARGETS):
     data["status"] = np.where(data["n_seeds"] > 0, "ok", "jammed")
     for one in targets:
         data[one.name] = grouped[one.name].mean().reindex(table["sample"]).to_numpy()
-        data[one.response.error] = (
+        data[one.response.standard_error] = (
             grouped[one.name].sem().reindex(table["sample"]).to_numpy()
         )
     data.to_csv(folder / "dataset.csv", index=False)

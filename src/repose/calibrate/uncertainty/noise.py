@@ -150,7 +150,7 @@ def _add_seeds(table: pd.DataFrame, target: Target, components: Components) -> N
     seeds = table["seeds"].to_numpy()
     error = components.standard_error(seeds)
     quantity = target.response.quantity
-    table[target.response.error] = error
+    table[target.response.standard_error] = error
     table[f"{quantity}_se_percent"] = 100 * error / target.whole
     intraclass_correlations = {
         "": components.icc,

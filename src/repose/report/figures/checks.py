@@ -151,7 +151,7 @@ def _draw_published_and_simulated(
             panel.errorbar(x - OFFSET, measured, **MEASURED_BY_OTHERS)
         unpublished = x[published.isna() & measured.isna()]
     simulated = table[response.simulated]
-    error = table[response.error].fillna(0.0)
+    error = table[response.standard_error].fillna(0.0)
     panel.errorbar(x + OFFSET, simulated, error, **SIMULATED_HERE)
     panel.set(ylabel=style.response_label(response), xlabel="published solution (P)")
     panel.margins(y=0.15)
@@ -171,8 +171,8 @@ def _draw_predicted_and_simulated(
     predicted = table[response.predicted].to_numpy(float)
     simulated = table[response.simulated].to_numpy(float)
     error = None
-    if response.error in table:
-        error = table[response.error].fillna(0.0)
+    if response.standard_error in table:
+        error = table[response.standard_error].fillna(0.0)
     panel.plot(
         x - OFFSET,
         predicted,

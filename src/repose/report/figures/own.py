@@ -152,7 +152,7 @@ def _draw_samples(
     panel.errorbar(
         x,
         target.off_percent(samples[target.name]),
-        percent_of_target * samples[target.response.error].fillna(0.0),
+        percent_of_target * samples[target.response.standard_error].fillna(0.0),
         fmt="o",
         ms=3,
         mew=0,

@@ -147,7 +147,7 @@ def _enlarged_ends(target: Target, answer: pd.Series) -> tuple[float, float]:
         answer[response.predicted],
     ]
     if response.simulated in answer:
-        error = answer[response.error]
+        error = answer[response.standard_error]
         values += [
             answer[response.simulated] - error,
             answer[response.simulated] + error,
@@ -170,8 +170,8 @@ def _draw_samples(
         panel.errorbar(
             x,
             y,
-            xerr=table[across.response.error].fillna(0.0),
-            yerr=table[up.response.error].fillna(0.0),
+            xerr=table[across.response.standard_error].fillna(0.0),
+            yerr=table[up.response.standard_error].fillna(0.0),
             fmt="none",
             elinewidth=0.4,
             ecolor=colour,
@@ -255,10 +255,10 @@ def _draw_answer(panel: Axes, answer: pd.Series, across: Target, up: Target) -> 
     if x.simulated not in answer:
         return
     errors = {}
-    if pd.notna(answer[x.error]):
-        errors["xerr"] = answer[x.error]
-    if pd.notna(answer[y.error]):
-        errors["yerr"] = answer[y.error]
+    if pd.notna(answer[x.standard_error]):
+        errors["xerr"] = answer[x.standard_error]
+    if pd.notna(answer[y.standard_error]):
+        errors["yerr"] = answer[y.standard_error]
     panel.errorbar(
         answer[x.simulated],
         answer[y.simulated],

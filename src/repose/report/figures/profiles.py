@@ -36,7 +36,7 @@ def profiles(inputs: Inputs, study: StudyView) -> Figure:
     scores = [target.response for target in targets if target.profile]
     columns = []
     for score in scores:
-        columns += [score.predicted, score.simulated, score.error]
+        columns += [score.predicted, score.simulated, score.standard_error]
     table = read_table(inputs["table4"], ("role", *columns))
     answer = table[table["role"] == "representative"].iloc[0]
 
@@ -46,7 +46,7 @@ def profiles(inputs: Inputs, study: StudyView) -> Figure:
         responses = [target.response for target in scores_of_profile]
         predicted = answer[[score.predicted for score in responses]].to_numpy(float)
         simulated = answer[[score.simulated for score in responses]].to_numpy(float)
-        error = answer[[score.error for score in responses]].to_numpy(float)
+        error = answer[[score.standard_error for score in responses]].to_numpy(float)
         # The errors of scores are independent, so their squares add up.
         squared_error = np.square(np.nan_to_num(error))
         height_error = np.sqrt(profile.basis**2 @ squared_error)

@@ -116,7 +116,7 @@ def _draw_response(
     good = table[is_good]
     failed = table[~is_good]
     value = good[response.name]
-    error = good[response.error].fillna(0.0)
+    error = good[response.standard_error].fillna(0.0)
     panel.errorbar(
         good[name],
         value,

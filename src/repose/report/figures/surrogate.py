@@ -318,7 +318,7 @@ def _draw_splits(panel: Axes, table: pd.DataFrame, shown: Response) -> None:
             continue
         simulated = rows[shown.name].to_numpy(float)
         predicted = rows[shown.predicted].to_numpy(float)
-        error = rows[shown.error].to_numpy(float)
+        error = rows[shown.standard_error].to_numpy(float)
         is_unseen = split in UNSEEN_SPLITS
         look: dict[str, Any] = {
             "fmt": marker,
@@ -343,7 +343,7 @@ def _draw_splits(panel: Axes, table: pd.DataFrame, shown: Response) -> None:
             if split == "test":
                 like_these = table["split"] != "new points"
             means = table.loc[like_these, shown.name].to_numpy(float)
-            noise = table.loc[like_these, shown.error].to_numpy(float)
+            noise = table.loc[like_these, shown.standard_error].to_numpy(float)
             of_perfect_model = _accuracy_text(means, noise, shown.unit)
             lines.append(f"perfect model, {len(means)} sets: {of_perfect_model}")
     panel.set(xlim=ends, ylim=ends, aspect="equal")

@@ -150,7 +150,7 @@ def _target(study: Results, target: Target) -> dict[str, Any]:
         "low": target.low,
         "high": target.high,
         "simulated": simulated,
-        "error": study.number(response.error),
+        "error": study.number(response.standard_error),
         "optimism": study.number(response.optimism),
         "optimismError": study.number(response.optimism_error),
         "axis": [float(min(values) - margin), float(max(values) + margin)],

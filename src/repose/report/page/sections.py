@@ -316,7 +316,7 @@ def _response_row(study: Results, target: Target) -> list[str]:
         predicted_text += f" ({expected.replace('+-', '±')})"
 
     simulated = study.number(response.simulated)
-    error = study.number(response.error)
+    error = study.number(response.standard_error)
     simulated_text = _mean_with_error(simulated, error, f" {unit}")
     difference = ""
     if simulated is not None:
@@ -399,7 +399,7 @@ def _row_of_set(
                 )
             )
         cells.append(
-            _mean_with_error(simulated, row.get(response.error), missing=missing)
+            _mean_with_error(simulated, row.get(response.standard_error), missing=missing)
         )
         cells.append(_error_percent(predicted, simulated))
     return cells

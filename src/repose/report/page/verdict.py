@@ -160,7 +160,7 @@ def checks_of(study: Results) -> Iterator[Check]:
         yield Check.of(
             target,
             simulated=study.number(response.simulated),
-            standard_error=study.number(response.error),
+            standard_error=study.number(response.standard_error),
             runs=int(n_runs or 0),
             status=status,
             predicted=study.number(response.predicted),
