@@ -92,7 +92,8 @@ def test_the_report_has_the_figures_and_says_that_the_targets_are_predicted_to_b
     text = (tmp_path / "report.html").read_text()
     assert text.count('src="data:image/png;base64,') == 4
     assert "<b>Targets predicted to be met.</b>" in text
-    assert not any(words in text for words in ("not checked", "no result", ">unknown<"))
+    absent = ("not checked", "no result", ">unknown<", "Blue: the new simulations")
+    assert not any(words in text for words in absent)
     input_error(
         r"ending is '\.gif'; expected \.png or \.pdf or \.svg",
         own.plot,

@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 from made_up_report import ANSWER, made_up_study
 from PIL import Image
+from scipy.stats import norm
 from shared import TARGETS
 from test_report_page import MORE
 
@@ -371,3 +372,26 @@ def test_a_phone_keeps_the_columns_on_what_is_open(browser, folder):
             assert cell.is_visible(), column
             box = cell.bounding_box()
             assert box["x"] + box["width"] <= 390, column
+
+
+def test_the_sliders_show_the_probability_less_the_expected_optimism(browser, tmp_path):
+    config, jobs, files = made_up_study(tmp_path, TARGETS[:1])
+    table4 = pd.read_csv(files["table4"])
+    table4["aor_optimism_deg"] = 0.4
+    table4["aor_optimism_se_deg"] = 0.1
+    table4.to_csv(files["table4"], index=False)
+    page.write(config, jobs, files, {}, tmp_path / "report.html")
+    point = np.array([[ANSWER[name] for name in PARAMETERS]])
+    mean, std = load(tmp_path / "network.json").predict(
+        point, return_std=True, noise=False
+    )
+    low, high = TARGETS[0]["range"]
+    expected = norm(mean[0, 0] - 0.4, np.hypot(std[0, 0], 0.1))
+    share = expected.cdf(high) - expected.cdf(low)
+    with page_in(browser, tmp_path) as tab:
+        text = tab.text_content("#predictions")
+        shown = re.search(r"less the expected optimism: (?:more than )?(\d+) %", text)
+        assert int(shown.group(1)) == pytest.approx(100 * share, abs=1)
+        move(tab, "slide-mus_gg", 0.75)
+        # The optimism is that of the answer, which the search chose.
+        assert "less the expected optimism" not in tab.text_content("#predictions")

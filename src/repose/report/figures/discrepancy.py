@@ -50,10 +50,12 @@ def over_the_discrepancy(inputs: Inputs, study: StudyView) -> Figure:
     stated = table[is_stated]
     of_shape_study = table[~is_stated]
 
-    rows = math.ceil(len(names) / 3)
-    heights = [2.3, 1.55 * rows]
-    figure = style.new_figure(style.PAGE, 2.3 + 1.55 * rows)
-    above, below = figure.subfigures(2, 1, height_ratios=heights)
+    # Above one panel for the information, below one for each parameter, three in a row.
+    n_rows = math.ceil(len(names) / 3)
+    height_above = 2.3
+    height_below = 1.55 * n_rows
+    figure = style.new_figure(style.PAGE, height_above + height_below)
+    above, below = figure.subfigures(2, 1, height_ratios=[height_above, height_below])
     _draw_information(above.subplots(), stated, of_shape_study)
 
     axes = panels.panels_in(below, len(names), 3)
@@ -61,7 +63,8 @@ def over_the_discrepancy(inputs: Inputs, study: StudyView) -> Figure:
     for panel, name in zip(axes, names, strict=True):
         _draw_intervals(panel, name, stated=stated, of_shape_study=of_shape_study)
         panel.set(ylabel=style.parameter_label(name), ylim=ranges[name])
-    for panel in axes[max(0, len(names) - 3) :]:
+    lowest_panels = axes[max(0, len(names) - 3) :]
+    for panel in lowest_panels:
         panel.set_xlabel("assumed error (%)")
     title = (
         "95 % intervals of the parameters, in their ranges; bands: error assumed as "

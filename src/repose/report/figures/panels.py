@@ -116,6 +116,7 @@ def finish_pairs(
     for axes, across, down in panels:
         is_diagonal = across == down
         is_first_column = across == names[0]
+        # A panel of the diagonal shows one parameter, and its heights need no numbers.
         has_y_axis = is_first_column and not is_diagonal
         axes.set_xlim(ends[across])
         axes.tick_params(labelsize=6, labelleft=has_y_axis)

@@ -151,21 +151,9 @@ def draw_corner(
             )
             continue
         mesh = _draw_ratio(panel, draws[across], draws[down], parameters)
-        panel.scatter(
-            data.sets[across], data.sets[down], s=5, color=style.RED, lw=0, zorder=4
-        )
+        _draw_sets(panel, data, across=across, down=down)
         if has_published_intervals:
             _draw_published_box(panel, table.loc[across], table.loc[down])
-        is_pair_of_grains = across.endswith("_gg") and down.endswith("_gg")
-        for sets in data.published_sets:
-            if not sets.wall or is_pair_of_grains:
-                panel.scatter(
-                    sets.table[across],
-                    sets.table[down],
-                    marker=sets.marker,
-                    zorder=6,
-                    **PUBLISHED_LOOK,
-                )
     panels.finish_pairs(pair_panels, parameters, margin=0.02)
     figure.text(
         0.47,
@@ -196,6 +184,26 @@ def draw_corner(
     figure.legend(
         handles=handles, loc="upper left", bbox_to_anchor=(0.63, 0.8), fontsize=7.5
     )
+
+
+def _draw_sets(panel: Axes, data: CornerData, across: str, down: str) -> None:
+    """Mark the parameter sets and the published ones in the panel of two parameters.
+
+    Sets of another wall are marked only where both parameters are of grain and grain.
+    """
+    panel.scatter(
+        data.sets[across], data.sets[down], s=5, color=style.RED, lw=0, zorder=4
+    )
+    is_pair_of_grains = across.endswith("_gg") and down.endswith("_gg")
+    for sets in data.published_sets:
+        if not sets.wall or is_pair_of_grains:
+            panel.scatter(
+                sets.table[across],
+                sets.table[down],
+                marker=sets.marker,
+                zorder=6,
+                **PUBLISHED_LOOK,
+            )
 
 
 def _draw_marginal(

@@ -71,22 +71,18 @@ def states(inputs: Inputs, study: StudyView) -> Figure:
         letter = style.letter(k)
         panel.set_title(f"{letter}  {TITLES[state]}: surface {angle_deg:.1f}°")
         panel.set_xlabel(f"drum turned by {turned_deg:.1f}°")
-    if has_slipped:
-        runs = pd.DataFrame()
-        if "runs" in inputs:
-            runs = read_table(inputs["runs"], ("status", *SLIP_COLUMNS))
-        turned_deg = float(arrays["turned_before_deg"])
-        settings = study.section(DRUM, DrumSettings)
-        words = _slip_in_words(turned_deg, runs, settings)
-        if settings.report_s == ARTICLE_RUN_S and "turned_report_deg" in arrays:
-            end_deg = float(arrays["turned_report_deg"])
-            words += (
-                f"\nThe article's run ends at {end_deg:.0f}° and shows the bed after a "
-                "slip."
-            )
-        figure.supxlabel(words, fontsize=7.5)
-    else:
+    if not has_slipped:
         figure.supxlabel("NO SLIP in this run", fontsize=7.5, color=style.RED)
+        return figure
+    runs = pd.DataFrame()
+    if "runs" in inputs:
+        runs = read_table(inputs["runs"], ("status", *SLIP_COLUMNS))
+    settings = study.section(DRUM, DrumSettings)
+    words = _slip_in_words(float(arrays["turned_before_deg"]), runs, settings)
+    if settings.report_s == ARTICLE_RUN_S and "turned_report_deg" in arrays:
+        end_deg = float(arrays["turned_report_deg"])
+        words += f"\nThe article's run ends at {end_deg:.0f}° and shows the bed after a slip."
+    figure.supxlabel(words, fontsize=7.5)
     return figure
 
 

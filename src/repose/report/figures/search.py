@@ -166,16 +166,7 @@ def _draw_parameter_strips(
                 zorder=3,
                 label=f"{hidden}published interval",
             )
-        for x, value, alignment in ((-0.01, low, "left"), (1.01, high, "right")):
-            panel.text(
-                x,
-                y - 0.42,
-                f"{value:g}",
-                fontsize=6,
-                ha=alignment,
-                va="top",
-                color=style.GREY,
-            )
+        _write_range(panel, y, low=low, high=high)
         percent = 100 * (place.max() - place.min())
         panel.text(
             1.03, y, f"{percent:.0f} %", fontsize=style.SMALL_TEXT_PT, va="center"
@@ -197,6 +188,13 @@ def _draw_parameter_strips(
         columnspacing=1.4,
         bbox_to_anchor=(0.45, -0.02),
     )
+
+
+def _write_range(panel: Axes, y: float, low: float, high: float) -> None:
+    """Write both ends of a parameter's range below its strip."""
+    look = {"fontsize": 6, "va": "top", "color": style.GREY}
+    panel.text(-0.01, y - 0.42, f"{low:g}", ha="left", **look)
+    panel.text(1.01, y - 0.42, f"{high:g}", ha="right", **look)
 
 
 def _draw_strip(

@@ -67,6 +67,7 @@ class CheckSection:
     """Measured, predicted and simulated responses, and the pile."""
 
     responses: Table
+    has_simulations: bool  # new ones, of the answer
     failures: str  # of the new simulations, in words
     angle_definitions: Table | None
     has_view: bool  # of the pile in 3-D
@@ -283,6 +284,7 @@ def check(study: Results) -> CheckSection:
     """Describe measured, predicted and simulated responses, and the pile."""
     return CheckSection(
         responses=_response_table(study),
+        has_simulations=study.number("n_seeds") is not None,
         failures=cell_text(study.answer_row.get("reason")),
         angle_definitions=_table_of_angle_definitions(study),
         has_view="trajectory" in study.files,
@@ -308,13 +310,6 @@ def _response_row(study: Results, target: Target) -> list[str]:
     measured = f"{target.value:.4g} ± {target.sd:.2g} {unit} (n = {target.repetitions})"
     target_range = f"{target.low:g} to {target.high:g} {unit}"
 
-    predicted = study.number(response.predicted)
-    predicted_text = "" if predicted is None else f"{predicted:.4g} {unit}"
-    optimism = study.number(response.optimism)
-    if optimism is not None:
-        expected = describe_optimism(optimism, study.number(response.optimism_error))
-        predicted_text += f" ({expected.replace('+-', '±')})"
-
     simulated = study.number(response.simulated)
     error = study.number(response.standard_error)
     simulated_text = _mean_with_error(simulated, error, f" {unit}")
@@ -328,11 +323,25 @@ def _response_row(study: Results, target: Target) -> list[str]:
         response.label,
         measured,
         target_range,
-        predicted_text,
+        _prediction_text(study, target),
         simulated_text,
         difference,
         inside,
     ]
+
+
+def _prediction_text(study: Results, target: Target) -> str:
+    """Write the predicted response of the answer with its expected optimism."""
+    response = target.response
+    predicted = study.number(response.predicted)
+    if predicted is None:
+        return ""
+    text = f"{predicted:.4g} {response.unit}"
+    optimism = study.number(response.optimism)
+    if optimism is None:
+        return text
+    expected = describe_optimism(optimism, study.number(response.optimism_error))
+    return f"{text} ({expected.replace('+-', '±')})"
 
 
 def _table_of_angle_definitions(study: Results) -> Table | None:
