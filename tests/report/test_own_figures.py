@@ -1,5 +1,8 @@
 """Figures of a calibration with a simulator of one's own: what is drawn is what was told."""
 
+import json
+import re
+
 import numpy as np
 import pytest
 from made_up import words
@@ -84,6 +87,12 @@ def test_the_points_are_the_runs_and_the_box_is_the_range(answer, tmp_path):
         )
 
 
+def copied_text(text):
+    """What the button of a report copies."""
+    content = re.search(r'id="content">(.*?)</script>', text, re.DOTALL).group(1)
+    return json.loads(content)["copy"]
+
+
 def test_the_report_has_the_figures_and_says_that_the_targets_are_predicted_to_be_met(
     answer, tmp_path
 ):
@@ -94,6 +103,9 @@ def test_the_report_has_the_figures_and_says_that_the_targets_are_predicted_to_b
     assert "<b>Targets predicted to be met.</b>" in text
     absent = ("not checked", "no result", ">unknown<", "Blue: the new simulations")
     assert not any(words in text for words in absent)
+    # parameters of the user's own have no other name than this
+    assert '"name":"a","label":""' in text
+    assert re.search(r"^a: [\d.e-]+$", copied_text(text), re.MULTILINE)
     input_error(
         r"ending is '\.gif'; expected \.png or \.pdf or \.svg",
         own.plot,

@@ -66,46 +66,46 @@ def validation(inputs: Inputs, study: StudyView) -> Figure:
     solutions = read_table(
         inputs["table4"], ("solution", *targets.predicted, *simulated)
     )
-    others = pd.DataFrame()
+    published = pd.DataFrame()
     if "published" in inputs:
-        others = read_table(inputs["published"], ("solution",))
-    responses_of_others = published_responses(others.columns, targets.responses)
+        published = read_table(inputs["published"], ("solution",))
+    published_of_targets = published_responses(published.columns, targets.responses)
 
-    widths = (1.15, 1) if responses_of_others else (1,)
+    # The right column has the published solutions, if there are any.
+    widths = (1.15, 1) if published_of_targets else (1,)
     figure = style.new_figure(style.PAGE, 0.6 + 1.9 * len(targets))
     axes = figure.subplots(
         len(targets), len(widths), sharey="row", squeeze=False, width_ratios=widths
     )
-    for row, target in zip(axes, targets, strict=True):
-        ours = row[0]
+    named_solutions = _with_names(solutions)
+    for panel, target in zip(axes[:, 0], targets, strict=True):
         _draw_predicted_and_simulated(
-            ours, _sorted_by_name(solutions), target=target, marks=SIMULATED_HERE
+            panel, named_solutions, target=target, marks=SIMULATED_HERE
         )
-        ours.set_ylabel(style.response_label(target.response))
-        if not responses_of_others:
-            continue
-        theirs = row[1]
-        if target.response in responses_of_others:
-            _draw_predicted_and_simulated(
-                theirs,
-                _sorted_by_name(others, "P"),
-                target=target,
-                marks=SIMULATED_BY_OTHERS,
-            )
-        else:
-            theirs.axis("off")
-            style.note(
-                theirs, "not published", x=0.5, y=0.5, ha="center", color=style.GREY
-            )
+        panel.set_ylabel(style.response_label(target.response))
     axes[0, 0].set_title("this run", fontweight="bold")
     axes[-1, 0].set_xlabel("solution of this run")
-    if responses_of_others:
+    if published_of_targets:
+        named_published = _with_names(published, "P")
+        for panel, target in zip(axes[:, 1], targets, strict=True):
+            if target.response in published_of_targets:
+                _draw_predicted_and_simulated(
+                    panel, named_published, target=target, marks=SIMULATED_BY_OTHERS
+                )
+            else:
+                _leave_empty(panel, "not published")
         axes[0, 1].set_title("published", fontweight="bold")
         axes[-1, 1].set_xlabel("published solution (P)")
     figure.align_xlabels(axes[-1])
     style.one_legend(axes.ravel(), loc="outside upper center", ncols=3)
     style.below(figure, "percentages: error of the prediction, of the simulated value")
     return figure
+
+
+def _leave_empty(panel: Axes, words: str) -> None:
+    """Write why a panel is empty in its middle."""
+    panel.axis("off")
+    style.note(panel, words, x=0.5, y=0.5, ha="center", color=style.GREY)
 
 
 @figure(
@@ -122,7 +122,7 @@ def published_solutions(inputs: Inputs, study: StudyView) -> Figure:
     names. Bars are one standard error over the seeds; another draw of seeds moves a mean
     by about as much.
     """
-    table = _sorted_by_name(read_table(inputs["published"], ("solution",)), "P")
+    table = _with_names(read_table(inputs["published"], ("solution",)), "P")
     targets = [target for target in study.targets if target.response.simulated in table]
     figure, axes = panels.grid(len(targets), 2.3, extra_height=0.3)
     for panel, target in zip(axes, targets, strict=True):
@@ -240,14 +240,15 @@ def _draw_measurement(panel: Axes, table: pd.DataFrame, target: Target) -> np.nd
     return np.arange(len(table))
 
 
-def _sorted_by_name(table: pd.DataFrame, mark: str = "") -> pd.DataFrame:
-    """Add the names of solutions for an axis, with a mark before their numbers.
+def _with_names(table: pd.DataFrame, mark: str = "") -> pd.DataFrame:
+    """Add the column `name`, for an axis, and sort the solutions.
 
     The answer comes first, then the others by number, then those without a number.
+    `mark` stands before each name, as P for published solutions.
     """
     is_answer = table.get("role", table["solution"]) == "representative"
     names = [
-        _name(str(solution), answer, mark)
+        _axis_name(str(solution), is_answer=answer, mark=mark)
         for solution, answer in zip(table["solution"], is_answer, strict=True)
     ]
     number = pd.to_numeric(table["solution"], errors="coerce").mask(is_answer, -1)
@@ -255,10 +256,11 @@ def _sorted_by_name(table: pd.DataFrame, mark: str = "") -> pd.DataFrame:
     return named.sort_values("number", kind="stable", ignore_index=True)
 
 
-def _name(solution: str, is_answer: bool, mark: str) -> str:
-    """Name a solution; one of other authors, as `yu_2022`, by these and the year."""
+def _axis_name(solution: str, is_answer: bool, mark: str) -> str:
+    """Name a solution on an axis; `yu_2022` becomes the authors and the year."""
     if is_answer:
-        return f"{mark}{solution.removeprefix('representative')}\n(answer)"
+        number = solution.removeprefix("representative")
+        return f"{mark}{number}\n(answer)"
     if solution.isdigit():
         return f"{mark}{solution}"
     return solution.replace("_", " et al.\n").capitalize()

@@ -98,7 +98,10 @@ def text_to_copy(study: Results) -> str:
     """Write the parameters as lines of YAML."""
     lines = [f"# {study.label}: {verdict_of(study).text}"]
     for name, value in zip(study.parameters.names, study.answer.tolist(), strict=True):
-        lines.append(f"{name}: {value:.6g}  # {LABELS.get(name, name)}")
+        line = f"{name}: {value:.6g}"
+        if name in LABELS:
+            line += f"  # {LABELS[name]}"
+        lines.append(line)
     return "\n".join(lines) + "\n"
 
 
@@ -119,7 +122,7 @@ def _parameter(study: Results, name: str, value: float) -> dict[str, Any]:
         low, high = parameter_ranges(study.parameters)[name]
     return {
         "name": name,
-        "label": LABELS.get(name, name),
+        "label": LABELS.get(name, ""),  # parameters of other simulators have none
         "value": value,
         "fixed": is_fixed,
         "low": low,

@@ -214,7 +214,7 @@ function setUpSliders() {
       moveSlider(slider, value);
       drawPredictions(predict(values, moved), false);
     });
-    const name = make("span", {}, make("code", {}, parameter.name), ` ${parameter.label}`);
+    const name = make("span", {}, make("code", {}, parameter.name), parameter.label ? ` ${parameter.label}` : "");
     byId("sliders").append(make("label", { for: input.id }, name, output, input));
   });
 

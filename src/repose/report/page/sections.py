@@ -219,7 +219,7 @@ def _parameter_table(study: Results) -> Table:
 def _parameter_row(study: Results, name: str, value: float) -> list[str]:
     """Give the row of one parameter in the table of the answer."""
     parameters = study.parameters
-    label = LABELS.get(name, name)
+    label = LABELS.get(name, "")  # parameters of other simulators have none
     if name in parameters.fixed:
         interval_cells = [] if study.posterior is None else ["", ""]
         return [name, label, f"{value:.4g}", *interval_cells, "fixed", ""]
@@ -244,7 +244,7 @@ def _parameter_row(study: Results, name: str, value: float) -> list[str]:
     searched = f"{low:.3g} to {high:.3g}"
     values_of_sets = study.solutions[name]
     sets_found = f"{values_of_sets.min():.3g} to {values_of_sets.max():.3g}"
-    meaning = with_remark(label, interval)
+    meaning = with_remark(label, interval).removeprefix("; ")
     return [name, meaning, f"{value:.4g}", *interval_cells, searched, sets_found]
 
 
