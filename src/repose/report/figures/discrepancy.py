@@ -88,9 +88,10 @@ def _draw_information(
         if correlation:
             words = f"correlation {correlation:g}"
         look = style.series(k)
-        sure = _without_rough_rows(rows)
+        # The whole line is pale; its reliable parts are drawn again over it.
+        reliable = _without_rough_rows(rows)
         panel.plot(rows[x], rows[y], **look, alpha=ROUGH_OPACITY)
-        panel.plot(sure[x], sure[y], **look, label=f"assumed, {words}")
+        panel.plot(reliable[x], reliable[y], **look, label=f"assumed, {words}")
     panel.plot(
         of_shape_study[x],
         of_shape_study[y],
@@ -118,7 +119,7 @@ def _draw_information(
 
 
 def _without_rough_rows(rows: pd.DataFrame) -> pd.DataFrame:
-    """Empty the rows that are rough estimates."""
+    """Set the rows that are rough estimates to NaN, which leaves a gap in a line."""
     return rows.where(rows["effective_points"] >= FEWEST_POINTS)
 
 
@@ -133,8 +134,9 @@ def _draw_intervals(
     by_correlation = stated.groupby("discrepancy_correlation")
     for k, (_, rows) in enumerate(by_correlation):
         look = style.series(k)
-        sure = _without_rough_rows(rows)
-        for part, opacity in ((rows, ROUGH_OPACITY), (sure, 1.0)):
+        # The whole band is pale; its reliable parts are drawn again over it.
+        reliable = _without_rough_rows(rows)
+        for part, opacity in ((rows, ROUGH_OPACITY), (reliable, 1.0)):
             x = part["discrepancy_percent"]
             low, high = part[ends].to_numpy().T
             panel.fill_between(

@@ -134,41 +134,37 @@ def _draw_measured_slope(
     if not angles:
         return
     target = angles[0]
-    top = mean.height_mm.max()
-    levels = (settings.fit_from, settings.fit_to)
-    if any(isinstance(level, str) for level in levels):
-        levels = DEFAULT_LEVELS
-    low, high = (level * top for level in levels)
+    low, high = _heights_of_line(settings, mean.height_mm.max())
     middle = 0.5 * (low + high)
     heights = np.array([low, high])
+    # The measured angle, and the angle less and plus its standard deviation.
+    angles_deg = target.value + np.array([[-target.sd], [0.0], [target.sd]])
+    distances = (heights - middle) / np.tan(np.radians(angles_deg))
     for side in (-1, 1):
         # The place at which the outermost point of the flank has the middle height.
         is_on_side = side * mean.x_mm >= 0
         reaches_middle = is_on_side & (mean.height_mm >= middle)
-        place_mm = side * np.abs(mean.x_mm[reaches_middle]).max()
-
-        def along_flank(angle_deg: float, place_mm: float = place_mm) -> np.ndarray:
-            """Give the places at `heights` of a line through the middle of the flank."""
-            run = (heights - middle) / np.tan(np.radians(angle_deg))
-            return place_mm - np.sign(place_mm) * run
-
-        panel.fill_betweenx(
-            heights,
-            along_flank(target.value - target.sd),
-            along_flank(target.value + target.sd),
-            color=style.RED,
-            alpha=0.3,
-            lw=0,
-        )
+        middle_x = side * np.abs(mean.x_mm[reaches_middle]).max()
+        flattest, measured, steepest = middle_x - side * distances
+        panel.fill_betweenx(heights, flattest, steepest, color=style.RED, alpha=0.4)
         # The right flank names the line in the legend.
         hidden = "" if side == 1 else "_"
         panel.plot(
-            along_flank(target.value),
+            measured,
             heights,
             color=style.RED,
             lw=1.4,
             label=f"{hidden}measured slope {_mean_and_sd(target)}",
         )
+
+
+def _heights_of_line(settings: MeasureSettings, top_mm: float) -> tuple[float, float]:
+    """Give the heights in mm between which the line of the angle is fitted."""
+    low = settings.fit_from
+    high = settings.fit_to
+    if isinstance(low, str) or isinstance(high, str):
+        low, high = DEFAULT_LEVELS
+    return low * top_mm, high * top_mm
 
 
 def _mean_and_sd(target: Target) -> str:

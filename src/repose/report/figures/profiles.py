@@ -1,13 +1,15 @@
 """Profiles among the targets: heights as measured, predicted and simulated."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from repose.calibrate.profiles import Profile
+from repose.calibrate.responses import Response
 from repose.common.files import read_table
 
 from . import panels, style
@@ -44,20 +46,30 @@ def profiles(inputs: Inputs, study: StudyView) -> Figure:
     for panel, profile in zip(axes, targets.profiles.values(), strict=True):
         scores_of_profile = [target for target in targets if target.profile == profile]
         responses = [target.response for target in scores_of_profile]
-        predicted = answer[[score.predicted for score in responses]].to_numpy(float)
-        simulated = answer[[score.simulated for score in responses]].to_numpy(float)
-        error = answer[[score.standard_error for score in responses]].to_numpy(float)
-        # The errors of scores are independent, so their squares add up.
-        squared_error = np.square(np.nan_to_num(error))
-        height_error = np.sqrt(profile.basis**2 @ squared_error)
-        lines = {
-            "predicted": (profile.heights(predicted), 0.0),
-            "simulated ± SE": (profile.heights(simulated), height_error),
-        }
+        lines = _lines_of_answer(profile, responses, answer)
         height_sd = scores_of_profile[0].sd * np.sqrt(profile.functions)
         draw(panel, profile, sd=height_sd, lines=lines)
     style.name_panels(axes)
     return figure
+
+
+def _lines_of_answer(
+    profile: Profile, scores: Sequence[Response], answer: pd.Series
+) -> dict[str, tuple[np.ndarray, Any]]:
+    """Give the predicted and the simulated heights of the answer, as for `draw`.
+
+    `scores` are the responses of the profile, `answer` a row of Table 4.
+    """
+    predicted = answer[[score.predicted for score in scores]].to_numpy(float)
+    simulated = answer[[score.simulated for score in scores]].to_numpy(float)
+    error = answer[[score.standard_error for score in scores]].to_numpy(float)
+    # The errors of scores are independent, so their squares add up.
+    squared_error = np.square(np.nan_to_num(error))
+    height_error = np.sqrt(profile.basis**2 @ squared_error)
+    return {
+        "predicted": (profile.heights(predicted), 0.0),
+        "simulated ± SE": (profile.heights(simulated), height_error),
+    }
 
 
 def draw(

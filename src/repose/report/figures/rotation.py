@@ -224,16 +224,7 @@ def _draw_angles(
     _draw_angles_of_runs(panel, record, runs)
     slipped = runs[runs["status"] == "ok"]
     if len(slipped):
-        drop_deg = settings.slip_drop_deg
-        panel.plot(
-            slipped["before_time_s"],
-            slipped["before_bed_deg"],
-            "v",
-            ms=4,
-            color=style.RED,
-            zorder=4,
-            label=f"first slip begins: highest before a fall by {drop_deg:g}°",
-        )
+        _mark_first_slips(panel, slipped, settings)
     last_s = record["time_s"].max()
     turned_deg = np.degrees(settings.angular_velocity_rad_s) * last_s
     panel.plot(
@@ -268,6 +259,22 @@ def _draw_angles(
     diameter_mm = settings.outer_diameter_mm
     words = f"drum: diameter {diameter_mm:g} mm,\n{rpm:.2f} turns per minute"
     style.note(panel, words)
+
+
+def _mark_first_slips(
+    panel: Axes, slipped: pd.DataFrame, settings: DrumSettings
+) -> None:
+    """Mark time and angle of the centre of mass at which the bed of each run slipped."""
+    drop_deg = settings.slip_drop_deg
+    panel.plot(
+        slipped["before_time_s"],
+        slipped["before_bed_deg"],
+        "v",
+        ms=4,
+        color=style.RED,
+        zorder=4,
+        label=f"first slip begins: highest before a fall by {drop_deg:g}°",
+    )
 
 
 def _draw_angles_of_runs(panel: Axes, record: pd.DataFrame, runs: pd.DataFrame) -> None:
