@@ -58,8 +58,8 @@ def validation(inputs: Inputs, study: StudyView) -> Figure:
     Table 4 as a figure: do new simulations agree with the predictions, and do they lie
     inside the target ranges? Predicted and simulated responses of the answer, the
     representative solution, and others, simulated with seeds that no sample of the
-    design had. Published solutions have a P before their number; the article did not
-    simulate its answer. Bars are one standard error.
+    design had. Published solutions have a P before their number; where no simulated
+    value was published, the figure says so. Bars are one standard error.
     """
     targets = study.targets
     simulated = [target.response.simulated for target in targets]

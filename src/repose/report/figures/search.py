@@ -110,6 +110,7 @@ def _write_title(
 ) -> None:
     """Write how many solutions are shown, and whether they are feasible."""
     if summary["feasible"]:
+        # A search for a number of sets fills up with the nearest ones.
         n_feasible = int(_as_boolean(solutions["feasible"]).sum())
         others = ""
         if n_feasible < len(solutions):

@@ -192,6 +192,7 @@ def line_in_words(settings: MeasureSettings, definition: str | None = None) -> s
     if definition == "straightest":
         percent = 100 * settings.smallest_window
         return f"line fitted to the straightest {percent:.2g} % or more of the side"
+    # The words of a table are: flank, the band of heights, the kind of its points.
     _, height_band, _ = line_of(settings, "flank").split(", ")
     if definition == "steepest":
         return (

@@ -316,40 +316,51 @@ def _draw_splits(panel: Axes, table: pd.DataFrame, shown: Response) -> None:
         rows = table[table["split"] == split]
         if rows.empty:
             continue
-        simulated = rows[shown.name].to_numpy(float)
-        predicted = rows[shown.predicted].to_numpy(float)
-        error = rows[shown.standard_error].to_numpy(float)
         is_unseen = split in UNSEEN_SPLITS
-        look: dict[str, Any] = {
-            "fmt": marker,
-            "color": colour,
-            "ecolor": (*to_rgb(colour), 0.45),
-            "ms": 3.2,
-            "mec": "white",
-            "mew": 0.3,
-            "elinewidth": 0.5,
-            "zorder": 3 if is_unseen else 2,
-        }
-        label = f"{split} ({len(rows)})"
         panel.errorbar(
-            simulated, predicted, xerr=np.nan_to_num(error), label=label, **look
+            rows[shown.name],
+            rows[shown.predicted],
+            xerr=rows[shown.standard_error].fillna(0.0),
+            fmt=marker,
+            color=colour,
+            ecolor=(*to_rgb(colour), 0.45),
+            ms=3.2,
+            mec="white",
+            mew=0.3,
+            elinewidth=0.5,
+            zorder=3 if is_unseen else 2,
+            label=f"{split} ({len(rows)})",
         )
         if is_unseen:
-            of_model = _accuracy_text(simulated, predicted - simulated, shown.unit)
-            lines.append(f"{split}: {of_model}")
-            # A perfect model is off the simulated means by their noise alone. Few test
-            # samples tell little about the noise, so it is taken from the whole design.
-            like_these = table["split"] == split
-            if split == "test":
-                like_these = table["split"] != "new points"
-            means = table.loc[like_these, shown.name].to_numpy(float)
-            noise = table.loc[like_these, shown.standard_error].to_numpy(float)
-            of_perfect_model = _accuracy_text(means, noise, shown.unit)
-            lines.append(f"perfect model, {len(means)} sets: {of_perfect_model}")
+            lines += _accuracy_lines(table, split, shown)
     panel.set(xlim=ends, ylim=ends, aspect="equal")
     for axis in (panel.xaxis, panel.yaxis):
         axis.set_major_locator(MaxNLocator(6))
     style.note(panel, "\n".join(lines))
+
+
+def _accuracy_lines(table: pd.DataFrame, split: str, shown: Response) -> list[str]:
+    """Write the accuracy at the points of a split, and that of a perfect model.
+
+    A perfect model is off the simulated means by their noise alone.
+    """
+    is_split = table["split"] == split
+    rows = table[is_split]
+    simulated = rows[shown.name].to_numpy(float)
+    predicted = rows[shown.predicted].to_numpy(float)
+    of_model = _accuracy_text(simulated, predicted - simulated, shown.unit)
+
+    # Few test samples tell little about the noise, so it is taken from the whole design.
+    noisy_rows = rows
+    if split == "test":
+        noisy_rows = table[table["split"] != "new points"]
+    means = noisy_rows[shown.name].to_numpy(float)
+    noise = noisy_rows[shown.standard_error].to_numpy(float)
+    of_perfect_model = _accuracy_text(means, noise, shown.unit)
+    return [
+        f"{split}: {of_model}",
+        f"perfect model, {len(means)} sets: {of_perfect_model}",
+    ]
 
 
 def _accuracy_text(simulated: np.ndarray, deviation: np.ndarray, unit: str) -> str:
