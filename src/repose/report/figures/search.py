@@ -106,22 +106,20 @@ def _overlap_in_words(
 
 
 def _write_title(
-    figure: Figure, left: Axes, solutions: pd.DataFrame, summary: Mapping[str, Any]
+    figure: Figure, panel: Axes, solutions: pd.DataFrame, summary: Mapping[str, Any]
 ) -> None:
-    """Write how many solutions are shown, and whether they are feasible."""
+    """Write how many solutions are shown; without feasible ones, why there are none."""
+    n_shown = len(solutions)
     if summary["feasible"]:
-        # A search for a number of sets fills up with the nearest ones.
         n_feasible = int(_as_boolean(solutions["feasible"]).sum())
         others = ""
-        if n_feasible < len(solutions):
-            others = f" and the {len(solutions) - n_feasible} nearest others"
+        if n_feasible < n_shown:
+            others = f" and the {n_shown - n_feasible} nearest others"
         title = f"{n_feasible} feasible solutions{others}"
-        left.set_title(title, fontweight="bold", color=style.BLACK)
+        panel.set_title(title, fontweight="bold", color=style.BLACK)
         return
-    title = (
-        f"no set is predicted inside all ranges: the {len(solutions)} nearest are shown"
-    )
-    left.set_title(title, fontweight="bold", color=style.RED)
+    title = f"no set is predicted inside all ranges: the {n_shown} nearest are shown"
+    panel.set_title(title, fontweight="bold", color=style.RED)
     # The message has the names of parameters, the figure their symbols.
     message = summary.get("message", "")
     message = re.sub("|".join(SYMBOLS), lambda match: SYMBOLS[match[0]], message)
@@ -146,11 +144,11 @@ def _draw_parameter_strips(
 ) -> None:
     """Draw a strip for each free parameter, its range from left to right."""
     names = study.parameters.free
+    ranges = parameter_ranges(study.parameters)
     is_answer = _as_boolean(solutions["representative"])
-    for row, (name, (low, high)) in enumerate(
-        parameter_ranges(study.parameters).items()
-    ):
-        y = len(names) - 1 - row
+    for row, name in enumerate(names):
+        low, high = ranges[name]
+        y = len(names) - 1 - row  # the first parameter is on top
         place = (solutions[name].to_numpy() - low) / (high - low)
         # The first strip names the marks in the legend.
         hidden = "" if row == 0 else "_"
