@@ -1,4 +1,4 @@
-"""The check of our solutions (Table 4), and the published solutions in our simulator."""
+"""Figures of the check: our solutions (Table 4), and published ones simulated here."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -1,4 +1,4 @@
-"""Information in the measurements over the size of the simulator's discrepancy."""
+"""Figure of the information in the measurements, over an assumed simulator error."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The definitions of the angle of repose, drawn on the same pile."""
+"""Figure of the definitions of the angle of repose, all drawn on the same pile."""
 
 import numpy as np
 from matplotlib.axes import Axes

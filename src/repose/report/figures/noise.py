@@ -1,4 +1,4 @@
-"""The noise floor: how far runs of the same parameters scatter."""
+"""Figure of the noise: how far runs with the same parameters scatter."""
 
 from collections.abc import Mapping
 

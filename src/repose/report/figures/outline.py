@@ -1,4 +1,4 @@
-"""The outline of the simulated pile with the measured height and angle, at one scale."""
+"""Figure of the simulated pile's outline with the measured height and slope."""
 
 from typing import TYPE_CHECKING, NamedTuple
 

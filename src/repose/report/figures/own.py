@@ -1,4 +1,4 @@
-"""Figures of a calibration with a simulator of the user's own."""
+"""Figures of a calibration whose simulator is the user's own program."""
 
 import math
 import os

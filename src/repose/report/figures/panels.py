@@ -1,4 +1,4 @@
-"""Panels of a figure: grids, and panels for each parameter or each pair of parameters."""
+"""Grids of panels, with a panel for each parameter or each pair of parameters."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Each pair of targets as a plane: the samples, the target ranges, and the answer."""
+"""Figure of each pair of targets: samples, target ranges and answer in a plane."""
 
 import math
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""The posterior of the parameters: its draws in pairs, and credible intervals."""
+"""Figures of the posterior: draws of the parameters in pairs, credible intervals."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple

@@ -1,4 +1,4 @@
-"""Profiles among the targets: heights as measured, predicted and simulated."""
+"""Figure of the profiles among the targets: measured, predicted and simulated."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -1,4 +1,4 @@
-"""Figure 15 and its numbers: the bed in the drum before and after its first slip."""
+"""Figures of the rotating drum: its bed before and after the first slip."""
 
 from collections.abc import Mapping
 from typing import Any

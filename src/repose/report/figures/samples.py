@@ -1,4 +1,4 @@
-"""The points of the design, and the simulated responses over them."""
+"""Figures of the design: its points, and the simulated responses over them."""
 
 import numpy as np
 import pandas as pd

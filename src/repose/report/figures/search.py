@@ -1,4 +1,4 @@
-"""Figure 14, the solutions of the search, and how the search came to them."""
+"""Figures of the search: the solutions (Figure 14), and the course of the search."""
 
 import re
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""Sensitivity of the responses: Sobol indices and main effects of the parameters."""
+"""Figures of the sensitivity: Sobol indices and main effects of the parameters."""
 
 import numpy as np
 import pandas as pd

@@ -1,4 +1,4 @@
-"""The answer of the sequential strategy over the pours: probability and responses."""
+"""Figure of the sequential strategy: probability and predictions over the pours."""
 
 import pandas as pd
 from matplotlib.axes import Axes

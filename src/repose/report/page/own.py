@@ -1,4 +1,4 @@
-"""The report of a study with a simulator of the user's own."""
+"""Write the report of a calibration whose simulator is the user's own program."""
 
 import io
 import os

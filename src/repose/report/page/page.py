@@ -1,4 +1,4 @@
-"""The report as one page: its HTML, its numbers as JSON, its style and scripts."""
+"""Write the report as one page: its HTML, numbers as JSON, style and scripts."""
 
 import os
 from collections.abc import Mapping, Sequence

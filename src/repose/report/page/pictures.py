@@ -1,4 +1,4 @@
-"""Pictures inside the page, which need no further file."""
+"""Embed pictures in the page, which then needs no further file."""
 
 import base64
 import io

@@ -1,4 +1,4 @@
-"""The results of a finished study, read for its report."""
+"""Read the results of a finished study for its report."""
 
 import os
 from collections import defaultdict

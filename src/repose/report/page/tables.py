@@ -1,4 +1,4 @@
-"""Tables of the report."""
+"""Tables of the report, as plain values for its templates."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""three.js, the library of the 3-D view, from the package that ships it."""
+"""Read three.js, the library of the 3-D view, from the package that ships it."""
 
 from importlib import resources
 

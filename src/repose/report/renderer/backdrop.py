@@ -1,4 +1,4 @@
-"""Background of a picture of grains: the inside of the drum."""
+"""Draw the inside of a drum as the background of a picture of grains."""
 
 import math
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The bodies of a picture as triangles, with the true normals at their corners."""
+"""Turn the bodies of a picture into triangles with normals at their corners."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Short endless animations: a pour, the drum along its axis, any simulation."""
+"""Make short endless animations of a pour, a drum or any simulation."""
 
 import io
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""Light and colours of a picture: shadows, open sky, grains, plate, walls of glass."""
+"""Colour a picture of grains: light, shadows, open sky, plate and glass walls."""
 
 import math
 from collections.abc import Sequence

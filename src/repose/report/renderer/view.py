@@ -1,4 +1,4 @@
-"""Content of each pixel of a picture: a body, a flat wall, the plate, the backdrop."""
+"""Find what each pixel of a picture shows: a body, a wall, the plate, the backdrop."""
 
 from dataclasses import dataclass, fields
 
