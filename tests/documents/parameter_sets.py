@@ -222,12 +222,11 @@ def design():
     narrowest, widest = share_left_open()
     return (
         "Many different parameter sets give the measured pile, so the pile alone cannot tell them apart.\n"
-        f"In the default run, {len(meeting)} of the {len(samples)} simulated parameter sets meet both targets before any search.\n"
-        f"Together they span most of each searched range, from {100 * shares[least]:.0f} % of the range of `{least}` "
-        f"to {100 * shares[most]:.0f} % of that of `{most}`.\n"
-        "With ten measured piles and a plausible error of the model, the 95 % interval of each parameter "
-        f"keeps {100 * narrowest:.0f} to {100 * widest:.0f} % of its width.\n"
-        "So the pile by itself determines none of the six parameters.\n"
+        f"In the default run, {len(meeting)} of the {len(samples)} simulated parameter sets met both targets before the search had begun, "
+        f"and they are spread over {100 * shares[least]:.0f} to {100 * shares[most]:.0f} % of the searched range of each parameter.\n"
+        "A statistical analysis with ten measured piles, which allows for errors of the simulator, agrees: "
+        f"{100 * narrowest:.0f} to {100 * widest:.0f} % of each range remains possible.\n"
+        "None of the six parameters is therefore determined by the pile alone, although the pile that they give together is.\n"
     )
 
 
@@ -248,9 +247,10 @@ def bounds():
     return (
         "If many solutions lie at the end of a searched range, better ones may lie beyond it. "
         "A solution is a parameter set that is predicted to meet the targets.\n"
-        f"In the default run, {'; '.join(listed_bounds)}, the static friction between two berries.\n"
-        f"The answer itself lies only {100 * distance:.1f} % of that range above the bound.\n"
-        "We took the bound from the article (Table 2), so the search may have been cut off there.\n"
+        f"In the default run, {'; '.join(listed_bounds)}, the static friction between two berries, "
+        f"and the answer lies only {100 * distance:.1f} % of that range above it.\n"
+        "Since we took this bound from the article (Table 2), it may have cut the search off. "
+        "To find out, give the parameter a wider range and run the study again.\n"
     )
 
 

@@ -408,7 +408,9 @@ def _row_of_set(
                 )
             )
         cells.append(
-            _mean_with_error(simulated, row.get(response.standard_error), missing=missing)
+            _mean_with_error(
+                simulated, row.get(response.standard_error), missing=missing
+            )
         )
         cells.append(_error_percent(predicted, simulated))
     return cells
