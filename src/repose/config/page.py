@@ -67,7 +67,8 @@ def page(text: str) -> str:
 
 def sections_without_table(text: str) -> list[str]:
     """List the sections of the configuration for which the page has no table."""
-    return [name for name in tables() if name not in TABLE.findall(text)]
+    named = TABLE.findall(text)
+    return [name for name in tables() if name not in named]
 
 
 def tables() -> dict[str, Table]:
