@@ -167,7 +167,6 @@ def test_a_surrogate_that_is_no_network_is_shown_along_each_parameter(tmp_path):
 
 
 def test_planes_of_many_parameters_keep_the_page_small():
-    assert prediction.plane_points(0, 2) == 0
     assert prediction.plane_points(15, 2) == prediction.PLANE_POINTS
     for n_pairs in (45, 190, 400):
         count = prediction.plane_points(n_pairs, 2)

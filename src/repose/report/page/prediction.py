@@ -47,11 +47,11 @@ def for_page(
     """Give a surrogate as plain values.
 
     Their `kind` is ``network`` or ``curves``. `answer` is the reported parameter set,
-    through which the curves run.
+    through which the curves and planes run.
     """
     if has_network(surrogate):
         return _networks(surrogate)
-    return _curves(surrogate, parameters, answer)
+    return _curves_and_planes(surrogate, parameters, answer)
 
 
 def _networks(surrogate: BayesianBP | NetworkEnsemble) -> dict[str, Any]:
@@ -72,28 +72,31 @@ def _networks(surrogate: BayesianBP | NetworkEnsemble) -> dict[str, Any]:
     return scaling | {"kind": "network", "members": members}
 
 
-def _curves(
+def _curves_and_planes(
     surrogate: Predictor, parameters: ParameterSpace, answer: np.ndarray
 ) -> dict[str, Any]:
     """Give mean and standard deviation along each free parameter, and over each pair.
 
-    The planes have the key ``first second``; their values (points, points, responses)
-    are packed, the first parameter down.
+    `curves` has a parameter as key, `planes` two of them, as ``first second``. The values
+    of a plane (points, points, responses) are packed, the first parameter down.
     """
     curves = {}
     for name in parameters.free:
-        values = _spread_over_range(parameters, name, CURVE_POINTS)
         points = np.tile(np.asarray(answer, dtype=float), (CURVE_POINTS, 1))
-        points[:, parameters.names.index(name)] = values
+        column = parameters.names.index(name)
+        points[:, column] = _spread_over_range(parameters, name, CURVE_POINTS)
         mean, std = surrogate.predict(points, return_std=True, noise=False)
         curves[name] = {
             "mean": np.asarray(mean).tolist(),
             "std": np.asarray(std).tolist(),
         }
-    planes = {}
+
     pairs = list(combinations(parameters.free, 2))
-    n_responses = len(curves[parameters.free[0]]["mean"][0])
-    n_points = plane_points(len(pairs), n_responses)
+    n_points = 0
+    if pairs:
+        n_responses = len(curves[pairs[0][0]]["mean"][0])
+        n_points = plane_points(len(pairs), n_responses)
+    planes = {}
     for first, second in pairs:
         points = _points_of_plane(parameters, answer, (first, second), n_points)
         mean, std = surrogate.predict(points, return_std=True, noise=False)
@@ -114,8 +117,6 @@ def plane_points(n_pairs: int, n_responses: int) -> int:
 
     Mean and standard deviation of each response are stored at each point.
     """
-    if n_pairs == 0:
-        return 0
     most_points = MOST_PLANE_NUMBERS / (2 * n_responses * n_pairs)
     return max(LEAST_PLANE_POINTS, min(PLANE_POINTS, math.isqrt(int(most_points))))
 
