@@ -310,7 +310,16 @@ def test_bad_names_are_named_and_the_pile_shows_its_definitions(
 
 @pytest.mark.parametrize(
     "name",
-    ["figure10", "figure13", "figure14", "plane", "dataset", "validation", "noise"],
+    [
+        "figure10",
+        "figure13",
+        "figure14",
+        "plane",
+        "dataset",
+        "validation",
+        "noise",
+        "outline",
+    ],
 )
 def test_a_figure_with_the_calibrated_angle_names_its_line(
     name, inputs, drawn, tmp_path, monkeypatch

@@ -57,7 +57,7 @@ def outline_and_measurement(inputs: Inputs, study: StudyView) -> Figure:
     outlines = [_outline_of(view, settings) for view in views]
     mean = _mean_outline(outlines)
 
-    figure = style.new_figure(style.PAGE, 2.6)
+    figure = style.new_figure(style.PAGE, 2.8)
     panel = figure.subplots()
     for k, outline in enumerate(outlines):
         label = f"simulated pile, views: {len(outlines)}" if k == 0 else None
@@ -134,6 +134,7 @@ def _draw_measured_slope(
     if not angles:
         return
     target = angles[0]
+    symbol = target.response.symbol
     low, high = _heights_of_line(settings, mean.height_mm.max())
     middle = 0.5 * (low + high)
     heights = np.array([low, high])
@@ -154,7 +155,7 @@ def _draw_measured_slope(
             heights,
             color=style.RED,
             lw=1.4,
-            label=f"{hidden}measured slope {_mean_and_sd(target)}",
+            label=f"{hidden}measured slope, {symbol} {_mean_and_sd(target)}",
         )
 
 
