@@ -121,7 +121,12 @@ def studied(config, **more):
         Targets.of(config["targets"]),
     )
     return SimpleNamespace(
-        config=config, settings=settings_of(config), parameters=space, targets=targets
+        config=config,
+        settings=settings_of(config),
+        simulator=None,
+        parameter_names=None,
+        parameters=space,
+        targets=targets,
     )
 
 

@@ -2,6 +2,7 @@
 import collections
 import functools
 import json
+import math
 import os
 import shlex
 import sys
@@ -31,6 +32,7 @@ from repose.stages.published import (
 )
 from repose.stages.settings import SEEDS_OF_NEXT, SETS_OF_NEXT
 from repose.calibrate.seeds import PURPOSES, pour_seeds
+from repose.calibrate.targets import OWN
 from repose.dem.sources import source_hash
 from repose.report import figures
 from repose.calibrate.surrogates import surrogate_class
@@ -71,14 +73,24 @@ PRODUCTS = [
 # What a stage reads of the configuration, with the content of files; as it stands there. Their change reruns a rule.
 settings_of = functools.partial(dependencies.settings_of, config)
 sections = functools.partial(dependencies.sections, config)
+# Whether a program of the user's own makes the runs.
+IS_EXTERNAL = STUDY.simulator is not None
 # Ten times the estimate of the longest job, for slower cores and busy ones.
-MINUTES_OF_RUNS = 10 + round(10 * cost.longest_job_s(config) / 60)
+MINUTES_OF_RUNS = 10
+if not IS_EXTERNAL:
+    MINUTES_OF_RUNS += round(10 * cost.longest_job_s(config) / 60)
 # Folder of each bench test's runs. Wildcard `runs`: one of these.
-RUN_FOLDERS = {name: results_folder.run_folder(name) for name in names()}
+RUN_FOLDERS = {name: results_folder.run_folder(name) for name in (*names(), OWN)}
 APPARATUS_OF = {runs: name for name, runs in RUN_FOLDERS.items()}
 # Bench tests whose responses are targets, and the folders of their runs.
 BENCH_TESTS = STUDY.targets.apparatus
 FOLDERS = [RUN_FOLDERS[name] for name in BENCH_TESTS]
+SAMPLES = [f"{number:03d}" for number in range(1, config["design"]["samples"] + 1)]
+
+
+wildcard_constraints:
+    sample=r"\d{3,5}",
+    runs="|".join(APPARATUS_OF),
 
 
 def published(table):

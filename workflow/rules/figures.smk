@@ -8,9 +8,9 @@ PLACES = {
     "config": config,
     "published": config["validation"]["published"] if PUBLISHED_SOLUTIONS else "",
     "states": f"{RESULTS}/drum/drum_{DRUM_SEEDS[0]}.npz" if "drum" in config else "",
-    "stored": rules.validate.output.published,
+    "stored": "" if IS_EXTERNAL else rules.validate.output.published,
     "table3": published("table3.csv") or "",
-    "trajectory": rules.trajectory.output.trajectory,
+    "trajectory": "" if IS_EXTERNAL else rules.trajectory.output.trajectory,
 }
 
 for name, shown in FIGURES.items():

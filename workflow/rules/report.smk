@@ -4,9 +4,11 @@ BY_THE_CHAIN = answer() is ANSWERS["published"]
 HAS_PILE = "funnel" in BENCH_TESTS
 BY_BATCHES = None if BY_THE_CHAIN else getattr(rules, answer().rule).output
 # The posterior takes the scatter of the targets from runs of one sample, by the network.
-HAS_POSTERIOR = BY_THE_CHAIN and all(config[name]["seeds"] > 1 for name in BENCH_TESTS)
+HAS_POSTERIOR = BY_THE_CHAIN and all(
+    STUDY.settings.seeds_of(name) > 1 for name in BENCH_TESTS
+)
 CARD = f"{RESULTS}/card.json"
-TRAJECTORY = (
+TRAJECTORY = not IS_EXTERNAL and (
     rules.trajectory.output.trajectory
     if BY_THE_CHAIN
     else f"{RESULTS}/{config['strategy']}/film/{REPRESENTATIVE}_trajectory_{FILM_SEED}.npz"
@@ -62,7 +64,7 @@ PAGE = present(
 ) | drawn("plane", "profiles", *PICTURES.get(STRATEGY, ()))
 TABLES = present(
     {
-        "Measured sizes": rules.berry.output.summary,
+        "Measured sizes": not IS_EXTERNAL and rules.berry.output.summary,
         "Designs compared": BY_THE_CHAIN and rules.design.output.comparison,
         "Simulated samples": answer().dataset,
         "Parameter sets found": answer().feasible,
@@ -83,7 +85,7 @@ TABLES = present(
         and f"{RESULTS}/response_surface/surface_anova.csv",
     }
 )
-if not BY_THE_CHAIN:
+if not BY_THE_CHAIN and not IS_EXTERNAL:
 
     use rule trajectory as strategy_trajectory with:
         input:
@@ -134,9 +136,12 @@ rule page:
         " --out {output:q} > {log:q} 2>&1"
 
 
+GRAIN_OF_CARD = {} if IS_EXTERNAL else GRAIN
+
+
 rule card:
     input:
-        **GRAIN,
+        **GRAIN_OF_CARD,
         **POSTERIOR,
         **OWN_PILES,
         feasible=answer().feasible,
@@ -154,13 +159,15 @@ rule card:
     params:
         config=CONFIG,
         code=code_hash("stages.card_study", "stages.answer"),
-        tables=[f"--{name}={path}" for name, path in (POSTERIOR | OWN_PILES).items()],
+        tables=[
+            f"--{name}={path}"
+            for name, path in (GRAIN_OF_CARD | POSTERIOR | OWN_PILES).items()
+        ],
         settings=settings_of("material_card") | {"label": config["label"]},
     message:
         "The material card: {output}"
     shell:
-        "python -m repose stage material_card --config {params.config:q} --berry {input.berry:q}"
-        " --particle {input.particle:q} --feasible {input.feasible:q} --summary {input.summary:q}"
+        "python -m repose stage material_card --config {params.config:q} --feasible {input.feasible:q} --summary {input.summary:q}"
         " --representative {input.representative:q} --table4 {input.table4:q} {params.tables:q} --out {output.card:q}"
         " > {log:q} 2>&1"
 

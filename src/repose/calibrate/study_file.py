@@ -16,7 +16,6 @@ from repose.calibrate.designs.settings import DesignSettings
 from repose.calibrate.parameter_types import count_free, far_priors, parameter
 from repose.calibrate.profile_targets import expand_own_profiles
 from repose.calibrate.profiles import OfProfile, Profile
-from repose.calibrate.responses import Response
 from repose.calibrate.search.settings import MigaSettings
 from repose.calibrate.settings import (
     CalibrationSettings,
@@ -28,7 +27,7 @@ from repose.calibrate.strategies.refined import RefineSettings
 from repose.calibrate.strategies.response_surface import ResponseSurfaceSettings
 from repose.calibrate.strategies.sequential import SequentialSettings
 from repose.calibrate.surrogates.settings import NetworkSettings
-from repose.calibrate.targets import Target, Targets
+from repose.calibrate.targets import Target, Targets, own_response
 from repose.calibrate.uncertainty.settings import PosteriorSettings
 from repose.common import faults, places
 from repose.common.errors import YamlError, raise_together
@@ -49,8 +48,6 @@ RESERVED = (
     "reason",
     "n_seeds",
 )
-# The one bench test of all responses.
-BENCH = "own"
 # Sections in which the seed of the study stands in place of a seed of their own.
 SEEDED = ("design", "network", "miga", "posterior")
 # Keys that are read with every surrogate.
@@ -221,12 +218,18 @@ def file_model() -> type[StudyFile]:
 
 
 def is_own(path: str | os.PathLike) -> bool:
-    """Return whether a configuration names a simulator, so is one of this form."""
-    return "simulator" in read(path)
+    """Return whether a configuration names a simulator whose runs its user makes.
+
+    A section `simulator` has the command of a program that the workflow calls.
+    """
+    content = read(path)
+    return "simulator" in content and not isinstance(content["simulator"], Mapping)
 
 
 def complete_configuration(
-    content: Mapping[str, Any], source: object = "study"
+    content: Mapping[str, Any],
+    source: object = "study",
+    model: type[StudyFile] | None = None,
 ) -> dict[str, Any]:
     """Check a configuration and fill in each key that it leaves out.
 
@@ -236,6 +239,8 @@ def complete_configuration(
         The keys that the user gives.
     source : object, optional
         File that a fault names.
+    model : type of StudyFile, optional
+        What the configuration may hold; by default `file_model`.
 
     Returns
     -------
@@ -251,9 +256,10 @@ def complete_configuration(
     """
     from repose.calibrate.strategies import cost
 
-    config = _with_defaults(content, source)
-    config = faults.with_whole_numbers(config, file_model())
-    raise_together(faults.check(config, str(source), file_model()).faults)
+    model = model or file_model()
+    config = _with_defaults(content, source, model)
+    config = faults.with_whole_numbers(config, model)
+    raise_together(faults.check(config, str(source), model).faults)
     # Each section with random numbers has the seed of the study.
     for name in SEEDED:
         config[name] = config[name] | {"seed": config["seed"]}
@@ -278,7 +284,9 @@ def complete_configuration(
     return config
 
 
-def _with_defaults(content: Mapping[str, Any], source: object) -> dict[str, Any]:
+def _with_defaults(
+    content: Mapping[str, Any], source: object, model: type[StudyFile]
+) -> dict[str, Any]:
     """Return the keys of a configuration, unchecked, over the defaults of the others.
 
     The defaults are those of config/method.yaml, except for two sections that a study with
@@ -312,7 +320,7 @@ def _with_defaults(content: Mapping[str, Any], source: object) -> dict[str, Any]
     }
 
     # Put the keys of the user over the defaults, section by section.
-    for name in file_model().model_fields:
+    for name in model.model_fields:
         if not isinstance(defaults.get(name), Mapping):
             continue
         section = config.get(name, {})
@@ -375,9 +383,9 @@ def settings_of(config: Mapping[str, Any]) -> CalibrationSettings:
     targets = config["targets"]
     # Sections that a strategy registered beside those of this package.
     others = {}
-    for name in config.keys() - StudyFile.model_fields.keys():
+    for name in names():
         model = strategy(name).settings
-        if model is not None:
+        if model is not None and name not in StudyFile.model_fields:
             others[name] = model.model_validate(config[name])
     # The next two were checked with bounds of their own.
     own_sequential = SequentialSettings.model_construct(
@@ -400,7 +408,7 @@ def settings_of(config: Mapping[str, Any]) -> CalibrationSettings:
     )
     return CalibrationSettings(
         label=config["label"],
-        simulator=config["simulator"],
+        simulator=name_of_simulator(config),
         strategy=config["strategy"],
         surrogate=config["surrogate"],
         seeds=config["seeds"],
@@ -417,6 +425,13 @@ def settings_of(config: Mapping[str, Any]) -> CalibrationSettings:
         noise_sd=_of_targets("noise_sd", targets),
         definitions=_of_targets("definition", targets),
     )
+
+
+def name_of_simulator(config: Mapping[str, Any]) -> str:
+    """Return the name of the simulator, also of one that the workflow calls."""
+    simulator = config["simulator"]
+    name: str = simulator["name"] if isinstance(simulator, Mapping) else simulator
+    return name
 
 
 def _of_targets(key: str, targets: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
@@ -437,16 +452,8 @@ def _target(name: str, entry: Mapping[str, Any]) -> Target:
     value = entry["value"]
     scatter = range_about(value, entry["sd"], entry["repetitions"])
     low, high = entry.get("range", scatter)
-    response = Response(
-        name=name,
-        unit=entry.get("unit", ""),
-        label=name,
-        symbol=name,
-        apparatus=BENCH,
-        low=-math.inf,
-    )
     return Target(
-        response=response,
+        response=own_response(name, entry.get("unit", "")),
         value=value,
         sd=entry["sd"],
         repetitions=entry["repetitions"],

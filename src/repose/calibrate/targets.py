@@ -14,6 +14,8 @@ from repose.common.target_range import range_about
 
 # Largest value or standard deviation.
 LARGEST = 1e9
+# The one bench test of all responses of a simulator of the user's own.
+OWN = "own"
 
 
 def with_defaults(entry: Any) -> Any:
@@ -222,11 +224,22 @@ class Targets(tuple[Target, ...]):
         return f"{', '.join(texts[:-1])} and {texts[-1]}"
 
 
+def own_response(name: str, unit: str = "") -> Response:
+    """Make a response of a simulator of the user's own, which has no limits."""
+    return Response(
+        name=name, unit=unit, label=name, symbol=name, apparatus=OWN, low=-math.inf
+    )
+
+
 def _target(entry: Mapping[str, Any]) -> Target:
     """Make a target of its entry in the configuration."""
     low, high = entry["range"]
+    if entry.get("apparatus") == OWN:
+        of_target = own_response(entry["response"], entry["unit"])
+    else:
+        of_target = response(entry["response"], "targets")
     return Target(
-        response=response(entry["response"], "targets"),
+        response=of_target,
         value=float(entry["value"]),
         sd=float(entry["sd"]),
         repetitions=int(entry["repetitions"]),

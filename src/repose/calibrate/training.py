@@ -15,7 +15,6 @@ from repose.calibrate.responses import (
     Definitions,
     derived,
     require_same_definitions,
-    response,
 )
 from repose.calibrate.runs import of_bench
 from repose.calibrate.surrogates import Surrogate, load, make
@@ -304,7 +303,7 @@ def restore(
     """
     model = load(surrogate_json)
     final_columns = _final_names(model.outputs)
-    columns = [response(name, surrogate_json).predicted for name in model.outputs]
+    columns = [derived(name, "predicted") for name in model.outputs]
     predictions = read_table(predictions_csv, ("sample", "split", *columns))
     dataset = read_table(dataset_csv, ("sample", *model.inputs, "status"))
     definitions, summary_json = read_definitions(dataset_csv)

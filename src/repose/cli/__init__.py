@@ -23,7 +23,7 @@ from repose import __version__
 # The lines that register all verbs, in the order in which they are listed.
 from repose.cli import new, docs, checking, run, exporting, inputs, pouring, measuring  # noqa: F401, isort: skip
 from repose.cli import calibration, cards, strategies, own_simulator, uncertainty  # noqa: F401, isort: skip
-from repose.cli import pictures, services  # noqa: F401, isort: skip
+from repose.cli import pictures, services, simulating  # noqa: F401, isort: skip
 from repose.cli.registry import PROGRAM, VERBS, Verb
 from repose.cli.stages import stage
 from repose.common.errors import BAD_INPUT, InputError, print_fault, require

@@ -11,6 +11,8 @@ from repose.config.pipeline import PipelineConfig
 from repose.stages.parameter_sets import job_files
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from repose.calibrate.surrogates.support import Support
 
 SUPPORT = Option(
@@ -38,7 +40,13 @@ def dataset(args: argparse.Namespace, study: PipelineConfig) -> None:
 
     jobs = job_files(args.jobs, args.samples)
     dataset.run(
-        args.samples, jobs, study.targets, study.definitions, args.out, args.prefix
+        args.samples,
+        jobs,
+        study.targets,
+        study.definitions,
+        args.out,
+        args.prefix,
+        names=study.parameter_names,
     )
 
 
@@ -59,6 +67,7 @@ def network(args: argparse.Namespace, study: PipelineConfig) -> None:
         definitions=study.definitions,
         surrogate=study.settings.surrogate,
         settings=study.settings.network,
+        names=study.parameter_names,
         source=args.config,
     )
     print(message(metrics))
@@ -103,6 +112,7 @@ def optimism(args: argparse.Namespace, study: PipelineConfig) -> None:
         targets=study.targets,
         settings=study.settings.miga,
         solutions=study.settings.validation.solutions,
+        names=study.parameter_names,
     )
     print(table.to_string(index=False))
 
@@ -217,18 +227,11 @@ def validate(args: argparse.Namespace, study: PipelineConfig) -> None:
     """
     from repose.calibrate.optimism import COLUMNS
     from repose.common.files import read_table
-    from repose.common.provenance import engine_hash
-    from repose.config import dependencies
     from repose.stages import validate
 
-    simulator = {"engine": engine_hash(), "scene": dependencies.scene(study.config)}
-    published = validate.compared_with_published(
-        study.settings.validation.published_simulated,
-        names=study.parameters.names,
-        targets=study.targets,
-        measure=study.settings.measure,
-        simulated_by=simulator,
-    )
+    published = None
+    if study.simulator is None:
+        published = _compared_with_published(study)
     validate.run(
         args.solutions,
         args.jobs,
@@ -238,6 +241,23 @@ def validate(args: argparse.Namespace, study: PipelineConfig) -> None:
         published=published,
         support=_support(args, study),
         optimism=None if args.optimism is None else read_table(args.optimism, COLUMNS),
+        names=study.parameter_names,
+    )
+
+
+def _compared_with_published(study: PipelineConfig) -> "pd.DataFrame":
+    """Return the stored table of the published sets, for the responses of a study."""
+    from repose.common.provenance import engine_hash
+    from repose.config import dependencies
+    from repose.stages import validate
+
+    simulator = {"engine": engine_hash(), "scene": dependencies.scene(study.config)}
+    return validate.compared_with_published(
+        study.settings.validation.published_simulated,
+        names=study.parameters.names,
+        targets=study.targets,
+        measure=study.settings.measure,
+        simulated_by=simulator,
     )
 
 

@@ -107,6 +107,7 @@ def material_card(args: argparse.Namespace, study: PipelineConfig) -> None:
         strategy=settings.strategy,
         results_dir=settings.results_dir,
         small_run=settings.small_run,
+        names=study.parameter_names,
     )
     files = {name: getattr(args, name) for name in FILES}
     card_study.run(study, result, files=files, out=args.out)

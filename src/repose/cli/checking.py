@@ -17,6 +17,7 @@ from repose.config.pipeline import PipelineConfig
 if TYPE_CHECKING:
     from repose.calibrate.strategies.plan import Plan
     from repose.config.cost import Pours
+    from repose.stages.settings import SimulatorSettings
 
 TICK_S = 1.0
 FILES = CONFIG.with_changes(
@@ -50,6 +51,12 @@ def _is_number_of_grains(error: InputError) -> bool:
 
 @verb(
     Option("--cores", type=int, default=2, help="cores of the run (2)"),
+    Option(
+        "--try",
+        dest="makes_run",
+        action="store_true",
+        help="with a section simulator: make one run and print its responses",
+    ),
     config=FILES,
     study=_load_or_propose,
 )
@@ -66,6 +73,15 @@ def check(args: argparse.Namespace, study: PipelineConfig) -> None:
         f"{', '.join(args.config)}: {settings.label}, good; "
         f"results go to {settings.results_dir}"
     )
+    if study.simulator is not None:
+        _check_program(args, study, study.simulator)
+        return
+    require_option(
+        not args.makes_run,
+        "--try",
+        "given",
+        "a study with a section simulator; without it `check` makes trial runs itself",
+    )
     _print_computed(args.config, study)
     _print_lines(check.describe_study(study))
     _print_lines(check.warn_of_few_measurements(study))
@@ -81,6 +97,25 @@ def check(args: argparse.Namespace, study: PipelineConfig) -> None:
         f"cores for the study; a time step of a grain takes {1e9 * grain_step_s:.2g} ns "
         "on this machine now"
     )
+
+
+def _check_program(
+    args: argparse.Namespace, study: PipelineConfig, simulator: "SimulatorSettings"
+) -> None:
+    """Describe a study whose runs another program makes; with --try make one run."""
+    from repose.config import check, external_check
+
+    _print_lines(external_check.describe(study, simulator))
+    _print_lines(check.warn_of_few_measurements(study))
+    runs = external_check.runs_of(study.settings)
+    _print_pours(runs)
+    count = sum(sets * seeds for _, sets, seeds in runs)
+    hours = count * simulator.time_limit_s * simulator.cores / args.cores / 3600
+    print(
+        f"{count} runs, at most {hours:.3g} h on {args.cores} cores by their time limit"
+    )
+    if args.makes_run:
+        _print_lines(external_check.try_once(study, simulator))
 
 
 def _print_computed(files: list[str], study: PipelineConfig) -> None:

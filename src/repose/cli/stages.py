@@ -111,6 +111,11 @@ def _names_of(args: argparse.Namespace, option: str) -> list[str]:
     if (args.verb, option) in FOLDERS:
         ending = FOLDERS[args.verb, option]
         return [str(path) for path in job_files(value, args.samples, ending)]
+    if (args.verb, option) == ("measure_simulated", "runs"):
+        from repose.stages import simulated
+
+        records = simulated.record_files(value)
+        return [str(path) for paths in records.values() for path in paths]
     values = value if isinstance(value, list) else [value]
     texts = [text for text in values if isinstance(text, str)]
     if option == "input":

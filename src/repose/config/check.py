@@ -424,6 +424,8 @@ def list_studies(files: list[str]) -> str:
     try:
         study = PipelineConfig.load(*files)
         config = study.config
+        if study.simulator is not None:
+            return _targets_of_program(study)
         cost_texts = cost.describe_costs(config)
         for name in strategies.others():
             cost_texts[name] = _describe_strategy_cost(study, name)
@@ -439,6 +441,15 @@ def list_studies(files: list[str]) -> str:
     for target, sentence in cost.SENTENCES.items():
         lines.append(f"  {target:24} {sentence}")
         lines.append(f"{'':27}{cost_texts[target]}")
+    return "\n".join(lines)
+
+
+def _targets_of_program(study: PipelineConfig) -> str:
+    """List what a study can run whose runs another program makes."""
+    lines = [f"repose run TARGET; without one, all of calibration. Studies of {study}:"]
+    for target in ("calibration", "uncertainty", *strategies.others()):
+        sentence = cost.SENTENCES.get(target, "Another way to calibrate.")
+        lines.append(f"  {target:24} {sentence}")
     return "\n".join(lines)
 
 

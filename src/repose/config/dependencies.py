@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from repose.bench import bench, bench_tests
 from repose.calibrate.seeds import UNNAMED
 from repose.calibrate.strategies import names, strategy
+from repose.calibrate.targets import OWN
 from repose.common import attached
 from repose.common.errors import InputError
 from repose.common.keys import Config
@@ -24,6 +25,7 @@ from repose.common.provenance import (
     hash_of,
     hash_of_file,
 )
+from repose.config.loader import is_external
 from repose.config.models import named_files, targets_of, valid_sections
 from repose.config.results_folder import run_folder
 
@@ -31,6 +33,9 @@ from repose.config.results_folder import run_folder
 RESPONSES = "responses"  # names and definitions of the targets, without their values
 SCENE = "scene"  # hash of what a measured run depends on
 MEASURED_BY = "measured_by"  # keys by which any bench test is measured
+SIMULATOR = (
+    "simulator"  # the program of the user's own, as far as its runs depend on it
+)
 
 # Sections and dotted keys that each stage reads. A stage that is not here reads the
 # settings of a bench test, or all settings. A test compares them with the code.
@@ -66,6 +71,7 @@ KEYS: dict[str, tuple[str, ...]] = {
         MEASURED_BY,
     ),
     "conclude": ("parameters", "targets", "measure"),
+    "simulate": (SIMULATOR, "design.seed"),
 }
 # Stages whose results a stage reads, directly. `RUNS` are the runs of the targets.
 RUNS = "runs"
@@ -85,7 +91,16 @@ READS: dict[str, tuple[str, ...]] = {
 }
 # Stages whose results are compared with a study. Rules choose the keys of pictures, and
 # of the studies in `research`.
-COMPARED = {*KEYS, "pour", "measure_runs", "heap", "drum", "propose", "material_card"}
+COMPARED = {
+    *KEYS,
+    "pour",
+    "measure_runs",
+    "measure_simulated",
+    "heap",
+    "drum",
+    "propose",
+    "material_card",
+}
 # No result depends on the name of the study, its folder, or the format of its figures.
 WITHOUT_EFFECT = ("label", "results_dir", "figures")
 
@@ -127,8 +142,10 @@ def _select_settings(
     Files appear with their paths. `test` is the bench test of a stage that simulates or
     measures, and `strategy_name` the strategy of `propose` and `conclude`.
     """
+    if is_external(config) and stage in (RUNS, "measure_simulated"):
+        return _external_run_settings(config)
     # These stages read sections that depend on the bench test.
-    grain = sections(config, *KEYS["shape"])
+    grain = {} if is_external(config) else sections(config, *KEYS["shape"])
     if stage == "pour":
         return grain | simulation_settings(config, test)
     if stage == "drum":
@@ -165,6 +182,11 @@ def _all_settings(config: Config) -> dict[str, Any]:
     return {key: value for key, value in config.items() if key not in WITHOUT_EFFECT}
 
 
+def _external_run_settings(config: Config) -> dict[str, Any]:
+    """Select the settings of the measured runs of a program of the user's own."""
+    return sections(config, *KEYS["simulate"], "measure") | responses(config)
+
+
 def _target_run_settings(config: Config) -> dict[str, Any]:
     """Select the settings of the measured runs of all targets, and their parameters."""
     selected = sections(config, "parameters")
@@ -198,6 +220,8 @@ def sections(config: Config, *keys: str) -> dict[str, Any]:
     for key in keys:
         if key == RESPONSES:
             selected |= responses(config)
+        elif key == SIMULATOR:
+            selected[key] = _simulator_settings(config)
         elif key == SCENE:
             selected[SCENE] = scene(config)
         elif key == MEASURED_BY:
@@ -205,6 +229,25 @@ def sections(config: Config, *keys: str) -> dict[str, Any]:
         else:
             selected[key] = _sort_mappings(_value_at(config, key))
     return selected
+
+
+def _simulator_settings(config: Config) -> dict[str, Any]:
+    """Select what the runs of a program depend on, with the content of its files.
+
+    A kept run stays as it is where the time limit changes, and one that it ended is made
+    again.
+    """
+    section = {
+        key: value
+        for key, value in config["simulator"].items()
+        if key not in ("name", "memory_mb")
+    }
+    if "template" in section:
+        section["template"] = _content_hash(section["template"])
+    section["files"] = {
+        Path(name).name: _content_hash(name) for name in section["files"]
+    }
+    return _sort_mappings(section)
 
 
 def _measuring_settings(config: Config) -> dict[str, Any]:
@@ -264,6 +307,8 @@ def scene(config: Config) -> str:
     This is the grain, the bench tests of the targets, and the measurement except for
     `measure.response`: every definition is measured, whichever is calibrated.
     """
+    if is_external(config):
+        return hash_of(_external_run_settings(config))
     selected = sections(config, "berry", "measure")
     measure = dict(selected["measure"])
     measure.pop("response", None)
@@ -367,7 +412,7 @@ def difference(
     # The settings of an unknown bench test or strategy cannot be selected.
     apparatus = record.get("apparatus")
     strategy_name = record.get("strategy")
-    if apparatus is not None and apparatus not in config:
+    if apparatus not in (None, OWN, *config):
         return None
     if strategy_name is not None and strategy_name not in names():
         return None

@@ -88,6 +88,36 @@ def read_layers(files: Sequence[Path_], overrides: Config | None = None) -> Laye
     return _merge_files(layers(paths, read_once), overrides, read_once)
 
 
+def read_given(files: Sequence[Path_], overrides: Config | None = None) -> Layered:
+    """Read configuration files over each other, without defaults."""
+    return _merge_files([places.find(path) for path in files], overrides)
+
+
+def is_external(config: Config) -> bool:
+    """Tell whether a configuration names a program that the workflow calls."""
+    return isinstance(config.get("simulator"), Mapping)
+
+
+def of_workflow(
+    given: Config, files: Sequence[Path_] = (), default_source: str = COMMAND_LINE
+) -> Layered:
+    """Find the file of each of the values that snakemake calls `config`.
+
+    Parameters
+    ----------
+    given, files, default_source
+        As in `over_defaults`.
+    """
+    sources = []
+    for path in files or places.configs()[-1:]:
+        sources.append(Layer(str(path), read(places.find(path))))
+    origin: dict[str, str] = {}
+    values = _find_in_files(
+        given, "", sources=sources, origin=origin, default_source=default_source
+    )
+    return Layered(values, Origin(origin, default=sources[-1].path))
+
+
 def over_defaults(
     given: Config, files: Sequence[Path_] = (), default_source: str = COMMAND_LINE
 ) -> Layered:

@@ -42,6 +42,7 @@ from repose.common.section import (
 )
 from repose.common.target_range import LEAST_RANGE, STANDARD_ERRORS, range_about
 from repose.config import results_folder
+from repose.config.loader import is_external
 from repose.grain.settings import GrainSettings
 from repose.measure.settings import MeasureSettings
 from repose.stages.settings import ValidationSettings
@@ -234,6 +235,21 @@ class TargetSettings(Section):
             return False
         scatter = STANDARD_ERRORS * self.sd / math.sqrt(self.repetitions)
         return scatter > LEAST_RANGE * abs(self.value)
+
+
+class ExternalTarget(Section):
+    """A measured response of a program of the user's own, in the resolved form."""
+
+    response: str
+    apparatus: str
+    value: Number
+    sd: float
+    repetitions: int
+    range: Annotated[tuple[Number, Number], Field(strict=False)]
+    unit: str
+    definition: str = ABSENT
+    noise_sd: float = ABSENT
+    profile: OfProfile = ABSENT
 
 
 # --- other sections -------------------------------------------------------------------
@@ -431,8 +447,12 @@ def valid_sections(config: Mapping[str, Any]) -> StudySettings:
     return model.model_construct(**sections)
 
 
-def targets_of(config: Mapping[str, Any]) -> tuple[TargetSettings, ...]:
+def targets_of(
+    config: Mapping[str, Any],
+) -> tuple[TargetSettings | ExternalTarget, ...]:
     """Make the typed targets of a configuration that was checked."""
+    if is_external(config):
+        return tuple(map(ExternalTarget.model_validate, config["targets"]))
     adapter = _adapter(settings_type(), "targets")
     targets: tuple[TargetSettings, ...] = adapter.validate_python(config["targets"])
     return targets

@@ -19,6 +19,7 @@ from repose.common import faults, places
 from repose.common.reading import read
 from repose.common.section import ABSENT, Section
 from repose.config.models import TargetSettings, settings_type
+from repose.stages.settings import ParticlesSettings, SimulatorSettings
 
 PAGE = Path("config", "README.md")
 TABLE = re.compile(r"<!-- keys: (\w+) -->\n.*?<!-- end -->", re.DOTALL)
@@ -28,6 +29,7 @@ HEAD = """\
 # Units by the ends of the keys; a longer end is tried before a shorter one.
 UNITS = {
     "_mm_per_pixel": "mm",
+    "_mb": "MB",
     "_kg_m3": "kg/m3",
     "_m_s2": "m/s2",
     "_rad_s": "rad/s",
@@ -79,6 +81,8 @@ def tables() -> dict[str, Table]:
         "study": Table(whole, method),
         "targets": Table(TargetSettings, {}),
         "profile": Table(BenchProfile, {}),
+        "simulator": Table(SimulatorSettings, {}),
+        "particles": Table(ParticlesSettings, {}),
     }
     for name, field in whole.model_fields.items():
         model = _section(field)

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from repose.config.making import ConfigChecks
     from repose.config.models import StudySettings
     from repose.grain.particle import Particle
+    from repose.stages.settings import SimulatorSettings
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -48,7 +49,7 @@ class PipelineConfig:
         *files: Path_,
         overrides: Mapping[str, Any] | None = None,
         inputs: bool = False,
-    ) -> Self:
+    ) -> "PipelineConfig":
         """Load and check configuration files, with each `auto` computed.
 
         Parameters
@@ -79,6 +80,11 @@ class PipelineConfig:
             path_of("file", file)
         if not overrides and not inputs and loader.is_resolved(*files):
             return cls.of_results(files[0])
+        given = loader.read_given(files, overrides)
+        if loader.is_external(given.config):
+            from repose.config.external import ExternalConfig
+
+            return ExternalConfig.of_layers(given, inputs=inputs)
         content, source = loader.read_layers(files, overrides)
         config = cls.of(content, source, inputs=inputs)
         provenance.note_config(config.config)
@@ -132,7 +138,7 @@ class PipelineConfig:
         return made
 
     @classmethod
-    def of_results(cls, path: Path_) -> Self:
+    def of_results(cls, path: Path_) -> "PipelineConfig":
         """Load the configuration of a folder of results, for a job.
 
         Parameters
@@ -151,6 +157,10 @@ class PipelineConfig:
         """
         config = read_json(path, what="the configuration of a folder of results")
         provenance.note_config(config)
+        if loader.is_external(config):
+            from repose.config.external import ExternalConfig
+
+            return ExternalConfig(config, str(path))
         return cls(config, str(path))
 
     def __repr__(self) -> str:
@@ -172,6 +182,16 @@ class PipelineConfig:
         from repose.config.models import settings_of
 
         return settings_of(self.config, self.source)
+
+    @property
+    def simulator(self) -> "SimulatorSettings | None":
+        """The program that makes the runs; None for the simulator of this package."""
+        return None
+
+    @property
+    def parameter_names(self) -> tuple[str, ...] | None:
+        """Names of the parameters of another program; None for contact parameters."""
+        return None
 
     @cached_property
     def parameters(self) -> "ParameterSpace":

@@ -13,6 +13,7 @@ from pathlib import Path
 from repose import bench as apparatus
 from repose.calibrate import strategies
 from repose.calibrate.seeds import UNNAMED
+from repose.calibrate.targets import OWN
 from repose.common import attached, ledger, places
 from repose.common.errors import InputError, raise_together
 from repose.common.ledger import LEDGER
@@ -38,7 +39,7 @@ WITHOUT_RESULTS = ("benchmarks", "logs")
 # Files that a run writes, which are no results.
 WITHOUT_RECORD = ("config.json", "benchmarks/calls.csv")
 # Wildcards of rules that stand for a number.
-NUMBERS = ("sample", "job", "seed", "batch")
+NUMBERS = ("sample", "job", "run", "seed", "batch")
 # A wildcard in braces, as {sample} or with its constraint {sample,\d+}.
 WILDCARD = re.compile(r"\{(\w+)(?:,(?:[^{}]|\{[^{}]*\})*)?\}")
 
@@ -47,6 +48,8 @@ def run_folder(test: str) -> str:
     """Return the folder of a bench test's runs in the folder of results."""
     if test == UNNAMED:
         return "heaps"
+    if test == OWN:
+        return "runs"
     return f"{test}_runs"
 
 
@@ -94,7 +97,7 @@ def pattern_of(outputs: Iterable[str]) -> re.Pattern[str]:
     """
     names = [name for name in strategies.names() if name != "published"]
     wildcards = dict.fromkeys(NUMBERS, r"\d+")
-    wildcards["runs"] = "|".join(map(run_folder, apparatus.names()))
+    wildcards["runs"] = "|".join(map(run_folder, (*apparatus.names(), OWN)))
     wildcards["strategy"] = "|".join(names)
     patterns = [_pattern_of_path(path, wildcards) for path in dict.fromkeys(outputs)]
     return re.compile("|".join(patterns))

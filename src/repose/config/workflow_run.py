@@ -57,6 +57,11 @@ def run_of_workflow(
     """
     files = [_relative_to_here(path) for path in configfiles]
     source = loader.COMMAND_LINE if has_command_line else loader.WORKFLOW
+    if loader.is_external(config):
+        from repose.config.external import ExternalConfig
+
+        given = loader.of_workflow(config, files, source)
+        return WorkflowRun(ExternalConfig.of_layers(given, inputs=inputs))
     layered = loader.over_defaults(config, files, source)
 
     # Take the numbers of an earlier check.

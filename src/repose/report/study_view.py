@@ -41,10 +41,17 @@ class StudyView:
             if name not in model.model_fields:
                 continue
             kind = model.model_fields[name].annotation
-            if isinstance(kind, type) and issubclass(kind, Section):
+            is_mapping = isinstance(value, Mapping)
+            if is_mapping and isinstance(kind, type) and issubclass(kind, Section):
                 value = kind.model_construct(**value)
             sections[name] = value
         return model.model_construct(**sections)
+
+    @property
+    def simulator(self) -> str | None:
+        """Name of the program that made the runs; None for our simulator."""
+        section = self.config.get("simulator")
+        return None if section is None else str(section["name"])
 
     def section(self, name: str, model: type[S]) -> S:
         """Return the section of a bench test besides the funnel, by its model."""

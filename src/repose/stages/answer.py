@@ -1,11 +1,11 @@
 """Read the answer of a calibration from the files of the stages."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from repose.bench.parameters import LABELS, check_value, parameters_among
+from repose.bench.parameters import LABELS, check_value
 from repose.calibrate.answer import (
     INSIDE,
     MORE_POURS,
@@ -16,11 +16,12 @@ from repose.calibrate.answer import (
 )
 from repose.calibrate.bounds import in_words
 from repose.calibrate.targets import Target, Targets
-from repose.common.errors import InputError
+from repose.common.errors import InputError, require
 from repose.common.files import Path_, read_json
 from repose.common.tables import Column
 from repose.common.tables import read as read_cells
 from repose.measure.settings import MeasureSettings, line_for
+from repose.stages.parameter_sets import parameter_columns
 
 # Remedy by strategy, if only the prediction meets the targets.
 ADVICE = {
@@ -44,7 +45,7 @@ COLUMNS = (
 )
 
 
-def read(
+def read(  # noqa: PLR0913  (each describes the study of the answer)
     summary_json: Path_,
     check_csv: Path_,
     solutions_csv: Path_,
@@ -55,6 +56,7 @@ def read(
     strategy: str,
     results_dir: Path_,
     small_run: bool = False,
+    names: Sequence[str] | None = None,
 ) -> Result:
     """Read the result of a calibration that was simulated again.
 
@@ -77,6 +79,8 @@ def read(
         Folder of the results.
     small_run : bool, optional
         Whether the study is too small for a calibration.
+    names : sequence of str, optional
+        As in `repose.stages.parameter_sets.parameter_columns`.
 
     Returns
     -------
@@ -92,9 +96,7 @@ def read(
     rows = _read_checks(check_csv, targets)
 
     values = summary["representative"]
-    parameters = {}
-    for name in parameters_among(values):
-        parameters[name] = float(check_value(name, values.get(name), summary_json))
+    parameters = _read_parameters(values, summary_json, names)
 
     checks = []
     for target in targets:
@@ -133,6 +135,21 @@ def _read_checks(check_csv: Path_, targets: Targets) -> dict[str, dict[str, Any]
             words = f"a row {name}, a target of the configuration"
             raise InputError(check_csv, "response", sorted(rows), words)
     return rows
+
+
+def _read_parameters(
+    values: Mapping[str, Any], summary_json: Path_, names: Sequence[str] | None
+) -> dict[str, float]:
+    """Check the parameters of the answer; those of a contact have limits."""
+    parameters = {}
+    for name in parameter_columns(values, names):
+        value: Any = values.get(name)
+        if names is None:
+            value = check_value(name, value, summary_json)
+        is_number = isinstance(value, int | float)
+        require(is_number, summary_json, name, value, "a number")
+        parameters[name] = float(value)
+    return parameters
 
 
 def _check(target: Target, row: Mapping[str, Any], line: str) -> Check:

@@ -35,6 +35,7 @@ def run_propose(
     out_dir: Path_,
     *,
     definitions: Definitions,
+    names: Sequence[str] | None = None,
     source: object = "configuration",
 ) -> dict[str, Any]:
     """Write the proposal of a strategy: samples.csv and proposal.json.
@@ -51,6 +52,8 @@ def run_propose(
         Folder to write.
     definitions : mapping
         How the configuration defines the responses.
+    names : sequence of str, optional
+        As in `repose.stages.parameter_sets.parameter_columns`.
     source : object, optional
         File of the configuration, for an error.
 
@@ -69,7 +72,7 @@ def run_propose(
         require_same_definitions(
             batch_definitions, path, expected=definitions, source=source
         )
-    data = read(folders, study.targets)
+    data = read(folders, study.targets, names)
     try:
         proposal = strategy(name).propose(study, data)
     except InputError as error:
@@ -99,6 +102,7 @@ def run_conclude(
     parameters: ParameterSpace,
     targets: Targets,
     measure: MeasureSettings | None,
+    names: Sequence[str] | None = None,
 ) -> pd.DataFrame:
     """Write the answer of a strategy, simulated again, and the tables of all batches.
 
@@ -117,6 +121,8 @@ def run_conclude(
     targets : Targets
     measure : MeasureSettings or None
         The section `measure`, which defines the angles of piles.
+    names : sequence of str, optional
+        As in `repose.stages.parameter_sets.parameter_columns`.
 
     Returns
     -------
@@ -130,10 +136,10 @@ def run_conclude(
     final = proposals[-1]
 
     # The last batch runs the answer. A strategy may have run it in a fit already.
-    dataset, runs = tables_of(folders[:-1], targets)
+    dataset, runs = tables_of(folders[:-1], targets, names)
     answer_runs = runs[runs["sample"].isin(final["simulated"])]
     if answer_runs.empty:
-        _, answer_runs = tables_of(folders[-1:], targets)
+        _, answer_runs = tables_of(folders[-1:], targets, names)
 
     out = Path(out_dir)
     check = write_answer(
@@ -209,7 +215,9 @@ def write_answer(
         check = _compare_with_prediction(row, proposal["predicted_error"], targets)
 
     # Compare the runs with the measurement.
-    table4 = validate.table4(pd.DataFrame([row]), targets.responses, measure)
+    table4 = validate.table4(
+        pd.DataFrame([row]), targets.responses, measure, parameters.names
+    )
     physical = validate.against_physical(pd.Series(row), targets, measure)
     runs_by_bench = {
         bench: of_bench(answer_runs, bench).to_dict("records")
@@ -356,7 +364,9 @@ def _as_json(value: Any) -> Any:
     return value
 
 
-def read(folders: Sequence[Path_], targets: Targets) -> pd.DataFrame:
+def read(
+    folders: Sequence[Path_], targets: Targets, names: Sequence[str] | None = None
+) -> pd.DataFrame:
     """Read the runs of all batches as a strategy takes them (`data_of`).
 
     A column `batch` has the number of the batch of each run.
@@ -364,7 +374,7 @@ def read(folders: Sequence[Path_], targets: Targets) -> pd.DataFrame:
     batches: list[pd.DataFrame] = []
     earlier_samples: set[int] = set()
     for number, folder in enumerate(folders):
-        dataset, runs = tables_of([folder], targets)
+        dataset, runs = tables_of([folder], targets, names)
         repeated = earlier_samples.intersection(dataset["sample"])
         if repeated:
             path = Path(folder) / "dataset.csv"
@@ -377,7 +387,7 @@ def read(folders: Sequence[Path_], targets: Targets) -> pd.DataFrame:
 
 
 def tables_of(
-    folders: Sequence[Path_], targets: Targets
+    folders: Sequence[Path_], targets: Targets, names: Sequence[str] | None = None
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Read the samples and the single runs of batches, each as one table."""
     datasets = []
@@ -385,7 +395,7 @@ def tables_of(
     for folder in folders:
         dataset_csv = Path(folder) / "dataset.csv"
         runs_csv = Path(folder) / "runs.csv"
-        dataset = read_dataset(dataset_csv, targets)
+        dataset = read_dataset(dataset_csv, targets, names)
         runs = read_runs(runs_csv, targets, dataset=dataset, dataset_csv=dataset_csv)
         datasets.append(dataset)
         run_tables.append(runs)

@@ -27,6 +27,7 @@ from repose.grain.berry_files import SIZE_COLUMNS, read_grain
 from repose.grain.settings import GrainSettings
 from repose.measure.settings import MeasureSettings
 from repose.stages import card
+from repose.stages.settings import SimulatorSettings
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -94,6 +95,9 @@ class CardStudy(Protocol):
     def settings(self) -> CardSettings: ...
 
     @property
+    def simulator(self) -> SimulatorSettings | None: ...
+
+    @property
     def parameters(self) -> ParameterSpace: ...
 
     @property
@@ -115,8 +119,8 @@ def run(
     answer : Result
         Its answer, simulated again.
     files : mapping of str to path
-        ``berry``, ``particle`` and ``feasible``; ``posterior`` with ``draws``,
-        ``table4`` and ``dataset`` may be None.
+        ``feasible``, and for our simulator ``berry`` and ``particle``; ``posterior``
+        with ``draws``, ``table4`` and ``dataset`` may be None.
     out : path
         The file to write.
 
@@ -127,9 +131,6 @@ def run(
     """
     from repose.grain.particle import Particle
 
-    moduli = ("density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa")
-    grain = read_grain(files["berry"], (*SIZE_COLUMNS, *moduli, "n"))
-    particle = Particle.load(files["particle"])
     feasible = read_table(files["feasible"], study.parameters.names)
 
     # Not every study has a posterior, and not every strategy a Table 4.
@@ -144,16 +145,27 @@ def run(
         rows = read_table(files["table4"], ("role",))
         answer_row = rows[rows["role"] == "representative"].iloc[0].to_dict()
 
-    content = make(
-        study,
-        answer,
-        grain=grain,
-        particle=particle,
-        feasible=feasible,
-        posterior=posterior,
-        dataset_csv=files["dataset"],
-        row=answer_row,
-    )
+    if study.simulator is not None:
+        content = make_external(
+            study,
+            answer,
+            study.simulator.name,
+            feasible,
+            posterior=posterior,
+            row=answer_row,
+        )
+    else:
+        moduli = ("density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa")
+        content = make(
+            study,
+            answer,
+            grain=read_grain(files["berry"], (*SIZE_COLUMNS, *moduli, "n")),
+            particle=Particle.load(files["particle"]),
+            feasible=feasible,
+            posterior=posterior,
+            dataset_csv=files["dataset"],
+            row=answer_row,
+        )
     card.check(content, out)
     write_json(out, content, indent=1)
     return content
@@ -221,6 +233,43 @@ def make(
         solutions=feasible,
         posterior=posterior,
         labels=LABELS,
+    )
+
+
+def make_external(
+    study: CardStudy,
+    answer: Result,
+    simulator: str,
+    feasible: "pd.DataFrame",
+    posterior: "Tables | None" = None,
+    row: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:
+    """Make the card of a calibration whose runs another program made.
+
+    Parameters
+    ----------
+    study, answer, feasible, posterior, row
+        As in `make`.
+    simulator : str
+        Name of the program.
+    """
+    measure = study.settings.measure
+    words = {
+        entry["response"]: entry.get("definition") for entry in study.config["targets"]
+    }
+    tests = {}
+    for name in study.targets.names:
+        definition: dict[str, Any] = {"name": words[name], "settings": {}}
+        tests[name] = {"definition": definition, "bench": None}
+        if measure is not None:
+            tests[name] |= _describe_lines(measure, name, row or {})
+    return assemble(
+        {"simulator": simulator},
+        tests,
+        answer=answer,
+        space=study.parameters,
+        solutions=feasible,
+        posterior=posterior,
     )
 
 

@@ -7,7 +7,7 @@ and a reason, and the readers of the table leave them out.
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -15,17 +15,17 @@ from typing import Any
 import pandas as pd
 
 from repose.bench import bench
-from repose.bench.parameters import parameters_among
 from repose.calibrate.dataset_files import SUMMARY
 from repose.calibrate.responses import Definitions
 from repose.calibrate.runs import Recorded, summarise_runs
 from repose.calibrate.seeds import UNNAMED
-from repose.calibrate.targets import Target, Targets
+from repose.calibrate.targets import OWN, Target, Targets
 from repose.common.errors import InputError
 from repose.common.files import Path_, read_json, write_json, write_table
 from repose.measure.angles import CALIBRATED_ANGLE
 from repose.measure.settings import MeasureSettings, line_of
-from repose.stages.parameter_sets import read_samples
+from repose.stages.parameter_sets import parameter_columns, read_samples
+from repose.stages.settings import STATUSES
 
 RUN = ("seed", "status", "reason")
 ENDED_STATUSES = ("status", "reason", "n_seeds")
@@ -37,7 +37,10 @@ Jobs = Mapping[str, Mapping[int, Job]]
 
 
 def assemble(
-    samples: pd.DataFrame, jobs: Jobs, targets: Targets
+    samples: pd.DataFrame,
+    jobs: Jobs,
+    targets: Targets,
+    names: Sequence[str] | None = None,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Assemble the tables of samples and of single runs.
 
@@ -48,6 +51,8 @@ def assemble(
     jobs : mapping
         Their measured runs, by bench test, then by sample.
     targets : Targets
+    names : sequence of str, optional
+        As in `repose.stages.parameter_sets.parameter_columns`.
 
     Returns
     -------
@@ -78,7 +83,8 @@ def assemble(
     unique_columns = list(dict.fromkeys(columns))
 
     means = pd.DataFrame(summaries, columns=unique_columns)
-    sets = samples[["sample", *parameters_among(samples)]].reset_index(drop=True)
+    parameters = parameter_columns(samples, names)
+    sets = samples[["sample", *parameters]].reset_index(drop=True)
     dataset = pd.concat([sets, means], axis=1)
     return dataset, _tabulate_runs(samples["sample"], jobs, targets)
 
@@ -89,6 +95,8 @@ def recorded_columns(apparatus: str, targets: Targets) -> Recorded:
     Its targets come first, then the responses that it always records.
     """
     names = tuple(target.name for target in _targets_of(targets, apparatus))
+    if apparatus == OWN:
+        return Recorded(means=names, single=names)
     return bench(apparatus).recorded.beginning_with(names)
 
 
@@ -132,6 +140,7 @@ def run(
     definitions: Definitions,
     out: Path_,
     prefix: str = "",
+    names: Sequence[str] | None = None,
 ) -> dict[str, Any]:
     """Write dataset.csv, runs.csv and dataset_summary.json.
 
@@ -148,6 +157,8 @@ def run(
         Folder to write.
     prefix : str, optional
         Before the names of the files.
+    names : sequence of str, optional
+        As in `repose.stages.parameter_sets.parameter_columns`.
 
     Returns
     -------
@@ -155,9 +166,9 @@ def run(
         The summary: `counts`, `definitions`, and `line`, a description of the line whose
         slope is the angle of repose.
     """
-    samples = read_samples(samples_csv)
-    jobs = read_jobs(paths, samples, targets)
-    dataset, runs = assemble(samples, jobs, targets)
+    samples = read_samples(samples_csv, names=names)
+    jobs = read_jobs(paths, samples, targets, names)
+    dataset, runs = assemble(samples, jobs, targets, names)
     summary = counts(dataset, runs) | {"definitions": definitions}
 
     angle = definitions.get(CALIBRATED_ANGLE, {})
@@ -174,9 +185,21 @@ def run(
 
 
 def read_jobs(
-    paths: Iterable[Path_], samples: pd.DataFrame, targets: Targets
+    paths: Iterable[Path_],
+    samples: pd.DataFrame,
+    targets: Targets,
+    names: Sequence[str] | None = None,
 ) -> dict[str, dict[int, Job]]:
     """Read jobs, and check them against the table of samples.
+
+    Parameters
+    ----------
+    paths : iterable of path
+        The files of the jobs.
+    samples : pandas.DataFrame
+    targets : Targets
+    names : sequence of str, optional
+        As in `repose.stages.parameter_sets.parameter_columns`.
 
     Returns
     -------
@@ -188,7 +211,8 @@ def read_jobs(
     InputError
         If a job is damaged or no sample's, or a sample has no job or two.
     """
-    parameters = samples.set_index("sample")[list(parameters_among(samples))]
+    columns = list(parameter_columns(samples, names))
+    parameters = samples.set_index("sample")[columns]
     jobs: dict[str, dict[int, Job]] = {name: {} for name in targets.apparatus}
     path_of_job: dict[tuple[str, int], object] = {}
     for path in paths:
@@ -254,7 +278,9 @@ def read_job(path: Path_, targets: Targets) -> tuple[Job, str]:
     if not job["runs"]:
         raise InputError(path, "runs", [], "at least one run")
 
-    statuses = bench(apparatus, path).statuses
+    statuses: tuple[str, ...] = STATUSES
+    if apparatus != OWN:
+        statuses = bench(apparatus, path).statuses
     bench_targets = _targets_of(targets, apparatus)
     for position, run in enumerate(job["runs"]):
         key = f"runs[{position}]"

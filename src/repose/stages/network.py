@@ -1,15 +1,16 @@
 """The stage `network`: train a surrogate of the simulator on the table of samples."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from repose.bench.parameters import parameters_among
 from repose.calibrate.dataset_files import read_definitions
 from repose.calibrate.responses import Definitions, require_same_definitions
 from repose.calibrate.surrogates.settings import NetworkSettings
 from repose.calibrate.targets import Targets
 from repose.calibrate.training import train
 from repose.common.files import Path_, write_json, write_table
+from repose.stages.parameter_sets import parameter_columns
 from repose.stages.tables import read_dataset, read_runs
 
 
@@ -22,6 +23,7 @@ def run(
     definitions: Definitions,
     surrogate: str,
     settings: NetworkSettings,
+    names: Sequence[str] | None = None,
     source: object = "configuration",
 ) -> dict[str, Any]:
     """Train a surrogate, and write it with its predictions.
@@ -40,6 +42,8 @@ def run(
         Kind of the surrogate.
     settings : NetworkSettings
         The section `network`.
+    names : sequence of str, optional
+        As in `repose.stages.parameter_sets.parameter_columns`.
     source : object, optional
         File of the configuration, for an error.
 
@@ -53,7 +57,7 @@ def run(
     InputError
         If the tables are damaged, are of other definitions or have too few samples.
     """
-    dataset = read_dataset(dataset_csv, targets)
+    dataset = read_dataset(dataset_csv, targets, names)
     runs = read_runs(runs_csv, targets, dataset=dataset, dataset_csv=dataset_csv)
     dataset_definitions, summary_json = read_definitions(dataset_csv)
     require_same_definitions(
@@ -64,7 +68,7 @@ def run(
         runs,
         targets=targets,
         settings=settings,
-        names=parameters_among(dataset),
+        names=parameter_columns(dataset, names),
         definitions=definitions or dataset_definitions,
         source=dataset_csv,
         surrogate=surrogate,

@@ -51,6 +51,7 @@ def run(
     targets: Targets,
     settings: MigaSettings,
     solutions: int,
+    names: Sequence[str] | None = None,
 ) -> pd.DataFrame:
     """Write the expected optimism of the predictions of a search.
 
@@ -67,6 +68,8 @@ def run(
     settings : MigaSettings
     solutions : int
         Number of sets besides the representative that are simulated again.
+    names : sequence of str, optional
+        As in `repose.stages.parameter_sets.parameter_columns`.
 
     Returns
     -------
@@ -75,7 +78,7 @@ def run(
         sample has two runs, and with ``miga.replicates: 0``.
     """
     surrogate = load(surrogate_json, targets.names)
-    dataset = read_dataset(dataset_csv, targets)
+    dataset = read_dataset(dataset_csv, targets, names)
     runs = read_runs(runs_csv, targets, dataset, dataset_csv)
     pours = Pours.of(surrogate, dataset, runs, targets)
     table = pd.DataFrame(columns=list(COLUMNS))

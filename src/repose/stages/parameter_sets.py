@@ -4,7 +4,7 @@ They have a number `sample` and the parameters.
 """
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,16 +24,44 @@ OF_SETS = tuple(
 )
 
 
-def read_samples(path: str | os.PathLike, more: Iterable[str] = ()) -> "pd.DataFrame":
+def parameter_columns(
+    columns: Iterable[str], names: Sequence[str] | None = None
+) -> tuple[str, ...]:
+    """List the parameters of a table.
+
+    They are the `names` of a study whose program has parameters of its own, or else the
+    contact parameters among the columns.
+    """
+    return parameters_among(columns) if names is None else tuple(names)
+
+
+def read_samples(
+    path: str | os.PathLike,
+    more: Iterable[str] = (),
+    names: Sequence[str] | None = None,
+) -> "pd.DataFrame":
     """Read all parameter sets of a table.
+
+    Parameters
+    ----------
+    path : path
+        The table.
+    more : iterable of str, optional
+        Further columns that it must have.
+    names : sequence of str, optional
+        As in `parameter_columns`.
 
     Returns
     -------
     pandas.DataFrame
-        `sample` (each number once), the six parameters, the columns `more`, and any
-        others.
+        `sample` (each number once), the parameters, the columns `more`, and any others.
     """
-    return read_table(path, (NUMBER, *OF_SETS, *more))
+    return read_table(path, (NUMBER, *_columns_of_sets(names), *more))
+
+
+def _columns_of_sets(names: Sequence[str] | None) -> tuple[Column, ...]:
+    """Describe the columns of the parameters, with the limits of those of a contact."""
+    return OF_SETS if names is None else tuple(map(Column, names))
 
 
 def job_files(
@@ -67,18 +95,29 @@ def job_files(
     return files
 
 
-def read_sample(path: str | os.PathLike, number: int) -> dict[str, float]:
+def read_sample(
+    path: str | os.PathLike, number: int, names: Sequence[str] | None = None
+) -> dict[str, float]:
     """Read the parameters of a sample from a table, without rounding.
+
+    Parameters
+    ----------
+    path : path
+        The table.
+    number : int
+        Of the sample.
+    names : sequence of str, optional
+        As in `parameter_columns`.
 
     Raises
     ------
     InputError
         If there is no such sample, or a value is beyond the limits of the contact law.
     """
-    columns = tables.read(path, (NUMBER, *OF_SETS)).values
+    columns = tables.read(path, (NUMBER, *_columns_of_sets(names))).values
     numbers = columns["sample"]
     if number not in numbers:
         first = ", ".join(map(str, numbers[:3]))
         raise InputError(path, "sample", number, f"one of {len(numbers)}: {first}, ...")
     row = numbers.index(number)
-    return {name: columns[name][row] for name in parameters_among(columns)}
+    return {name: columns[name][row] for name in parameter_columns(columns, names)}

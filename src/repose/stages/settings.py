@@ -1,8 +1,19 @@
-"""Settings of stages: the section `validation`, and the numbers of the study `next`."""
+"""Settings of stages: the sections `validation` and `simulator`, numbers of `next`."""
+
+from typing import Annotated
 
 from pydantic import Field
 
-from repose.common.section import PathOrNull, Section
+from repose.common.section import (
+    ABSENT,
+    Allowed,
+    Contradictions,
+    OneOf,
+    Path,
+    PathOrNull,
+    Section,
+)
+from repose.measure.particles import DIRECTIONS, UNITS
 
 # Number of parameter sets that the study `next` draws from the posterior.
 SETS_OF_NEXT = 16
@@ -40,3 +51,100 @@ class ValidationSettings(Section):
         description="the table that `published_sets` made once, shown beside the "
         "results; null: none",
     )
+
+
+# How a run of a program of the user's own may end.
+STATUSES = (
+    "ok",
+    "exit_status",
+    "time_limit",
+    "no_output",
+    "bad_output",
+    "no_pile",
+    "failed",
+)
+
+_FILE_NAME = r"[A-Za-z0-9_][A-Za-z0-9_.-]*"
+FileName = Annotated[
+    str,
+    Field(max_length=100, pattern=rf"^{_FILE_NAME}(/{_FILE_NAME})*$"),
+    Allowed("a file below the run's folder; letters, digits and . _ / -"),
+]
+Line = Annotated[
+    str,
+    Field(max_length=200, pattern=r"^[^\n]*\S[^\n]*$"),
+    Allowed("text of one line"),
+]
+Argument = Annotated[str, Field(min_length=1, max_length=4000)]
+
+
+class ParticlesSettings(Section):
+    """A file of particles that a run leaves: its pile is measured."""
+
+    file: FileName = Field(description="dump, CSV or text of Yade with the particles")
+    unit: Annotated[str, OneOf(lambda: UNITS)] = Field(
+        default="m", description="unit of lengths in the file: m, cm or mm"
+    )
+    up: Annotated[str, OneOf(lambda: DIRECTIONS)] = Field(
+        default=ABSENT, description="direction against gravity; found if not given"
+    )
+    base: Annotated[float, Field(ge=-1e9, le=1e9)] = Field(
+        default=ABSENT,
+        description="height of the plate along it, in the unit; found if not given",
+    )
+
+
+class SimulatorSettings(Section):
+    """A program of the user's own that the workflow calls for each run."""
+
+    name: Line = Field(description="name and version, printed on the card")
+    command: Annotated[
+        Annotated[tuple[Argument, ...], Field(strict=False, min_length=1)],
+        Allowed("a list of texts: the program, then its arguments"),
+    ] = Field(
+        description="program and arguments, one entry each, without a shell; names "
+        "in double braces as in the template",
+    )
+    template: Path = Field(
+        default=ABSENT,
+        description="Jinja2 template of the deck, which has its name without .j2; "
+        "without it the program reads `parameters.json`",
+    )
+    files: Annotated[
+        Annotated[tuple[Path, ...], Field(strict=False)],
+        Allowed("a list of files"),
+    ] = Field(default=(), description="further files, copied into the run's folder")
+    output: FileName = Field(
+        default=ABSENT,
+        description="table of responses that a run leaves: JSON, or CSV with one row",
+    )
+    particles: ParticlesSettings = ABSENT
+    keep: Annotated[
+        Annotated[tuple[FileName, ...], Field(strict=False)],
+        Allowed("a list of file names"),
+    ] = Field(default=(), description="further files of a run to keep")
+    cores: int = Field(default=1, ge=1, le=1024, description="cores of a run")
+    memory_mb: int = Field(
+        default=1000, ge=1, le=10_000_000, description="memory of a run in MB"
+    )
+    time_limit_s: float = Field(
+        default=3600.0,
+        gt=0,
+        le=1e7,
+        description="time after which a run is stopped; it then counts as failed",
+    )
+
+    def contradictions(self) -> Contradictions:
+        """Refuse a program whose runs leave nothing that is read."""
+        if self.output is None and self.particles is None:
+            yield "output", "the file of responses that a run leaves, or `particles`"
+
+    @property
+    def files_read(self) -> tuple[str, ...]:
+        """The files of a run from which its responses are taken."""
+        names = []
+        if self.output is not None:
+            names.append(self.output)
+        if self.particles is not None:
+            names.append(self.particles.file)
+        return tuple(names)

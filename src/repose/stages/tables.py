@@ -4,6 +4,8 @@ A truncated table, or one beside the runs of another study, has all its columns;
 rows show the fault.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 import pandas as pd
 
@@ -17,26 +19,43 @@ from repose.common.files import Path_, read_table
 AGREEMENT = 1e-6
 
 
-def read_dataset(dataset_csv: Path_, targets: Targets) -> pd.DataFrame:
+def read_dataset(
+    dataset_csv: Path_, targets: Targets, names: Sequence[str] | None = None
+) -> pd.DataFrame:
     """Read the table of samples with its parameters, status, responses and errors.
+
+    Parameters
+    ----------
+    dataset_csv : path
+        The table.
+    targets : Targets
+    names : sequence of str, optional
+        As in `repose.stages.parameter_sets.parameter_columns`.
 
     Raises
     ------
     InputError
         If rows or columns are missing or repeated, or a value is impossible.
     """
+    parameters = PARAMETERS if names is None else names
     dataset = read_table(
         dataset_csv,
-        ("sample", *PARAMETERS, "status", "n_seeds", *targets.names, *targets.errors),
+        ("sample", *parameters, "status", "n_seeds", *targets.names, *targets.errors),
     )
     _check_count(dataset, dataset_csv, dataset_csv=dataset_csv, key="samples")
     _refuse_repeated_rows(dataset, ["sample"], dataset_csv)
+    if names is None:
+        _check_contact_parameters(dataset, dataset_csv)
+    _check_responses(dataset, targets, dataset_csv)
+    return dataset
+
+
+def _check_contact_parameters(dataset: pd.DataFrame, path: Path_) -> None:
+    """Refuse a contact parameter beyond the limits of its law."""
     parameter_sets = dataset[list(parameters_among(dataset))].to_dict("records")
     for row, parameters in enumerate(parameter_sets, start=1):
         for name, value in parameters.items():
-            check_value(name, value, f"{dataset_csv}, row {row}")
-    _check_responses(dataset, targets, dataset_csv)
-    return dataset
+            check_value(name, value, f"{path}, row {row}")
 
 
 def read_runs(

@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from repose.bench.parameters import parameters_among
 from repose.calibrate.answer import INSIDE, WITHIN
 from repose.calibrate.chance import Runs, chance_of_meeting
 from repose.calibrate.parameter_space import ParameterSpace
@@ -25,7 +24,7 @@ from repose.common.files import Path_, read_table, write_table
 from repose.measure.angles import CALIBRATED_ANGLE, MEAN_KEYS
 from repose.measure.settings import MeasureSettings, line_for, line_of
 from repose.stages.dataset import Jobs, assemble, read_jobs
-from repose.stages.parameter_sets import read_samples
+from repose.stages.parameter_sets import parameter_columns, read_samples
 from repose.stages.published import (
     FIRST_PUBLISHED,
     SIMULATED_BY,
@@ -103,7 +102,11 @@ def with_optimism(
 
 
 def validate(
-    solutions: pd.DataFrame, jobs: Jobs, targets: Targets, measure: MeasureSettings
+    solutions: pd.DataFrame,
+    jobs: Jobs,
+    targets: Targets,
+    measure: MeasureSettings | None,
+    names: Sequence[str] | None = None,
 ) -> dict[str, pd.DataFrame]:
     """Compare prediction, simulation and measurement.
 
@@ -114,16 +117,19 @@ def validate(
     jobs : mapping
         Their measured runs.
     targets : Targets
-    measure : MeasureSettings
+    measure : MeasureSettings or None
         The section `measure`, which defines the angles of piles.
+    names : sequence of str, optional
+        As in `repose.stages.parameter_sets.parameter_columns`.
 
     Returns
     -------
     dict of pandas.DataFrame
         `table4` and `representative`.
     """
-    dataset, _ = assemble(solutions, jobs, targets)
-    simulated = dataset.drop(columns=["sample", *parameters_among(solutions)])
+    dataset, _ = assemble(solutions, jobs, targets, names)
+    parameters = parameter_columns(solutions, names)
+    simulated = dataset.drop(columns=["sample", *parameters])
 
     # A failed solution has None in place of its numbers, a single run None as its error.
     number_columns = [
@@ -141,7 +147,7 @@ def validate(
     }
     physical = against_physical(answer, targets, measure)
     return {
-        "table4": table4(rows, targets.responses, measure),
+        "table4": table4(rows, targets.responses, measure, names),
         "representative": with_chances(physical, answer_runs, targets),
     }
 
@@ -150,6 +156,7 @@ def table4(
     rows: pd.DataFrame,
     responses: Sequence[Response],
     measure: MeasureSettings | None = None,
+    names: Sequence[str] | None = None,
 ) -> pd.DataFrame:
     """Make Table 4.
 
@@ -160,6 +167,8 @@ def table4(
     responses : sequence of Response
     measure : MeasureSettings, optional
         The section `measure`.
+    names : sequence of str, optional
+        As in `repose.stages.parameter_sets.parameter_columns`.
 
     Returns
     -------
@@ -168,7 +177,8 @@ def table4(
         errors, and the relative errors in percent. For piles also all definitions of the
         angle, and `line`, a description of the calibrated one.
     """
-    table = rows[["sample", "solution", "role", *parameters_among(rows)]].copy()
+    parameters = parameter_columns(rows, names)
+    table = rows[["sample", "solution", "role", *parameters]].copy()
     for response in responses:
         table[response.predicted] = rows[response.predicted]
         # Not every solution has an expected optimism.
@@ -306,10 +316,11 @@ def run(
     out_dir: Path_,
     *,
     targets: Targets,
-    measure: MeasureSettings,
-    published: pd.DataFrame,
+    measure: MeasureSettings | None,
+    published: pd.DataFrame | None = None,
     support: Support | None = None,
     optimism: pd.DataFrame | None = None,
+    names: Sequence[str] | None = None,
 ) -> dict[str, pd.DataFrame]:
     """Compare predicted and simulated responses, and write the tables.
 
@@ -322,40 +333,47 @@ def run(
     out_dir : path
         Folder for table4.csv, representative.csv and published.csv.
     targets : Targets
-    measure : MeasureSettings
+    measure : MeasureSettings or None
         The section `measure`.
-    published : pandas.DataFrame
-        Result of `compared_with_published`.
+    published : pandas.DataFrame, optional
+        Result of `compared_with_published`; without it there is no published.csv.
     support : Support, optional
         Region of the samples; sets beyond it get a warning.
     optimism : pandas.DataFrame, optional
         Expected optimism of the predictions, from the stage `optimism`.
+    names : sequence of str, optional
+        As in `repose.stages.parameter_sets.parameter_columns`.
 
     Returns
     -------
     dict of pandas.DataFrame
         The tables by the stems of their files.
     """
-    solutions = read_samples(solutions_csv, (*CHOSEN, *targets.predicted))
+    solutions = read_samples(solutions_csv, (*CHOSEN, *targets.predicted), names)
     solutions = solutions.astype({"solution": str})
     if optimism is not None:
         solutions = with_optimism(solutions, optimism, targets.responses)
-    jobs_by_bench = read_jobs(jobs, solutions, targets)
-    tables = validate(solutions, jobs_by_bench, targets=targets, measure=measure)
-    tables["published"] = published
+    jobs_by_bench = read_jobs(jobs, solutions, targets, names)
+    tables = validate(
+        solutions, jobs_by_bench, targets=targets, measure=measure, names=names
+    )
+    if published is not None:
+        tables["published"] = published
 
     # Both tables of parameter sets get a column of warnings.
-    if support is not None:
-        for name in ("table4", "published"):
-            tables[name] = _add_warnings(tables[name], support)
+    for name in ("table4", "published"):
+        if support is not None and name in tables:
+            tables[name] = _add_warnings(tables[name], support, names)
     for name, table in tables.items():
         write_table(Path(out_dir) / f"{name}.csv", table)
     return tables
 
 
-def _add_warnings(table: pd.DataFrame, support: Support) -> pd.DataFrame:
+def _add_warnings(
+    table: pd.DataFrame, support: Support, names: Sequence[str] | None
+) -> pd.DataFrame:
     """Add the column `warning` to a table of parameter sets, which may be empty."""
-    parameters = table[list(parameters_among(table))].to_numpy(float)
+    parameters = table[list(parameter_columns(table, names))].to_numpy(float)
     warnings = support.warnings(parameters) if len(parameters) else []
     return table.assign(warning=warnings)
 

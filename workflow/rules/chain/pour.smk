@@ -2,12 +2,9 @@
 # with an error and is tried once more. They and what waits for them have priority over figures, for which nothing waits.
 # The process that pours a sample measures it, too, and keeps that beside the runs. One job then writes the measurements
 # of all samples: it takes a kept one that is the same, and measures the pile itself where the settings have changed.
-SAMPLES = [f"{number:03d}" for number in range(1, config["design"]["samples"] + 1)]
-
-
-wildcard_constraints:
-    sample=r"\d{3,5}",
-    runs="|".join(APPARATUS_OF),
+def runs_of_design():
+    """Runs of the design."""
+    return expand(rules.pour.output, runs=FOLDERS, sample=SAMPLES)
 
 
 rule pour:

@@ -71,6 +71,5 @@ def files_of_batches(strategy):
         made = [*rules.batch_dataset.output, *rules.propose.output]
         paths += expand(made, strategy=strategy, batch=number)
         for path in jobs_of(strategy, number):
-            job = path.removesuffix("json")
-            paths += [path, f"{job}pours.json", f"{job}npz"]
+            paths += files_of_job(path)
     return paths

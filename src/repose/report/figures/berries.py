@@ -13,7 +13,7 @@ from repose.grain import berry
 from repose.grain.particle import KINDS, Body, Particle
 
 from . import panels, style
-from .registry import SIZES, Inputs, StudyView, figure
+from .registry import SIZES, Inputs, StudyView, figure, has_grain
 
 PICTURE_PIXELS = 400  # width of the picture of a grain at the default resolution
 
@@ -28,7 +28,7 @@ RECONSTRUCTED = (
 )
 
 
-@figure("figure02", "Figure 2", {"sizes": SIZES})
+@figure("figure02", "Figure 2", {"sizes": SIZES}, when=has_grain)
 def sizes_and_sphericity(inputs: Inputs, study: StudyView) -> Figure:
     """Draw histograms of the axes and of the sphericity of the grains.
 
@@ -104,6 +104,7 @@ def _draw_histogram(
     "Figure 7",
     {"stl": "berry/berry.stl", "particle": "berry/particle.json"},
     reads=("berry", "colour"),
+    when=has_grain,
     memory_mb=650,
 )
 def particle_and_mesh(inputs: Inputs, study: StudyView) -> Figure:

@@ -147,6 +147,11 @@ def figure(
     return register
 
 
+def has_grain(study: "PipelineConfig") -> bool:
+    """Tell whether our simulator makes the runs, with the grain of the study."""
+    return study.simulator is None
+
+
 def has_pile(study: "PipelineConfig") -> bool:
     """Tell whether the targets need piles of the funnel."""
     return "funnel" in study.targets.apparatus

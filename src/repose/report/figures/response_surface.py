@@ -122,7 +122,7 @@ def perturbation(inputs: Inputs, study: StudyView) -> Figure:
             panel.plot(
                 coded,
                 model.predict(points),
-                label=SYMBOLS[name],
+                label=SYMBOLS.get(name, name),
                 **style.series(k),
             )
         panel.axhline(target.aim, color=style.GREY, lw=0.8)
@@ -195,9 +195,11 @@ def _draw_contours(
         mec=style.BLACK,
         mew=0.5,
     )
+    x_name = model.factors[first]
+    y_name = model.factors[second]
     panel.set(
-        xlabel=f"{SYMBOLS[model.factors[first]]} (coded)",
-        ylabel=f"{SYMBOLS[model.factors[second]]} (coded)",
+        xlabel=f"{SYMBOLS.get(x_name, x_name)} (coded)",
+        ylabel=f"{SYMBOLS.get(y_name, y_name)} (coded)",
         title=style.response_label(target.response),
     )
 
@@ -212,5 +214,5 @@ def _fit_models(inputs: Inputs, targets: Targets) -> list[Model]:
 def _term_label(term: str) -> str:
     """Write a term of a model with the symbols of its parameters."""
     if term.endswith("^2"):
-        return f"{SYMBOLS[term[:-2]]}²"
-    return " × ".join(SYMBOLS[name] for name in term.split("*"))
+        return f"{SYMBOLS.get(term[:-2], term[:-2])}²"
+    return " × ".join(SYMBOLS.get(name, name) for name in term.split("*"))

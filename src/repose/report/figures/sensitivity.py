@@ -62,7 +62,9 @@ def _draw_indices(panel: Axes, table: pd.DataFrame) -> None:
             capsize=2,
         )
     panel.axhline(0, color=style.BLACK, lw=0.6)
-    panel.set_xticks(place, [SYMBOLS[name] for name in table.index], fontsize=9)
+    panel.set_xticks(
+        place, [SYMBOLS.get(name, name) for name in table.index], fontsize=9
+    )
     panel.margins(y=0.15)
     total = table["first"].sum()
     words = f"first orders sum to {total:.2f}\nbars: 95 % intervals"

@@ -226,11 +226,11 @@ def _angle_explanations(config: Config, shown_text: str) -> list[str]:
     """Say which line has each calibrated angle whose symbol is shown."""
     if not {"targets", "measure"} <= config.keys():
         return []
-    line = line_in_words(StudyView(config).settings.measure)
     explanations = []
     for response in targets_of(config).responses:
         is_calibrated_angle = "measure.response" in response.definition
         if is_calibrated_angle and response.symbol in shown_text:
+            line = line_in_words(StudyView(config).settings.measure)
             explanations.append(
                 f"{response.symbol}: {response.label} (simulated piles: {line})"
             )

@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 
 from repose.bench.parameters import SYMBOLS
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.responses import Response, response
+from repose.calibrate.responses import Response, derived, named
 from repose.calibrate.surrogates import Surrogate, load, surrogate_class
 from repose.calibrate.surrogates.accuracy import r2
 from repose.calibrate.targets import Targets
@@ -99,7 +99,10 @@ def network_structure(inputs: Inputs, study: StudyView) -> Figure:
     influence = influence_of_inputs(
         load(path), study.parameters, study.settings.design.seed
     )
-    symbols = [response(name, path).symbol for name in network["outputs"]]
+    symbols = []
+    for name in network["outputs"]:
+        known = named(name)
+        symbols.append(name if known is None else known.symbol)
     n_bars = n_outputs * len(layers.inputs)
     figure = style.new_figure(style.PAGE, max(3.1, 1.0 + 0.17 * n_bars))
     left, right = figure.subplots(1, 2, width_ratios=(1, 1.15))
@@ -146,7 +149,8 @@ def _draw_network(
         )
         panel.text(x, 1.13, title, ha="center", va="bottom", fontsize=7.5)
     for (x, y), name in zip(layers.inputs, inputs, strict=True):
-        panel.text(x - 0.12, y, SYMBOLS[name], ha="right", va="center", fontsize=8.5)
+        symbol = SYMBOLS.get(name, name)
+        panel.text(x - 0.12, y, symbol, ha="right", va="center", fontsize=8.5)
     for (x, y), symbol in zip(layers.outputs, symbols, strict=True):
         panel.text(x + 0.12, y, symbol, ha="left", va="center", fontsize=8)
     longest_symbol = max(map(len, symbols))
@@ -192,7 +196,8 @@ def _draw_influence(
                 va="center",
                 fontsize=6.5,
             )
-    panel.set_yticks(place, [SYMBOLS[name] for name in inputs], fontsize=8.5)
+    labels = [SYMBOLS.get(name, name) for name in inputs]
+    panel.set_yticks(place, labels, fontsize=8.5)
     panel.invert_yaxis()
     panel.set(xlabel="influence on the prediction (%)")
     panel.margins(x=0.18)
@@ -298,7 +303,7 @@ def _predict_new_points(inputs: Inputs, targets: Targets) -> pd.DataFrame:
         inputs["fresh"], ("status", *model.inputs, *targets.names, *targets.errors)
     )
     points = points[points["status"] == "ok"].assign(split="new points")
-    predicted_columns = [response(name, path).predicted for name in model.outputs]
+    predicted_columns = [derived(name, "predicted") for name in model.outputs]
     X = points[list(model.inputs)].to_numpy(float)
     points[predicted_columns] = model.predict(X)
     return points

@@ -30,6 +30,11 @@ from repose.report.page.verdict import VerdictText, checks_of, percent_text, ver
 from repose.report.study_view import parameter_ranges
 from repose.stages.card import read as read_card
 
+# The last step of a study whose runs another program made.
+OTHER_PROGRAM = (
+    "The runs were made by another program, so this report has no grain, no drum, no "
+    "published sets and no pictures of piles."
+)
 # Share of a parameter's range from which on an interval does not determine it.
 NOT_DETERMINED = 0.9
 # Quantities of the drum by their keys, and their units.
@@ -485,14 +490,20 @@ def method(study: Results) -> MethodSection:
 
 def _steps(study: Results) -> list[str]:
     """Say the steps to the answer, a sentence each."""
+    if study.simulator is not None:
+        return [*_steps_of_strategy(study), OTHER_PROGRAM]
+    return _steps_of_strategy(study)
+
+
+def _steps_of_strategy(study: Results) -> list[str]:
+    """Say the steps that the strategy reports, or those of the article's method."""
     if "steps" in study.summary:
         return list(study.summary["steps"])
-    bench_tests = " and ".join(study.targets.apparatus).replace("_", " ")
     simulated = read_json(study.files["dataset_summary"], {"text": str})
     steps = []
     if study.settings is not None:
         steps.append(_design_step(study, study.settings.design))
-    steps.append(f"Simulation of the bench test ({bench_tests}): {simulated['text']}")
+    steps.append(f"{_simulation(study)}: {simulated['text']}")
     if study.surrogate is not None:
         surrogate = study.surrogate.name.replace("_", " ")
         steps.append(f"Surrogate ({surrogate}): {_accuracy(study)}")
@@ -504,6 +515,14 @@ def _steps(study: Results) -> list[str]:
         f"the answer {n_runs:.0f} times."
     )
     return steps
+
+
+def _simulation(study: Results) -> str:
+    """Say what was simulated, or by which other program."""
+    if study.simulator is not None:
+        return f"Simulation by {study.simulator}"
+    bench_tests = " and ".join(study.targets.apparatus).replace("_", " ")
+    return f"Simulation of the bench test ({bench_tests})"
 
 
 def _design_step(study: Results, design: DesignSettings) -> str:

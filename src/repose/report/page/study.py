@@ -90,6 +90,8 @@ class Results:
     settings
         The sections of the configuration, such as `settings.measure`; None for a study
         with a simulator of the user's own.
+    simulator
+        Name of the program of the user's own that the workflow called, if one did.
     files
         Paths of the files by name; figures in memory take the place of paths.
     published_sets
@@ -114,6 +116,7 @@ class Results:
     date: str
     origin: Mapping[str, Any]
     settings: "StudySettings | None" = None
+    simulator: str | None = None
     files: Mapping[str, Any] = field(default_factory=dict)
     published_sets: pd.DataFrame = field(default_factory=pd.DataFrame)
     captions: Mapping[str, str] = field(default_factory=lambda: captions.STUDY_FIGURES)
@@ -162,8 +165,10 @@ def read(config: Config, jobs: Sequence[str], files: Files) -> Results:
     study = StudyView(config)
     targets = study.targets
     runs = _read_runs_of_answer(jobs, targets)
+    names = None if study.simulator is None else study.parameters.names
+    parameters = PARAMETERS if names is None else names
     checked_sets = read_table(
-        files["table4"], ("role", *PARAMETERS, *targets.predicted)
+        files["table4"], ("role", *parameters, *targets.predicted)
     )
     within = {
         percent: chance_of_meeting(runs, targets, percent)["all"] for percent in PERCENT
@@ -180,11 +185,12 @@ def read(config: Config, jobs: Sequence[str], files: Files) -> Results:
         probability=chance_of_meeting(runs, targets),
         probability_within=within,
         posterior=_read_posterior(files),
-        surrogate=_surrogate(files, targets, study.parameters),
-        solutions=read_table(files["feasible"], ("solution", *PARAMETERS)),
+        surrogate=_surrogate(files, targets, study.parameters, names),
+        solutions=read_table(files["feasible"], ("solution", *parameters)),
         checked_sets=checked_sets,
-        samples=read_table(files["dataset"], ("sample", *PARAMETERS, *targets.names)),
+        samples=read_table(files["dataset"], ("sample", *parameters, *targets.names)),
         summary=summary,
+        simulator=study.simulator,
         date=modified.isoformat(),
         origin=attached.read(files["table4"]) or provenance.machine(),
         settings=study.settings,
@@ -238,7 +244,10 @@ def _read_published_sets(files: Files) -> pd.DataFrame:
 
 
 def _surrogate(
-    files: Files, targets: Targets, parameters: ParameterSpace
+    files: Files,
+    targets: Targets,
+    parameters: ParameterSpace,
+    names: Sequence[str] | None,
 ) -> Predictor | None:
     """Load the surrogate of a file, or fit kriging to all runs of a strategy.
 
@@ -248,7 +257,7 @@ def _surrogate(
         return load(files["network"], targets.names)
     if "runs" not in files:
         return None
-    samples = read_dataset(files["dataset"], targets)
+    samples = read_dataset(files["dataset"], targets, names)
     runs = read_runs(
         files["runs"], targets, dataset=samples, dataset_csv=files["dataset"]
     )

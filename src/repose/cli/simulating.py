@@ -1,0 +1,98 @@
+"""Stages of a study with a program of the user's own: its runs, and their responses."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from repose.cli.options import SAMPLES
+from repose.cli.parameter_sets import STUDY_SEEDS
+from repose.cli.registry import Option, load, verb
+from repose.common.errors import InputError
+from repose.config.pipeline import PipelineConfig
+
+if TYPE_CHECKING:
+    from repose.stages.settings import SimulatorSettings
+
+SAMPLE = Option("--sample", type=int, default=1, help="number of the sample (1)")
+PURPOSE = STUDY_SEEDS[1]
+
+
+def _load_external(args: argparse.Namespace) -> PipelineConfig:
+    """Load a study with a program of the user's own."""
+    study = load(args)
+    _program(args, study)
+    return study
+
+
+def _program(args: argparse.Namespace, study: PipelineConfig) -> "SimulatorSettings":
+    """Return the section `simulator` of a study.
+
+    Raises
+    ------
+    InputError
+        If the study has none.
+    """
+    if study.simulator is None:
+        words = "a section with the command of a program (`repose docs simulators`)"
+        raise InputError(args.config, "simulator", None, words)
+    return study.simulator
+
+
+@verb(
+    SAMPLES,
+    SAMPLE,
+    Option("--run", type=int, default=1, help="number of the run of the sample (1)"),
+    PURPOSE,
+    out="results/runs/001",
+    study=_load_external,
+    runs="measured",
+)
+def simulate(args: argparse.Namespace, study: PipelineConfig) -> None:
+    """Run the study's own program for one sample; a run that fails is recorded with its reason.
+
+    example: --samples results/design/samples.csv --sample 1 --run 1
+    """
+    from repose.stages import simulate
+    from repose.stages.parameter_sets import read_sample
+
+    parameters = read_sample(args.samples, args.sample, study.parameter_names)
+    study_seed = study.settings.design.seed
+    record = simulate.run_once(
+        _program(args, study),
+        parameters,
+        sample=args.sample,
+        run=args.run,
+        seed=simulate.seed_of(study_seed, args.purpose, args.sample, args.run),
+        out_dir=args.out,
+    )
+    print(" ".join(filter(None, [record["status"], record["reason"]])))
+
+
+@verb(
+    Option(
+        "runs",
+        nargs="+",
+        metavar="FOLDER=COUNT",
+        help="folder of a sample, with the number of its runs",
+    ),
+    Option("--out", required=True, help="folder for SAMPLE.json", recorded=False),
+    study=_load_external,
+    runs="measured",
+)
+def measure_simulated(args: argparse.Namespace, study: PipelineConfig) -> None:
+    """Read the responses of a program's runs, or measure their piles of particles.
+
+    example: results/runs/001=2 results/runs/002=2 --out results/runs
+    """
+    from repose.stages import simulated
+
+    for folder, records in simulated.record_files(args.runs).items():
+        job = simulated.measure_sample(
+            records,
+            Path(args.out) / f"{folder.name}.json",
+            settings=_program(args, study),
+            responses=study.targets.names,
+            measure=study.settings.measure,
+        )
+        for run in job["runs"]:
+            print(f"{folder}, seed {run['seed']}: {run['status']} {run['reason']}")

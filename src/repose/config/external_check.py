@@ -1,0 +1,95 @@
+"""What `repose check` says of a study whose runs another program makes."""
+
+import shlex
+import tempfile
+import time
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from repose.calibrate.strategies import strategy
+from repose.common.errors import InputError
+from repose.config.cost import Pours, strategy_pours
+from repose.config.models import StudySettings
+from repose.config.pipeline import PipelineConfig
+from repose.stages import simulate, simulated
+from repose.stages.settings import SimulatorSettings
+
+
+def describe(study: PipelineConfig, simulator: SimulatorSettings) -> Iterator[str]:
+    """Yield lines on the program, its deck, and what its runs leave."""
+    program = simulate.program_of(simulator.command)
+    yield f"{simulator.name}: {shlex.join(simulator.command)}; the program is {program}"
+    deck = f"no deck; the program reads {simulate.PARAMETERS}"
+    if simulator.template is not None:
+        deck = f"{simulate.deck_name(simulator.template)}, from {simulator.template}"
+    yield f"deck: {deck}"
+    left = ", ".join(simulator.files_read)
+    yield f"responses: {', '.join(study.targets.names)}, from {left}"
+    yield (
+        f"a run: {simulator.cores} cores, {simulator.memory_mb} MB, at most "
+        f"{simulator.time_limit_s:g} s"
+    )
+
+
+def runs_of(settings: StudySettings) -> Pours:
+    """List the runs of a study: purpose, number of parameter sets, runs of each."""
+    name = settings.strategy
+    of_strategy = strategy_pours(settings, name) or ()
+    if not strategy(name).begins_with_design:
+        return of_strategy
+    section = settings.validation
+    seeds = settings.design_seeds("")
+    return (
+        ("design", settings.design.samples, seeds),
+        ("answer", 1, section.representative_seeds),
+        ("other solutions", section.solutions, section.seeds),
+        *of_strategy,
+    )
+
+
+def try_once(study: PipelineConfig, simulator: SimulatorSettings) -> Iterator[str]:
+    """Make one run at the centre of the ranges, and yield lines on its responses.
+
+    Raises
+    ------
+    InputError
+        If the run failed; its folder is kept then.
+    """
+    parameters = study.parameters.centre
+    folder = Path(tempfile.mkdtemp(prefix="repose_try_"))
+    started = time.perf_counter()
+    record = simulate.run_once(
+        simulator,
+        parameters,
+        sample=1,
+        run=1,
+        seed=simulate.seed_of(study.settings.design.seed, "design", 1, 1),
+        out_dir=folder,
+    )
+    elapsed_s = time.perf_counter() - started
+    job = simulated.measure_sample(
+        [folder / "1.json"],
+        folder / "measured.json",
+        settings=simulator,
+        responses=study.targets.names,
+        measure=study.settings.measure,
+    )
+    run: Mapping[str, Any] = job["runs"][0]
+    if run["status"] != simulate.OK:
+        raise InputError(
+            folder / "1",
+            "trial run",
+            f"{run['status']}: {run['reason']}",
+            f"a run that ends well; {simulate.PRINTED} there has what the program "
+            "printed",
+        )
+    at = ", ".join(f"{name} {value:.4g}" for name, value in parameters.items())
+    yield f"trial run, seed {record['seed']}, {elapsed_s:.1f} s, at {at}:"
+    for target in study.targets:
+        unit = f" {target.response.unit}".rstrip()
+        yield (
+            f"  {target.name} {run[target.name]:.4g}{unit}; the target is "
+            f"{target.value:g}{unit}, {target.low:.4g} to {target.high:.4g}"
+        )
+    yield f"its files: {folder / '1'}"

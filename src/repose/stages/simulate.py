@@ -1,0 +1,435 @@
+"""Runs of a program of the user's own: the deck, the call, and what a run leaves.
+
+Each run has a folder SAMPLE/RUN with its deck, its parameters, what the program printed
+(`PRINTED`) and the files that are read or kept. SAMPLE/RUN.json is the record of the
+run: it is written last. A run that fails is a result with a status and a reason.
+"""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import Any, NamedTuple
+
+from jinja2 import Environment, StrictUndefined, TemplateError, meta
+
+from repose.calibrate.seeds import pour_seeds
+from repose.calibrate.targets import OWN
+from repose.common import provenance
+from repose.common.errors import InputError, YamlError, raise_together
+from repose.common.files import Path_, write_json
+from repose.stages.settings import SimulatorSettings
+
+OK = "ok"
+PARAMETERS = "parameters.json"
+PRINTED = "printed.txt"
+ABOUT = ".run.json"  # in the folder of a good run: the hash of its inputs
+# Names that a template has besides those of the parameters.
+NAMES = ("sample", "run", "seed", "cores")
+TEMPLATE_ENDINGS = (".j2", ".jinja", ".jinja2")
+# Seeds are at most this: LAMMPS takes none above 900 million.
+MOST_SEED = 899_999_999
+# Time between the request to end and the end [s].
+GRACE_S = 10.0
+# The end of what a program printed, in the reason of a failed run.
+MOST_CHARACTERS = 200
+
+
+class Ending(NamedTuple):
+    """How a run ended; the reason is empty for ``ok``."""
+
+    status: str
+    reason: str = ""
+
+
+# --- template and command -------------------------------------------------------------
+
+
+def _environment() -> Environment:
+    """Set up the templates of decks; a name that is not there is an error."""
+    # A deck is no HTML, so nothing in it is escaped.
+    return Environment(  # nosec B701
+        undefined=StrictUndefined, keep_trailing_newline=True
+    )
+
+
+def fill(text: str, values: Mapping[str, Any], source: object) -> str:
+    """Fill a template.
+
+    Raises
+    ------
+    InputError
+        If it is no template, or uses a name without a value; it names `source`.
+    """
+    try:
+        return _environment().from_string(text).render(values)
+    except TemplateError as error:
+        names = ", ".join(values)
+        allowed = f"a template of Jinja2 with the names {names}"
+        raise InputError(source, "template", str(error), allowed) from None
+
+
+def names_used(text: str, source: object) -> set[str]:
+    """Return the names that a template uses.
+
+    Raises
+    ------
+    InputError
+        If it is no template; it names `source`.
+    """
+    try:
+        return meta.find_undeclared_variables(_environment().parse(text))
+    except TemplateError as error:
+        allowed = "a template of Jinja2"
+        raise InputError(source, "template", str(error), allowed) from None
+
+
+def deck_name(template: Path_) -> str:
+    """Return the name of the deck: that of its template without its last ending."""
+    path = Path(template)
+    return path.stem if path.suffix in TEMPLATE_ENDINGS else path.name
+
+
+def program_of(command: Sequence[str]) -> str | None:
+    """Return the absolute path of the program; None if there is none.
+
+    A name without a slash is looked up on `search_path`.
+    """
+    found = shutil.which(command[0], path=search_path())
+    return None if found is None else os.path.abspath(found)
+
+
+def search_path() -> str:
+    """Return PATH as the jobs of the workflow have it: the Python of repose first."""
+    folder = os.path.dirname(sys.executable)
+    return os.pathsep.join([folder, os.environ.get("PATH", os.defpath)])
+
+
+def check(
+    settings: SimulatorSettings,
+    parameters: Sequence[str],
+    targets: Sequence[str],
+    source: str,
+) -> None:
+    """Check the files and names of a simulator before any run.
+
+    Parameters
+    ----------
+    settings : SimulatorSettings
+    parameters, targets : sequence of str
+        Their names in the study.
+    source : str
+        File of the configuration, for the messages.
+
+    Raises
+    ------
+    InputError
+        With all faults.
+    """
+    raise_together(_faults(settings, parameters, targets, source))
+
+
+def _faults(
+    settings: SimulatorSettings,
+    parameters: Sequence[str],
+    targets: Sequence[str],
+    source: str,
+) -> Iterator[InputError]:
+    """Yield the faults of `check`."""
+    if program_of(settings.command) is None:
+        key = "simulator.command.0"
+        words = "a program on PATH, or the path of one that may be run"
+        yield YamlError(source, key, settings.command[0], words)
+    missing = [name for name in _named_files(settings) if not Path(name).is_file()]
+    for name in missing:
+        key = "simulator.template" if name == settings.template else "simulator.files"
+        yield YamlError(source, key, name, "a file that is there")
+    for name in _names_twice(settings):
+        words = "files whose names differ in the folder of a run"
+        yield YamlError(source, "simulator.files", name, words)
+    if settings.template not in missing:
+        yield from _faults_of_names(settings, parameters, source)
+    if settings.output is None:
+        measured = responses_of_pile()
+        for name in targets:
+            if name not in measured:
+                words = (
+                    f"one of {', '.join(measured)}, which a file of particles gives, or "
+                    "`simulator.output` with the table that has it"
+                )
+                yield YamlError(source, f"targets.{name}", name, words)
+
+
+def _faults_of_names(
+    settings: SimulatorSettings, parameters: Sequence[str], source: str
+) -> Iterator[InputError]:
+    """Yield the unknown names of template and command, and the unused parameters."""
+    texts = {f"{source}, simulator.command": "\n".join(settings.command)}
+    if settings.template is not None:
+        texts[settings.template] = Path(settings.template).read_text(encoding="utf-8")
+    used: set[str] = set()
+    known = (*parameters, *NAMES)
+    for place, text in texts.items():
+        names = names_used(text, place)
+        used |= names
+        for name in sorted(names.difference(known)):
+            yield InputError(place, "name", name, f"one of {', '.join(known)}")
+    if settings.template is None:
+        return
+    for name in parameters:
+        if name not in used:
+            words = f"a name that {settings.template} or the command uses"
+            yield YamlError(source, f"parameters.{name}", name, words)
+
+
+def _named_files(settings: SimulatorSettings) -> tuple[str, ...]:
+    """List the files that a study names for its runs."""
+    template = () if settings.template is None else (settings.template,)
+    return (*template, *settings.files)
+
+
+def _names_twice(settings: SimulatorSettings) -> list[str]:
+    """List the names that two files of a run's folder would have."""
+    names = [PARAMETERS, PRINTED, *(Path(name).name for name in settings.files)]
+    if settings.template is not None:
+        names.append(deck_name(settings.template))
+    return sorted({name for name in names if names.count(name) > 1})
+
+
+def responses_of_pile() -> tuple[str, ...]:
+    """List the responses that a file of particles gives."""
+    from repose.measure.definitions import MEAN_KEYS
+
+    return ("aor_deg", "height_mm", *MEAN_KEYS.values())
+
+
+# --- a run ----------------------------------------------------------------------------
+
+
+def seed_of(study_seed: int, purpose: str, sample: int, run: int) -> int:
+    """Draw the seed of a run: a number from 1 to `MOST_SEED`."""
+    seeds = pour_seeds(study_seed, purpose, sample, run, apparatus=OWN)
+    return 1 + seeds[-1] % MOST_SEED
+
+
+def run_once(
+    settings: SimulatorSettings,
+    parameters: Mapping[str, float],
+    *,
+    sample: int,
+    run: int,
+    seed: int,
+    out_dir: Path_,
+) -> dict[str, Any]:
+    """Run the program once, and write the record of the run.
+
+    A finished run with the same inputs is not made again.
+
+    Parameters
+    ----------
+    settings : SimulatorSettings
+    parameters : mapping
+        Values by name.
+    sample, run, seed : int
+        Numbers of the sample and of its run, and its seed.
+    out_dir : path
+        The folder of the sample; RUN.json is the record.
+
+    Returns
+    -------
+    dict
+        The content of the record.
+
+    Raises
+    ------
+    InputError
+        If the program or a file is missing, or the template uses an unknown name.
+    """
+    values = {
+        **parameters,
+        "sample": sample,
+        "run": run,
+        "seed": seed,
+        "cores": settings.cores,
+    }
+    out = Path(out_dir)
+    inputs = _inputs(settings, values)
+    made = out / str(run)
+    ending = _kept(made, inputs, settings)
+    if ending is None:
+        ending = _make(settings, inputs, values, made)
+    record = {
+        "apparatus": OWN,
+        "sample": sample,
+        "run": run,
+        "seed": seed,
+        "parameters": dict(parameters),
+        "command": inputs["command"],
+        **ending._asdict(),
+    }
+    write_json(out / f"{run}.json", record)
+    return record
+
+
+def _inputs(settings: SimulatorSettings, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return all that a run depends on: command, deck, values and files."""
+    command = [fill(part, values, "simulator.command") for part in settings.command]
+    program = program_of(command)
+    if program is None:
+        words = "a program on PATH, or the path of one that may be run"
+        raise InputError("simulator", "command", command[0], words)
+    deck = None
+    if settings.template is not None:
+        text = Path(settings.template).read_text(encoding="utf-8")
+        deck = fill(text, values, settings.template)
+    hashes = {}
+    for name in settings.files:
+        if not Path(name).is_file():
+            raise InputError("simulator", "files", name, "a file that is there")
+        hashes[Path(name).name] = provenance.hash_of_file(name)
+    return {
+        "command": command,
+        "program": program,
+        "deck": deck,
+        "values": dict(values),
+        "files": hashes,
+        "read": [*settings.files_read, *settings.keep],
+    }
+
+
+def _kept(
+    folder: Path, inputs: Mapping[str, Any], settings: SimulatorSettings
+) -> Ending | None:
+    """Return the ending of a finished good run with the same inputs; None without one."""
+    try:
+        about = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    is_same = about["inputs"] == provenance.hash_of(dict(inputs))
+    is_whole = all((folder / name).is_file() for name in settings.files_read)
+    return Ending(OK) if is_same and is_whole else None
+
+
+def _make(
+    settings: SimulatorSettings,
+    inputs: Mapping[str, Any],
+    values: Mapping[str, Any],
+    folder: Path,
+) -> Ending:
+    """Run the program in a folder with another name, which is then renamed."""
+    work = folder.with_name(f"{folder.name}.part")
+    shutil.rmtree(work, ignore_errors=True)
+    work.mkdir(parents=True)
+    for name in settings.files:
+        shutil.copy(name, work / Path(name).name)
+    if settings.template is not None:
+        deck = work / deck_name(settings.template)
+        deck.write_text(inputs["deck"], encoding="utf-8")
+    numbers = {name: values[name] for name in NAMES}
+    by_name = {name: value for name, value in values.items() if name not in NAMES}
+    text = json.dumps({**numbers, "parameters": by_name}, indent=1)
+    (work / PARAMETERS).write_text(f"{text}\n", encoding="utf-8")
+
+    command = [inputs["program"], *inputs["command"][1:]]
+    ending = _call(command, work, settings)
+    if ending.status == OK:
+        for name in settings.files_read:
+            if not (work / name).is_file():
+                ending = Ending("no_output", f"{name} is missing")
+                break
+
+    _remove_others(work, settings)
+    # Only a good run is taken again: what made another one fail may be repaired.
+    if ending.status == OK:
+        about = json.dumps({"inputs": provenance.hash_of(dict(inputs))})
+        (work / ABOUT).write_text(about, encoding="utf-8")
+    shutil.rmtree(folder, ignore_errors=True)
+    os.replace(work, folder)
+    return ending
+
+
+def _call(command: Sequence[str], work: Path, settings: SimulatorSettings) -> Ending:
+    """Call the program in a folder, without a shell, and wait for its end."""
+    changes = {"PATH": search_path(), "OMP_NUM_THREADS": str(settings.cores)}
+    with open(work / PRINTED, "wb") as printed, _terminating():
+        process = subprocess.Popen(
+            command,
+            cwd=work,
+            stdin=subprocess.DEVNULL,
+            stdout=printed,
+            stderr=subprocess.STDOUT,
+            env={**os.environ, **changes},
+            # Its children end with it, as they are of its own group.
+            start_new_session=True,
+        )
+        try:
+            process.wait(settings.time_limit_s)
+        except subprocess.TimeoutExpired:
+            _end(process)
+            return Ending("time_limit", f"longer than {settings.time_limit_s:g} s")
+        except BaseException:
+            _end(process)
+            raise
+    if process.returncode == 0:
+        return Ending(OK)
+    cause = f"exit status {process.returncode}"
+    if process.returncode < 0:
+        cause = f"ended by {signal.Signals(-process.returncode).name}"
+    last = _last_line(work / PRINTED)
+    return Ending("exit_status", f"{cause}: {last}" if last else cause)
+
+
+@contextmanager
+def _terminating() -> Iterator[None]:
+    """Let the request to end this process raise SystemExit, as a context.
+
+    So the program that it waits for ends with it.
+    """
+
+    def leave(number: int, frame: FrameType | None) -> None:
+        raise SystemExit(128 + number)
+
+    before = signal.signal(signal.SIGTERM, leave)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _end(process: "subprocess.Popen[bytes]") -> None:
+    """End a program with all its children."""
+    for number in (signal.SIGTERM, signal.SIGKILL):
+        try:
+            os.killpg(process.pid, number)
+        except ProcessLookupError:
+            break
+        try:
+            process.wait(GRACE_S)
+        except subprocess.TimeoutExpired:
+            continue
+
+
+def _last_line(path: Path) -> str:
+    """Return the last line that a program printed, shortened."""
+    text = path.read_text(encoding="utf-8", errors="replace").rstrip()
+    line = text.rpartition("\n")[2].strip()
+    return "".join(filter(str.isprintable, line))[-MOST_CHARACTERS:]
+
+
+def _remove_others(work: Path, settings: SimulatorSettings) -> None:
+    """Remove the files of a run that nobody asked to keep."""
+    kept = {PARAMETERS, PRINTED, *settings.files_read, *settings.keep}
+    if settings.template is not None:
+        kept.add(deck_name(settings.template))
+    for path in sorted(work.rglob("*"), reverse=True):
+        if path.is_dir() and not path.is_symlink():
+            if not any(path.iterdir()):
+                path.rmdir()
+        elif str(path.relative_to(work)) not in kept:
+            path.unlink()

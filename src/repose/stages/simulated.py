@@ -1,0 +1,210 @@
+"""Responses of the runs of a program of the user's own.
+
+They come from the table that a run leaves, or from its particles, whose pile is measured
+as a photograph is.
+"""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from repose.calibrate.runs import Recorded, summarise_runs
+from repose.calibrate.strategies.runs import (
+    FAILED,
+    OK,
+    cells_of_result,
+    judge_runs,
+)
+from repose.common.errors import InputError, NoFlankError
+from repose.common.files import Path_, read_json, write_json
+from repose.stages.settings import SimulatorSettings
+from repose.stages.simulate import MOST_CHARACTERS, Ending
+
+if TYPE_CHECKING:
+    from repose.measure.settings import MeasureSettings
+
+# A silhouette has this many pixels across a grain.
+PIXELS_PER_GRAIN = 32
+
+
+def record_files(entries: Iterable[str]) -> dict[Path, list[Path]]:
+    """List the records of runs by the folder of their sample.
+
+    Parameters
+    ----------
+    entries : iterable of str
+        FOLDER=COUNT: the folder of a sample, with the number of its runs.
+
+    Raises
+    ------
+    InputError
+        If an entry has another form.
+    """
+    files = {}
+    for entry in entries:
+        folder, _, count = entry.rpartition("=")
+        if not folder or not count.isdecimal():
+            words = "FOLDER=COUNT, the folder of a sample with the number of its runs"
+            raise InputError("command line", "runs", entry, words)
+        path = Path(folder)
+        files[path] = [path / f"{run}.json" for run in range(1, int(count) + 1)]
+    return files
+
+
+def measure_sample(
+    records: Iterable[Path_],
+    out_json: Path_,
+    *,
+    settings: SimulatorSettings,
+    responses: Sequence[str],
+    measure: "MeasureSettings | None",
+) -> dict[str, Any]:
+    """Read the responses of all runs of a sample, and write its job.
+
+    Parameters
+    ----------
+    records : iterable of path
+        Records of the runs, each beside the folder of its run.
+    out_json : path
+        The file to write.
+    settings : SimulatorSettings
+    responses : sequence of str
+        Names of the targets.
+    measure : MeasureSettings or None
+        How a pile of particles is measured.
+
+    Returns
+    -------
+    dict
+        The job, as `repose.stages.dataset` reads it.
+    """
+    runs = []
+    job: dict[str, Any] = {}
+    for path in map(Path, records):
+        keys = {"sample": int, "run": int, "seed": int, "parameters": dict}
+        record = read_json(path, keys | {"status": str}, "the record of a run")
+        job = {name: record[name] for name in ("apparatus", "sample", "parameters")}
+        ending = Ending(record["status"], record["reason"])
+        numbers: dict[str, float | None] = dict.fromkeys(responses)
+        if ending.status == OK:
+            folder = path.with_suffix("")
+            ending, numbers = read_responses(folder, settings, responses, measure)
+        runs.append({"seed": record["seed"], **ending._asdict(), **numbers})
+    names = tuple(responses)
+    summary = summarise_runs(runs, Recorded(means=names, single=names))
+    job |= {"summary": summary, "runs": runs}
+    write_json(out_json, job)
+    return job
+
+
+def read_responses(
+    folder: Path,
+    settings: SimulatorSettings,
+    responses: Sequence[str],
+    measure: "MeasureSettings | None",
+) -> tuple[Ending, dict[str, float | None]]:
+    """Read the responses of a good run; a run without one of them failed.
+
+    Returns
+    -------
+    Ending
+    dict
+        A number for each response, None for each of a failed run.
+
+    Raises
+    ------
+    InputError
+        If a file of the run was lost since.
+    """
+    nothing: dict[str, float | None] = dict.fromkeys(responses)
+    found: dict[str, Any] = {}
+    for name in settings.files_read:
+        if not (folder / name).is_file():
+            words = f"the file of this run; remove {folder}.json, and run again"
+            raise InputError(folder / name, "file", "lost", words)
+    try:
+        if settings.particles is not None:
+            found |= measured_pile(folder, settings, measure)
+        if settings.output is not None:
+            found |= read_table(folder / settings.output)
+    except NoFlankError as error:
+        return Ending("no_pile", error.reason), nothing
+    except (InputError, OSError, ValueError) as error:
+        return Ending("bad_output", _in_one_line(error)), nothing
+
+    cells, _ = cells_of_result(found, responses)
+    outcome = judge_runs({name: [cell] for name, cell in cells.items()}, responses)
+    status = outcome.statuses[0]
+    if status == OK:
+        return Ending(OK), {name: outcome.values[name][0] for name in responses}
+    without = [name for name in responses if not _is_finite(cells[name])]
+    if status == FAILED and without:
+        reason = f"no finite number for {', '.join(without)}"
+        return Ending("bad_output", reason), nothing
+    return Ending("failed", f"its status is {_in_one_line(status)}"), nothing
+
+
+def _is_finite(number: float) -> bool:
+    """Tell whether a number is neither infinite nor NaN."""
+    return abs(number) < float("inf")
+
+
+def _in_one_line(text: object) -> str:
+    """Write a text in one line of limited length."""
+    return " ".join(str(text).split())[:MOST_CHARACTERS]
+
+
+def read_table(path: Path) -> dict[str, Any]:
+    """Read the responses of a run: a mapping in JSON, or a CSV file with one row.
+
+    Raises
+    ------
+    InputError, ValueError
+        If the file is neither.
+    """
+    from repose.common import tables
+
+    if path.suffix.lower() == ".json":
+        return read_json(path, what="responses by name")
+    what = "a CSV file of responses"
+    rows = tables.read(path, (), what, others=lambda cells: False).rows()
+    if len(rows) != 1:
+        raise InputError(path, "rows", len(rows), "one row, of this run")
+    return rows[0]
+
+
+def measured_pile(
+    folder: Path, settings: SimulatorSettings, measure: "MeasureSettings | None"
+) -> dict[str, float | None]:
+    """Measure the pile of a run as `repose measure` does.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read.
+    NoFlankError
+        If there is no pile.
+    """
+    from repose.common.section import AUTO
+    from repose.measure import particle_files
+    from repose.measure.particles import UNITS, measure_particles
+    from repose.measure.settings import COARSEST_MM_PER_PIXEL, FINEST_MM_PER_PIXEL
+
+    section = settings.particles
+    assert section is not None
+    path = folder / section.file
+    particles = particle_files.read(path)
+    if measure is not None and measure.mm_per_pixel == AUTO:
+        diameter_mm = 2e3 * particles.mean_radius * UNITS[section.unit]
+        scale = diameter_mm / PIXELS_PER_GRAIN
+        scale = min(max(scale, FINEST_MM_PER_PIXEL), COARSEST_MM_PER_PIXEL)
+        measure = measure.with_scale(scale)
+    pile = measure_particles(
+        particles,
+        measure,
+        unit=section.unit,
+        up=section.up,
+        base=section.base,
+        source=path,
+    )
+    return pile.result.record()

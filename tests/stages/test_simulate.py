@@ -1,0 +1,298 @@
+"""Runs of a program of the user's own: what it gets, how it may fail, and what is read of it."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+
+import pytest
+from test_particles import RADIUS, SETTINGS, cone, dump_text
+
+from repose.calibrate.seeds import pour_seeds
+from repose.common.errors import InputError
+from repose.measure import particle_files
+from repose.measure.particles import measure_particles
+from repose.stages import simulate, simulated
+from repose.stages.settings import SimulatorSettings
+
+PARAMETERS = {"friction": 0.5, "rolling": 0.1}
+GOOD = """
+import json
+given = json.load(open("parameters.json"))
+angle = 20 + 10 * given["parameters"]["friction"] + given["seed"] / 1e9
+json.dump({"angle": angle}, open("out.json", "w"))
+open("large.bin", "w").write("x" * 100)
+"""
+
+
+def settings(tmp_path, code, **keys):
+    (tmp_path / "program.py").write_text(textwrap.dedent(code))
+    keys = {
+        "name": "toy",
+        "command": ["python", "program.py"],
+        "files": [str(tmp_path / "program.py")],
+        "output": "out.json",
+    } | keys
+    given = {key: value for key, value in keys.items() if value is not None}
+    return SimulatorSettings.model_validate(given)
+
+
+def run(tmp_path, section, **keys):
+    keys = {"sample": 1, "run": 1, "seed": 5, "out_dir": tmp_path / "001"} | keys
+    return simulate.run_once(section, PARAMETERS, **keys)
+
+
+def measured(tmp_path, section, responses=("angle",)):
+    return simulated.measure_sample(
+        [tmp_path / "001" / "1.json"],
+        tmp_path / "001.json",
+        settings=section,
+        responses=responses,
+        measure=None,
+    )["runs"][0]
+
+
+def test_a_run_gets_its_parameters_and_leaves_its_responses(tmp_path):
+    section = settings(tmp_path, GOOD)
+    record = run(tmp_path, section)
+    assert (record["status"], record["reason"]) == ("ok", "")
+    assert measured(tmp_path, section) == {
+        "seed": 5,
+        "status": "ok",
+        "reason": "",
+        "angle": 25 + 5e-9,
+    }
+    names = sorted(os.listdir(tmp_path / "001" / "1"))
+    assert names == [".run.json", "out.json", "parameters.json", "printed.txt"]
+
+
+def test_files_to_keep_stay(tmp_path):
+    run(tmp_path, settings(tmp_path, GOOD, keep=["large.bin"]))
+    assert (tmp_path / "001" / "1" / "large.bin").is_file()
+
+
+@pytest.mark.parametrize(
+    ("code", "status", "reason"),
+    [
+        ("raise SystemExit('no contact model')", "exit_status", "no contact model"),
+        ("import os; os.kill(os.getpid(), 9)", "exit_status", "SIGKILL"),
+        ("import time; time.sleep(60)", "time_limit", "longer than 0.5 s"),
+        ("pass", "no_output", "out.json is missing"),
+    ],
+)
+def test_a_run_that_fails_has_a_status_and_a_reason(tmp_path, code, status, reason):
+    limit_s = 0.5 if status == "time_limit" else 30.0
+    section = settings(tmp_path, code, time_limit_s=limit_s)
+    record = run(tmp_path, section)
+    assert record["status"] == status
+    assert reason in record["reason"]
+    assert measured(tmp_path, section)["angle"] is None
+
+
+@pytest.mark.parametrize(
+    ("written", "status"),
+    [
+        ('{"angle": NaN}', "bad_output"),
+        ('{"angle": Infinity}', "bad_output"),
+        ('{"angle": "text"}', "bad_output"),
+        ('{"other": 1}', "bad_output"),
+        ("[1, 2]", "bad_output"),
+        ("{", "bad_output"),
+        ('{"angle": 30, "status": "diverged"}', "failed"),
+        ('{"angle": 30, "status": "done"}', "ok"),
+        ('{"angle": 30}', "ok"),
+    ],
+)
+def test_an_output_is_judged_as_a_told_run(tmp_path, written, status):
+    section = settings(tmp_path, f"open('out.json', 'w').write({written!r})")
+    run(tmp_path, section)
+    result = measured(tmp_path, section)
+    assert result["status"] == status
+    assert (result["angle"] == 30) == (status == "ok")
+    assert bool(result["reason"]) == (status != "ok")
+
+
+@pytest.mark.parametrize(
+    ("table", "status"),
+    [
+        ("angle,other\n30,x\n", "ok"),
+        ("angle\nnan\n", "bad_output"),
+        ("angle\n30\n31\n", "bad_output"),
+        ("angle\n", "bad_output"),
+    ],
+)
+def test_a_csv_file_has_one_row(tmp_path, table, status):
+    code = f"open('out.csv', 'w').write({table!r})"
+    section = settings(tmp_path, code, output="out.csv")
+    run(tmp_path, section)
+    assert measured(tmp_path, section)["status"] == status
+
+
+def test_a_good_run_is_kept_and_a_failed_one_is_made_again(tmp_path):
+    code = "print(open('parameters.json').read()); open('out.json', 'x').write('{}')"
+    section = settings(tmp_path, code)
+    run(tmp_path, section)
+    written = tmp_path / "001" / "1" / "out.json"
+    first = written.stat().st_mtime_ns
+    run(tmp_path, section)
+    assert written.stat().st_mtime_ns == first
+    run(tmp_path, section, seed=6)
+    assert written.stat().st_mtime_ns > first
+
+    failing = settings(tmp_path, "raise SystemExit(1)")
+    run(tmp_path, failing)
+    (tmp_path / "program.py").write_text("open('out.json', 'w').write('{}')")
+    assert run(tmp_path, failing)["status"] == "ok"
+
+
+def test_values_never_reach_a_shell(tmp_path):
+    words = ["python", "program.py", "$HOME; touch x {{ friction }}", "{{ seed }}"]
+    code = "import json, sys; json.dump(sys.argv[1:], open('out.json', 'w'))"
+    section = settings(tmp_path, code, command=words)
+    run(tmp_path, section)
+    told = json.loads((tmp_path / "001" / "1" / "out.json").read_text())
+    assert told == ["$HOME; touch x 0.5", "5"]
+
+
+def test_a_template_is_filled(tmp_path):
+    template = tmp_path / "deck.in.j2"
+    template.write_text("mu {{ friction }} {{ rolling }} {{ seed }}\n")
+    section = settings(tmp_path, GOOD, template=str(template))
+    run(tmp_path, section)
+    deck = tmp_path / "001" / "1" / "deck.in"
+    assert deck.read_text() == "mu 0.5 0.1 5\n"
+
+
+def test_a_fault_of_the_set_up_is_no_failed_run(tmp_path):
+    template = tmp_path / "deck.in.j2"
+    template.write_text("{{ fricton }}")
+    with pytest.raises(InputError, match="fricton"):
+        run(tmp_path, settings(tmp_path, GOOD, template=str(template)))
+    with pytest.raises(InputError, match="no_such_program"):
+        run(tmp_path, settings(tmp_path, GOOD, command=["no_such_program"]))
+
+
+def test_all_faults_are_found_before_any_run(tmp_path):
+    template = tmp_path / "deck.in.j2"
+    template.write_text("{{ friction }} {{ fricton }}")
+    section = settings(
+        tmp_path,
+        GOOD,
+        command=["no_such_program", "{{ x }}"],
+        template=str(template),
+        files=[str(tmp_path / "none.stl")],
+        output=None,
+        particles={"file": "pile.dump"},
+    )
+    names = tuple(PARAMETERS)
+    with pytest.raises(InputError) as caught:
+        simulate.check(section, names, ("angle", "aor_deg"), "own.yaml")
+    faults = str(caught.value)
+    for words in ("no_such_program", "fricton", "name is 'x'", "none.stl", "rolling"):
+        assert words in faults, words
+    assert "targets.angle" in faults
+    assert "targets.aor_deg" not in faults
+
+
+def test_two_files_of_a_run_must_not_have_one_name(tmp_path):
+    (tmp_path / "parameters.json").write_text("{}")
+    section = settings(tmp_path, GOOD, files=[str(tmp_path / "parameters.json")])
+    with pytest.raises(InputError, match=r"simulator\.files"):
+        simulate.check(section, (), ("angle",), "own.yaml")
+
+
+def test_seeds_differ_and_are_small_enough_for_lammps():
+    seeds = {
+        simulate.seed_of(1, purpose, sample, run)
+        for purpose in ("design", "validation")
+        for sample in (1, 2)
+        for run in (1, 2, 3)
+    }
+    assert len(seeds) == 12
+    assert all(1 <= seed <= 899_999_999 for seed in seeds)
+    first = pour_seeds(1, "design", 2, 3, apparatus="own")[2]
+    assert simulate.seed_of(1, "design", 2, 3) == 1 + first % 899_999_999
+
+
+def test_a_killed_job_ends_its_program_and_leaves_no_run(tmp_path):
+    mark = tmp_path / "pid"
+    code = f"""
+    import os, time
+    open({str(mark)!r}, "w").write(str(os.getpid()))
+    time.sleep(60)
+    """
+    settings(tmp_path, code)
+    job = f"""
+    import sys
+    sys.path[:0] = {sys.path!r}
+    sys.path.insert(0, {os.path.dirname(__file__)!r})
+    from pathlib import Path
+    import test_simulate
+    section = test_simulate.SimulatorSettings(
+        name="toy", command=["python", "program.py"],
+        files=[{str(tmp_path / "program.py")!r}], output="out.json")
+    test_simulate.run(Path({str(tmp_path)!r}), section)
+    """
+    process = subprocess.Popen([sys.executable, "-c", textwrap.dedent(job)])
+    deadline = time.monotonic() + 60
+    while not (mark.is_file() and mark.read_text()) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(30) == 128 + signal.SIGTERM
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(mark.read_text()), 0)
+    assert not (tmp_path / "001" / "1.json").exists()
+    assert not (tmp_path / "001" / "1").exists()
+
+
+def test_the_pile_of_particles_is_measured_as_by_repose_measure(tmp_path):
+    centres = cone()
+    text = dump_text(centres)
+    code = f"open('pile.dump', 'w').write({text!r})"
+    particles = {"file": "pile.dump", "up": "z", "base": 0.0}
+    section = settings(tmp_path, code, output=None, particles=particles)
+    run(tmp_path, section)
+    result = simulated.measure_sample(
+        [tmp_path / "001" / "1.json"],
+        tmp_path / "001.json",
+        settings=section,
+        responses=("aor_deg", "height_mm"),
+        measure=SETTINGS,
+    )["runs"][0]
+    (tmp_path / "pile.dump").write_text(text)
+    pile = measure_particles(
+        particle_files.read(tmp_path / "pile.dump"), SETTINGS, up="z", base=0.0
+    )
+    assert result["aor_deg"] == pile.result.aor_deg
+    assert result["height_mm"] == pile.result.height_mm
+
+    # An automatic scale has 32 pixels across a grain.
+    automatic = SETTINGS.model_copy(update={"mm_per_pixel": "auto"})
+    folder = tmp_path / "001" / "1"
+    fine = simulated.measured_pile(folder, section, automatic)
+    scale_mm = 2e3 * RADIUS / 32
+    expected = measure_particles(
+        particle_files.read(tmp_path / "pile.dump"),
+        SETTINGS.with_scale(scale_mm),
+        up="z",
+        base=0.0,
+    )
+    assert fine["aor_deg"] == expected.result.aor_deg
+
+
+@pytest.mark.parametrize(
+    ("text", "status"), [(dump_text(cone()[:1]), "no_pile"), ("x", "bad_output")]
+)
+def test_particles_without_a_pile_are_a_failed_run(tmp_path, text, status):
+    code = f"open('pile.dump', 'w').write({text!r})"
+    particles = {"file": "pile.dump", "up": "z", "base": 0.0}
+    section = settings(tmp_path, code, output=None, particles=particles)
+    run(tmp_path, section)
+    ending, numbers = simulated.read_responses(
+        tmp_path / "001" / "1", section, ("aor_deg",), SETTINGS
+    )
+    assert ending.status == status, ending
+    assert numbers == {"aor_deg": None}
