@@ -29,7 +29,7 @@ def _study(args: argparse.Namespace) -> "Study":
     key = "simulator" if is_given else "--config"
     allowed = (
         "the name of your simulator, in a configuration as `repose docs own_simulator` "
-        "shows"
+        "shows; `repose run` calls the program of a section simulator"
     )
     require(names_simulator, source, key, None, allowed)
 

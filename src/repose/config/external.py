@@ -6,7 +6,7 @@ resolved to the form that the stages read, which RESULTS/config.json holds.
 
 from collections.abc import Mapping
 from functools import cache, cached_property
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from pydantic import Field, create_model, field_validator
 
@@ -23,7 +23,7 @@ from repose.calibrate.study_file import (
 from repose.calibrate.targets import OWN, Targets
 from repose.calibrate.uncertainty.settings import SensitivitySettings
 from repose.common import provenance
-from repose.common.errors import YamlError, raise_together
+from repose.common.errors import InputError, YamlError, raise_together
 from repose.common.files import Path_
 from repose.common.keys import Origin
 from repose.common.section import PathOrNull, Section, refuse
@@ -40,6 +40,9 @@ from repose.config.pipeline import PipelineConfig
 from repose.measure.settings import MeasureSettings
 from repose.stages import simulate
 from repose.stages.settings import SimulatorSettings, ValidationSettings
+
+if TYPE_CHECKING:
+    from repose.config.making import ConfigChecks
 
 # Sections that were checked with bounds of their own.
 WITH_OTHER_BOUNDS = ("sequential", "posterior")
@@ -200,9 +203,18 @@ class ExternalConfig(PipelineConfig):
         study.settings = study.settings.model_copy(update=changes)
         return study
 
+    @property
+    def _file(self) -> str:
+        """The file that a fault names."""
+        return self.source.default if isinstance(self.source, Origin) else self.source
+
+    @cached_property
+    def _making(self) -> "ConfigChecks":
+        words = "a study without this section, whose runs repose makes itself"
+        raise InputError(self._file, "simulator", self.simulator.name, words)
+
     def check_inputs(self) -> None:
-        source = self.source
-        file = source.default if isinstance(source, Origin) else source
+        file = self._file
         folder = self.config["results_dir"]
         raise_together(
             YamlError(file, key, folder, words)

@@ -128,7 +128,7 @@ class PipelineConfig:
                 "simulator",
                 config["simulator"],
                 "a study of our own simulator; for one of yours see "
-                "`repose docs own_simulator`",
+                "`repose docs own_simulator` and `repose docs simulators`",
             )
         making = ConfigChecks(dict(config), source)
         making.complete(inputs)

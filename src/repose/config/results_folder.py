@@ -7,7 +7,8 @@ file of somebody else has the name of a result.
 
 import os
 import re
-from collections.abc import Iterable, Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from repose import bench as apparatus
@@ -51,6 +52,31 @@ def run_folder(test: str) -> str:
     if test == OWN:
         return "runs"
     return f"{test}_runs"
+
+
+def records_of_runs(folder: str, counts: Mapping[str, int]) -> list[str]:
+    """List the records of runs in a folder.
+
+    Parameters
+    ----------
+    folder : str
+    counts : mapping of str to int
+        Number of runs by the name of the sample.
+    """
+    return [
+        f"{folder}/{sample}/{run}.json"
+        for sample, count in counts.items()
+        for run in range(1, count + 1)
+    ]
+
+
+def counted_folders(records: Iterable[str]) -> list[str]:
+    """Write the folders of records as the stage `measure_simulated` reads them.
+
+    A command line has no room for thousands of records.
+    """
+    counts = Counter(record.rpartition("/")[0] for record in records)
+    return [f"{folder}={count}" for folder, count in counts.items()]
 
 
 def check_is_apart(results_dir: str) -> str:

@@ -2,11 +2,6 @@
 # with an error and is tried once more. They and what waits for them have priority over figures, for which nothing waits.
 # The process that pours a sample measures it, too, and keeps that beside the runs. One job then writes the measurements
 # of all samples: it takes a kept one that is the same, and measures the pile itself where the settings have changed.
-def runs_of_design():
-    """Runs of the design."""
-    return expand(rules.pour.output, runs=FOLDERS, sample=SAMPLES)
-
-
 rule pour:
     input:
         **READY,
@@ -38,6 +33,9 @@ rule pour:
         "python -m repose stage pour --apparatus {params.apparatus:q} --config {params.config:q}"
         " --samples {input.samples:q} --sample {params.sample:q} --seeds {params.seeds:q} --purpose {params.purpose:q}"
         " --berry {input.berry:q} --particle {input.particle:q} {params.more:q} --out {params.folder:q} > {log:q} 2>&1"
+
+
+DESIGN_RUNS = expand(rules.pour.output, runs=FOLDERS, sample=SAMPLES)
 
 
 rule measure_runs:

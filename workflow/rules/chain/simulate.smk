@@ -4,26 +4,9 @@ PROGRAM = STUDY.simulator
 RUNS_OF_SAMPLE = STUDY.settings.design_seeds(OWN)
 # The time limit, and the start of the job.
 MINUTES_OF_PROGRAM = 5 + math.ceil(PROGRAM.time_limit_s / 60)
-
-
-def records(folder, sample, count):
-    """Records of the runs of a sample."""
-    return [f"{folder}/{sample}/{run}.json" for run in range(1, count + 1)]
-
-
-def counted_folders(wildcards, input):
-    """Words for the stage that measures: the folder of each sample, with the number of its runs."""
-    counts = collections.Counter(map(os.path.dirname, input.records))
-    return [f"{folder}={count}" for folder, count in counts.items()]
-
-
-def runs_of_design():
-    """Records of the runs of the design."""
-    return [
-        path
-        for sample in SAMPLES
-        for path in records(f"{RESULTS}/{FOLDERS[0]}", sample, RUNS_OF_SAMPLE)
-    ]
+DESIGN_RUNS = results_folder.records_of_runs(
+    f"{RESULTS}/{FOLDERS[0]}", dict.fromkeys(SAMPLES, RUNS_OF_SAMPLE)
+)
 
 
 rule simulate:
@@ -62,7 +45,7 @@ rule simulate:
 rule measure_runs:
     input:
         samples=rules.design.output.samples,
-        records=runs_of_design(),
+        records=DESIGN_RUNS,
     output:
         result=for_each(SAMPLES, f"{RESULTS}/{{runs}}/{{sample}}.json"),
     log:
@@ -76,7 +59,7 @@ rule measure_runs:
         config=CONFIG,
         code=code_hash("stages.simulated"),
         folder=folder,
-        jobs=counted_folders,
+        jobs=lambda wildcards, input: results_folder.counted_folders(input.records),
         settings=settings_of("measure_simulated"),
     message:
         "Reading the responses of the runs in {params.folder}"

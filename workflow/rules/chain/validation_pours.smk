@@ -107,6 +107,4 @@ rule published_sets:
         " > {log:q} 2>&1"
 
 
-def runs_of_solutions():
-    """Runs of all solutions."""
-    return expand(rules.validation_pour.output, runs=FOLDERS, sample=OWN_SOLUTIONS)
+SOLUTION_RUNS = expand(rules.validation_pour.output, runs=FOLDERS, sample=OWN_SOLUTIONS)

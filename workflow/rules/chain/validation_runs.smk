@@ -1,21 +1,10 @@
 # The solutions, simulated again by a program of the user's own.
-def runs_of_solution(sample):
-    """Number of runs of a solution: the representative one gets more."""
-    section = STUDY.settings.validation
-    if sample == OWN_SOLUTIONS[0]:
-        return section.representative_seeds
-    return section.seeds
-
-
-def runs_of_solutions():
-    """Records of the runs of all solutions."""
-    return [
-        path
-        for sample in OWN_SOLUTIONS
-        for path in records(
-            f"{RESULTS}/validation/{FOLDERS[0]}", sample, runs_of_solution(sample)
-        )
-    ]
+# The representative one gets more runs.
+RUNS_OF_SOLUTION = dict.fromkeys(OWN_SOLUTIONS, config["validation"]["seeds"])
+RUNS_OF_SOLUTION[OWN_SOLUTIONS[0]] = config["validation"]["representative_seeds"]
+SOLUTION_RUNS = results_folder.records_of_runs(
+    f"{RESULTS}/validation/{FOLDERS[0]}", RUNS_OF_SOLUTION
+)
 
 
 use rule simulate as validation_simulate with:
@@ -35,7 +24,7 @@ use rule simulate as validation_simulate with:
 
 use rule measure_runs as measure_validation_runs with:
     input:
-        records=runs_of_solutions(),
+        records=SOLUTION_RUNS,
         samples=rules.solutions.output.solutions,
     output:
         result=for_each(OWN_SOLUTIONS, f"{RESULTS}/validation/{{runs}}/{{sample}}.json"),

@@ -41,7 +41,5 @@ use rule measure_runs as measure_batch_runs with:
         "Measuring the runs of sample {wildcards.job} of {wildcards.strategy}, batch {wildcards.batch}"
 
 
-def files_of_job(path):
-    """Files of a measured job of a batch."""
-    job = path.removesuffix("json")
-    return [path, f"{job}pours.json", f"{job}npz"]
+# What a measured job of a batch leaves, by the ends of the names.
+ENDS_OF_JOB = ("json", "pours.json", "npz")

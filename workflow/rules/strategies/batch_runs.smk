@@ -21,17 +21,16 @@ use rule simulate as batch_simulate with:
         " {params.command}"
 
 
-def records_of_job(wildcards):
-    """Records of the runs of a sample of a batch."""
-    counts = samples_of_batch(wildcards.strategy, wildcards.batch)
-    folder = BATCH.format(strategy=wildcards.strategy, batch=wildcards.batch)
-    count = counts[int(wildcards.job)]
-    return records(f"{folder}/{wildcards.runs}", wildcards.job, count)
-
-
 use rule measure_runs as measure_batch_runs with:
     input:
-        records=records_of_job,
+        records=lambda wildcards: results_folder.records_of_runs(
+            f"{BATCH}/{{runs}}".format(**wildcards),
+            {
+                wildcards.job: samples_of_batch(wildcards.strategy, wildcards.batch)[
+                    int(wildcards.job)
+                ]
+            },
+        ),
     output:
         result=f"{BATCH}/{{runs}}/{{job}}.json",
     log:
@@ -44,6 +43,5 @@ use rule measure_runs as measure_batch_runs with:
         "Reading the responses of sample {wildcards.job} of {wildcards.strategy}, batch {wildcards.batch}"
 
 
-def files_of_job(path):
-    """Files of a measured job of a batch."""
-    return [path]
+# What a measured job of a batch leaves, by the ends of the names.
+ENDS_OF_JOB = ("json",)

@@ -71,5 +71,6 @@ def files_of_batches(strategy):
         made = [*rules.batch_dataset.output, *rules.propose.output]
         paths += expand(made, strategy=strategy, batch=number)
         for path in jobs_of(strategy, number):
-            paths += files_of_job(path)
+            job = path.removesuffix("json")
+            paths += [f"{job}{end}" for end in ENDS_OF_JOB]
     return paths
