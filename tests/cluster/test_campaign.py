@@ -33,7 +33,7 @@ def test_submitting_takes_its_time_and_local_rules_and_other_jobs_are_no_cluster
     listed = re.findall(
         r"^ *localrules:\n((?: +\w+,\n)+)", SNAKEFILE.read_text(), re.MULTILINE
     )
-    assert len(listed) == 2
+    assert len(listed) == 3
     assert set(re.findall(r"\w+", "".join(listed))) == overhead.LOCAL
     for name in ("heaps/001", "berry"):
         path = tmp_path / "results" / "benchmarks" / f"{name}.tsv"
