@@ -148,6 +148,17 @@ def test_a_good_run_is_kept_and_a_failed_one_is_made_again(tmp_path):
     assert run(tmp_path, failing)["status"] == "ok"
 
 
+@pytest.mark.parametrize("text", ["", "[]", '{"inputs": 1}', "{}"])
+def test_a_run_with_a_damaged_mark_is_made_again(tmp_path, text):
+    section = settings(tmp_path, GOOD)
+    run(tmp_path, section)
+    folder = tmp_path / "001" / "1"
+    (folder / ".run.json").write_text(text)
+    (folder / "out.json").write_text("{}")
+    run(tmp_path, section)
+    assert "angle" in json.loads((folder / "out.json").read_text())
+
+
 def test_values_never_reach_a_shell(tmp_path):
     words = ["python", "program.py", "$HOME; touch x {{ friction }}", "{{ seed }}"]
     code = "import json, sys; json.dump(sys.argv[1:], open('out.json', 'w'))"

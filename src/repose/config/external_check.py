@@ -27,7 +27,7 @@ def describe(study: PipelineConfig, simulator: SimulatorSettings) -> Iterator[st
     left = ", ".join(simulator.files_read)
     yield f"responses: {', '.join(study.targets.names)}, from {left}"
     yield (
-        f"a run: {simulator.cores} cores, {simulator.memory_mb} MB, at most "
+        f"a run: cores {simulator.cores}, memory {simulator.memory_mb} MB, at most "
         f"{simulator.time_limit_s:g} s"
     )
 

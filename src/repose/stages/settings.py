@@ -75,6 +75,7 @@ Line = Annotated[
     Field(max_length=200, pattern=r"^[^\n]*\S[^\n]*$"),
     Allowed("text of one line"),
 ]
+COMMAND = "a list of texts: the program, then its arguments"
 Argument = Annotated[str, Field(min_length=1, max_length=4000)]
 
 
@@ -99,8 +100,8 @@ class SimulatorSettings(Section):
 
     name: Line = Field(description="name and version, printed on the card")
     command: Annotated[
-        Annotated[tuple[Argument, ...], Field(strict=False, min_length=1)],
-        Allowed("a list of texts: the program, then its arguments"),
+        Annotated[tuple[Argument, ...], Field(strict=False)],
+        Allowed(COMMAND),
     ] = Field(
         description="program and arguments, one entry each, without a shell; names "
         "in double braces as in the template",
@@ -135,7 +136,9 @@ class SimulatorSettings(Section):
     )
 
     def contradictions(self) -> Contradictions:
-        """Refuse a program whose runs leave nothing that is read."""
+        """Refuse an empty command, and runs that leave nothing that is read."""
+        if not self.command:
+            yield "command", COMMAND
         if self.output is None and self.particles is None:
             yield "output", "the file of responses that a run leaves, or `particles`"
 

@@ -311,9 +311,14 @@ def _kept(
         about = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    is_same = about["inputs"] == provenance.hash_of(dict(inputs))
+    is_same = about == _about(inputs)
     is_whole = all((folder / name).is_file() for name in settings.files_read)
     return Ending(OK) if is_same and is_whole else None
+
+
+def _about(inputs: Mapping[str, Any]) -> dict[str, str]:
+    """Return what the folder of a good run says of its inputs."""
+    return {"inputs": provenance.hash_of(dict(inputs))}
 
 
 def _make(
@@ -347,8 +352,7 @@ def _make(
     _remove_others(work, settings)
     # Only a good run is taken again: what made another one fail may be repaired.
     if ending.status == OK:
-        about = json.dumps({"inputs": provenance.hash_of(dict(inputs))})
-        (work / ABOUT).write_text(about, encoding="utf-8")
+        (work / ABOUT).write_text(json.dumps(_about(inputs)), encoding="utf-8")
     shutil.rmtree(folder, ignore_errors=True)
     os.replace(work, folder)
     return ending

@@ -1,0 +1,143 @@
+"""The configuration of a study whose runs another program makes."""
+
+import pytest
+import yaml
+
+from repose.calibrate.targets import OWN
+from repose.common.errors import InputError
+from repose.config import dependencies, loader, results_folder
+from repose.config.external import ExternalConfig
+from repose.config.external_check import runs_of
+from repose.config.pipeline import PipelineConfig
+
+STUDY = {
+    "simulator": {
+        "name": "toy 1.0",
+        "command": ["python", "toy.py"],
+        "template": "deck.in.j2",
+        "output": "out.json",
+    },
+    "label": "toy",
+    "seed": 7,
+    "strategy": "published",
+    "seeds": 3,
+    "parameters": {"friction": [0.2, 0.8], "rolling": {"fixed": 0.1}},
+    "targets": {"angle": {"value": 30, "sd": 1, "repetitions": 4, "unit": "deg"}},
+    "design": {"samples": 14},
+    "validation": {"solutions": 2, "seeds": 4, "representative_seeds": 5},
+}
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "deck.in.j2").write_text("{{ friction }} {{ rolling }}")
+
+
+def loaded(inputs=False, **changes):
+    with open("study.yaml", "w") as file:
+        yaml.safe_dump(STUDY | changes, file)
+    return PipelineConfig.load("study.yaml", inputs=inputs)
+
+
+def simulator(**changes):
+    return {"simulator": STUDY["simulator"] | changes}
+
+
+def test_the_short_form_becomes_that_of_the_stages():
+    study = loaded(inputs=True)
+    assert isinstance(study, ExternalConfig)
+    assert study.parameter_names == ("friction", "rolling")
+    assert study.targets.apparatus == (OWN,)
+    assert study.targets[0].response.unit == "deg"
+    # Two standard errors about the mean.
+    assert (study.targets[0].low, study.targets[0].high) == (29.0, 31.0)
+    assert study.settings.design_seeds(OWN) == 3
+    assert study.settings.design.seed == 7
+    assert study.settings.measure is None
+    assert study.settings.sequential.checks == 5
+    assert study.study().settings.simulator == "toy 1.0"
+    assert study.simulator.time_limit_s == 3600
+
+
+def test_jobs_read_the_resolved_configuration_unchanged():
+    study = loaded()
+    loader.write_resolved(study.config, "config.json")
+    again = PipelineConfig.of_results("config.json")
+    assert isinstance(again, ExternalConfig)
+    assert again.config == study.config
+    assert again.settings.miga == study.settings.miga
+
+
+def test_the_values_of_snakemake_give_the_same_study():
+    study = loaded()
+    given = loader.of_workflow(loader.read("study.yaml"), ["study.yaml"])
+    assert ExternalConfig.of_layers(given).config == study.config
+
+
+def test_a_pile_of_particles_has_a_section_measure():
+    study = loaded(
+        simulator={**STUDY["simulator"], "particles": {"file": "pile.dump"}},
+        targets={"aor_deg": {"value": 30, "sd": 1, "repetitions": 4}},
+        measure={"response": "flank"},
+    )
+    assert study.settings.measure.response == "flank"
+    assert study.settings.measure.mm_per_pixel == "auto"
+    assert study.definitions["aor_deg"]["measure.response"] == "flank"
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (simulator(command="python toy.py"), r"simulator\.command .* a list of texts"),
+        (simulator(command=[]), r"simulator\.command"),
+        (simulator(output="../out.json"), r"simulator\.output"),
+        (simulator(shell=True), r"simulator\.shell .* known key"),
+        (
+            {"simulator": {"name": "toy", "command": ["python"]}},
+            r"simulator\.output .* or `particles`",
+        ),
+        ({"validation": {"published": "sets.csv"}}, r"validation\.published .* null"),
+    ],
+)
+def test_bad_sections_are_refused(changes, words):
+    with pytest.raises(InputError, match=words):
+        loaded(**changes)
+
+
+def test_what_needs_our_simulator_is_refused():
+    with pytest.raises(InputError, match="whose runs repose makes itself"):
+        loaded().scene({"friction": 0.5})
+
+
+def test_a_run_depends_on_deck_and_command_alone():
+    def settings(**changes):
+        return dependencies.settings_of(loaded(**changes).config, "simulate")
+
+    before = settings()
+    assert settings(**simulator(name="toy 2.0", memory_mb=5000)) == before
+    assert settings(network={"hidden": 3}) == before
+    assert settings(**simulator(command=["python", "toy.py", "-x"])) != before
+    assert settings(seed=8) != before
+    with open("deck.in.j2", "a") as file:
+        file.write("{{ seed }}")
+    assert settings() != before
+
+
+def test_the_runs_of_a_study_are_counted():
+    assert runs_of(loaded().settings) == (
+        ("design", 14, 3),
+        ("answer", 1, 5),
+        ("other solutions", 2, 4),
+    )
+
+
+def test_records_are_handed_over_as_counted_folders():
+    records = results_folder.records_of_runs("results/runs", {"001": 2, "002": 1})
+    assert records == [
+        "results/runs/001/1.json",
+        "results/runs/001/2.json",
+        "results/runs/002/1.json",
+    ]
+    folders = results_folder.counted_folders(records)
+    assert folders == ["results/runs/001=2", "results/runs/002=1"]
