@@ -140,6 +140,8 @@ def study_of(
         parameters=space,
         definitions=dict(definitions),
         settings=settings,
+        simulator=None,
+        parameter_names=None,
     )
 
 
