@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 
 from repose.bench.parameters import SYMBOLS
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.responses import Response, derived, named
+from repose.calibrate.responses import Response, derived, response
 from repose.calibrate.surrogates import Surrogate, load, surrogate_class
 from repose.calibrate.surrogates.accuracy import r2
 from repose.calibrate.targets import Targets
@@ -99,10 +99,12 @@ def network_structure(inputs: Inputs, study: StudyView) -> Figure:
     influence = influence_of_inputs(
         load(path), study.parameters, study.settings.design.seed
     )
+    # Targets of another program are no registered responses.
+    of_targets = {target.name: target.response for target in study.targets}
     symbols = []
     for name in network["outputs"]:
-        known = named(name)
-        symbols.append(name if known is None else known.symbol)
+        output = of_targets.get(name) or response(name, path)
+        symbols.append(output.symbol)
     n_bars = n_outputs * len(layers.inputs)
     figure = style.new_figure(style.PAGE, max(3.1, 1.0 + 0.17 * n_bars))
     left, right = figure.subplots(1, 2, width_ratios=(1, 1.15))
