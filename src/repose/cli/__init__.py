@@ -167,10 +167,10 @@ def _escaped(match: re.Match[str]) -> str:
 
 
 def _check_out(args: argparse.Namespace) -> None:
-    """Refuse to write to the root of the file system, or to a path without a name.
+    """Expand `~` in --out, and refuse a path that cannot be written.
 
-    The home folder may be written as ~, which some shells leave as it is after `=`; it
-    is replaced.
+    Some shells leave `~` unchanged after `=`. The root of the file system, an empty
+    path and a path with control characters are refused.
     """
     if getattr(args, "out", None) is None:
         return
@@ -247,23 +247,23 @@ def _unknown_verb(words: list[str]) -> str | None:
 def _unknown_name(
     kind: str, words: list[str], known: Sequence[str], listing: str
 ) -> str | None:
-    """Return a message if the first word is a name, but none of the known ones.
+    """Explain that a verb or stage is unknown, and suggest the nearest name.
 
     Parameters
     ----------
     kind : str
-        What the names are: verbs or stages.
+        What the names stand for: verb or stage.
     words : list of str
-        The words of the call from the name on.
+        The words of the command line, starting with the name.
     known : sequence of str
-        The names that may stand here.
+        The valid names.
     listing : str
-        The call that lists them.
+        The command that lists them.
 
     Returns
     -------
     str or None
-        It proposes the nearest verb, stage or target.
+        The message, or None if the first word is a known name or an option.
     """
     if not words or words[0].startswith("-") or words[0] in known:
         return None
@@ -278,7 +278,7 @@ def _unknown_name(
     if not matches:
         return message
     (similar,) = matches
-    # A target and a stage have a word before them in a call.
+    # Targets and stages are called by two words, such as `run TARGET`.
     if similar in known:
         call = similar
     elif similar in targets:
@@ -300,12 +300,12 @@ def _targets() -> tuple[str, ...]:
     return tuple(name for name in cost.SENTENCES if name.isidentifier())
 
 
-def _verbs_in_groups(titles: Iterable[str]) -> str:
-    """List the verbs that a person types, by groups, and an example."""
+def _verbs_in_groups(group_titles: Iterable[str]) -> str:
+    """List the verbs of each group with their summaries, and then an example."""
     lines: list[str] = []
-    for title in titles:
-        lines.append(f"{title}:")
-        lines += [_listed(name) for name in GROUPS[title]]
+    for group_title in group_titles:
+        lines.append(f"{group_title}:")
+        lines += [_listed(name) for name in GROUPS[group_title]]
         lines.append("")
     lines += [
         f"`{PROGRAM} VERB --help` explains a verb, `{PROGRAM} help all` lists all verbs,",

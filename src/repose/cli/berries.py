@@ -21,26 +21,26 @@ def berry_and_particle(
     berry_json: str | PathLike | None = None,
     particle_json: str | PathLike | None = None,
 ) -> "tuple[dict[str, Any], Particle]":
-    """Return the mean grain and its particle, each from its file or from the study.
+    """Load the mean grain and its particle from files, or make them from the study.
 
     Parameters
     ----------
     study : PipelineConfig
         The study.
     berry_json, particle_json : path, optional
-        The files of --berry and --particle.
+        Files given by --berry and --particle. What is not given comes from the study.
 
     Returns
     -------
     dict
         The mean grain, as in berry.json.
     Particle
-        Its body.
+        The body that represents the grain in simulations.
 
     Raises
     ------
     InputError
-        If a file, or the grain of the study, has faults.
+        If a file, or the grain section of the study, is invalid.
     """
     from repose.grain import berry_files
     from repose.grain.particle import Particle
@@ -55,7 +55,7 @@ def berry_and_particle(
         return grain, Particle.load(particle_json)
     if berry_json is None:
         return grain, study.particle
-    # Imported here, as it needs a library of meshes.
+    # Imported late because it loads a library of meshes.
     from repose.grain import build
 
     return grain, build.of_settings(grain, study.settings.berry)

@@ -162,7 +162,7 @@ def published_sets(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.config import dependencies
     from repose.stages import validate
 
-    # Both the runs and their measurements must be of this engine and scene.
+    # Refuse runs and measurements that another engine or scene has made.
     measurements = [Path(job) for job in args.jobs]
     runs = [path.with_suffix(".pours.json") for path in measurements]
     outdated = dependencies.find_outdated(study.config, [*measurements, *runs])
@@ -170,7 +170,7 @@ def published_sets(args: argparse.Namespace, study: PipelineConfig) -> None:
         raise InputError(
             outdated[0],
             "provenance",
-            "another",
+            "another engine or scene",
             f"runs by this engine as {args.config} asks for",
         )
     record = provenance.current() or {}
@@ -262,14 +262,14 @@ def _compared_with_published(study: PipelineConfig) -> "pd.DataFrame":
 
 
 def _support(args: argparse.Namespace, study: PipelineConfig) -> "Support | None":
-    """Return the region of the samples, outside which a solution gets a warning.
+    """Find the region of parameter space that the samples cover.
 
-    It is None without --dataset.
+    Solutions outside it get a warning. Without --dataset the region is unknown: None.
 
     Raises
     ------
     InputError
-        If the responses of the dataset are defined otherwise than those of the study.
+        If the dataset defines its responses differently from the study.
     """
     if not args.dataset:
         return None

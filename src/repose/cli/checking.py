@@ -27,26 +27,35 @@ FILES = CONFIG.with_changes(
 )
 
 
-def _load_or_propose(args: argparse.Namespace) -> PipelineConfig:
-    """Load the study of --config, and check its files.
+def _load_with_scene_advice(args: argparse.Namespace) -> PipelineConfig:
+    """Load the study of --config, and check the files that it names.
 
-    If it has more grains than any study may have, a smaller scene is printed before the
-    error.
+    If the study is refused only because it has too many grains, print a smaller scene
+    for the same pile before the error goes on to the user.
     """
     try:
         return load(args, inputs=True)
     except InputError as error:
-        if isinstance(error.value, int) and _is_number_of_grains(error):
-            from repose.config.check import propose_smaller_scene
-
-            for line in propose_smaller_scene(configs_of(args), error.value):
-                print(line)
+        n_grains = _refused_number_of_grains(error)
+        if n_grains is not None:
+            _print_smaller_scene(configs_of(args), n_grains)
         raise
 
 
-def _is_number_of_grains(error: InputError) -> bool:
-    """Return whether the number of grains is the only fault."""
-    return error.key == "funnel.berries" and not isinstance(error, InputErrors)
+def _refused_number_of_grains(error: InputError) -> int | None:
+    """Return the number of grains if it is the only fault of a study, else None."""
+    has_several_faults = isinstance(error, InputErrors)
+    if has_several_faults or error.key != "funnel.berries":
+        return None
+    # A text, say, is a mistake of another kind, for which no scene can be proposed.
+    return error.value if isinstance(error.value, int) else None
+
+
+def _print_smaller_scene(files: list[str], n_grains: int) -> None:
+    """Print how to scale down a scene of `n_grains` grains."""
+    from repose.config.check import propose_smaller_scene
+
+    _print_lines(propose_smaller_scene(files, n_grains))
 
 
 @verb(
@@ -58,7 +67,7 @@ def _is_number_of_grains(error: InputError) -> bool:
         help="with a section simulator: make one run and print its responses",
     ),
     config=FILES,
-    study=_load_or_propose,
+    study=_load_with_scene_advice,
 )
 def check(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Check a configuration; print the longest time step, the softest grain and the cost of a run.
@@ -152,7 +161,7 @@ def _print_pours(pours: "Pours") -> None:
         recorded=False,  # they may be of another study
     ),
     config=FILES,
-    study=_load_or_propose,
+    study=_load_with_scene_advice,
 )
 def plan(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Before any pour: the pours that the noise requires, and the probability of success by budget.
@@ -170,7 +179,7 @@ def plan(args: argparse.Namespace, study: PipelineConfig) -> None:
     result = plan.plan(study.parameters, study.targets, runs, runs_csv)
     _print_noise(study, result, runs_csv)
     _print_probabilities(result)
-    # Now, since the costs below need a timed pour.
+    # Show these lines now: the costs below wait for a timed pour.
     sys.stdout.flush()
     _print_lines(
         check.tabulate_costs(study, result.budgets["pours"], _grain_step_s(study))
@@ -189,7 +198,7 @@ def _runs_of(study: PipelineConfig) -> Path | None:
 def _print_noise(
     study: PipelineConfig, result: "Plan", runs_csv: str | Path | None
 ) -> None:
-    """Print the scatter of single runs, and how many runs average it out."""
+    """Print how much single runs scatter, and how many runs average the scatter out."""
     from repose.calibrate.strategies.plan import CERTAINTY
 
     source = "assumed, as there are no runs yet"
@@ -208,7 +217,7 @@ def _print_noise(
 
 
 def _print_probabilities(result: "Plan") -> None:
-    """Print a table of the probability of success by the number of runs."""
+    """Print a table of the probability of success for each budget of runs."""
     from repose.calibrate.strategies.plan import TOLERANCES
 
     print(
@@ -245,7 +254,10 @@ def _grain_step_s(study: PipelineConfig) -> float:
 
 @contextlib.contextmanager
 def show_elapsed_seconds(sentence: str) -> Iterator[None]:
-    """Print a sentence on stderr, and on a terminal the seconds as they pass."""
+    """Show a sentence on stderr while a block of code runs.
+
+    On a terminal a thread appends the elapsed seconds and updates them.
+    """
     if not sys.stderr.isatty():
         print(sentence, file=sys.stderr, flush=True)
         yield

@@ -51,9 +51,9 @@ def _show_in_pager(text: str) -> None:
 
 
 def pages() -> dict[str, Path]:
-    """Return the path of every page by its name, sorted by name.
+    """Map the name of each documentation page to its path, sorted by name.
 
-    The index of a folder has the name of the folder.
+    The index page of a folder is named after the folder.
     """
     folder = places.root() / "docs"
     paths = {}

@@ -103,17 +103,18 @@ def _check_numbers(args: argparse.Namespace) -> None:
 
 
 def _find_study(args: argparse.Namespace, card: Card | None) -> PipelineConfig | None:
-    """Load the study that --config does not name, and note its path in `args.config`.
+    """Find the study of an export without --config; set `args.config` to its path.
 
-    It is that beside the card, or without a card the default. None if there is a card
-    but no study, or one whose files lie in another folder or nowhere.
+    Without a card this is the default study. With a card it is the study in the card's
+    folder. If this is missing, or its files cannot be read, the result is None: the
+    card alone then makes the deck.
     """
     from repose.stages.card_study import configuration_of_card
 
     if card is None:
         args.config = str(CONFIG.keywords["default"])
         study = load(args)
-        # The files of the grain are read only now.
+        # Reading the grain here reports faults of its files early.
         _ = study.grain
         return study
 
@@ -158,7 +159,14 @@ class _Source(NamedTuple):
 
 
 def _n_spheres(args: argparse.Namespace, particle: "Particle") -> int | None:
-    """Choose the number of spheres of the clump; None if the particle stays as it is."""
+    """Choose the number of spheres that represent the grain.
+
+    Returns
+    -------
+    int or None
+        1: the sphere of the grain's volume. More: a clump of so many spheres. None: the
+        particle is a clump or a sphere already and stays as it is.
+    """
     from repose.export.job import is_sphere
 
     if args.spheres:
@@ -171,12 +179,12 @@ def _n_spheres(args: argparse.Namespace, particle: "Particle") -> int | None:
 def _choose_source(
     args: argparse.Namespace, study: PipelineConfig | None, card: Card | None
 ) -> _Source:
-    """Take the grain of the study, or without a study that of the card.
+    """Choose the grain to export: that of the study, or of the card without a study.
 
     Raises
     ------
     InputError
-        If card and configuration are not of one study.
+        If the card and the configuration belong to different studies.
     """
     from repose.stages.card_study import require_one_study
 
@@ -192,19 +200,23 @@ def _choose_source(
 
 
 def _source_of_study(args: argparse.Namespace, study: PipelineConfig) -> _Source:
-    """Take the grain of a study, as a clump if it is no sphere."""
+    """Make the grain of a study ready for programs that know only spheres."""
     from repose.cli.berries import berry_and_particle
 
     grain, particle = berry_and_particle(study)
     n_spheres = _n_spheres(args, particle)
-    if n_spheres is not None and n_spheres > 1:
-        clump_study = _with_clump(study, n_spheres, args.config)
-        grain, particle = berry_and_particle(clump_study)
-    return _Source(study.config, grain, particle, one_sphere=n_spheres == 1)
+    if n_spheres is None:
+        return _Source(study.config, grain, particle, one_sphere=False)
+    if n_spheres == 1:
+        return _Source(study.config, grain, particle, one_sphere=True)
+
+    clump_study = _with_clump(study, n_spheres, args.config)
+    clump_grain, clump = berry_and_particle(clump_study)
+    return _Source(study.config, clump_grain, clump, one_sphere=False)
 
 
 def _source_of_card(args: argparse.Namespace, card: Card) -> _Source:
-    """Take the grain of a card, as a clump if it is no sphere."""
+    """Make the grain of a card ready for programs that know only spheres."""
     from repose.stages import card_study
 
     card_particle = card_study.particle_of(card, None, args.card)
@@ -218,10 +230,10 @@ def _source_of_card(args: argparse.Namespace, card: Card) -> _Source:
 
 
 def _with_clump(study: PipelineConfig, n_spheres: int, source: str) -> PipelineConfig:
-    """Give a study a clump as its particle.
+    """Return the study with a clump of spheres as its particle.
 
-    Its time step may have to be shorter than that of a smooth body, since spheres at one
-    place add up in stiffness.
+    Spheres that overlap add up in stiffness. A clump may therefore need a shorter time
+    step than a smooth body.
     """
     config = copy.deepcopy(study.config)
     config["berry"] |= {
@@ -230,7 +242,7 @@ def _with_clump(study: PipelineConfig, n_spheres: int, source: str) -> PipelineC
         "surface": "smooth",
     }
 
-    # Take the shorter of the study's own step and the computed one of the clump.
+    # Use the shorter of the study's time step and the one computed for the clump.
     study_step_s = study.settings.simulation.time_step_s
     config["simulation"]["time_step_s"] = AUTO
     clump_step_s = PipelineConfig.of(config, source).settings.simulation.time_step_s

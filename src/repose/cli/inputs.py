@@ -74,7 +74,7 @@ def berry(args: argparse.Namespace, study: PipelineConfig | None) -> None:
 
 
 def _build_mesh(args: argparse.Namespace) -> None:
-    """Build the mesh of a grain from its axes, its mass and its density."""
+    """Build the mesh of a grain from its axes, mass and density; write it as STL."""
     from repose.grain import mesh_from_axes
 
     if not (args.axes and args.stl and args.mass_g):

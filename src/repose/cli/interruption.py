@@ -34,7 +34,7 @@ class Interruption:
         self._has_ended = threading.Event()
 
     def __enter__(self) -> Self:
-        # A process under nohup ignores SIGHUP, and goes on doing so.
+        # A process under nohup ignores SIGHUP, and must continue to ignore it.
         self._forwarded_signals = [
             number
             for number in (signal.SIGTERM, signal.SIGHUP)
@@ -45,8 +45,8 @@ class Interruption:
         for number in self._forwarded_signals:
             self._earlier_handlers[number] = signal.signal(number, lambda *_: None)
 
-        # Snakemake replaces the handler of SIGTERM. The numbers of all signals arrive at
-        # this pipe all the same, where a thread reads them.
+        # Snakemake replaces the handler of SIGTERM. Python still writes the number of
+        # every signal into this pipe, and a thread reads it there.
         self._reading_end, self._writing_end = os.pipe()
         os.set_blocking(self._writing_end, False)
         self._earlier_wakeup_fd = signal.set_wakeup_fd(
@@ -62,7 +62,7 @@ class Interruption:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        # Give the signals back, and then end the thread that reads them.
+        # Restore the earlier handlers, and then end the thread that reads the pipe.
         self._has_ended.set()
         signal.set_wakeup_fd(self._earlier_wakeup_fd)
         for number, handler in self._earlier_handlers.items():
@@ -73,9 +73,9 @@ class Interruption:
         os.close(self._writing_end)
 
     def _forward(self) -> None:
-        """Send SIGINT to this process at a signal that Snakemake would not end at."""
+        """Send SIGINT to this process at a signal that would not end Snakemake."""
         while True:
-            # A byte for each signal; the read waits for the next one.
+            # Each signal is one byte. `os.read` blocks until the next one.
             number = os.read(self._reading_end, 1)[0]
             if number == END[0]:
                 return

@@ -126,12 +126,12 @@ def measure(args: argparse.Namespace) -> None:
 
 
 def _are_particle_files(names: Sequence[str]) -> bool:
-    """Tell whether the files hold particles.
+    """Decide whether the given files hold particles instead of pictures.
 
     Raises
     ------
     InputError
-        If there are pictures beside them.
+        If the files are a mixture of both.
     """
     from repose.measure.particle_files import is_particle_file
 
@@ -150,7 +150,7 @@ def _are_particle_files(names: Sequence[str]) -> bool:
 
 
 def _measure_particle_files(args: argparse.Namespace) -> None:
-    """Measure the piles of files of particles; write a table and print it."""
+    """Measure piles stored as files of particles; write a table and print it."""
     import pandas as pd
 
     from repose.common.errors import NoFlankError
@@ -218,18 +218,18 @@ def _photographed_piles() -> dict[str, Mapping[str, str]]:
     return {test.name: test.photographed for test in bench_tests() if test.photographed}
 
 
-def _check_bench(args: argparse.Namespace, piles: Iterable[str]) -> None:
-    """Refuse an unknown bench test, and options that it does not read."""
+def _check_bench(args: argparse.Namespace, pile_tests: Iterable[str]) -> None:
+    """Refuse an unknown bench test, and options that this bench test does not use."""
     from repose.bench.photographs import RESPONSES
 
-    known = (*piles, *RESPONSES)
+    known = (*pile_tests, *RESPONSES)
     allowed = f"one of {', '.join(known)}"
     require_option(args.bench in known, "--bench", args.bench, allowed)
 
-    unread: tuple[str, ...] = ("lens", "mm_per_pixel", "length", "base_row")
-    if args.bench in piles:
-        unread = ("points",)
-    for name in unread:
+    unused_options: tuple[str, ...] = ("lens", "mm_per_pixel", "length", "base_row")
+    if args.bench in pile_tests:
+        unused_options = ("points",)
+    for name in unused_options:
         value = getattr(args, name)
         if value:
             option = f"--{name.replace('_', '-')}"
@@ -238,12 +238,12 @@ def _check_bench(args: argparse.Namespace, piles: Iterable[str]) -> None:
 
 
 def _readable_pictures(names: Iterable[str]) -> list[Path]:
-    """Return the pictures that can be read, and print why others are left out.
+    """Select the pictures that can be read, and print why the others are left out.
 
     Raises
     ------
     InputError
-        If none can be read.
+        If no picture can be read.
     """
     from repose.measure.photographs.photograph import split_readable
 
@@ -256,7 +256,7 @@ def _readable_pictures(names: Iterable[str]) -> list[Path]:
 
 
 def _check_overlays(pictures: list[Path], out: str) -> list[Path]:
-    """Return the path of the overlay of each picture.
+    """Return where to write the overlay of each picture, after checking these paths.
 
     Raises
     ------
@@ -269,18 +269,27 @@ def _check_overlays(pictures: list[Path], out: str) -> list[Path]:
     overlays = [Path(out) / f"{path.stem}.png" for path in pictures]
     hashes = [hash_of_file(path) for path in pictures]
     for path, overlay, content_hash in zip(pictures, overlays, hashes, strict=True):
-        has_own_name = overlays.count(overlay) == 1
-        allowed = "photographs whose names differ"
-        require_option(has_own_name, "pictures", path.name, allowed)
+        require_option(
+            overlays.count(overlay) == 1,
+            "pictures",
+            path.name,
+            "photographs whose names differ",
+        )
+        require_option(
+            hashes.count(content_hash) == 1,
+            "pictures",
+            path.name,
+            "each picture once: this is a copy",
+        )
 
-        has_own_content = hashes.count(content_hash) == 1
-        allowed = "each picture once: this is a copy"
-        require_option(has_own_content, "pictures", path.name, allowed)
-
+        # An overlay must replace neither its picture nor a file of somebody else.
         check_replaceable(overlay)
-        is_apart = overlay.resolve() != path.resolve()
-        allowed = "another folder than that of the photographs"
-        require_option(is_apart, "--out", out, allowed)
+        require_option(
+            overlay.resolve() != path.resolve(),
+            "--out",
+            out,
+            "another folder than that of the photographs",
+        )
     return overlays
 
 
@@ -291,7 +300,11 @@ def _measure_piles(
     scale: "Scale",
     settings: "MeasureSettings",
 ) -> None:
-    """Measure photographs of piles; write overlays and tables, and print the result."""
+    """Measure photographs of piles; write overlays and tables, and print the result.
+
+    A photograph without a measurable pile still gets an overlay, which shows what was
+    taken for the pile.
+    """
     from repose.common.files import write_image
     from repose.measure.photographs import drawing
     from repose.measure.photographs import photograph as photographs
@@ -339,9 +352,9 @@ def _measure_apparatus(
     overlays: list[Path],
     settings: "MeasureSettings",
 ) -> None:
-    """Measure photographs of a drum or of a box; write overlays and tables.
+    """Measure photographs of a drum or a box; write overlays and tables.
 
-    The result is printed.
+    The result is also printed.
     """
     from repose.bench import photographs
     from repose.bench.settings import SceneSettings
@@ -388,10 +401,10 @@ def _measure_apparatus(
 
 
 def _scale(args: argparse.Namespace) -> "Scale":
-    """Read the scale from the command line.
+    """Read the scale of the photographs from the options.
 
-    It is that of --mm-per-pixel or --length, or else of the printed sheet; without any
-    of them there is none.
+    --mm-per-pixel and --length give it directly. Without either, the sheet of squares
+    in each photograph gives it.
     """
     from repose.measure.photographs.photograph import Scale
 
@@ -412,7 +425,7 @@ def _scale(args: argparse.Namespace) -> "Scale":
 
 
 def _scale_of_length(args: argparse.Namespace) -> "Scale":
-    """Read the scale from the level length of --length."""
+    """Compute the scale from a level line of known length, given by --length."""
     from repose.measure.photographs.photograph import (
         LEAST_LENGTH_PX,
         MOST_LEVEL_DEG,
@@ -455,8 +468,8 @@ def _require_between(option: str, value: float, low: float, high: float) -> None
 def _measure_settings(args: argparse.Namespace) -> "MeasureSettings":
     """Make the settings of the measurement from a study and the options.
 
-    Without a study they are the defaults, with the grain of the folder's sizes.csv if
-    there is one.
+    Without a study the defaults are used, with the grain of sizes.csv in the working
+    folder if there is one.
     """
     from repose.grain.berry import mean_axes
     from repose.grain.berry_files import read_sizes
@@ -474,7 +487,8 @@ def _measure_settings(args: argparse.Namespace) -> "MeasureSettings":
         sizes_csv = study.berry.sizes
         keeps_volume = study.berry.keeps_volume
 
-    # The height of a grain: the option, that of the study, or that of the sizes.
+    # Take the height of a grain from the option, else from the study, else from the
+    # sizes.
     if args.grain_mm is not None:
         return settings.model_copy(update={"berry_height_mm": args.grain_mm})
     if settings.berry_height_mm is None and sizes_csv is not None:

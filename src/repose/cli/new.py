@@ -24,7 +24,7 @@ def new(args: argparse.Namespace) -> None:
     from repose.common.ledger import write_in_one_move
     from repose.config.models import settings_type
 
-    # The name is the label of the study, too.
+    # The name also becomes the label of the study.
     model = settings_type()
     require_option(
         faults.is_valid("label", args.name, model),

@@ -68,7 +68,7 @@ def pairs(entries: Iterable[str], option: str) -> dict[str, str]:
     Raises
     ------
     InputError
-        If an entry has another form, or a name is given twice.
+        If an entry is not of the form NAME=VALUE, or repeats a name.
     """
     values: dict[str, str] = {}
     for entry in entries:

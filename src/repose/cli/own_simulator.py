@@ -22,7 +22,7 @@ def _study(args: argparse.Namespace) -> "Study":
     from repose.calibrate.study_file import is_own, unread_keys
     from repose.common.reading import read
 
-    # The message names the option, or the file that the user has given.
+    # An error names the user's file, or the option if no file was given.
     names_simulator = is_own(places.find(args.config))
     is_given = "config" in vars(args).get("given", ())
     source = args.config if is_given else "command line"
@@ -112,7 +112,7 @@ def ask(args: argparse.Namespace, study: "Study") -> None:
     runs = study.runs
     write_table(args.out, table)
 
-    # A proposal with notes follows from runs; the first one does not.
+    # Only the first proposal, made before any runs, has no notes.
     if proposal.notes:
         observed = arrange_runs(runs, study.parameters, study.targets)
         warning = estimate_noise(study, observed).warning
@@ -145,7 +145,7 @@ def calibrate(args: argparse.Namespace, study: "Study") -> None:
     from repose.common.ledger import check_replaceable
     from repose.common.tables import print_columns
 
-    # Refuse to replace files of others before minutes of work.
+    # Check before minutes of work that no file of somebody else would be replaced.
     report_html = Path(args.out) / "report.html"
     for name in (*calibration.TABLES, *calibration.RECORDS, report_html.name):
         check_replaceable(Path(args.out) / name)
@@ -165,7 +165,7 @@ def calibrate(args: argparse.Namespace, study: "Study") -> None:
         _warn(result.summary["warning"])
     print(f"Tables and material card: {args.out}", flush=True)
 
-    # Last: an installation without pictures has all but the report.
+    # The report comes last, since an installation without graphics lacks only this.
     from repose.report.page import own
 
     own.write(result, report_html)

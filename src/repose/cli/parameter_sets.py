@@ -85,11 +85,12 @@ def parameters(
     Parameters
     ----------
     entries : sequence of str
-        The NAME=VALUE entries of --set. Other parameters have the centre of their range.
+        The NAME=VALUE entries of --set. Parameters without an entry take the centre of
+        their range.
     samples : str or None
         The table of --samples, which replaces --set.
     sample : int or None
-        The number of --sample: a row of the table.
+        The sample of the table, chosen by --sample.
     study : PipelineConfig
         The study.
 
@@ -101,7 +102,7 @@ def parameters(
     Raises
     ------
     InputError
-        If options exclude each other, or a name or value is not allowed.
+        If options contradict each other, or a name or value is not allowed.
     """
     texts = pairs(entries, "--set")
     if samples:
@@ -111,7 +112,7 @@ def parameters(
         return _parameters_of_sample(samples, sample, study)
     require_option(sample is None, "--sample", sample, "together with --samples")
 
-    # All names are checked before the first value.
+    # Check all names before reading the first value.
     names = study.parameters.names
     for name, text in texts.items():
         labelled = ", ".join(f"{known} ({LABELS[known]})" for known in names)

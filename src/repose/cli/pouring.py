@@ -87,9 +87,9 @@ def pour(args: argparse.Namespace, study: PipelineConfig) -> None:
 def _keep_measurement(
     args: argparse.Namespace, study: PipelineConfig, scene: "Scene", pours: Path
 ) -> None:
-    """Measure saved runs and keep the result, if this is not done yet.
+    """Measure saved runs and keep the result, unless this was done before.
 
-    It is recorded as a result of measure_runs, which then takes it over.
+    The result is recorded as one of the stage measure_runs, which can then reuse it.
     """
     from repose.stages import kept_runs
     from repose.stages.job import measured
@@ -120,7 +120,7 @@ def heap(args: argparse.Namespace, study: PipelineConfig) -> None:
     if not args.json:
         _print_runs(runs, job["test"].summary)
         return
-    # A single run is printed without the job around it.
+    # Print a single run alone, without the description of its job.
     if len(runs) == 1:
         shared = {key: result[key] for key in ("parameters", "time_step_s")}
         print(json_text(shared | runs[0]))
@@ -147,7 +147,7 @@ def _scene(
 def _job(
     args: argparse.Namespace, study: PipelineConfig, apparatus: str
 ) -> dict[str, Any]:
-    """Make the arguments of `repose.stages.job.run_job` from the options."""
+    """Turn the options into the arguments of `repose.stages.job.run_job`."""
     from repose.bench import bench
     from repose.bench.settings import SceneSettings
     from repose.dem.io.progress import display
@@ -157,7 +157,7 @@ def _job(
     values = parameters(args.set, args.samples, sample=args.sample, study=study)
     seeds = pour_seeds(args, study.settings.design.seed, apparatus)
 
-    # The time between two frames of a trajectory.
+    # Check the time between two frames of a trajectory.
     step_s = study.settings.simulation.time_step_s
     duration_s = test.duration_s(SceneSettings(study.config))
     interval_s = args.trajectory

@@ -134,7 +134,7 @@ class Verb(NamedTuple):
         return status
 
     def add_to(self, subparsers: Any, group: str = "") -> None:
-        """Add a parser for the verb.
+        """Add the parser of this verb to its group.
 
         Parameters
         ----------
@@ -148,7 +148,7 @@ class Verb(NamedTuple):
             self.name,
             description=textwrap.fill(self.summary, HELP_COLUMNS),
             epilog=" ".join(call.split()),
-            # The default would wrap the example, which is then no command.
+            # The default formatter would wrap the example, and so break the command.
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         parser.set_defaults(verb=self.name)
@@ -182,21 +182,21 @@ def verb(
     study: Loader = load,
     **fields: Any,
 ) -> Callable[[Callable], Callable]:
-    """Make a function the verb of the same name, as a decorator.
+    """Register a function as the verb of the same name (a decorator).
 
-    The docstring of the function is the help: a summary, and after ``example:`` the
-    words that follow the name in a call.
+    The docstring of the function becomes the help. It has a summary and, after
+    ``example:``, the words that follow the verb in a call.
 
     Parameters
     ----------
     *options : Option
         Options besides --config and --out.
     out : str, optional
-        Default of --out. Without it there is no such option.
+        Default of --out. Without a default the verb has no such option.
     config : bool or Option, optional
-        Another option in place of `CONFIG`, or False for a verb without a study.
+        An option that replaces `CONFIG`, or False for a verb without a study.
     study : callable or None, optional
-        Makes the study that the function gets from the parsed options.
+        Makes the study from the parsed options, which the function then receives.
     **fields
         Further fields of `Verb`.
 
@@ -208,7 +208,7 @@ def verb(
     Raises
     ------
     ValueError
-        If another verb has the name.
+        If the name is taken by another verb.
     """
     common_options = []
     if isinstance(config, Option):

@@ -96,7 +96,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check_folder(args: argparse.Namespace) -> None:
-    """Refuse a folder that is missing, or into which the run may not write."""
+    """Refuse a working folder that is missing or that the run may not write to."""
     if args.directory is not None:
         is_there = os.path.isdir(args.directory)
         allowed = "a folder that is there"
@@ -131,7 +131,7 @@ def _check_configuration_options(args: argparse.Namespace) -> None:
             raise InputError("command line", "--config", entry, allowed)
         allowed = "KEY=VALUE; a target goes before the options"
         require_option(sign, "--config", entry, allowed)
-        # Snakemake takes no dotted key.
+        # Snakemake does not accept dotted keys.
         allowed = f"a section with its keys, as in '{_in_section(key, value)}'"
         require_option(key.isidentifier(), "--config", entry, allowed)
 
@@ -154,18 +154,19 @@ def _provide_cache(folder: str) -> None:
 
 
 def _check_targets(words: list[str], arguments: list[str]) -> None:
-    """Raise InputError for a target that is no rule, or is nearly a file of the study.
+    """Explain a target that snakemake did not find, if it looks like a mistyped one.
 
-    Other files and the options are left to snakemake, which has named them already.
+    A name must be a rule of the workflow. A path is refused if it resembles a result of
+    the study. All other faults snakemake has already reported.
 
     Parameters
     ----------
     words : list of str
-        What follows `repose run`, but for the options of `run` itself.
+        The words after `repose run`, without the options of `run` itself.
     arguments : list of str
         Snakemake's command line.
     """
-    # Targets stand before the options; a word behind an option may be its value.
+    # Targets precede the options. A word after an option may be its value.
     targets = list(itertools.takewhile(lambda word: not word.startswith("-"), words))
     options = [word for word in arguments if word not in words]
     names = [target for target in targets if target.isidentifier()]
@@ -180,7 +181,7 @@ def _check_targets(words: list[str], arguments: list[str]) -> None:
                 expected = f"a rule of the workflow, or a file{guess}"
                 raise InputError("command line", "target", name, expected)
     if files:
-        # The first column holds the files, below its head.
+        # Below a header, the first column of snakemake's summary names the files.
         lines = _listing("--summary", options)[1:]
         outputs = [line.partition("\t")[0] for line in lines]
         for file in files:
@@ -202,22 +203,22 @@ def _listing(option: str, options: list[str]) -> list[str]:
 
 
 def snakemake_arguments(args: argparse.Namespace) -> list[str]:
-    """Make snakemake's command line from the options of `run`.
+    """Build snakemake's command line from the options of `run`.
 
-    The workflow and the profile are this program's, and all cores are used, where no
-    option says otherwise.
+    By default it runs the workflow and profile of this program on all cores.
     """
     values = dict(vars(args))
     values["snakefile"] = args.snakefile or str(places.root() / "Snakefile")
     for name in ("profile", "workflow_profile"):
         if values[name] is not None:
             values[name] = str(places.find(values[name]))
-    # A profile may say how many jobs run.
+    # A profile may set the number of jobs.
     has_profile = args.profile is not None or args.workflow_profile is not None
     if not (args.cores or args.jobs or has_profile):
         values["cores"] = "all"
 
-    # The last of these options takes one value: so it takes no target that follows it.
+    # The last option in `HANDED_ON` takes exactly one value. It thus cannot swallow the
+    # target that follows.
     words = []
     for name in HANDED_ON:
         value = values[name]
@@ -237,14 +238,15 @@ def call_snakemake(main: Callable[[list[str]], object], arguments: list[str]) ->
     Parameters
     ----------
     main : callable
-        `snakemake.cli.main`, which ends with SystemExit.
+        `snakemake.cli.main`, which raises SystemExit at its end.
     arguments : list of str
         Its command line.
 
     Returns
     -------
     int
-        Its exit status; as a shell has it if a signal ended the run.
+        Snakemake's exit status. If a signal ended the run, the status that a shell
+        gives for this signal.
     """
     status = 0
     with Interruption() as interruption:

@@ -44,7 +44,7 @@ def stage(
 def record_verb(
     args: argparse.Namespace, runs: Literal["", "made", "measured"] = ""
 ) -> AbstractContextManager[None]:
-    """Record a verb with its options in every file that is written meanwhile."""
+    """Attach the record of a verb to every file that is written in the context."""
     strategy = getattr(args, "strategy", None)
 
     def settings_of(config: Mapping[str, Any], apparatus: str | None) -> Any:
@@ -72,13 +72,13 @@ def record_verb(
 
 
 def note_built_in_crop(*files: str) -> None:
-    """Print a note if the built-in crop stands in for a missing configuration."""
+    """Tell the user if the built-in crop stands in for a missing configuration."""
     from repose.config import loader
 
     built_in_crop = loader.find_substitute_crop(*files)
     if built_in_crop is None:
         return
-    # A study of another simulator has no crop.
+    # A study of the user's own simulator has no crop.
     for path in files:
         if "simulator" in loader.read(places.find(path)):
             return
@@ -90,9 +90,9 @@ def note_built_in_crop(*files: str) -> None:
 
 
 def files_of(args: argparse.Namespace) -> Iterator[Path]:
-    """Yield the files that the recorded options of a verb name.
+    """Yield the existing input files that the recorded options of a verb name.
 
-    A folder stands for its dataset, if it has one.
+    If an option names a folder, its dataset.csv is meant.
     """
     for option in VERBS[args.verb].options:
         if not option.recorded:
@@ -106,7 +106,7 @@ def files_of(args: argparse.Namespace) -> Iterator[Path]:
 
 
 def _names_of(args: argparse.Namespace, option: str) -> list[str]:
-    """Return the texts of an option that may name files."""
+    """Return the values of an option that may be paths of files."""
     value = getattr(args, option)
     if (args.verb, option) in FOLDERS:
         ending = FOLDERS[args.verb, option]
