@@ -60,7 +60,9 @@ def funnel_hints(
     particle: Particle,
     longest_step_s: Callable[[Grain], float],
 ) -> Iterator[str]:
-    """Yield hints on rolling law, stiffness, volume, funnel and number of grains.
+    """Yield hints on how the funnel's scene could be improved, each as one line.
+
+    They are about the rolling law, stiffness, volume, funnel and number of grains.
 
     Parameters
     ----------
@@ -69,9 +71,9 @@ def funnel_hints(
     grain : mapping
         The mean grain, as in berry.json.
     particle : Particle
-        Its body.
+        The body of the mean grain.
     longest_step_s : callable
-        Returns the longest time step [s] for such a grain.
+        Returns the longest time step [s] for a given mean grain.
 
     Yields
     ------
@@ -97,7 +99,7 @@ def funnel_hints(
             f"{outlet_mm:g} mm and stops the flow"
         )
 
-    # The advice on the scene's size is for the number of grains that the pile needs.
+    # Size the scene for the number of grains that would fill the pile.
     n_grains = funnel.berries
     if not volume.fits:
         n_grains = max(n_grains, needed_grains(config, particle.volume_m3))
@@ -109,7 +111,7 @@ def funnel_hints(
 def _describe_stiffness(
     config: Config, grain: Grain, longest_step_s: Callable[[Grain], float]
 ) -> str:
-    """Describe how far a pile sinks, and what a lower shear modulus would bring."""
+    """Describe how much a pile sinks, and the speed gained by softer grains."""
     modulus_pa = grain["shear_modulus_pa"]
     sinking, softest_pa = softening(config, grain)
     sentence = (
@@ -118,7 +120,7 @@ def _describe_stiffness(
     if softest_pa >= modulus_pa:
         return f"{sentence}; do not lower berry.shear_modulus_pa, which is {modulus_pa:.3g}"
 
-    # Softer grains allow a longer time step, so a run needs fewer of them.
+    # Softer grains allow a longer time step, and so a faster run.
     step_s = SceneSettings(config).simulation.time_step_s
     longest_s = longest_step_s({**grain, "shear_modulus_pa": softest_pa})
     return (
@@ -130,7 +132,7 @@ def _describe_stiffness(
 
 
 def softening(config: Config, grain: Grain) -> Softening:
-    """Compute how far a pile sinks under its own weight, and how soft grains may be.
+    """Compute how much a pile sinks under its own weight, and how soft grains may be.
 
     Parameters
     ----------
@@ -154,7 +156,8 @@ def softening(config: Config, grain: Grain) -> Softening:
     diameter_m = 1e-3 * diameter_mm(grain)
     gravity = SceneSettings(config).simulation.gravity_m_s2
 
-    # Pressure, and approach of two grains, at the bottom of the pile.
+    # Compute the pressure at the bottom of the pile, and by how much it pushes two
+    # grains there into each other.
     pressure_pa = PACKING * grain["density_kg_m3"] * gravity * height_m(config, grain)
     contact_modulus_pa = grain["shear_modulus_pa"] / (1 - grain["poisson_ratio"])  # E*
     approach_m = (
@@ -170,17 +173,18 @@ def softening(config: Config, grain: Grain) -> Softening:
 
 
 def height_m(config: Config, grain: Grain) -> float:
-    """Return the expected Height of the pile [m].
+    """Return the expected height of the pile [m].
 
-    It is the target, or else follows from the target of the angle. Without both it is
-    half of the outlet's height.
+    If the height is a target, return it. If only the angle is, return the height of a
+    cone of all grains with this angle. Without either target, return half the height of
+    the outlet.
     """
     funnel = _funnel(config)
     targets = _pile_targets(config)
     if targets.height_mm is not None:
         return 1e-3 * targets.height_mm
     if targets.angle_deg is not None:
-        # All grains, with the gaps between them, form a cone.
+        # All grains together, with the gaps between them, form a cone.
         grain_m3 = math.pi / 6 * (1e-3 * diameter_mm(grain)) ** 3
         volume_m3 = funnel.berries * grain_m3 / PACKING
         return _cone_height_m(volume_m3, targets.angle_deg)
@@ -188,7 +192,7 @@ def height_m(config: Config, grain: Grain) -> float:
 
 
 def filling(config: Config, grain_m3: float) -> Filling:
-    """Compare the volume of the poured grains with the pile of the targets.
+    """Compare the volume of the poured grains with that of the target pile.
 
     Parameters
     ----------
@@ -206,7 +210,7 @@ def filling(config: Config, grain_m3: float) -> Filling:
     volume_m3 = n_grains * grain_m3 / PACKING
     poured = f"{n_grains} grains hold {_litres(volume_m3)} as poured"
 
-    # Without a target of the Height, a cone of any size fits.
+    # Without a target for the height, a cone of any size fits.
     if height_mm is None:
         if angle_deg is None:
             return Filling(poured, fits=True)
@@ -216,7 +220,7 @@ def filling(config: Config, grain_m3: float) -> Filling:
             fits=True,
         )
 
-    # Without a target of the angle, a cone with any slope of poured grains fits.
+    # Without a target for the angle, any slope that poured grains can have fits.
     if angle_deg is None:
         slope_deg = _cone_slope_deg(volume_m3, height_mm)
         cone = f"a cone of {height_mm:g} mm Height with a slope of {slope_deg:.3g} deg"
@@ -229,7 +233,7 @@ def filling(config: Config, grain_m3: float) -> Filling:
             fits=False,
         )
 
-    # Whether angle and Height fit each other is a matter of `repose.bench.reach`.
+    # Compare volumes only. `repose.bench.reach` checks the angle against the height.
     cone_m3 = _cone_volume_m3(height_mm, angle_deg)
     return Filling(
         f"{poured}; the cone of {angle_deg:g} deg and {height_mm:g} mm Height holds "
@@ -239,10 +243,10 @@ def filling(config: Config, grain_m3: float) -> Filling:
 
 
 def needed_grains(config: Config, grain_m3: float) -> int:
-    """Return the number of grains nearest to the configured one that fill the pile.
+    """Return how many grains fill the target pile, as near to the setting as possible.
 
-    Without a target of the Height it is the configured number. Without a target of the
-    angle, any slope of poured grains is allowed.
+    Without a target for the height this is the configured number. Without a target for
+    the angle, any slope that poured grains can have is allowed.
     """
     n_grains = _funnel(config).berries
     height_mm, angle_deg = _pile_targets(config)
@@ -253,7 +257,7 @@ def needed_grains(config: Config, grain_m3: float) -> int:
     if angle_deg is not None:
         flattest_deg = angle_deg
         steepest_deg = angle_deg
-    # Of cones with one height, the steepest is the smallest.
+    # Among cones of the same height, the steepest has the smallest volume.
     fewest = _grains_of_cone(height_mm, steepest_deg, grain_m3)
     most = _grains_of_cone(height_mm, flattest_deg, grain_m3)
     return min(max(n_grains, fewest), most)

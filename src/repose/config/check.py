@@ -45,16 +45,16 @@ ShowMessage = Callable[[str], AbstractContextManager[None]]
 
 
 def propose_smaller_scene(files: Iterable[str], grains: int) -> Iterator[str]:
-    """Propose a smaller scene for a configuration with too many grains.
+    """Describe how to scale down a scene with too many grains.
 
-    Nothing is proposed if the configuration has other faults.
+    Yield nothing if the configuration has other faults, too.
 
     Parameters
     ----------
     files : iterable of str
-        The configuration.
+        The files of the configuration.
     grains : int
-        Its number of grains.
+        The configured number of grains.
 
     Yields
     ------
@@ -63,7 +63,7 @@ def propose_smaller_scene(files: Iterable[str], grains: int) -> Iterator[str]:
     """
     if grains <= MOST_BERRIES:
         return
-    # The advice needs a valid study: that of a funnel with as many grains as allowed.
+    # The advice needs a valid study. Load it with the largest allowed number of grains.
     largest_funnel: dict[str, Any] = {"berries": MOST_BERRIES}
     for name in scene_size.COMPUTED_KEYS:
         largest_funnel[name] = "auto"
@@ -78,9 +78,9 @@ def propose_smaller_scene(files: Iterable[str], grains: int) -> Iterator[str]:
 
 
 def describe_study(study: PipelineConfig) -> Iterator[str]:
-    """Yield lines on targets, time step, scene and grain of a study.
+    """Describe the targets, time step, scene and grain of a study line by line.
 
-    The targets come first: whether a pile can have them.
+    The first lines say whether a pile can reach the targets at all.
     """
     config = study.config
     grain = study.grain
@@ -115,7 +115,7 @@ def _volume_change(particle: "Particle") -> float:
 
 
 def _describe_grain(study: PipelineConfig) -> Iterator[str]:
-    """Warn of a coarse particle, and of settings of the grain that are not used."""
+    """Warn of a coarse particle, and of grain settings that have no effect."""
     particle = study.particle
     section = study.settings.berry
     if is_coarse(particle):
@@ -142,13 +142,13 @@ def _describe_grain(study: PipelineConfig) -> Iterator[str]:
 
 
 def _describe_sizes(study: PipelineConfig) -> Iterator[str]:
-    """Warn of measured sizes, and of a mass, that one grain cannot stand for."""
+    """Warn if one grain cannot represent the measured sizes, or their mass."""
     from repose.grain import berry, size_checks
     from repose.grain.berry_files import SIZE_COLUMNS, read_sizes
 
     section = study.settings.berry
     axes_mm = read_sizes(section.sizes)[list(SIZE_COLUMNS)]
-    # Product of the three axes of each measured grain, as its volume goes.
+    # The volume of each measured grain is proportional to the product of its axes.
     products_mm3 = axes_mm.prod(axis="columns")
     groups = size_checks.find_groups(np.cbrt(products_mm3))
     if groups is not None and groups.ratio > 1 + LARGEST_SPREAD:
@@ -159,7 +159,7 @@ def _describe_sizes(study: PipelineConfig) -> Iterator[str]:
         lost_share = 1 - axes_mm.mean().prod() / products_mm3.mean()
         yield _describe_spread(section, spread=spread, lost_share=lost_share)
 
-    # With a scan of the grain its volume is known.
+    # A scan gives the volume directly, so there is nothing to check.
     if section.mass_g is None or section.stl is not None:
         return
     mean_axes = berry.mean_axes(axes_mm, keeps_volume=False)
@@ -194,7 +194,7 @@ def _describe_groups(groups: "SizeGroups", distribution: str) -> str:
 def _describe_spread(
     section: "GrainSettings", *, spread: float, lost_share: float
 ) -> str:
-    """Describe a wide spread of sizes, and what it does to the simulated grain.
+    """Describe a wide spread of sizes and its effect on the simulated grain.
 
     Parameters
     ----------
@@ -203,7 +203,7 @@ def _describe_spread(
     spread : float
         Standard deviation of the equivalent diameter over its mean.
     lost_share : float
-        Share of the mean volume that a grain of the mean axes lacks.
+        Share of the mean volume that a grain with the mean axes falls short of.
     """
     text = f"sizes: WARNING: the equivalent diameter scatters by {100 * spread:.2g} %"
     if section.size_distribution == "measured":
@@ -214,7 +214,7 @@ def _describe_spread(
             "different ones"
         )
 
-    # A scan has the volume that it has, and a grain of mean volume has no loss.
+    # A scanned grain and one of the mean volume lose nothing.
     loss = (
         f"{100 * lost_share:.2g} % less volume than the measured grains have on average"
     )
@@ -229,7 +229,7 @@ def _describe_spread(
 
 
 def describe_time_step(step_s: float, limit: "Limit") -> str:
-    """Describe a time step and its maximum, with the time that a longer one saves."""
+    """Compare the time step with its maximum, and say what a longer one would save."""
     maximum_s = computed.round_down(limit.time_step_s, digits=3)
     text = (
         f"time step: simulation.time_step_s is {step_s:g} s; "
@@ -261,18 +261,18 @@ def warn_of_few_measurements(study: PipelineConfig) -> Iterator[str]:
 def run_trials(
     study: PipelineConfig, grain_step_s: float, show_message: ShowMessage
 ) -> Iterator[str]:
-    """Run each bench test of the targets at three points of the ranges.
+    """Run each bench test of the targets at three points of the parameter ranges.
 
-    A warning names each target outside the results.
+    Describe each run in a line, and warn of each target outside the results.
 
     Parameters
     ----------
     study : PipelineConfig
         The study.
     grain_step_s : float
-        Time for one step of one grain [s]; a long run is left out.
+        Time for one step of one grain [s]. Bench tests that would run long are skipped.
     show_message : callable
-        Makes a context that shows a sentence during the runs.
+        Returns a context manager that shows a sentence during the runs.
 
     Yields
     ------
@@ -317,7 +317,7 @@ def _trial_sets(study: PipelineConfig) -> list[dict[str, float]]:
 def _warn_of_trials(
     study: PipelineConfig, test: BenchTest[Any], runs: Sequence[Mapping[str, Any]]
 ) -> Iterator[str]:
-    """Warn of trial runs without a measurement, and of targets outside the runs."""
+    """Warn if no trial run can be measured, or a target lies outside the results."""
     measured = [run for run in runs if run["status"] == "ok"]
     if not measured:
         yield (
@@ -343,21 +343,21 @@ def _warn_of_trials(
 def tabulate_costs(
     study: PipelineConfig, budgets: Iterable[int], grain_step_s: float
 ) -> Iterator[str]:
-    """Tabulate the cost of each strategy, and mark the configured one.
+    """Tabulate the cost of each strategy, with a star at the configured one.
 
     Parameters
     ----------
     study : PipelineConfig
         The study.
     budgets : iterable of int
-        Numbers of runs of the sequential strategy, each with a row.
+        Numbers of runs of the sequential strategy. Each gets its own row.
     grain_step_s : float
         Time for one step of one grain [s].
 
     Yields
     ------
     str
-        A line of the table, or below it why a strategy is not in it.
+        A line of the table; below it, why a strategy is missing from the table.
     """
     settings = study.settings
     misfits: dict[str, str] = {}
@@ -396,14 +396,22 @@ def _cost_row(
 ) -> str:
     """Write the row of a strategy in the table of costs.
 
-    `pours` are as `repose.config.cost.estimate_work` takes them, and `grain_step_s` is
-    the time for one step of one grain.
+    Parameters
+    ----------
+    study : PipelineConfig
+        The study.
+    name : str
+        The strategy.
+    pours : sequence or None
+        Its runs, as in `repose.config.cost.estimate_work`.
+    grain_step_s : float
+        Time for one step of one grain [s].
     """
     work = cost.estimate_work(study.config, grain_step_s, pours)
     run_counts = [sets * seeds for _, sets, seeds in work["pours"]]
     pours_text = str(sum(run_counts))
     if name == "sequential":
-        # The budget, which other lines speak of, does not hold the check.
+        # Other lines of the output count the budget without the check.
         budget, n_checks = run_counts
         pours_text = f"{budget} + {n_checks}"
     marked_name = f"*{name}" if name == study.settings.strategy else name
@@ -418,7 +426,7 @@ def list_studies(files: list[str]) -> str:
     Raises
     ------
     InputError
-        If a file cannot be read. An incomplete configuration is listed without costs.
+        If a file cannot be read. With an incomplete configuration the costs are left out.
     """
     config, _ = loader.read_layers(files)
     try:
@@ -454,7 +462,7 @@ def _targets_of_program(study: PipelineConfig) -> str:
 
 
 def _describe_strategy_cost(study: PipelineConfig, strategy: str) -> str:
-    """Describe the cost of a strategy, or why the configuration does not fit it."""
+    """Describe the cost of a strategy, or why it cannot run with this configuration."""
     misfit = cost.explain_strategy_misfit(study.settings, strategy)
     if misfit:
         return misfit

@@ -76,7 +76,7 @@ class Computed(NamedTuple):
 def to_compute(config: Config) -> list[Computed]:
     """List the settings that are `auto` or missing, in the order of computation.
 
-    The configuration may have faults.
+    The configuration need not be valid.
     """
     settings = []
     for setting in COMPUTED:
@@ -95,7 +95,7 @@ def with_value(config: Config, setting: Computed, value: Any) -> dict[str, Any]:
 
 
 def longest_step(config: Config, particle: "Particle", mean: Grain) -> "Limit":
-    """Find the longest time step that the engine allows for all parameter sets.
+    """Find the longest time step that is stable for every parameter set of a study.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def longest_step(config: Config, particle: "Particle", mean: Grain) -> "Limit":
     Returns
     -------
     Limit
-        The time step [s] and the reason for it.
+        The time step [s], and what limits it.
     """
     from repose.bench import Scene
     from repose.bench.scene import longest_time_step
@@ -117,15 +117,15 @@ def longest_step(config: Config, particle: "Particle", mean: Grain) -> "Limit":
     settings = valid_sections(config)
     ranges = ranges_of(config)
 
-    # A low restitution damps most, which shortens the step: take the lowest value that
-    # is simulated.
+    # A low restitution means strong damping, which requires a short step. Take the
+    # lowest value of each parameter among all sets that are simulated.
     simulated_sets = [{name: ranges[name][0] for name in PARAMETERS}]
     simulated_sets += published_sets(settings.validation.published)
     critical_set = {}
     for name in PARAMETERS:
         critical_set[name] = min(values[name] for values in simulated_sets)
 
-    # The parameters of contact laws, such as a cohesion, make contacts stiffer: take
+    # Additional parameters of contact laws, such as cohesion, make contacts stiffer. Take
     # their highest value.
     for name in LAW_PARAMETERS:
         if name in ranges:
@@ -188,10 +188,10 @@ def _factory_diameter_mm(config: Config, grain: Grain, _particle: "Particle") ->
 
 
 def _duration_s(config: Config, grain: Grain, particle: "Particle") -> float:
-    """Estimate the time until all grains have run out, have fallen and rest [s].
+    """Estimate how long all grains take to run out, fall and come to rest [s].
 
-    The funnel lets through the smaller of the rate of pouring and the discharge. For an
-    opening too narrow for the law of the discharge, the rate of pouring counts.
+    The flow is the rate of pouring or the discharge of the outlet, whichever is
+    smaller. If the outlet is too narrow for the law of discharge, only the rate counts.
     """
     settings = valid_sections(config)
     funnel = settings.funnel
@@ -203,7 +203,7 @@ def _duration_s(config: Config, grain: Grain, particle: "Particle") -> float:
         flow_per_s = min(flow_per_s, discharge_per_s)
     pour_s = funnel.berries / flow_per_s
 
-    # An inlet below the outlet is refused by another rule.
+    # A negative height is refused by another rule.
     fall_m = max(funnel.funnel.inlet_height_m, 0.0)
     fall_s = math.sqrt(2 * fall_m / gravity)
 

@@ -51,7 +51,7 @@ def rules_before_numbers(config: Mapping[str, Any]) -> list[Rule]:
 
 
 def rules(config: Mapping[str, Any]) -> list[Rule]:
-    """List the rules for a configuration whose `auto` are numbers."""
+    """List the rules that find contradictions once every `auto` is a number."""
     from repose.calibrate.strategies import cost
 
     scene = SceneSettings(config)
@@ -103,7 +103,7 @@ def _strategy_faults(settings: StudySettings) -> Pairs:
 
 
 def _surrogate_faults(settings: StudySettings) -> Pairs:
-    """Refuse fewer samples for training than the surrogate needs."""
+    """Refuse a design with too few training samples for the surrogate."""
     from repose.calibrate.surrogates import names, surrogate_class
 
     n_training = _count_samples(settings, part=0)
@@ -111,7 +111,7 @@ def _surrogate_faults(settings: StudySettings) -> Pairs:
     if n_training >= n_needed:
         return
 
-    # Other surrogates may need fewer samples.
+    # Name the surrogates that can do with so few samples.
     suitable = [
         name
         for name in names()
@@ -145,7 +145,7 @@ def _count_samples(settings: StudySettings, part: int) -> int:
 
 
 def _contact_law_faults(settings: StudySettings) -> Pairs:
-    """Refuse force laws that lack parameters, and parameters of another law."""
+    """Refuse contact laws that lack parameters, and parameters that lack their law."""
     contact_law = settings.simulation.contact_law
     rolling_law = settings.simulation.rolling_law
     given = settings.parameters.given
@@ -160,14 +160,14 @@ def _contact_law_faults(settings: StudySettings) -> Pairs:
             f"{contact_law} with {' and '.join(missing)}, each a range or a fixed value",
         )
 
-    # Every study has the other parameters, whatever its laws are.
+    # Parameters that every study has, whatever its laws, are not in this table.
     for name, parameter in LAW_PARAMETERS.items():
         if name not in given:
             continue
         if contact_law in parameter.laws or rolling_law in parameter.laws:
             continue
         laws = " or ".join(parameter.laws)
-        # Contact laws need their parameters; those of rolling laws may be absent.
+        # Only contact laws have parameters that must be given.
         if parameter.needed:
             owner = f"simulation.contact_law {laws}, not {contact_law}"
         else:
@@ -190,7 +190,7 @@ def _seed_faults(settings: StudySettings) -> Pairs:
 
 
 def _target_faults(settings: StudySettings, config: Mapping[str, Any]) -> Pairs:
-    """Refuse targets of a bench test without a section, and a response given twice."""
+    """Refuse targets whose bench test has no section, and repeated responses."""
     earlier_responses = set()
     for position, target in enumerate(settings.targets):
         key = f"targets.{position}"

@@ -123,7 +123,7 @@ def longest_job_s(config: Config) -> float:
 
 
 def _largest_number_of_seeds(config: Config) -> int:
-    """Return the largest number of runs of a parameter set in any section."""
+    """Find the largest number of runs per parameter set that any section requests."""
     seed_counts: list[int] = []
     for section in config.values():
         if not isinstance(section, Mapping):
@@ -137,10 +137,11 @@ def _largest_number_of_seeds(config: Config) -> int:
 def measure_grain_step_s(
     config: Config, grain: Mapping[str, Any], particle: Particle
 ) -> float:
-    """Measure the time of one step of one grain in a pile, on a core of this machine.
+    """Measure how long one time step of one grain takes on a core of this machine.
 
     A small pile is poured a few times, each for about half a second. The first call on
-    a machine also compiles the engine. The time of other programs is left out.
+    a machine also compiles the engine. The share of time that other programs used is
+    subtracted.
 
     Parameters
     ----------
@@ -165,7 +166,7 @@ def measure_grain_step_s(
         FEWEST_TIMED, min(settings.funnel.berries, round(TIMED_STEPS / steps))
     )
 
-    # All grains are poured in the first quarter of the time.
+    # Pour all grains within the first quarter of the simulated time.
     small_funnel = settings.funnel.model_dump() | {
         "berries": n_grains,
         "rate_per_s": 4 * n_grains / TIMED_S,
@@ -182,11 +183,11 @@ def measure_grain_step_s(
         )
         start_s = time.perf_counter()
         cpu_start_s = time.process_time()
-        # A pile that rests early would leave no steps to time.
+        # Do not stop at rest: a pile that rests early leaves too few steps to time.
         run = FunnelTest().pour(scene, until_rest=False)
         cpu_s = time.process_time() - cpu_start_s
 
-        # Other programs may have had the core for the rest of the time.
+        # Count only the share of the time in which this process had the core.
         cpu_share = cpu_s / (time.perf_counter() - start_s)
         grain_steps_s.append(1e-6 * min(1.0, cpu_share) * run.us_per_step / n_grains)
     return min(grain_steps_s)
@@ -206,20 +207,21 @@ def estimate_work(
     grain_step_s : float
         Time for one step of one grain [s].
     pours : sequence, optional
-        The runs of a strategy, from `strategy_pours`. By default those of the article's
-        method.
+        The runs of a strategy, from `strategy_pours`. The default is the runs of the
+        article's method.
 
     Returns
     -------
     dict
-        ``pours``: the runs, which each bench test of the targets makes. ``pour_s``: time
-        of one run of the funnel with its measurement [s]. ``total_s``: time of the whole
+        ``pours``: the runs that each bench test of the targets makes. ``pour_s``: time of
+        one run of the funnel, with its measurement [s]. ``total_s``: time of the whole
         study [s].
     """
     settings = valid_sections(config)
     target_tests = _tests_of_targets(settings)
 
-    # Time of a run in each bench test. The drum checks the answer of every study.
+    # Compute the time of one run in each bench test. The drum is among them because it
+    # checks the answer of every study.
     views_s = SECONDS_A_VIEW * settings.measure.views
     times_s = {"funnel": run_s(config, "funnel", grain_step_s) + views_s}
     for test in (*target_tests, "drum"):
@@ -259,17 +261,17 @@ def _article_pours(settings: StudySettings) -> Pours:
 def _article_s(
     settings: StudySettings, pours: Pours, times_s: Mapping[str, float]
 ) -> float:
-    """Compute the time of a study by the article's method [s].
+    """Compute how long a study by the article's method takes [s].
 
-    `times_s` holds the time of a run in each bench test.
+    `times_s` maps each bench test to the time of one run [s].
     """
     total_s = REST_S + _strategy_s(pours, [times_s["funnel"]])
 
-    # The drum runs once with the answer, whether or not it has a target.
+    # The drum runs with the answer, whether or not one of the targets is its response.
     if settings.bench("drum") is not None:
         total_s += settings.seeds_of("drum") * (JOB_START_S + times_s["drum"])
 
-    # Each other bench test of the targets runs every parameter set.
+    # Every further bench test of the targets runs all parameter sets.
     n_sets = sum(sets for _, sets, _ in pours)
     for test in _tests_of_targets(settings):
         if test == "funnel":
@@ -302,15 +304,15 @@ SENTENCES = {
 
 
 def describe_costs(config: Config) -> dict[str, str]:
-    """Describe the cost of each study in `SENTENCES`: its runs, and their time.
+    """Describe the runs and the time of each study in `SENTENCES`.
 
-    The time with the surrogate alone, seconds to minutes, is left out.
+    Seconds to minutes of work with the surrogate alone are not counted.
     """
     settings = valid_sections(config)
     calibration = estimate_work(config)
     pour_s = calibration["pour_s"]
 
-    # Most studies use the runs of the calibration.
+    # Most studies reuse the runs of the calibration.
     descriptions = dict.fromkeys(SENTENCES, "no pours besides the calibration")
 
     n_calibration = sum(sets * seeds for _, sets, seeds in calibration["pours"])

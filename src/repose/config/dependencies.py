@@ -137,14 +137,14 @@ def settings_of(
 def _select_settings(
     config: Config, stage: str, test: str, strategy_name: str | None
 ) -> dict[str, Any]:
-    """Select the settings of a stage by section or dotted key.
+    """Select the settings of a stage, by section or dotted key.
 
-    Files appear with their paths. `test` is the bench test of a stage that simulates or
-    measures, and `strategy_name` the strategy of `propose` and `conclude`.
+    Named files appear as paths. `test` is the bench test of a stage that simulates or
+    measures. `strategy_name` is the strategy of the stages `propose` and `conclude`.
     """
     if is_external(config) and stage in (RUNS, "measure_simulated"):
         return _external_run_settings(config)
-    # These stages read sections that depend on the bench test.
+    # Some stages read sections that depend on the bench test.
     grain = {} if is_external(config) else sections(config, *KEYS["shape"])
     if stage == "pour":
         return grain | simulation_settings(config, test)
@@ -159,7 +159,7 @@ def _select_settings(
     if keys is None:
         return _all_settings(config)
 
-    # A stage depends also on the settings of the results that it reads.
+    # A stage also depends on the settings behind the results that it reads.
     selected: dict[str, Any] = {}
     for source_stage in READS.get(stage, ()):
         selected |= _select_settings(config, source_stage, test, None)
@@ -167,7 +167,7 @@ def _select_settings(
 
 
 def _keys_of_stage(stage: str, strategy_name: str | None) -> tuple[str, ...] | None:
-    """Return the keys that a stage reads itself; None if it may read any key."""
+    """Return the keys that a stage itself reads, or None if it may read any key."""
     stage_keys = KEYS.get(stage)
     if strategy_name is None:
         return stage_keys
@@ -202,7 +202,7 @@ def _run_settings(config: Config, test: str) -> dict[str, Any]:
 
 
 def sections(config: Config, *keys: str) -> dict[str, Any]:
-    """Select sections, single dotted keys, or the entries that are no keys.
+    """Select sections, single dotted keys, and computed entries such as `RESPONSES`.
 
     Parameters
     ----------
@@ -302,10 +302,11 @@ def measurement_settings(config: Config, apparatus: str = UNNAMED) -> dict[str, 
 
 
 def scene(config: Config) -> str:
-    """Hash what a measured run depends on besides the engine.
+    """Hash everything besides the engine that a measured run depends on.
 
-    This is the grain, the bench tests of the targets, and the measurement except for
-    `measure.response`: every definition is measured, whichever is calibrated.
+    This is the grain, the bench tests of the targets, and the section `measure` without
+    `measure.response`. Each run is measured by every definition of the angle, so the
+    choice of the calibrated one does not matter.
     """
     if is_external(config):
         return hash_of(_external_run_settings(config))
@@ -323,20 +324,20 @@ def scene(config: Config) -> str:
 
 
 def responses(config: Config, apparatus: str | None = None) -> dict[str, Any]:
-    """Select what defines the responses of the targets, without the targets' values.
+    """Select what defines the responses of the targets, but not the values to meet.
 
     Parameters
     ----------
     config : mapping
         A resolved configuration.
     apparatus : str, optional
-        Bench test whose targets are selected; by default all targets are.
+        Select only the targets of this bench test. The default is all targets.
 
     Returns
     -------
     dict
-        ``responses``: the names, in the order of the targets. ``profiles``, if there are
-        any: abscissae and functions of each profile, by its name.
+        ``responses``: the names, in the order of the targets. ``profiles``: abscissae and
+        functions of each profile by its name; this key is absent without profiles.
     """
     response_names = []
     profiles = {}
@@ -353,13 +354,13 @@ def responses(config: Config, apparatus: str | None = None) -> dict[str, Any]:
 
 
 def _hash_named_files(selected: dict[str, Any]) -> dict[str, Any]:
-    """Copy selected settings, with the hash of a file's content instead of its path."""
+    """Copy settings, with the path of each file replaced by its content's hash."""
     hashed = dict(selected)
     for dotted_key in named_files():
-        # The file's key was selected alone ...
+        # Either the key of the file was selected by itself ...
         if hashed.get(dotted_key) is not None:
             hashed[dotted_key] = _content_hash(hashed[dotted_key])
-        # ... or its whole section was.
+        # ... or the whole section around it.
         section_name, _, key = dotted_key.rpartition(".")
         section = hashed.get(section_name, {})
         if section.get(key) is not None:
@@ -386,16 +387,16 @@ class Difference(NamedTuple):
 def difference(
     config: Config, record: Record | None, is_of_engine: bool = True
 ) -> Difference | None:
-    """Find a setting in which a result differs from the study.
+    """Find the first setting in which a result differs from the study.
 
     Parameters
     ----------
     config : mapping
         The resolved configuration of the study.
     record : mapping or None
-        The record of the result; without one there is nothing to compare.
+        The record of the result. Without a record there is nothing to compare.
     is_of_engine : bool
-        Whether the engine is compared, too.
+        Whether to compare the engine, too.
 
     Returns
     -------
@@ -427,9 +428,9 @@ def difference(
 
 
 def _first_difference(recorded: Any, current: Any, prefix: str = "") -> Difference:
-    """Find the innermost key in which two different settings differ first.
+    """Find the first, innermost key in which two sets of settings differ.
 
-    `prefix` is the dotted key of the settings, with a dot before it.
+    `prefix` is the dotted key of these settings, with a leading dot.
     """
     if isinstance(recorded, Mapping) and isinstance(current, Mapping):
         for key in _keys_scene_last({*recorded, *current}):
@@ -507,8 +508,8 @@ def find_own_dataset(config: Config) -> Path | None:
     Returns
     -------
     Path or None
-        None unless the table, its piles and its grain were made by these settings, the
-        table last.
+        The path, if table, piles and grain come from these settings and the table is the
+        newest of them; otherwise None.
     """
     folder = Path(config["results_dir"])
     table = folder / "dataset.csv"
@@ -522,7 +523,7 @@ def find_own_dataset(config: Config) -> Path | None:
     if find_outdated(config, files):
         return None
 
-    # A pile that is newer than the table is not in it.
+    # A pile newer than the table is missing from it.
     newest_pile_s = max(path.stat().st_mtime for path in piles)
     if table.stat().st_mtime < newest_pile_s:
         return None

@@ -36,16 +36,16 @@ def fingerprint(config: Config) -> str:
 
 
 def _named_paths(config: Config) -> list[Any]:
-    """List the paths of the files that a check of a configuration reads.
+    """List the paths of all files that a check of the configuration reads.
 
-    The configuration may have faults, so a path may also be another value, or None.
+    In an invalid configuration an entry may be None or of any other type.
     """
     paths = [get(config, key) for key in named_files()]
     published = get(config, "validation.published")
     if isinstance(published, str):
         paths += [*tables(published), find_sibling_table(published, "table1.csv")]
 
-    # A target may name the file of a measured profile.
+    # A target may name a file with a measured profile.
     targets = config.get("targets")
     if isinstance(targets, list):
         for target in targets:
@@ -55,7 +55,7 @@ def _named_paths(config: Config) -> list[Any]:
 
 
 def numbers(config: Config, checked: str) -> dict[str, Any] | None:
-    """Return the numbers that an earlier run computed of the same configuration.
+    """Return the numbers that an earlier run computed for the same configuration.
 
     Parameters
     ----------
@@ -67,13 +67,13 @@ def numbers(config: Config, checked: str) -> dict[str, Any] | None:
     Returns
     -------
     dict or None
-        Each number by its dotted key; None without a check of the same configuration.
+        Each number by its dotted key, or None if this configuration was not yet checked.
     """
     folder = config.get("results_dir")
     if not isinstance(folder, str):
         return None
 
-    # Only a file that this program wrote, and nobody changed, is trusted.
+    # Trust only a file that this program wrote and nobody changed.
     path = Path(folder) / FILE
     if not (path.is_file() and ledger.is_own_file(path)):
         return None

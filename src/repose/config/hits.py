@@ -59,16 +59,17 @@ def returned_restitution(
 def _rebound_speed(
     phase: float, time_step: float, damping: float, tension: str
 ) -> float:
-    """Follow a hit at speed 1 in time steps, and return the speed after it.
+    """Simulate a hit at speed 1 step by step, and return the speed of the rebound.
 
     Parameters
     ----------
     phase : float
-        Gap between the bodies at the start, over their way in a time step.
+        Gap between the bodies at the start, as a share of the distance that they approach
+        in a time step.
     time_step : float
-        Time step, where mass, speed and stiffness are 1.
+        Time step, in units in which mass, speed and stiffness are 1.
     damping : float
-        Damping force over speed and the square root of the tangent stiffness.
+        Damping force, divided by the speed and the square root of the tangent stiffness.
     tension : {"keep", "release"}
         Whether the contact may pull the bodies together as they part.
     """
@@ -81,7 +82,8 @@ def _rebound_speed(
             force = overlap**1.5 + damping * math.sqrt(stiffness) * approach_speed
             if tension == "release":
                 force = max(force, 0.0)
-        # As in the engine, the force changes the speed, and the new speed the place.
+        # Integrate as the engine does: first the speed, then the overlap with the new
+        # speed.
         approach_speed -= force * time_step
         overlap += approach_speed * time_step
         has_parted = approach_speed < 0.0 and overlap < 0.0
@@ -91,7 +93,9 @@ def _rebound_speed(
 
 
 def low_restitutions(scene: Scene, lowest: Mapping[str, float]) -> Iterator[str]:
-    """Yield a sentence about restitutions below `LOW_RESTITUTION`.
+    """Say which restitution a hit returns at this time step, if it is a low one.
+
+    Yield one sentence about the restitutions below `LOW_RESTITUTION`, or nothing.
 
     Parameters
     ----------
@@ -123,9 +127,9 @@ def low_restitutions(scene: Scene, lowest: Mapping[str, float]) -> Iterator[str]
 
 
 def _contact_time_s(scene: Scene, pair: str, restitution: float) -> float | None:
-    """Compute how long a hit of a pair of `PAIRS` lasts [s].
+    """Compute how long a hit between the bodies of a pair in `PAIRS` lasts [s].
 
-    It is None for a contact law whose hit `returned_restitution` does not follow.
+    Return None for a contact law that `returned_restitution` cannot follow.
     """
     from repose.dem.laws import CONTACT_LAWS
     from repose.dem.time_steps import FASTEST_IMPACT_M_S
@@ -135,7 +139,8 @@ def _contact_time_s(scene: Scene, pair: str, restitution: float) -> float | None
     if law not in HERTZ_LAWS or contact_time is None:
         return None
 
-    # Two equal grains move like half a grain's mass, with half its radius, at a wall.
+    # A hit of two equal grains is like that of one grain with half the mass and half the
+    # radius on a wall.
     if pair == "gg":
         partner = "berry"
         share = 0.5

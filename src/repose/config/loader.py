@@ -58,16 +58,17 @@ def read(path: Path_) -> dict[str, Any]:
 
 
 def read_layers(files: Sequence[Path_], overrides: Config | None = None) -> Layered:
-    """Read configuration files over the defaults, and note the file of each key.
+    """Merge configuration files over the defaults, and note which file holds each key.
 
-    Values are not checked, and `auto` stays. A complete file needs no default.
+    Values are not checked, and `auto` stays as it is. Files that are complete by
+    themselves are merged without the defaults.
 
     Parameters
     ----------
     files : sequence of path
         Each overrides the ones before it.
     overrides : mapping, optional
-        Nested values over all files; their texts are read as YAML.
+        Nested values that override all files. Texts among them are parsed as YAML.
 
     Returns
     -------
@@ -79,7 +80,7 @@ def read_layers(files: Sequence[Path_], overrides: Config | None = None) -> Laye
         If a file cannot be read.
     """
     paths = [places.find(path) for path in files]
-    # The files may be merged twice, alone and over the defaults.
+    # The files may be merged twice: alone, and over the defaults. Read them once.
     read_once: Any = functools.cache(read)
     if paths:
         layered = _merge_files(paths, overrides, read_once)
@@ -121,20 +122,20 @@ def of_workflow(
 def over_defaults(
     given: Config, files: Sequence[Path_] = (), default_source: str = COMMAND_LINE
 ) -> Layered:
-    """Lay the values that Snakemake calls `config` over the defaults.
+    """Merge the values of Snakemake's `config` over the defaults.
 
-    Snakemake has merged the values of its configuration files and command line. Which
-    file holds which key is found again here, for the messages about faults. A crop of
-    the user takes no number from the built-in crop.
+    Snakemake has already merged its configuration files and its command line. This
+    function recovers which file holds which key, so that messages about faults can name
+    it. If the user's values define a crop, no number of the built-in crop is used.
 
     Parameters
     ----------
     given : mapping
-        The values of Snakemake; the texts of its command line are read as YAML.
+        Snakemake's `config`. Texts from its command line are parsed as YAML.
     files : sequence of path
         Its configuration files; each overrides those before it.
     default_source : str
-        Source of the values that no file has.
+        Source of the values that come from no file.
 
     Returns
     -------
@@ -145,7 +146,7 @@ def over_defaults(
     method = places.find(places.METHOD_CONFIG)
     study = places.configs()[-1]
 
-    # Choose the defaults. Values that define a crop need those of the method alone.
+    # Choose the defaults. Values that define a crop need only those of the method.
     default_files: list[Path_] = [method]
     if files or not _is_a_crop(given):
         contents = [*map(read_once, files), given]
@@ -153,7 +154,7 @@ def over_defaults(
     needed_files = default_files if _lacks_keys(given) else []
     defaults = _merge_files(needed_files, read=read_once)
 
-    # Find the file of each value of Snakemake.
+    # Find the file that each value comes from.
     sources = []
     for path in (*default_files, study, *files):
         sources.append(Layer(str(path), read_once(path)))
@@ -180,20 +181,22 @@ def _find_in_files(
     origin: dict[str, str],
     default_source: str,
 ) -> Any:
-    """Find a value of Snakemake in the files, and return it with the type it has there.
+    """Find the file that a value of Snakemake comes from, and note it in `origin`.
+
+    Returns the value as the file has it, since Snakemake may have turned it into text.
 
     Parameters
     ----------
     value : object
-        A section, which is searched key by key, or a single value.
+        A single value, or a section, which is searched key by key.
     dotted_key : str
-        Its key; empty for the whole configuration.
+        The key of the value. It is empty for the whole configuration.
     sources : sequence of Layer
         The files; each overrides those before it.
     origin : dict
-        The source of each dotted key is added here.
+        The source of each dotted key. This function adds to it.
     default_source : str
-        Source of the values that no file has.
+        Source of the values that come from no file.
     """
     if isinstance(value, Mapping):
         section = {}
@@ -209,7 +212,7 @@ def _find_in_files(
         origin[dotted_key] = section_file or default_source
         return section
 
-    # All values of the command line are texts, and so are some numbers of files.
+    # Command lines contain only texts, and files may have numbers such as 1e-5 as text.
     parsed = value
     if default_source == COMMAND_LINE or EXPONENT.match(str(value)):
         parsed = _parse_texts(value)
@@ -231,7 +234,7 @@ def _last_file_with_section(dotted_key: str, sources: Sequence[Layer]) -> str | 
 
 
 def _value_at(content: Any, dotted_key: str) -> Any:
-    """Return the value of a dotted key in a file, or `MISSING`.
+    """Look up a dotted key in the content of a file; return `MISSING` if it is absent.
 
     An empty key stands for the whole content.
     """
@@ -257,19 +260,19 @@ def _lacks_keys(config: Config) -> bool:
 def layers(
     files: Sequence[Path_], read: Read = read, given: Iterable[Config] = ()
 ) -> list[Path_]:
-    """List the defaults and the files of a configuration; each overrides those before.
+    """List the default files and the user's files of a configuration.
 
-    The built-in crop is a default only if nothing else defines a crop, so that no crop
-    takes numbers of another one.
+    Each file overrides those before it. The built-in crop is among the defaults only if
+    no other file defines a crop, so that numbers of two crops are never mixed.
 
     Parameters
     ----------
     files : sequence of path
         The user's files.
     read : callable, optional
-        Reads a file.
+        Function that reads a file.
     given : iterable of mapping
-        Values from elsewhere that may define a crop.
+        Values from other sources, which may also define a crop.
 
     Returns
     -------
@@ -287,9 +290,9 @@ def layers(
 def find_substitute_crop(*files: Path_) -> Path | None:
     """Return the file of the built-in crop if it stands in for a missing configuration.
 
-    It does where a configuration uses it in a folder that has no configuration. The
-    result is None if one of the files lies beside the built-in crop, and so is made for
-    it.
+    That is so if the working folder has no configuration and the given files rely on
+    the built-in crop. A file in the folder of the built-in crop was made for it, so
+    that nothing is missing then.
     """
     built_in_crop = places.root() / places.DEFAULT_CONFIG
     paths = [places.find(path) for path in files]
@@ -297,7 +300,7 @@ def find_substitute_crop(*files: Path_) -> Path | None:
         if path != built_in_crop and path.parent == built_in_crop.parent:
             return None
 
-    # The folder has a configuration, or the file holds all values of a study.
+    # Nothing is missing if the folder has a configuration or the file is complete.
     if places.configs()[-1] != built_in_crop or is_resolved(*paths):
         return None
 
@@ -310,10 +313,10 @@ def find_substitute_crop(*files: Path_) -> Path | None:
 
 
 def _is_a_crop(config: Config) -> bool:
-    """Return whether a file defines a crop: it has sizes, a density or a scan.
+    """Return whether a configuration defines a crop: by sizes, a density or a scan.
 
-    A density that is a text comes from the command line, which changes one number of
-    the crop.
+    A density given as text comes from the command line. It changes one number of a crop
+    and defines no other.
     """
     grain = config.get("berry")
     if not isinstance(grain, dict):
@@ -328,23 +331,24 @@ def _is_a_crop(config: Config) -> bool:
 def _merge_files(
     files: Sequence[Path_], overrides: Config | None = None, read: Read = read
 ) -> Layered:
-    """Merge the values of files and the overrides; note the file of each key."""
+    """Merge the values of files and the overrides; note which file holds each key."""
     config: dict[str, Any] = {}
     origin: dict[str, str] = {}
     for path in files:
         _merge(config, read(path), origin=origin, source=str(path))
     _merge(config, _parse_texts(overrides or {}), origin=origin, source=COMMAND_LINE)
 
-    # A missing key belongs in the last file, and no key of the method is the user's.
+    # Messages ask the user to add a missing key to the last file, and never to edit the
+    # file of the method.
     last_file = str(files[-1]) if files else ""
     method = str(places.find(places.METHOD_CONFIG))
     return Layered(_resolve_named_files(config), Origin(origin, last_file, method))
 
 
 def _resolve_named_files(config: dict[str, Any]) -> dict[str, Any]:
-    """Replace the named files that the working folder lacks by the program's own.
+    """Replace named files that are not in the working folder by those of the program.
 
-    The configuration is changed in place, and returned. It may have faults.
+    The configuration is changed in place and returned. It need not be valid.
     """
     from repose.config.models import named_files
 
@@ -373,7 +377,10 @@ def is_resolved(*files: Path_) -> bool:
 
 
 def _parse_texts(value: Any) -> Any:
-    """Read the texts in a value as YAML: the command line gives 2 and [1, 2] as text."""
+    """Parse each text in a value as YAML.
+
+    On the command line numbers and lists arrive as text, such as "2" and "[1, 2]".
+    """
     from repose.common.reading import parse
 
     if isinstance(value, dict):
@@ -392,21 +399,21 @@ def _merge(
     source: str,
     prefix: str = "",
 ) -> dict[str, Any]:
-    """Put values over a configuration in place, section by section, and return it.
+    """Merge values into a configuration in place, section by section, and return it.
 
     Parameters
     ----------
     config : dict
-        The configuration, which is changed. It keeps the keys that `values` lack, except
-        in the sections of `REPLACED`.
+        The configuration, changed in place. Keys that `values` lack are kept, except in
+        the sections of `REPLACED`.
     values : mapping
-        The values; their sections may lack keys.
+        The new values. Their sections may be incomplete.
     origin : dict
-        The source of each dotted key of the values is added here.
+        The source of each dotted key. This function adds to it.
     source : str
-        The file of the values.
+        The file that the values come from.
     prefix : str
-        Dotted key of the section that the values are, with a dot behind it.
+        Dotted key of the section to which the values belong, with a trailing dot.
     """
     for key, value in values.items():
         dotted_key = f"{prefix}{key}"
@@ -417,7 +424,7 @@ def _merge(
         is_merged = dotted_key not in REPLACED and isinstance(config.get(key), dict)
         if not is_merged:
             config[key] = copy.deepcopy(value)
-        # After a copy this only notes the source of the inner keys.
+        # For a section that was copied, this call only notes the source of its keys.
         _merge(
             config[key], value, origin=origin, source=source, prefix=f"{dotted_key}."
         )

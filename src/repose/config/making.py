@@ -29,17 +29,18 @@ Result = TypeVar("Result")
 def time_step_faults(
     config: Mapping[str, Any], particle: Particle, mean: Mapping[str, Any]
 ) -> Iterator[tuple[str, str]]:
-    """Yield the key and the allowed values of a time step that the engine would refuse.
+    """Yield a fault if the engine would refuse the time step of a configuration.
 
-    `mean` is the mean grain, as in berry.json.
+    The fault is a key with its allowed values. `mean` is the mean grain, as in
+    berry.json.
     """
     settings = valid_sections(config)
     limit = computed.longest_step(config, particle, mean)
     if settings.simulation.time_step_s <= limit.time_step_s:
         return
     allowed = limit.allowed
-    # Without a modulus in the configuration it comes from measured forces. Forces in a
-    # wrong unit give a wrong modulus, which shortens the step.
+    # Without a modulus in the configuration, it was computed from measured forces. Show
+    # it, since forces in a wrong unit give a wrong modulus and so a wrong time step.
     if settings.berry.shear_modulus_pa is None:
         modulus = f"{mean['elastic_modulus_pa']:.2g} Pa"
         allowed += f"; the modulus of {settings.berry.compression} is {modulus}"
@@ -85,29 +86,29 @@ class ConfigChecks:
         Parameters
         ----------
         inputs : bool
-            Check also the files that the configuration names, and that grain, bench
-            tests and time step fit together.
+            Whether to check also the named files, and whether grain, bench tests and
+            time step fit together.
 
         Raises
         ------
         InputError
             With all faults.
         """
-        # Check each key by itself.
+        # Check each key separately.
         self._complete_targets()
         self.config = faults.with_whole_numbers(self.config, settings_type())
         checked = faults.check(self.config, self.source, settings_type())
         self.faults = checked.faults
         self.bad = checked.keys
 
-        # Mark the missing numbers as `auto` until they are computed.
+        # List the numbers to compute. Until then each of them is `auto`.
         pending = []
         for setting in computed.to_compute(self.config):
             if self._may_read(setting.section):
                 pending.append(setting)
                 self.config = computed.with_value(self.config, setting, computed.AUTO)
 
-        # Compute them. Some follow from the grain.
+        # Compute these numbers. Some of them depend on the grain.
         if inputs:
             self._read_files()
         if inputs or any(setting.needs_grain for setting in pending):
@@ -116,7 +117,7 @@ class ConfigChecks:
         for setting in pending:
             self._compute(setting)
 
-        # Check what belongs together.
+        # Check keys against each other, and report all faults.
         self._apply(rules(self.config))
         if inputs:
             self._check_fit()
@@ -145,7 +146,7 @@ class ConfigChecks:
         return valid_sections(self.config)
 
     def _complete_targets(self) -> None:
-        """Replace a measured profile by its score, and fill in the targets' ranges."""
+        """Replace measured profiles by their scores, and complete all ranges."""
         from repose.calibrate import profile_targets
 
         entries = self.config.get("targets")
@@ -208,7 +209,7 @@ class ConfigChecks:
         return self._fault(f"{section}.{fault.key}", fault.value, fault.allowed)
 
     def _read_files(self) -> None:
-        """Check that the named files exist, and read those that no other check reads."""
+        """Check that named files exist; read those that no other check reads."""
         if self._may_read("results_dir"):
             self._add(results_folder.existing_results(self.settings.results_dir))
 
@@ -222,7 +223,7 @@ class ConfigChecks:
                 self._result_of(key, read, paths[key])
 
     def _named_paths(self) -> dict[str, str]:
-        """Return the path of each file that the configuration names, by dotted key."""
+        """Map the dotted key of each named file to its path."""
         from repose.config.models import named_files
 
         paths = {}
@@ -235,7 +236,7 @@ class ConfigChecks:
         return paths
 
     def _readers(self) -> dict[str, Callable[[str], Any]]:
-        """Return the functions that read the named files, by dotted key."""
+        """Map the dotted keys of named files to the functions that read them."""
         from repose.calibrate.uncertainty.discrepancy import shape_study_discrepancy
         from repose.grain.berry_files import read_sizes
         from repose.measure.pile import read_image
@@ -254,7 +255,7 @@ class ConfigChecks:
         return readers
 
     def _make_grain(self) -> None:
-        """Make the mean grain and its particle, where this is not done yet."""
+        """Make the mean grain and its particle, unless they were made before."""
         from repose.grain import berry, build
 
         if self.mean is None and self._may_read(*GRAIN):
@@ -269,7 +270,7 @@ class ConfigChecks:
             )
 
     def _compute(self, setting: computed.Computed) -> None:
-        """Replace an `auto` by its number; mark its key if this cannot be computed."""
+        """Replace an `auto` by its number, or mark its key as bad if that fails."""
         lacks_grain = setting.needs_grain and self.particle is None
         if lacks_grain or not self._may_read(*setting.reads):
             self.bad.add(setting.key)
@@ -281,14 +282,14 @@ class ConfigChecks:
             return
         self.config = computed.with_value(self.config, setting, number)
 
-        # The number may lie outside the allowed values.
+        # Even a computed number may lie outside the allowed range.
         for fault in faults.check(self.config, self.source, settings_type()).faults:
             if fault.key == setting.key:
                 allowed = f"{fault.allowed}; `auto` gives this number"
                 self._add([(fault.key, allowed)])
 
     def _check_fit(self) -> None:
-        """Check the grain against the bench tests and the time step."""
+        """Check that the grain fits the bench tests and the time step."""
         if self.mean is None:
             return
         axes_mm = computed.axes_mm(self.mean)

@@ -95,12 +95,15 @@ class ParametersSettings(Section):
 
 
 def _parameters() -> type[ParametersSettings]:
-    """Make the model with the six parameters, and those of the contact laws."""
+    """Make the model of the section `parameters`.
+
+    It has the six parameters of Table 2 and the additional ones of the contact laws.
+    """
     fields: dict[str, Any] = {}
     for name in PARAMETERS:
         field = Field(description=LABELS[name], json_schema_extra={"source": "Table 2"})
         fields[name] = (parameter(*ALLOWED[name]), field)
-    # A study gives a parameter of a law only where it uses this law.
+    # A parameter of a law may be absent, since only studies with this law have it.
     for name, law_parameter in LAW_PARAMETERS.items():
         limits = law_parameter.constant
         highest = min(limits.most, 1.0e9)
@@ -175,7 +178,7 @@ class TargetSettings(Section):
     )
 
     def contradictions(self) -> Contradictions:
-        """Refuse a response of no bench test, and values outside the allowed range."""
+        """Refuse an unknown response, and values outside the allowed range."""
         known = [response.name for response in responses_of(self.apparatus)]
         if not known:
             yield "apparatus", f"one of {', '.join(names())}"
@@ -196,9 +199,9 @@ class TargetSettings(Section):
         yield from self._values_outside_limits(response)
 
     def _values_outside_limits(self, limits: Response) -> Contradictions:
-        """Refuse values outside the limits of the response or the target's own range.
+        """Refuse values beyond the limits of the response or the target's own range.
 
-        Only the first of these faults is reported, as the others follow from it.
+        Only the first such fault is reported, because the others would follow from it.
         """
         low, high = self.range
         within_limits = f"from {limits.low:g} to {limits.high:g}"
@@ -206,25 +209,25 @@ class TargetSettings(Section):
             yield "value", within_limits
             return
 
-        is_range_within = limits.low <= low and high <= limits.high
-        if not is_range_within and self._is_range_of_the_scatter():
+        is_range_allowed = limits.low <= low and high <= limits.high
+        if not is_range_allowed and self._is_range_of_the_scatter():
             yield (
                 "sd",
                 "so small that the mean with two standard errors, "
                 f"{low:g} to {high:g}, lies {within_limits}",
             )
             return
-        if not is_range_within:
+        if not is_range_allowed:
             yield "range", f"a pair [low, high] {within_limits}"
             return
 
-        # What the search aims at is the value, unless the target has an aim.
-        inside = f"inside its range, {low:g} to {high:g}"
+        # The search aims at the value of the target, or at its aim if it has one.
+        inside_range = f"inside its range, {low:g} to {high:g}"
         if self.aim is None:
             if not low <= self.value <= high:
-                yield "value", inside
+                yield "value", inside_range
         elif not low <= self.aim <= high:
-            yield "aim", inside
+            yield "aim", inside_range
 
     def _is_range_of_the_scatter(self) -> bool:
         """Return whether the range follows from the scatter of the repetitions.
@@ -391,7 +394,7 @@ def settings_type() -> type[StudySettings]:
 def _settings_type(
     bench_tests: tuple[str, ...], strategies: tuple[str, ...]
 ) -> type[StudySettings]:
-    """Make the model for these bench tests and strategies."""
+    """Make the model of a configuration with these bench tests and strategies."""
     from repose.calibrate.strategies import strategy
 
     sections: dict[str, Any] = {}
@@ -429,11 +432,11 @@ def settings_of(
 
 
 def valid_sections(config: Mapping[str, Any]) -> StudySettings:
-    """Make the typed sections that are valid by themselves.
+    """Return the typed sections of a configuration, without those that have faults.
 
-    While a configuration is checked, a rule or a computed number needs some sections of
-    it, and others may have faults. A section that is missing or has a fault is not set:
-    to read it is an AttributeError.
+    During a check, a rule or a computed number needs only some sections, while others
+    may be invalid. Reading a section that is missing or invalid raises an
+    AttributeError.
     """
     model = settings_type()
     sections: dict[str, Any] = {}
@@ -476,9 +479,9 @@ def named_files() -> tuple[str, ...]:
 
 @cache
 def _files_of(model: type[Section]) -> tuple[str, ...]:
-    """Return the keys of a section's model, and of the sections in it, that name a file.
+    """List the keys that name a file, in a section's model and in its inner sections.
 
-    The types of these keys are marked by `FILE`.
+    Such a key has a type marked by `FILE`.
     """
     keys: list[str] = []
     for name, field in model.model_fields.items():

@@ -55,7 +55,7 @@ class Table(NamedTuple):
 
 
 def page(text: str) -> str:
-    """Return the text of the page with its tables replaced by those of today's fields."""
+    """Return the text of the page with its tables brought up to date."""
     tables_by_name = tables()
 
     def write_table(match: re.Match[str]) -> str:
@@ -74,7 +74,7 @@ def sections_without_table(text: str) -> list[str]:
 
 
 def tables() -> dict[str, Table]:
-    """Return all tables by the names that the page gives them."""
+    """Return all tables by the names that they have in the page."""
     method = read(places.root() / places.METHOD_CONFIG)
     whole = settings_type()
     tables_by_name = {
@@ -100,9 +100,9 @@ def _section(field: FieldInfo) -> type[Section] | None:
 
 
 def _rows(table: Table) -> Iterator[str]:
-    """Yield a row for each key that a user gives, in the order of the fields."""
+    """Yield a row of the table for each key that a user may set."""
     for name, field in table.model.model_fields.items():
-        # A section inside has its own table, and an internal key no description.
+        # An inner section has its own table. An internal key has no description.
         if field.description is None or _section(field) is not None:
             continue
         extra = field.json_schema_extra

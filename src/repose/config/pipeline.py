@@ -50,15 +50,14 @@ class PipelineConfig:
         overrides: Mapping[str, Any] | None = None,
         inputs: bool = False,
     ) -> "PipelineConfig":
-        """Load and check configuration files, with each `auto` computed.
+        """Load configuration files, check them and compute each `auto`.
 
         Parameters
         ----------
         *files : path
-            YAML or JSON files. Each may hold only the keys that differ; it overrides the
-            files before it, and all override the defaults. A complete file needs no
-            default. A file of `write_resolved` was checked before, and is read
-            unchanged.
+            YAML or JSON files. Each overrides the files before it, and all override the
+            defaults, so a file may hold only the keys that differ. A file written by
+            `write_resolved` is complete and checked, and is read unchanged.
         overrides : mapping, optional
             Nested values, over all files; their texts are read as YAML.
         inputs : bool, optional
@@ -210,10 +209,10 @@ class PipelineConfig:
 
     @cached_property
     def definitions(self) -> Definitions:
-        """For each response the keys that define it, with their values.
+        """The keys that define each response, with their values.
 
-        Only bench tests of the targets have an entry: the files of a study do not change
-        with the others.
+        Only responses of the targets' bench tests are included. Other bench tests then
+        do not change the files of a study.
         """
         from repose.bench import bench_tests
 
@@ -231,7 +230,10 @@ class PipelineConfig:
         return definitions
 
     def study(self, file: Path_ | None = None) -> "Study":
-        """Make the study that asks for runs of this configuration.
+        """Make a study that asks for the runs of this configuration.
+
+        The study knows nothing of this simulator. It receives only what a study of any
+        simulator needs: parameters, targets and the settings of the calibration.
 
         Parameters
         ----------
@@ -246,12 +248,15 @@ class PipelineConfig:
         from repose.calibrate.settings import CalibrationSettings
         from repose.calibrate.study import Study
 
+        # Strategies that are no fields of `CalibrationSettings` go into `others`.
         settings = self.settings
         others = {}
         for name in strategies.names():
             section = settings.of_strategy(name)
             if section is not None and name not in CalibrationSettings.model_fields:
                 others[name] = section
+
+        # Copy only the sections that a calibration with any simulator has.
         calibration = CalibrationSettings(
             label=settings.label,
             simulator="repose",

@@ -80,9 +80,9 @@ def counted_folders(records: Iterable[str]) -> list[str]:
 
 
 def check_is_apart(results_dir: str) -> str:
-    """Return the path, or refuse a folder of the project or around it.
+    """Refuse a folder of results that is one of the project's, or contains the project.
 
-    This is a validator of the configuration.
+    Returns the path unchanged, as pydantic expects from a validator.
     """
     folder = Path(os.path.realpath(results_dir))  # also of a link to itself
     roots = {Path.cwd(), places.root().resolve()}
@@ -130,12 +130,12 @@ def pattern_of(outputs: Iterable[str]) -> re.Pattern[str]:
 
 
 def _pattern_of_path(path: str, wildcards: dict[str, str]) -> str:
-    """Write the regular expression of an output.
+    """Turn the path of an output into a regular expression.
 
-    `wildcards` holds expressions by name; any other wildcard stands for one name of a
-    file or folder.
+    `wildcards` maps names of wildcards to expressions. Any other wildcard matches the
+    name of one file or folder.
     """
-    # Texts stand at even positions, and between them the names of wildcards.
+    # Texts and names of wildcards alternate, beginning with a text.
     parts = re.split(WILDCARD, path)
     expression = ""
     for position, part in enumerate(parts):
@@ -148,20 +148,20 @@ def _pattern_of_path(path: str, wildcards: dict[str, str]) -> str:
 
 
 def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
-    """Check that a study can write its results without a loss of other files.
+    """Check that a study can write its results without destroying other files.
 
     Parameters
     ----------
     results_dir : str
         The folder of results.
     outputs : iterable of str
-        The paths that rules write, with wildcards in braces.
+        Paths that rules of the workflow write, with wildcards in braces.
 
     Raises
     ------
     InputError
-        With all faults: a result was changed, or a file that no study wrote has the
-        name of a result, or the folder is no study's.
+        With all faults: a result was edited, a file of another origin has the name of a
+        result, or the folder does not belong to a study.
     OSError
         If a folder cannot be listed.
     """
@@ -248,11 +248,11 @@ def _unlisted(results_dir: str, names: list[str]) -> Iterator[str]:
 
 
 def take_over(results_dir: str, outputs: Iterable[str]) -> int:
-    """Note the results in folders that have lost their lists, and count them.
+    """List the results again in folders that have lost their lists of files.
 
-    They are the files with a record of provenance. What a run writes beside them is
-    noted with them: the resolved configuration and the times of the runs. `outputs` are
-    as in `check_no_foreign_files`.
+    Results are recognised by their records of provenance. The resolved configuration
+    and the times of the runs have no records and are listed as well. `outputs` are as
+    in `check_no_foreign_files`. Returns the number of results.
     """
     names = _names_of_results(results_dir, outputs)
     results = list(_unlisted(results_dir, names))

@@ -30,19 +30,20 @@ def run_of_workflow(
     has_command_line: bool,
     inputs: bool,
 ) -> "WorkflowRun":
-    """Make the run, with its study, of what Snakemake calls `config`.
+    """Make the study of a run of the workflow from Snakemake's `config`.
 
-    A configuration that an earlier run has checked is not checked again
+    If an earlier run has checked the same configuration, the check is skipped
     (`repose.config.earlier_check`).
 
     Parameters
     ----------
     config : mapping
-        Snakemake's `config`: its files over each other, and --config over them.
+        Snakemake's `config`, in which later files override earlier ones, and --config
+        overrides all of them.
     configfiles : sequence of str
-        The files of --configfile, in their order. Messages name them.
+        The files of --configfile, in this order. Error messages name them.
     has_command_line : bool
-        Whether --config gave values.
+        Whether --config has changed any value.
     inputs : bool
         Whether to check the files that the configuration names.
 
@@ -64,14 +65,14 @@ def run_of_workflow(
         return WorkflowRun(ExternalConfig.of_layers(given, inputs=inputs))
     layered = loader.over_defaults(config, files, source)
 
-    # Take the numbers of an earlier check.
+    # Reuse the numbers of an earlier check.
     fingerprint = earlier_check.fingerprint(layered.config)
     numbers = earlier_check.numbers(layered.config, fingerprint)
     if numbers is not None:
         completed = earlier_check.with_numbers(layered.config, numbers)
         return WorkflowRun(PipelineConfig.of(completed, layered.origin))
 
-    # Only a full check is kept for later runs.
+    # Check now. Only a full check is worth keeping for later runs.
     study = PipelineConfig.of(layered.config, layered.origin, inputs=inputs)
     first_check = FirstCheck(layered.config, fingerprint) if inputs else None
     return WorkflowRun(study, first_check)
@@ -162,10 +163,10 @@ class WorkflowRun:
         self._held = ExitStack()  # the folder of results
 
     def begin(self, outputs: Iterable[str]) -> None:
-        """Hold the folder of results, and write the configuration that its jobs read.
+        """Lock the folder of results, and write the configuration for the jobs.
 
-        The folder is held until the process ends. Then the times of the run are
-        printed, after all that Snakemake prints.
+        The lock lasts until the process ends. The times of the run are printed then,
+        after everything that Snakemake prints.
 
         Parameters
         ----------
@@ -175,7 +176,7 @@ class WorkflowRun:
         Raises
         ------
         InputError
-            If another run of the workflow holds the folder.
+            If another run of the workflow uses the folder.
         """
         self._held.enter_context(take_folder(self.folder))
         count = results_folder.take_over(self.folder, outputs)
@@ -217,7 +218,10 @@ class WorkflowRun:
         return any(line.startswith(FAULT) for line in last_lines)
 
     def _report_times(self) -> None:
-        """Print the times of this run if a job ran, and add them to the table of runs."""
+        """Print the times of this run, and append them to the table of runs.
+
+        A run without any job is not reported.
+        """
         import pandas as pd
 
         from repose.common.files import read_table, write_table
@@ -249,9 +253,9 @@ class WorkflowRun:
 
 
 def _processor_time_s(processes: Iterable[usage.Process]) -> float:
-    """Add up the processor time of this process and of the jobs of its run [s].
+    """Add up the processor time of this process and of all jobs of its run [s].
 
-    Jobs on this machine are children of this process, and their time counts with its.
+    Jobs on this machine are children of this process, so its own count includes them.
     """
     this_process = str(os.getpid())
     this_host = os.uname().nodename
