@@ -224,13 +224,17 @@ def _print_probabilities(result: "Plan") -> None:
         "probability that the answer of strategy: sequential lies within 1 % and 2 % of "
         "all targets:"
     )
-    print(f"{'pours':>7} {'1 %':>12} {'2 %':>12}")
+    # A column of the table for each tolerance: the probability and its standard error.
+    header = [f"{percent:g} %" for percent in TOLERANCES]
+    print(f"{'pours':>7}", *(f"{title:>12}" for title in header))
     for row in result.budgets.to_dict("records"):
-        text = f"{row['pours']:>7}"
+        cells = []
         for percent in TOLERANCES:
             column = f"within_{percent:g}_percent"
-            text += f" {row[column]:>5.2f} ± {row[f'{column}_se']:.2f}"
-        print(text)
+            probability = row[column]
+            standard_error = row[f"{column}_se"]
+            cells.append(f"{probability:.2f} ± {standard_error:.2f}")
+        print(f"{row['pours']:>7}", *(f"{cell:>12}" for cell in cells))
     print(
         "by simulated calibrations with known answers and six free parameters: "
         "`repose docs sequential`"

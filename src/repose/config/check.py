@@ -40,6 +40,8 @@ TRIALS = {
 }
 # A time step that could be longer by this factor is worth a hint.
 MUCH_LONGER = 1.5
+# Widths of the columns in the table of costs.
+COST_COLUMNS = {"strategy": 18, "pours": 12, "core-minutes": 13, "disk": 8}
 
 ShowMessage = Callable[[str], AbstractContextManager[None]]
 
@@ -366,7 +368,7 @@ def tabulate_costs(
         if reason is not None:
             misfits[name] = reason
 
-    yield f"{'strategy':>18} {'pours':>12} {'core-minutes':>13} {'disk':>8}"
+    yield _align_costs({column: column for column in COST_COLUMNS})
     if "sequential" not in misfits:
         section = settings.sequential
         for budget in budgets:
@@ -414,10 +416,21 @@ def _cost_row(
         # Other lines of the output count the budget without the check.
         budget, n_checks = run_counts
         pours_text = f"{budget} + {n_checks}"
-    marked_name = f"*{name}" if name == study.settings.strategy else name
     minutes = work["total_s"] / 60
     disk_mb = cost.disk_mb(study.settings, sum(run_counts))
-    return f"{marked_name:>18} {pours_text:>12} {minutes:>13.1f} {disk_mb:>5.1f} MB"
+    return _align_costs(
+        {
+            "strategy": f"*{name}" if name == study.settings.strategy else name,
+            "pours": pours_text,
+            "core-minutes": f"{minutes:.1f}",
+            "disk": f"{disk_mb:.1f} MB",
+        }
+    )
+
+
+def _align_costs(cells: Mapping[str, str]) -> str:
+    """Align the cells of a row with the columns of the table of costs."""
+    return " ".join(f"{cells[name]:>{width}}" for name, width in COST_COLUMNS.items())
 
 
 def list_studies(files: list[str]) -> str:

@@ -7,7 +7,7 @@ It prints a line for each section that has no such lines.
 
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,9 +23,7 @@ from repose.stages.settings import ParticlesSettings, SimulatorSettings
 
 PAGE = Path("config", "README.md")
 TABLE = re.compile(r"<!-- keys: (\w+) -->\n.*?<!-- end -->", re.DOTALL)
-HEAD = """\
-| key | meaning | unit | values | default | source |
-|---|---|---|---|---|---|"""
+COLUMNS = ("key", "meaning", "unit", "values", "default", "source")
 # Units by the ends of the keys; a longer end is tried before a shorter one.
 UNITS = {
     "_mm_per_pixel": "mm",
@@ -61,8 +59,10 @@ def page(text: str) -> str:
     def write_table(match: re.Match[str]) -> str:
         """Write a table between the two lines that name it in the page."""
         name = match[1]
-        rows = "\n".join(_rows(tables_by_name[name]))
-        return f"<!-- keys: {name} -->\n\n{HEAD}\n{rows}\n\n<!-- end -->"
+        rule = "|---" * len(COLUMNS) + "|"
+        lines = [_line(COLUMNS), rule, *_rows(tables_by_name[name])]
+        text_of_table = "\n".join(lines)
+        return f"<!-- keys: {name} -->\n\n{text_of_table}\n\n<!-- end -->"
 
     return TABLE.sub(write_table, text)
 
@@ -107,15 +107,20 @@ def _rows(table: Table) -> Iterator[str]:
             continue
         extra = field.json_schema_extra
         source = extra.get("source", "ours") if isinstance(extra, dict) else "ours"
-        cells = (
-            f"`{name}`",
-            field.description,
-            _unit(name),
-            _short(faults.allowed(name, table.model)),
-            _default(name, field, table),
-            source,
-        )
-        yield f"| {' | '.join(str(cell) for cell in cells)} |"
+        cells = {
+            "key": f"`{name}`",
+            "meaning": field.description,
+            "unit": _unit(name),
+            "values": _short(faults.allowed(name, table.model)),
+            "default": _default(name, field, table),
+            "source": str(source),
+        }
+        yield _line(cells[column] for column in COLUMNS)
+
+
+def _line(cells: Iterable[str]) -> str:
+    """Write a line of a table in Markdown."""
+    return f"| {' | '.join(cells)} |"
 
 
 def _default(name: str, field: FieldInfo, table: Table) -> str:
