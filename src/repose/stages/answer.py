@@ -58,23 +58,26 @@ def read(  # noqa: PLR0913  (each describes the study of the answer)
     small_run: bool = False,
     names: Sequence[str] | None = None,
 ) -> Result:
-    """Read the result of a calibration that was simulated again.
+    """Read the answer of a finished calibration from the files of its stages.
+
+    The answer is a parameter set with the check that simulated it again.
 
     Parameters
     ----------
     summary_json : path
         Summary of the search, or of the strategy.
     check_csv : path
-        Table of the check, a row for each response.
+        Table of the check, with a row for each response.
     solutions_csv : path
-        All parameter sets that were found.
+        All parameter sets that the calibration found.
     label : str
-        Of the study.
+        Name of the study.
     targets : Targets
+        The responses to meet.
     measure : MeasureSettings or None
         The section `measure`, which defines the angles of piles.
     strategy : str
-        The one that found the answer.
+        The strategy that found the answer.
     results_dir : path
         Folder of the results.
     small_run : bool, optional
@@ -89,7 +92,7 @@ def read(  # noqa: PLR0913  (each describes the study of the answer)
     Raises
     ------
     InputError
-        If a file is damaged, or lacks a target.
+        If a file is damaged, or has no row for a target.
     """
     keys = {"representative": dict, "feasible": bool, "message": str}
     summary = read_json(summary_json, keys, "the answer of a calibration; run it first")
@@ -103,7 +106,8 @@ def read(  # noqa: PLR0913  (each describes the study of the answer)
         line = line_for(measure, target.name)
         checks.append(_check(target, rows[target.name], line))
 
-    # These columns are of all targets together, and so the same in each row.
+    # Every row repeats two kinds of probability for all targets together. `within`: that
+    # all means lie within some percent of the aims. `inside`: that all lie in their ranges.
     first_row = rows[targets.names[0]]
     within = {percent: _number(first_row, name) for percent, name in WITHIN.items()}
     return Result(
@@ -127,7 +131,10 @@ def read(  # noqa: PLR0913  (each describes the study of the answer)
 
 
 def _read_checks(check_csv: Path_, targets: Targets) -> dict[str, dict[str, Any]]:
-    """Read the rows of a check by their responses; each target must have one."""
+    """Read the table of a check into a row for each response.
+
+    Every target must have a row.
+    """
     table = read_cells(check_csv, COLUMNS, "a table of the verb validate")
     rows = {row["response"]: row for row in table.rows()}
     for name in targets.names:

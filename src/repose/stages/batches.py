@@ -38,14 +38,16 @@ def run_propose(
     names: Sequence[str] | None = None,
     source: object = "configuration",
 ) -> dict[str, Any]:
-    """Write the proposal of a strategy: samples.csv and proposal.json.
+    """Let a strategy propose its next batch, and write it.
+
+    The files are samples.csv, the runs to make, and proposal.json.
 
     Parameters
     ----------
     name : str
-        Of the strategy.
+        Name of the strategy.
     study : Study
-        Its parameters, targets and settings.
+        Parameters, targets and settings of the study.
     folders : sequence of path
         The batches so far, each with dataset.csv and runs.csv.
     out_dir : path
@@ -55,7 +57,7 @@ def run_propose(
     names : sequence of str, optional
         As in `repose.stages.parameter_sets.parameter_columns`.
     source : object, optional
-        File of the configuration, for an error.
+        File of the configuration, for error messages.
 
     Returns
     -------
@@ -65,7 +67,7 @@ def run_propose(
     Raises
     ------
     InputError
-        If the runs are of other definitions, or too few for the strategy.
+        If the runs were measured by other definitions, or are too few for the strategy.
     """
     for folder in folders:
         batch_definitions, path = read_definitions(Path(folder) / "dataset.csv")
@@ -76,7 +78,7 @@ def run_propose(
     try:
         proposal = strategy(name).propose(study, data)
     except InputError as error:
-        # The strategy knows no files: name the last batch.
+        # The strategy does not know the files. Name that of the last batch in its place.
         last_folder = folders[-1] if folders else name
         raise InputError(last_folder, error.key, error.value, error.allowed) from None
 
@@ -104,17 +106,17 @@ def run_conclude(
     measure: MeasureSettings | None,
     names: Sequence[str] | None = None,
 ) -> pd.DataFrame:
-    """Write the answer of a strategy, simulated again, and the tables of all batches.
+    """Write the answer of a strategy, and the tables of all its batches.
 
-    Besides the files of `write_answer` these are batches.csv, a row for each proposal,
-    dataset.csv and runs.csv of all batches, and the notes that `Strategy.files` names.
+    These are the files of `write_answer`; batches.csv, with a row for each proposal;
+    dataset.csv and runs.csv of all batches; and the notes that `Strategy.files` names.
 
     Parameters
     ----------
     name : str
-        Of the strategy.
+        Name of the strategy.
     folders : sequence of path
-        All batches, that of the answer last.
+        The batches in order. The last one simulates the answer.
     out_dir : path
         Folder to write.
     parameters : ParameterSpace
@@ -177,16 +179,17 @@ def write_answer(
     targets: Targets,
     measure: MeasureSettings | None,
 ) -> pd.DataFrame:
-    """Write an answer in the files that card, final message and report read.
+    """Write the answer of a strategy for the card, the final message and the report.
 
-    These are solutions.csv, table4.csv, representative.csv, check.csv and summary.json.
+    The files are solutions.csv, table4.csv, representative.csv, check.csv and
+    summary.json.
 
     Parameters
     ----------
     proposal : mapping
         Content of proposal.json.
     answer_runs : pandas.DataFrame
-        Single runs of the answer.
+        Single runs with the parameters of the answer.
     out_dir, parameters, targets, measure
         As in `run_conclude`.
 
@@ -197,7 +200,7 @@ def write_answer(
     """
     notes = proposal["notes"]
 
-    # The first solution is the answer: make its row of Table 4, and check it.
+    # The first solution is the answer. Make its row of Table 4.
     solutions = pd.DataFrame(proposal["solutions"])
     columns = [*parameters.names, *targets.predicted]
     best = solutions.loc[0, columns].astype(float).to_dict()
@@ -209,6 +212,8 @@ def write_answer(
         **_name_optimism(notes.get("optimism", ()), targets),
         **_summarise_runs(answer_runs, targets),
     }
+
+    # Compare the simulation with the prediction, if the strategy has not done so.
     if "check" in notes:
         check = pd.DataFrame(notes["check"])
     else:
@@ -261,7 +266,7 @@ def _summarise(
 def _compare_with_prediction(
     row: Mapping[str, Any], errors: Sequence[float], targets: Targets
 ) -> pd.DataFrame:
-    """Compare the answer as predicted and as simulated, a row for each response.
+    """Compare prediction and simulation of the answer, with a row for each response.
 
     Parameters
     ----------
@@ -286,9 +291,10 @@ def _compare_with_prediction(
 def _name_optimism(
     rows: Sequence[Mapping[str, Any]], targets: Targets
 ) -> dict[str, float]:
-    """Return the expected optimism of the answer's prediction by columns of Table 4.
+    """Name the expected optimism of the answer's predictions as in Table 4.
 
-    `rows` have the name of a response, its optimism and the standard error of this.
+    `rows` hold the name of a response, the optimism of its prediction, and the standard
+    error of this optimism.
     """
     rows_by_response = {row["response"]: row for row in rows}
     columns = {}
@@ -301,10 +307,10 @@ def _name_optimism(
 
 
 def _summarise_runs(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
-    """Compute means, standard errors and number of the answer's runs, as in Table 4.
+    """Summarise the answer's runs in a row of Table 4: means, standard errors, number.
 
-    A mean or error that too few runs have is NaN for a target, and None for another
-    angle of the piles.
+    With too few runs, a mean or an error is NaN for a target, and None for the other
+    angles of a pile.
     """
     good = runs[runs["status"] == "ok"]
     row: dict[str, Any] = {}
@@ -317,14 +323,15 @@ def _summarise_runs(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
         row[response.standard_error] = error
         counts.append(len(values))
 
-    # The angle of the piles by every definition.
+    # Add the mean angle of the piles by every definition.
     piles = of_bench(good, UNNAMED)
     for name in MEAN_KEYS.values():
         if name in piles:
             values = piles[name].dropna().to_numpy(float)
             row[name], row[error_of(name)] = mean_and_error(values)
 
-    # How the runs ended. Without a good run the most frequent failure is the status.
+    # Describe how the runs ended. Without a good run, the status is the most frequent
+    # failure.
     failures = runs.loc[runs["status"] != "ok", "status"].value_counts()
     reasons = [f"{count} runs {status}" for status, count in failures.items()]
     n_good = min(counts)
@@ -335,9 +342,9 @@ def _summarise_runs(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
 
 
 def _tabulate_batches(proposals: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    """Make a row for each proposal: number and runs of the batches before it, and why.
+    """Make a row for each proposal: its batch, the runs before it, and its reason.
 
-    Where some proposals have a note `row`, the others are left out.
+    If a strategy adds a note `row` to some proposals, only these are listed.
     """
     rows = []
     rows_with_note = []
@@ -352,7 +359,7 @@ def _tabulate_batches(proposals: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
 
 
 def _as_json(value: Any) -> Any:
-    """Make a note plain for JSON: a table becomes its columns, NaN becomes None."""
+    """Convert a note to plain JSON: tables become columns, and NaN becomes None."""
     if isinstance(value, pd.DataFrame):
         return _as_json(value.to_dict("list"))
     if isinstance(value, Mapping):
@@ -369,7 +376,7 @@ def read(
 ) -> pd.DataFrame:
     """Read the runs of all batches as a strategy takes them (`data_of`).
 
-    A column `batch` has the number of the batch of each run.
+    The column `batch` numbers the batches.
     """
     batches: list[pd.DataFrame] = []
     earlier_samples: set[int] = set()
@@ -408,35 +415,36 @@ def tables_of(
 def data_of(
     dataset: pd.DataFrame, runs: pd.DataFrame, targets: Targets
 ) -> pd.DataFrame:
-    """Arrange runs as a strategy takes them.
+    """Arrange single runs in the form that a strategy expects.
 
-    Bench tests have separate runs. The first good run of each makes the first row of a
-    sample, and so on; these runs are independent, so any pairing is valid.
+    Each bench test has runs of its own. The first row of a sample combines the first
+    good run of each bench test, the second row the second ones, and so on. All runs are
+    independent, so any pairing is valid.
 
     Parameters
     ----------
     dataset : pandas.DataFrame
         The samples.
     runs : pandas.DataFrame
-        Their runs, of all bench tests.
+        Their single runs in all bench tests.
     targets : Targets
 
     Returns
     -------
     pandas.DataFrame
-        A row for each run: sample, parameters, responses, which are NaN for a run that
-        failed.
+        A row for each run: sample, parameters and responses. Responses of a failed run
+        are NaN.
     """
     sample_and_bench = ["sample", "apparatus"] if "apparatus" in runs else ["sample"]
 
-    # A sample has as many rows as it has runs in the bench test with the most.
+    # Give each sample a row for each run in the bench test that ran it most often.
     n_runs = runs.groupby(sample_and_bench).size().groupby("sample").max()
     n_rows = n_runs.reindex(dataset["sample"], fill_value=0).to_numpy()
     data = dataset.loc[dataset.index.repeat(n_rows)].reset_index(drop=True)
     row_of_sample = data.groupby("sample").cumcount()
     row_keys = pd.MultiIndex.from_arrays([data["sample"], row_of_sample])
 
-    # The k-th good run of a sample in a bench test belongs in its k-th row.
+    # Put the k-th good run of a sample, in each bench test, into its k-th row.
     good = runs[runs["status"] == "ok"]
     run_of_sample = good.groupby(sample_and_bench).cumcount()
     good = good.assign(run_of_sample=run_of_sample)

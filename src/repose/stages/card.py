@@ -316,9 +316,13 @@ def check(card: Mapping[str, Any], source: object) -> None:
 def faults_of(
     error: ValidationError, source: object, prefix: str = ""
 ) -> Iterator[InputError]:
-    """Turn pydantic's errors into ours; `prefix` stands before the key of each."""
+    """Turn the errors of pydantic into faults of a card.
+
+    `prefix` precedes the key of each fault.
+    """
     for fault in error.errors(include_url=False):
-        # pydantic puts the branch of a union, or its "[key]", into the path.
+        # Drop the steps of the path that are no keys: pydantic adds the branch of a union,
+        # and "[key]" for a wrong key.
         words_of_pydantic = ("[key]", "float", "list", "dict")
         keys = [str(step) for step in fault["loc"] if step not in words_of_pydantic]
         dotted_key = prefix + ".".join(keys)
@@ -326,7 +330,7 @@ def faults_of(
         value = fault["input"]
         allowed = fault["msg"].removeprefix("Input should be ")
         if fault["type"] == "missing":
-            # Pydantic gives the section that lacks the key as the input.
+            # The input is then the section around the missing key.
             value = None
             allowed = "the key is missing"
         elif fault["type"] == "extra_forbidden":
@@ -337,7 +341,7 @@ def faults_of(
 def _parameter_faults(
     parameters: Mapping[str, Mapping[str, Any]], source: object
 ) -> Iterator[InputError]:
-    """Find parameters that are missing, or that no simulation can have."""
+    """Find parameters that are missing or physically impossible."""
     for name in PARAMETERS:
         if name not in parameters:
             key = f"parameters.{name}"

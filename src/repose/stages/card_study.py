@@ -110,14 +110,14 @@ class CardStudy(Protocol):
 def run(
     study: CardStudy, answer: Result, files: Mapping[str, Any], out: Path_
 ) -> dict[str, Any]:
-    """Write the card of a finished calibration.
+    """Make and write the material card of a finished calibration.
 
     Parameters
     ----------
     study : CardStudy
         The study.
     answer : Result
-        Its answer, simulated again.
+        The answer of the study, simulated again.
     files : mapping of str to path
         ``feasible``, and for our simulator ``berry`` and ``particle``; ``posterior``
         with ``draws``, ``table4`` and ``dataset`` may be None.
@@ -133,7 +133,7 @@ def run(
 
     feasible = read_table(files["feasible"], study.parameters.names)
 
-    # Not every study has a posterior, and not every strategy a Table 4.
+    # Read the posterior and Table 4, which not every study has.
     posterior = None
     if files["posterior"] is not None:
         columns = ("parameter", "credible_low", "credible_high")
@@ -181,7 +181,7 @@ def make(
     dataset_csv: Path_ | None = None,
     row: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """Make the card of a calibration.
+    """Make the material card of a calibration.
 
     Parameters
     ----------
@@ -192,13 +192,14 @@ def make(
     particle : Particle
         The simulated body.
     feasible : pandas.DataFrame
-        The parameter sets found.
+        The feasible parameter sets that were found.
     posterior : tuple of two pandas.DataFrame, optional
-        Its intervals and its draws.
+        Intervals and draws of the posterior.
     dataset_csv : path, optional
-        The samples of the design: real piles, for what angles are possible.
+        Samples of the design. Their piles show which angles are possible.
     row : mapping, optional
-        The answer's row of `table4.csv`: its piles by every definition of the angle.
+        The row of the answer in `table4.csv`. It has the angle of its piles by every
+        definition.
 
     Returns
     -------
@@ -214,7 +215,7 @@ def make(
         "simulation": {key: getattr(settings.simulation, key) for key in SIMULATION},
     }
 
-    # Describe how each target is measured, and whether a pile can have it.
+    # Describe for each target how it is measured and whether a pile can reach it.
     tests = {}
     for target in study.targets:
         tests[target.name] = {
@@ -274,14 +275,14 @@ def make_external(
 
 
 def laws(settings: SimulationSettings) -> dict[str, str]:
-    """Describe the contact laws of a study: a sentence for each direction of motion."""
+    """Describe the contact laws of a study, a sentence for each direction of motion."""
     from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
     from repose.dem.laws.law import COULOMB
 
     contact_law = CONTACT_LAWS[settings.contact_law]
     rolling_law = ROLLING_LAWS[settings.rolling_law]
 
-    # The sentences have a place for the limit of friction, which the tension changes.
+    # Fill the limit of friction, which depends on the tension, into the sentences.
     friction_limit = contact_law.limits[COULOMB[settings.tension]]
     templates = {**contact_law.words, **rolling_law.words}
     sentences = {}
@@ -326,9 +327,10 @@ def describe_response(
 
 
 def _chosen_response(study: CardStudy, response: Response) -> Response:
-    """Find the response of the definition that the configuration has chosen.
+    """Find the response that the study calibrates under a general name.
 
-    The angle of repose has several definitions, each also a response of its own.
+    The angle of repose has several definitions. Each is a response of its own, and the
+    configuration chooses one of them.
     """
     if CHOSEN_DEFINITION not in response.definition:
         return response
@@ -342,7 +344,7 @@ def _chosen_response(study: CardStudy, response: Response) -> Response:
 def _definition_settings(
     study: CardStudy, response: Response, grain: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Return the settings by which a response is defined, without their sections."""
+    """Return the settings that define a response, by the last part of their keys."""
     settings = {}
     for dotted_key, value in response.settings(study.config).items():
         settings[dotted_key.rpartition(".")[2]] = value
@@ -361,7 +363,7 @@ def _profile_of_target(study: CardStudy, response: str) -> OfProfile | None:
 
 
 def _pouring_settings(study: CardStudy, test_name: str) -> dict[str, Any]:
-    """Return the settings of a bench test, without seeds and measurement."""
+    """Return the settings of a bench test, except those of seeds and measurement."""
     test = bench(test_name)
     section = study.config[test.name]
     left_out = ("seeds", *test.measured_by)
@@ -375,21 +377,21 @@ def _pouring_settings(study: CardStudy, test_name: str) -> dict[str, Any]:
 def _describe_lines(
     measure: MeasureSettings, name: str, row: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Describe the line whose slope is an angle, and the piles by every definition.
+    """Describe the line that defines an angle, and the piles by all other definitions.
 
     Parameters
     ----------
     measure : MeasureSettings
     name : str
-        A response.
+        Name of a response.
     row : mapping
-        The answer's row of `table4.csv`, or nothing.
+        The row of the answer in `table4.csv`. It may be empty.
 
     Returns
     -------
     dict
-        ``line`` and, if the row has their angles, ``definitions``; nothing for a
-        response that is no angle of a pile.
+        ``line``, and ``definitions`` if the row has all angles. It is empty unless the
+        response is the angle of a pile.
     """
     from repose.measure.angles import MEAN_KEYS
     from repose.measure.settings import line_for, line_of
@@ -465,17 +467,17 @@ def require_one_study(
     source: Path_,
     grain: Mapping[str, Any],
 ) -> None:
-    """Raise InputError if a card and a configuration are not of one study.
+    """Refuse a card and a configuration that belong to different studies.
 
-    A card without the record of its settings, as of an earlier version, is compared by
-    what it says itself.
+    A card of an earlier version has no record of its settings. Its own content is
+    compared instead.
 
     Parameters
     ----------
     content : mapping
         The card.
     card_json : path
-        Its file, for the message.
+        The file of the card, for the message.
     study : CardStudy
         The study of the configuration.
     source : path
@@ -510,9 +512,9 @@ def require_one_study(
 
 
 def _values_of_card(content: Mapping[str, Any]) -> dict[str, Any]:
-    """List what a card says of its study, by dotted keys.
+    """List the values of a card that describe its study, by dotted keys.
 
-    A key names a part of the card or a bench test, and then the value in it.
+    A key begins with the part of the card, or with the bench test.
     """
     values: dict[str, Any] = {"material": content["material"]}
     for part in ("grain", "wall", "laws"):
@@ -531,16 +533,16 @@ def _values_of_study(
     grain: Mapping[str, Any],
     card_tests: Iterable[Mapping[str, Any]],
 ) -> dict[str, Any]:
-    """List what a configuration says of a study, by the keys of `_values_of_card`.
+    """List the values of a study under the keys of `_values_of_card`.
 
     Parameters
     ----------
     study : CardStudy
         The study of the configuration.
     grain : mapping
-        Its grain.
+        The grain of the configuration.
     card_tests : iterable of mapping
-        The tests of the card, which say what keys of each bench test are listed.
+        The tests of the card. They determine which keys of a bench test are compared.
     """
     settings = study.settings
     values: dict[str, Any] = {
@@ -615,7 +617,7 @@ def configuration_of(content: Mapping[str, Any], source: object) -> dict[str, An
 
 
 def _funnel_of_card(content: Mapping[str, Any], source: object) -> dict[str, Any]:
-    """Return the section of the funnel from a card, for one run."""
+    """Rebuild the section of the funnel from a card, with a single run."""
     sections = []
     for test in content["tests"]:
         if test["apparatus"] == "funnel" and test["bench"] is not None:
@@ -635,9 +637,10 @@ def _funnel_of_card(content: Mapping[str, Any], source: object) -> dict[str, Any
 
 
 def _find_laws(content: Mapping[str, Any], source: object) -> dict[str, str]:
-    """Find the laws that a card describes, as keys of the section `simulation`.
+    """Find the contact laws that a card describes, as keys of the section `simulation`.
 
-    A card has sentences, so those of all combinations of laws are compared with them.
+    A card describes laws in sentences. The sentences of every combination of laws are
+    compared with them.
     """
     from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 
@@ -654,14 +657,15 @@ def _find_laws(content: Mapping[str, Any], source: object) -> dict[str, str]:
 def particle_of(
     content: Mapping[str, Any], spheres: int | None, source: object
 ) -> "Particle":
-    """Make the particle of a card.
+    """Rebuild the simulated particle from a card.
 
     Parameters
     ----------
     content : mapping
         The card.
     spheres : int or None
-        With how many spheres a smooth body is filled; None leaves it as it is.
+        Fill a smooth body with this number of spheres. With None or 1 the particle stays
+        as the card has it.
     source : object
         The card's file, for messages.
 
@@ -672,11 +676,12 @@ def particle_of(
     Raises
     ------
     InputError
-        If the card has no body, or no moments of a clump.
+        If the card has no body, or lacks the moments of inertia of a clump.
     """
     from repose.grain.particle import Particle
 
-    # The body: half axes of ellipsoids in rows, or centre and radius of spheres.
+    # Read the body. Each row has the half axes of an ellipsoid, or the centre and radius
+    # of a sphere.
     grain = content["grain"]
     semi_axes_m = 1e-3 * np.array(grain["ellipsoids_mm"], float).reshape(-1, 3)
     spheres_m = 1e-3 * np.array(grain["spheres_mm"], float).reshape(-1, 4)
@@ -689,7 +694,7 @@ def particle_of(
     has_moments = len(spheres_m) <= 1 or "inertia_kg_m2" in grain
     require(has_moments, source, "grain.inertia_kg_m2", None, allowed)
 
-    # The radius of a sphere about the centre of mass that holds the body.
+    # Find the radius of a sphere around the centre of mass that encloses the body.
     if len(spheres_m):
         extents_m = np.linalg.norm(spheres_m[:, :3], axis=1) + spheres_m[:, 3]
     else:
@@ -716,14 +721,14 @@ def particle_of(
 
 
 def _fill_with_spheres(particle: "Particle", n_spheres: int) -> "Particle":
-    """Replace a smooth particle by a clump of spheres with its mass and shape."""
+    """Replace a smooth particle by a clump of spheres with the same mass and shape."""
     import trimesh  # slow to import
 
     from repose.dem.tessellation import tessellate
     from repose.grain import build
     from repose.grain.mesh import principal_pose
 
-    # The grain's builder fills a mesh, in mm.
+    # The builder of clumps needs a mesh with lengths in mm.
     points_m, _, triangles = tessellate(particle, 48, 96)
     mesh = trimesh.Trimesh(1e3 * points_m, triangles)
     clump = build.make_particle(
@@ -732,7 +737,7 @@ def _fill_with_spheres(particle: "Particle", n_spheres: int) -> "Particle":
         kind="multisphere",
         spheres=n_spheres,
     )
-    # The mesh is a little smaller than the body.
+    # The mesh is slightly smaller than the body, so restore the mass of the body.
     return replace(
         clump,
         mass_kg=particle.mass_kg,

@@ -52,7 +52,7 @@ def state_of(entry: Card) -> Verdict:
 
 
 def describe(card: Card) -> str:
-    """Write a card as text for people."""
+    """Describe a material card in text for people."""
     lines = [f"Material card: {card['material']}; targets {state_of(card)}"]
     if "reason" in card:
         lines.append(card["reason"])
@@ -82,7 +82,7 @@ def describe(card: Card) -> str:
 
 
 def _subject_lines(card: Card) -> Iterator[str]:
-    """Describe the simulated grain, wall and laws, or the other simulator."""
+    """Describe what was simulated: grain, wall and laws, or just another simulator."""
     if "simulator" in card:
         yield f"simulator: {card['simulator']}"
         if "probability" in card:
@@ -107,7 +107,7 @@ def _subject_lines(card: Card) -> Iterator[str]:
 
 
 def _strong_correlations(card: Card) -> str:
-    """List the pairs of parameters with a strong correlation, the strongest first."""
+    """List the strongly correlated pairs of parameters, the strongest first."""
     correlations = card["correlations"]
     strong_pairs = []
     for first, second in combinations(correlations, 2):
@@ -119,7 +119,7 @@ def _strong_correlations(card: Card) -> str:
 
 
 def _test_lines(test: Card) -> Iterator[str]:
-    """Describe a test, and how its response is defined."""
+    """Describe the result of a test, and how its response is defined."""
     simulated = _mean(test["simulated"], test["standard_error"])
     if test["simulated"] is not None:
         simulated += f" {test['unit']}"
@@ -130,7 +130,7 @@ def _test_lines(test: Card) -> Iterator[str]:
         f"simulated {simulated} (runs: {test['runs']}): {state_of(test)}"
     )
 
-    # The prediction of the surrogate, where the answer was simulated.
+    # Compare the surrogate's prediction with the simulation, if there is one.
     check = _check(test)
     if check.error_percent is not None:
         optimism = f" ({check.expected_optimism})" if check.expected_optimism else ""
@@ -167,7 +167,8 @@ def _made_by_line(made_by: Card) -> str:
 
 
 def compare(first: Card, second: Card) -> str:
-    """Write two cards side by side, and what hinders a comparison of their parameters."""
+    """Show two cards side by side, with all that hinders comparing their parameters."""
+    # A row has a name, and then the texts of the first and the second card.
     rows = [["", first["material"], second["material"]]]
     for name in first["parameters"] | second["parameters"]:
         rows.append(_parameter_row(name, first, second))
@@ -178,7 +179,7 @@ def compare(first: Card, second: Card) -> str:
         means = (_simulated(first_tests.get(name)), _simulated(second_tests.get(name)))
         rows.append([name, *means])
 
-    # The card of another simulator has no grain.
+    # Cards of other simulators have no grain.
     if "simulator" not in first and "simulator" not in second:
         for key in COMPARED:
             values = (first["grain"][key], second["grain"][key])
@@ -209,7 +210,7 @@ def _align_columns(rows: Sequence[Sequence[str]]) -> Iterator[str]:
 
 
 def _describe_differences(first: Card, second: Card) -> Iterator[str]:
-    """Describe in sentences how two cards differ, the grain aside."""
+    """Describe how two cards differ, apart from grain, parameters and responses."""
     simulator = first.get("simulator", "repose")
     other_simulator = second.get("simulator", "repose")
     if simulator != other_simulator:
@@ -234,7 +235,7 @@ def _describe_differences(first: Card, second: Card) -> Iterator[str]:
 
 
 def _describe_different_definitions(first: Card, second: Card) -> Iterator[str]:
-    """Describe in sentences the responses that two cards define differently."""
+    """Describe each response that two cards define or measure differently."""
     definitions = {test["response"]: test["definition"] for test in first["tests"]}
     other_definitions = {
         test["response"]: test["definition"] for test in second["tests"]
@@ -346,7 +347,7 @@ def _settings(section: Card) -> str:
 
 
 def _write_value_of_key(value: Any) -> str:
-    """Write a value of a configuration."""
+    """Format the value of a key for people."""
     if value is None:
         return "none"
     if isinstance(value, bool):

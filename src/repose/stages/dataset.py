@@ -42,14 +42,14 @@ def assemble(
     targets: Targets,
     names: Sequence[str] | None = None,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Assemble the tables of samples and of single runs.
+    """Assemble the table of samples and the table of single runs.
 
     Parameters
     ----------
     samples : pandas.DataFrame
         Number and parameters of each sample.
     jobs : mapping
-        Their measured runs, by bench test, then by sample.
+        The measured jobs by bench test, and then by number of the sample.
     targets : Targets
     names : sequence of str, optional
         As in `repose.stages.parameter_sets.parameter_columns`.
@@ -57,7 +57,7 @@ def assemble(
     Returns
     -------
     pandas.DataFrame
-        A row for each sample; its status is ok if it is so in every bench test.
+        A row for each sample. Its status is ok if all its bench tests are ok.
     pandas.DataFrame
         A row for each run.
     """
@@ -74,7 +74,8 @@ def assemble(
             summary_of_bench[name] = summarise_runs(runs, bench_columns)
         summaries.append(_merge_summaries(summary_of_bench))
 
-    # Each target with its standard error, then all other columns of the bench tests.
+    # Begin with each target and its standard error. Append the other columns of the
+    # bench tests.
     columns = list(ENDED_STATUSES)
     for name, error in zip(targets.names, targets.errors, strict=True):
         columns += [name, error]
@@ -101,7 +102,7 @@ def recorded_columns(apparatus: str, targets: Targets) -> Recorded:
 
 
 def counts(dataset: pd.DataFrame, runs: pd.DataFrame) -> dict[str, Any]:
-    """Count samples and runs by status, in numbers and in words."""
+    """Count samples and runs by their status, and describe the counts in a sentence."""
     samples_by_status = dict(Counter(dataset["status"]).most_common())
     runs_by_status = dict(Counter(runs["status"]).most_common())
     n_ok = samples_by_status.get("ok", 0)
@@ -149,7 +150,7 @@ def run(
     samples_csv : path
         The samples.
     paths : iterable of path
-        The files of their jobs.
+        Files of the measured jobs.
     targets : Targets
     definitions : mapping
         How the configuration defines the responses.
@@ -163,8 +164,8 @@ def run(
     Returns
     -------
     dict
-        The summary: `counts`, `definitions`, and `line`, a description of the line whose
-        slope is the angle of repose.
+        The summary: the entries of `counts`, ``definitions``, and, if the angle of repose
+        is calibrated, ``line``, a description of the line whose slope is this angle.
     """
     samples = read_samples(samples_csv, names=names)
     jobs = read_jobs(paths, samples, targets, names)
@@ -173,7 +174,7 @@ def run(
 
     angle = definitions.get(CALIBRATED_ANGLE, {})
     if "measure.response" in angle:
-        # Keys of the section `measure`, without the name of the section.
+        # Remove the name of the section, as in `measure.response`, from the keys.
         measure = {key.rpartition(".")[2]: value for key, value in angle.items()}
         summary["line"] = line_of(MeasureSettings.with_defaults(**measure))
 
@@ -190,7 +191,7 @@ def read_jobs(
     targets: Targets,
     names: Sequence[str] | None = None,
 ) -> dict[str, dict[int, Job]]:
-    """Read jobs, and check them against the table of samples.
+    """Read all jobs, and check them against the table of samples.
 
     Parameters
     ----------
@@ -204,12 +205,12 @@ def read_jobs(
     Returns
     -------
     dict
-        The jobs by bench test, then by sample.
+        The jobs by bench test, and then by number of the sample.
 
     Raises
     ------
     InputError
-        If a job is damaged or no sample's, or a sample has no job or two.
+        If a job is damaged or belongs to no sample, or if a sample has no job or several.
     """
     columns = list(parameter_columns(samples, names))
     parameters = samples.set_index("sample")[columns]
@@ -243,11 +244,11 @@ def read_jobs(
 
 
 def _check_parameters(job: Job, parameters: pd.Series, path: object) -> None:
-    """Refuse a job with other parameters than its sample of the table."""
+    """Refuse a job whose parameters differ from those of its sample."""
     for name, sample_value in parameters.items():
         expected = float(sample_value)
         value = job["parameters"].get(name)
-        # NaN is close to no number.
+        # Treat a missing value or a text as NaN, which fails the comparison.
         number = value if isinstance(value, int | float) else math.nan
         if not math.isclose(number, expected, rel_tol=1e-6, abs_tol=1e-9):
             allowed = f"{expected}, as in the table of samples"
@@ -255,7 +256,7 @@ def _check_parameters(job: Job, parameters: pd.Series, path: object) -> None:
 
 
 def read_job(path: Path_, targets: Targets) -> tuple[Job, str]:
-    """Read and check a job.
+    """Read the file of a job, and check its runs.
 
     Returns
     -------
@@ -267,7 +268,7 @@ def read_job(path: Path_, targets: Targets) -> tuple[Job, str]:
     Raises
     ------
     InputError
-        If it is of no bench test of the targets, or a run is damaged.
+        If no target belongs to its bench test, or if a run is damaged.
     """
     keys = {"sample": int, "parameters": dict, "runs": list}
     job = read_json(path, keys, "a job's JSON file")
@@ -291,7 +292,7 @@ def read_job(path: Path_, targets: Targets) -> tuple[Job, str]:
             for target in bench_targets:
                 _check_response(run, key, target=target, path=path)
 
-    # Seeds are compared as texts, so that damaged ones can be compared, too.
+    # Compare seeds as texts, since a damaged seed may be of any type.
     seeds = [run.get("seed") for run in job["runs"]]
     has_repeated = len(set(map(str, seeds))) < len(seeds)
     if None in seeds or has_repeated:
@@ -302,9 +303,9 @@ def read_job(path: Path_, targets: Targets) -> tuple[Job, str]:
 def _check_response(
     run: Mapping[str, Any], run_key: str, target: Target, path: object
 ) -> None:
-    """Refuse a good run without a usable number of a target.
+    """Refuse a successful run without a usable value for a target.
 
-    The message names the file `path`, and in it the run by `run_key`.
+    `path` and `run_key` locate the run in messages.
     """
     value = run.get(target.name)
     highest = target.response.high
@@ -322,9 +323,9 @@ def _targets_of(targets: Targets, apparatus: str) -> tuple[Target, ...]:
 
 
 def _merge_summaries(summaries: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
-    """Merge the summaries of a sample, which come by bench test.
+    """Merge the summaries that a sample has for each bench test.
 
-    The status is that of the first bench test that failed.
+    The merged status is that of the first bench test that failed.
     """
     if len(summaries) == 1:
         (summary,) = summaries.values()
@@ -339,7 +340,7 @@ def _merge_summaries(summaries: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
             status = summary["status"]
         if summary["reason"]:
             reasons.append(f"{name}: {summary['reason']}")
-    # All bench tests have these three columns.
+    # Every summary has these three columns, so merging would keep only the last ones.
     merged["status"] = status
     merged["reason"] = "; ".join(reasons)
     merged["n_seeds"] = min(summary["n_seeds"] for summary in summaries.values())
@@ -349,7 +350,7 @@ def _merge_summaries(summaries: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
 def _tabulate_runs(
     samples: Iterable[int], jobs: Jobs, targets: Targets
 ) -> pd.DataFrame:
-    """Make the table of single runs: sample after sample, bench test after bench test."""
+    """Make the table of single runs, ordered by sample and then by bench test."""
     columns = ["sample"]
     if len(targets.apparatus) > 1:
         columns.append("apparatus")

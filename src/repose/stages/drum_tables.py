@@ -49,15 +49,15 @@ class MeasuredRun(NamedTuple):
 def run_job(
     scene: Scene, seeds: Iterable[int], out_dir: str | PathLike
 ) -> list[dict[str, Any]]:
-    """Turn the drum with each seed.
+    """Run the drum once with each seed, and save and measure each run.
 
-    Each run writes OUT/drum_SEED.npz with all frames, and then OUT/drum_SEED.json. So a
-    run whose JSON file is there is complete.
+    A run writes OUT/drum_SEED.npz with all frames first, and OUT/drum_SEED.json last. A
+    JSON file therefore marks a complete run.
 
     Returns
     -------
     list of dict
-        The contents of the JSON files, with their runs measured.
+        The content of each JSON file, with its run measured.
     """
     out = Path(out_dir)
     test = DrumTest()
@@ -85,7 +85,9 @@ def run(
     particle: "Particle",
     out_dir: str | PathLike,
 ) -> "dict[str, pd.DataFrame]":
-    """Measure runs, and write runs.csv, summary.csv, record.csv and profile.csv.
+    """Measure saved runs of the drum, and write the tables of `tables`.
+
+    The files are runs.csv, summary.csv, record.csv and profile.csv.
 
     Parameters
     ----------
@@ -105,7 +107,7 @@ def run(
     Raises
     ------
     InputError
-        If a file is missing or none of `run_job`, or a seed is there twice.
+        If a file is missing or was not written by `run_job`, or if a seed is repeated.
     """
     # A measurement needs no parameters of the contacts.
     scene = Scene.of(config, {}, grain={}, particle=particle)
@@ -150,7 +152,7 @@ def _needed_arrays(run: Mapping[str, Any]) -> tuple[str, ...]:
 def tables(
     runs: Sequence[tuple[Mapping[str, Any], Mapping[str, np.ndarray]]],
 ) -> "dict[str, pd.DataFrame]":
-    """Make the tables of measured runs.
+    """Arrange measured runs of the drum in tables.
 
     Parameters
     ----------
@@ -159,9 +161,8 @@ def tables(
     Returns
     -------
     dict of pandas.DataFrame
-        ``runs``, a row for each run; ``summary``, see `summarise`; ``record``, the
-        records of all runs over time; ``profile``, the motion by depth of all runs,
-        lengths in mm.
+        ``runs``: a row for each run. ``summary``: see `summarise`. ``record``: all runs
+        over time. ``profile``: the motion of all runs over depth, lengths in mm.
     """
     import pandas as pd
 
@@ -189,13 +190,13 @@ def _join_tables(tables_by_seed: "Mapping[Any, pd.DataFrame]") -> "pd.DataFrame"
 
 
 def summarise(runs: "pd.DataFrame") -> "pd.DataFrame":
-    """Average each quantity of `SUMMARY` over the runs that have it.
+    """Average each quantity of the file `SUMMARY` over the runs that have it.
 
     Returns
     -------
     pandas.DataFrame
-        The columns `SUMMARY_COLUMNS`; NaN where no run has the quantity, and for the
-        standard error of a single run.
+        The columns `SUMMARY_COLUMNS`. Cells are NaN if no run has the quantity. A single
+        run has no standard error, which is NaN, too.
     """
     import pandas as pd
 

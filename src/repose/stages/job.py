@@ -50,9 +50,9 @@ def run_once(test: BenchTest[Any], scene: Scene) -> tuple[dict[str, Any], Run]:
 
 
 def describe_job(test: BenchTest[Any], scene: Scene, name: object) -> dict[str, Any]:
-    """Describe a job, as each of its files does.
+    """Describe a job for the head of each of its files.
 
-    The name of a job with digits alone is the number of its sample.
+    If the name consists of digits, it is the number of a sample.
     """
     description: dict[str, Any] = {}
     if test.name != UNNAMED:
@@ -155,7 +155,7 @@ def measure_job(
     out_dir: str | PathLike | None = None,
     keeps_runs: bool = False,
 ) -> dict[str, Any]:
-    """Measure the runs of a saved job, and write NAME.json.
+    """Measure the runs of a saved job, and write the result as NAME.json.
 
     Parameters
     ----------
@@ -163,9 +163,9 @@ def measure_job(
     pours_json : path
         The saved job.
     out_dir : path, optional
-        Folder to write; by default that of the job.
+        Folder to write. The default is the folder of the job.
     keeps_runs : bool, optional
-        Whether a kept measurement is read where it is the same.
+        Whether to reuse a kept measurement that is still valid, and to keep a new one.
 
     Returns
     -------
@@ -184,7 +184,7 @@ def measure_job(
 
 
 def measured(scene: Scene, path: Path) -> dict[str, Any]:
-    """Measure a saved job: its description, its measured runs, and their summary."""
+    """Measure a saved job; return its description, measured runs and their summary."""
     job = read_pours(path)
     test = bench_of(job, path)
     pours = job.pop("pours")
@@ -195,7 +195,7 @@ def measured(scene: Scene, path: Path) -> dict[str, Any]:
     positions = saved_positions(positions_file(path))
     runs = []
     for pour in pours:
-        # The arrays of a spoiled run may hold anything.
+        # The arrays of a failed run may be incomplete, so none is required.
         needed = test.required_arrays if pour["status"] == "ok" else ()
         arrays = pour_arrays(positions, pour["seed"], source=path, kinds=needed)
         runs.append(test.result(pour, arrays, scene))

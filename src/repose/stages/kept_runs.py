@@ -46,7 +46,7 @@ class KeptRuns:
         self.description = description
 
     def read(self, seed: int) -> Run | None:
-        """Read the run of a seed; None if it differs from what the job would make."""
+        """Read the kept run of a seed; None if the job would now make another one."""
         path = self._path(seed)
         if not _is_current(path):
             return None
@@ -54,7 +54,7 @@ class KeptRuns:
             arrays = read_npz(path, (ABOUT,))
         except InputError:
             return None
-        # Beside the arrays of the run the file has the description of its job.
+        # One array of the file is a text: the description of the job, and the record.
         description, record = json.loads(str(arrays.pop(ABOUT)))
         if description != self.description:
             return None
@@ -74,7 +74,7 @@ class KeptRuns:
 def read_measurement(pours: Path) -> dict[str, Any] | None:
     """Read the kept measurement of a saved job.
 
-    None if it differs from what the stage would measure.
+    Return None if there is none, or if the stage would now measure differently.
     """
     path = _measurement_file(pours)
     if not is_own_file(path) or attached.read(path) != provenance.current():

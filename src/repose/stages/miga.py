@@ -30,28 +30,28 @@ def run(
     support: Support | None = None,
     source: object = "configuration",
 ) -> dict[str, Any]:
-    """Search the parameter sets, and write them with their intervals.
+    """Find parameter sets that meet the targets; write them with their intervals.
 
     Parameters
     ----------
     surrogate_json : path
-        The surrogate, as the stage `network` writes it.
+        The surrogate that the stage `network` has written.
     out_dir : path
         Folder for feasible.csv, intervals.csv, history.csv and summary.json.
     parameters : ParameterSpace
-        The ranges that are searched.
+        The ranges to search.
     targets : Targets
         The responses to meet.
     definitions : mapping
-        How the configuration defines them.
+        How the configuration defines these responses.
     settings : MigaSettings
         The section `miga`.
     table3_csv : path, optional
-        Published intervals, to stand beside those that are found.
+        Published intervals, to be listed beside those of the search.
     support : Support, optional
-        Region of the samples; sets beyond it get a warning.
+        Region that the samples cover. Parameter sets outside it get a warning.
     source : object, optional
-        File of the configuration, for an error.
+        File of the configuration, for error messages.
 
     Returns
     -------

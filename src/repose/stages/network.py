@@ -26,18 +26,18 @@ def run(
     names: Sequence[str] | None = None,
     source: object = "configuration",
 ) -> dict[str, Any]:
-    """Train a surrogate, and write it with its predictions.
+    """Train a surrogate of the simulator, and write it with its predictions.
 
     Parameters
     ----------
     dataset_csv, runs_csv : path
-        Tables of samples and of their single runs.
+        Table of samples, and table of their single runs.
     out_dir : path
         Folder for network.json, metrics.json, predictions.csv and starts.csv.
     targets : Targets
         The responses to learn.
     definitions : mapping
-        How the configuration defines them.
+        How the configuration defines these responses.
     surrogate : str
         Kind of the surrogate.
     settings : NetworkSettings
@@ -45,7 +45,7 @@ def run(
     names : sequence of str, optional
         As in `repose.stages.parameter_sets.parameter_columns`.
     source : object, optional
-        File of the configuration, for an error.
+        File of the configuration, for error messages.
 
     Returns
     -------
@@ -55,7 +55,7 @@ def run(
     Raises
     ------
     InputError
-        If the tables are damaged, are of other definitions or have too few samples.
+        If the tables are damaged, use other definitions or have too few samples.
     """
     dataset = read_dataset(dataset_csv, targets, names)
     runs = read_runs(runs_csv, targets, dataset=dataset, dataset_csv=dataset_csv)

@@ -49,14 +49,14 @@ FEWEST_SETS = 4
 
 
 def plausible_sets(draws_csv: Path_, seed: int, out: Path_) -> pd.DataFrame:
-    """Write `SETS_OF_NEXT` draws of the posterior as samples.
+    """Choose `SETS_OF_NEXT` draws of the posterior at random; write them as samples.
 
     Parameters
     ----------
     draws_csv : path
         Draws of the posterior.
     seed : int
-        Of the choice.
+        Seed of the random choice.
     out : path
         The table to write.
 
@@ -68,7 +68,7 @@ def plausible_sets(draws_csv: Path_, seed: int, out: Path_) -> pd.DataFrame:
     Raises
     ------
     InputError
-        If there are fewer draws.
+        If there are fewer draws than sets to choose.
     """
     draws = read_table(draws_csv, PARAMETERS)
     if len(draws) < SETS_OF_NEXT:
@@ -84,19 +84,19 @@ def plausible_sets(draws_csv: Path_, seed: int, out: Path_) -> pd.DataFrame:
 def information(
     runs: pd.DataFrame, repetitions: int, discrepancy_percent: float
 ) -> pd.DataFrame:
-    """Compute the information that the measurement of each response would add.
+    """Compute how much information the measurement of each response would add.
 
-    Responses with fewer than `FEWEST_SETS` sets of two runs, or that never differ, are
-    left out.
+    A response is left out if fewer than `FEWEST_SETS` sets have two runs of it, or if
+    it never varies.
 
     Parameters
     ----------
     runs : pandas.DataFrame
         A row for each run and response: `apparatus`, `response`, `sample`, `value`.
     repetitions : int
-        Of the measurement.
+        Number of repetitions of the measurement.
     discrepancy_percent : float
-        Of the simulator, in percent of the mean of a response.
+        Discrepancy of the simulator, in percent of the mean of a response.
 
     Returns
     -------
@@ -116,14 +116,14 @@ def information(
             continue
         variances = variance_components(response_runs["value"], response_runs["sample"])
 
-        # Variance of the difference between simulator and measurement: s^2.
+        # s^2: the variance of the difference between a measurement and the simulator.
         discrepancy = discrepancy_percent / 100 * variances.mean
         error_variance = variances.within / repetitions + discrepancy**2
         if not error_variance > 0:
             continue
 
-        # The variance between the sets, tau^2, by the intraclass correlation and the ends
-        # of its interval.
+        # tau^2: the variance between the sets, from the intraclass correlation and from
+        # both ends of its confidence interval.
         correlations = np.array([variances.icc, variances.icc_low, variances.icc_high])
         correlations = correlations.clip(0, 1 - 1e-12)
         between = variances.within * correlations / (1 - correlations)
@@ -167,7 +167,7 @@ def run(
     targets: Targets,
     discrepancy_percent: float,
 ) -> pd.DataFrame:
-    """Rank the responses of saved runs by the information that each would add.
+    """Rank further responses of saved runs by the information that each would add.
 
     Parameters
     ----------
@@ -178,9 +178,10 @@ def run(
     out_dir : path
         Folder for the measured runs and for next.csv.
     targets : Targets
-        The present targets. They, and other definitions of their angle, are left out.
+        The present targets. They are not ranked, nor are other definitions of their
+        angle.
     discrepancy_percent : float
-        Of the simulator, in percent of a response's mean.
+        Discrepancy of the simulator, in percent of the mean of a response.
 
     Returns
     -------
@@ -203,7 +204,7 @@ def run(
                 )
     runs = pd.DataFrame(rows).dropna(subset="value")
 
-    # All definitions of the angle come from the same measurement.
+    # One measurement of a pile gives its angle by every definition.
     known_responses = set(targets.names)
     if CALIBRATED_ANGLE in known_responses:
         known_responses.update(MEAN_KEYS.values())

@@ -53,14 +53,14 @@ def run(
     solutions: int,
     names: Sequence[str] | None = None,
 ) -> pd.DataFrame:
-    """Write the expected optimism of the predictions of a search.
+    """Estimate how optimistic the predictions of a search are, and write the result.
 
     Parameters
     ----------
     surrogate_json : path
-        The surrogate, as the stage `network` writes it.
+        The surrogate that the stage `network` has written.
     dataset_csv, runs_csv : path
-        The samples that it was fitted to, and their single runs.
+        The samples that it was trained on, and their single runs.
     out_csv : path
         The table to write.
     parameters : ParameterSpace
@@ -74,8 +74,8 @@ def run(
     Returns
     -------
     pandas.DataFrame
-        That of `repose.calibrate.optimism.expected_optimism`. It is empty where no
-        sample has two runs, and with ``miga.replicates: 0``.
+        Result of `repose.calibrate.optimism.expected_optimism`. It is empty if no sample
+        has two runs, or if `miga.replicates` is 0.
     """
     surrogate = load(surrogate_json, targets.names)
     dataset = read_dataset(dataset_csv, targets, names)

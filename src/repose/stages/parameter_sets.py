@@ -67,20 +67,20 @@ def _columns_of_sets(names: Sequence[str] | None) -> tuple[Column, ...]:
 def job_files(
     words: Iterable[str], samples_csv: str | os.PathLike, ending: str = ".json"
 ) -> list[Path]:
-    """List the files of jobs.
+    """List the files of jobs that words of a command line name.
 
     Parameters
     ----------
     words : iterable of str
-        Files, and folders. A folder stands for a file for each sample.
+        Paths of files and folders. A folder stands for one file per sample.
     samples_csv : path
-        The samples.
+        The table of samples.
     ending : str, optional
-        Of the files in a folder.
+        Ending of the files in a folder.
     """
     paths = [Path(word) for word in words]
 
-    # The table of samples is needed only for folders.
+    # Read the table of samples only if there is a folder.
     names: list[str] = []
     if any(path.is_dir() for path in paths):
         samples = tables.read(samples_csv, [NUMBER]).values["sample"]

@@ -83,12 +83,12 @@ def _rows(path: Path_ | None) -> list[dict[str, Any]]:
 def representative(
     path: Path_ | None, names: Collection[str] = PARAMETERS
 ) -> dict[str, float]:
-    """Read the parameters `names` of the published representative solution.
+    """Read the given parameters of the published representative solution.
 
     Raises
     ------
     InputError
-        Without a table, or if the table lacks this solution.
+        If there is no table, or the table lacks this solution.
     """
     if path is None:
         words = "a table of published solutions"
@@ -103,16 +103,17 @@ def representative(
 def to_simulate(
     path: Path_ | None, responses: Iterable[Response], names: Iterable[str] = PARAMETERS
 ) -> list[str]:
-    """Name the published sets that can be simulated, in their order.
+    """List the names of the published parameter sets that can be simulated.
 
-    There are none if the table lacks all responses, or a parameter of the study.
+    The list is empty if the table has none of the responses, or lacks a parameter of
+    the study.
 
     Parameters
     ----------
     path : path or None
         The table of published sets.
     responses : iterable of Response
-        Those of the study's targets.
+        Responses of the study's targets.
     names : iterable of str
         Parameters of the study.
     """
@@ -155,29 +156,30 @@ def stored_columns(
     targets: Targets,
     definition: str,
 ) -> dict[Response, str]:
-    """Find the responses of a study in a table of simulated published sets.
+    """Find the columns of a study's responses in a table of simulated published sets.
 
     Parameters
     ----------
     columns : iterable of str
-        Of the table.
+        Columns of the table.
     names : sequence of str
         Parameters of the study.
     targets : Targets
     definition : str
-        How the study takes the angle of repose (`measure.response`).
+        Definition of the angle of repose in the study (`measure.response`).
 
     Returns
     -------
     dict
-        The column of each response that the table has; empty if it lacks a parameter.
+        The column of each response that the table has. Without all parameters it is
+        empty.
     """
     table_columns = set(columns)
     if not set(names) <= table_columns:
         return {}
     column_of_response = {}
     for response in targets.responses:
-        # The table has a column for each definition of the angle.
+        # The angle of repose has a column for each of its definitions.
         column = response.name
         if column == CALIBRATED_ANGLE:
             column = MEAN_KEYS[definition]

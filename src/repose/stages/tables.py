@@ -61,19 +61,19 @@ def _check_contact_parameters(dataset: pd.DataFrame, path: Path_) -> None:
 def read_runs(
     runs_csv: Path_, targets: Targets, dataset: pd.DataFrame, dataset_csv: Path_
 ) -> pd.DataFrame:
-    """Read the table of single runs of a table of samples.
+    """Read the table of single runs, and check it against the table of samples.
 
     Raises
     ------
     InputError
         If rows are missing or repeated, a value is impossible, or the samples or their
-        means are others than in `dataset`.
+        means differ from those in `dataset`.
     """
     runs = read_table(runs_csv, ("sample", "seed", "status", *targets.names))
     has_benches = "apparatus" in runs
     key = ["sample", "seed", "apparatus"] if has_benches else ["sample", "seed"]
     _refuse_repeated_rows(runs, key, runs_csv)
-    # With several bench tests a run lacks the responses of the others.
+    # With several bench tests a run lacks the responses of all but its own.
     if not has_benches:
         _check_responses(runs, targets, runs_csv)
     _check_count(runs, runs_csv, dataset_csv=dataset_csv, key="runs")
@@ -93,7 +93,7 @@ def read_runs(
 def _check_run_counts(
     runs: pd.DataFrame, dataset: pd.DataFrame, runs_csv: object, dataset_csv: object
 ) -> None:
-    """Refuse runs of which a sample has more or fewer good ones than its `n_seeds`."""
+    """Refuse runs if a sample has more or fewer good ones than its `n_seeds`."""
     good = runs[runs["status"] == "ok"]
     counts = good.groupby("sample").size()
     for sample, n_seeds in zip(dataset["sample"], dataset["n_seeds"], strict=True):
@@ -110,14 +110,14 @@ def _check_means(
     runs_csv: object,
     dataset_csv: object,
 ) -> None:
-    """Refuse runs whose means and standard errors are not those of the samples."""
+    """Refuse runs whose means or standard errors differ from those of the samples."""
     samples = dataset[dataset["status"] == "ok"].set_index("sample")
     good = runs[runs["status"] == "ok"]
     runs_by_sample = good.groupby("sample")[list(targets.names)]
     means = runs_by_sample.mean().reindex(samples.index)
     errors = runs_by_sample.sem().reindex(samples.index)
 
-    # Each quantity, as computed from the runs and as a column of the samples.
+    # Pair what the runs give with the columns of the samples.
     comparisons = (
         ("mean", means, targets.names),
         ("standard error", errors, targets.errors),
@@ -169,13 +169,13 @@ def _require_equal(
 
 
 def _check_responses(table: pd.DataFrame, targets: Targets, path: object) -> None:
-    """Refuse a good row that lacks a response, or has one beyond its limits."""
+    """Refuse a good row that lacks a response, or has one outside its limits."""
     is_ok = table["status"] == "ok"
     for target in targets:
         name = target.name
         low = target.response.low
         high = target.response.high
-        # A missing number is not between the limits.
+        # NaN is never between the limits, so this also finds missing numbers.
         is_wrong = is_ok & ~table[name].between(low, high)
         if is_wrong.any():
             first_wrong = int(is_wrong.to_numpy().argmax())

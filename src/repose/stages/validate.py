@@ -46,9 +46,9 @@ def select_for_validation(
 ) -> pd.DataFrame:
     """Select the representative solution and `count` others.
 
-    One of them is the solution of least objective; the others are spread over all
-    solutions. Each next one is the farthest, in normalised parameters, from those already
-    chosen (Gonzalez 1985). All are feasible if enough are.
+    The second is the solution with the least objective. The rest are spread over all
+    solutions: each is the one farthest, in normalised parameters, from those already
+    chosen (Gonzalez 1985). Only feasible ones are chosen if there are enough.
 
     Returns
     -------
@@ -60,10 +60,10 @@ def select_for_validation(
     representative = int(np.flatnonzero(solutions["representative"])[0])
     best = int(solutions["objective"].to_numpy(float).argmin())
     role_of_row = {representative: "representative"}
-    # The representative solution may also be the best.
+    # Keep the role of the representative if it is also the best solution.
     role_of_row.setdefault(best, "least objective")
 
-    # Positions in the cube [-1, 1] of all parameters.
+    # Scale each parameter to [-1, 1].
     positions = 2 * space.unit(solutions[list(space.names)].to_numpy(float)) - 1
     n_selected = min(count + 1, len(solutions))
     while len(role_of_row) < n_selected:
@@ -80,14 +80,14 @@ def select_for_validation(
 def with_optimism(
     solutions: pd.DataFrame, optimism: pd.DataFrame, responses: Sequence[Response]
 ) -> pd.DataFrame:
-    """Add the expected optimism of each prediction, and its standard error.
+    """Add the expected optimism of each prediction, and its standard error, to a table.
 
     Parameters
     ----------
     solutions : pandas.DataFrame
         Parameter sets with the column `role`.
     optimism : pandas.DataFrame
-        Result of `repose.calibrate.optimism.expected_optimism`. A role that it lacks has
+        Result of `repose.calibrate.optimism.expected_optimism`. Roles that it lacks get
         empty cells.
     responses : sequence of Response
     """
@@ -108,14 +108,14 @@ def validate(
     measure: MeasureSettings | None,
     names: Sequence[str] | None = None,
 ) -> dict[str, pd.DataFrame]:
-    """Compare prediction, simulation and measurement.
+    """Compare the predictions for solutions with their simulation and the measurement.
 
     Parameters
     ----------
     solutions : pandas.DataFrame
         The parameter sets that were simulated again.
     jobs : mapping
-        Their measured runs.
+        The measured runs of each set.
     targets : Targets
     measure : MeasureSettings or None
         The section `measure`, which defines the angles of piles.
@@ -131,7 +131,8 @@ def validate(
     parameters = parameter_columns(solutions, names)
     simulated = dataset.drop(columns=["sample", *parameters])
 
-    # A failed solution has None in place of its numbers, a single run None as its error.
+    # Convert None to NaN. A failed solution has None in place of its numbers, and a
+    # solution with a single run has None as its standard error.
     number_columns = [
         name for name in (*targets.names, *targets.errors, *ANGLES) if name in simulated
     ]
@@ -158,7 +159,7 @@ def table4(
     measure: MeasureSettings | None = None,
     names: Sequence[str] | None = None,
 ) -> pd.DataFrame:
-    """Make Table 4.
+    """Make Table 4: predicted and simulated responses of each solution.
 
     Parameters
     ----------
@@ -174,14 +175,14 @@ def table4(
     -------
     pandas.DataFrame
         For each solution the predicted responses, the simulated ones with their standard
-        errors, and the relative errors in percent. For piles also all definitions of the
-        angle, and `line`, a description of the calibrated one.
+        errors, and the relative errors in percent. Piles also have their angle by every
+        definition, and `line`, which describes the calibrated one.
     """
     parameters = parameter_columns(rows, names)
     table = rows[["sample", "solution", "role", *parameters]].copy()
     for response in responses:
         table[response.predicted] = rows[response.predicted]
-        # Not every solution has an expected optimism.
+        # The expected optimism is optional.
         for column in (response.optimism, response.optimism_error):
             if column in rows:
                 table[column] = rows[column]
@@ -199,9 +200,9 @@ def table4(
 
 
 def calibrated_line(responses: Iterable[Response], measure: MeasureSettings) -> str:
-    """Describe the lines of the responses that are angles of a pile.
+    """Describe the lines whose slopes are the calibrated angles of a pile.
 
-    Without any, it is the line of the angle of repose.
+    If no response is such an angle, describe the line of the angle of repose.
     """
     lines = []
     for response in responses:
@@ -224,8 +225,8 @@ def against_physical(
         The solution, with predicted and simulated responses.
     targets : Targets
     measure : MeasureSettings, optional
-        The section `measure`. With it the column `line` says by which line an angle of a
-        pile is measured.
+        The section `measure`. If given, the column `line` describes the line by which an
+        angle of a pile is measured.
 
     Returns
     -------
@@ -272,7 +273,7 @@ def with_chances(table: pd.DataFrame, runs: Runs, targets: Targets) -> pd.DataFr
 def write_solutions(
     path: Path_, space: ParameterSpace, targets: Targets, count: int, out_csv: Path_
 ) -> pd.DataFrame:
-    """Write the solutions to simulate again, numbered from 1.
+    """Choose the solutions to simulate again, and write them, numbered from 1.
 
     Parameters
     ----------
@@ -288,7 +289,7 @@ def write_solutions(
     Raises
     ------
     InputError
-        If there are too few.
+        If there are too few solutions.
     """
     needed = (
         "solution",
@@ -322,7 +323,7 @@ def run(
     optimism: pd.DataFrame | None = None,
     names: Sequence[str] | None = None,
 ) -> dict[str, pd.DataFrame]:
-    """Compare predicted and simulated responses, and write the tables.
+    """Compare predicted and simulated responses, and write the resulting tables.
 
     Parameters
     ----------
@@ -338,7 +339,7 @@ def run(
     published : pandas.DataFrame, optional
         Result of `compared_with_published`; without it there is no published.csv.
     support : Support, optional
-        Region of the samples; sets beyond it get a warning.
+        Region that the samples cover. Parameter sets outside it get a warning.
     optimism : pandas.DataFrame, optional
         Expected optimism of the predictions, from the stage `optimism`.
     names : sequence of str, optional
@@ -347,7 +348,7 @@ def run(
     Returns
     -------
     dict of pandas.DataFrame
-        The tables by the stems of their files.
+        The tables, by the names of their files without ending.
     """
     solutions = read_samples(solutions_csv, (*CHOSEN, *targets.predicted), names)
     solutions = solutions.astype({"solution": str})
@@ -405,14 +406,14 @@ def write_published_sets(
     targets: Targets,
     simulated_by: Mapping[str, str | None],
 ) -> pd.DataFrame:
-    """Write the published sets with their piles as published and as simulated here.
+    """Write a table of the published sets, as published and as simulated here.
 
     Parameters
     ----------
     published_csv : path
         The published sets.
     jobs : iterable of path
-        Their measured runs.
+        The measured runs of each set.
     out_csv : path
         The table to write.
     names : sequence of str
@@ -433,14 +434,14 @@ def write_published_sets(
     if "source" not in sets:
         table["source"] = ""
 
-    # Numbers of the publication are told from those of this simulator by their names.
+    # Mark the numbers of the publication by `published` in the names of their columns.
     for word in ("predicted", "simulated", "measured"):
         for column in sets:
             if f"_{word}_" in column:
                 new_name = column.replace(f"_{word}_", f"_published_{word}_")
                 table[new_name] = sets[column]
 
-    # The angle has the column of its definition: another study may calibrate another.
+    # Store the angle by every definition, since studies may calibrate different ones.
     response_names = dict.fromkeys((*targets.names, "height_mm", *MEAN_KEYS.values()))
     for name in response_names:
         if name in simulated and name != CALIBRATED_ANGLE:
@@ -460,7 +461,7 @@ def compared_with_published(
     measure: MeasureSettings,
     simulated_by: Mapping[str, str],
 ) -> pd.DataFrame:
-    """Compare the published sets, as they were simulated once, with the publication.
+    """Compare stored simulations of the published sets with the publication.
 
     Parameters
     ----------
@@ -471,12 +472,13 @@ def compared_with_published(
     measure : MeasureSettings
         The section `measure`.
     simulated_by : mapping
-        Hashes of today's engine and scene; a set with others is `stale`.
+        Hashes of today's engine and scene. A set with other hashes is `stale`.
 
     Returns
     -------
     pandas.DataFrame
-        Without rows where there is no table, or it has other parameters.
+        A row for each set. It has no rows if there is no table, or if the table lacks a
+        parameter.
     """
     stored = pd.DataFrame() if stored_csv is None else read_stored(stored_csv)
     column_of_response = stored_columns(

@@ -11,21 +11,21 @@ from repose.calibrate.targets import Targets
 
 
 def warm_up(scene: Scene, cores: int = 1) -> float:
-    """Make a step with one grain in every bench test of the targets.
+    """Compile the kernels of every bench test of the targets.
 
-    This compiles their kernels. On a second core another process compiles the contacts
-    with walls, nearly half of the engine.
+    A time step with one grain compiles them. With a second core, another process
+    compiles the contacts with walls meanwhile, nearly half of the engine.
 
     Returns
     -------
     float
-        The seconds that it took.
+        The time that this took [s].
     """
     start_s = time.perf_counter()
     names = Targets.of(scene.settings.config["targets"]).apparatus
     simulations = [bench(name).build(scene) for name in names]
 
-    # The other process leaves its kernels in the cache on disk.
+    # The other process shares its kernels through the cache on disk.
     def compile_walls() -> None:
         for simulation in simulations:
             simulation.wall_loads()
@@ -38,7 +38,7 @@ def warm_up(scene: Scene, cores: int = 1) -> float:
         simulation.add("berry", (0.0, 0.0, 0.0))
         simulation.run_steps(1)
     if cores > 1:
-        # No step needs what it may still compile.
+        # The steps above already have all kernels that they need.
         wall_process.terminate()
         wall_process.join()
     return time.perf_counter() - start_s
