@@ -42,7 +42,7 @@ def plain_file(path: str | PathLike) -> Path:
 
 
 def in_png(content: bytes, record: Mapping[str, Any]) -> bytes:
-    """Put a record into a PNG, beside the texts that it has."""
+    """Add a record to the texts inside a PNG."""
     from PIL import Image
     from PIL.PngImagePlugin import PngImageFile, PngInfo
 
@@ -58,7 +58,10 @@ def in_png(content: bytes, record: Mapping[str, Any]) -> bytes:
 
 
 def read(path: str | PathLike) -> dict[str, Any] | None:
-    """Read the record of a file; None if it has none or cannot be read."""
+    """Read the record of provenance of a file.
+
+    Return None if the file has no valid record or cannot be read.
+    """
     path = Path(path)
     readers = {".json": _from_json, ".npz": _from_npz, ".png": _from_png}
     reader = readers.get(path.suffix, _from_sidecar)

@@ -97,7 +97,7 @@ def one_message() -> Iterator[None]:
 
 
 def _in_yaml(value: object) -> str:
-    """Write a value as YAML has it, texts in quotes."""
+    """Write a value as it would appear in a YAML file, with texts in quotes."""
     if value is None:
         return "null"
     if isinstance(value, bool):

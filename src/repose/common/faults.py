@@ -65,15 +65,15 @@ def check(config: Any, source: str | Origin, model: Model) -> Checked:
 
 
 def with_whole_numbers(config: Any, model: Model) -> Any:
-    """Return a configuration with 3.0 as 3 wherever a key is an integer.
+    """Replace numbers such as 3.0 by 3 wherever a key must be an integer.
 
-    R, MATLAB and many writers of JSON write whole numbers so.
+    R, MATLAB and many JSON writers store whole numbers as 3.0.
     """
     for error in _errors(config, model):
         value = at(config, error.path)
         if not isinstance(value, float) or not value.is_integer():
             continue
-        # A key that may have values of several types lists them.
+        # A key that allows several types lists them in its schema.
         key_schema = subschema(error.path, model)
         alternatives = (key_schema, *key_schema.get("anyOf", ()))
         types = [alternative.get("type") for alternative in alternatives]
@@ -83,9 +83,9 @@ def with_whole_numbers(config: Any, model: Model) -> Any:
 
 
 def _with_value(config: Any, path: Sequence[str], value: Any) -> Any:
-    """Return a copy of a configuration with another value at a key.
+    """Return a copy of a configuration in which one key has another value.
 
-    `path` has the steps of the key: names of keys, and numbers of entries in lists.
+    `path` leads to the key: names of keys, and positions in lists.
     """
     if not path:
         return value
@@ -99,7 +99,10 @@ def _with_value(config: Any, path: Sequence[str], value: Any) -> Any:
 
 
 def lacks_keys(config: Mapping[str, Any], model: Model) -> bool:
-    """Return whether a section of a configuration lacks a key, whatever the values."""
+    """Return whether any section of a configuration lacks a key.
+
+    Invalid values are ignored.
+    """
     try:
         model.model_validate(config)
     except ValidationError as error:
@@ -136,7 +139,7 @@ def subschema(path: Sequence[str], model: Model) -> dict[str, Any]:
 
 
 def allowed_by(schema: Mapping[str, Any]) -> str:
-    """Describe the allowed values of a JSON schema."""
+    """Describe in words which values a JSON schema allows."""
     if "allowed" in schema:
         return schema["allowed"]
     if "const" in schema:
@@ -170,17 +173,17 @@ def _bound(number: float) -> str:
 
 
 def _inside(outer: Mapping[str, Any], step: int | str, whole: Mapping[str, Any]) -> Any:
-    """Return the schema of a key inside an outer schema; None if there is none.
+    """Return the schema of one key inside an outer schema, or None if it is unknown.
 
     Parameters
     ----------
     outer : mapping
         The schema of a section, or of a list of sections.
     step : int or str
-        A key of the section, the number of an entry in the list, or a name of a section
-        whose names are free.
+        A key of the section, the position of an entry in the list, or any name in a
+        section whose names are free.
     whole : mapping
-        The schema of the configuration, in which references are followed.
+        The schema of the whole configuration, which holds the targets of references.
     """
     entry_schema = outer.get("items", {})
     inner: Any = None
@@ -198,9 +201,9 @@ def _inside(outer: Mapping[str, Any], step: int | str, whole: Mapping[str, Any])
 
 
 def _errors(config: Any, model: Model) -> list[_Error]:
-    """Find the errors of a model, unknown keys first.
+    """Validate a configuration and list its errors, unknown keys first.
 
-    An error inside a value counts as an error of the whole value.
+    An error inside a value is reported for the whole value.
     """
     try:
         model.model_validate(config)
@@ -210,7 +213,7 @@ def _errors(config: Any, model: Model) -> list[_Error]:
         return []
 
     errors = [_place_error(detail, schema(model)) for detail in details]
-    # A list is also too short where all of its entries have faults.
+    # Pydantic also calls a list too short if its entries are invalid. Drop this error.
     keys_with_inner_errors = {error.path[0] for error in errors if len(error.path) > 1}
     reported = [
         error
@@ -221,12 +224,12 @@ def _errors(config: Any, model: Model) -> list[_Error]:
 
 
 def _place_error(detail: ErrorDetails, whole: Mapping[str, Any]) -> _Error:
-    """Place an error of pydantic at its key.
+    """Assign an error of pydantic to a key of the configuration.
 
-    The path of pydantic may go on with a type of the value. `whole` is the schema of
-    the configuration.
+    Pydantic's location may continue beyond the key, with a type of the value. `whole`
+    is the schema of the whole configuration.
     """
-    # Follow the path as long as it names keys.
+    # Follow the location as long as it names keys of the schema.
     path: list[str] = []
     key_schema = whole
     location = detail["loc"]
@@ -237,7 +240,7 @@ def _place_error(detail: ErrorDetails, whole: Mapping[str, Any]) -> _Error:
         key_schema = inner
         path.append(str(step))
 
-    # What is left is an unknown key, or a place inside the value.
+    # The rest of the location is an unknown key, or a place inside the value.
     rest = location[len(path) :]
     is_unknown_key = detail["type"] in UNKNOWN and len(rest) == 1
     is_inside_the_value = bool(rest) and not is_unknown_key
@@ -252,7 +255,7 @@ def _place_error(detail: ErrorDetails, whole: Mapping[str, Any]) -> _Error:
 def _faults(
     errors: list[_Error], config: Any, source: str | Origin, model: Model
 ) -> Iterator[InputError]:
-    """Yield the errors as faults, each with the file of its key."""
+    """Turn errors into faults that name the file of each key."""
     explained_keys = _ranges_without_numbers(errors)
     n_guesses = 0
     for error in errors:
@@ -260,12 +263,12 @@ def _faults(
         if error.type in UNKNOWN:
             section = subschema(error.path, model)
             known = sorted(section["properties"])
-            # More faults are not reported one by one.
+            # Look for a similar key only while faults are still reported one by one.
             similar: list[str] = []
             if n_guesses < MOST_REPORTED:
                 similar = difflib.get_close_matches(str(error.unknown), known, 1)
                 n_guesses += 1
-            # The key that was meant is not reported as missing, too.
+            # A misspelt key must not be reported as missing, too.
             explained_keys.add(".".join([*error.path, *similar]))
             yield _unknown_key(error, config, source, known, similar)
         elif error.type == "missing":
@@ -276,7 +279,7 @@ def _faults(
         elif error.type == CONTRADICTION:
             yield from _contradictions(error, config, source)
         else:
-            # Without a key, the error is about the whole configuration.
+            # An error without a key concerns the whole configuration.
             words = "keys with values"
             if key:
                 words = allowed_by(subschema(error.path, model))
@@ -301,10 +304,10 @@ def _unknown_key(
     known: Sequence[str],
     similar: Sequence[str],
 ) -> InputError:
-    """Make the fault of a key that does not exist.
+    """Describe a key that does not exist.
 
-    `known` are the keys of its section, and `similar` is empty or has the one among
-    them that may be meant.
+    `known` lists the keys of its section. `similar` is empty or holds the one of them
+    that the user probably meant.
     """
     unknown_name = str(error.unknown)
     key = ".".join([*error.path, unknown_name])
@@ -313,7 +316,7 @@ def _unknown_key(
     else:
         hint = f"keys here: {', '.join(known)}"
 
-    # A key such as null or 1.5 is no text in the file, and is text in pydantic's error.
+    # Find the value by the key's text: pydantic reports keys such as null or 1.5 as text.
     section = at(config, error.path)
     values = {str(name): value for name, value in section.items()}
     value = values[unknown_name]

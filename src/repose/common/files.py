@@ -36,13 +36,13 @@ KIND_NAMES = {
 
 
 def path_of(name: str, path: Any) -> Path:
-    """Return an argument as a path; InputError for what cannot be one."""
+    """Return an argument as a path; raise InputError if it cannot be one."""
     is_path = isinstance(path, Path_) and bool(str(path))
     require(is_path, "study", name, path, "the path of a file")
     try:
         os.stat(path)
     except (FileNotFoundError, NotADirectoryError, PermissionError):
-        pass  # whoever reads or writes the file reports it
+        pass  # reported when the file is read or written
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         allowed = f"the path of a file; {reason}"
@@ -59,7 +59,10 @@ def write_text(path: Path_, text: str) -> None:
 
 
 def write_bytes(path: Path_, content: bytes) -> None:
-    """Write bytes; the record goes into a PNG, and into a sidecar of any other file."""
+    """Write bytes with the record of provenance.
+
+    The record goes into a PNG itself, and for any other file into a sidecar.
+    """
     record = provenance.current()
     if record and content.startswith(attached.PNG):
         _write(path, attached.in_png(content, record))
@@ -77,16 +80,16 @@ def write_json(path: Path_, content: Any, indent: int = 1) -> None:
 
 
 def json_text(content: Any, indent: int = 1) -> str:
-    """Return content as JSON, a mapping with the record of the current stage.
+    """Return content as JSON text; a mapping gets the record of the current stage.
 
-    The record is the last line of the mapping.
+    The record is the last entry of the mapping, on one line.
     """
     text = json.dumps(content, indent=indent, default=_plain)
     record = provenance.current()
     if not record or not isinstance(content, Mapping):
         return text
 
-    # Put the record before the closing brace, in one line.
+    # Insert the record before the closing brace.
     beginning = text.removesuffix("}").rstrip()
     comma = "," if content else ""
     space = " " * indent
@@ -143,7 +146,7 @@ def write_image(path: Path_, picture: "np.ndarray") -> None:
     path : path
         The file.
     picture : ndarray, (height, width) or (height, width, 3)
-        uint8, blue first.
+        Grey values, or colours in the order blue, green, red; uint8.
     """
     import cv2
 
@@ -202,7 +205,7 @@ def read_json(
     path : path
         The file.
     keys : iterable of str, or mapping of str to type
-        Keys that it must have, and their types.
+        Keys that the file must have. A mapping also gives the type of each value.
     what : str
         What the file should be, for messages.
 
@@ -238,14 +241,14 @@ def _named(kind: Kind) -> str:
 def read_npz(
     path: Path_, keys: Iterable[str] = (), what: str = "an .npz file"
 ) -> dict[str, "np.ndarray"]:
-    """Read all arrays of an .npz file by name; `keys` must be among them."""
+    """Read all arrays of an .npz file by name, and require those in `keys`."""
     import numpy as np
 
-    # numpy raises a TypeError for a plain .npy array, which cannot be closed.
+    # For a plain .npy file numpy returns an array, which is no context manager: TypeError.
     unreadable = (*attached.UNREADABLE, TypeError, MemoryError)
     try:
         with np.load(attached.plain_file(path), allow_pickle=False) as store:
-            # Before anything is unpacked: a small file may hold gigabytes of zeros.
+            # Check the names before unpacking: a small file may hold gigabytes of zeros.
             for key in keys:
                 require(key in store.files, path, key, None, f"an array in {what}")
             arrays = {name: store[name] for name in store.files if name != attached.KEY}

@@ -44,9 +44,9 @@ class Origin:
         return self.origin.get(".".join(steps), self.default)
 
     def owner(self, key: str) -> str:
-        """Return the user's file in which to edit a dotted key.
+        """Return the file in which the user should edit a dotted key.
 
-        It is the key's own file, or that of the innermost section around it.
+        It is the file that holds the key, or else the innermost section around it.
         """
         steps = key.split(".")
         while steps:
@@ -68,9 +68,9 @@ def origin_of(source: "str | Origin", key: str) -> str:
 
 
 def at(config: Any, path: Iterable[int | str]) -> Any:
-    """Return the value at the steps of a key; None where there is none.
+    """Follow a path of keys into a configuration; return None where it leads nowhere.
 
-    A step is a key, which may contain a dot, or the number of an entry in a list.
+    A step of the path is a key, which may contain dots, or a position in a list.
     """
     value = config
     for step in path:

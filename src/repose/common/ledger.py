@@ -27,19 +27,19 @@ OPEN_FLAGS = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)
 
 
 def write_whole(path: str | os.PathLike, write: Callable[[IO[bytes]], Any]) -> None:
-    """Write a file in one move, and note it.
+    """Write a file in one move, and list it as written by this program.
 
     Parameters
     ----------
     path : path
         The file.
     write : callable
-        Gets the open file, for bytes.
+        Called with the open file, to which it writes bytes.
 
     Raises
     ------
     InputError
-        If a file is there that this program did not write, or that was changed.
+        If the path holds a file that this program did not write, or that was changed.
     """
     path = Path(path)
     check_replaceable(path)
@@ -47,7 +47,7 @@ def write_whole(path: str | os.PathLike, write: Callable[[IO[bytes]], Any]) -> N
     def write_and_note(handle: IO[bytes]) -> None:
         write(handle)
         handle.flush()
-        # Before the move: a file without its line would be taken for a user's.
+        # List the file before the move. Unlisted, it would pass for a file of the user.
         _note(path, _hash(handle.name))
 
     try:
@@ -113,16 +113,16 @@ def changed(folder: str | os.PathLike) -> list[Path]:
 
 
 def _digests(folder: Path) -> dict[str, set[str]]:
-    """Read a folder's ledger: for each name the hashes of what was written there.
+    """Read the ledger of a folder: for each name, the hashes of what was written there.
 
-    A line that a full disk cut off is left out; without a ledger there are no lines.
+    A folder without a ledger has none. A line that a full disk cut off is ignored.
     """
     path = folder / LEDGER
     digests: dict[str, set[str]] = defaultdict(set)
     if path.is_symlink() or not path.is_file():
         return digests
 
-    # Each whole line ends with a new line; the last one is empty or cut off.
+    # The text after the last newline is empty, or a line that was cut off.
     *whole_lines, last_line = os.fsdecode(path.read_bytes()).split("\n")
     for line in whole_lines:
         match = LINE.fullmatch(line)
@@ -130,7 +130,7 @@ def _digests(folder: Path) -> dict[str, set[str]]:
             digest, name = match.groups()
             digests[name].add(digest)
 
-    # Refuse a file of this name that is no ledger.
+    # Refuse a file of the same name that is not a ledger.
     if not digests and not all(map(CUT_OFF.fullmatch, [*whole_lines, last_line])):
         allowed = "the list of files that repose wrote in this folder"
         raise InputError(path, "content", "something else", allowed)

@@ -33,23 +33,23 @@ _job_numbers = itertools.count()  # a process may run one job within another
 def take_folder(folder: str | os.PathLike) -> Held:
     """Lock a folder of results for a workflow.
 
-    If a workflow was killed, wait until its jobs have ended.
+    If an earlier workflow was killed, wait until its jobs have ended.
 
     Parameters
     ----------
     folder : path
-        It is made if it is missing.
+        The folder, which is created if necessary.
 
     Returns
     -------
     context manager
-        The lock is held already. It ends with this context, when nothing refers to it
-        any more, or with the process.
+        The lock, already held. It is released at the end of the context, when nothing
+        refers to it any more, or when the process ends.
 
     Raises
     ------
     InputError
-        If another workflow works on the folder.
+        If another workflow is using the folder.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -66,7 +66,7 @@ def take_folder(folder: str | os.PathLike) -> Held:
 
 
 def _wait_for_jobs(folder: Path) -> None:
-    """Wait until the jobs of an earlier workflow have ended, with a single message."""
+    """Wait until the jobs of an earlier workflow have ended, and say so once."""
     has_printed = False
     for path in sorted(folder.glob(f"{JOB}*")):
         lock = _try_lock(path)
@@ -82,10 +82,11 @@ def _wait_for_jobs(folder: Path) -> None:
 
 @contextmanager
 def join_folder(folder: str | os.PathLike) -> Iterator[None]:
-    """Hold a folder of results for a job of its workflow.
+    """Lock a folder of results for a job of its workflow.
 
-    A new workflow starts after the job has ended. The job notes its processor time. In
-    a folder without a workflow, as of a verb by hand, nothing is held or noted.
+    The next workflow waits for this job. At its end the job notes its processor time.
+    In a folder without a workflow, as when a verb runs by hand, nothing is locked or
+    noted.
     """
     folder = Path(folder)
     if not (folder / WORKFLOW).is_file() or not os.access(folder, os.W_OK):
@@ -120,7 +121,7 @@ def _try_lock(path: Path) -> Held | None:
 
 def _lock(path: Path, wait: bool = True) -> Held:
     """Take the lock of a file, which is no link."""
-    # Slow to import, which the help of a verb should avoid.
+    # Imported late because it is slow, and the help of a verb does not need it.
     from filelock import FileLock
 
     lock = FileLock(path, blocking=wait, fallback_to_soft=False)

@@ -33,16 +33,17 @@ def find(path: str | os.PathLike) -> Path:
 
 
 def configs() -> list[Path]:
-    """List the default configurations, each over the one before it.
+    """List the default configurations; each overrides the one before it.
 
-    They are the method, and a crop: that of the working folder, or else ours. A file
-    `config/config.yaml` of the working folder lies over our crop.
+    The first is the method. It is followed by the crop of the working folder, or by the
+    built-in crop if the folder has none. A file `config/config.yaml` in the working
+    folder overrides the built-in crop.
     """
     method = find(METHOD_CONFIG)
     our_crop = root() / DEFAULT_CONFIG
     study = Path(DEFAULT_CONFIG)
     if study.is_file():
-        # In the checkout the two are one file.
+        # In a checkout of the project both are the same file.
         if study.resolve() == our_crop.resolve():
             return [method, study]
         return [method, our_crop, study]

@@ -63,27 +63,27 @@ def stage(
     strategy: str | None = None,
     check: Callable[[Config, Inputs], None] | None = None,
 ) -> Iterator[None]:
-    """Write the record of a stage into every file that is written meanwhile.
+    """Attach the record of a stage to every file that is written in the context.
 
     Parameters
     ----------
     verb : str
         Name of the stage.
     paths : iterable of Path
-        Its input files.
+        The input files of the stage.
     settings_of : callable
-        Chooses from a configuration, and the name of a bench test, the settings that
-        the stage reads.
+        Selects the settings that the stage reads, given a configuration and the name of
+        a bench test.
     apparatus : str, optional
-        The bench test of its runs; by default that of the input files.
-    runs : str
-        Whether its results are runs of a bench test that it makes by the simulator, or
-        measures.
+        The bench test of the runs. The default is that of the input files.
+    runs : {"", "made", "measured"}
+        Whether the results are runs that the stage simulates, or runs that it measures.
+        They are neither if the text is empty.
     strategy : str, optional
         The strategy whose batches the stage serves.
     check : callable, optional
-        Gets the configuration and the input files with their records, as soon as the
-        stage has its configuration; raises an InputError for a file of another study.
+        Called with the configuration and the input files with their records, as soon as
+        the configuration is known. Raises an InputError for a file of another study.
 
     Raises
     ------
@@ -95,7 +95,7 @@ def stage(
     ]
     refuse_mixture(inputs)
 
-    # The first entries of the record.
+    # Collect the first entries of the record.
     heading: dict[str, Any] = {"verb": verb}
     if runs:
         heading["apparatus"] = apparatus or _first_entry(inputs, "apparatus")
@@ -117,7 +117,7 @@ def stage(
 
 
 def note_config(config: Config) -> None:
-    """Give the current stage, if there is one, its whole configuration.
+    """Tell the current stage, if there is one, its whole configuration.
 
     Raises
     ------
@@ -127,7 +127,7 @@ def note_config(config: Config) -> None:
     current_stage = _current.get()
     if current_stage is None:
         return
-    # A stage may change the configuration that it has, which is not checked again.
+    # Check only the first configuration. A stage may later note a changed one.
     if current_stage.config is None and current_stage.check is not None:
         current_stage.check(config, current_stage.inputs)
     current_stage.config = config
@@ -147,10 +147,10 @@ def current() -> dict[str, Any] | None:
 def _make_record(current_stage: _Stage) -> dict[str, Any]:
     """Make the record of a stage.
 
-    Its origin is a hash of the stage, its settings, the engine and its input files, or
-    rather of their origins. So results of one origin are equal.
+    The origin is a hash of the stage, its settings, the engine and the origins of its
+    input files. Results with the same origin are therefore equal.
     """
-    # Runs are of this engine, and what follows from runs is of theirs.
+    # Simulated runs are by this engine. Other results have the engine of their inputs.
     if current_stage.simulates:
         engine = engine_hash()
     else:
@@ -195,18 +195,18 @@ def _first_entry(inputs: Inputs, key: str) -> Any:
 
 
 def refuse_mixture(inputs: Inputs) -> None:
-    """Raise InputError for results that do not belong together.
+    """Refuse input files that do not belong together.
 
-    These are results of two engines, and runs of a bench test, which become rows of one
-    table, of two origins. A file without a record goes with any.
+    Results must come from one engine. Runs of a bench test become rows of one table, so
+    they must share one origin. A file without a record goes with any other.
 
     Parameters
     ----------
     inputs : iterable of (Path, mapping or None)
         Files with their records.
     """
-    # The first engine, and the first origin of the runs of each stage and bench test,
-    # each with its file.
+    # Remember, each with its file, the first engine and the first origin of the runs of
+    # each stage and bench test.
     first_engine: tuple[str, Path] | None = None
     first_origins: dict[tuple[str, str], tuple[str, Path]] = {}
     for path, record in inputs:
@@ -279,7 +279,7 @@ def _version(name: str) -> str | None:
 
 
 def _commit() -> str | None:
-    """Find the commit of the checkout, or of the build; None if neither is known."""
+    """Find the commit of the checkout or of the build, or return None if unknown."""
     root = PACKAGE.parents[1]
     is_checkout = (root / ".git").exists()
     if not is_checkout:
@@ -297,17 +297,17 @@ def _commit() -> str | None:
 
 
 def _processor() -> str:
-    """Describe the processor, and settings that calculate for another type.
+    """Describe the processor, and environment variables that make it act as another.
 
-    A virtual machine may call several generations by one name, so the family and the
-    model stand behind it.
+    One name may cover several generations in a virtual machine, so the description also
+    has the family and the model.
     """
     try:
         lines = CPU_INFO.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
         lines = []
 
-    # The file has these lines again for each core; the first core stands for all.
+    # The file repeats these lines for each core. Keep those of the first core.
     fields: dict[str, str] = {}
     for line in lines:
         key, _, value = line.partition(":")

@@ -50,11 +50,12 @@ class StrictLoader(yaml.SafeLoader):
         Raises
         ------
         InputError
-            With the line of a key that stands twice, or is no text or number.
+            If a key is repeated, or is neither text nor number. The message names its
+            line.
         """
         earlier_keys = set()
         for key_node, _ in node.value:
-            # The keys of the mapping itself replace those that it takes over.
+            # Skip keys merged by `<<`: those of the mapping itself may override them.
             if key_node.tag == MERGE:
                 continue
             key = self._construct_key(key_node, deep)
@@ -107,12 +108,12 @@ StrictLoader.add_implicit_resolver(
 
 
 def read(path: str | os.PathLike) -> dict[str, Any]:
-    """Read the mapping in a YAML or JSON file, unchecked.
+    """Read a YAML or JSON file that holds a mapping, without checking its keys.
 
     Raises
     ------
     InputError
-        For a missing file, bad syntax or a key twice.
+        If the file is missing, has wrong syntax or repeats a key.
     """
     path = Path(path)
     try:
@@ -152,7 +153,7 @@ def parse(text: str, name: str) -> Any:
 # The defaults of all studies take 50 ms to parse, and every load reads them anew.
 @functools.lru_cache(maxsize=16)
 def _parse(text: str, name: str) -> Any:
-    """Read YAML as `parse` does; the result is not to be changed."""
+    """Parse YAML as `parse` does; the caller must not change the result."""
     try:
         return _construct(text, name)
     except InputError:
@@ -167,14 +168,14 @@ def _parse(text: str, name: str) -> Any:
 
 
 def _construct(text: str, name: str) -> Any:
-    """Make the value of a YAML document; None for an empty one."""
+    """Build the value of a YAML document; None for an empty document."""
     loader = StrictLoader(text)
     try:
         loader.name = name
         node = loader.get_single_node()
         if node is None:
             return None
-        # A few lines of aliases can stand for more than the memory holds.
+        # A few lines with nested aliases can expand to more than the memory holds.
         n_characters = _count_characters(node, {})
         require(
             n_characters <= MOST_CHARACTERS,
@@ -189,11 +190,11 @@ def _construct(text: str, name: str) -> Any:
 
 
 def _syntax_fault(error: yaml.MarkedYAMLError, text: str, name: str) -> InputError:
-    """Make the fault of bad syntax, with advice for frequent mistakes."""
+    """Describe an error of syntax, with advice for common mistakes."""
     line = error.problem_mark.line + 1 if error.problem_mark else 0
     problem = error.problem or ""
 
-    # The parser notices a missing colon only in a later line.
+    # The parser reports a missing colon at a later line, so look for it before.
     line_without_colon = _find_line_without_colon(text.splitlines()[:line])
     if line_without_colon is not None:
         number, words = line_without_colon
@@ -210,18 +211,18 @@ def _syntax_fault(error: yaml.MarkedYAMLError, text: str, name: str) -> InputErr
 
 
 def _find_line_without_colon(lines: Sequence[str]) -> tuple[int, str] | None:
-    """Find the first line at the margin that is no key with its value.
+    """Find the first line at the margin that is not a key with its value.
 
     Returns
     -------
     tuple of int and str, or None
-        Number of the line, from 1, and its text; None if there is no such line.
+        Number of the line, counted from 1, and its text. None if there is no such line.
     """
     for number, words in enumerate(lines, start=1):
         if KEY_AT_MARGIN.match(words):
             continue
-        # Within a text or list over several lines it is good. Then the lines before it
-        # are no whole document.
+        # The line is valid if it continues a text or list of several lines. The lines
+        # before it are then an incomplete document.
         try:
             yaml.compose("\n".join(lines[: number - 1]), Loader=yaml.SafeLoader)
         except yaml.YAMLError:
@@ -231,18 +232,18 @@ def _find_line_without_colon(lines: Sequence[str]) -> tuple[int, str] | None:
 
 
 def _count_characters(node: yaml.Node, counts: dict[int, int]) -> int:
-    """Count the characters of a node with its aliases replaced.
+    """Count the characters of a node, with every alias replaced by its value.
 
     Parameters
     ----------
     node : yaml.Node
-        A value; an alias is the same node as the value that it stands for.
+        A value. An alias and the value that it stands for are the same node.
     counts : dict of int to int
-        The counts so far, by the node's `id`. That of the node is added.
+        The counts so far, by `id` of the node. This function adds to them.
     """
     if id(node) in counts:
         return counts[id(node)]
-    # A value that contains itself counts 0 inside.
+    # If the value contains itself, the inner one counts as 0.
     counts[id(node)] = 0
     if isinstance(node, yaml.ScalarNode):
         n_characters = 1 + len(node.value)

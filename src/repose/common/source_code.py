@@ -35,7 +35,7 @@ _new_keys: list[str] = []  # of summaries that no earlier call has kept
 
 @cache
 def code_hash(*modules: str, follow_imports: bool = True) -> str:
-    """Hash the code on which modules stand.
+    """Hash the code that modules consist of and depend on.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def code_hash(*modules: str, follow_imports: bool = True) -> str:
         Dotted names below `repose` of modules or packages, such as ``stages.dataset``
         or ``measure``. A package stands for all its modules.
     follow_imports : bool, optional
-        Whether the modules that they import count, too.
+        Whether to include the modules that they import, directly or indirectly.
 
     Returns
     -------
@@ -68,7 +68,7 @@ def code_hash(*modules: str, follow_imports: bool = True) -> str:
 
 @cache
 def dependencies(*modules: str) -> frozenset[str]:
-    """Find the modules on which modules stand, with themselves.
+    """Find all modules that the given modules depend on, including themselves.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def dependencies(*modules: str) -> frozenset[str]:
             continue
         found.add(name)
         queue.extend(_imports(name))
-        # Python runs the package around a module, too.
+        # To import a module, Python also runs the package around it.
         package = name.rpartition(".")[0]
         queue.append(package)
     return frozenset(found)
@@ -123,7 +123,7 @@ def _file_of(module: str) -> Path:
 
 
 def _modules_of(name: str) -> list[str]:
-    """List a module, or a package with all its modules, by their full dotted names."""
+    """List the full dotted names of a module, or of a package and all its modules."""
     file = _file_of(name)
     is_package = file.name == "__init__.py"
     if not is_package:
@@ -140,10 +140,10 @@ def _modules_of(name: str) -> list[str]:
 def _imports(module: str) -> frozenset[str]:
     """Find the modules of `repose` that a module imports when it runs.
 
-    An import anywhere in the module counts, except one for type checkers alone. An
-    import from a package counts for the package and, if the name is a module of it, for
-    this module. A module that imports others by computed names, as a table of laws
-    does, stands on its whole package.
+    Imports inside functions count, but not those for type checkers only. An import from
+    a package counts for the package, and for the imported name if that is a module. A
+    module that imports others by computed names, as a table of laws does, depends on
+    its whole package.
     """
     file = _file_of(module)
     package = module if file.name == "__init__.py" else module.rpartition(".")[0]
@@ -218,9 +218,9 @@ class _NumbersOnly(ast.NodeTransformer):
 
 @cache
 def _hash_module(module: str) -> str:
-    """Hash the code of a module, and the data files of its folder that it names.
+    """Hash the code of a module, and each data file of its folder that it names.
 
-    The result is the hash of the code, and that of each data file after a blank.
+    The result is a text of hashes, separated by blanks.
     """
     file = _file_of(module)
     content = file.read_bytes()
@@ -241,15 +241,15 @@ def _data_files(folder: Path) -> list[str]:
 
 @cache
 def _summarise_file(file: Path) -> dict[str, Any]:
-    """Hash the code of a file, and find what it imports.
+    """Hash the code of a file, and list its imports.
 
-    A file that an earlier call has summarised is not parsed again.
+    A file is parsed only once; later calls use the stored summary.
 
     Returns
     -------
     dict
-        ``code``, a hash; ``imports``, pairs of the level of a relative import (0: an
-        absolute one) and a dotted name; ``imports_by_name``, whether it calls
+        ``code``: a hash. ``imports``: pairs of a level and a dotted name; the level is 0
+        for an absolute import. ``imports_by_name``: whether the file calls
         `importlib.import_module`.
     """
     content = file.read_bytes()
@@ -280,7 +280,7 @@ def _summarise(content: bytes) -> dict[str, Any]:
             if function == "import_module":
                 imports_by_name = True
 
-    # This changes the tree, so it comes last.
+    # Hash the code last, since the visitor changes the tree.
     code = ast.dump(_NumbersOnly().visit(tree))
     return {
         "code": hashlib.sha256(code.encode()).hexdigest(),
@@ -290,7 +290,7 @@ def _summarise(content: bytes) -> dict[str, Any]:
 
 
 def _runtime_nodes(tree: ast.Module) -> Iterator[ast.AST]:
-    """Yield the nodes of a module, without what stands below ``if TYPE_CHECKING:``."""
+    """Yield the nodes of a module, except those below ``if TYPE_CHECKING:``."""
     queue: list[ast.AST] = [tree]
     while queue:
         node = queue.pop()
@@ -322,13 +322,13 @@ def _stored_summaries() -> dict[str, dict[str, Any]]:
 
 
 def keep_for_later_calls() -> None:
-    """Keep the summaries that this process made, if the cache folder can be written."""
+    """Store the new summaries in the cache folder, if it can be written."""
     if not _new_keys:
         return
     try:
         path = _store_path()
         path.parent.mkdir(parents=True, exist_ok=True)
-        # Other processes may read the file meanwhile, so it is replaced in one move.
+        # Other processes may be reading the file, so replace it in one move.
         part = path.with_name(f"{path.name}.{os.getpid()}.part")
         part.write_text(json.dumps(_stored_summaries()), encoding="utf-8")
         part.replace(path)

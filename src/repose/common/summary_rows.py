@@ -34,7 +34,7 @@ class SummaryRow(NamedTuple):
 
 
 def find_summary_row(columns: Mapping[str, Sequence[str]]) -> SummaryRow | None:
-    """Find a row at the end that has a statistic of the rows above it.
+    """Find a row at the end of a table that is a statistic of the rows above it.
 
     Parameters
     ----------
@@ -44,10 +44,10 @@ def find_summary_row(columns: Mapping[str, Sequence[str]]) -> SummaryRow | None:
     Returns
     -------
     SummaryRow or None
-        The first such row; below it are no measurements. The row equals the same
-        statistic, to the digits that it prints, in every column that varies. A row that
-        repeats a row above is none, and neither is a row of a design, whose columns
-        have few levels: its centre is the mean of all of them, its corners their ends.
+        The first such row, or None. In every column that varies, the row equals the same
+        statistic to all the digits that it prints. A row that repeats a row above it does
+        not count. Nor does a row of a design, whose columns have few levels: the centre of
+        a design is its mean, and its corners are extremes.
     """
     cells_of_columns = list(columns.values())
     n_rows = len(cells_of_columns[0]) if cells_of_columns else 0
@@ -55,7 +55,7 @@ def find_summary_row(columns: Mapping[str, Sequence[str]]) -> SummaryRow | None:
     for k, cells in enumerate(cells_of_columns):
         numbers[:, k] = [_finite_number(cell) for cell in cells]
 
-    # There is at most one row for each statistic.
+    # The last rows may be summaries, at most one for each statistic.
     first_row = max(0, n_rows - len(STATISTICS))
     for row in range(first_row, n_rows):
         last_digits = [_last_digit(cells[row]) for cells in cells_of_columns]
@@ -68,12 +68,12 @@ def find_summary_row(columns: Mapping[str, Sequence[str]]) -> SummaryRow | None:
 def _statistic_of(
     row: np.ndarray, above: np.ndarray, last_digits: Sequence[float]
 ) -> str:
-    """Name the statistic of the rows above that a row has; empty if there is none.
+    """Name the statistic of the rows above that a row equals; empty if there is none.
 
     Parameters
     ----------
     row : ndarray, (columns,)
-        NaN where a cell holds no number.
+        The numbers of the row. Cells without a number are NaN.
     above : ndarray, (rows, columns)
         The rows above.
     last_digits : sequence of float

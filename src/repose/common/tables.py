@@ -90,7 +90,7 @@ class Column:
         return f"{text}, or nothing" if self.empty else text
 
     def _allowed_numbers(self) -> str:
-        """Say the kind and the bounds."""
+        """Describe the kind of number and its bounds."""
         bounds = ""
         if math.isfinite(self.low):
             preposition = "above" if self.above else "from"
@@ -100,11 +100,11 @@ class Column:
             bounds += f" {preposition} {self.high:g}"
         if self.kind is int:
             return f"a whole number{bounds}"
-        # Bounds say that a number is finite.
+        # Bounds already imply that the number is finite.
         return f"a number{bounds}" if bounds else "a finite number"
 
     def read(self, cell: Any) -> Any:
-        """Return the value of a cell; ValueError or TypeError if it is not allowed."""
+        """Convert a cell to its value; ValueError or TypeError if it is invalid."""
         if self.kind is object:
             return cell
         if self.kind is str:
@@ -119,7 +119,7 @@ class Column:
         number = plain_number(cell)
         is_allowed = self._is_inside(number)
         if self.kind is int:
-            # Whole numbers may be written as 3.0.
+            # Accept whole numbers that are written as 3.0.
             is_whole = math.isfinite(number) and number == int(number)
             is_allowed = is_allowed and is_whole
         if not is_allowed:
@@ -218,19 +218,19 @@ def read(
     others: Callable[[Iterable[str]], bool] = is_number,
     optional: Iterable[str] = (),
 ) -> Table:
-    """Read a table that has these columns.
+    """Read a table, require these columns in it, and check its cells.
 
     Parameters
     ----------
     path : path
-        A CSV file; `sheet` says in which forms.
+        A CSV file in one of the forms that `sheet` accepts.
     columns : iterable of str or Column
-        Columns that the table must have, unless a `Column` is not `needed`. Those
-        given as `Column` are read as values.
+        Columns that the table must have, except a `Column` that is not `needed`. Columns
+        given as `Column` are converted to values.
     what : str
         What the file should be, for messages.
     others : callable
-        Tells from the cells of any other column whether it holds numbers. A cell of
+        Decides from the cells of any other column whether it holds numbers. Cells of
         such a column may be empty, unless the column numbers the rows.
     optional : iterable of str
         Names of other columns that the table may have.
@@ -242,10 +242,10 @@ def read(
     Raises
     ------
     InputError
-        If the file is no table, lacks a column, has a cell that its column does not
-        allow, or a row at the end that sums up the others (`find_summary_row`).
+        If the file is not a table, lacks a column, has a cell that its column does not
+        allow, or ends with a row that sums up the others (`find_summary_row`).
     """
-    # Separate all names, those that must be there, and the columns with rules.
+    # Collect the names of all columns, the required ones, and the rules for cells.
     declared: dict[str, Column] = {}
     names = []
     needed = []
@@ -259,13 +259,13 @@ def read(
             names.append(column)
             needed.append(column)
 
-    # Give the columns the names that the caller uses.
+    # Rename columns whose names differ only in form from those that the caller uses.
     table = sheet(path, what)
     new_names = renaming(table.text, [*names, *optional])
     table.text = table.text.rename(columns=new_names)
     check_columns(path, table.text, needed, what)
 
-    # Check all cells, those of other columns only for numbers.
+    # Check all cells. Those of undeclared columns are only checked to be numbers.
     checked = list(declared.values())
     for name in table.text:
         if name not in declared:
@@ -299,16 +299,16 @@ def check(
     columns: Iterable[Column],
     left_out: Collection[int] = (),
 ) -> tuple[dict[str, list[Any]], list[Fault]]:
-    """Read the cells of declared columns.
+    """Convert the cells of declared columns to values, and list the invalid ones.
 
     Parameters
     ----------
     cells : mapping of str to sequence
-        The cells by column; a column that is not among them is skipped.
+        The cells by column. Declared columns that are missing here are skipped.
     columns : iterable of Column
         The columns to read.
     left_out : collection of int
-        Rows that are not read; their values are NaN.
+        Rows to skip. Their values are NaN.
 
     Returns
     -------
@@ -340,7 +340,7 @@ def refuse(source: object, faults: Iterable[Fault]) -> None:
 def check_columns(
     path: object, table: Iterable[str], columns: Iterable[str], what: str = TABLE
 ) -> None:
-    """Raise InputError if columns are missing.
+    """Raise InputError if a table lacks one of these columns.
 
     Parameters
     ----------
@@ -360,16 +360,17 @@ def check_columns(
         if name in found:
             continue
         allowed = f"columns {', '.join(needed)}{description}; found: {', '.join(found)}"
-        # One that looks like the missing name has other characters.
+        # Point out a column whose name only looks like the missing one.
         for other in found:
             allowed += _difference(name, other)
         raise InputError(path, f"column {name}", "missing", allowed)
 
 
 def _difference(name: str, other: str) -> str:
-    """Say by code points how two names differ that look alike; empty for others.
+    """Explain how two names that look alike differ; return "" for any other pair.
 
-    Names may look alike if they differ only where one of them is not ASCII.
+    Names of the same length may look alike if every difference between them involves a
+    character outside ASCII.
     """
     if len(name) != len(other):
         return ""
@@ -386,14 +387,14 @@ def _difference(name: str, other: str) -> str:
 
 
 def describe_columns(columns: Mapping[str, Sequence[Any]]) -> list[str]:
-    """Describe each column of numbers in a line: their count, mean and range.
+    """Describe each column of numbers in a line: count, mean and range.
 
-    With these lines a command shows what it has read of a measured table.
+    A command prints these lines to show what it has read from a table.
 
     Parameters
     ----------
     columns : mapping of str to sequence
-        Values or texts by column; a table of pandas, or `Table.values`.
+        Values or texts by column, such as a data frame or `Table.values`.
 
     Returns
     -------
@@ -416,14 +417,14 @@ def describe_columns(columns: Mapping[str, Sequence[Any]]) -> list[str]:
 def describe_unread(
     columns: Mapping[str, Sequence[Any]], if_few: str
 ) -> dict[str, str]:
-    """Describe columns that nothing reads by their values; constant ones are left out.
+    """Describe the values of columns that nothing reads, except constant columns.
 
     Parameters
     ----------
     columns : mapping of str to sequence
         The cells by column.
     if_few : str
-        What follows where a column has few values, as a column of outcomes has.
+        Text to append for a column with few different values, such as outcomes.
 
     Returns
     -------
@@ -453,7 +454,7 @@ def describe_unread(
 
 
 def _list_frequent_values(counts: "Counter[str]") -> str:
-    """List the most frequent values with their numbers, and count the others."""
+    """List the most frequent values with their counts, and count the other values."""
     texts = []
     for value, count in counts.most_common(FEW_VALUES):
         times = "once" if count == 1 else f"{count} times"
@@ -497,12 +498,12 @@ def sheet(path: Path_, what: str = TABLE) -> Table:
     """
     text = _read_text(path, what).replace("\r\n", "\n").replace("\r", "\n")
 
-    # Take the comments out. An empty line in the place of each keeps the numbers of
-    # lines in messages.
+    # Separate the comments. Leave an empty line for each, so that messages give the right
+    # line numbers.
     comments = []
     rows = []
     for line in text.split("\n"):
-        # A spreadsheet puts a comment with a separator in it in quotes.
+        # Spreadsheets put a comment into quotes if it contains a separator.
         if line.lstrip(' "').startswith("#"):
             comments.append(line)
             rows.append("")
@@ -512,7 +513,7 @@ def sheet(path: Path_, what: str = TABLE) -> Table:
     # Split the header from the cells.
     separator = _separator_of(_header_of(rows))
     cells_with_header = _split_cells(path, "\n".join(rows), separator, what)
-    # A cell of the header may have several lines, as Design-Expert writes it.
+    # Join cells of the header that span several lines, as Design-Expert writes them.
     names = [" ".join(name.split()) for name in cells_with_header.iloc[0]]
     cells = cells_with_header.iloc[1:].reset_index(drop=True)
 
@@ -528,7 +529,7 @@ def sheet(path: Path_, what: str = TABLE) -> Table:
 
 
 def _read_text(path: Path_, what: str) -> str:
-    """Read the text of a file that should be `what`, in UTF-8 or UTF-16."""
+    """Read a file as text in UTF-8 or UTF-16; messages call the file `what`."""
     allowed = f"{what} in UTF-8, or in UTF-16 with its mark"
     try:
         content = plain_file(path).read_bytes()
@@ -539,7 +540,7 @@ def _read_text(path: Path_, what: str) -> str:
         text = content.decode(encoding)
     except UnicodeDecodeError as error:
         raise InputError(path, "table", str(error), allowed) from error
-    # Every other byte of UTF-16 without its mark is zero.
+    # Zero bytes are a sign of UTF-16 without its mark.
     require("\0" not in text, path, "table", "a byte of zero", allowed)
     return text
 
@@ -563,7 +564,7 @@ def _separator_of(header: str) -> str:
 
 
 def _split_cells(path: Path_, text: str, separator: str, what: str) -> "pd.DataFrame":
-    """Split a text into cells without blanks around them; row 0 is the header."""
+    """Split a text into cells, stripped of blanks; row 0 is the header."""
     import pandas as pd  # slow to import, and a process that pours reads no table
 
     try:
@@ -594,7 +595,7 @@ def _split_cells(path: Path_, text: str, separator: str, what: str) -> "pd.DataF
 
 
 def _with_decimal_points(path: Path_, cells: "pd.DataFrame") -> "pd.DataFrame":
-    """Write decimal commas as points; InputError if a table has both."""
+    """Replace decimal commas by points; raise InputError if a table has both."""
     has_comma = cells.map(lambda cell: WITH_COMMA.fullmatch(cell) is not None)
     if not has_comma.to_numpy().any():
         return cells
@@ -616,16 +617,16 @@ def _with_decimal_points(path: Path_, cells: "pd.DataFrame") -> "pd.DataFrame":
 
 
 def renaming(found: Iterable[str], declared: Iterable[str]) -> dict[str, str]:
-    """Find columns whose names differ from declared ones in their form alone.
+    """Match columns to declared names that differ from theirs only in form.
 
-    A form is how accents are composed, which of two equal signs stands for a letter
-    (the micro sign or the Greek mu), capitals, and blanks. Columns that share a form
-    keep their names, as it is open which of them is meant.
+    Differences in form are capitals, blanks, the composition of accents, and look-alike
+    signs such as micro and Greek mu. If several columns share a form, it is unclear
+    which of them is meant, so they keep their names.
 
     Returns
     -------
     dict of str to str
-        Declared names by names that were found.
+        The declared name for each column to rename.
     """
     found_names = list(found)
     declared_names = set(declared)
@@ -668,7 +669,7 @@ def _read_column(
                 faults.append((row, column.name, shown_cell, column.allowed))
         values.append(value)
 
-        # NaN, which differs from itself, is a cell that is empty or not allowed.
+        # NaN marks a cell that is empty or invalid. Only NaN differs from itself.
         is_nan = value != value
         if column.once and not is_nan:
             first_row = first_row_of_value.setdefault(value, row)
@@ -711,7 +712,7 @@ def _truth(cell: Any) -> bool:
 def _summary_faults(
     cells: "pd.DataFrame", declared: Mapping[str, Column]
 ) -> list[Fault]:
-    """Find a row that sums up others in the declared columns of numbers."""
+    """Report a row at the end that sums up the declared columns of numbers."""
     number_columns = {}
     for name, column in declared.items():
         is_text = column.kind in (str, bool)

@@ -55,7 +55,7 @@ def used_here_s() -> float:
 
 
 def note(folder: str | os.PathLike) -> None:
-    """Add this process to the table of a folder of results."""
+    """Append this process and its processor time to the table of a results folder."""
     try:
         import psutil
     except ImportError:  # no workflow is installed here
@@ -64,7 +64,7 @@ def note(folder: str | os.PathLike) -> None:
     process = Process(time.time(), used_here_s(), _log(), platform.node(), ancestors)
     line = ",".join(map(str, process)) + "\n"
     table = Path(folder) / TABLE
-    # If the disk is full, the job itself has its files.
+    # Ignore a full disk, since the files of the job itself are complete.
     with suppress(OSError):
         table.parent.mkdir(exist_ok=True)
         with open_descriptor(table, os.O_APPEND) as handle:
@@ -84,7 +84,7 @@ def _log() -> str:
 
 
 def since(folder: str | os.PathLike, began_s: float) -> list[Process]:
-    """List the processes that have ended in a folder of results since a time."""
+    """List the processes that have ended since a given time, from a results folder."""
     table = Path(folder) / TABLE
     if not table.is_file():
         return []
@@ -103,7 +103,7 @@ def since(folder: str | os.PathLike, began_s: float) -> list[Process]:
 
 
 def correct_benchmarks(folder: str | os.PathLike, processes: Iterable[Process]) -> None:
-    """Put the processor time of the whole job into snakemake's benchmark of each job."""
+    """Replace the processor time in snakemake's benchmarks by that of whole jobs."""
     folder = Path(folder)
     processes_by_log: dict[str, list[Process]] = defaultdict(list)
     for process in processes:
@@ -114,20 +114,21 @@ def correct_benchmarks(folder: str | os.PathLike, processes: Iterable[Process]) 
             continue
         name = Path(log).relative_to(folder / LOGS).with_suffix(".tsv")
         benchmark = folder / BENCHMARKS / name
-        # A job that failed has no benchmark, or a part of one.
+        # The benchmark of a failed job is missing or incomplete.
         with suppress(OSError, ValueError):
             _correct_benchmark(benchmark, job_processes)
 
 
 def _correct_benchmark(path: Path, processes: Iterable[Process]) -> None:
-    """Put the processor time of a job's processes into its benchmark.
+    """Write the processor time of all processes of a job into its benchmark.
 
-    A benchmark is a table with a header, whose last row is that of the job's last run.
+    A benchmark is a table with a header. Its last row belongs to the last run of the
+    job.
     """
     *rows, last_row = path.read_text(encoding="utf-8").splitlines()
     names = rows[0].split("\t")
     values = last_row.split("\t")
-    # Processes of an earlier attempt at the job do not count.
+    # Ignore processes of earlier attempts: count those that ended after this one began.
     wall_s = float(values[names.index("s")])
     began_s = path.stat().st_mtime - wall_s - CLOCK_TOLERANCE_S
     cpu_s = sum(process.cpu_s for process in processes if process.ended_s >= began_s)
