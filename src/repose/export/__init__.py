@@ -87,26 +87,26 @@ def _check_law(key: str, law: str, program: str, allowed: Sequence[str]) -> None
 
 
 def write(job: "Job", program: str, folder: str | PathLike) -> list[Path]:
-    """Write the deck of a program.
+    """Write the input files of another program, its deck, into a folder.
 
     Parameters
     ----------
     job : Job
-        The data of the export.
+        The calibrated grain and its pour.
     program : str
         One of `PROGRAMS`.
     folder : path
-        Folder of the files.
+        Folder to write.
 
     Returns
     -------
     list of Path
-        Its files, the deck itself first.
+        The written files. The first one is the deck itself.
 
     Raises
     ------
     InputError
-        If the program has no equivalent of one of the study's laws.
+        If the program has no equivalent for a contact law of the study.
     """
     check_laws(job, program)
     paths = []

@@ -42,20 +42,20 @@ def fill_template(name: str, job: Job, **values: object) -> str:
 
 
 def common_values(job: Job) -> dict[str, Any]:
-    """Collect the values that every template may use, by name.
+    """Collect the values that all templates share, by name.
 
-    Lengths are in m and times in time steps.
+    Lengths are in m, and times are in time steps.
     """
     particle = job.particle
     grain_radius_m = particle.bounding_radius_m
-    # The grains fall from the height of the factory on the plate.
+    # Grains are created in the factory, and fall from there onto the plate.
     factory_height_m = job.factory_height_m
     scene_radius_m = max(job.plate_radius_m, 0.5 * job.surfaces.inlet_diameter_m)
     n_steps = job.steps(job.funnel.duration_s)
     ixx, iyy, izz = particle.inertia_kg_m2.tolist()
     return {
         "job": job,
-        # What lines of a template belong to.
+        # Conditions on which lines of a template depend.
         "sphere": job.is_sphere,
         "clump": not job.is_sphere,
         "tube": job.surfaces.tube_length_m > 0.0,
@@ -92,10 +92,10 @@ def numbers(values: Iterable[float], separator: str = " ") -> str:
 
 
 def head(job: Job, program_notes: Sequence[str], comment: str = "# ") -> str:
-    """Write the head of a deck as comment lines.
+    """Write the comment lines at the head of a deck.
 
-    It has the study, its numbers, and what is not as in the study; `program_notes` are
-    the differences of the program.
+    They name the study, its numbers, and all differences between the deck and the
+    study. `program_notes` are the differences of this program.
     """
     grains = job.grains
     on_wall = job.on_wall
@@ -118,7 +118,7 @@ def head(job: Job, program_notes: Sequence[str], comment: str = "# ") -> str:
 
 
 def _common_notes(job: Job) -> list[str]:
-    """List the differences that all decks have."""
+    """List the differences from the study that all decks have in common."""
     notes = [_rolling_note(job)]
     if not job.is_sphere:
         notes.append(
@@ -139,7 +139,7 @@ def _common_notes(job: Job) -> list[str]:
 
 
 def _rolling_note(job: Job) -> str:
-    """Describe the difference in rolling resistance."""
+    """Describe how rolling resistance differs from that of the study."""
     law = job.simulation.rolling_law
     lever_mm = 1e3 * job.lever_m
     if ROLLING_LAWS.entry(law).of_each_body:
@@ -153,7 +153,7 @@ def _rolling_note(job: Job) -> str:
             note += "; with mu_r 0.1 piles of spheres stood 5 to 7 degrees lower so"
         return note
 
-    # The program has a law of this name, which acts between two spheres of the bodies.
+    # The program has a law of the same name, but it acts between single spheres.
     resistance = "its own stiffness and damping"
     if law == "constant_torque":
         resistance = "a constant torque"

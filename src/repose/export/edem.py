@@ -84,7 +84,7 @@ def _material_rows(
 def _contact_rows(
     parameters: Mapping[str, float], simulation: SimulationSettings
 ) -> list[Row]:
-    """List the coefficients of both contacts."""
+    """List the coefficients of the contacts grain-grain and grain-wall."""
     rows = []
     for pair, name in PAIRS.items():
         rows += [
@@ -93,8 +93,8 @@ def _contact_rows(
             Row(f"Coefficient of rolling friction, {name}", parameters[f"mur_{pair}"]),
         ]
         if simulation.contact_law == "jkr":
-            # EDEM's surface energy is the work of adhesion: the pull-off force is
-            # 3/2 pi R* times it. Ours is the energy of each of the two surfaces.
+            # Our parameter is the energy of each of the two surfaces. EDEM's is the work
+            # of adhesion of both: its pull-off force is 3/2 pi R* times this work.
             work_of_adhesion = 2.0 * parameters[f"{SURFACE_ENERGY.short}_{pair}"]
             unit = SURFACE_ENERGY.unit
             rows.append(Row(f"Surface energy, {name}", work_of_adhesion, unit))

@@ -172,7 +172,7 @@ def make(
     seed: int = 1,
     one_sphere: bool = False,
 ) -> Job:
-    """Make the export of a study.
+    """Collect the data of an export from a study.
 
     Parameters
     ----------
@@ -181,24 +181,24 @@ def make(
     parameters : mapping
         Contact parameters by name.
     particle : Particle
-        The grain, a clump of spheres or a sphere.
+        The body of the grain: a clump of spheres, or any body with `one_sphere`.
     grain : mapping
         Measurements of the grain, as in berry.json.
     seed : int, optional
-        Seed of the grains' places.
+        Seed of the positions of the grains.
     one_sphere : bool, optional
-        Whether the grain becomes the sphere of its volume.
+        Whether to replace the grain by a sphere of its volume.
 
     Raises
     ------
     InputError
-        If the grain has to be a clump and is none.
+        If the particle is no clump of spheres, and is not replaced by one sphere.
     """
     scene = Scene.of(config, parameters, grain, particle)
     funnel = scene.settings.section("funnel", FunnelSettings)
     notes = list(_notes(scene.settings, funnel))
 
-    # Choose the body: one sphere, or a clump.
+    # Use one sphere or a clump as the body, since other programs know only spheres.
     body = particle
     if one_sphere or is_sphere(particle):
         body = sphere_of_volume(particle)
@@ -208,7 +208,7 @@ def make(
         allowed = "multisphere: other programs take spheres"
         raise InputError("particle", "kind", body.kind, allowed)
 
-    # Programs that know only spheres need means of the whole body.
+    # The contact laws of a sphere need means over the surface of the whole body.
     materials = materials_of(scene)
     surface = surface_means(body.spheres_m)
     rayleigh_s = rayleigh_time_s(
@@ -287,9 +287,9 @@ def is_sphere(particle: "Particle") -> bool:
 
 
 def sphere_of_volume(particle: "Particle") -> "Particle":
-    """Make the sphere with volume and mass of a particle, as a clump of one.
+    """Replace a particle by a sphere of its volume and mass: a clump of one sphere.
 
-    A clump of one keeps its radius.
+    If the particle is a clump of one sphere already, it keeps its radius.
     """
     mass_kg = particle.mass_kg
     if len(particle.spheres_m) == 1:
@@ -356,19 +356,21 @@ class SurfaceMeans(NamedTuple):
 
 
 def surface_means(spheres_m: np.ndarray, n_points: int = 2000) -> SurfaceMeans:
-    """Average radius and distance from the centre over the free surface of a clump.
+    """Average the radius and the distance from the centre over a clump's surface.
+
+    Only the free surface counts, the part that lies in no other sphere.
 
     Parameters
     ----------
     spheres_m : ndarray, (M, 4)
         Centre and radius of each sphere [m]; the centre of mass is the origin.
     n_points : int
-        Number of points on each sphere that sample its surface.
+        Number of sample points on the surface of each sphere.
 
     Notes
     -----
-    Each point stands for an area in proportion to the square of its sphere's radius. It
-    is free if it lies in no other sphere.
+    Each point represents an area that is proportional to the squared radius of its
+    sphere. A point belongs to the free surface if no other sphere contains it.
     """
     centres = spheres_m[:, :3]
     smallest_distances = spheres_m[:, 3] * (1.0 - 1e-9)

@@ -58,10 +58,10 @@ def _notes(job: Job) -> list[str]:
 
 
 def contact_keywords(job: Job, pair: Pair) -> str:
-    """Write a contact in the keywords of pair_style granular.
+    """Write the contact law of a pair in the keywords of `pair_style granular`.
 
-    The deck sets the variables damping, e_gg and e_gp. The moduli are those of two equal
-    surfaces with the pair's E*.
+    The deck defines the variables damping, e_gg and e_gp. The moduli are those of two
+    equal surfaces that together have the E* of the pair.
     """
     restitution = "${e_gg}" if pair is job.grains else "${e_gp}"
     poisson = job.grain.poisson_ratio
@@ -69,7 +69,8 @@ def contact_keywords(job: Job, pair: Pair) -> str:
     tangential_spring = SPRINGS[job.simulation.contact_law]
     tangential_factor = 8.0 * pair.effective_shear_pa
 
-    # LAMMPS has the rolling spring at the contact, not as a torque: N/m instead of N m.
+    # The rolling spring of LAMMPS acts as a force at the contact and not as a torque.
+    # Convert its stiffness from N m to N/m.
     stiffness_n_m = rolling_stiffness(pair) / pair.effective_radius_m**2
     critical_damping = math.sqrt(stiffness_n_m * job.particle.mass_kg)
     rolling_damping = ROLLING_DAMPING * critical_damping
@@ -87,10 +88,11 @@ def contact_keywords(job: Job, pair: Pair) -> str:
 
 
 def damping_numbers(job: Job) -> dict[str, float]:
-    """Compute the numbers that give the study's damping, by name.
+    """Compute the restitutions with which LAMMPS has the damping of the study, by name.
 
-    ``e_gg`` and ``e_gp`` are those of `coeff_restitution`, ``tsuji_gg`` and ``tsuji_gp``
-    those of `tsuji` of older versions, negative where no restitution gives the damping.
+    ``e_gg`` and ``e_gp`` are for the damping `coeff_restitution`. ``tsuji_gg`` and
+    ``tsuji_gp`` are for `tsuji` in older versions. They are negative if no restitution
+    gives this damping.
     """
     numbers_by_name = {}
     for name, pair in job.pairs.items():
@@ -105,11 +107,11 @@ def damping_numbers(job: Job) -> dict[str, float]:
 
 
 def molecule(job: Job) -> str:
-    """Write the grain as the text of a molecule template."""
+    """Write the grain as the text of a LAMMPS molecule template."""
     spheres_m = job.particle.spheres_m
     mass_kg = job.particle.mass_kg
     n_spheres = len(spheres_m)
-    # In principal axes the products of inertia are zero.
+    # The particle is in principal axes, so its products of inertia are zero.
     inertia = numbers((*job.particle.inertia_kg_m2, 0.0, 0.0, 0.0))
     lines = [
         "a grain, from repose export",
@@ -120,7 +122,7 @@ def molecule(job: Job) -> str:
         f"{inertia} inertia",
     ]
 
-    # Each section has a row for each sphere.
+    # Every section has one numbered row per sphere.
     sections = {
         "Coords": [numbers(sphere[:3]) for sphere in spheres_m],
         "Types": ["1"] * n_spheres,

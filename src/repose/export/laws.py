@@ -49,7 +49,7 @@ def rolling_stiffness(pair: Pair) -> float:
 
 
 def law_lines(job: Job) -> list[str]:
-    """Write a line on each constant that the force laws have besides the coefficients."""
+    """Describe the constants of the contact laws besides the usual coefficients."""
     grains = job.grains.constants
     on_wall = job.on_wall.constants
     law = job.simulation.contact_law
@@ -66,7 +66,7 @@ def law_lines(job: Job) -> list[str]:
             )
         lines.append(f"{line}.")
 
-    # A study may give a friction of twisting for one of the two contacts.
+    # The friction of twisting may be set for both contacts, for one or for none.
     if TWISTING.name in grains or TWISTING.name in on_wall:
         default = "3 pi / 16 mu_s"
         lines.append(

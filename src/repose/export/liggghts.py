@@ -18,9 +18,10 @@ FOLD_SHARE = 1.1
 
 
 def deck(job: Job) -> dict[str, str]:
-    """Write the files of a LIGGGHTS run by name: in.pour, funnel.stl, clump.txt.
+    """Write the input files of LIGGGHTS: in.pour, funnel.stl and clump.txt.
 
-    The last is of a clump.
+    The result maps the names of the files to their texts. A single sphere needs no
+    clump.txt.
     """
     simulation = job.simulation
     spheres_m = job.particle.spheres_m
@@ -30,7 +31,7 @@ def deck(job: Job) -> dict[str, str]:
     if has_cohesion:
         model = f"cohesion sjkr {model}"
 
-    # Numbers of each contact, with the end of its parameters' names.
+    # The names of the numbers of a contact end with the name of the pair.
     pair_values: dict[str, object] = {}
     for name, pair in job.pairs.items():
         pair_values[f"e_{name}"] = equivalent_restitution(pair, LEAST_RESTITUTION)
@@ -59,7 +60,7 @@ def deck(job: Job) -> dict[str, str]:
 
 
 def _notes(job: Job) -> list[str]:
-    """List the differences of LIGGGHTS from the study."""
+    """List how LIGGGHTS differs from the study."""
     notes = []
     if job.simulation.contact_law != "hertz_mindlin":
         notes.append(

@@ -17,17 +17,17 @@ LONGEST_ROW_M = 0.024
 
 
 def profile(funnel: Funnel) -> np.ndarray:
-    """Compute the line of the funnel in the half plane (r, z).
+    """Compute the inner profile of the funnel in the half plane (r, z).
 
-    It goes along the cone to the neck, over the rounded edge there, down the tube if
-    there is one, and over the rounded edge of the outlet.
+    The line follows the cone to the neck, the rounded edge there, the tube if there is
+    one, and the rounded edge of the outlet.
 
     Returns
     -------
     array
-        Points (N, 2) [m] from the inlet to the underside of the outlet's rounded edge.
+        Points (N, 2) [m] from the inlet to the underside of the outlet's edge.
     """
-    # The arcs of both edges have their centres at this radius.
+    # The centres of both arcs lie at the same distance from the axis.
     edge_radius = funnel.rim_radius_m
     centre_r = 0.5 * funnel.outlet_diameter_m + edge_radius
 
@@ -47,13 +47,13 @@ def profile(funnel: Funnel) -> np.ndarray:
     neck = arc(funnel.neck_height_m, touching_deg, 180.0)
     lip = arc(funnel.outlet_height_m, 180.0, 270.0)
     if not funnel.tube_length_m:
-        # One arc goes on where the other ends.
+        # Without a tube the second arc begins at the last point of the first.
         lip = lip[1:]
     return _divide_line(np.array([inlet, *neck, *lip]))
 
 
 def _divide_line(points: np.ndarray) -> np.ndarray:
-    """Divide a line of points (N, 2) into pieces of at most `LONGEST_ROW_M`."""
+    """Divide the segments of a line (N, 2) into pieces of at most `LONGEST_ROW_M`."""
     divided = [points[:1]]
     for start, end in pairwise(points):
         length_m = np.linalg.norm(end - start)
@@ -71,7 +71,7 @@ def triangles(funnel: Funnel) -> np.ndarray:
     array
         Corners (T, 3, 3) [m], counterclockwise as seen from the axis.
     """
-    # Turn the line around the axis: each of its points (N, 2) gives a ring of points.
+    # Rotate the profile about the axis: each of its N points becomes a ring of points.
     line = profile(funnel)
     radii = line[:, :1]
     heights = line[:, 1:]
@@ -81,8 +81,8 @@ def triangles(funnel: Funnel) -> np.ndarray:
     z = np.broadcast_to(heights, x.shape)
     rings = np.stack([x, y, z], axis=-1)  # (N, AROUND, 3)
 
-    # Two neighbours on a ring and two on the ring below make a rectangle. Divide each
-    # into two triangles.
+    # Two neighbours on a ring and the two below them are the corners of a quadrilateral.
+    # Divide each quadrilateral into two triangles.
     upper = rings[:-1]
     lower = rings[1:]
     next_upper = np.roll(upper, -1, axis=1)
@@ -93,7 +93,7 @@ def triangles(funnel: Funnel) -> np.ndarray:
 
 
 def stl(funnel: Funnel) -> str:
-    """Write the funnel's surface as the text of an STL file in metres."""
+    """Write the surface of the funnel as the text of an STL file, in metres."""
     facets = triangles(funnel)
     first_edges = facets[:, 1] - facets[:, 0]
     second_edges = facets[:, 2] - facets[:, 0]

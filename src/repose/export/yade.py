@@ -41,7 +41,7 @@ def _damping_share(pair: Pair) -> float:
 
 
 def _notes(job: Job) -> list[str]:
-    """List the differences of YADE from the study."""
+    """List how YADE differs from the study."""
     behaviour = "stays on loading and falls on unloading"
     if job.simulation.contact_law == "hertz_mindlin":
         behaviour = "grows and falls with the normal load"
@@ -58,22 +58,26 @@ def _notes(job: Job) -> list[str]:
 
 
 def member_masses(job: Job) -> tuple[np.ndarray, np.ndarray]:
-    """Find masses and inertias of the spheres with which a clump has those of the body.
+    """Distribute mass and inertia over the spheres of a clump.
+
+    Together the spheres must have the mass, the centre of mass and the moments of
+    inertia of the body.
 
     Returns
     -------
     shares : array
-        Share (M,) of the mass for each sphere. Their sum is 1, they have their centre at
-        the origin and no products of inertia, and are as equal as that allows.
+        Share (M,) of each sphere in the mass. The shares are as equal as possible. Their
+        sum is 1, their centre is the origin and their products of inertia are zero.
     inertia : array
-        Moments (3,) of each sphere [kg m2], which make up for the rest of the body's.
+        Moments of inertia (3,) of each sphere [kg m2]. Together they supply what the
+        masses at the centres of the spheres lack.
     """
     particle = job.particle
     x, y, z = particle.spheres_m[:, :3].T
     n_spheres = len(x)
 
-    # Conditions on the shares: sum, centre, products of inertia. A length scale makes
-    # them numbers of order one.
+    # Write the conditions on sum, centre and products of inertia as linear equations. A
+    # length scale makes all coefficients of order one.
     scale_m = particle.bounding_radius_m
     conditions = np.stack(
         [np.ones_like(x), x / scale_m, y / scale_m, z / scale_m, x * y, x * z, y * z]
@@ -82,13 +86,13 @@ def member_masses(job: Job) -> tuple[np.ndarray, np.ndarray]:
     required = np.zeros(7)
     required[0] = 1.0
 
-    # The smallest change of equal shares that fulfils the conditions.
+    # Find the smallest change of equal shares that fulfils the conditions.
     equal_shares = np.full(n_spheres, 1.0 / n_spheres)
     error = required - conditions @ equal_shares
     change = np.linalg.lstsq(conditions, error, rcond=1e-9)[0]
     shares = equal_shares + change
 
-    # The moments that the masses at the centres of the spheres lack.
+    # Find the moments that the masses at the centres of the spheres lack.
     squared_distances = np.array([y * y + z * z, x * x + z * z, x * x + y * y])
     rest = particle.inertia_kg_m2 - particle.mass_kg * squared_distances @ shares
     return shares, rest / n_spheres
