@@ -134,7 +134,7 @@ def subschema(path: Sequence[str], model: Model) -> dict[str, Any]:
     whole = schema(model)
     node = whole
     for step in path:
-        node = _inside(node, step, whole)
+        node = _inner_schema(node, step, whole)
     return node
 
 
@@ -172,7 +172,9 @@ def _bound(number: float) -> str:
     return str(number) if isinstance(number, int) else f"{number:g}"
 
 
-def _inside(outer: Mapping[str, Any], step: int | str, whole: Mapping[str, Any]) -> Any:
+def _inner_schema(
+    outer: Mapping[str, Any], step: int | str, whole: Mapping[str, Any]
+) -> Any:
     """Return the schema of one key inside an outer schema, or None if it is unknown.
 
     Parameters
@@ -234,7 +236,7 @@ def _place_error(detail: ErrorDetails, whole: Mapping[str, Any]) -> _Error:
     key_schema = whole
     location = detail["loc"]
     for step in location:
-        inner = _inside(key_schema, step, whole)
+        inner = _inner_schema(key_schema, step, whole)
         if inner is None:
             break
         key_schema = inner
@@ -273,18 +275,18 @@ def _faults(
             yield _unknown_key(error, config, source, known, similar)
         elif error.type == "missing":
             if key not in explained_keys:
-                words = allowed_by(subschema(error.path, model))
+                allowed = allowed_by(subschema(error.path, model))
                 owner = owner_of(source, key)
-                yield YamlError(owner, key, None, f"{words}; the key is missing")
+                yield YamlError(owner, key, None, f"{allowed}; the key is missing")
         elif error.type == CONTRADICTION:
             yield from _contradictions(error, config, source)
         else:
             # An error without a key concerns the whole configuration.
-            words = "keys with values"
+            allowed = "keys with values"
             if key:
-                words = allowed_by(subschema(error.path, model))
+                allowed = allowed_by(subschema(error.path, model))
             value = at(config, error.path)
-            yield YamlError(origin_of(source, key), key, value, words)
+            yield YamlError(origin_of(source, key), key, value, allowed)
 
 
 def _ranges_without_numbers(errors: list[_Error]) -> set[str]:

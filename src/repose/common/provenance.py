@@ -221,9 +221,9 @@ def refuse_mixture(inputs: Inputs) -> None:
                 allowed = f"{expected}, as in {source}: results of one engine"
                 raise InputError(path, "provenance.engine", engine, allowed)
         if "apparatus" in record:
-            runs = (record["verb"], record["apparatus"])
+            group_of_runs = (record["verb"], record["apparatus"])
             origin = record["origin"]
-            expected, source = first_origins.setdefault(runs, (origin, path))
+            expected, source = first_origins.setdefault(group_of_runs, (origin, path))
             if origin != expected:
                 allowed = (
                     f"{expected}, as in {source}: runs of the same settings, grain and "

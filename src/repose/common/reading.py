@@ -191,15 +191,15 @@ def _construct(text: str, name: str) -> Any:
 
 def _syntax_fault(error: yaml.MarkedYAMLError, text: str, name: str) -> InputError:
     """Describe an error of syntax, with advice for common mistakes."""
-    line = error.problem_mark.line + 1 if error.problem_mark else 0
+    line_number = error.problem_mark.line + 1 if error.problem_mark else 0
     problem = error.problem or ""
 
     # The parser reports a missing colon at a later line, so look for it before.
-    line_without_colon = _find_line_without_colon(text.splitlines()[:line])
+    line_without_colon = _find_line_without_colon(text.splitlines()[:line_number])
     if line_without_colon is not None:
-        number, words = line_without_colon
+        number, line_text = line_without_colon
         allowed = "KEY: VALUE, with a space after the colon"
-        return InputError(name, f"line {number}", words, allowed)
+        return InputError(name, f"line {number}", line_text, allowed)
 
     if "escape" in problem:
         allowed = r"a path in single quotes, as in 'C:\data\sizes.csv'"
@@ -207,7 +207,7 @@ def _syntax_fault(error: yaml.MarkedYAMLError, text: str, name: str) -> InputErr
         allowed = "blanks in place of the tab"
     else:
         allowed = "valid YAML (indent by spaces, no tabs)"
-    return InputError(name, f"line {line or '?'}", error.problem, allowed)
+    return InputError(name, f"line {line_number or '?'}", error.problem, allowed)
 
 
 def _find_line_without_colon(lines: Sequence[str]) -> tuple[int, str] | None:
@@ -218,8 +218,8 @@ def _find_line_without_colon(lines: Sequence[str]) -> tuple[int, str] | None:
     tuple of int and str, or None
         Number of the line, counted from 1, and its text. None if there is no such line.
     """
-    for number, words in enumerate(lines, start=1):
-        if KEY_AT_MARGIN.match(words):
+    for number, text in enumerate(lines, start=1):
+        if KEY_AT_MARGIN.match(text):
             continue
         # The line is valid if it continues a text or list of several lines. The lines
         # before it are then an incomplete document.
@@ -227,7 +227,7 @@ def _find_line_without_colon(lines: Sequence[str]) -> tuple[int, str] | None:
             yaml.compose("\n".join(lines[: number - 1]), Loader=yaml.SafeLoader)
         except yaml.YAMLError:
             return None
-        return number, words
+        return number, text
     return None
 
 

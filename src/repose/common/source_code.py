@@ -80,18 +80,18 @@ def dependencies(*modules: str) -> frozenset[str]:
     frozenset of str
         Full dotted names, without `WITHOUT_NUMBERS`.
     """
-    found: set[str] = set()
+    found_modules: set[str] = set()
     queue = _list_modules(modules)
     while queue:
         name = queue.pop()
-        if name in found or computes_nothing(name):
+        if name in found_modules or computes_nothing(name):
             continue
-        found.add(name)
+        found_modules.add(name)
         queue.extend(_imports(name))
         # To import a module, Python also runs the package around it.
         package = name.rpartition(".")[0]
         queue.append(package)
-    return frozenset(found)
+    return frozenset(found_modules)
 
 
 def _list_modules(names: Iterable[str]) -> list[str]:

@@ -266,11 +266,11 @@ def read(
     check_columns(path, table.text, needed, what)
 
     # Check all cells. Those of undeclared columns are only checked to be numbers.
-    checked = list(declared.values())
+    checked_columns = list(declared.values())
     for name in table.text:
         if name not in declared:
-            checked.append(_undeclared_column(name, table.text[name], others))
-    values, faults = check(table.text, checked)
+            checked_columns.append(_undeclared_column(name, table.text[name], others))
+    values, faults = check(table.text, checked_columns)
     refuse(path, [*faults, *_summary_faults(table.text, declared)])
 
     for name in table.text:

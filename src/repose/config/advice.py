@@ -208,15 +208,15 @@ def filling(config: Config, grain_m3: float) -> Filling:
     n_grains = _funnel(config).berries
     height_mm, angle_deg = _pile_targets(config)
     volume_m3 = n_grains * grain_m3 / PACKING
-    poured = f"{n_grains} grains hold {_litres(volume_m3)} as poured"
+    poured_text = f"{n_grains} grains hold {_litres(volume_m3)} as poured"
 
     # Without a target for the height, a cone of any size fits.
     if height_mm is None:
         if angle_deg is None:
-            return Filling(poured, fits=True)
+            return Filling(poured_text, fits=True)
         cone_mm = 1e3 * _cone_height_m(volume_m3, angle_deg)
         return Filling(
-            f"{poured}: a cone of {angle_deg:g} deg and {cone_mm:.3g} mm Height",
+            f"{poured_text}: a cone of {angle_deg:g} deg and {cone_mm:.3g} mm Height",
             fits=True,
         )
 
@@ -226,9 +226,9 @@ def filling(config: Config, grain_m3: float) -> Filling:
         cone = f"a cone of {height_mm:g} mm Height with a slope of {slope_deg:.3g} deg"
         low_deg, high_deg = SLOPES_DEG
         if low_deg <= slope_deg <= high_deg:
-            return Filling(f"{poured}: {cone}", fits=True)
+            return Filling(f"{poured_text}: {cone}", fits=True)
         return Filling(
-            f"WARNING: {poured}: {cone}; slopes of poured grains are {low_deg:g} to "
+            f"WARNING: {poured_text}: {cone}; slopes of poured grains are {low_deg:g} to "
             f"{high_deg:g} deg",
             fits=False,
         )
@@ -236,7 +236,7 @@ def filling(config: Config, grain_m3: float) -> Filling:
     # Compare volumes only. `repose.bench.reach` checks the angle against the height.
     cone_m3 = _cone_volume_m3(height_mm, angle_deg)
     return Filling(
-        f"{poured}; the cone of {angle_deg:g} deg and {height_mm:g} mm Height holds "
+        f"{poured_text}; the cone of {angle_deg:g} deg and {height_mm:g} mm Height holds "
         f"{_litres(cone_m3)}",
         fits=1 / VOLUME_FACTOR <= volume_m3 / cone_m3 <= VOLUME_FACTOR,
     )

@@ -169,10 +169,10 @@ def _contact_law_faults(settings: StudySettings) -> Pairs:
         laws = " or ".join(parameter.laws)
         # Only contact laws have parameters that must be given.
         if parameter.needed:
-            owner = f"simulation.contact_law {laws}, not {contact_law}"
+            law_setting = f"simulation.contact_law {laws}, not {contact_law}"
         else:
-            owner = f"simulation.rolling_law {laws}, not {rolling_law}"
-        yield f"parameters.{name}", f"absent: it belongs to {owner}"
+            law_setting = f"simulation.rolling_law {laws}, not {rolling_law}"
+        yield f"parameters.{name}", f"absent: it belongs to {law_setting}"
 
 
 def _seed_faults(settings: StudySettings) -> Pairs:

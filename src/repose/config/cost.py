@@ -318,9 +318,9 @@ def describe_costs(config: Config) -> dict[str, str]:
     n_calibration = sum(sets * seeds for _, sets, seeds in calibration["pours"])
     minutes = calibration["total_s"] / 60
     test_names = {test.name for test in tests_in_use(config)}
-    others = "" if test_names == {"funnel"} else " and the other bench tests"
+    other_tests = "" if test_names == {"funnel"} else " and the other bench tests"
     descriptions["calibration"] = (
-        f"{n_calibration} pours{others}, about {minutes:.0f} min on one core"
+        f"{n_calibration} pours{other_tests}, about {minutes:.0f} min on one core"
     )
 
     n_refined = settings.refine.pours + settings.refine.seeds

@@ -117,8 +117,8 @@ def low_restitutions(scene: Scene, lowest: Mapping[str, float]) -> Iterator[str]
         if contact_s is None:
             return
         steps = contact_s / settings.time_step_s
-        value = returned_restitution(restitution, settings.tension, steps)
-        texts.append(f"{value:.3f} where {name} is {restitution:g}")
+        effective = returned_restitution(restitution, settings.tension, steps)
+        texts.append(f"{effective:.3f} where {name} is {restitution:g}")
     if texts:
         yield (
             f"restitution: at this time step a hit at {FASTEST_IMPACT_M_S:g} m/s "

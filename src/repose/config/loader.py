@@ -280,10 +280,12 @@ def layers(
     """
     built_in_crop = (places.root() / places.DEFAULT_CONFIG).resolve()
     defaults = places.configs()
-    without_crop = [path for path in defaults if path.resolve() != built_in_crop]
-    contents = [read(path) for path in (*without_crop, *files)]
+    defaults_without_crop = [
+        path for path in defaults if path.resolve() != built_in_crop
+    ]
+    contents = [read(path) for path in (*defaults_without_crop, *files)]
     if any(_is_a_crop(content) for content in (*contents, *given)):
-        return [*without_crop, *files]
+        return [*defaults_without_crop, *files]
     return [*defaults, *files]
 
 

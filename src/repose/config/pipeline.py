@@ -250,11 +250,11 @@ class PipelineConfig:
 
         # Strategies that are no fields of `CalibrationSettings` go into `others`.
         settings = self.settings
-        others = {}
+        other_sections = {}
         for name in strategies.names():
             section = settings.of_strategy(name)
             if section is not None and name not in CalibrationSettings.model_fields:
-                others[name] = section
+                other_sections[name] = section
 
         # Copy only the sections that a calibration with any simulator has.
         calibration = CalibrationSettings(
@@ -270,7 +270,7 @@ class PipelineConfig:
             sequential=settings.sequential,
             response_surface=settings.response_surface,
             refine=settings.refine,
-            others=others,
+            others=other_sections,
         )
         return Study.of(
             self.parameters,

@@ -88,14 +88,16 @@ def member_masses(job: Job) -> tuple[np.ndarray, np.ndarray]:
 
     # Find the smallest change of equal shares that fulfils the conditions.
     equal_shares = np.full(n_spheres, 1.0 / n_spheres)
-    error = required - conditions @ equal_shares
-    change = np.linalg.lstsq(conditions, error, rcond=1e-9)[0]
+    residual = required - conditions @ equal_shares
+    change = np.linalg.lstsq(conditions, residual, rcond=1e-9)[0]
     shares = equal_shares + change
 
     # Find the moments that the masses at the centres of the spheres lack.
     squared_distances = np.array([y * y + z * z, x * x + z * z, x * x + y * y])
-    rest = particle.inertia_kg_m2 - particle.mass_kg * squared_distances @ shares
-    return shares, rest / n_spheres
+    missing_inertia = (
+        particle.inertia_kg_m2 - particle.mass_kg * squared_distances @ shares
+    )
+    return shares, missing_inertia / n_spheres
 
 
 def _list_text(values: ArrayLike) -> str:

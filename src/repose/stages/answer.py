@@ -139,8 +139,8 @@ def _read_checks(check_csv: Path_, targets: Targets) -> dict[str, dict[str, Any]
     rows = {row["response"]: row for row in table.rows()}
     for name in targets.names:
         if name not in rows:
-            words = f"a row {name}, a target of the configuration"
-            raise InputError(check_csv, "response", sorted(rows), words)
+            allowed = f"a row {name}, a target of the configuration"
+            raise InputError(check_csv, "response", sorted(rows), allowed)
     return rows
 
 

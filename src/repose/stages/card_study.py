@@ -207,9 +207,9 @@ def make(
         The card.
     """
     settings = study.settings
-    is_alike = settings.berry.size_distribution == "none"
-    about = {
-        "grain": _grain(is_alike, grain, particle),
+    has_equal_grains = settings.berry.size_distribution == "none"
+    subject = {
+        "grain": _grain(has_equal_grains, grain, particle),
         "wall": {key: getattr(settings.wall, key) for key in WALL},
         "laws": laws(settings.simulation),
         "simulation": {key: getattr(settings.simulation, key) for key in SIMULATION},
@@ -227,7 +227,7 @@ def make(
         tests[name]["reach"] = assessment.record()
 
     return assemble(
-        about,
+        subject,
         tests,
         answer=answer,
         space=study.parameters,

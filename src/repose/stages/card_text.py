@@ -147,11 +147,13 @@ def _test_lines(test: Card) -> Iterator[str]:
     if "reach" in test:
         yield f"  {test['reach']['sentence']}"
     if "definitions" in test:
-        means = []
-        for other in test["definitions"].values():
-            mean = _mean(other["simulated"], other["standard_error"])
-            means.append(f"{other['line']}: {mean}")
-        yield f"  the same piles by every line, {test['unit']}: {'; '.join(means)}"
+        mean_texts = []
+        for other_definition in test["definitions"].values():
+            mean = _mean(
+                other_definition["simulated"], other_definition["standard_error"]
+            )
+            mean_texts.append(f"{other_definition['line']}: {mean}")
+        yield f"  the same piles by every line, {test['unit']}: {'; '.join(mean_texts)}"
 
 
 def _made_by_line(made_by: Card) -> str:

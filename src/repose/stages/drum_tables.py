@@ -172,10 +172,10 @@ def tables(
         record = {key: arrays[key] for key in RECORD}
         records[run["seed"]] = pd.DataFrame(record)
         profiles[run["seed"]] = pd.DataFrame(arrays["profile"], columns=PROFILE)
-    table = pd.DataFrame([run for run, _ in runs])
+    run_table = pd.DataFrame([run for run, _ in runs])
     return {
-        "runs": table,
-        "summary": summarise(table),
+        "runs": run_table,
+        "summary": summarise(run_table),
         "record": _join_tables(records),
         "profile": _join_tables(profiles),
     }

@@ -91,8 +91,8 @@ def representative(
         If there is no table, or the table lacks this solution.
     """
     if path is None:
-        words = "a table of published solutions"
-        raise InputError("configuration", "validation.published", None, words)
+        allowed = "a table of published solutions"
+        raise InputError("configuration", "validation.published", None, allowed)
     table = read(path, (NAME, *map(Column, names)))
     for row in table.rows():
         if row["solution"] == "representative":

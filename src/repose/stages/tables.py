@@ -80,8 +80,8 @@ def read_runs(
 
     samples_of_one_table = set(runs["sample"]).symmetric_difference(dataset["sample"])
     if samples_of_one_table:
-        words = f"the samples of {dataset_csv}, all of them"
-        raise InputError(runs_csv, "sample", min(samples_of_one_table), words)
+        allowed = f"the samples of {dataset_csv}, all of them"
+        raise InputError(runs_csv, "sample", min(samples_of_one_table), allowed)
     if not has_benches:
         _check_run_counts(runs, dataset, runs_csv=runs_csv, dataset_csv=dataset_csv)
         _check_means(
@@ -99,8 +99,8 @@ def _check_run_counts(
     for sample, n_seeds in zip(dataset["sample"], dataset["n_seeds"], strict=True):
         count = int(counts.get(sample, 0))
         if count != n_seeds:
-            words = f"{n_seeds:g}, the n_seeds of this sample in {dataset_csv}"
-            raise InputError(f"{runs_csv}, sample {sample}", "ok runs", count, words)
+            allowed = f"{n_seeds:g}, the n_seeds of this sample in {dataset_csv}"
+            raise InputError(f"{runs_csv}, sample {sample}", "ok runs", count, allowed)
 
 
 def _check_means(
@@ -180,8 +180,8 @@ def _check_responses(table: pd.DataFrame, targets: Targets, path: object) -> Non
         if is_wrong.any():
             first_wrong = int(is_wrong.to_numpy().argmax())
             value = float(table[name].iloc[first_wrong])
-            words = f"a number from {low:g} to {high:g}, as the status is ok"
-            raise InputError(f"{path}, row {first_wrong + 1}", name, value, words)
+            allowed = f"a number from {low:g} to {high:g}, as the status is ok"
+            raise InputError(f"{path}, row {first_wrong + 1}", name, value, allowed)
 
 
 def _refuse_repeated_rows(
