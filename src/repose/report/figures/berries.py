@@ -75,7 +75,7 @@ def _draw_histogram(
 
     mean = values.mean()
     sd = values.std(ddof=1)
-    # Equal grains have one bin, and a curve too narrow to see.
+    # If all grains are equal, widen the axis and the curve so that they can be seen.
     shown_sd = max(sd, 1e-3 * mean)
     low = min(values.min(), mean - shown_sd)
     high = max(values.max(), mean + shown_sd)
@@ -88,15 +88,15 @@ def _draw_histogram(
         edgecolor="white",
         linewidth=0.6,
     )
-    # The normal curve as the number of grains that it expects in a bin.
+    # Scale the normal density to the expected number of grains in a bin.
     x = np.linspace(mean - 3.2 * shown_sd, mean + 3.2 * shown_sd, 200)
     bin_width = edges[1] - edges[0]
     expected_count = len(values) * bin_width * stats.norm.pdf(x, mean, shown_sd)
     panel.plot(x, expected_count, color=style.BLACK)
     top = max(panel.get_ylim()[1], 1.35 * counts.max())
     panel.set(xlabel=label, ylim=(0, top))
-    words = f"{mean:.2f} ± {sd:.2f} {unit}\nn = {len(values)}"
-    style.note(panel, words, x=0.98, ha="right")
+    text = f"{mean:.2f} ± {sd:.2f} {unit}\nn = {len(values)}"
+    style.note(panel, text, x=0.98, ha="right")
 
 
 @figure(
@@ -142,7 +142,7 @@ def particle_and_mesh(inputs: Inputs, study: StudyView) -> Figure:
     figure.set_layout_engine("compressed")
     mesh_panel, *particle_panels = figure.subplots(1, 4)
     mesh_words = f"{len(mesh.faces)} triangles"
-    _describe(mesh_panel, "a  mesh", body=simulated.mesh, words=mesh_words)
+    _describe(mesh_panel, "a  mesh", body=simulated.mesh, text=mesh_words)
     mesh_panel.imshow(render_mesh(mesh_in_m, **view))
     style.scale_bar(
         mesh_panel,
@@ -156,12 +156,12 @@ def particle_and_mesh(inputs: Inputs, study: StudyView) -> Figure:
             particle = _particle_of_kind(kind, mesh, simulated=simulated, study=study)
         except InputError as error:
             # Not every mesh has a particle of each kind.
-            words = "\n".join(textwrap.wrap(str(error), 34))
-            _describe(panel, title, body=None, words=words)
+            text = "\n".join(textwrap.wrap(str(error), 34))
+            _describe(panel, title, body=None, text=text)
             continue
         if kind == simulated.kind:
             title += " (poured)"
-        _describe(panel, title, body=particle, words=_account(particle))
+        _describe(panel, title, body=particle, text=_account(particle))
         picture = render_bodies(
             np.zeros((1, 3)),
             np.array([[1.0, 0.0, 0.0, 0.0]]),
@@ -185,7 +185,7 @@ def _account(particle: Particle) -> str:
 def _particle_of_kind(
     kind: str, mesh: Any, simulated: Particle, study: StudyView
 ) -> Particle:
-    """Give the particle of a kind: the simulated one, or another made from the mesh."""
+    """Return the particle of a kind: the simulated one, or another made from the mesh."""
     from repose.grain import build  # slow to import
 
     if kind == simulated.kind:
@@ -208,10 +208,8 @@ def _parts_in_words(particle: Particle) -> str:
     return "one ellipsoid" if count == 1 else f"sum of {count} ellipsoids"
 
 
-def _describe(
-    panel: Axes, title: str, body: Particle | Body | None, words: str
-) -> None:
-    """Write name, axes, volume, mass and moments of a body, and words, below its picture."""
+def _describe(panel: Axes, title: str, body: Particle | Body | None, text: str) -> None:
+    """Write name, axes, volume, mass and moments of a body, and text, below its picture."""
     panel.axis("off")
     panel.set_title(title, loc="center", fontweight="bold")
     if body is not None:
@@ -219,8 +217,8 @@ def _describe(
         volume = f"{1e9 * body.volume_m3:.0f}"
         mass = f"{1e3 * body.mass_kg:.3f}"
         moments = ", ".join(f"{1e9 * value:.1f}" for value in body.inertia_kg_m2)
-        words = (
+        text = (
             f"{axes} mm\nvolume {volume} mm³, mass {mass} g\n"
-            f"moments {moments} g mm²\n{words}"
+            f"moments {moments} g mm²\n{text}"
         )
-    style.note(panel, words, x=0.5, y=-0.04, ha="center", fontsize=6.5)
+    style.note(panel, text, x=0.5, y=-0.04, ha="center", fontsize=6.5)

@@ -102,10 +102,10 @@ def validation(inputs: Inputs, study: StudyView) -> Figure:
     return figure
 
 
-def _leave_empty(panel: Axes, words: str) -> None:
-    """Write why a panel is empty in its middle."""
+def _leave_empty(panel: Axes, text: str) -> None:
+    """Write in the middle of a panel why it is empty."""
     panel.axis("off")
-    style.note(panel, words, x=0.5, y=0.5, ha="center", color=style.GREY)
+    style.note(panel, text, x=0.5, y=0.5, ha="center", color=style.GREY)
 
 
 @figure(
@@ -163,7 +163,7 @@ def _draw_predicted_and_simulated(
 ) -> None:
     """Draw one response of each solution with the error of its prediction.
 
-    The error is in percent of the simulated value; `marks` is the look of simulated
+    The error is in percent of the simulated value; `marks` is the style of the simulated
     values.
     """
     response = target.response
@@ -201,8 +201,8 @@ def _draw_predicted_and_simulated(
     _say_below(panel, x[~np.isfinite(simulated)], "not\nsimulated")
 
 
-def _say_below(panel: Axes, places: np.ndarray, words: str) -> None:
-    """Write small words at places on the x axis, below everything in a panel."""
+def _say_below(panel: Axes, places: np.ndarray, text: str) -> None:
+    """Write a short note at positions on the x axis, below everything in a panel."""
     if len(places):
         bottom, top = panel.get_ylim()
         panel.set_ylim(bottom - 0.15 * (top - bottom), top)
@@ -210,7 +210,7 @@ def _say_below(panel: Axes, places: np.ndarray, words: str) -> None:
         panel.text(
             place,
             0.02,
-            words,
+            text,
             transform=panel.get_xaxis_transform(),
             ha="center",
             va="bottom",

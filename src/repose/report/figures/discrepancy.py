@@ -47,8 +47,8 @@ def over_the_discrepancy(inputs: Inputs, study: StudyView) -> Figure:
     ends = [f"{name}_{end}" for name in names for end in ("low", "high")]
     table = read_table(inputs["discrepancy"], (*COLUMNS, *ends))
     is_stated = table["evidence"] == "stated"
-    stated = table[is_stated]
-    of_shape_study = table[~is_stated]
+    stated_rows = table[is_stated]
+    shape_study_rows = table[~is_stated]
 
     # Above one panel for the information, below one for each parameter, three in a row.
     n_rows = math.ceil(len(names) / 3)
@@ -56,12 +56,14 @@ def over_the_discrepancy(inputs: Inputs, study: StudyView) -> Figure:
     height_below = 1.55 * n_rows
     figure = style.new_figure(style.PAGE, height_above + height_below)
     above, below = figure.subfigures(2, 1, height_ratios=[height_above, height_below])
-    _draw_information(above.subplots(), stated, of_shape_study)
+    _draw_information(above.subplots(), stated_rows, shape_study_rows)
 
     axes = panels.panels_in(below, len(names), 3)
     ranges = parameter_ranges(study.parameters)
     for panel, name in zip(axes, names, strict=True):
-        _draw_intervals(panel, name, stated=stated, of_shape_study=of_shape_study)
+        _draw_intervals(
+            panel, name, stated_rows=stated_rows, shape_study_rows=shape_study_rows
+        )
         panel.set(ylabel=style.parameter_label(name), ylim=ranges[name])
     lowest_panels = axes[max(0, len(names) - 3) :]
     for panel in lowest_panels:
@@ -70,40 +72,42 @@ def over_the_discrepancy(inputs: Inputs, study: StudyView) -> Figure:
         "95 % intervals of the parameters, in their ranges; bands: error assumed as "
         "above"
     )
-    if len(of_shape_study):
+    if len(shape_study_rows):
         title += "; bar: spread of the shape study's models"
     below.suptitle(title, fontsize=7.5)
     return figure
 
 
 def _draw_information(
-    panel: Axes, stated: pd.DataFrame, of_shape_study: pd.DataFrame
+    panel: Axes, stated_rows: pd.DataFrame, shape_study_rows: pd.DataFrame
 ) -> None:
-    """Draw the information in bits over the assumed error, a line for each correlation."""
+    """Draw the information in bits over the assumed error, one line per correlation."""
     x = "discrepancy_percent"
     y = "information_bits"
-    by_correlation = stated.groupby("discrepancy_correlation")
+    by_correlation = stated_rows.groupby("discrepancy_correlation")
     for k, (correlation, rows) in enumerate(by_correlation):
-        words = "independent between targets"
+        correlation_text = "independent between targets"
         if correlation:
-            words = f"correlation {correlation:g}"
-        look = style.series(k)
+            correlation_text = f"correlation {correlation:g}"
+        line_style = style.series(k)
         # The whole line is pale; its reliable parts are drawn again over it.
-        reliable = _without_rough_rows(rows)
-        panel.plot(rows[x], rows[y], **look, alpha=ROUGH_OPACITY)
-        panel.plot(reliable[x], reliable[y], **look, label=f"assumed, {words}")
+        reliable = _mask_rough_rows(rows)
+        panel.plot(rows[x], rows[y], **line_style, alpha=ROUGH_OPACITY)
+        panel.plot(
+            reliable[x], reliable[y], **line_style, label=f"assumed, {correlation_text}"
+        )
     panel.plot(
-        of_shape_study[x],
-        of_shape_study[y],
+        shape_study_rows[x],
+        shape_study_rows[y],
         "D",
         color=style.RED,
         label="spread of the shape study's models",
     )
-    rough = stated[stated["effective_points"] < FEWEST_POINTS]
-    if len(rough):
+    rough_rows = stated_rows[stated_rows["effective_points"] < FEWEST_POINTS]
+    if len(rough_rows):
         panel.plot(
-            rough[x],
-            rough[y],
+            rough_rows[x],
+            rough_rows[y],
             "o",
             mfc="white",
             mec=style.GREY,
@@ -118,31 +122,31 @@ def _draw_information(
     panel.legend()
 
 
-def _without_rough_rows(rows: pd.DataFrame) -> pd.DataFrame:
-    """Set the rows that are rough estimates to NaN, which leaves a gap in a line."""
+def _mask_rough_rows(rows: pd.DataFrame) -> pd.DataFrame:
+    """Set rows with too few effective points to NaN, which leaves a gap in a line."""
     return rows.where(rows["effective_points"] >= FEWEST_POINTS)
 
 
 def _draw_intervals(
-    panel: Axes, name: str, stated: pd.DataFrame, of_shape_study: pd.DataFrame
+    panel: Axes, name: str, stated_rows: pd.DataFrame, shape_study_rows: pd.DataFrame
 ) -> None:
     """Draw the 95 % interval of one parameter over the assumed error.
 
-    Each correlation has a band, a row of the shape study a bar.
+    Each correlation is a band, and each row of the shape study is a bar.
     """
     ends = [f"{name}_low", f"{name}_high"]
-    by_correlation = stated.groupby("discrepancy_correlation")
+    by_correlation = stated_rows.groupby("discrepancy_correlation")
     for k, (_, rows) in enumerate(by_correlation):
-        look = style.series(k)
+        line_style = style.series(k)
         # The whole band is pale; its reliable parts are drawn again over it.
-        reliable = _without_rough_rows(rows)
+        reliable = _mask_rough_rows(rows)
         for part, opacity in ((rows, ROUGH_OPACITY), (reliable, 1.0)):
             x = part["discrepancy_percent"]
             low, high = part[ends].to_numpy().T
             panel.fill_between(
-                x, low, high, color=look["color"], alpha=0.15 * opacity, lw=0
+                x, low, high, color=line_style["color"], alpha=0.15 * opacity, lw=0
             )
-            panel.plot(x, part[ends], lw=1.1, alpha=opacity, **look)
-    for _, row in of_shape_study.iterrows():
+            panel.plot(x, part[ends], lw=1.1, alpha=opacity, **line_style)
+    for _, row in shape_study_rows.iterrows():
         x = row["discrepancy_percent"]
         panel.plot([x, x], row[ends], "-_", color=style.RED, lw=1.4, ms=6)

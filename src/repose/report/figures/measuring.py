@@ -60,9 +60,10 @@ def definitions(inputs: Inputs, study: StudyView) -> Figure:
 def _draw_first_view(
     panel: Axes, image: np.ndarray, settings: MeasureSettings
 ) -> pile.Measurement:
-    """Draw a silhouette with both lines of each definition, and give its measurement.
+    """Draw a silhouette with both lines of each definition, and return its measurement.
 
-    `image` (H, W) is a grey picture. Lengths are in mm, distances from the crest.
+    `image` (H, W) is a grey picture. Lengths in the panel are in mm, and distances are
+    measured from the crest.
     """
     from repose.measure.photographs.segmentation import segment  # slow to import
 
@@ -104,22 +105,22 @@ def _draw_definition(
     scale = settings.mm_per_pixel
     crest_column = measured.top[0]
     angle = measured.angles[name]
-    words = style.line_in_words(settings, name)
+    text = style.line_in_words(settings, name)
     width = 1.5
     if name == settings.response:
-        words += ", used"
+        text += ", used"
         width = 3.0
-    look = {"color": COLOURS[name], "ls": LINE_STYLES[name], "lw": width}
+    line_style = {"color": COLOURS[name], "ls": LINE_STYLES[name], "lw": width}
     for line in angle.lines:
         column, row = np.array(line).T
         x = (column - crest_column) * scale
         z = (measured.base_row - row) * scale
-        panel.plot(x, z, **look)
-    panel.plot([], [], label=f"{angle.aor_deg:.1f}°  {name}: {words}", **look)
+        panel.plot(x, z, **line_style)
+    panel.plot([], [], label=f"{angle.aor_deg:.1f}°  {name}: {text}", **line_style)
 
 
 def _draw_levels(panel: Axes, height_mm: float, settings: MeasureSettings) -> None:
-    """Draw the heights between which lines are fitted, and the height of one grain."""
+    """Draw the limits of the heights used for the fit, and the height of one grain."""
     levels = [(settings.berry_height_mm or 0.0, "one grain")]
     for share in (settings.fit_from, settings.fit_to):
         if not isinstance(share, str):
@@ -128,7 +129,7 @@ def _draw_levels(panel: Axes, height_mm: float, settings: MeasureSettings) -> No
     text_height = 0.0
     for level, name in sorted(levels):
         panel.axhline(level, color=style.GREY, lw=0.6, ls=":", zorder=0.5)
-        # The words of near levels stand one above the other.
+        # Stack the labels of levels that are close together.
         text_height = max(level, text_height + 0.11 * height_mm)
         panel.text(
             right, text_height, f" {name}", va="center", fontsize=style.SMALL_TEXT_PT

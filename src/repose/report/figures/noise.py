@@ -40,8 +40,8 @@ def noise_floor(inputs: Inputs, study: StudyView) -> Figure:
     seeds = read_table(inputs["seeds"])
     deviations = read_json(inputs["noise"], ("responses",))["responses"]
 
-    # A panel for each response, two in a row, and two panels over the seeds below them.
-    # A number stands for a panel; one that stands twice takes two places.
+    # Arrange a panel for each response, two in a row, and below them two panels over the
+    # number of seeds. A panel whose number appears twice in a row is twice as wide.
     n_targets = len(targets)
     rows = [[k, min(k + 1, n_targets - 1)] for k in range(0, n_targets, 2)]
     figure = style.new_figure(style.PAGE, 2.15 + 2.45 * len(rows))
@@ -55,15 +55,15 @@ def noise_floor(inputs: Inputs, study: StudyView) -> Figure:
     for k, (panel, target) in enumerate(zip(response_panels, targets, strict=True)):
         name = target.name
         measured_runs = runs[(runs["status"] == "ok") & runs[name].notna()]
-        look = style.series(k)
-        _draw_runs(panel, measured_runs, column=name, colour=look["color"])
+        line_style = style.series(k)
+        _draw_runs(panel, measured_runs, column=name, colour=line_style["color"])
         panel.set(
             xlabel="samples, in order of their mean (line)",
             ylabel=style.response_label(target.response),
         )
         _write_deviations(panel, target.response.unit, deviations[name])
-        _draw_standard_error(error_panel, seeds, target=target, look=look)
-        _draw_reachable_r2(r2_panel, seeds, target=target, look=look)
+        _draw_standard_error(error_panel, seeds, target=target, line_style=line_style)
+        _draw_reachable_r2(r2_panel, seeds, target=target, line_style=line_style)
     _finish_panels_over_seeds(error_panel, r2_panel)
     style.name_panels([*response_panels, error_panel, r2_panel])
     error_panel.legend()
@@ -78,11 +78,16 @@ def noise_floor(inputs: Inputs, study: StudyView) -> Figure:
 def _draw_runs(panel: Axes, runs: pd.DataFrame, column: str, colour: str) -> None:
     """Draw the runs of each sample, the samples in order of their means."""
     means = runs.groupby("sample")[column].mean().sort_values()
-    place = pd.Series(np.arange(len(means)), index=means.index)
+    positions = pd.Series(np.arange(len(means)), index=means.index)
     panel.scatter(
-        runs["sample"].map(place), runs[column], s=2.5, color=colour, alpha=0.45, lw=0
+        runs["sample"].map(positions),
+        runs[column],
+        s=2.5,
+        color=colour,
+        alpha=0.45,
+        lw=0,
     )
-    panel.plot(place, means, color=style.BLACK, lw=1.2)
+    panel.plot(positions, means, color=style.BLACK, lw=1.2)
 
 
 def _write_deviations(panel: Axes, unit: str, numbers: Mapping[str, float]) -> None:
@@ -99,25 +104,25 @@ def _write_deviations(panel: Axes, unit: str, numbers: Mapping[str, float]) -> N
 
 
 def _draw_standard_error(
-    panel: Axes, seeds: pd.DataFrame, target: Target, look: Mapping[str, str]
+    panel: Axes, seeds: pd.DataFrame, target: Target, line_style: Mapping[str, str]
 ) -> None:
     """Draw the standard error of the mean of one response over the number of seeds."""
     response = target.response
     percent = seeds[f"{response.quantity}_se_percent"]
-    panel.plot(seeds["seeds"], percent, label=response.symbol, **look)
+    panel.plot(seeds["seeds"], percent, label=response.symbol, **line_style)
 
 
 def _draw_reachable_r2(
-    panel: Axes, seeds: pd.DataFrame, target: Target, look: Mapping[str, str]
+    panel: Axes, seeds: pd.DataFrame, target: Target, line_style: Mapping[str, str]
 ) -> None:
-    """Draw the R2 that a perfect predictor reaches over the number of seeds."""
+    """Draw the R2 of a perfect predictor over the number of seeds."""
     response = target.response
     column = f"{response.quantity}_reachable_r2"
     low = seeds[f"{column}_low"]
     high = seeds[f"{column}_high"]
-    colour = look["color"]
+    colour = line_style["color"]
     panel.fill_between(seeds["seeds"], low, high, color=colour, alpha=0.2, lw=0)
-    panel.plot(seeds["seeds"], seeds[column], label=response.symbol, **look)
+    panel.plot(seeds["seeds"], seeds[column], label=response.symbol, **line_style)
 
 
 def _finish_panels_over_seeds(error_panel: Axes, r2_panel: Axes) -> None:

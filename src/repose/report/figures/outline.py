@@ -142,25 +142,25 @@ def _draw_measured_slope(
     angles_deg = target.value + np.array([[-target.sd], [0.0], [target.sd]])
     distances = (heights - middle) / np.tan(np.radians(angles_deg))
     for side in (-1, 1):
-        # The place at which the outermost point of the flank has the middle height.
+        # Find where the flank has the middle height, at its outermost point.
         is_on_side = side * mean.x_mm >= 0
         reaches_middle = is_on_side & (mean.height_mm >= middle)
         middle_x = side * np.abs(mean.x_mm[reaches_middle]).max()
         flattest, measured, steepest = middle_x - side * distances
         panel.fill_betweenx(heights, flattest, steepest, color=style.RED, alpha=0.4)
-        # The right flank names the line in the legend.
-        hidden = "" if side == 1 else "_"
+        # Only the line on the right flank gets an entry in the legend.
+        label_prefix = "" if side == 1 else "_"
         panel.plot(
             measured,
             heights,
             color=style.RED,
             lw=1.4,
-            label=f"{hidden}measured slope, {symbol} {_mean_and_sd(target)}",
+            label=f"{label_prefix}measured slope, {symbol} {_mean_and_sd(target)}",
         )
 
 
 def _heights_of_line(settings: MeasureSettings, top_mm: float) -> tuple[float, float]:
-    """Give the heights in mm between which the line of the angle is fitted."""
+    """Return the heights in mm between which the line of the angle is fitted."""
     low = settings.fit_from
     high = settings.fit_to
     if isinstance(low, str) or isinstance(high, str):

@@ -64,9 +64,10 @@ def plot(
 
 
 def parts(calibration: Calibration) -> dict[str, Part]:
-    """Give the figures that a calibration has, by name.
+    """Return the figures that a calibration has, by name.
 
-    A plane needs two targets, a history two batches, a corner two parameters.
+    A plane needs at least two targets, a history two batches, and a corner plot two
+    parameters.
     """
     n_free = calibration.study.parameters.dimensions
     targets = calibration.study.targets
@@ -104,7 +105,7 @@ def _draw_planes(calibration: Calibration, figure: FigureBase) -> None:
 
 
 def _draw_history(calibration: Calibration, figure: FigureBase) -> None:
-    """Draw how far the sets of each batch are off each target, and the answer."""
+    """Draw the deviations from each target, by batch and for the answer."""
     study = calibration.study
     batch = _batch_of_sample(calibration)
     batches = list(range(batch.min(), batch.max() + 1))
@@ -130,7 +131,7 @@ def _draw_history(calibration: Calibration, figure: FigureBase) -> None:
 
 
 def _batch_of_sample(calibration: Calibration) -> pd.Series:
-    """Give the number of the batch of each sample: that of its first run."""
+    """Return the number of the batch of each sample: that of its first run."""
     runs = calibration.runs
     batch_of_run = pd.Series(runs.attrs[TURN], runs["sample"])
     batch_of_sample = batch_of_run.groupby(level=0).first()

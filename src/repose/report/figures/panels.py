@@ -104,9 +104,9 @@ def panels_of_pairs(figure: FigureBase, parameters: ParameterSpace) -> list[Pair
 def finish_pairs(
     panels: Sequence[PairPanel], parameters: ParameterSpace, margin: float = 0.0
 ) -> None:
-    """Set ends, ticks and labels of the axes of pairs, after the panels were drawn.
+    """Set the limits, ticks and labels of pair panels that have been drawn.
 
-    `margin` is a share of the range to each side.
+    `margin` is added to both ends of each axis, as a share of the parameter's range.
     """
     names = parameters.free
     ends = {}
@@ -116,7 +116,7 @@ def finish_pairs(
     for axes, across, down in panels:
         is_diagonal = across == down
         is_first_column = across == names[0]
-        # A panel of the diagonal shows one parameter, and its heights need no numbers.
+        # A panel on the diagonal is a histogram, whose heights need no numbers.
         has_y_axis = is_first_column and not is_diagonal
         axes.set_xlim(ends[across])
         axes.tick_params(labelsize=6, labelleft=has_y_axis)

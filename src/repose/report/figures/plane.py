@@ -26,7 +26,7 @@ from .registry import (
 if TYPE_CHECKING:
     from repose.config.pipeline import PipelineConfig
 
-# Tables of samples by their name here: words of the legend and colour.
+# Descriptions in the legend and colours of the tables of samples.
 SAMPLES = {
     "dataset": ("parameter sets of the design, simulated", style.BLUE),
     "pool": ("further sets, simulated", style.SKY),
@@ -59,7 +59,7 @@ def without_profiles(targets: Targets) -> Targets:
 
 
 def _has_pairs(study: "PipelineConfig") -> bool:
-    """Tell whether the targets have a plane."""
+    """Return whether the targets have a plane."""
     return len(without_profiles(study.targets)) > 1
 
 
@@ -137,7 +137,7 @@ def draw(
 
 
 def _enlarged_ends(target: Target, answer: pd.Series) -> tuple[float, float]:
-    """Give the ends of an axis that shows the target range and the answer."""
+    """Return the limits of an axis that shows the target range and the answer."""
     response = target.response
     values = [
         target.low,
@@ -164,7 +164,7 @@ def _draw_samples(
 ) -> None:
     """Draw the means of the samples with their standard errors."""
     for key, table in samples.items():
-        words, colour = SAMPLES[key]
+        description, colour = SAMPLES[key]
         x = table[across.name]
         y = table[up.name]
         panel.errorbar(
@@ -177,7 +177,7 @@ def _draw_samples(
             ecolor=colour,
             alpha=0.25,
         )
-        label = f"{len(table)} {words}"
+        label = f"{len(table)} {description}"
         panel.plot(x, y, "o", ms=2.6, mew=0, color=colour, label=label)
 
 
@@ -239,7 +239,7 @@ def _draw_solutions(
 
 
 def _draw_answer(panel: Axes, answer: pd.Series, across: Target, up: Target) -> None:
-    """Draw the answer as predicted, and as simulated if it was simulated again."""
+    """Draw the predicted answer, and its simulation if there is one."""
     x = across.response
     y = up.response
     panel.plot(

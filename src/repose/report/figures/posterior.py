@@ -209,7 +209,7 @@ def _draw_sets(panel: Axes, data: CornerData, across: str, down: str) -> None:
 def _draw_marginal(
     panel: Axes, values: pd.Series, parameters: ParameterSpace, row: pd.Series
 ) -> None:
-    """Draw the draws of one parameter with its prior and the published interval.
+    """Draw a histogram of one parameter with its prior and the published interval.
 
     `row` is the row of the parameter in the table of the posterior.
     """
@@ -235,7 +235,7 @@ def _draw_marginal(
 def _prior_density(
     parameters: ParameterSpace, name: str
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Give values (201,) of a free parameter, and the prior's density at each."""
+    """Return values (201,) of a free parameter, and the prior density at each."""
     index = parameters.free.index(name)
     low = parameters.low[index]
     high = parameters.high[index]
@@ -250,7 +250,7 @@ def _prior_density(
 def _draw_ratio(
     panel: Axes, across: pd.Series, down: pd.Series, parameters: ParameterSpace
 ) -> QuadMesh:
-    """Draw the draws of two parameters over those of the prior, cell by cell."""
+    """Draw the ratio of posterior to prior probability of two parameters, cell by cell."""
     ranges = parameter_ranges(parameters)
     counts, x_edges, y_edges = np.histogram2d(
         across,
@@ -263,7 +263,7 @@ def _draw_ratio(
         _prior_of_cells(parameters, str(down.name)),
     )
     ratio = counts / counts.sum() / prior
-    # Equal steps of colour for equal factors, to both sides of 1.
+    # On a logarithmic scale, equal factors above and below 1 have equal colour steps.
     colours = LogNorm(1 / LARGEST_RATIO, LARGEST_RATIO)
     shown = np.clip(ratio, 1 / LARGEST_RATIO, LARGEST_RATIO)
     return panel.pcolormesh(
@@ -272,7 +272,7 @@ def _draw_ratio(
 
 
 def _prior_of_cells(parameters: ParameterSpace, name: str) -> np.ndarray:
-    """Give the probability of each cell (PAIR_CELLS,) of a free parameter's range."""
+    """Return the probability of each cell (PAIR_CELLS,) of a free parameter's range."""
     index = parameters.free.index(name)
     share_of_range = np.linspace(0, 1, PAIR_CELLS + 1)
     # `prior_cdf` takes all free parameters; only one of its columns is needed.
@@ -303,7 +303,7 @@ def _draw_published_box(panel: Axes, across: pd.Series, down: pd.Series) -> None
 
 
 def _account(summary: Mapping[str, Any], targets: Targets) -> str:
-    """Say what the posterior predicts, and how far its draws can be relied on."""
+    """Describe the predictions of the posterior, and how reliable its draws are."""
     lines = []
     for response in targets.responses:
         predicted = summary["predicted"][response.name]
@@ -331,9 +331,9 @@ def _account(summary: Mapping[str, Any], targets: Targets) -> str:
 def _legend_handles(
     panel: Axes, data: CornerData, has_prior: bool, has_published_intervals: bool
 ) -> list[Artist]:
-    """Make an entry of the legend for everything that the figure shows.
+    """Make the legend entries of the figure.
 
-    `panel` is any panel, for empty marks.
+    `panel` may be any panel: it receives empty marks that only appear in the legend.
     """
     unit_box = {"xy": (0, 0), "width": 1, "height": 1}
     handles: list[Artist] = [
@@ -408,9 +408,9 @@ def intervals(inputs: Inputs, study: StudyView) -> Figure:
 
 
 def draw_intervals(panel: Axes, table: pd.DataFrame) -> None:
-    """Draw the intervals of posterior.csv, a strip for each parameter.
+    """Draw the intervals of posterior.csv, one strip per parameter.
 
-    A column `answer` has values that are marked.
+    If there is a column `answer`, its values are marked.
     """
     n_parameters = len(table)
     for row_number, row in table.iterrows():
@@ -431,22 +431,22 @@ def draw_intervals(panel: Axes, table: pd.DataFrame) -> None:
 
 
 def _draw_interval_strip(panel: Axes, row: pd.Series, y: float, is_first: bool) -> None:
-    """Draw the intervals of one parameter; the first strip names them in the legend."""
+    """Draw the intervals of one parameter, with labels only on the first strip."""
     low = row["low"]
     width = row["high"] - low
     panel.barh(y, 1, height=0.8, color=style.STRIP_COLOUR, zorder=0)
     for columns, offset, colour, label in INTERVALS:
-        # An interval that the table lacks is drawn as nothing.
+        # If the table lacks this interval, its ends are empty and nothing is drawn.
         ends = row.reindex(columns).dropna().astype(float).to_numpy()
-        place = (ends - low) / width
+        positions = (ends - low) / width
         panel.plot(
-            place,
-            [y + offset] * len(place),
+            positions,
+            [y + offset] * len(positions),
             "-|",
             color=colour,
             lw=3,
             ms=7,
-            label=label if is_first and len(place) else None,
+            label=label if is_first and len(positions) else None,
         )
     place_of_median = (row["median"] - low) / width
     panel.plot(
@@ -467,10 +467,10 @@ def _draw_interval_strip(panel: Axes, row: pd.Series, y: float, is_first: bool) 
             label="the answer" if is_first else "_the answer",
             **style.ANSWER,
         )
-    # The intervals are estimated, so the ratio can pass 1 by a little.
+    # The intervals are estimates, so their ratio may slightly exceed 1.
     percent = 100 * min(row["width_ratio"], 1.0)
-    words = f"{percent:.0f} %   {row['information_bits']:.2f} bits"
-    panel.text(1.03, y, words, fontsize=style.SMALL_TEXT_PT, va="center")
+    text = f"{percent:.0f} %   {row['information_bits']:.2f} bits"
+    panel.text(1.03, y, text, fontsize=style.SMALL_TEXT_PT, va="center")
     for x, value in ((0, row["low"]), (1, row["high"])):
         panel.text(
             x,

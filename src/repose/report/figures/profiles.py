@@ -56,7 +56,7 @@ def profiles(inputs: Inputs, study: StudyView) -> Figure:
 def _lines_of_answer(
     profile: Profile, scores: Sequence[Response], answer: pd.Series
 ) -> dict[str, tuple[np.ndarray, Any]]:
-    """Give the predicted and the simulated heights of the answer, as for `draw`.
+    """Return the predicted and the simulated heights of the answer, as for `draw`.
 
     `scores` are the responses of the profile, `answer` a row of Table 4.
     """
@@ -89,7 +89,7 @@ def draw(
     sd
         Standard deviation of its heights.
     lines
-        For each label the heights, and half the width of the band about them.
+        Heights, and half the width of the band around them, by label.
     """
     panel.errorbar(
         profile.x,
@@ -103,13 +103,13 @@ def draw(
         label="measured ± SD",
     )
     for k, (label, (heights, half_width)) in enumerate(lines.items()):
-        look = style.series(k)
-        panel.plot(profile.x, heights, label=label, **look)
+        line_style = style.series(k)
+        panel.plot(profile.x, heights, label=label, **line_style)
         panel.fill_between(
             profile.x,
             heights - half_width,
             heights + half_width,
-            color=look["color"],
+            color=line_style["color"],
             alpha=0.2,
             lw=0,
         )

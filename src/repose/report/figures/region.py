@@ -122,7 +122,7 @@ def not_excluded(inputs: Inputs, study: StudyView) -> Figure:
 
 
 def _cell_edges(parameters: ParameterSpace, n_cells: int) -> list[np.ndarray]:
-    """Give the edges (n_cells + 1,) of the cells of each free parameter, in its unit.
+    """Return the edges (n_cells + 1,) of the cells of each free parameter, in its unit.
 
     The cells have equal probabilities in the prior.
     """
@@ -136,7 +136,7 @@ def _cell_edges(parameters: ParameterSpace, n_cells: int) -> list[np.ndarray]:
 def _cells_of_pair(
     table: pd.DataFrame, names: tuple[str, ...], row: int, column: int
 ) -> pd.DataFrame:
-    """Give the cells of two parameters: down the later one, across the earlier one.
+    """Return the cells of two parameters: down the later one, across the earlier one.
 
     The result has a column for each pair of a column of the table and a cell across.
     """

@@ -153,10 +153,10 @@ def has_grain(study: "PipelineConfig") -> bool:
 
 
 def has_pile(study: "PipelineConfig") -> bool:
-    """Tell whether the targets need piles of the funnel."""
+    """Return whether the targets need piles of the funnel."""
     return "funnel" in study.targets.apparatus
 
 
 def has_drum(study: "PipelineConfig") -> bool:
-    """Tell whether the study turns the answer in a drum."""
+    """Return whether the study turns the answer in a drum."""
     return "drum" in study.config

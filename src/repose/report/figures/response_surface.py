@@ -58,9 +58,9 @@ EFFECT_COLUMNS = (
     category=CATEGORY,
 )
 def pareto(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw the standardised effects of a step, the largest first, with their limits.
+    """Draw the standardised effects of a step and their limits, the largest first.
 
-    The effects are the column `t` of the table of effects, a row for each term.
+    The table of effects has a row for each term, with its effect in the column `t`.
     """
     targets = study.targets
     effects = read_table(inputs["effects"], EFFECT_COLUMNS)
@@ -68,8 +68,8 @@ def pareto(inputs: Inputs, study: StudyView) -> Figure:
     row_height = 1.0 + 0.19 * n_terms
     figure, axes = panels.grid(len(targets), row_height, columns=len(targets))
     for panel, target in zip(axes, targets, strict=True):
-        of_target = effects[effects["response"] == target.name].sort_values("t")
-        _draw_effects(panel, of_target)
+        effects_of_target = effects[effects["response"] == target.name].sort_values("t")
+        _draw_effects(panel, effects_of_target)
         symbol = target.response.symbol
         panel.set_title(f"{symbol}: orange raises it, blue lowers it")
     axes[-1].legend(loc="lower right")
@@ -116,7 +116,7 @@ def perturbation(inputs: Inputs, study: StudyView) -> Figure:
     coded = np.linspace(-1, 1, GRID_POINTS)
     for panel, target, model in zip(axes, targets, models, strict=True):
         for k, name in enumerate(model.factors):
-            # One factor from -1 to 1, the others at the centre, which is 0.
+            # Vary one factor from -1 to 1, and keep the others at the centre, 0.
             points = np.zeros((GRID_POINTS, len(model.factors)))
             points[:, k] = coded
             panel.plot(

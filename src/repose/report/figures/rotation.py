@@ -21,7 +21,7 @@ from .registry import DRUM_STATES, Inputs, StudyView, figure, has_drum
 PIXELS = 620  # side of a picture at the default resolution
 SLIP_COLUMNS = ("before_turned_deg", "before_time_s")
 ARTICLE_RUN_S = 10.0  # time of the article's run, from the start of the filling
-# States of the file by name, and their words in a title.
+# States in the file, with their descriptions in titles.
 TITLES = {
     "start": "before the rotation",
     "report": "at the report",
@@ -78,35 +78,35 @@ def states(inputs: Inputs, study: StudyView) -> Figure:
     if "runs" in inputs:
         runs = read_table(inputs["runs"], ("status", *SLIP_COLUMNS))
     settings = study.section(DRUM, DrumSettings)
-    words = _slip_in_words(float(arrays["turned_before_deg"]), runs, settings)
+    text = _slip_in_words(float(arrays["turned_before_deg"]), runs, settings)
     if settings.report_s == ARTICLE_RUN_S and "turned_report_deg" in arrays:
         end_deg = float(arrays["turned_report_deg"])
-        words += f"\nThe article's run ends at {end_deg:.0f}° and shows the bed after a slip."
-    figure.supxlabel(words, fontsize=7.5)
+        text += f"\nThe article's run ends at {end_deg:.0f}° and shows the bed after a slip."
+    figure.supxlabel(text, fontsize=7.5)
     return figure
 
 
 def _slip_in_words(
     turned_deg: float, runs: pd.DataFrame, settings: DrumSettings
 ) -> str:
-    """Say how far and how long the drum turned before the first slip.
+    """Describe how far and how long the drum turned before the first slip.
 
-    The words give this run, and the mean of all runs that slipped if there are several.
-    `settings` is the section `drum`.
+    The text describes this run. It adds the mean of the runs that slipped if there are
+    several. `settings` is the section `drum`.
     """
     seconds = turned_deg / np.degrees(settings.angular_velocity_rad_s)
-    words = (
+    text = (
         f"The bed slipped first when the drum had turned by {turned_deg:.1f}°, after "
         f"{seconds:.1f} s."
     )
     if runs.empty:
-        return words
+        return text
     slipped = runs[runs["status"] == "ok"]
     if len(slipped) > 1:
         angle = _mean_and_error(slipped["before_turned_deg"])
         time = _mean_and_error(slipped["before_time_s"])
-        words += f"\nIn {len(slipped)} runs, mean ± standard error: {angle}°, {time} s."
-    return words
+        text += f"\nIn {len(slipped)} runs, mean ± standard error: {angle}°, {time} s."
+    return text
 
 
 def _mean_and_error(values: pd.Series) -> str:
@@ -121,8 +121,8 @@ def _draw_side_view(
     particle: Particle,
     study: StudyView,
 ) -> float:
-    """Draw one state with its fitted line, and give the line's angle in degrees."""
-    # Slow to import, and `course` does without.
+    """Draw one state with its fitted line, and return the line's angle in degrees."""
+    # These imports are slow, and `course` does not need them.
     from repose.report.renderer.film import drum_inside
     from repose.report.renderer.render import render_pile
     from repose.report.renderer.scenery import look_at
@@ -257,8 +257,8 @@ def _draw_angles(
     )
     rpm = 30 / np.pi * settings.angular_velocity_rad_s
     diameter_mm = settings.outer_diameter_mm
-    words = f"drum: diameter {diameter_mm:g} mm,\n{rpm:.2f} turns per minute"
-    style.note(panel, words)
+    text = f"drum: diameter {diameter_mm:g} mm,\n{rpm:.2f} turns per minute"
+    style.note(panel, text)
 
 
 def _mark_first_slips(
@@ -278,32 +278,32 @@ def _mark_first_slips(
 
 
 def _draw_angles_of_runs(panel: Axes, record: pd.DataFrame, runs: pd.DataFrame) -> None:
-    """Draw the angles of surface and centre of mass of every run, up to its slip."""
+    """Draw the angles of the surface and the centre of mass of each run, up to its slip."""
     for k, (seed, rows) in enumerate(record.groupby("seed")):
         run = runs[runs["seed"] == seed].iloc[0]
         if run["status"] == "ok":
             rows = rows[rows["time_s"] <= run["after_time_s"]]
-        # The first run names the lines in the legend.
-        hidden = "" if k == 0 else "_"
+        # Only the first run adds its labels to the legend.
+        label_prefix = "" if k == 0 else "_"
         panel.plot(
             rows["time_s"],
             rows["surface_deg"],
             color=style.SKY,
             lw=0.6,
             alpha=0.8,
-            label=f"{hidden}surface",
+            label=f"{label_prefix}surface",
         )
         panel.plot(
             rows["time_s"],
             rows["bed_deg"],
             color=style.BLUE,
             lw=0.9,
-            label=f"{hidden}centre of mass",
+            label=f"{label_prefix}centre of mass",
         )
 
 
 def _draw_layers(panel: Axes, profile: pd.DataFrame) -> None:
-    """Draw how far the layers of each run moved in its slip, by their depth."""
+    """Draw how far the layers of grains moved during the slip, by their depth."""
     panel.set(
         xlabel="motion against the drum (mm)", ylabel="depth below the surface (mm)"
     )

@@ -51,14 +51,14 @@ def design_matrix(inputs: Inputs, study: StudyView) -> Figure:
             )
     panels.finish_pairs(pair_panels, study.parameters)
     method = METHODS[study.settings.design.method]
-    words = (
+    text = (
         f"{len(samples)} samples: {method}\ndiagonal: samples in each tenth of a range"
     )
     if len(names) == 1:
-        # A single panel leaves no empty corner to write in.
-        figure.suptitle(words, fontsize=9)
+        # With a single panel there is no empty corner for the text.
+        figure.suptitle(text, fontsize=9)
         return figure
-    figure.text(0.56, 0.93, words, fontsize=9, va="top", linespacing=1.5)
+    figure.text(0.56, 0.93, text, fontsize=9, va="top", linespacing=1.5)
     if "comparison" in inputs:
         comparison = read_table(inputs["comparison"], ("method", "min_distance"))
         _compare_methods(figure, comparison)
@@ -111,7 +111,7 @@ def responses_over_parameters(inputs: Inputs, study: StudyView) -> Figure:
 def _draw_response(
     panel: Axes, table: pd.DataFrame, name: str, response: Response
 ) -> None:
-    """Draw one response over one parameter; a failed sample is a cross below all values."""
+    """Draw one response over one parameter, with failed samples as crosses at the bottom."""
     is_good = table["status"] == "ok"
     good = table[is_good]
     failed = table[~is_good]
@@ -129,7 +129,7 @@ def _draw_response(
         mew=0,
     )
     if len(failed):
-        # The crosses stand a tenth of the height of the panel below all values.
+        # Place the crosses below all values, by a tenth of their range.
         bottom = 0.0
         top = 1.0
         if len(good):
@@ -147,7 +147,7 @@ def _draw_response(
 
 
 def _account(table: pd.DataFrame) -> str:
-    """Say how many samples failed, and why."""
+    """Describe how many samples failed, and why."""
     explanation = "bars: ± 1 standard error over seeds; ρ: rank correlation"
     failed = table[table["status"] != "ok"]
     if failed.empty:

@@ -64,19 +64,19 @@ def feasible_solutions(inputs: Inputs, study: StudyView) -> Figure:
     figure = style.new_figure(style.PAGE, 1.5 + 0.42 * study.parameters.dimensions)
     panel = figure.subplots()
     _draw_parameter_strips(panel, solutions, study=study, published=published)
-    words = []
+    sentences = []
     if study.config.get("miga", {}).get("answer") == LEAST_LOSS:
-        words.append(LEAST_LOSS_WORDS)
-    words += [_predictions_in_words(solutions, target) for target in targets]
+        sentences.append(LEAST_LOSS_WORDS)
+    sentences += [_predictions_in_words(solutions, target) for target in targets]
     if published is not None:
-        words.append(_overlap_in_words(solutions, study, published))
-    style.below(figure, " ".join(words))
+        sentences.append(_overlap_in_words(solutions, study, published))
+    style.below(figure, " ".join(sentences))
     _write_title(figure, panel, solutions=solutions, summary=summary)
     return figure
 
 
 def _predictions_in_words(solutions: pd.DataFrame, target: Target) -> str:
-    """Say which response is predicted for the solutions and for the answer."""
+    """Describe the predicted response of the solutions and of the answer."""
     response = target.response
     predicted = solutions[response.predicted]
     is_answer = _as_boolean(solutions["representative"])
@@ -108,7 +108,7 @@ def _overlap_in_words(
 def _write_title(
     figure: Figure, panel: Axes, solutions: pd.DataFrame, summary: Mapping[str, Any]
 ) -> None:
-    """Write how many solutions are shown; without feasible ones, why there are none."""
+    """Write the number of solutions as the title, or why none of them is feasible."""
     n_shown = len(solutions)
     if summary["feasible"]:
         n_feasible = int(_as_boolean(solutions["feasible"]).sum())
@@ -120,14 +120,14 @@ def _write_title(
         return
     title = f"no set is predicted inside all ranges: the {n_shown} nearest are shown"
     panel.set_title(title, fontweight="bold", color=style.RED)
-    # The message has the names of parameters, the figure their symbols.
+    # Replace the names of parameters in the message by their symbols in the figure.
     message = summary.get("message", "")
     message = re.sub("|".join(SYMBOLS), lambda match: SYMBOLS[match[0]], message)
     style.below(figure, message)
 
 
 def _scattered(count: int) -> np.ndarray:
-    """Give places (count,) from -0.5 to 0.5, scattered alike in each figure."""
+    """Return places (count,) from -0.5 to 0.5, scattered alike in each figure."""
     return (np.arange(count) * GOLDEN_FRACTION % 1.0) - 0.5
 
 
@@ -149,10 +149,16 @@ def _draw_parameter_strips(
     for row, name in enumerate(names):
         low, high = ranges[name]
         y = len(names) - 1 - row  # the first parameter is on top
-        place = (solutions[name].to_numpy() - low) / (high - low)
-        # The first strip names the marks in the legend.
-        hidden = "" if row == 0 else "_"
-        _draw_strip(panel, y, place=place, is_answer=is_answer, hidden=hidden)
+        positions = (solutions[name].to_numpy() - low) / (high - low)
+        # Only the first strip adds its labels to the legend.
+        label_prefix = "" if row == 0 else "_"
+        _draw_strip(
+            panel,
+            y,
+            positions=positions,
+            is_answer=is_answer,
+            label_prefix=label_prefix,
+        )
         if published is not None:
             ends = published.loc[name, ["low", "high"]].astype(float).to_numpy()
             start, end = (ends - low) / (high - low)
@@ -163,10 +169,10 @@ def _draw_parameter_strips(
                 height=0.18,
                 color=style.ORANGE,
                 zorder=3,
-                label=f"{hidden}published interval",
+                label=f"{label_prefix}published interval",
             )
         _write_range(panel, y, low=low, high=high)
-        percent = 100 * (place.max() - place.min())
+        percent = 100 * (positions.max() - positions.min())
         panel.text(
             1.03, y, f"{percent:.0f} %", fontsize=style.SMALL_TEXT_PT, va="center"
         )
@@ -197,25 +203,29 @@ def _write_range(panel: Axes, y: float, low: float, high: float) -> None:
 
 
 def _draw_strip(
-    panel: Axes, y: float, place: np.ndarray, is_answer: np.ndarray, hidden: str
+    panel: Axes,
+    y: float,
+    positions: np.ndarray,
+    is_answer: np.ndarray,
+    label_prefix: str,
 ) -> None:
-    """Draw the range of one parameter with its solutions, their interval, the answer.
+    """Draw the range of one parameter with its solutions, their interval and the answer.
 
-    `place` are the values as shares of the range. Labels that begin with `hidden`, an
-    underscore, are left out of the legend.
+    `positions` are the values of the solutions as shares of the range. An underscore as
+    `label_prefix` keeps the labels out of the legend.
     """
     middle = y + 0.03
     panel.barh(y, 1, height=0.62, color=style.STRIP_COLOUR, zorder=0)
     panel.barh(
         middle,
-        place.max() - place.min(),
-        left=place.min(),
+        positions.max() - positions.min(),
+        left=positions.min(),
         height=0.40,
         color=style.SKY,
         alpha=0.35,
         zorder=1,
     )
-    others = place[~is_answer]
+    others = positions[~is_answer]
     panel.scatter(
         others,
         middle + 0.34 * _scattered(len(others)),
@@ -224,14 +234,14 @@ def _draw_strip(
         alpha=0.7,
         lw=0,
         zorder=2,
-        label=f"{hidden}solutions",
+        label=f"{label_prefix}solutions",
     )
     if is_answer.any():
         panel.plot(
-            place[is_answer],
+            positions[is_answer],
             np.full(is_answer.sum(), middle),
             "D",
-            label=f"{hidden}representative, the answer",
+            label=f"{label_prefix}representative, the answer",
             **style.ANSWER,
         )
 
@@ -246,8 +256,8 @@ def _draw_strip(
 def convergence(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the objective over the generations, with the error of the surrogate.
 
-    `history` has a row for some generations, with the objective of the best and of the
-    mean individual; `summary` has the standard errors of the answer's prediction.
+    `history` has a row for some of the generations, with the best and the mean objective;
+    `summary` has the standard errors of the answer's prediction.
 
     Did the search run long enough? Best and mean objective F (Eq. 11) over
     {miga[rounds]} rounds of {miga[generations]} generations. The dashed line is the F
@@ -273,7 +283,7 @@ def convergence(inputs: Inputs, study: StudyView) -> Figure:
 
 
 def _draw_objective(panel: Axes, history: pd.DataFrame) -> None:
-    """Draw the objective of the best and of the mean individual."""
+    """Draw the objective of the best individual and the mean over all of them."""
     generation = history["generation"].to_numpy()
     mean = history["mean_objective"].to_numpy()
     best = history["best_objective"].to_numpy()
@@ -282,7 +292,7 @@ def _draw_objective(panel: Axes, history: pd.DataFrame) -> None:
     panel.set_ylabel("objective F\n(widths of the target ranges)")
     lowest = min(best.min(), mean.min())
     highest = max(best.max(), mean.max())
-    # Over less than a power of ten a logarithmic axis would have no tick.
+    # A logarithmic axis over less than a power of ten would have no ticks.
     if lowest > 0 and highest > 10 * lowest:
         panel.set_yscale("log")
 

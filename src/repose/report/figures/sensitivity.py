@@ -21,7 +21,7 @@ from .registry import Inputs, StudyView, figure
     category="Uncertainty",
 )
 def sobol_indices(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw a pair of bars for each parameter, in a panel for each response.
+    """Draw the first-order and total index of each parameter, one panel per response.
 
     Which parameters explain the variance of the responses? First-order and total Sobol
     indices of each response of the surrogate, with 95 % bootstrap intervals.
@@ -30,8 +30,10 @@ def sobol_indices(inputs: Inputs, study: StudyView) -> Figure:
     table = read_table(inputs["sobol"], ("response", "parameter", "first", "total"))
     figure, axes = panels.grid(len(targets), 2.4, sharey=True)
     for k, (panel, target) in enumerate(zip(axes, targets, strict=True)):
-        of_target = table[table["response"] == target.name].set_index("parameter")
-        _draw_indices(panel, of_target)
+        indices_of_target = table[table["response"] == target.name].set_index(
+            "parameter"
+        )
+        _draw_indices(panel, indices_of_target)
         title = f"{style.letter(k)}   {target.response.symbol}"
         panel.set_title(title, fontweight="bold")
         if k % 2 == 0:
@@ -41,8 +43,11 @@ def sobol_indices(inputs: Inputs, study: StudyView) -> Figure:
 
 
 def _draw_indices(panel: Axes, table: pd.DataFrame) -> None:
-    """Draw the indices of one response with their intervals, a row for each parameter."""
-    place = np.arange(len(table))
+    """Draw the indices of one response with their intervals.
+
+    The table has a row for each parameter.
+    """
+    positions = np.arange(len(table))
     for column, offset, colour, label in (
         ("first", -0.2, style.BLUE, "first order"),
         ("total", 0.2, style.ORANGE, "total"),
@@ -51,7 +56,7 @@ def _draw_indices(panel: Axes, table: pd.DataFrame) -> None:
         below = index - table[f"{column}_low"]
         above = table[f"{column}_high"] - index
         panel.bar(
-            place + offset,
+            positions + offset,
             index,
             0.38,
             yerr=np.abs([below, above]),
@@ -67,8 +72,8 @@ def _draw_indices(panel: Axes, table: pd.DataFrame) -> None:
     )
     panel.margins(y=0.15)
     total = table["first"].sum()
-    words = f"first orders sum to {total:.2f}\nbars: 95 % intervals"
-    style.note(panel, words, x=0.97, ha="right")
+    text = f"first orders sum to {total:.2f}\nbars: 95 % intervals"
+    style.note(panel, text, x=0.97, ha="right")
 
 
 @figure(
@@ -116,9 +121,9 @@ def main_effects(inputs: Inputs, study: StudyView) -> Figure:
         panel.set_title(
             f"{percent:.0f} %", fontsize=style.SMALL_TEXT_PT, loc="right", pad=2
         )
-    words = (
+    text = (
         "points: samples; line: mean of the surrogate over the other parameters; %: "
         "first-order share of the variance"
     )
-    style.below(figure, words)
+    style.below(figure, text)
     return figure

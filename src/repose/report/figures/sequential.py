@@ -69,8 +69,9 @@ def _draw_probability(
 ) -> None:
     """Draw the probability of meeting the targets after each batch.
 
-    Besides the one of the best point these are the one that the pours left can reach,
-    and the one that any parameter set has. `settings` is the section `sequential`.
+    The panel shows three curves: the probability of the best point, the highest that the
+    remaining pours can reach, and that of any parameter set. `settings` is the section
+    `sequential`.
     """
     pours = batches["pours"]
     panel.plot(

@@ -132,7 +132,7 @@ def _mark_small_run(figure: Figure) -> None:
 
 
 def encoded(figure: Figure, kind: str = "png", dpi: int = DPI) -> io.BytesIO:
-    """Give a figure as the content of a file; the same bytes each time."""
+    """Return a figure as the content of a file; the same bytes each time."""
     content = io.BytesIO()
     figure.savefig(content, format=kind, dpi=dpi, metadata=UNDATED[kind])
     return content
@@ -159,7 +159,7 @@ def picture_pixels(study: StudyView, at_default: int) -> int:
 
 
 def targets_of(config: Config) -> Targets:
-    """Give the targets of a configuration, in its order."""
+    """Return the targets of a configuration, in its order."""
     return StudyView(config).targets
 
 
@@ -180,9 +180,9 @@ def parameter_label(name: str) -> str:
 
 
 def line_in_words(settings: MeasureSettings, definition: str | None = None) -> str:
-    """Say which line a definition of the angle draws; default: the calibrated one.
+    """Describe the line that defines an angle; by default the calibrated angle.
 
-    The words are simpler than those of `line_of`, which stand in tables.
+    The wording is simpler than that of `line_of`, which is meant for tables.
     """
     definition = definition or settings.response
     if definition == "secant":
@@ -192,7 +192,7 @@ def line_in_words(settings: MeasureSettings, definition: str | None = None) -> s
     if definition == "straightest":
         percent = 100 * settings.smallest_window
         return f"line fitted to the straightest {percent:.2g} % or more of the side"
-    # The words of a table are: flank, the band of heights, the kind of its points.
+    # `line_of` returns "flank, band of heights, kind of points".
     _, height_band, _ = line_of(settings, "flank").split(", ")
     if definition == "steepest":
         return (
@@ -202,7 +202,7 @@ def line_in_words(settings: MeasureSettings, definition: str | None = None) -> s
 
 
 def explain_symbols(figure: Figure, config: Config) -> None:
-    """Explain below a figure the line of its calibrated angle, and its subscripts."""
+    """Explain the calibrated angle and the subscripts of a figure below it."""
     shown_text = " ".join(text.get_text() for text in figure.findobj(Text))
     explanations = _angle_explanations(config, shown_text)
     if any(symbol in shown_text for symbol in SYMBOLS.values()):
@@ -217,13 +217,13 @@ def explain_symbols(figure: Figure, config: Config) -> None:
         words_before = figure.get_supxlabel()
         figure.supxlabel(f"{words_before}\n{words}".lstrip(), fontsize=SMALL_TEXT_PT)
     else:
-        # The layout has one place at the lower edge, which the legend has.
+        # The legend occupies the lower edge, so the text becomes part of its title.
         title = lowest_legend.get_title().get_text()
         lowest_legend.set_title(f"{title}\n{words}".lstrip(), {"size": SMALL_TEXT_PT})
 
 
 def _angle_explanations(config: Config, shown_text: str) -> list[str]:
-    """Say which line has each calibrated angle whose symbol is shown."""
+    """Describe the line of each calibrated angle whose symbol is shown."""
     if not {"targets", "measure"} <= config.keys():
         return []
     explanations = []
@@ -268,7 +268,7 @@ def letter(k: int) -> str:
 
 
 def name_panels(panels: Sequence[Axes]) -> None:
-    """Give each panel its letter as title, in order; a single panel gets none."""
+    """Return each panel its letter as title, in order; a single panel gets none."""
     if len(panels) > 1:
         for k, panel in enumerate(panels):
             panel.set_title(letter(k), fontweight="bold")
@@ -287,7 +287,7 @@ def one_legend(panels: Sequence[Axes], **options: Any) -> None:
 
 
 def series(k: int) -> dict[str, str]:
-    """Give colour and line style of curve number k, from 0, for matplotlib's `plot`."""
+    """Return colour and line style of curve number k, from 0, for matplotlib's `plot`."""
     return {"color": SERIES[k % len(SERIES)], "ls": LINES[k % len(LINES)]}
 
 
@@ -314,7 +314,7 @@ def off_target(panel: Axes, target: Target, percent: float, xlabel: str) -> None
 
 
 def round_length(longest: float) -> float:
-    """Give the largest length of 1, 2 or 5 times a power of ten that is not longer."""
+    """Return the largest length of 1, 2 or 5 times a power of ten that is not longer."""
     power = 10.0 ** math.floor(math.log10(longest))
     return power * max(digit for digit in (1, 2, 5) if digit * power <= longest)
 

@@ -174,12 +174,12 @@ def _draw_influence(
 ) -> None:
     """Draw a bar for the influence of each input on each output, in percent.
 
-    An arrow beside the bar says whether the output rises or falls with the input.
+    An arrow beside each bar shows whether the output rises or falls with the input.
     """
-    place = np.arange(len(inputs))
+    positions = np.arange(len(inputs))
     height = 0.8 / len(symbols)
     for k, symbol in enumerate(symbols):
-        y = place + height * (k - 0.5 * (len(symbols) - 1))
+        y = positions + height * (k - 0.5 * (len(symbols) - 1))
         percent = 100 * influence.share[k]
         colour = style.SERIES[k % len(style.SERIES)]
         panel.barh(y, percent, height=height, color=colour, label=symbol)
@@ -226,7 +226,7 @@ def influence_of_inputs(
             respond, low, high=high, samples=INFLUENCE_POINTS, resamples=1, seed=seed
         )
     except ValueError:
-        # An output is constant.
+        # Sobol indices are undefined for a constant output, so leave all at zero.
         return influence
     _, means = main_effects(respond, low, high=high, seed=seed, points=2)
     influence.share[:, free_columns] = sobol["total"]
@@ -235,7 +235,7 @@ def influence_of_inputs(
 
 
 def _node_places(x: float, count: int) -> np.ndarray:
-    """Give the places (count, 2) of a layer's nodes from the top.
+    """Return the places (count, 2) of a layer's nodes from the top.
 
     Few nodes stand closer together.
     """
@@ -295,9 +295,9 @@ def predicted_against_simulated(inputs: Inputs, study: StudyView) -> Figure:
 
 
 def _predict_new_points(inputs: Inputs, targets: Targets) -> pd.DataFrame:
-    """Give the means of the points that were poured beside the design, with predictions.
+    """Return the mean responses at points outside the design, with predictions.
 
-    The final surrogate predicts them.
+    The predictions are those of the final surrogate.
     """
     path = inputs["network"]
     model = load(path)
@@ -312,7 +312,7 @@ def _predict_new_points(inputs: Inputs, targets: Targets) -> pd.DataFrame:
 
 
 def _draw_splits(panel: Axes, table: pd.DataFrame, shown: Response) -> None:
-    """Draw the points of one response on equal axes, with the accuracy at unseen ones."""
+    """Draw predicted against simulated values of one response, with the accuracy."""
     values = table[[shown.name, shown.predicted]].to_numpy()
     margin = 0.06 * (values.max() - values.min())
     ends = np.array([values.min() - margin, values.max() + margin])
@@ -347,9 +347,9 @@ def _draw_splits(panel: Axes, table: pd.DataFrame, shown: Response) -> None:
 
 
 def _accuracy_lines(table: pd.DataFrame, split: str, shown: Response) -> list[str]:
-    """Write the accuracy at the points of a split, and that of a perfect model.
+    """Describe the accuracy of the surrogate and of a perfect model on a split.
 
-    A perfect model is off the simulated means by their noise alone.
+    The errors of a perfect model are the noise of the simulated means.
     """
     is_split = table["split"] == split
     rows = table[is_split]
@@ -357,7 +357,7 @@ def _accuracy_lines(table: pd.DataFrame, split: str, shown: Response) -> list[st
     predicted = rows[shown.predicted].to_numpy(float)
     of_model = _accuracy_text(simulated, predicted - simulated, shown.unit)
 
-    # Few test samples tell little about the noise, so it is taken from the whole design.
+    # The test samples are too few to estimate the noise, so use the whole design.
     noisy_rows = rows
     if split == "test":
         noisy_rows = table[table["split"] != "new points"]

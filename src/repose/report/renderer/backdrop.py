@@ -26,7 +26,7 @@ class DrumInside:
     turned_rad: float = 0.0  # about -y; the marks on the rim show it
 
     def outline(self) -> np.ndarray:
-        """Give points (144, 3) in m that a picture must contain: both rims."""
+        """Return points (144, 3) in m that a picture must contain: both rims."""
         angle = np.linspace(0.0, 2.0 * math.pi, CIRCLE_POINTS, endpoint=False)
         outer_radius = self.radius_m + self.thickness_m
         x = outer_radius * np.cos(angle)
@@ -94,7 +94,7 @@ class DrumInside:
     def paint(
         self, place: np.ndarray, normal: np.ndarray, lit: np.ndarray, sky: np.ndarray
     ) -> np.ndarray:
-        """Give the colours of places on the drum.
+        """Return the colours of places on the drum.
 
         Parameters
         ----------
@@ -124,7 +124,7 @@ class DrumInside:
 
 
 def _is_marked(angle: np.ndarray) -> np.ndarray:
-    """Tell which angles (M,) in radians on the rim have a mark.
+    """Return which angles (M,) in radians on the rim have a mark.
 
     The mark at the bottom of a drum that has not turned is three times as wide.
     """

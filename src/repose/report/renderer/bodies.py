@@ -21,10 +21,10 @@ class Drawable(Protocol):
         """Distance of its farthest point from its centre in m."""
 
     def support(self, n: np.ndarray) -> np.ndarray:
-        """Give the distance (...,) in m of the tangent plane with normal `n`."""
+        """Return the distance (...,) in m of the tangent plane with normal `n`."""
 
     def support_point(self, n: np.ndarray) -> np.ndarray:
-        """Give the farthest points (..., 3) in m in the unit directions `n`."""
+        """Return the farthest points (..., 3) in m in the unit directions `n`."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def place_bodies(
     shape_ids: np.ndarray,
     scales: np.ndarray,
 ) -> Bodies:
-    """Give bodies at their places as triangles.
+    """Place bodies in the world, and return them as triangles.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def place_bodies(
 
 
 def _spheres_of_shape(shape: Drawable) -> np.ndarray:
-    """Give the spheres (M, 4) of a shape; an empty array for a shape of another kind."""
+    """Return the spheres (M, 4) of a shape; an empty array for a shape of another kind."""
     return np.asarray(getattr(shape, "spheres_m", ()))
 
 
@@ -187,7 +187,7 @@ def _place_spheres(
     scales: np.ndarray,
     ball_id: int,
 ) -> _Parts:
-    """Give the spheres (S, 4) of each of the bodies numbered `bodies` (M,) as parts."""
+    """Return the spheres (S, 4) of each of the bodies numbered `bodies` (M,) as parts."""
     owner = np.repeat(bodies, len(spheres))
     spheres_of_bodies = np.tile(spheres, (len(bodies), 1))
     offsets = np.einsum("nij,nj->ni", turn[owner], spheres_of_bodies[:, :3])

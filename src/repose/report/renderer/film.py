@@ -94,9 +94,9 @@ def _frame_of_pour(
     scales: np.ndarray,
     walls: Sequence[Frustum],
 ) -> np.ndarray:
-    """Give the points (M, 3) that the pictures of a pour contain.
+    """Return the points (M, 3) that every picture of a pour must contain.
 
-    Grains that rolled far away may leave the picture; the pile and the funnel may not.
+    These are the pile and the funnel. Grains that rolled far away may be cut off.
     """
     is_there = np.isfinite(last_positions).all(axis=1)
     resting = last_positions[is_there].astype(float)
@@ -163,7 +163,7 @@ def animate(
 def _settings_of(
     simulation: Simulation, frames: Mapping[str, np.ndarray]
 ) -> list[Setting]:
-    """Give the walls in each frame."""
+    """Return the walls in each frame."""
     if "planes" not in frames:
         # The walls rest, or turn about their axis.
         return len(frames["time_s"]) * [setting_of(simulation)]
@@ -176,7 +176,7 @@ def _settings_of(
 def _frame_of_ends(
     shapes: Sequence[Drawable], frames: Mapping[str, np.ndarray], last: Setting
 ) -> np.ndarray:
-    """Give points (M, 3) about the bodies of the first and last frame and the walls."""
+    """Return points (M, 3) about the bodies of the first and last frame and the walls."""
     centres = frames["position"][[0, -1]].reshape(-1, 3)
     centres = centres[np.isfinite(centres).all(axis=1)].astype(float)
     largest_scale = float(frames["scale"].max(initial=0.0))
@@ -224,7 +224,7 @@ def animate_drum(
 
 
 def drum_inside(section: "DrumSettings", turned_rad: float) -> DrumInside:
-    """Give the drum as a backdrop; `section` is the section `drum`."""
+    """Return the drum as a backdrop; `section` is the section `drum`."""
     thickness_m = 1e-3 * section.wall_thickness_mm
     radius_m = 0.5e-3 * section.outer_diameter_mm - thickness_m
     return DrumInside(
@@ -236,12 +236,12 @@ def drum_inside(section: "DrumSettings", turned_rad: float) -> DrumInside:
 
 
 def _scales(record: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Give the scales (N,) of the grains of a trajectory."""
+    """Return the scales (N,) of the grains of a trajectory."""
     return record.get("scale", np.ones(record["position"].shape[1]))
 
 
 def _with_known_ending(out_path: Path_) -> Path:
-    """Give the path; InputError for an ending that cannot be written."""
+    """Return the path; InputError for an ending that cannot be written."""
     out_path = Path(out_path)
     if out_path.suffix.lower() not in FORMATS:
         raise InputError(out_path, "ending", out_path.suffix, ".gif or .webp")
@@ -249,7 +249,7 @@ def _with_known_ending(out_path: Path_) -> Path:
 
 
 def _spread(times: np.ndarray, frames: int) -> np.ndarray:
-    """Give the indices of at most this number of frames, evenly over the time."""
+    """Return the indices of at most this number of frames, evenly over the time."""
     shown_times = np.linspace(times[0], times[-1], min(frames, len(times)))
     return np.searchsorted(times, shown_times)
 
@@ -257,9 +257,9 @@ def _spread(times: np.ndarray, frames: int) -> np.ndarray:
 def _write_within(
     pictures: Sequence[np.ndarray], frame_s: float, out_path: Path, max_bytes: int
 ) -> None:
-    """Write pictures with as many colours as a number of bytes allows.
+    """Write an animation with the most colours that fit into `max_bytes`.
 
-    InputError if even the fewest take more.
+    InputError if the file is too large even with the fewest colours.
     """
     images = [Image.fromarray(picture) for picture in pictures]
     durations_ms = [round(1000 * frame_s)] * len(images)
@@ -282,7 +282,7 @@ def _write_within(
 def _encode_gif(
     images: Sequence[Image.Image], durations_ms: list[int], colours: int
 ) -> bytes:
-    """Give pictures as the content of a GIF with a number of colours."""
+    """Return pictures as the content of a GIF with a number of colours."""
     # One palette for all frames, that of the last one: parts at rest keep their colours.
     palette = images[-1].quantize(colours)
     first, *others = (
@@ -305,7 +305,7 @@ def _encode_gif(
 def _encode_webp(
     images: Sequence[Image.Image], durations_ms: list[int], quality: int
 ) -> bytes:
-    """Give pictures as the content of a WebP file of a quality."""
+    """Return pictures as the content of a WebP file of a quality."""
     first, *others = images
     content = io.BytesIO()
     first.save(

@@ -105,7 +105,7 @@ def draw(
 
 @compiled
 def _angle_of_pixel(row, column):
-    """Give a fixed angle that differs between neighbours.
+    """Return a fixed angle that differs between neighbours.
 
     By it few samples give fine grain instead of bands.
     """
@@ -116,7 +116,7 @@ def _angle_of_pixel(row, column):
 
 @compiled
 def _spiral(taps):
-    """Give offsets (taps,), (taps,) that fill the unit disc evenly."""
+    """Return offsets across (taps,) and down (taps,) that fill the unit disc evenly."""
     across = np.empty(taps)
     down = np.empty(taps)
     for tap in range(taps):

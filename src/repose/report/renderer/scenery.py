@@ -74,7 +74,7 @@ class Camera:
     def project(
         self, points_m: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Give columns and rows of points in pixels, and their inverse depth in 1/m.
+        """Return columns and rows of points in pixels, and their inverse depth in 1/m.
 
         Row 0 is on top.
         """
@@ -85,7 +85,7 @@ class Camera:
         return x, y, near
 
     def rays(self, rows: slice = slice(None)) -> np.ndarray:
-        """Give the direction (R, width, 3) of the ray of each pixel in the world.
+        """Return the direction (R, width, 3) of the ray of each pixel in the world.
 
         It is scaled to unit depth along the view.
         """
@@ -95,7 +95,7 @@ class Camera:
         return x[None, :, None] * right + y[:, None, None] * up + forward
 
     def bands(self, multiple: int = 1) -> Iterator[slice]:
-        """Give the rows of the picture in bands, so that little memory is needed.
+        """Yield the rows of the picture in bands, so that little memory is needed.
 
         The rows of a band are a multiple of a number.
         """
@@ -160,7 +160,7 @@ def look_at(
 
 
 def boxes(centres: np.ndarray, reach: float) -> np.ndarray:
-    """Give the corners (8 N, 3) in m of a box about each centre (N, 3)."""
+    """Return the corners (8 N, 3) in m of a box about each centre (N, 3)."""
     ends = [-reach, reach]
     corners = np.array(np.meshgrid(ends, ends, ends)).reshape(3, -1).T
     return (centres[:, None, :] + corners).reshape(-1, 3)
@@ -172,9 +172,10 @@ def outline(
     walls: Sequence[Frustum],
     panels: Sequence[Panel] = (),
 ) -> np.ndarray:
-    """Give points (M, 3) in m that a picture of bodies and walls must contain.
+    """Return points (M, 3) in m that a picture of bodies and walls must contain.
 
-    Without panels the origin is one of them. `reach` is the radius of a body.
+    `reach` is the radius of the largest body. Without panels, the picture also contains
+    the origin.
     """
     points = [boxes(centres, reach), *(panel.corners_m for panel in panels)]
     for wall in walls:
@@ -187,7 +188,7 @@ def outline(
 
 
 def _circle(radius: float, z: float) -> np.ndarray:
-    """Give points (36, 3) of a level circle about the z axis."""
+    """Return points (36, 3) of a level circle about the z axis."""
     angle = np.linspace(0, 2 * math.pi, CIRCLE_POINTS, endpoint=False)
     return np.column_stack(
         [radius * np.cos(angle), radius * np.sin(angle), np.full(CIRCLE_POINTS, z)]
@@ -195,7 +196,7 @@ def _circle(radius: float, z: float) -> np.ndarray:
 
 
 def funnel_walls(funnel: Funnel) -> list[Frustum]:
-    """Give the funnel's cone and, if it has one, its tube."""
+    """Return the funnel's cone and, if it has one, its tube."""
     outlet_radius = funnel.outlet_diameter_m / 2
     inlet_radius = funnel.inlet_diameter_m / 2
     top_m = funnel.inlet_height_m
@@ -217,7 +218,7 @@ def setting_of(
     planes: np.ndarray | None = None,
     frames: np.ndarray | None = None,
 ) -> Setting:
-    """Give the setting of a simulation's walls, at present or in a recorded frame.
+    """Return the setting of a simulation's walls, at present or in a recorded frame.
 
     A level endless plane below all others is the plate; planes end at the simulation's
     box; rounded edges are not drawn.
@@ -237,7 +238,7 @@ def setting_of(
         frames = simulation.walls.frames
     plate_m, panels = _plate_and_panels(simulation, planes)
 
-    # The frames are those of the cones, of other walls, then of the meshes.
+    # `frames` lists the cones first, then other walls, and the meshes last.
     cones = simulation.wall_set.of(Cone)
     meshes = simulation.wall_set.of(Mesh)
     frusta = [
@@ -253,7 +254,7 @@ def setting_of(
 def _plate_and_panels(
     simulation: Simulation, planes: np.ndarray
 ) -> tuple[float | None, list[Panel]]:
-    """Give the height of the plate, or None without a plate, and all other planes.
+    """Return the height of the plate, or None without a plate, and all other planes.
 
     A row of `planes` (P, 7) has a point in m, the normal away from the grains, and a
     radius, which is infinite for an endless plane.
@@ -278,6 +279,6 @@ def _plate_and_panels(
 
 
 def _frustum_of(cone: Cone, frame: np.ndarray) -> Frustum:
-    """Give a cone of a simulation, whose place and rotation are a row of frames (12,)."""
+    """Return a cone of a simulation, whose place and rotation are a row of frames (12,)."""
     (r_low, z_low), (r_high, z_high) = cone_circles(cone.line)
     return Frustum(z_low, r_low, z_high_m=z_high, r_high_m=r_high, frame=tuple(frame))

@@ -43,11 +43,11 @@ class Band(NamedTuple):
     sky: np.ndarray  # (R, W), shares of the sky
 
     def places(self, camera: Camera, mask: np.ndarray) -> np.ndarray:
-        """Give the places (M, 3) in m of the points that the pixels of a mask show."""
+        """Return the places (M, 3) in m of the points that the pixels of a mask show."""
         return camera.eye_m + self.view.depth[mask][:, None] * self.rays[mask]
 
     def tone(self, mask: np.ndarray) -> np.ndarray:
-        """Give the brightness (M,) of a dull surface in the pixels of a mask."""
+        """Return the brightness (M,) of a dull surface in the pixels of a mask."""
         return (0.52 + 0.48 * self.lit[mask]) * (0.35 + 0.65 * self.sky[mask])
 
 
@@ -70,7 +70,7 @@ class ConeSide(NamedTuple):
 def tints_of(
     body: np.ndarray, shape: np.ndarray, count: int, shapes: int, colour: str = GRAIN
 ) -> np.ndarray:
-    """Give the colours of bodies or parts, slightly different for each body.
+    """Return the colours of bodies or parts, slightly different for each body.
 
     Parameters
     ----------
@@ -154,9 +154,9 @@ def paint(
 def _light_and_sky(
     camera: Camera, bodies: Bodies, view: View
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Give the shares (H, W) of the light and of the sky that reach visible points.
+    """Return the shares (H, W) of the light and of the sky that reach each pixel.
 
-    They are 1 in a pixel without a point.
+    Both are 1 in a pixel that shows no point.
     """
     if not len(bodies.vertices):
         lit, sky = np.ones((2, *view.depth.shape), np.float32)
@@ -190,14 +190,14 @@ def _light_and_sky(
 
 
 def _light_axes(camera: Camera) -> np.ndarray:
-    """Give the axes (3, 3) of the light: two rows across the light, one towards it.
+    """Return the axes (3, 3) of the light: two rows across the light, one towards it.
 
     The light turns with the camera.
     """
     right, top_of_picture, forward = camera.axes
     level_forward = forward * (1.0, 1.0, 0.0)
     length = np.linalg.norm(level_forward)
-    # A camera that looks straight down has its heading at the top of the picture.
+    # For a camera that looks straight down, the top of the picture is the heading.
     heading = top_of_picture
     if length > 1e-9:
         heading = level_forward / length
@@ -209,7 +209,10 @@ def _light_axes(camera: Camera) -> np.ndarray:
 
 
 def _light_map(bodies: Bodies, axes: np.ndarray) -> LightMap:
-    """Draw the depth map seen from the light; `axes` are those of `_light_axes`."""
+    """Draw the depth map of the bodies as seen from the light.
+
+    `axes` is the result of `_light_axes`.
+    """
     points = bodies.vertices @ axes.T
     corner = points[..., :2].min(axis=(0, 1))
     extent = points[..., :2].max(axis=(0, 1)) - corner
@@ -296,7 +299,7 @@ def _paint_panels(band: Band) -> None:
 
 
 def _far_to_near(walls: Sequence[Frustum], camera: Camera) -> list[int]:
-    """Give the numbers of the frusta's sides, far ones first.
+    """Return the numbers of the frusta's sides, far ones first.
 
     A frustum has two sides, numbered one after the other. They are sorted by their
     median distance along some thousands of rays.
@@ -345,7 +348,7 @@ def _blend_walls(
 
 
 def _blend_side(band: Band, camera: Camera, side: ConeSide) -> None:
-    """Draw one side of a frustum where no body is in front of it."""
+    """Blend one side of a glass frustum into the picture, where no body hides it."""
     wall, distance, is_met = side
     turn = np.reshape(wall.frame[3:], (3, 3)).astype(float)
     eye = camera.eye_m - wall.frame[:3]

@@ -33,12 +33,12 @@ class View:
         return np.isfinite(self.depth) & ~(self.hit | self.plate | self.behind)
 
     def rows(self, rows: slice) -> "View":
-        """Give the view of some rows, in the same memory."""
+        """Return the view of some rows, in the same memory."""
         return View(*(getattr(self, field.name)[rows] for field in fields(self)))
 
 
 def look(camera: Camera, bodies: Bodies, setting: Setting) -> View:
-    """Give the view of a camera on bodies in a setting."""
+    """Find what each pixel of a camera shows of bodies in a setting."""
     shape = (camera.height, camera.width)
     x, y, near = camera.project(bodies.vertices)
     nearest, body, triangle, weights = raster.draw(
@@ -107,7 +107,7 @@ def _add_setting(
 def _normals_of_bodies(
     bodies: Bodies, part: np.ndarray, triangle: np.ndarray, weights: np.ndarray
 ) -> np.ndarray:
-    """Give normals (M, 3) in the world of points on triangles of parts.
+    """Return normals (M, 3) in the world of points on triangles of parts.
 
     `weights` (M, 2) are the shares of the second and third corner of the triangle.
     """
@@ -122,7 +122,7 @@ def _normals_of_bodies(
 
 
 def _panel_depth(panel: Panel, eye: np.ndarray, rays: np.ndarray) -> np.ndarray:
-    """Give the depth (H, W) at which each ray meets a panel from its visible side.
+    """Return the depth (H, W) at which each ray meets a panel from its visible side.
 
     It is infinite for a ray that misses the panel.
     """
@@ -130,7 +130,7 @@ def _panel_depth(panel: Panel, eye: np.ndarray, rays: np.ndarray) -> np.ndarray:
     corners = panel.corners_m
     next_corners = np.roll(corners, -1, axis=0)
     along_normal = rays @ normal
-    # A ray along the panel divides by zero; the comparisons then leave it out.
+    # A ray parallel to the panel divides by zero. The comparisons below reject it.
     with np.errstate(divide="ignore", invalid="ignore"):
         depth = ((corners[0] - eye) @ normal) / along_normal
         is_inside = (along_normal < 0) & (depth > 0)
