@@ -25,8 +25,8 @@ INSIDE = "within_ranges"
 # Status of a check that was not made.
 NOT_AGAIN = "not simulated again"
 NEAR_BOUNDS = "At a bound of the ranges, as far as the fit can tell"
-# A check decides where the probability of being inside is this or more, or the rest of
-# it or less.
+# A check is decisive if the probability of lying inside the range is at least DECIDED, or
+# at most 1 - DECIDED.
 DECIDED = 0.95
 # Largest number of further runs that a verdict asks for.
 MOST_FURTHER_RUNS = 1000
@@ -42,12 +42,12 @@ class Verdict(StrEnum):
 
     @property
     def met(self) -> bool | None:
-        """The same as a truth value; None where it is open."""
+        """The verdict as True or False; None while it is open."""
         return {Verdict.MET: True, Verdict.NOT_MET: False}.get(self)
 
 
 def verdict_by(probability: float | None) -> Verdict:
-    """Decide by the probability of being inside the range; None means unknown."""
+    """Turn the probability of lying inside the range into a verdict; None is unknown."""
     if probability is None or 1 - DECIDED < probability < DECIDED:
         return Verdict.UNDECIDED
     return Verdict.MET if probability >= DECIDED else Verdict.NOT_MET
@@ -140,7 +140,7 @@ class Check:
         )
 
     def row(self) -> dict[str, Any]:
-        """Return its entry in the material card, without the definition."""
+        """Return the entry of this check in the material card, without the definition."""
         row: dict[str, Any] = {
             "response": self.response,
             "apparatus": self.apparatus,
@@ -250,15 +250,15 @@ class Check:
 
     @property
     def distance(self) -> str:
-        """Difference of the simulated from the measured mean.
+        """Difference between the simulated and the measured mean.
 
-        It is in percent and in standard deviations of a repetition.
+        It is written in percent and in standard deviations of a repetition.
         """
         if self.simulated is None:
             return f"{self.response} unknown"
         difference = self.simulated - self.measured
         percent_of_one = 100 / self._whole_of_measured
-        # Rounding may give -0.0, which the sum turns into 0.0.
+        # Adding 0.0 turns -0.0, a possible result of rounding, into 0.0.
         percent = round(percent_of_one * difference, 1) + 0.0
         error_text = ""
         if self.standard_error is not None:
@@ -271,7 +271,7 @@ class Check:
 
     @property
     def miss(self) -> str:
-        """By how much the simulation misses the range, a clause."""
+        """Clause that describes by how much the simulated mean misses its range."""
         if self.simulated is None:
             return f"the {self.label} has no number, as its runs ended {self.status}"
         side = "below" if self.simulated < self.low else "above"
@@ -280,8 +280,11 @@ class Check:
 
     @property
     def numbers(self) -> str:
-        """The simulated mean, or else the predicted one, with the measured mean."""
-        # The name of a response of the user's own stays as it is written.
+        """The simulated mean next to the measured one.
+
+        Without a simulated mean, the predicted one takes its place.
+        """
+        # Keep the spelling of a response that the user defined.
         label = self.label
         if known_response(self.response) is not None:
             label = label[0].upper() + label[1:]
@@ -295,7 +298,7 @@ class Check:
             kind = "predicted "
         if value is None:
             return f"{label} without a number (measured {self.measured:.4g})"
-        # Rounding may give -0.0, which the sum turns into 0.0.
+        # Adding 0.0 turns -0.0, a possible result of rounding, into 0.0.
         percent = 100 * (value - self.measured) / self._whole_of_measured
         percent = round(percent, 1) + 0.0
         number = f"{kind}{value:.4g}{self._error} {self.unit}".rstrip()
@@ -324,6 +327,88 @@ class Check:
     def _error(self) -> str:
         """The standard error after a mean; empty where it is unknown."""
         return "" if self.standard_error is None else f" +- {self.standard_error:.2g}"
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """All checks of an answer, judged together.
+
+    Attributes
+    ----------
+    checks : tuple of Check
+        One for each target.
+    feasible : bool
+        Whether the answer is predicted to meet all targets.
+    inside : float or None
+        Probability that all means lie inside their ranges, estimated from the runs of the
+        check. Without it the responses are treated as independent.
+    out_of_reach : bool
+        Whether no parameter set is predicted to meet the targets.
+    """
+
+    checks: tuple[Check, ...]
+    feasible: bool
+    inside: float | None = None
+    out_of_reach: bool = False
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether the solution is feasible and its simulation meets every target."""
+        verdicts = [check.verdict for check in self.checks]
+        if Verdict.UNCHECKED in verdicts:
+            return Verdict.UNCHECKED
+        if not self.feasible or Verdict.NOT_MET in verdicts:
+            return Verdict.NOT_MET
+        return verdict_by(self.probability)
+
+    @property
+    def probability(self) -> float | None:
+        """Probability that all means lie inside their ranges; None if it is unknown."""
+        n_runs = min(check.runs for check in self.checks)
+        # `inside` accounts for the correlation of the responses, which a handful of runs
+        # cannot show. Otherwise the responses are treated as independent.
+        is_correlation_known = n_runs > len(self.checks) + 1
+        if self.inside is not None and is_correlation_known:
+            return self.inside
+        return _probability_after(self.checks, further_runs=0)
+
+    @property
+    def reason(self) -> str:
+        """Sentence that explains why the targets are met or not."""
+        if self.verdict is Verdict.UNCHECKED:
+            sentence = f"{self._prediction}; the answer was {NOT_AGAIN}"
+        elif self.verdict is Verdict.UNDECIDED:
+            sentence = f"{self._simulation}. {undecided(self.probability, self.checks)}"
+        elif self.feasible:
+            sentence = self._simulation
+        else:
+            sentence = f"{self._prediction}; {self._simulation}"
+        return f"{sentence[0].upper()}{sentence[1:]}."
+
+    @property
+    def _ranges(self) -> str:
+        """The ranges of all targets, in words."""
+        count = len(self.checks)
+        return {1: "the range", 2: "both ranges"}.get(count, f"all {count} ranges")
+
+    @property
+    def _prediction(self) -> str:
+        """Clause about the prediction for the answer."""
+        if self.out_of_reach:
+            return f"no parameter set is predicted inside {self._ranges}"
+        verb = "is" if self.feasible else "is not"
+        return f"the answer {verb} predicted inside {self._ranges}"
+
+    @property
+    def _simulation(self) -> str:
+        """Clause about the outcome of the simulation."""
+        # A mean outside its range is a miss, whether or not its error decides that.
+        misses = [check.miss for check in self.checks if not check.margin >= 0]
+        if misses:
+            return " and ".join(misses)
+        if len(self.checks) == 1:
+            return f"the simulated mean lies inside {self._ranges}"
+        return f"the simulated means lie inside {self._ranges}"
 
 
 @dataclass(frozen=True)
@@ -387,62 +472,29 @@ class Result:
     near_bounds: tuple[str, ...] = ()
 
     @property
+    def assessment(self) -> Assessment:
+        """The checks of the result, judged together."""
+        return Assessment(
+            checks=self.checks,
+            feasible=self.feasible,
+            inside=self.inside,
+            out_of_reach=self.out_of_reach,
+        )
+
+    @property
     def verdict(self) -> Verdict:
         """Whether the solution is feasible and its simulation meets every target."""
-        verdicts = [check.verdict for check in self.checks]
-        if Verdict.UNCHECKED in verdicts:
-            return Verdict.UNCHECKED
-        if not self.feasible or Verdict.NOT_MET in verdicts:
-            return Verdict.NOT_MET
-        return verdict_by(self.probability)
+        return self.assessment.verdict
 
     @property
     def probability(self) -> float | None:
         """Probability that all means lie inside their ranges; None if it is unknown."""
-        n_runs = min(check.runs for check in self.checks)
-        # So few runs do not show how their responses are correlated.
-        is_correlation_known = n_runs > len(self.checks) + 1
-        if self.inside is not None and is_correlation_known:
-            return self.inside
-        return _probability_after(self.checks, 0)
+        return self.assessment.probability
 
     @property
     def reason(self) -> str:
-        """Why the targets are met or not, a sentence."""
-        if self.verdict is Verdict.UNCHECKED:
-            sentence = f"{self._prediction}; the answer was {NOT_AGAIN}"
-        elif self.verdict is Verdict.UNDECIDED:
-            sentence = f"{self._simulation}. {undecided(self.probability, self.checks)}"
-        elif self.feasible:
-            sentence = self._simulation
-        else:
-            sentence = f"{self._prediction}; {self._simulation}"
-        return f"{sentence[0].upper()}{sentence[1:]}."
-
-    @property
-    def _ranges(self) -> str:
-        """The ranges of all targets, in words."""
-        count = len(self.checks)
-        return {1: "the range", 2: "both ranges"}.get(count, f"all {count} ranges")
-
-    @property
-    def _prediction(self) -> str:
-        """What is predicted, a clause."""
-        if self.out_of_reach:
-            return f"no parameter set is predicted inside {self._ranges}"
-        verb = "is" if self.feasible else "is not"
-        return f"the answer {verb} predicted inside {self._ranges}"
-
-    @property
-    def _simulation(self) -> str:
-        """What the simulation showed, a clause."""
-        # A mean outside its range is a miss, whether or not its error decides that.
-        misses = [check.miss for check in self.checks if not check.margin >= 0]
-        if misses:
-            return " and ".join(misses)
-        if len(self.checks) == 1:
-            return f"the simulated mean lies inside {self._ranges}"
-        return f"the simulated means lie inside {self._ranges}"
+        """Sentence that explains why the targets are met or not."""
+        return self.assessment.reason
 
     @property
     def headline(self) -> str:
@@ -451,7 +503,7 @@ class Result:
         return f"{self.label}: {line}"
 
     def __str__(self) -> str:
-        """Describe the result in some lines, as a run prints it at its end."""
+        """Describe the result in several lines, which a run prints at its end."""
         lines = [self.headline, *self._parameter_lines()]
         predictions = [check.prediction for check in self.checks if check.prediction]
         if predictions:
@@ -474,7 +526,7 @@ class Result:
         return "\n".join(lines)
 
     def _parameter_lines(self) -> list[str]:
-        """Write the parameters, a line for each, and those at a bound of their range."""
+        """List the parameters line by line, then those at a bound of their range."""
         if self.feasible:
             lines = ["The calibrated parameters:"]
         else:
@@ -511,23 +563,42 @@ def out_of_reach(summary: Mapping[str, Any]) -> bool:
 
 
 def in_one_line(
-    verdict: Verdict, checks: Iterable[Check], reason: str, small_run: bool = False
+    verdict: Verdict,
+    checks: Iterable[Check],
+    reason: str,
+    small_run: bool = False,
+    status: str = "",
 ) -> str:
-    """Write the verdict with its numbers, and the reason unless the targets are met."""
+    """Write the verdict with its numbers, and the reason unless the targets are met.
+
+    Parameters
+    ----------
+    verdict : Verdict
+    checks : iterable of Check
+        One for each target.
+    reason : str
+        Sentence that explains the verdict.
+    small_run : bool, optional
+        Whether the study is too small for a calibration, which the line then warns of.
+    status : str, optional
+        Wording of the verdict after "targets"; by default that of `verdict`.
+    """
     numbers = ", ".join(check.numbers for check in checks)
-    line = f"targets {verdict}. {numbers}."
+    line = f"targets {status or verdict}. {numbers}."
     if small_run:
         line = f"a small run, its numbers are no calibration: {line}"
     return line if verdict is Verdict.MET else f"{line} {reason}"
 
 
 def undecided(probability: float | None, checks: Sequence[Check]) -> str:
-    """Write how many further runs would decide, a sentence without its full stop.
+    """Describe how many further runs would settle an undecided verdict.
+
+    The result is a sentence without its full stop.
 
     Parameters
     ----------
     probability : float or None
-        That all means lie inside their ranges; None if it is unknown.
+        Probability that all means lie inside their ranges; None if it is unknown.
     checks : sequence of Check
         One for each target.
     """
@@ -546,9 +617,9 @@ def undecided(probability: float | None, checks: Sequence[Check]) -> str:
 
 
 def further_runs(checks: Sequence[Check]) -> int | None:
-    """Compute after how many further runs of the answer the verdict is decided.
+    """Find the number of further runs of the answer that would settle the verdict.
 
-    The means and the scatter of the runs are taken to stay as they are.
+    The means and the scatter of the runs are assumed to stay as they are.
 
     Parameters
     ----------
@@ -568,9 +639,10 @@ def further_runs(checks: Sequence[Check]) -> int | None:
 
 
 def _probability_after(checks: Iterable[Check], further_runs: int) -> float | None:
-    """Compute the probability that all means lie inside, after some further runs.
+    """Compute the probability that all means lie inside their ranges.
 
-    The responses count as independent. None if the probability of a check is unknown.
+    `further_runs` are assumed to be added to each check. The responses are treated as
+    independent. The result is None if the probability of any check is unknown.
     """
     probability = 1.0
     for check in checks:
@@ -582,7 +654,7 @@ def _probability_after(checks: Iterable[Check], further_runs: int) -> float | No
 
 
 def describe_optimism(optimism: float, error: float | None) -> str:
-    """Write the expected optimism of a prediction, a clause."""
+    """Describe the expected optimism of a prediction in a clause."""
     text = f"expected optimism {optimism:+.2g}"
     if error is not None and math.isfinite(error):
         text += f" +- {error:.1g}"
@@ -590,12 +662,12 @@ def describe_optimism(optimism: float, error: float | None) -> str:
 
 
 def nearness(checks: Iterable[Check]) -> str:
-    """Write how far the simulated means are from the measured ones, a sentence."""
+    """Describe in a sentence how far the simulated means are from the measured ones."""
     return f"Simulated less measured: {', '.join(check.distance for check in checks)}."
 
 
 def describe_probability(chance: Mapping[str, float]) -> str:
-    """Write how probably the means of another simulator meet all targets, a clause."""
+    """Describe in a clause how probably the means of a simulator meet all targets."""
     return (
         f"within 1 % of all targets: {chance['within_1_percent']:.2f}; within 2 %: "
         f"{chance['within_2_percent']:.2f}; inside all ranges: {chance['inside']:.2f}"

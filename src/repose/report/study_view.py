@@ -31,7 +31,7 @@ class StudyView:
 
     @cached_property
     def settings(self) -> "StudySettings":
-        """The typed sections; to read one that is missing is an AttributeError."""
+        """The typed sections; reading a missing one raises an AttributeError."""
         from repose.config.models import settings_type  # slow to import
 
         model = settings_type()
@@ -69,7 +69,7 @@ class StudyView:
 
 
 def parameter_ranges(parameters: ParameterSpace) -> dict[str, tuple[float, float]]:
-    """Give the lower and upper end of the range of each free parameter, by name."""
+    """Return the lower and upper end of the range of each free parameter, by name."""
     lows = parameters.low.tolist()
     highs = parameters.high.tolist()
     ends = zip(lows, highs, strict=True)

@@ -42,7 +42,7 @@ def law_table(card: Mapping[str, Any]) -> Table:
 
 
 def _grain_values(grain: Mapping[str, Any]) -> Iterator[Value]:
-    """Give density, elastic constants, size, mass and moments of a grain."""
+    """Yield density, elastic constants, size, mass and moments of a grain."""
     yield Value("grain: density", grain["density_kg_m3"], "kg/m³")
     yield Value("grain: Young's modulus", grain["elastic_modulus_pa"], "Pa")
     yield Value("grain: shear modulus", grain["shear_modulus_pa"], "Pa")
@@ -57,7 +57,7 @@ def _grain_values(grain: Mapping[str, Any]) -> Iterator[Value]:
 
 
 def _wall_values(wall: Mapping[str, Any]) -> Iterator[Value]:
-    """Give the elastic constants of the walls."""
+    """Yield the elastic constants of the walls."""
     shear_modulus_pa = wall["shear_modulus_pa"]
     poisson_ratio = wall["poisson_ratio"]
     young_modulus_pa = 2 * shear_modulus_pa * (1 + poisson_ratio)
@@ -67,14 +67,14 @@ def _wall_values(wall: Mapping[str, Any]) -> Iterator[Value]:
 
 
 def _contact_values(parameters: Mapping[str, Any]) -> Iterator[Value]:
-    """Give the contact parameters of the answer."""
+    """Yield the contact parameters of the answer."""
     for name, parameter in parameters.items():
         # The meaning of a parameter with a unit names the unit.
         yield Value(f"{parameter['meaning']} ({name})", parameter["value"], unit="")
 
 
 def _simulation_values(simulation: Mapping[str, float]) -> Iterator[Value]:
-    """Give gravity and time step; cards of earlier versions have neither."""
+    """Yield gravity and time step; cards of earlier versions have neither."""
     if simulation:
         yield Value("gravity, along -z", simulation["gravity_m_s2"], "m/s²")
         yield Value("time step", simulation["time_step_s"], "s")

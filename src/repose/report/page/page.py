@@ -65,7 +65,7 @@ def write_study(
 
 
 def _scripts(has_view: bool) -> list[str]:
-    """Give the scripts of the page; those of the 3-D view only if it has one."""
+    """Return the scripts of the page; those of the 3-D view only if it has one."""
     scripts = [asset("network.js")]
     if has_view:
         scripts += [three.library(), asset("view.js")]
@@ -74,7 +74,7 @@ def _scripts(has_view: bool) -> list[str]:
 
 
 def content(study: Results) -> dict[str, Any]:
-    """Give the data of the scripts: plain values without NaN."""
+    """Return the data of the scripts: plain values without NaN."""
     parameters = [
         _parameter(study, name, value)
         for name, value in zip(
@@ -114,7 +114,7 @@ def _material_to_copy(study: Results) -> str | None:
 
 
 def _parameter(study: Results, name: str, value: float) -> dict[str, Any]:
-    """Give one parameter as plain values."""
+    """Return one parameter as plain values."""
     is_fixed = name in study.parameters.fixed
     low = None
     high = None
@@ -131,7 +131,7 @@ def _parameter(study: Results, name: str, value: float) -> dict[str, Any]:
 
 
 def _target(study: Results, target: Target) -> dict[str, Any]:
-    """Give one target as plain values, with the ends of its gauge."""
+    """Return one target as plain values, with the limits of its gauge as `axis`."""
     response = target.response
     simulated = study.number(response.simulated)
     values = [
@@ -161,7 +161,7 @@ def _target(study: Results, target: Target) -> dict[str, Any]:
 
 
 def _pour(study: Results) -> dict[str, Any] | None:
-    """Give the pour of the 3-D view as plain values; None without a trajectory."""
+    """Return the pour of the 3-D view as plain values; None without a trajectory."""
     if "trajectory" not in study.files or study.settings is None:
         return None
     pour = scene.for_page(

@@ -37,14 +37,14 @@ def packed(array: np.ndarray, dtype: str) -> str:
 
 
 def has_network(surrogate: Predictor) -> TypeGuard[BayesianBP | NetworkEnsemble]:
-    """Tell whether the page holds the surrogate itself instead of curves."""
+    """Return whether the page holds the surrogate itself instead of curves."""
     return isinstance(surrogate, BayesianBP | NetworkEnsemble)
 
 
 def for_page(
     surrogate: Predictor, parameters: ParameterSpace, answer: np.ndarray
 ) -> dict[str, Any]:
-    """Give a surrogate as plain values.
+    """Return a surrogate as plain values.
 
     Their `kind` is ``network`` or ``curves``. `answer` is the reported parameter set,
     through which the curves and planes run.
@@ -55,7 +55,7 @@ def for_page(
 
 
 def _networks(surrogate: BayesianBP | NetworkEnsemble) -> dict[str, Any]:
-    """Give the weights of a network, or of each network of an ensemble."""
+    """Return the weights of a network, or of each network of an ensemble."""
     if isinstance(surrogate, NetworkEnsemble):
         networks: list[BayesianBP] = surrogate.members_
     else:
@@ -66,7 +66,7 @@ def _networks(surrogate: BayesianBP | NetworkEnsemble) -> dict[str, Any]:
         member = {key: content[key] for key in OF_EACH}
         member["root"] = packed(network.posterior_root_, "<f4")
         members.append(member)
-    # All networks have the scaling of the first.
+    # All networks share the scaling of the first one.
     first_content = networks[0].to_dict()
     scaling = {key: first_content[key] for key in SCALING_KEYS}
     return scaling | {"kind": "network", "members": members}
@@ -75,10 +75,11 @@ def _networks(surrogate: BayesianBP | NetworkEnsemble) -> dict[str, Any]:
 def _curves_and_planes(
     surrogate: Predictor, parameters: ParameterSpace, answer: np.ndarray
 ) -> dict[str, Any]:
-    """Give mean and standard deviation along each free parameter, and over each pair.
+    """Predict the responses along each free parameter, and over each pair of them.
 
-    `curves` has a parameter as key, `planes` two of them, as ``first second``. The values
-    of a plane (points, points, responses) are packed, the first parameter down.
+    The keys of `curves` are names of parameters, those of `planes` pairs of names, such as
+    ``first second``. Each entry has the mean and the standard deviation. Those of a plane
+    (points, points, responses) are packed, and the first parameter varies with the row.
     """
     curves = {}
     for name in parameters.free:
@@ -113,7 +114,7 @@ def _curves_and_planes(
 
 
 def plane_points(n_pairs: int, n_responses: int) -> int:
-    """Give the number of points along a side of each plane, so that the page stays small.
+    """Return the number of points along a side of each plane, so that the page stays small.
 
     Mean and standard deviation of each response are stored at each point.
     """
@@ -127,7 +128,7 @@ def _points_of_plane(
     pair: Sequence[str],
     n_points: int,
 ) -> np.ndarray:
-    """Give points (n_points^2, d) over the ranges of a pair, the first one down."""
+    """Return points (n_points^2, d) over the ranges of a pair, the first one down."""
     first, second = pair
     down, across = np.meshgrid(
         _spread_over_range(parameters, first, n_points),

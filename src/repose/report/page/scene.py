@@ -50,7 +50,7 @@ class Quantised(NamedTuple):
 def for_page(
     trajectory: str | os.PathLike[str], particle: Particle, section: "FunnelSettings"
 ) -> dict[str, Any]:
-    """Give a pour as plain values by name, lengths in mm.
+    """Return a pour as plain values by name, lengths in mm.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def for_page(
     n_grains = record["position"].shape[1]
     frames = choose_frames(times_s, n_grains)
     positions = quantised(1e3 * record["position"][frames].astype(float))
-    # The file has w first, the page last.
+    # A quaternion is w, x, y, z in the file, but x, y, z, w in the page.
     quaternions = np.roll(record["quaternion"][frames].astype(float), -1, axis=2)
     # An absent grain has no orientation in the file.
     orientations = np.nan_to_num(quaternions)
@@ -122,7 +122,10 @@ def choose_frames(times_s: np.ndarray, n_grains: int) -> np.ndarray:
 
 
 def quantised(positions: np.ndarray) -> Quantised:
-    """Write positions (T, N, 3) as whole numbers; NaN stands for an absent grain."""
+    """Convert positions (T, N, 3) to whole numbers, to save memory.
+
+    A grain is absent while its position is NaN.
+    """
     is_there = np.isfinite(positions).all(axis=2)
     whole = np.full(positions.shape, ABSENT, np.uint16)
     if not is_there.any():
@@ -135,7 +138,11 @@ def quantised(positions: np.ndarray) -> Quantised:
 
 
 def grain_surface(particle: Particle, most_triangles: int) -> Surface:
-    """Give the surface of a grain in few triangles; of spheres only the visible ones."""
+    """Return the surface of a grain as a coarse mesh.
+
+    `most_triangles` is the largest number of triangles, where the coarsest mesh allows it.
+    A grain of spheres loses the triangles that lie inside other spheres.
+    """
     if not particle.is_clump:
         # n rings of 2 n points have about 4 n^2 triangles.
         n_rings = int(np.clip(np.sqrt(most_triangles / 4), 8, 18))
@@ -149,7 +156,7 @@ def grain_surface(particle: Particle, most_triangles: int) -> Surface:
 
 
 def _visible_surface(spheres: np.ndarray, ball: trimesh.Trimesh) -> Surface:
-    """Give the surface of spheres (M, 4) without triangles inside other spheres.
+    """Return the surface of spheres (M, 4) without triangles inside other spheres.
 
     `ball` is a mesh of the unit sphere.
     """
@@ -162,12 +169,12 @@ def _visible_surface(spheres: np.ndarray, ball: trimesh.Trimesh) -> Surface:
     distances = np.linalg.norm(points[:, :, None] - centres, axis=3)
     is_hidden = (distances < radii * (1 - 1e-9)).any(axis=2).ravel()
 
-    # The points of all spheres are numbered one after the other.
+    # Offset the point numbers of each sphere, because all points form one list.
     first_point = len(unit_points) * np.arange(len(spheres))
     triangles = (first_point[:, None, None] + ball.faces).reshape(-1, 3)
     visible_triangles = triangles[~is_hidden[triangles].all(axis=1)]
 
-    # Leave out the points that no visible triangle has, and number the others anew.
+    # Drop the points that no visible triangle uses, and renumber the others.
     kept, renumbered = np.unique(visible_triangles, return_inverse=True)
     normals = np.tile(unit_points, (len(spheres), 1))
     return Surface(

@@ -134,7 +134,7 @@ def answer(study: Results) -> AnswerSection:
 
 
 def impossible_targets(files: Mapping[str, str]) -> list[str]:
-    """Say which angles of the card piles of these grains cannot have at their Height."""
+    """Return the warnings about angles that piles of this height cannot have."""
     if "card" not in files:
         return []
     sentences = []
@@ -145,7 +145,7 @@ def impossible_targets(files: Mapping[str, str]) -> list[str]:
 
 
 def _origin(study: Results) -> str:
-    """Say when and by what the results were made."""
+    """State when and by what the results were made."""
     version = study.origin.get("repose")
     processor = study.origin.get("processor")
     commit = ""
@@ -155,7 +155,7 @@ def _origin(study: Results) -> str:
 
 
 def _determination(study: Results) -> str:
-    """Say how many parameters the measurements determine; empty without intervals."""
+    """Describe how many parameters the measurements determine; empty without intervals."""
     if study.posterior is None:
         return ""
     shares = study.posterior["width_ratio"]
@@ -174,7 +174,10 @@ def _determination(study: Results) -> str:
 
 
 def _sets_inside(study: Results) -> str:
-    """Say how many simulated samples meet all targets, and how far apart they are."""
+    """Describe how many samples meet all targets, and how far apart they are.
+
+    The text is empty if fewer than two samples do.
+    """
     samples = study.samples
     is_inside = np.ones(len(samples), bool)
     for target in study.targets:
@@ -193,7 +196,7 @@ def _sets_inside(study: Results) -> str:
 
 
 def _nearness(study: Results) -> str:
-    """Say how far the simulated means are from the measured ones; empty without them."""
+    """Describe how far the simulated means are from the measured ones; empty without them."""
     if not study.number("n_seeds"):
         return ""
     checks = checks_of(study)
@@ -201,7 +204,7 @@ def _nearness(study: Results) -> str:
 
 
 def _near_bounds(study: Results) -> str:
-    """Say which parameters are at a bound as far as the fit can tell; empty if none is."""
+    """State which parameters are at a bound as far as the fit can tell; empty if none is."""
     clauses = [in_words(near) for near in study.summary.get("near_bounds", ())]
     return f"{NEAR_BOUNDS}: {'; '.join(clauses)}." if clauses else ""
 
@@ -222,9 +225,9 @@ def _parameter_table(study: Results) -> Table:
 
 
 def _parameter_row(study: Results, name: str, value: float) -> list[str]:
-    """Give the row of one parameter in the table of the answer."""
+    """Return the cells of one parameter in the table of the answer."""
     parameters = study.parameters
-    label = LABELS.get(name, "")  # parameters of other simulators have none
+    label = LABELS.get(name, "")  # empty for parameters of another simulator
     if name in parameters.fixed:
         interval_cells = [] if study.posterior is None else ["", ""]
         return [name, label, f"{value:.4g}", *interval_cells, "fixed", ""]
@@ -266,7 +269,10 @@ def _share_left_open(share: float) -> str:
 
 
 def material(study: Results) -> MaterialSection | None:
-    """Describe the material and the laws; None without the card of a simulated study."""
+    """Describe the material and the contact laws.
+
+    The result is None unless the study has the card of a simulation by this program.
+    """
     if "card" not in study.files:
         return None
     card = read_card(study.files["card"])
@@ -309,7 +315,7 @@ def _response_table(study: Results) -> Table:
 
 
 def _response_row(study: Results, target: Target) -> list[str]:
-    """Give the row of one target in the table of the responses."""
+    """Return the cells of one target in the table of the responses."""
     response = target.response
     unit = response.unit
     measured = f"{target.value:.4g} ± {target.sd:.2g} {unit} (n = {target.repetitions})"
@@ -336,7 +342,7 @@ def _response_row(study: Results, target: Target) -> list[str]:
 
 
 def _prediction_text(study: Results, target: Target) -> str:
-    """Write the predicted response of the answer with its expected optimism."""
+    """Format the predicted response of the answer, with its expected optimism."""
     response = target.response
     predicted = study.number(response.predicted)
     if predicted is None:
@@ -350,7 +356,7 @@ def _prediction_text(study: Results, target: Target) -> str:
 
 
 def _table_of_angle_definitions(study: Results) -> Table | None:
-    """Tabulate the angle of the answer's piles by every definition; None without piles."""
+    """Tabulate the answer's angle of repose by each definition; None without piles."""
     if not set(MEAN_KEYS.values()) <= set(study.answer_row.index):
         return None
     measure = study.measure
@@ -367,57 +373,74 @@ def _table_of_angle_definitions(study: Results) -> Table | None:
     return Table(["line", "simulated", ""], rows, style="lines")
 
 
+class _Cell(NamedTuple):
+    """A cell of a table with the header of its column."""
+
+    header: str
+    value: Any
+
+
 def _table_of_checked_sets(study: Results) -> Table | None:
     """Tabulate the sets that were simulated again; None for the answer alone.
 
-    The rows of published sets follow, with the numbers that were published of them.
+    Published sets follow in rows of their own, with the numbers of their publication.
     """
     if len(study.checked_sets) < 2:
         return None
-    columns = ["set", "role", "runs", *study.parameters.names]
-    for response in study.targets.responses:
-        unit = response.unit or "–"
-        columns.append(f"{response.symbol} predicted ({unit})")
-        if response.optimism in study.checked_sets:
-            columns.append(f"expected optimism ({unit})")
-        columns.append(f"{response.symbol} simulated ({unit})")
-        columns.append(f"{response.symbol} error (%)")
-    rows = [_row_of_set(study, row) for _, row in study.checked_sets.iterrows()]
+    cells_of_rows = [
+        _cells_of_set(study, row) for _, row in study.checked_sets.iterrows()
+    ]
     for _, row in study.published_sets.iterrows():
         published = row.copy()
         published["role"] = "published"
         if row["solution"] == "representative":
             published["solution"] = ""
             published["role"] = "published answer"
-        rows.append(_row_of_set(study, published, missing="not published"))
-    n_published = len(study.published_sets)
-    return Table(columns, rows, style="sets", screen_rows=n_published)
+        cells_of_rows.append(
+            _cells_of_set(study, published, placeholder="not published")
+        )
+    return Table(
+        columns=[cell.header for cell in cells_of_rows[0]],
+        rows=[[cell.value for cell in cells] for cells in cells_of_rows],
+        style="sets",
+        screen_rows=len(study.published_sets),
+    )
 
 
-def _row_of_set(
-    study: Results, row: pd.Series, missing: str = "no result"
-) -> list[Any]:
-    """Give the row of one parameter set; `missing` stands for a simulated response."""
-    cells = [row.get("solution"), row.get("role"), row.get("n_seeds")]
-    cells += [f"{row[name]:.3g}" for name in study.parameters.names]
+def _cells_of_set(
+    study: Results, row: pd.Series, placeholder: str = "no result"
+) -> list[_Cell]:
+    """Return the cells of one parameter set, from left to right.
+
+    Every set has the same headers. `placeholder` replaces a simulated mean that is
+    missing.
+    """
+    cells = [
+        _Cell("set", row.get("solution")),
+        _Cell("role", row.get("role")),
+        _Cell("runs", row.get("n_seeds")),
+    ]
+    for name in study.parameters.names:
+        cells.append(_Cell(name, f"{row[name]:.3g}"))
     for response in study.targets.responses:
+        symbol = response.symbol
+        unit = response.unit or "–"
         predicted = row.get(response.predicted)
         simulated = row.get(response.simulated)
-        cells.append(predicted)
+        cells.append(_Cell(f"{symbol} predicted ({unit})", predicted))
         if response.optimism in study.checked_sets:
-            cells.append(
-                _mean_with_error(
-                    row.get(response.optimism),
-                    row.get(response.optimism_error),
-                    missing="",
-                )
+            optimism = _mean_with_error(
+                row.get(response.optimism),
+                row.get(response.optimism_error),
+                missing="",
             )
-        cells.append(
-            _mean_with_error(
-                simulated, row.get(response.standard_error), missing=missing
-            )
+            cells.append(_Cell(f"expected optimism ({unit})", optimism))
+        mean = _mean_with_error(
+            simulated, row.get(response.standard_error), missing=placeholder
         )
-        cells.append(_error_percent(predicted, simulated))
+        cells.append(_Cell(f"{symbol} simulated ({unit})", mean))
+        error = _error_percent(predicted, simulated)
+        cells.append(_Cell(f"{symbol} error (%)", error))
     return cells
 
 
@@ -526,7 +549,7 @@ def _simulation(study: Results) -> str:
 
 
 def _design_step(study: Results, design: DesignSettings) -> str:
-    """Say which parameter sets were simulated."""
+    """Describe the parameter sets of the design."""
     n_free = study.parameters.dimensions
     n_parameters = len(study.parameters.names)
     searched = f"{n_free} parameters"
@@ -537,7 +560,7 @@ def _design_step(study: Results, design: DesignSettings) -> str:
 
 
 def _accuracy(study: Results) -> str:
-    """Say how well the surrogate predicts samples that its training did not use."""
+    """Describe the accuracy of the surrogate on samples it was not trained on."""
     metrics_on_test_samples = read_json(study.files["metrics"]).get("test") or {}
     accuracies = []
     for response in study.targets.responses:
@@ -562,7 +585,7 @@ def folded_tables(tables: Mapping[str, pd.DataFrame]) -> list[FoldedTable]:
 def template_values(
     study: Results, tables: Mapping[str, pd.DataFrame]
 ) -> dict[str, Any]:
-    """Give the sections by the names that the templates have for them."""
+    """Return the sections by the names that the templates have for them."""
     return {
         "answer": answer(study),
         "material": material(study),

@@ -132,7 +132,7 @@ class Results:
         return None if self.settings is None else self.settings.measure
 
     def number(self, column: str) -> float | None:
-        """Give a number of the answer's row; None if it is missing."""
+        """Return a number of the answer's row; None if it is missing."""
         value = self.answer_row.get(column)
         if value is None or pd.isna(value):
             return None
@@ -173,8 +173,7 @@ def read(config: Config, jobs: Sequence[str], files: Files) -> Results:
     within = {
         percent: chance_of_meeting(runs, targets, percent)["all"] for percent in PERCENT
     }
-    # The page stays the same until the results are made anew, so it has the day of the
-    # file of the answer.
+    # Date the page by the file of the answer, so that it only changes with the results.
     modified = date.fromtimestamp(os.path.getmtime(files["table4"]))
     return Results(
         label=study.settings.label,
@@ -249,9 +248,9 @@ def _surrogate(
     parameters: ParameterSpace,
     names: Sequence[str] | None,
 ) -> Predictor | None:
-    """Load the surrogate of a file, or fit kriging to all runs of a strategy.
+    """Load the surrogate from its file, or fit kriging to all runs of a strategy.
 
-    None if there are neither.
+    The result is None if there is neither a file nor a table of runs.
     """
     if "network" in files:
         return load(files["network"], targets.names)

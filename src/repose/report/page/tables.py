@@ -26,12 +26,12 @@ class Table:
     screen_rows: int = 0
 
     def row_class(self, number: int) -> str:
-        """Give the class of a row, numbered from 0, or an empty text."""
+        """Return the style-sheet class of a row, numbered from 0; empty if it has none."""
         is_printed = number < len(self.rows) - self.screen_rows
         return "" if is_printed else "screen"
 
     def column_class(self, column: str) -> str:
-        """Give the class of a column's cells in the style sheet, or an empty text."""
+        """Return the style-sheet class of a column's cells; empty if they have none."""
         return "words" if column in TEXT_COLUMNS else ""
 
 
@@ -44,7 +44,7 @@ class FoldedTable:
 
 
 def folded_table(title: str, frame: pd.DataFrame) -> FoldedTable:
-    """Put a table of a study behind its title, which says how many rows it has."""
+    """Fold a table of a study behind a title that shows its number of rows."""
     if "stale" in frame and frame["stale"].any():
         title = f"{title}, {STALE}"
     columns = [str(column) for column in frame.columns]

@@ -1,14 +1,13 @@
 """The verdict of a report: whether the targets are met, and how probably."""
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import NamedTuple
 
 from repose.calibrate.answer import (
     DECIDED,
     NOT_AGAIN,
+    Assessment,
     Check,
-    Result,
     Verdict,
     describe_optimism,
     in_one_line,
@@ -17,6 +16,9 @@ from repose.calibrate.answer import (
 from repose.measure.settings import line_for
 from repose.report.page.study import Results
 from repose.report.page.templates import cell_text
+
+# Half of the precision with which `percent_text` writes probabilities.
+HALF_PERCENT = 0.005
 
 
 class VerdictText(NamedTuple):
@@ -40,47 +42,49 @@ class VerdictText(NamedTuple):
 
 
 def verdict_of(study: Results) -> VerdictText:
-    """Tell whether the targets are met: the line that ends a run, and its probability."""
+    """Describe whether the answer meets the targets, and how probably.
+
+    The first sentences are the line that a run prints at its end.
+    """
     checks = tuple(checks_of(study))
-    result = Result(
-        label=study.label,
-        parameters=dict(
-            zip(study.parameters.names, study.answer.tolist(), strict=True)
-        ),
-        feasible=study.summary["feasible"],
-        message=study.summary["message"],
+    assessment = Assessment(
         checks=checks,
-        folder=Path(),
-        within=study.probability_within,
+        feasible=study.summary["feasible"],
         inside=study.probability["all"],
         out_of_reach=out_of_reach(study.summary),
-        small_run=study.is_small_run,
     )
+    is_only_predicted = assessment.feasible and assessment.verdict is Verdict.UNCHECKED
     line = in_one_line(
-        result.verdict, checks, reason=result.reason, small_run=result.small_run
+        assessment.verdict,
+        checks,
+        reason=assessment.reason,
+        small_run=study.is_small_run,
+        status="predicted to be met" if is_only_predicted else "",
     )
-    if result.feasible and result.verdict is Verdict.UNCHECKED:
-        line = line.replace(
-            f"targets {Verdict.UNCHECKED}", "targets predicted to be met"
-        )
-    first_sentence = line[0].upper() + line[1:]
-    # Without a feasible set, the message says what the search found instead.
-    ending = probability_text(study) if result.feasible else result.message
-    return VerdictText(_rating(study, result), f"{first_sentence} {ending}")
+    text = line[0].upper() + line[1:]
+    if assessment.feasible:
+        ending = probability_text(study)
+    else:
+        # Without a feasible set, the message describes what the search found instead.
+        ending = study.summary["message"]
+    rating = _rating(assessment, study.probability["all"])
+    return VerdictText(rating, f"{text} {ending}")
 
 
-def _rating(study: Results, result: Result) -> str:
-    """Rate the answer as good, fair or bad."""
-    if not result.feasible or result.verdict is Verdict.NOT_MET:
+def _rating(assessment: Assessment, probability: float | None) -> str:
+    """Rate the answer as good, fair or bad.
+
+    `probability` is that of meeting all targets; None if it is unknown.
+    """
+    if not assessment.feasible or assessment.verdict is Verdict.NOT_MET:
         return "bad"
-    probability = study.probability["all"]
-    if result.verdict is Verdict.UNDECIDED or probability is None:
+    if assessment.verdict is Verdict.UNDECIDED or probability is None:
         return "fair"
     return "good" if probability >= DECIDED else "fair"
 
 
 def probability_text(study: Results) -> str:
-    """Write in sentences how probably the targets are met."""
+    """Describe in sentences how probable it is that the answer meets the targets."""
     probability = study.probability["all"]
     if probability is None:
         return (
@@ -111,15 +115,16 @@ def probability_text(study: Results) -> str:
 
 
 def _optimism_text(study: Results) -> str:
-    """Say how much too favourable the predictions of the answer are expected to be."""
+    """Describe the expected optimism of the answer's predictions in a sentence."""
     clauses = []
     for target in study.targets:
         response = target.response
         optimism = study.number(response.optimism)
         if optimism is not None:
             error = study.number(response.optimism_error)
-            words = describe_optimism(optimism, error)
-            clauses.append(f"{response.label}: {words} {response.unit}".rstrip())
+            description = describe_optimism(optimism, error)
+            clause = f"{response.label}: {description} {response.unit}"
+            clauses.append(clause.rstrip())
     if not clauses:
         return (
             "The expected optimism of this prediction was not computed: the search takes "
@@ -130,7 +135,7 @@ def _optimism_text(study: Results) -> str:
 
 
 def _responses_lie(n_targets: int) -> str:
-    """Write subject and verb of a sentence on all responses."""
+    """Return the subject and verb of a sentence about all responses."""
     if n_targets == 1:
         return "the response lies"
     if n_targets == 2:
@@ -139,21 +144,29 @@ def _responses_lie(n_targets: int) -> str:
 
 
 def percent_text(probability: float | None) -> str:
-    """Write a probability, no more precise than the runs allow."""
+    """Format a probability in whole percent, but never as 0 % or 100 %.
+
+    The number of runs does not allow such certainty.
+    """
     if probability is None:
         return "unknown"
-    if probability > 0.995:
+    # Beyond these limits, the rounded probability would be 0 % or 100 %.
+    if probability > 1 - HALF_PERCENT:
         return "more than 99 %"
-    if probability < 0.005:
+    if probability < HALF_PERCENT:
         return "less than 1 %"
     return f"{100 * probability:.0f} %"
 
 
 def checks_of(study: Results) -> Iterator[Check]:
-    """Give the predicted, simulated and measured response of the answer for each target."""
+    """Yield the check of the answer for each target.
+
+    A check compares the predicted, simulated and measured values of a response.
+    """
     n_runs = study.number("n_seeds")
-    status = NOT_AGAIN
-    if n_runs is not None:
+    if n_runs is None:
+        status = NOT_AGAIN
+    else:
         status = cell_text(study.answer_row.get("status"))
     for target in study.targets:
         response = target.response
