@@ -7,7 +7,6 @@ import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from decimal import Decimal
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -42,7 +41,10 @@ if TYPE_CHECKING:
 # Relative difference up to which two parameters are the same: a table may have been
 # rounded by a spreadsheet.
 SAME = 1e-6
-# By this share of a range a parameter that a table rounds may differ at most.
+# Rounding changes a number by at most half a unit of its last digit; the rest is room for
+# the error of floating-point numbers.
+HALF_DIGIT = 0.501
+# Largest accepted rounding of a parameter, as a share of its range.
 LARGEST_ROUNDING = 0.05
 SOURCE = "the table of runs"
 
@@ -82,17 +84,19 @@ class Record:
     """
 
     def __init__(self, study: "Study", file: str | os.PathLike | None = None) -> None:
-        """Begin with the runs in the file, if it exists."""
+        """Read the runs in the file, if it exists."""
         self.study = study
         self.file = None if file is None else Path(file)
         self.data = pd.DataFrame()  # a checked row for each run
         # The same runs as text, with all columns of the file.
         self._rows: list[Row] = []
-        # Whether the file was written by a record, and is no table of somebody else.
+        # Whether the file was written by a record, not by the user.
         self._is_record = False
-        # The last proposal, by the runs before it.
+        # The present turn; None until it is needed.
+        self._cached_turn: _Turn | None = None
+        # The last proposal, with the runs that it is based on as its key.
         self._proposals: dict[str, Batch | Answer] = {}
-        # Columns that are not read, of which `new_unread_columns` told.
+        # Unread columns that `new_unread_columns` has already described.
         self._described: set[str] = set()
         # Held by the thread that reads or adds runs.
         self._lock = threading.RLock()
@@ -108,7 +112,7 @@ class Record:
 
     @contextmanager
     def current(self) -> Iterator["Record"]:
-        """Give the record with all runs so far to one thread at a time."""
+        """Lend the record, with all runs so far, to one thread at a time."""
         with self._lock:
             self.read()
             yield self
@@ -142,14 +146,20 @@ class Record:
         """The last turn that has a run; 0 without any."""
         return int(self._turn_numbers.max(initial=0))
 
-    @cached_property
+    @property
     def _turn(self) -> _Turn:
-        """The last turn while some of its runs are missing, or else a new one."""
+        """The present turn, determined anew after each change of the rows."""
+        if self._cached_turn is None:
+            self._cached_turn = self._find_turn()
+        return self._cached_turn
+
+    def _find_turn(self) -> _Turn:
+        """Return the last turn while some of its runs are missing, or else a new one."""
         last = self._last_turn
         data = self.sorted_data
         if last:
-            # The proposal of a turn depends on the runs of the turns before it alone. The
-            # rows of `data` are in the order of their turns.
+            # The proposal of a turn depends only on the runs of earlier turns. The rows
+            # of `data` are sorted by turn.
             is_before = np.sort(self._turn_numbers) < last
             proposal = self._propose(data[is_before])
             if len(self._missing_runs(proposal)):
@@ -170,9 +180,9 @@ class Record:
         return self.data.iloc[order].reset_index(drop=True)
 
     def _propose(self, data: pd.DataFrame) -> Batch | Answer:
-        """Ask the strategy for its proposal after the runs of `data`.
+        """Return the strategy's proposal after the runs in `data`.
 
-        The last proposal is kept, because computing it again may take minutes.
+        The last proposal is cached, because computing it may take minutes.
         """
         key = data.to_csv()
         if key in self._proposals:
@@ -183,7 +193,7 @@ class Record:
         except InputError as error:
             if self.file is None or error.source != "runs":
                 raise
-            # Name the file, which the strategy does not know.
+            # Report the file in place of "runs": the strategy does not know the file.
             raise InputError(self.file, error.key, error.value, error.allowed) from None
         self._proposals = {key: proposal}
         return proposal
@@ -227,8 +237,9 @@ class Record:
     def add_file(self, path: str | os.PathLike) -> None:
         """Add the runs of a CSV file; on an InputError the record stays as it was.
 
-        Runs that were not asked for count from the next turn on, and at once before the
-        first run of a turn.
+        Runs that the strategy did not ask for belong to the present turn if the file
+        holds a run that it did ask for, or if the turn has begun. Otherwise they belong
+        to the turn before.
         """
         assert self.file is not None
         rows = read_rows(path, self.study)
@@ -245,7 +256,7 @@ class Record:
             self._replace_rows([*self._rows, *numbered], source, write=True)
 
     def new_unread_columns(self) -> list[str]:
-        """Describe the columns that are not read, each once: when it begins to vary."""
+        """Describe unread columns whose values vary, each only once."""
         sentences = unread_columns(self.study, self._rows)
         new = [sentences[name] for name in sentences if name not in self._described]
         self._described.update(sentences)
@@ -254,10 +265,10 @@ class Record:
     def _numbered(
         self, rows: Sequence[Mapping[str, Any]], sets: pd.DataFrame
     ) -> list[Row]:
-        """Give each row its sample, its run and its turn.
+        """Assign a sample, a run and a turn to each row, and return the rows with them.
 
-        A row whose parameters were asked for gets the numbers that were asked for. Any
-        other row gets the next number of its sample, or a new sample.
+        A run that the strategy asked for gets the numbers it was asked for with. Any
+        other row gets the next run number of its sample, or starts a new sample.
 
         Parameters
         ----------
@@ -269,8 +280,8 @@ class Record:
         asked, turn = self._asked_in_turn(list(sets))
         numbers = self._number_rows(rows, sets, asked)
 
-        # A new turn begins with a run that was asked for. Without such a run, all rows
-        # belong to the turn before it.
+        # Only a run that the strategy asked for starts a new turn. Without one, all rows
+        # belong to the turn before.
         is_new_turn = turn != self._last_turn
         turn_of_others = turn
         if is_new_turn and not any(number.was_asked for number in numbers):
@@ -320,13 +331,13 @@ class Record:
         for row, point in zip(rows, _points(sets, names), strict=True):
             index = _first_match(open_runs, row, point, names)
             if index is not None:
-                # The row is a run that the strategy asked for, which no later row can be.
+                # The strategy asked for this run. No later row can be the same run.
                 sample = str(open_runs.at[index, "sample"])
                 run = str(open_runs.at[index, "run"])
                 open_runs = open_runs.drop(index=index)
             else:
-                # The row keeps its own numbers. Missing ones come from the other runs with
-                # the same parameters.
+                # Keep the numbers of the row. Without a sample, it joins the other runs
+                # with the same parameters.
                 if point not in sample_of_point:
                     sample_of_point[point] = next(new_samples)
                 sample = row.get("sample", str(sample_of_point[point]))
@@ -338,7 +349,7 @@ class Record:
     def _asked_in_turn(self, names: Sequence[str]) -> tuple[pd.DataFrame, int]:
         """Return the runs to make and the number of their turn.
 
-        There are none where the runs so far are too few for a proposal.
+        The table is empty if the runs so far are too few for a proposal.
         """
         try:
             return self.asked, self._turn.number
@@ -364,40 +375,43 @@ class Record:
     def _replace_rows(
         self, rows: Sequence[Mapping[str, Any]], source: object, write: bool = False
     ) -> None:
-        """Check all rows together, and put them in place of the present ones.
+        """Replace all runs of the record, after checking them together.
 
-        A row without `sample` or `run` gets these numbers.
+        On an InputError the record and its file stay as they were.
 
         Parameters
         ----------
         rows : sequence of mapping
-            All runs of the study, as text.
+            All runs of the study, as text. A row without `sample` or `run` gets the
+            missing number.
         source : object
             File of the rows, for an error.
         write : bool, optional
             Whether the rows are written to the file.
         """
         data = checked_runs(self.study, rows, source, enough=False)
-        runs = data.groupby("sample").cumcount() + 1
-        numbers = data[["sample"]].assign(run=runs).astype(str).to_dict("records")
-        numbered: list[Row] = [
-            number | dict(row) for number, row in zip(numbers, rows, strict=True)
-        ]
+        numbered = _with_numbers(rows, data)
         if write and self.file is not None:
-            # A copy of a record, or one edited in a spreadsheet, may be replaced: its
-            # rows are among these.
-            if self._is_record and self.file.exists():
-                ledger.adopt(self.file)
-            write_table(self.file, pd.DataFrame(numbered))
+            self._write(self.file, numbered)
         self.data = data
         self._rows = numbered
-        # Forget the cached turn, which depends on the rows.
-        self.__dict__.pop("_turn", None)
+        # The turn depends on the rows, so it must be determined again.
+        self._cached_turn = None
+
+    def _write(self, file: Path, rows: Sequence[Row]) -> None:
+        """Write all rows to the file of the record.
+
+        `write_table` refuses to overwrite a file that was copied or edited outside this
+        program. Here that is safe, because all runs of the old file are among the rows.
+        """
+        if self._is_record and file.exists():
+            ledger.adopt(file)
+        write_table(file, pd.DataFrame(rows))
 
     def _runs_of_the_turn(self, table: pd.DataFrame) -> pd.DataFrame:
-        """Complete a table of all or some of the runs that were asked for.
+        """Complete a table of results of runs that the strategy asked for.
 
-        They get their parameters, the number of the run, a status and the turn.
+        The result also has the parameters, the run numbers, a status and the turn.
 
         Parameters
         ----------
@@ -408,7 +422,7 @@ class Record:
         if "run" not in table:
             table = table.assign(run=_next_runs(asked, table))
 
-        # Find each row among the runs that were asked for, by sample and run as text.
+        # Look up each row among the requested runs. Numbers are compared as text.
         asked_numbers = pd.MultiIndex.from_frame(asked[["sample", "run"]].astype(str))
         numbers = pd.MultiIndex.from_frame(table[["sample", "run"]].astype(str))
         unknown = sorted(set(numbers) - set(asked_numbers))
@@ -428,13 +442,17 @@ class Record:
         return completed.sort_values(["sample", "run"], ignore_index=True)
 
     def _refuse_other_parameters(self, table: pd.DataFrame, runs: pd.DataFrame) -> None:
-        """Refuse a table whose parameters are not those of the runs, up to rounding."""
+        """Refuse a table whose parameters differ from the requested ones.
+
+        Differences that a spreadsheet may cause by rounding are accepted.
+        """
         space = self.study.parameters
         widths = dict(zip(space.free, space.high - space.low, strict=True))
         for name in space.names:
             if name not in table:
                 continue
-            # The size of a parameter limits how much a spreadsheet may have rounded it.
+            # The accepted rounding is proportional to the range of the parameter, or to
+            # the value of a fixed one.
             size = widths.get(name, abs(space.fixed.get(name, 0.0)))
             pairs = zip(_numbers(table, name), runs[name], strict=True)
             if not all(_is_rounded(value, asked, size) for value, asked in pairs):
@@ -442,9 +460,9 @@ class Record:
                 raise InputError(SOURCE, name, "changed", allowed)
 
     def _earlier_runs(self, table: pd.DataFrame) -> pd.DataFrame:
-        """Complete a table of runs that were made before, which have no numbers.
+        """Complete a table of earlier runs, which the strategy did not ask for.
 
-        Rows with the same parameters are runs of one sample.
+        The runs have no numbers yet. Rows with the same parameters form one sample.
 
         Parameters
         ----------
@@ -470,9 +488,9 @@ class Record:
         return numbered.assign(**{TURN: self._turn.number})
 
     def _with_responses(self, runs: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
-        """Add the statuses and responses of a table to runs, and the turn.
+        """Return runs with the statuses and responses of a table, and with the turn.
 
-        Columns of plain values that nothing reads are kept, too.
+        Other columns of the table are kept if their cells are single values.
 
         Parameters
         ----------
@@ -501,6 +519,17 @@ class Record:
         return pd.DataFrame(completed)
 
 
+def _with_numbers(rows: Sequence[Mapping[str, Any]], data: pd.DataFrame) -> list[Row]:
+    """Return rows with `sample` and `run`; rows that have them keep their own.
+
+    `data` holds the same rows after the check, each with its sample. The runs of a sample
+    are numbered from 1.
+    """
+    runs = data.groupby("sample").cumcount() + 1
+    numbers = data[["sample"]].assign(run=runs).astype(str).to_dict("records")
+    return [number | dict(row) for number, row in zip(numbers, rows, strict=True)]
+
+
 def _points(table: pd.DataFrame, names: Sequence[str]) -> list[Point]:
     """Return the parameter sets of a table."""
     if table.empty:
@@ -511,10 +540,10 @@ def _points(table: pd.DataFrame, names: Sequence[str]) -> list[Point]:
 def _first_match(
     asked: pd.DataFrame, row: Mapping[str, Any], point: Point, names: Sequence[str]
 ) -> Any:
-    """Return the index of the first run in `asked` that a row can be; None without one.
+    """Return the index of the first requested run that matches a row; None without one.
 
-    This run has the parameters `point`, which are those of the row. It has also the
-    sample and the run of the row, where the row names them.
+    A match has the parameters `point` of the row. It also has the sample and the run of
+    the row, if the row names them.
     """
     is_same = np.isclose(asked[list(names)], point, rtol=SAME, atol=0).all(axis=1)
     for key in ("sample", "run"):
@@ -525,20 +554,21 @@ def _first_match(
 
 
 def _is_rounded(value: float, asked: float, size: float) -> bool:
-    """Tell whether a number is another to the digits that it has, or the same.
+    """Check whether `value` is `asked`, perhaps rounded to fewer digits.
 
-    `size` is that of the range. Sample and number tell which run it is.
+    The difference may be half of the last digit of `value`, but at most
+    `LARGEST_ROUNDING` of `size`, the width of the parameter's range.
     """
     if math.isclose(value, asked, rel_tol=SAME):
         return True
     last_digit = 10.0 ** int(
         Decimal(repr(float(value))).normalize().as_tuple().exponent
     )
-    return abs(value - asked) <= min(0.501 * last_digit, LARGEST_ROUNDING * size)
+    return abs(value - asked) <= min(HALF_DIGIT * last_digit, LARGEST_ROUNDING * size)
 
 
 def _first_free_run(sample: str, occupied: set[tuple[str, str]]) -> str:
-    """Return the first number that no run of a sample has."""
+    """Return the lowest run number that is still free in a sample."""
     for number in itertools.count(1):
         if (sample, str(number)) not in occupied:
             return str(number)
@@ -546,7 +576,7 @@ def _first_free_run(sample: str, occupied: set[tuple[str, str]]) -> str:
 
 
 def _next_runs(asked: pd.DataFrame, table: pd.DataFrame) -> pd.Series:
-    """Count the runs of a table from the first run of their sample to make."""
+    """Assign consecutive run numbers, from the first run of each sample still to make."""
     first = asked.astype({"sample": str}).groupby("sample")["run"].min()
     before = table.groupby("sample").cumcount()
     return before + table["sample"].map(first).fillna(1).astype(int)
@@ -555,31 +585,34 @@ def _next_runs(asked: pd.DataFrame, table: pd.DataFrame) -> pd.Series:
 def _refuse_repeated_runs(
     new: pd.DataFrame, data: pd.DataFrame, source: object
 ) -> None:
-    """Refuse a good run without a number all of whose values are in the record."""
+    """Refuse a run that is already in the record with all its values.
+
+    The new runs have no numbers by which equal results could be told apart.
+    """
     names = [name for name in data if name != "sample"]
     known = set(_points(data, names))
     for k, run in enumerate(_points(new, names), start=1):
-        # A run that failed is never among them, as its responses are NaN.
+        # A failed run never matches, because its responses are NaN.
         if run in known:
             allowed = "a run of its own: the record has all numbers of this row"
             raise InputError(f"{source}, row {k}", "row", "there twice", allowed)
 
 
 def _checked_table(table: Any, names: Sequence[str]) -> pd.DataFrame:
-    """Check the form of a table of runs, and return it with plain row numbers.
+    """Check the form of a table of runs, and return it with rows numbered from 0.
 
     Parameters
     ----------
     table : pandas.DataFrame
-        As a person gives it to `Study.tell`.
+        The table that the user passes to `Study.tell`.
     names : sequence of str
-        Columns that the study knows. A column that is spelled a little differently gets
-        the name from here.
+        Column names of the study. Columns with a slightly different spelling are renamed
+        to these.
 
     Raises
     ------
     InputError
-        For what is no table of runs.
+        If it is not a table of runs.
     """
     if not isinstance(table, pd.DataFrame):
         raise InputError(SOURCE, "type", type(table).__name__, "a pandas.DataFrame")
@@ -595,7 +628,7 @@ def _checked_table(table: Any, names: Sequence[str]) -> pd.DataFrame:
         if table[key].isna().any():
             allowed = "a number in each row, as `ask` gave it"
             raise InputError(SOURCE, key, "missing", allowed)
-        # Write 3.0 as 3, since the numbers are compared as text.
+        # Write 3.0 as 3, because numbers are compared as text.
         table = table.assign(**{key: without_point(table[key])})
     return table.reset_index(drop=True)
 
@@ -608,7 +641,7 @@ def _numbers(table: pd.DataFrame, name: str) -> np.ndarray:
 
 
 def _as_text(value: Any) -> str:
-    """Write a cell as the file has it, with all digits; empty for NaN."""
+    """Format a cell for the file, with all its digits; NaN becomes an empty text."""
     is_real = isinstance(value, float | np.floating)
     text = repr(float(value)) if is_real else str(value)
     return "" if text == "nan" else text

@@ -356,9 +356,9 @@ class Study:
             names = ", ".join(self.targets.names)
             allowed = f"a function that returns a mapping with {names}"
             raise InputError("study", "simulate", [result], allowed) from None
-        cells, doubt = cells_of_result(content, self.targets.names)
-        if doubt:
-            warnings.warn(doubt, stacklevel=3)
+        cells, warning = cells_of_result(content, self.targets.names)
+        if warning:
+            warnings.warn(warning, stacklevel=3)
         return pd.DataFrame([{**cells, **run}])
 
     def answer(self) -> "Calibration":

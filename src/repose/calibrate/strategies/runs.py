@@ -1,7 +1,4 @@
-"""The table of all runs of a study: reading, checks, and means by sample.
-
-It has the runs of a batch, is checked where the runs come back, and gives means by sample.
-"""
+"""The table of all runs of a study: reading, checks, and means by sample."""
 
 import math
 import re
@@ -33,9 +30,9 @@ from repose.common.tables import (
 )
 
 OK = "ok"
-# Status of a run that gives none itself, but has no finite number for a response.
+# Status of a run without a status of its own, if a response is not a finite number.
 FAILED = "failed"
-# Statuses of a good run. A number such as 0 or 1 may mean either.
+# Statuses of a good run. Numbers such as 0 and 1 are excluded, as they are ambiguous.
 GOOD = (
     OK,
     "success",
@@ -59,9 +56,9 @@ OPTIONAL = ("status", TURN)
 # The largest size of a response; a larger one counts as infinite.
 LARGEST = 1e100
 RESPONSE = "a finite number, or for a failed run NaN"
-# Smallest eigenvalue of the correlations of responses that follow from each other.
+# Responses are dependent if an eigenvalue of their correlations is at most this large.
 ALIKE = 1e-12
-# A table may have been rounded by a spreadsheet, by this share of a range.
+# Largest error of a parameter, as a share of its range, from rounding by a spreadsheet.
 ROUNDED = 1e-6
 
 
@@ -90,7 +87,7 @@ def next_number(data: pd.DataFrame) -> int:
 
 
 def check_responses(data: pd.DataFrame, targets: Targets) -> None:
-    """Refuse responses from which no model can be made.
+    """Refuse responses to which no model can be fitted.
 
     Parameters
     ----------
@@ -101,7 +98,7 @@ def check_responses(data: pd.DataFrame, targets: Targets) -> None:
     Raises
     ------
     InputError
-        If a response is the same in all good runs, or follows from the others.
+        If a response is the same in all good runs, or depends linearly on the others.
     """
     names = list(targets.names)
     for name in names:
@@ -113,13 +110,13 @@ def check_responses(data: pd.DataFrame, targets: Targets) -> None:
             )
             raise InputError("runs", name, float(data[name].max()), allowed)
 
-    # As many runs as responses, or one more, always look dependent.
+    # With so few runs, the responses always look dependent.
     complete = data[names].dropna()
     if len(complete) <= len(names) + 1:
         return
 
-    # If a response follows from others, the matrix of correlations has an eigenvalue of 0.
-    # Its eigenvector has a component for each of these responses.
+    # If responses are linearly dependent, their correlation matrix has an eigenvalue of 0.
+    # The components of its eigenvector show which responses these are.
     eigenvalues, eigenvectors = np.linalg.eigh(complete.corr())
     if not eigenvalues[0] > ALIKE:
         dependent = [
@@ -153,7 +150,7 @@ def samples_of_runs(
     responses = list(targets.names)
     rows = []
     for sample, runs in data.groupby("sample", sort=False):
-        # Bench tests fail separately, so the response with the fewest values counts.
+        # Bench tests fail separately: count the runs of the one with the fewest values.
         n_good = int(runs[responses].count().min())
         is_ok = n_good > 0 and 2 * n_good >= len(runs)
         row = {
@@ -207,14 +204,14 @@ def read_runs(path: Path_, study: Study) -> pd.DataFrame:
 
 
 def columns_of(study: Study) -> tuple[str, ...]:
-    """Name the columns that are read of a table of runs."""
+    """Return the names of the columns that are read from a table of runs."""
     return (*NUMBERS, *OPTIONAL, *study.parameters.names, *study.targets.names)
 
 
 def unread_columns(study: Study, rows: Rows) -> dict[str, str]:
     """Describe each column of a table of runs that is not read, unless it is constant.
 
-    Such a column may say that a run failed, in words of its own.
+    Such a column may record failed runs under another name.
 
     Returns
     -------
@@ -234,12 +231,12 @@ def unread_columns(study: Study, rows: Rows) -> dict[str, str]:
 
 
 def read_rows(path: Path_, study: Study) -> Rows:
-    """Read the rows of a CSV file of runs as text, by the names of the study.
+    """Read the rows of a CSV file of runs as text, with the column names of the study.
 
     Raises
     ------
     InputError
-        If the file is no table, or a row has no sample or no run where others have one.
+        If the file is not a table, or if only some of the rows have a sample or a run.
     """
     # The cells of parameters and responses are checked later, with all other runs.
     names = (TURN, *study.parameters.names, *study.targets.names)
@@ -273,10 +270,10 @@ def checked_runs(
 ) -> pd.DataFrame:
     """Check a table of runs.
 
-    The columns of fixed parameters, ``sample``, ``run`` and ``status`` are optional, and
-    those of the responses where every run failed. `judge_runs` says which runs failed.
-    Rows with the same parameters are replicates. Samples are numbered in the order of
-    their first run, unless the table numbers them.
+    The columns ``sample``, ``run``, ``status`` and those of fixed parameters are optional.
+    So are the responses if every run failed, as decided by `judge_runs`. Rows with the
+    same parameters are replicates. Unless the table numbers the samples, they are numbered
+    in the order of their first run.
 
     Parameters
     ----------
@@ -285,18 +282,17 @@ def checked_runs(
     source : object, optional
         File of the table, for an error.
     enough : bool, optional
-        Whether too few good samples are refused, too.
+        Whether a table with too few good samples is refused.
 
     Returns
     -------
     pandas.DataFrame
-        ``sample``, ``status``, parameters and responses; the turns are its attribute
-        `TURN`.
+        ``sample``, ``status``, parameters and responses. The turns are in ``attrs[TURN]``.
 
     Raises
     ------
     InputError
-        Which names `source` and the rows.
+        If the table has faults; the error lists all of them.
     """
     if isinstance(rows, pd.DataFrame):
         rows = rows.to_dict("records")
@@ -313,7 +309,7 @@ def checked_runs(
     columns = (*parameters, *responses, *OPTIONAL)
     cells = {name: [row.get(name) for row in rows] for name in columns}
 
-    # Check all columns, and refuse the table once with all faults.
+    # Check all columns before refusing the table, so that one error lists all faults.
     low, high = space.complete(np.array([space.low, space.high]))
     parameter_columns = map(_parameter, parameters, low.tolist(), high.tolist())
     sets, faults_of_sets = check(cells, parameter_columns)
@@ -322,7 +318,7 @@ def checked_runs(
     refuse(source, [*faults_of_sets, *outcomes.faults, *faults_of_turns])
 
     table = pd.DataFrame({"status": outcomes.statuses, **sets, **outcomes.values})
-    # Undo the rounding of a spreadsheet.
+    # A rounded parameter may lie slightly outside its range, so clip it.
     table[parameters] = np.clip(table[parameters].to_numpy(float), low, high)
     numbers = _numbers_of_samples(table[parameters], rows, study, source)
     table.insert(0, "sample", numbers)
@@ -345,27 +341,27 @@ class Outcomes(NamedTuple):
 def judge_runs(
     cells: Mapping[str, Sequence[Any]], responses: Sequence[str]
 ) -> Outcomes:
-    """Decide which runs failed: the contract of tables, `tell` and `calibrate`.
+    """Decide which runs failed, in the same way for tables, `tell` and `calibrate`.
 
-    A run is good if its status says so, or if it has none, and if each response is a
-    finite number. Any other run failed. It is data, and it enters no fit.
+    A run is good if each response is a finite number and its status is good or missing.
+    Any other run failed: it stays in the table, but no model is fitted to it.
 
     Parameters
     ----------
     cells : mapping of str to sequence
-        `status` and the responses by column; a missing column has no cells.
+        Cells of `status` and of the responses by column. Columns may be missing.
     responses : sequence of str
         Names of the responses.
 
     Returns
     -------
     Outcomes
-        Faults are a text in place of a response, and a status that is a number.
+        The faults are texts in place of responses, and statuses that are numbers.
     """
     n_runs = len(next(iter(cells.values())))
     empty_column = [None] * n_runs
 
-    # Read the statuses. A number may mean success or failure, so it is a fault.
+    # Read the statuses. A number is a fault, because it may mean success or failure.
     statuses = [_status(cell) for cell in cells.get("status", empty_column)]
     faults = [
         (k, "status", status, "ok, or a word such as failed")
@@ -373,7 +369,7 @@ def judge_runs(
         if is_plain([status])
     ]
 
-    # Read the responses of the runs that did not fail by their status.
+    # Read the responses, but ignore faults in runs whose status reports a failure.
     failed_rows = {k for k, status in enumerate(statuses) if status != OK}
     numbers = {
         name: [_finite_or_nan(cell) for cell in cells.get(name, empty_column)]
@@ -382,7 +378,7 @@ def judge_runs(
     columns = [Column(name, empty=True, words=RESPONSE) for name in responses]
     values, faults_of_responses = check(numbers, columns, failed_rows)
 
-    # A run with one response missing has none.
+    # If one response of a run is missing, the run failed and loses all its responses.
     for k, responses_of_run in enumerate(zip(*values.values(), strict=True)):
         if np.isfinite(responses_of_run).all():
             continue
@@ -396,10 +392,10 @@ def judge_runs(
 def cells_of_result(
     result: Mapping[Any, Any], responses: Sequence[str]
 ) -> tuple[dict[str, Any], str]:
-    """Write what a function gave for a run as cells in which `judge_runs` finds no fault.
+    """Turn the result of a function for one run into a valid row of a table of runs.
 
-    A table with a text in place of a number is refused. A run of a function is not,
-    because a long calibration has to go on: it counts as failed.
+    `judge_runs` accepts every such row. An invalid response makes the run a failed one
+    instead of raising an error, because a long calibration has to continue.
 
     Parameters
     ----------
@@ -411,40 +407,46 @@ def cells_of_result(
     Returns
     -------
     cells : dict
-        NaN for a response without a number.
-    doubt : str
-        A sentence where a response has no number and no status says why; else empty.
+        The row by column; a response without a valid number is NaN.
+    warning : str
+        Sentence about invalid responses. It is empty if there are none, or if the
+        function reported the failure itself.
     """
     cells = {str(key): value for key, value in result.items()}
-    doubtful = []  # responses that are neither a number nor marked as missing
+    invalid = []
     for name in responses:
+        is_marked_as_missing = name in cells and is_missing(cells[name])
         try:
             cells[name] = plain_number(cells[name])
         except (KeyError, TypeError, ValueError, OverflowError):
-            if name not in cells or not is_missing(cells[name]):
-                doubtful.append(name)
             cells[name] = math.nan
+            if not is_marked_as_missing:
+                invalid.append(name)
 
+    # A number as a status may mean success or failure. As text it means failure.
     status = str(cells.get("status", ""))
     if is_plain([status]):
-        # A number may mean anything; no run with one is good.
         cells["status"] = f"status {status}"
 
-    failed_by_status = _status(cells.get("status")) != OK
-    if not doubtful or not result or failed_by_status:
+    # An empty result or a status of failure reports that the run failed.
+    is_reported = not result or _status(cells.get("status")) != OK
+    if is_reported or not invalid:
         return cells, ""
-    names = ", ".join(doubtful)
+    names = ", ".join(invalid)
     return cells, f"a run without a number for {names} failed; simulate gave {result}"
 
 
 def needed_responses(study: Study, statuses: Iterable[Any] | None) -> tuple[str, ...]:
-    """Name the responses that a table needs: none where each run failed by its status."""
+    """Return the responses that a table needs.
+
+    There are none if the status of every run reports a failure.
+    """
     is_needed = statuses is None or OK in map(_status, statuses)
     return tuple(study.targets.names) if is_needed else ()
 
 
 def _status(cell: Any) -> str:
-    """Return a status: `OK` for none, and for all words for a good run."""
+    """Read the status of a run; `OK` if it is missing or any of the good statuses."""
     status = OK if cell is None or is_missing(cell) else str(cell).strip()
     return OK if status.casefold() in GOOD else status
 
@@ -475,7 +477,7 @@ def _require_enough_samples(
 
 
 def _parameter(name: str, low: float, high: float) -> Column:
-    """Declare the column of a parameter, with some room for rounded numbers."""
+    """Declare the column of a parameter, with a tolerance for rounded numbers."""
     size = (high - low) or abs(high) or 1.0
     slack = ROUNDED * size
     if low == high:
@@ -488,9 +490,9 @@ def _parameter(name: str, low: float, high: float) -> Column:
 def _numbers_of_samples(
     sets: pd.DataFrame, rows: Rows, study: Study, source: object
 ) -> Sequence[int]:
-    """Return the number of the sample of each row.
+    """Return the sample number of each row.
 
-    Without a column `sample`, rows with the same parameters are one sample.
+    Without a column `sample`, rows with the same parameters form one sample.
 
     Parameters
     ----------
@@ -512,8 +514,8 @@ def _numbers_of_samples(
     repeats_points = strategy(study.settings.strategy).repeats_points
     _refuse_mixed_samples(names, set_numbers, repeats_points, source)
 
-    # Keep names that are numbers, unless two of them, such as 3 and 003, are the same
-    # number. Others are numbered from 1.
+    # Keep the names if they are distinct numbers, unlike 3 and 003. Otherwise number the
+    # samples from 1.
     if all(name.isdecimal() and len(name) < 10 for name in names):
         numbers = [int(name) for name in names]
         if len(set(numbers)) == len(set(names)):
@@ -536,7 +538,7 @@ def _refuse_mixed_samples(
     set_numbers : sequence of int
         The number of the parameter set of each row.
     repeats_points : bool
-        Whether a set may have several samples.
+        Whether the strategy allows several samples with the same set.
     source : object
         File of the table.
     """
@@ -547,7 +549,7 @@ def _refuse_mixed_samples(
     for k, (name, number) in enumerate(zip(names, set_numbers, strict=True)):
         row_of_name = first_of_name.setdefault(name, k)
         row_of_set = first_of_set.setdefault(number, k)
-        # Compare this row with the first row of its sample, and with that of its set.
+        # Compare this row with the first row of its sample and the first row of its set.
         if set_numbers[row_of_name] != number:
             allowed = (
                 f"one set of parameters for each sample; row {row_of_name + 1} has "
@@ -570,10 +572,11 @@ def with_missing(rows: Rows, study: Study) -> list[dict[str, Any]]:
 
 
 def _refuse_repeated_rows(table: pd.DataFrame, rows: Rows, source: object) -> None:
-    """Refuse a run that the table has twice.
+    """Refuse a table that contains the same run twice.
 
-    A column `run` tells runs apart whose results are equal, as those of a simulator
-    without random numbers. Without it two good rows with the same numbers are one run.
+    With a column `run`, the sample and the run number identify a run. This allows equal
+    results, as from a simulator without random numbers. Without it, two good rows with the
+    same numbers are taken for the same run.
 
     Parameters
     ----------
@@ -585,7 +588,7 @@ def _refuse_repeated_rows(table: pd.DataFrame, rows: Rows, source: object) -> No
         File of the table, for an error.
     """
     has_runs = "run" in rows[0]
-    first_row: dict[tuple[Any, ...], int] = {}  # by what identifies a run
+    first_row: dict[tuple[Any, ...], int] = {}  # by the key that identifies a run
     faults: list[Fault] = []
     values_of_rows = table.itertuples(index=False, name=None)
     for k, (row, values) in enumerate(zip(rows, values_of_rows, strict=True)):
