@@ -1,10 +1,10 @@
 """Find the parameters of an answer that are at a bound of their range, within their error.
 
-The distance of a parameter from a bound is compared with the standard error of the fit,
-moved along this parameter: the standard error of a predicted response at the answer,
-divided by the slope of the response along the parameter. Of all responses the least
-counts. A parameter of which this error is more than half its range hardly changes any
-response, so its bound says nothing and is left out.
+A parameter is at a bound if it is at most one standard error away from it. The standard
+error of a parameter follows from each response: it is the standard error of the predicted
+response at the answer, divided by the slope of the response along the parameter. The
+smallest of these errors counts. If it exceeds half the range, the parameter hardly
+changes any response, and its distance from a bound has no meaning.
 """
 
 from collections.abc import Mapping
@@ -15,9 +15,11 @@ import numpy as np
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.surrogates.base import Predictor
 
-# Largest standard error of a parameter, in ranges, with which a bound means something.
+# Largest standard error of a parameter, as a share of its range, for which its distance
+# from a bound is meaningful.
 LARGEST = 0.5
-# The slope is that between two points so far to each side of the answer, in ranges.
+# A slope is computed from two points at this distance on each side of the answer, as a
+# share of the range.
 REACH = 0.05
 
 
@@ -29,7 +31,7 @@ def near_bounds(
     Parameters
     ----------
     surrogate : Predictor
-        One that knows its errors.
+        A surrogate with error estimates.
     answer : mapping
         A parameter set by name.
     space : ParameterSpace
@@ -48,7 +50,7 @@ def near_bounds(
         width = high - low
         ends = np.clip(value + REACH * width * np.array([-1.0, 1.0]), low, high)
         slopes = _slopes(surrogate, point, space.names.index(name), ends)
-        # A response that does not depend on the parameter says nothing about it.
+        # Skip responses that do not depend on the parameter.
         has_slope = slopes > 0
         if not has_slope.any():
             continue
@@ -72,7 +74,7 @@ def near_bounds(
 def _slopes(
     surrogate: Predictor, point: np.ndarray, column: int, ends: np.ndarray
 ) -> np.ndarray:
-    """Compute the steepness (k,) of each response along one parameter, without sign.
+    """Compute the absolute slopes (k,) of all responses along one parameter.
 
     Parameters
     ----------
@@ -91,7 +93,7 @@ def _slopes(
 
 
 def in_words(near: Mapping[str, Any]) -> str:
-    """Write that a parameter is near a bound, a clause."""
+    """Describe in a clause that a parameter is near a bound."""
     return (
         f"{near['parameter']} {near['value']:.4g} is within one standard error of the "
         f"fit ({near['standard_error']:.2g}) of its bound {near['bound']:g}"

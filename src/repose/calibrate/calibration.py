@@ -38,7 +38,7 @@ from repose.calibrate.uncertainty.settings import PosteriorSettings
 from repose.common.errors import require
 from repose.common.files import Path_, path_of, write_json, write_table
 
-# From so many samples on a step of the answer takes minutes, and it is told.
+# With at least this many samples a step takes minutes, so its start is announced.
 MANY_SAMPLES = 400
 # Files of `save`.
 TABLES = ("samples.csv", "solutions.csv", "posterior.csv", "draws.csv")
@@ -96,7 +96,7 @@ class Calibration(NamedTuple):
 
     @property
     def intervals(self) -> dict[str, dict[str, Any]]:
-        """The answer's values with their intervals by name, as the card has them."""
+        """Values of the answer with their intervals, by parameter, as in the card."""
         space = self.study.parameters
         ends_of_parameters = cards.find_intervals(
             space, self.solutions, self._posterior_tables
@@ -117,7 +117,7 @@ class Calibration(NamedTuple):
     def card(self) -> dict[str, Any]:
         """The material card, as `save` writes it."""
         settings = self.study.settings
-        # Of a simulator of the user's own no bench test is known, only a definition.
+        # The bench tests of the user's own simulator are unknown, only definitions are.
         tests = {}
         for name in self.study.targets.names:
             definition: dict[str, Any] = {
@@ -188,7 +188,7 @@ class Calibration(NamedTuple):
         )
 
     def __str__(self) -> str:
-        """Describe the answer in some lines: parameters, predictions, probabilities."""
+        """Describe the answer in several lines: parameters, predictions, probabilities."""
         lines = [
             self.as_answer().headline,
             "The calibrated parameters [95 % interval]:",
@@ -248,11 +248,11 @@ def calibrate(
     study : Study
         Its parameters, targets and settings.
     runs : pandas.DataFrame
-        From `repose.calibrate.strategies.runs.checked_runs`; the strategy need not have
-        asked for them.
+        Result of `repose.calibrate.strategies.runs.checked_runs`. The runs need not be
+        those that the strategy asked for.
     proposal : Batch or Answer, optional
-        The strategy's proposal after these runs. Unless it is the answer, the answer is
-        the best that these runs give.
+        The strategy's proposal after these runs. Unless it is an answer, the strategy
+        is asked for the best answer that these runs allow.
 
     Raises
     ------
@@ -270,12 +270,13 @@ def calibrate(
         answer = strategy(settings.strategy).answer(study, runs)
     observed = arrange_runs(runs, space, targets)
     noise = estimate_noise(study, observed)
-    # A strategy may answer without a model over the whole ranges.
+    # Without a model from the strategy, fit one over the whole ranges.
     model = answer.model or SpaceKriging(Kriging(observed, noise.covariance), space)
     samples = _samples(study, runs)
     support = Support.of(space.values(observed.unit), space)
 
-    # Draw the posterior. Only repeated runs show how the responses are correlated.
+    # Draw the posterior. Only replicates show how the responses are correlated, so
+    # without them the correlation has no degrees of freedom.
     has_replicates = REPLICATES in noise.sources.values()
     freedom = observed.freedom if has_replicates else 0
     inference_settings = posterior_settings(settings.posterior, freedom, len(targets))
@@ -417,7 +418,7 @@ def _samples(study: Study, runs: pd.DataFrame) -> pd.DataFrame:
     good = runs[runs["status"] == OK].groupby("sample", sort=False)
     first_runs = runs.drop_duplicates("sample").set_index("sample")
     table = first_runs[list(study.parameters.names)].copy()
-    # A sample all of whose runs failed has 0 good runs, and NaN as means.
+    # If all runs of a sample failed, it has 0 good runs and NaN as means.
     table["runs"] = good.size().reindex(table.index, fill_value=0)
     for name, error in zip(study.targets.names, study.targets.errors, strict=True):
         table[name] = good[name].mean()
@@ -472,7 +473,7 @@ def _model_sentence(model: Predictor, warning: str | None) -> str:
 
 
 def _choice(study: Study, answer: Answer) -> str:
-    """Say by which rule the answer was chosen, a clause."""
+    """Describe in a clause the rule by which the answer was chosen."""
     settings = study.settings
     if settings.strategy != "sequential":
         return f"that of the strategy {settings.strategy}"

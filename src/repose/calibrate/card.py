@@ -46,9 +46,9 @@ def assemble(
     Parameters
     ----------
     about : mapping
-        What the card says of simulator or grain.
+        Entries of the card about the simulator or the grain.
     tests : mapping
-        For each response its definition and its bench test.
+        Definition and bench test of each response, by name.
     answer : Result
         Parameters and verdict.
     space : ParameterSpace
@@ -67,7 +67,7 @@ def assemble(
         The content of card.json.
     """
     sets = solutions if posterior is None else posterior[1]
-    # A parameter that is the same in all sets has no correlation; the card says 0.
+    # The correlation of a parameter that is the same in all sets is undefined: write 0.
     correlations = sets[list(space.free)].corr().fillna(0.0).round(4)
     intervals = find_intervals(space, solutions, posterior)
     parameters = {}
@@ -108,7 +108,7 @@ def find_intervals(
 ) -> dict[str, Ends]:
     """Find the ends of the interval of each parameter; (None, None) for a fixed one.
 
-    They are those of the posterior, or else the range of the solutions.
+    They come from the posterior, or without it from the range of the solutions.
 
     Parameters
     ----------
@@ -140,10 +140,11 @@ def widen_to_value(
     low: float | None,
     high: float | None,
 ) -> dict[str, Any]:
-    """Widen a parameter's interval to hold its value.
+    """Widen the interval of a parameter so that it contains the answer.
 
-    An interval of draws or of solutions need not contain the answer. An answer at a bound
-    of the searched range cannot be inside, so its interval stays as it is.
+    The interval of draws or solutions need not contain the answer. If the answer lies at
+    a bound of the searched range, the interval stays as it is, and `at_bound` names the
+    bound.
 
     Parameters
     ----------
@@ -159,8 +160,8 @@ def widen_to_value(
     -------
     dict
         ``low`` and ``high``, None for a fixed parameter; ``at_bound``, "lower" or
-        "upper", where the value lies at this bound; ``widened`` where the interval did
-        not hold the value.
+        "upper", if the value lies at this bound; ``widened`` if the interval did not
+        contain the value.
     """
     if name not in space.free or low is None or high is None:
         return {"low": None, "high": None}
@@ -185,7 +186,7 @@ def with_remark(text: str, interval: Mapping[str, Any]) -> str:
 
 
 def _kind_of(name: str, space: ParameterSpace) -> str:
-    """Say whether a parameter was calibrated or fixed."""
+    """Return whether a parameter was calibrated or fixed."""
     if name in space.prior:
         return "calibrated from a prior"
     return "calibrated" if name in space.free else "fixed"

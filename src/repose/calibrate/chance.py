@@ -23,9 +23,9 @@ def chance_of_meeting(
 ) -> dict[str, float | None]:
     """Compute how probably the true means of the simulator meet the targets.
 
-    Without prior knowledge the mean, given n runs, has a multivariate t distribution
-    about the mean of the runs, with n - 1 degrees of freedom. The probabilities are
-    shares of random draws from it, because responses of one bench test are correlated.
+    Given n runs and no prior knowledge, the true mean has a multivariate t distribution
+    about the mean of the runs, with n - 1 degrees of freedom. Because the responses of a
+    bench test are correlated, the probabilities are estimated from random draws.
 
     Parameters
     ----------
@@ -33,13 +33,13 @@ def chance_of_meeting(
         Runs of a parameter set by bench test.
     targets : Targets
     percent : float, optional
-        Tolerance in percent of the aims; by default the ranges of the targets count.
+        Tolerance in percent of the aims; by default the ranges of the targets are used.
 
     Returns
     -------
     dict
-        A probability for each target, and one for `all` together; None where fewer than
-        two runs gave the response.
+        A probability for each target, and one for `all` together; None if fewer than
+        two runs have a value for the response.
     """
     random = np.random.default_rng(SEED)
     probabilities: dict[str, float | None] = dict.fromkeys((*targets.names, "all"))
@@ -104,12 +104,12 @@ def chance_in_range(
 def _draw_means(values: np.ndarray, random: np.random.Generator) -> np.ndarray:
     """Draw true means (DRAWS, k) of k responses, given their values (n, k) in n runs.
 
-    A multivariate t is a normal vector over the root of a chi-square number divided by
-    its degrees of freedom.
+    A multivariate t vector is a normal vector divided by the root of a chi-square number
+    over its degrees of freedom.
     """
     n, k = values.shape
     covariance_of_mean = np.cov(values, rowvar=False).reshape(k, k) / n
-    # A root of the covariance by its eigenvalues, which exists also where it is singular.
+    # Take the root by eigenvalues, which also exists for a singular covariance.
     eigenvalues, eigenvectors = np.linalg.eigh(covariance_of_mean)
     root = eigenvectors * np.sqrt(np.maximum(eigenvalues, 0.0))
     normal = random.normal(size=(DRAWS, k)) @ root.T

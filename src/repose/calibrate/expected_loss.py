@@ -36,9 +36,9 @@ TINY = 1e-12
 def expected_loss(surrogate: Surrogate, X: np.ndarray, targets: Targets) -> np.ndarray:
     """Compute the expected deviation of parameter sets from the targets (Eq. 11).
 
-    The deviations of the responses, in widths of their ranges, are summed by weight. The
-    true mean of each response is taken as normal about its prediction, so that its
-    absolute deviation from the target has a folded normal distribution.
+    The result is the weighted sum of the deviations of the responses, in widths of their
+    ranges. The true mean of each response is assumed to be normal about its prediction,
+    so its absolute deviation from the target has a folded normal distribution.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def minimise_expected_loss(
 ) -> dict[str, Any]:
     """Find the parameter set of least expected loss.
 
-    Where parameters have priors, the set nearest to them is chosen among equals.
+    Priors of the parameters decide between sets of equal loss.
 
     Returns
     -------
@@ -82,7 +82,7 @@ def minimise_expected_loss(
     # Start the local searches from the best points of a space-filling sequence.
     points = qmc.Sobol(space.dimensions, scramble=False).random(CANDIDATES)
     starts = points[np.argsort(loss(points))[:DESCENTS]]
-    # The finite differences need a step of room on each side.
+    # Leave room for the steps of finite differences at both bounds.
     bounds = [(STEP, 1 - STEP)] * space.dimensions
     minima = [
         minimize(
@@ -108,7 +108,7 @@ def minimise_expected_loss(
 def _loss_with_preference(
     surrogate: Surrogate, space: ParameterSpace, targets: Targets
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """Make the function that is minimised: the expected loss plus the cost of priors.
+    """Make the function to minimise: the expected loss plus the cost of the priors.
 
     Returns
     -------
@@ -169,7 +169,7 @@ def assess_by_errors(
     error = np.sqrt(np.diagonal(covariance[0]))
     aim = targets.aim
 
-    # The expected square of a deviation: the predicted one, and the error's variance.
+    # The expected squared deviation is the predicted one plus the variance of its error.
     square = ((mean[0] - aim) ** 2 + error**2) / targets.whole**2
     mean_square = np.average(square, weights=targets.weight)
 

@@ -53,9 +53,9 @@ def invert(
     settings: MigaSettings,
     support: Support | None = None,
 ) -> Inversion:
-    """Search the free parameters for predicted responses that meet the targets.
+    """Search for parameter sets whose predicted responses meet the targets.
 
-    Of equally good sets, those near the means of the priors come first.
+    Among equally good sets, those nearest to the means of the priors come first.
 
     Parameters
     ----------
@@ -70,8 +70,9 @@ def invert(
     Returns
     -------
     Inversion
-        The best distinct feasible solutions, filled up with the nearest others to at
-        least `FEWEST_ROWS`; without any feasible one the sets of least objective.
+        The best distinct feasible solutions. If there are fewer than `FEWEST_ROWS`, the
+        nearest infeasible ones follow. Without any feasible solution, the sets with the
+        lowest objective.
     """
     _require_aims_in_ranges(targets)
     respond = on_free_parameters(model, space)
@@ -150,8 +151,8 @@ def _search(
     )
     evaluations = history[-1][HISTORY.index("evaluations")]
     if not n_feasible:
-        # Search again for the sets nearest to the targets, not to the edge of the ranges,
-        # in which there are none.
+        # No set lies inside the ranges, so search for the sets nearest to the targets
+        # instead of those nearest to the ranges.
         objective = Objective(targets, constrained=False)
         archive, history, _ = search(
             respond, objective, space.dimensions, settings, preference
@@ -186,7 +187,7 @@ def _number_of_rows(violations: np.ndarray, most: int) -> int:
 def on_free_parameters(
     surrogate: Surrogate, space: ParameterSpace
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """Make the surrogate a function of the free parameters alone.
+    """Turn the surrogate into a function of only the free parameters.
 
     Returns
     -------
@@ -202,7 +203,7 @@ def on_free_parameters(
     columns = [space.names.index(name) for name in space.free]
 
     def respond_to_free(points: np.ndarray) -> np.ndarray:
-        # Both ends of a fixed parameter are its value, so its coordinate is arbitrary.
+        # The range of a fixed parameter is one value, so any coordinate will do.
         all_parameters = np.zeros((len(points), len(space.names)))
         all_parameters[:, columns] = points
         return respond(all_parameters)
@@ -238,7 +239,7 @@ def message(
     n_feasible : int
         Number of feasible solutions.
     distance : float
-        By which they differ at least, in normalised parameters.
+        Smallest distance between two of them, in normalised parameters.
     """
 
     def in_words(values: Iterable[float]) -> str:
@@ -308,7 +309,7 @@ def _put_first(
     space: ParameterSpace,
     distance: float,
 ) -> np.ndarray:
-    """Put a parameter set before the points (n, d) that are not too near to it.
+    """Put a parameter set first, and drop those of the points (n, d) too near to it.
 
     The first of the points always stays, however near it is: it is the set of least
     objective, which is poured as one of the checks

@@ -76,7 +76,7 @@ class Pours(NamedTuple):
         Parameters
         ----------
         surrogate : Surrogate
-            It has the numbers of its samples and the names of its parameters.
+            Its attributes name the samples of the fit and the parameters.
         dataset : pandas.DataFrame
             A row for each sample: ``sample``, parameters, mean responses.
         runs : pandas.DataFrame
@@ -92,7 +92,7 @@ class Pours(NamedTuple):
         counts = []
         deviations = []
         columns = []
-        # A bench test has runs of its own, so each is collected by itself.
+        # Each bench test has separate runs, so collect them one test at a time.
         for bench, columns_of_bench in targets.benches.items():
             names = [targets.names[k] for k in columns_of_bench]
             groups = dict(list(of_bench(good, bench).groupby("sample")[names]))
@@ -126,9 +126,9 @@ class Pours(NamedTuple):
 def _deviations(values: Sequence[np.ndarray]) -> list[np.ndarray]:
     """Compute the deviations of the pours of each sample from its mean.
 
-    The scatter of n pours about their own mean is (n - 1) / n of the variance of a pour
-    on average, so the deviations are enlarged. A single pour shows no scatter, so its
-    sample has the deviations of all other samples.
+    The mean square of n pours about their own mean is on average (n - 1) / n of the
+    variance of a pour, so the deviations are scaled up. A single pour has no scatter: its
+    sample gets the deviations of all other samples.
 
     Parameters
     ----------
@@ -158,10 +158,10 @@ def expected_optimism(
     replicates: int,
     seed: int,
 ) -> pd.DataFrame:
-    """Compute the expected optimism of predictions by the role of a set.
+    """Estimate the expected optimism of predictions by bootstrap, for each role.
 
-    Each replicate draws the pours again, refits the surrogate, and searches on it. There
-    the original fit stands for the truth.
+    Each replicate resamples the pours, refits the surrogate and repeats the search on it.
+    The original fit plays the part of the truth.
 
     Parameters
     ----------
@@ -189,7 +189,7 @@ def expected_optimism(
         refitted = surrogate.refit(pours.X, pours.draw(random), **pours.noise)
         sets, roles = search(refitted)
         differences = refitted.predict(sets) - surrogate.predict(sets)
-        # Average over the sets of a role, which are many for the feasible ones.
+        # Average over the sets with the same role; there may be many feasible ones.
         for role in dict.fromkeys(roles):
             has_role = np.array([other == role for other in roles])
             mean = differences[has_role].mean(axis=0)

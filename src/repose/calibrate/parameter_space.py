@@ -103,7 +103,10 @@ class ParameterSpace:
         return self.complete(self.low + points * (self.high - self.low))
 
     def complete(self, values: np.ndarray) -> np.ndarray:
-        """Turn values (n, d) of the free parameters into parameter sets (n, names)."""
+        """Add the fixed values to values (n, d) of the free parameters.
+
+        The result (n, names) has a column for each parameter.
+        """
         values = np.atleast_2d(np.asarray(values, dtype=float))
         columns = []
         for name in self.names:
@@ -167,7 +170,7 @@ class ParameterSpace:
 def range_of(
     name: str, entry: Any, limits: Limits | None = None
 ) -> tuple[float, float]:
-    """Find the lowest and the highest value of a parameter; equal if it is fixed.
+    """Return the lowest and the highest value of a parameter; equal if it is fixed.
 
     Parameters
     ----------
@@ -185,7 +188,7 @@ def range_of(
     if "range" in entry:
         return float(entry["range"][0]), float(entry["range"][1])
 
-    # A prior without a range reaches some standard deviations to each side of its mean.
+    # Without a range, use some standard deviations of the prior on each side of its mean.
     mean = entry["prior"]["mean"]
     half = PRIOR_WIDTHS * entry["prior"]["sd"]
     lowest, highest = (limits or {}).get(name, (-math.inf, math.inf))

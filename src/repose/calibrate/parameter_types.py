@@ -49,9 +49,9 @@ class _Bounds:
         return bool(last - first > max(1e-30, 1e-9 * max(abs(first), abs(last))))
 
     def _faults(self, entry: Mapping[str, Any]) -> Contradictions:
-        """Yield (key, what is allowed) for the faults of an entry that is a section.
+        """Yield (key, what is allowed) for each fault of an entry that is a section.
 
-        An entry has the key fixed alone, or a prior with or without a range.
+        A valid entry has either the key fixed alone, or a prior with or without a range.
         """
         unknown = [str(key) for key in entry if key not in KEYS]
         for key in unknown:
@@ -66,7 +66,7 @@ class _Bounds:
                 yield "fixed", self.number
             return
 
-        # A range needs a prior beside it, since a range alone is a pair.
+        # A range without a prior must be written as a plain pair.
         if "range" in entry and "prior" not in entry:
             yield "", "a pair [low, high]; a range stands beside a prior only"
             return
@@ -113,7 +113,7 @@ def parameter(low: float, high: float) -> Any:
 
 
 def far_priors(parameters: Mapping[str, Any]) -> Contradictions:
-    """Refuse parameters whose range lies beyond their prior."""
+    """Refuse parameters whose range lies outside the bulk of their prior."""
     for name, entry in parameters.items():
         if not isinstance(entry, Mapping) or "range" not in entry:
             continue

@@ -17,10 +17,10 @@ def probability_in_box(
 ) -> np.ndarray:
     """Compute the probability that normal vectors lie in a box.
 
-    It is exact for one response; for two its error is below 0.001. With the Cholesky root
-    L of the covariance, a vector is mean + L z with independent normal numbers z. So the
-    probability is an integral over one response after the other (G92). The integral is a
-    mean over the points of a Sobol sequence.
+    The result is exact for one response; for two its error is below 0.001. With the
+    Cholesky root L of the covariance, a vector is mean + L z, where the normal numbers z
+    are independent. The probability can thus be integrated one response at a time (G92).
+    The integral is estimated as a mean over a Sobol sequence.
 
     Parameters
     ----------
@@ -37,21 +37,21 @@ def probability_in_box(
 
     k = mean.shape[1]
     root = np.linalg.cholesky(covariance)
-    # A column of uniform numbers for each response but the last. The first point of the
-    # sequence is 0, so all are shifted by half a step.
+    # Draw a column of uniform numbers for each response except the last. Shift all points
+    # by half a step, because the first point of the sequence is 0.
     uniform = np.zeros((1, 0))
     if k > 1:
         uniform = qmc.Sobol(k - 1, scramble=False).random(POINTS) + 0.5 / POINTS
     z = np.zeros((len(mean), len(uniform), k))
     probability = np.ones((len(mean), len(uniform)))
     for i in range(k):
-        # Response i is normal about its mean and a shift, given those before it.
+        # Given the earlier responses, the mean of response i is shifted.
         shift = np.einsum("mj,mpj->mp", root[:, i, :i], z[:, :, :i])
         sd = root[:, i, i, None]
         below_low = ndtr((low[i] - mean[:, i, None] - shift) / sd)
         below_high = ndtr((high[i] - mean[:, i, None] - shift) / sd)
         probability *= below_high - below_low
-        # Draw z of this response between the ends of the box, for the responses after it.
+        # Draw z inside the box, as the later responses depend on it.
         if i < k - 1:
             share = below_low + uniform[:, i] * (below_high - below_low)
             z[:, :, i] = ndtri(np.clip(share, 1e-16, 1 - 1e-16))

@@ -172,7 +172,7 @@ def expand_own_profiles(targets: Any, source: Any) -> Any:
 def _own_scores(
     name: str, entry: Mapping[str, Any], source: Any
 ) -> dict[str, dict[str, Any]]:
-    """Make the targets, by name, of the scores of a profile of the user's own."""
+    """Make the targets of the scores of the user's own profile, by name."""
     measured = _checked({name: entry}, _Targets[OwnProfile], source)
     line = _read(measured, name)
     profile = line.profile
@@ -225,7 +225,7 @@ def _bench_scores(
     source : object
         File of the configuration, for an error.
     """
-    # The bench test is that of the first score, which is a response of its own.
+    # Look up the bench test by the first score, which is a registered response.
     first = named(derived(measured.response, "1"))
     if first is None or first.profile != measured.response:
         allowed = "the profile of a bench test, such as turning_profile_mm"
@@ -253,10 +253,10 @@ def _bench_scores(
 def _scores(
     measured: MeasuredProfile, line: _MeasuredLine, profile_keys: Mapping[str, Any]
 ) -> Iterator[dict[str, Any]]:
-    """Yield the keys of each score's target, with the profile.
+    """Yield the configuration of the target of each score, with the profile.
 
-    All scores have the same error, and their variances add up to the mean square error of
-    a height.
+    All scores have the same standard error. Their variances add up to the mean squared
+    error of a height.
 
     Parameters
     ----------

@@ -173,7 +173,10 @@ def response(name: str, source: object = "response") -> Response:
 
 
 def named(name: str) -> Response | None:
-    """Find a response, registered or of a family, by its name; None without one."""
+    """Find a response by its name, among the registered ones and then the families.
+
+    The result is None if there is no such response.
+    """
     if name in _REGISTRY:
         return _REGISTRY[name]
     for family in _FAMILIES:

@@ -79,8 +79,8 @@ def summarise_runs(
 ) -> dict[str, Any]:
     """Summarise the runs of a sample.
 
-    A sample is ok when at least half of its runs, and at least one, are ok. Otherwise its
-    status is the commonest status of its failed runs, and its numbers are None.
+    A sample is ok if at least half of its runs are ok, and at least one. Otherwise it gets
+    the most common status of its failed runs, and its numbers are None.
 
     Parameters
     ----------
@@ -132,9 +132,9 @@ def mean_and_error(values: Sequence[float]) -> tuple[float | None, float | None]
 
 
 def reason(failed: Sequence[Mapping[str, Any]], total: int) -> str:
-    """Count the failed runs by cause; the text is empty without any.
+    """Describe the failed runs by cause, as in ``2 of 8 runs jammed (no discharge)``.
 
-    As in ``2 of 8 runs jammed (no discharge for 3 s)``.
+    The text is empty if no run failed.
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ def describe(run: Mapping[str, Any], template: str) -> str:
     try:
         numbers = template.format(**run)
     except (KeyError, TypeError):
-        # A response that is no target may not have been measured.
+        # A response that is not a target may not have been measured.
         return f"seed {run['seed']}: ok{warning}"
     return f"seed {run['seed']}: {numbers}{warning}"
 

@@ -30,7 +30,7 @@ def pour_seeds(
 ) -> list[int]:
     """Draw the seeds of the runs of a parameter set.
 
-    Each bench test has its own streams, so that its noise is independent of the others'.
+    Each bench test has its own random stream, so the noise of the tests is independent.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def pour_seeds(
     number : int
         Of the sample.
     count : int
-        Number of seeds. The first ones are the same for any larger number.
+        Number of seeds. A larger number only adds seeds at the end.
     apparatus : str, optional
         Name of the bench test.
 
@@ -53,7 +53,7 @@ def pour_seeds(
 
     stream = purpose if isinstance(purpose, int) else PURPOSES[purpose]
     entropy = [study_seed, stream, number]
-    # A checksum of the name makes the streams of a further bench test.
+    # A named bench test gets its own stream from a checksum of its name.
     if apparatus != UNNAMED and purpose != OF_THE_DRUM:
         entropy.append(zlib.crc32(apparatus.encode()))
     seeds = np.random.SeedSequence(entropy).generate_state(count)

@@ -50,8 +50,8 @@ def pure_error(model: Model) -> PureError:
 def anova(model: Model) -> pd.DataFrame:
     """Make the ANOVA table with `COLUMNS`.
 
-    Model and terms are tested against the mean square of the residuals, the lack of fit
-    against that of the pure error. F and p are nan where there is no such mean square.
+    The model and its terms are tested against the mean square of the residuals, and the
+    lack of fit against that of the pure error. Without this mean square, F and p are NaN.
     """
     # Sums of squares of the residuals, and of the responses about their mean.
     residual = model.residual_squares
@@ -101,8 +101,8 @@ def statistics(model: Model) -> dict[str, float]:
     """Compute statistics of the fit, as in Design-Expert.
 
     `press` is the sum of the squared errors of predicting each run from all others.
-    `adequate_precision` is the range of the predictions over their mean standard error.
-    Statistics are nan without degrees of freedom for the error.
+    `adequate_precision` is the range of the predictions divided by their mean standard
+    error. If the error has no degrees of freedom, the statistics that need it are NaN.
     """
     n = len(model.response)
     residual = model.residual_squares
@@ -148,7 +148,7 @@ def effects(model: Model) -> pd.DataFrame:
         of squares over the total.
     """
     table = anova(model).set_index("source")
-    # Standard errors of all coefficients; the first is the constant, which is no effect.
+    # The first standard error is that of the constant, which is not an effect.
     errors = np.sqrt(model.variance * np.diag(model.inverse))
     estimates = pd.DataFrame(
         {

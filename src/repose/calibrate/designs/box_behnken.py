@@ -47,13 +47,13 @@ def box_behnken(factors: int, centres: int) -> np.ndarray:
     blocks = BLOCKS[factors]
     runs = []
     for number, block in enumerate(blocks, start=1):
-        # Some factors go through all their corners, the others stay at their centre.
+        # Run all corners of a group of factors, with the other factors at the centre.
         for factor_numbers in block:
             corners = two_level(len(factor_numbers))
             group = np.zeros((len(corners), factors))
             group[:, np.array(factor_numbers) - 1] = corners
             runs.append(group)
-        # Share the centre runs out; the first blocks have the rest of the division.
+        # Divide the centre runs equally; the first blocks get one of the rest each.
         n_centres = centres // len(blocks)
         if number <= centres % len(blocks):
             n_centres += 1

@@ -59,8 +59,8 @@ class Pairs:
         return value
 
     def _update(self, row: int) -> None:
-        """Compute distances and repulsions of one point from all others anew."""
-        # The last of the cumulative sums is the sum over the columns, term by term.
+        """Recompute the distances and repulsions between one point and all others."""
+        # A cumulative sum adds the columns one by one, in a fixed order.
         squared = np.cumsum((self.points - self.points[row]) ** 2, axis=1)[:, -1]
         squared[row] = np.inf
         repulsion = self._repulsions(squared)
@@ -74,13 +74,13 @@ class Pairs:
         return float(np.cumsum(self.repulsion[self.below])[-1])
 
     def gains(self, column: int, i: np.ndarray, j: np.ndarray) -> np.ndarray:
-        """Compute how `total` changes if rows swap their values in a column.
+        """Compute the change of `total` if two rows swap their values in a column.
 
         Parameters
         ----------
         column : int
         i, j : array of int (m,)
-            Rows of the m exchanges, each of which is computed by itself.
+            Rows of the m exchanges; each exchange is tried on its own.
 
         Returns
         -------
@@ -94,13 +94,13 @@ class Pairs:
         in_column = x[rows][:, :, None] - x
         in_column *= in_column
 
-        # A squared distance is a sum over the columns. An exchange replaces the term of
-        # this column: row i gets that of row j, and row j that of row i.
+        # A squared distance is a sum over the columns. An exchange swaps the terms of
+        # this column between row i and row j.
         shift = in_column[1] - in_column[0]
         new_squared = self.squared[rows] + np.array([shift, -shift])
         change = self._repulsions(new_squared)
         change -= self.repulsion[rows]
-        # The distance of the two rows from each other and themselves stays.
+        # The distance between the two rows does not change.
         change[:, exchanges, rows] = 0.0
 
         # Sum over the other rows and over both rows of an exchange, term by term.
@@ -136,7 +136,7 @@ class _Threshold:
             Number of exchanges that were accepted, that improved the best design, and
             that were tried.
         """
-        # Improve: lower the threshold where bad exchanges are accepted, too.
+        # Improvement: lower the threshold if bad exchanges are accepted, too.
         if is_better:
             if accepted > LOW_ACCEPTANCE * trials and improved < accepted:
                 self.value *= 0.8
@@ -144,7 +144,7 @@ class _Threshold:
                 self.value /= 0.8
             return
 
-        # Explore: turn round at low and at high acceptance.
+        # Exploration: reverse the direction at low and at high acceptance.
         if accepted < LOW_ACCEPTANCE * trials:
             self.is_rising = True
         elif accepted > HIGH_ACCEPTANCE * trials:

@@ -96,9 +96,9 @@ def optimum(
 ) -> Optimum:
     """Find the point of the cube from -1 to 1 that is nearest to the targets.
 
-    Few targets and many factors leave a curve or a surface of points that meet all
-    targets. Of these the point nearest to the centre is the result, because the models
-    are most accurate there.
+    With more factors than targets, a whole curve or surface of points may meet all
+    targets. The result is the one nearest to the centre, where the models are most
+    accurate.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def optimum(
     minima = _minima(deviations, bounds)
     best = min(minima, key=deviations.squared)
 
-    # If the targets can be met, go along the points that meet them towards the centre.
+    # If the targets can be met, move towards the centre along the points that meet them.
     if deviations.largest(best) < NEARLY_MET:
         central = [
             _most_central(deviations, point, bounds)

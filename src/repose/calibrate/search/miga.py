@@ -91,10 +91,10 @@ class MIGA:
         return self._points
 
     def tell(self, fitness: np.ndarray) -> None:
-        """Breed the next generation.
+        """Breed the next generation from the fitness of the present one.
 
-        `fitness` (islands * population,) is that of the points of `ask`, in their
-        order.
+        `fitness` (islands * population,) belongs to the points that `ask` returned, in
+        the same order.
         """
         islands, population, dimensions = self.shape
         points = self._points
@@ -103,7 +103,7 @@ class MIGA:
         if fitness.min() < self.best_fitness:
             self.best = points[fitness.argmin()].copy()
             self.best_fitness = float(fitness.min())
-        # The number of the generation in its round.
+        # Number of the generation within its round.
         step = self.generation % self.generations
         if step == 0:
             self._draw()
@@ -115,12 +115,12 @@ class MIGA:
             points, fitness = self._migrate(points, fitness, order)
             order = self._ranked(fitness)
 
-        # Choose two parents of each child by tournaments. A tournament depends on ranks
-        # alone: the winner of three is the smallest of three random ranks.
+        # Choose the two parents of each child by tournaments. Only ranks decide: the
+        # winner of three individuals has the smallest of three random ranks.
         parents = points[order.take(self._winners[step] + self._first)]
         children = self._cross(parents[:, :population], parents[:, population:], step)
         children += self._mutation[step]
-        # Mutations do not leave the cube.
+        # Keep mutated children inside the cube.
         np.minimum(children, 1.0, out=children)
         np.maximum(children, -1.0, out=children)
         self._keep_best(children, points[order[:, 0]])
@@ -137,18 +137,18 @@ class MIGA:
         return b + self._share[step] * (a - b)
 
     def _keep_best(self, children: np.ndarray, best: np.ndarray) -> None:
-        """Put each island's best (islands, dimensions) in place of its first child."""
+        """Replace the first child of each island by its best (islands, dimensions)."""
         children[:, 0] = best
 
     def _draw(self) -> None:
         """Draw all random numbers of one round.
 
-        They are drawn at once, because a call of the generator costs more than its
-        numbers. A round is the generations between two migrations.
+        Drawing them together saves calls of the generator, which cost more than the
+        numbers. A round consists of the generations between two migrations.
         """
         islands, population, dimensions = self.shape
         generations = self.generations
-        # Each child has two parents, and each parent won a tournament.
+        # Each child has two parents, and each parent is the winner of a tournament.
         ranks = self.random.randint(
             population,
             size=(self.settings.tournament, generations, islands, 2 * population),
@@ -172,7 +172,9 @@ class MIGA:
 def migrate(
     points: np.ndarray, fitness: np.ndarray, order: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Replace the worst of each island by the best of the island before it in the ring.
+    """Replace the worst individual of each island by the best of its neighbour.
+
+    The islands form a ring, and the neighbour is the previous island.
 
     Parameters
     ----------
@@ -188,7 +190,7 @@ def migrate(
     """
     points = points.copy()
     fitness = fitness.copy()
-    # Rows of the best of each island, and of the worst of the island after it.
+    # Rows of the best individual of each island, and of the worst on the next island.
     best = order[:, 0]
     worst_of_next = np.roll(order[:, -1], -1)
     points[worst_of_next] = points[best]
@@ -227,7 +229,7 @@ def islands_ga(
     rounds : int
         Number of migrations.
     target : float, optional
-        The search ends early at a value not above it.
+        The search ends early once a value reaches this one or falls below it.
     **settings
         Fields of `repose.calibrate.search.settings.MigaSettings`; those left out have
         the values of config/method.yaml.
@@ -280,7 +282,7 @@ def islands_ga(
 
 
 def _checked_bounds(bounds: Any) -> np.ndarray:
-    """Convert bounds to an array (dimensions, 2); ValueError if they cannot be."""
+    """Convert bounds to an array (dimensions, 2); ValueError if they are invalid."""
     bounds = np.asarray(bounds, dtype=float)
     if bounds.ndim != 2 or bounds.shape[1] != 2 or not np.isfinite(bounds).all():
         raise ValueError(

@@ -57,9 +57,10 @@ class Objective:
     def __init__(
         self, targets: Targets, margin: float = 0.0, constrained: bool = True
     ) -> None:
-        """Take the numbers (k,) of the targets, and choose the penalty.
+        """Copy the arrays (k,) of the targets, and choose the penalty.
 
         `margin` is the largest cost that a preference adds to a point inside the ranges.
+        Unless `constrained`, points outside the ranges have no penalty.
         """
         self.low = targets.low
         self.high = targets.high
@@ -171,9 +172,9 @@ class Archive:
     def __init__(
         self, dimensions: int, distance: float, capacity: int, buffer: int = 20_000
     ) -> None:
-        """Begin without any point.
+        """Create an empty archive.
 
-        Points wait in a buffer, because thinning them all at once is faster.
+        New points wait in a buffer, because thinning many at once is faster.
         """
         self.distance = distance
         self.capacity = capacity
@@ -192,7 +193,7 @@ class Archive:
             return
         points = points[may_enter]
         fitness = fitness[may_enter]
-        # Let them wait in parts, each no larger than the buffer.
+        # Add them to the buffer in parts no larger than it.
         for start in range(0, len(points), self.buffer):
             part = slice(start, start + self.buffer)
             n_added = len(points[part])
@@ -212,8 +213,8 @@ class Archive:
         self.fitness = fitness[rows]
         self._waiting = []
         self._n_waiting = 0
-        # A new point between old points may replace several of them. Then the archive
-        # is not full, and any point may fill the gap.
+        # A new point may replace several old points near it. Then the archive is no
+        # longer full, and a point of any fitness may enter.
         is_full = len(rows) == self.capacity
         self._worst = self.fitness[-1] if is_full else math.inf
 
@@ -227,7 +228,7 @@ def distinct(
     ----------
     points : array (n, d)
     fitness : array (n,)
-        A small one is good.
+        Smaller is better.
     distance : float
         Least distance between two points.
     limit : int
@@ -237,12 +238,12 @@ def distinct(
     -------
     array of int
     """
-    # The points that are left, best first: their rows, and their coordinates (d, left).
+    # Rows and coordinates (d, remaining) of the remaining points, the best first.
     rows = np.argsort(fitness, kind="stable")
     coordinates = np.ascontiguousarray(points[rows].T)
     kept: list[int] = []
     while len(rows) and len(kept) < limit:
-        # Keep the best point that is left, then drop it and all points too near to it.
+        # Keep the best remaining point. Then drop it, and all points too near to it.
         kept.append(int(rows[0]))
         best = coordinates[:, :1]
         squared = ((coordinates - best) ** 2).sum(axis=0)

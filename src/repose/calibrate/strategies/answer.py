@@ -15,16 +15,16 @@ from repose.calibrate.targets import Targets
 
 
 def content(answer: Answer, space: ParameterSpace, targets: Targets) -> dict[str, Any]:
-    """Return an answer as it is kept in a file until it is simulated again.
+    """Return the content of an answer's file, which is kept until the check.
 
     Returns
     -------
     dict
         ``feasible``, ``message``, ``predicted_error`` (k,), the table ``solutions``, the
-        parameters ``near_bounds`` as `repose.calibrate.bounds` finds them, and the samples
-        ``simulated`` that are runs of the answer already.
+        parameters ``near_bounds`` from `repose.calibrate.bounds`, and the samples
+        ``simulated`` that already are runs of the answer.
     """
-    # The tables need the prediction, also where the answer was simulated already.
+    # The tables need the prediction even if the answer was already simulated.
     if answer.simulated and answer.model is not None:
         answer = _with_prediction(answer, answer.model)
     bounds = []
@@ -61,10 +61,10 @@ def verdict(answer: Answer, targets: Targets, note: str = "") -> tuple[bool, str
 
     Returns
     -------
-    bool
+    feasible : bool
         Whether it is.
-    str
-        The same in a sentence, and the note after it.
+    message : str
+        The same in a sentence, followed by the note.
     """
     is_inside = (answer.mean >= targets.low) & (answer.mean <= targets.high)
     feasible = bool(is_inside.all())
@@ -84,7 +84,7 @@ def solutions(
     ----------
     answer : Answer
     feasible : bool
-        Whether the answer is predicted inside all ranges; the others are.
+        Whether the answer is predicted inside all ranges. The other sets always are.
     space : ParameterSpace
     targets : Targets
 
@@ -122,7 +122,7 @@ def select_separated(unit: np.ndarray, section: MigaSettings) -> np.ndarray:
 
     rows: list[int] = []
     for k, point in enumerate(unit):
-        # A range of the unit cube is two half ranges.
+        # Distances in the unit cube are in whole ranges, `distance` is in half ranges.
         if not rows or 2 * cdist(unit[rows], point[None]).min() >= section.distance:
             rows.append(k)
         if len(rows) == section.solutions:

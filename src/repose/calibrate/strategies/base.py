@@ -164,7 +164,7 @@ class Strategy(ABC, Generic[SectionType]):
         """
 
     def answer(self, study: "Study", data: "pd.DataFrame") -> Answer:
-        """Give the best answer that the runs so far allow.
+        """Return the best answer that the runs so far allow.
 
         Parameters
         ----------
@@ -230,12 +230,12 @@ Kind = TypeVar("Kind", bound=type[Strategy[Any]])
 
 
 def register(name: str) -> Callable[[Kind], Kind]:
-    """Make a strategy known by a name, as a class decorator.
+    """Return a class decorator that registers a strategy.
 
     Parameters
     ----------
     name : str
-        In the configuration.
+        Name of the strategy in the configuration.
 
     Returns
     -------

@@ -35,7 +35,7 @@ def contradictions(
 def reason_against(
     name: str, section: Section | None, free: int, responses: int
 ) -> str | None:
-    """Say why a strategy cannot run; None if it can.
+    """Describe why a strategy cannot run; None if it can.
 
     The arguments are those of `contradictions`. Of several reasons the first is given.
     """

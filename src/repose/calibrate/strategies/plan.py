@@ -70,7 +70,8 @@ def plan(
     space : ParameterSpace
     targets : Targets
     runs : pandas.DataFrame, optional
-        Earlier runs, which show the noise; `default_noise` by default.
+        Earlier runs, from which the noise is estimated. Without them it is
+        `default_noise`.
     source : object, optional
         File of the runs, for an error.
 
@@ -99,13 +100,13 @@ def plan(
 def success_by_budget(n_targets: int, percent: float) -> pd.DataFrame:
     """Estimate how probably the sequential strategy succeeds with each budget.
 
-    The probabilities are interpolated in the table `success.csv`, over the logarithm of
-    the scatter.
+    The probabilities come from the table `success.csv`, by interpolation over the
+    logarithm of the scatter.
 
     Parameters
     ----------
     n_targets : int
-        Number of targets; the largest number of the table stands for any larger one.
+        Number of targets. Beyond the largest number in the table, that one is used.
     percent : float
         Scatter of a run in percent of the target.
 
@@ -118,7 +119,7 @@ def success_by_budget(n_targets: int, percent: float) -> pd.DataFrame:
     nearest_number = min(n_targets, table["responses"].max())
     table = table[table["responses"] == nearest_number].sort_values("noise_percent")
 
-    # Add the standard error of each probability, in a column of its own.
+    # Add a column with the standard error of each probability.
     probabilities = [f"within_{tolerance:g}_percent" for tolerance in TOLERANCES]
     errors = [f"{name}_se" for name in probabilities]
     for name, error in zip(probabilities, errors, strict=True):
@@ -154,7 +155,7 @@ def default_noise(targets: Targets) -> np.ndarray:
 def measured_noise(
     runs: pd.DataFrame, targets: Targets, source: object = "runs"
 ) -> np.ndarray:
-    """Estimate the covariance (k, k) of a run about the mean of its sample.
+    """Estimate the covariance (k, k) of single runs about the mean of their sample.
 
     Responses of different bench tests are independent, so their covariance is 0.
 
@@ -187,7 +188,7 @@ def measured_noise(
                 "not all alike"
             )
             raise InputError(source, "runs that determine the noise", freedom, allowed)
-        # Put the block of this bench test at the rows and columns of its responses.
+        # Insert the block of this bench test in the rows and columns of its responses.
         noise[np.ix_(columns, columns)] = covariance
     return noise
 

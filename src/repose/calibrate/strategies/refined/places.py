@@ -31,15 +31,15 @@ def places_near_targets(
     tolerance_percent: float,
     random: np.random.Generator,
 ) -> np.ndarray:
-    """Draw places with the probability that they meet the targets.
+    """Draw places at random, weighted by the probability that they meet the targets.
 
-    The probability of a place is that its true means lie within the tolerance of all
-    targets, by the prediction and its errors. No place is drawn twice.
+    A place meets the targets if its true means lie within the tolerance of all of them.
+    The probability follows from the predictions and their errors. No place is drawn twice.
 
     Parameters
     ----------
     surrogate : Surrogate
-        One that knows its errors.
+        A surrogate with error estimates.
     space : ParameterSpace
     targets : Targets
     count : int
@@ -55,7 +55,8 @@ def places_near_targets(
     """
     from scipy.stats import qmc
 
-    # Choose the places nearest to the targets by their predictions, which are fast.
+    # Choose the places nearest to the targets by their predictions, which are fast to
+    # compute.
     unit = qmc.Sobol(space.dimensions, scramble=False).random(CANDIDATES)
     predictions = [
         surrogate.predict(space.values(part))
@@ -64,7 +65,7 @@ def places_near_targets(
     F, _ = Objective(targets)(np.concatenate(predictions))
     nearest = unit[np.argsort(F, kind="stable")[:NEAREST]]
 
-    # Compute the probability of these by the errors of the predictions.
+    # Compute the probability of these places from the errors of the predictions.
     X = space.values(nearest)
     tolerance = tolerance_percent * (targets.whole / 100)
     probability = probability_in_box(
@@ -74,8 +75,8 @@ def places_near_targets(
         targets.aim + tolerance,
     )
 
-    # Draw places by their probabilities. Where the targets are out of reach, all are
-    # about 0: then a small weight prefers the nearest places.
+    # Draw places by their probabilities. If the targets are out of reach, all of these
+    # are about 0, and a small additional weight favours the nearest places.
     nearness = np.arange(len(nearest), 0, -1) / len(nearest)
     weight = probability + np.finfo(float).tiny + 1e-12 * nearness
     rows = random.choice(len(nearest), count, replace=False, p=weight / weight.sum())

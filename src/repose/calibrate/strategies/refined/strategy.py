@@ -38,8 +38,8 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
         return design_batch(study, section.design_seeds)
     space = study.parameters
     samples = samples_of_runs(data, space, study.targets)
-    # A sample with a number in the column `round` trains: so the samples for the test
-    # stay those of the design.
+    # Samples with a number in the column `round` are only used for training, so the test
+    # samples stay those of the design.
     is_second = _is_of_second_stage(samples["sample"], study)
     samples["round"] = pd.Series(1, samples.index).where(is_second).astype("Int64")
     training, support = fit_surrogate(study, samples, data)
@@ -70,7 +70,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
 
 
 def _is_of_second_stage(numbers: pd.Series, study: Study) -> pd.Series:
-    """Tell which samples are of the second stage: they follow those of the design."""
+    """Return which samples belong to the second stage: those after the design."""
     return pd.to_numeric(numbers) > study.settings.design.samples
 
 
@@ -96,7 +96,7 @@ def _second_stage(study: Study, training: Training, data: pd.DataFrame) -> Batch
         tolerance_percent=section.tolerance_percent,
         random=random,
     )
-    # The numbers follow those of the design, by which `propose` tells the stages apart.
+    # `propose` tells the stages apart by number: these samples come after the design.
     first_number = max(next_number(data), study.settings.design.samples + 1)
     samples = samples_of(space, unit, seeds=1, first=first_number)
     sets = samples[list(space.names)].to_numpy(float)

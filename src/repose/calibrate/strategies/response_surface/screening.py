@@ -70,7 +70,7 @@ def analyse_screening(
     Raises
     ------
     InputError
-        If they show no way towards the targets.
+        If the models show no direction towards the targets.
     """
     targets = study.targets
     names = targets.names
@@ -132,7 +132,7 @@ def fit_models(
         All samples with their responses.
     targets : Targets
     order : str
-        Of the polynomial, as `repose.calibrate.designs.model.fit` takes it.
+        Order of the polynomial, as in `repose.calibrate.designs.model.fit`.
 
     Raises
     ------
@@ -169,8 +169,8 @@ def analysis_tables(
     Returns
     -------
     dict
-        Each table of `TABLES`, with the rows of all responses. The first column is
-        `response`.
+        The tables of `TABLES` by name, each with the rows of all responses. Their first
+        column is `response`.
     """
     tables: dict[str, pd.DataFrame] = {}
     for name, make_table in TABLES.items():
@@ -218,7 +218,7 @@ def path(
     Raises
     ------
     ValueError
-        If the models show no way towards the targets.
+        If the models show no direction towards the targets.
     """
     space = study.parameters
     targets = study.targets
@@ -227,7 +227,7 @@ def path(
     slopes = np.array([model.coefficients[order] for model in models])
     direction = ascent.ascent_direction(slopes, targets.aim - centre, scale_of(targets))
     coded = ascent.path(direction, study.settings.response_surface.steps)
-    # The other parameters stay at 0.5 in the unit cube, which is 0 in coded units.
+    # Keep the other parameters at 0.5 in the unit cube, which is 0 in coded units.
     unit = np.full((len(coded), space.dimensions), 0.5)
     columns = [space.free.index(name) for name in kept]
     unit[:, columns] += coded / 2

@@ -55,10 +55,10 @@ def good_path_points(
 def design(
     points: pd.DataFrame, space: ParameterSpace, section: ResponseSurfaceSettings
 ) -> pd.DataFrame:
-    """Design the surface about the best point of the path.
+    """Design the samples of the surface around the best point of the path.
 
-    It is moved where a factor would leave its range. The outermost level of a factor is
-    `reach` of its range away from the centre.
+    The outermost levels of each factor lie `reach` of its range away from the centre. The
+    centre is moved if a factor would leave its range.
 
     Parameters
     ----------
@@ -71,13 +71,13 @@ def design(
     reach = section.reach
     coded, outermost_level = section.coded(len(factors))
 
-    # Keep the centre so far inside the unit cube that no level leaves it.
+    # Move the centre inwards if the outermost levels would leave the unit cube.
     best = points.loc[points["best"], list(space.names)].to_numpy(float)
     best_unit = space.unit(best)  # (1, d)
     columns = [space.free.index(name) for name in factors]
     centre = np.clip(best_unit[:, columns], reach, 1 - reach)
 
-    # Vary the factors about it; the other parameters stay at the best point.
+    # Vary the factors around the centre, and keep the other parameters at the best point.
     unit = np.repeat(best_unit, len(coded), axis=0)
     unit[:, columns] = centre + reach / outermost_level * coded
     return samples("surface", space, unit, factors, coded)
@@ -110,13 +110,13 @@ def to_unit_cube(
     """
     sample_unit = space.unit(table[list(space.names)].to_numpy(float))
     points = np.atleast_2d(points)
-    # Parameters that are no factors are the same in all samples.
+    # Parameters other than the factors are the same in all samples.
     unit = np.repeat(sample_unit[:1], len(points), axis=0)
     for name, values in zip(factors_of(table), points.T, strict=True):
         column = space.free.index(name)
         coded = table[CODED + name].to_numpy(float)
-        # The position in the range is linear in the coded level. Two samples at the
-        # lowest and the highest level give the line.
+        # The position in the range is linear in the coded level. The line is given by
+        # the samples at the lowest and the highest level.
         lowest = coded.argmin()
         highest = coded.argmax()
         rise = sample_unit[highest, column] - sample_unit[lowest, column]
@@ -128,7 +128,7 @@ def to_unit_cube(
 def alternatives(
     models: list[Model], table: pd.DataFrame, study: Study
 ) -> Alternatives:
-    """Find parameter sets of the cube of the design that are predicted inside all ranges.
+    """Find parameter sets inside the design that are predicted to meet all ranges.
 
     Parameters
     ----------
@@ -225,8 +225,8 @@ def predictions(
     -------
     pandas.DataFrame
         `response`, `target`, `predicted`, `standard_error`, and the ends of two 95 %
-        intervals: from `mean_low` to `mean_high` that of the mean response, from `low`
-        to `high` that of the mean of the `runs`, if the model is right.
+        intervals. The true mean lies between `mean_low` and `mean_high`, and the mean of
+        the `runs` between `low` and `high`, if the model is right.
     """
     point = best.coded[None]
     table = pd.DataFrame({"response": targets.names, "target": targets.aim})

@@ -124,7 +124,7 @@ def advise(
 ) -> Advice:
     """Choose the next batch, or the answer.
 
-    A proposed point is never nearer to a failed sample than to a good one.
+    No proposed point is nearer to a failed sample than to a good one.
 
     Parameters
     ----------
@@ -134,10 +134,10 @@ def advise(
         The targets within their tolerance.
     section : SequentialSettings
     done : int
-        Number of runs so far, with those that failed.
+        Number of runs so far, including failed ones.
     random : numpy.random.Generator
     noise : numpy.ndarray, (k, k), or None
-        Known covariance of a single run; by default the replicates show it.
+        Known covariance of a single run. None estimates it from replicates.
 
     Raises
     ------
@@ -150,7 +150,7 @@ def advise(
     answer = ranking.best
     probability = _probability(model, goal, answer)
 
-    # Decide whether to stop, by the budget and by what further runs can reach.
+    # Decide whether to stop, by the budget and by the probability within reach.
     runs_left = max(section.most_pours - done, 0)
     n_samples = min(section.batch, runs_left // section.seeds)
     reachable = max(goal.reachable(model, ranking.points, runs_left), probability)
@@ -163,8 +163,8 @@ def advise(
         is_past_start=done > section.start_samples * section.seeds,
     )
 
-    # Where the targets cannot be met, the most probable point is merely that of the
-    # largest error, and the nearest point is the best answer.
+    # If the targets cannot be met, the most probable point is merely the one with the
+    # largest error. Then the nearest point is the best answer.
     is_unmet = stop in ("budget", "noise") and no_point_meets(model, goal, ranking)
     is_nearest = stop == "out_of_reach" or is_unmet
     if is_nearest:
@@ -208,7 +208,7 @@ def _choose_batch(
     n_samples : int
         Largest number of points.
     attainable : Reach
-        Whether any parameter set meets the targets.
+        Probability that any parameter set meets the targets, and the nearest points.
     goal : Goal
     observed : Observed
     random : numpy.random.Generator
@@ -218,8 +218,8 @@ def _choose_batch(
     numpy.ndarray, (b, d)
     """
     if attainable.probability < IN_DOUBT:
-        # Half a batch, rounded up, where the draws of the model come nearest to the
-        # targets. There is none if all these points are simulated already.
+        # Use half a batch, rounded up, for the points where draws of the model come
+        # nearest to the targets, unless all of these are already simulated.
         points = random.permutation(attainable.points)
         new_points = _not_simulated(points, observed.simulated)
         half = math.ceil(n_samples / 2)
@@ -238,15 +238,15 @@ def _reason_to_stop(
     n_samples: int,
     is_past_start: bool,
 ) -> str | None:
-    """Return the reason to simulate no further batch; None without one.
+    """Return the reason for ending the search; None to simulate another batch.
 
     Parameters
     ----------
     section : SequentialSettings
     probability : float
-        That the answer meets the targets.
+        Probability that the answer meets the targets.
     reachable : float
-        The highest probability of it that the remaining runs can give.
+        Highest such probability that the remaining runs can reach.
     attainable : float
         Probability that any parameter set meets the targets.
     n_samples : int
@@ -266,7 +266,7 @@ def _reason_to_stop(
 
 
 def no_point_meets(model: Kriging, goal: Goal, ranking: Scored) -> bool:
-    """Tell whether no ranked point is predicted inside the ranges of all targets."""
+    """Return whether no ranked point is predicted inside the ranges of all targets."""
     points = ranking.points[np.isfinite(ranking.scores)]
     mean, _ = model.predict(points)
     return not goal.is_in_ranges(mean).any()
@@ -275,11 +275,11 @@ def no_point_meets(model: Kriging, goal: Goal, ranking: Scored) -> bool:
 def nearest(
     model: Kriging, goal: Goal, observed: Observed, points: np.ndarray
 ) -> np.ndarray:
-    """Find the point (d,) of least expected deviation from the targets.
+    """Find the point (d,) with the smallest expected deviation from the targets.
 
-    The deviation is Eq. 11 of the paper, without a prior. The point is one that the runs
-    support: where samples are thin, as in the corners of a Box-Behnken design, the model is
-    uncertain, so that anything may be near there.
+    The deviation is Eq. 11 of the paper, without a prior. Only points supported by samples
+    are considered. Where samples are thin, as in the corners of a Box-Behnken design, the
+    model is so uncertain that any point may seem near.
 
     Parameters
     ----------
@@ -314,16 +314,16 @@ def _probability(model: Kriging, goal: Goal, point: np.ndarray) -> float:
 def _refine_search(
     points: np.ndarray, score: Score, observed: Observed, random: Generator
 ) -> Scored:
-    """Add points ever nearer to the best ones, and score all of them.
+    """Add points around the best ones, in ever smaller steps, and score them all.
 
     Parameters
     ----------
     points : numpy.ndarray, (m, d)
         First points of the unit cube.
     score : callable
-        From points (n, d) to their scores (n,); a higher score is better.
+        Function of points (n, d) that returns their scores (n,). Higher is better.
     observed : Observed
-        A point nearer to a failed sample than to a good one gets minus infinity.
+        The samples. A point nearer to a failed one than to a good one scores -inf.
     random : numpy.random.Generator
     """
 

@@ -130,11 +130,11 @@ class Goal(NamedTuple):
         )
 
     def reachable(self, model: Kriging, unit: np.ndarray, pours: int) -> float:
-        """Estimate the highest probability that further runs can give at best.
+        """Estimate the highest probability that further runs can lead to.
 
-        With the noise N of a run, p further runs at a point shrink the covariance C of
-        its mean to R = (C^-1 + p N^-1)^-1. They may move the mean towards the target by
-        `LUCK` standard deviations of what they tell, sqrt(C - R).
+        If a run has the noise N, p further runs at a point reduce the covariance C of
+        its mean to R = (C^-1 + p N^-1)^-1. With luck they also move the mean towards the
+        target, by up to `LUCK` standard deviations sqrt(C - R) of this gain.
 
         Parameters
         ----------
@@ -145,7 +145,7 @@ class Goal(NamedTuple):
             Number of further runs, all at one of the points.
         """
         mean, covariance = model.predict(unit)
-        # The covariance after the further runs.
+        # Covariance after the further runs.
         precision = np.linalg.inv(covariance) + pours * np.linalg.inv(model.noise)
         remaining = np.linalg.inv(precision)
         # Move each mean towards its target, but not beyond it.
@@ -157,14 +157,14 @@ class Goal(NamedTuple):
         return float(self.probability(lucky_mean, remaining).max())
 
     def needed(self, noise: np.ndarray, probability: float) -> int:
-        """Count the runs at a point that fix its mean within the tolerance.
+        """Find how many runs at a point determine its mean within the tolerance.
 
         Parameters
         ----------
         noise : array (k, k)
-            Covariance of a single run; the only uncertainty that counts.
+            Covariance of a single run, the only uncertainty considered.
         probability : float
-            For all responses together.
+            Required probability that all means lie within the tolerance.
 
         Returns
         -------
@@ -177,7 +177,7 @@ class Goal(NamedTuple):
                 self.probability(self.aim[None], noise[None] / runs)[0] >= probability
             )
 
-        # Double the runs until they are enough, then halve the interval.
+        # Double the number of runs until it is enough, then bisect.
         too_few = 0
         enough = 1
         while enough < MOST_NEEDED and not is_enough(enough):

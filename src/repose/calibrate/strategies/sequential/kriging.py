@@ -107,13 +107,13 @@ class Observed(NamedTuple):
         return to_failed >= to_good
 
     def noise(self) -> np.ndarray:
-        """Estimate the covariance (k, k) of a single run about its sample's mean.
+        """Estimate the covariance (k, k) of a single run about the mean of its sample.
 
-        All samples have the same covariance. ValueError if too few samples have two
-        runs, or if the runs of the samples are all alike.
+        It is assumed to be the same for all samples. ValueError if too few samples have
+        two runs, or if the runs of each sample are all alike.
         """
         k = self.values.shape[2]
-        # A missing run has the residual 0, which adds nothing to the sums.
+        # The residual of a missing run is 0, which does not change the sums.
         residuals = self.residuals.reshape(-1, k)
         if self.freedom <= k:
             raise ValueError(
@@ -122,7 +122,7 @@ class Observed(NamedTuple):
             )
         covariance = residuals.T @ residuals / self.freedom
         sd = np.sqrt(np.diagonal(covariance))
-        # Residuals as small as the rounding of the means are no noise.
+        # Residuals as small as the rounding errors of the means are not noise.
         are_alike = sd <= ROUNDING * np.abs(self.means).max(axis=0)
         if are_alike.any() or not _has_full_rank(covariance / np.outer(sd, sd)):
             raise ValueError(
@@ -132,7 +132,7 @@ class Observed(NamedTuple):
 
 
 def _has_full_rank(correlation: np.ndarray) -> bool:
-    """Tell whether a matrix of correlations (k, k) is positive definite."""
+    """Return whether a matrix of correlations (k, k) is positive definite."""
     return not np.linalg.eigvalsh(correlation)[0] < ROUNDING
 
 
@@ -183,14 +183,14 @@ class Kriging(Combined):
         self.unit = observed.unit - 0.5
         self.errors = _mean_variances(observed, self._mixing) / self._scale**2
 
-        # Draw the processes of each combination, then collect the processes of each draw.
+        # Draw processes for each combination, then group them by draw.
         draws_of_combinations = [
             _draw_processes(self.unit, values, errors)
             for values, errors in zip(self.values.T, self.errors.T, strict=True)
         ]
         self.sets = list(zip(*draws_of_combinations, strict=True))
 
-        # Compare the predictions of left-out samples with their claimed variances.
+        # Compare the errors at left-out samples with the predicted variances.
         residuals, variances, others = self._left_out()
         self.factor = _factor(residuals, variances, others)
 
@@ -360,12 +360,12 @@ class _MostProbable:
     def __call__(
         self, objective: Callable, start: np.ndarray, bounds: np.ndarray
     ) -> tuple[np.ndarray, float]:
-        """Find the most probable hyperparameters, as scikit-learn calls an optimiser.
+        """Find the most probable hyperparameters; scikit-learn calls this method.
 
         Parameters
         ----------
         objective : callable
-            From theta to the negative log likelihood and its gradient.
+            Function of theta that returns the negative log likelihood and its gradient.
         start : array (1 + d,)
         bounds : array (1 + d, 2)
 
@@ -381,7 +381,7 @@ class _MostProbable:
         def loss(theta: np.ndarray) -> tuple[float, np.ndarray]:
             """Compute the negative log posterior and its gradient.
 
-            `objective` gives those of the likelihood; the normal prior adds to both.
+            The normal prior adds a term to each result of `objective`.
             """
             value, gradient = objective(theta)
             z = (theta - self.mean) / self.sd
@@ -390,7 +390,7 @@ class _MostProbable:
         minimum = optimize.minimize(
             loss, start, jac=True, method="L-BFGS-B", bounds=bounds
         )
-        # Second derivatives are differences of gradients a step apart.
+        # Compute second derivatives as central differences of the gradient.
         for k, step in enumerate(STEP * np.eye(len(start))):
             _, gradient_above = loss(minimum.x + step)
             _, gradient_below = loss(minimum.x - step)
@@ -401,10 +401,10 @@ class _MostProbable:
 def _draw_processes(
     unit: np.ndarray, values: np.ndarray, errors: np.ndarray
 ) -> list[Any]:
-    """Draw processes of one combination from the posterior of their hyperparameters.
+    """Draw Gaussian processes from the posterior of their hyperparameters.
 
-    A process has a linear part of fixed covariance, and a smooth deviation from it
-    whose variance and lengths are drawn.
+    All of them model one combination of the responses. A process is the sum of a linear
+    part with a fixed covariance and a smooth part with a random variance and lengths.
 
     Parameters
     ----------
@@ -419,13 +419,13 @@ def _draw_processes(
     """
     from repose.calibrate.surrogates.process import Process, smooth, straight
 
-    # Begin at the middle of the prior. The means have variance 1, so the signal has what
-    # the noise leaves.
+    # Start at the centre of the prior. The means have variance 1, so the variance of the
+    # signal is 1 less that of the noise.
     d = unit.shape[1]
     log_length = LENGTH_LOG_MEAN + 0.5 * math.log(d)
     signal = max(1 - errors.mean(), LEAST_SIGNAL)
-    # A point has a variance of 1/12 in each parameter. With this slope the straight
-    # line has the variance of the means, 1, a priori.
+    # A point has a variance of 1/12 in each parameter. This slope gives the linear part
+    # a prior variance of 1, which is the variance of the means.
     slope = math.sqrt(12 / d)
     lengths = np.full(d, math.exp(log_length))
     kernel = straight(slope) + smooth(signal, lengths, (BOUNDS, BOUNDS), SMOOTHNESS)

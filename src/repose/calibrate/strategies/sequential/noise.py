@@ -62,10 +62,10 @@ def noise_of(
 ) -> Noise:
     """Find the noise of a single run.
 
-    Replicates determine it. Without enough of them each response has the standard
-    deviation in `noise_sd`, or else an estimate from single runs. Replicates that are
-    all alike, of a simulator without random numbers or of rounded results, count as one
-    run.
+    It is estimated from replicates if there are enough. Otherwise the standard deviation
+    of each response is taken from `noise_sd`, or else estimated from single runs.
+    Replicates that are all alike count as one run. Such replicates come from a simulator
+    without random numbers, or from rounded results.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def noise_of(
     names : sequence of str
         Of the k responses.
     noise_sd : mapping
-        Given standard deviations of some responses.
+        Standard deviations of some responses, as given by the user.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def noise_of(
             f"or at least {fewest} samples, for an estimate of it",
         )
 
-    # Without replicates each response has a variance of its own, and no correlation.
+    # Without replicates the correlation is unknown, so treat the responses separately.
     sources = {}
     variances = []
     for k, name in enumerate(names):
@@ -139,9 +139,9 @@ def nugget(unit: np.ndarray, means: np.ndarray, shares: np.ndarray) -> float:
 def _nugget_of(
     unit_bytes: bytes, means_bytes: bytes, shares_bytes: bytes, d: int
 ) -> float:
-    """Estimate a nugget from the bytes of its arrays.
+    """Estimate a nugget, with its arrays passed as bytes.
 
-    The cache needs arguments that it can compare, which arrays are not.
+    The cache needs hashable arguments, and arrays are not hashable.
     """
     from repose.calibrate.surrogates.process import Process, smooth
 
@@ -149,12 +149,13 @@ def _nugget_of(
     means = np.frombuffer(means_bytes)
     shares = np.frombuffer(shares_bytes)
 
-    # Scale the means to variance 1, unless they differ by their rounding alone.
+    # Scale the means to variance 1, unless their differences are mere rounding errors.
     rounding = 1e-9 * float(np.abs(means).max())
     scale = max(float(means.std()), rounding, LEAST_SCALE)
     values = (means - means.mean()) / scale
 
-    # Fit a smooth process for each possible noise, and weigh the noises by its evidence.
+    # Fit a smooth process for each candidate of the noise, and weight the candidates by
+    # the evidence of the fit.
     kernel = smooth(1.0, np.ones(unit.shape[1]), (BOUNDS, LENGTHS), SMOOTHNESS)
     log_evidence = np.array(
         [

@@ -52,8 +52,8 @@ class _Nearest(NamedTuple):
 def reach(model: Kriging, goal: Goal, random: np.random.Generator) -> Reach:
     """Estimate the probability that any parameter set meets the goal.
 
-    Each function that the model draws has its best parameter set. The probability is the
-    share of the functions whose best set meets the goal.
+    The model draws random functions of the parameters. The probability is the share of
+    these functions whose best parameter set meets the goal.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def reach(model: Kriging, goal: Goal, random: np.random.Generator) -> Reach:
     """
     from scipy.stats import qmc
 
-    # Start from points all over the ranges and from corners.
+    # Start the search from points all over the ranges and from corners.
     d = model.unit.shape[1]
     everywhere = goal.space.from_prior(qmc.Sobol(d, rng=random).random(CANDIDATES))
     starts = np.vstack([everywhere, np.round(everywhere)])
@@ -74,7 +74,8 @@ def reach(model: Kriging, goal: Goal, random: np.random.Generator) -> Reach:
         draws = Draws(model, number, random)
         results.append(_nearest(draws, goal, starts, random))
 
-    # Put all draws together: the goal is met within one tolerance.
+    # Combine all draws. A draw meets the goal if its largest deviation is at most one
+    # tolerance.
     largest = np.concatenate([result.largest for result in results])
     F = np.concatenate([result.F for result in results])
     return Reach(
@@ -88,7 +89,7 @@ def reach(model: Kriging, goal: Goal, random: np.random.Generator) -> Reach:
 def _nearest(
     draws: "Draws", goal: Goal, starts: np.ndarray, random: np.random.Generator
 ) -> _Nearest:
-    """Search each draw for the points of least deviation from the goal.
+    """Search each draw for the points that deviate least from the goal.
 
     The search tries random points around the best ones so far, in ever smaller steps.
 
@@ -103,7 +104,7 @@ def _nearest(
     points = starts
     largest, F = goal.of_responses(draws(points))  # both (draws, points)
     for step in STEPS:
-        # Choose the best point of each draw by either deviation.
+        # Choose the best points of each draw, by the largest deviation and by F.
         best = points[np.concatenate([largest.argmin(axis=1), F.argmin(axis=1)])]
 
         # Try points around them.
@@ -112,7 +113,7 @@ def _nearest(
         new_points = np.clip(centres + shifts, 0, 1)
         new_largest, new_F = goal.of_responses(draws(new_points))
 
-        # Add them to the others; every draw may use the points of all draws.
+        # Add them to the points of all draws, so that each draw can use every point.
         points = np.vstack([points, new_points])
         largest = np.hstack([largest, new_largest])
         F = np.hstack([F, new_F])
@@ -151,13 +152,13 @@ class Draws:
         self.model = model
         self._processes = []
         for k, process in enumerate(model.sets[number]):
-            # Draw functions that know nothing of the samples, and noise at the samples.
+            # Draw functions from the prior, and noise at the samples.
             prior = _draw_prior(process.kernel, model.unit.shape[1], random)
             values = model.values[:, k, None]
             errors = model.errors[:, k, None]
             noise = np.sqrt(errors) * random.standard_normal((len(values), FUNCTIONS))
-            # Weights of the covariances with the samples, by which the functions come to
-            # agree with the samples' values (W20).
+            # Compute the weights of the corrections that make the functions agree with
+            # the samples (W20).
             residuals = values - prior(model.unit) - noise
             corrections = linalg.cho_solve((process.root, True), residuals)
             self._processes.append(_DrawnProcess(process, prior, corrections))
@@ -172,9 +173,9 @@ class Draws:
             covariances = process.kernel(centred, self.model.unit)
             mean = (covariances @ process.weights)[:, None]
             draws = prior(centred) + covariances @ corrections
-            # The model's factor is on the variance of each draw about the mean.
+            # Widen the draws about their mean: the factor applies to the variance.
             combinations.append(mean + widening * (draws - mean))
-        # From combinations (m, draws, k) to responses, with the draws first.
+        # Convert combinations (m, draws, k) to responses (draws, m, k).
         values = np.stack(combinations, axis=-1)
         return self.model.unmixed(values).transpose(1, 0, 2)
 
@@ -182,10 +183,10 @@ class Draws:
 def _draw_prior(
     kernel: Any, d: int, random: np.random.Generator
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """Draw functions of a process's prior by random features (RR08).
+    """Draw functions from the prior of a process by random features (RR08).
 
-    A function is a constant and a straight line, plus a sum of cosines of random
-    frequency and phase that stands for Matern's covariance.
+    A function is the sum of a constant, a linear part, and cosines with random frequencies
+    and phases that approximate the Matern covariance.
 
     Parameters
     ----------
@@ -204,8 +205,8 @@ def _draw_prior(
     smooth = kernel.k2
     variance = smooth.k1.constant_value
     matern = smooth.k2
-    # Cosines of the smooth part: frequencies, phases and amplitudes. The frequencies of
-    # Matern's covariance are distributed as Student's t.
+    # Draw frequencies, phases and amplitudes of the cosines. The frequencies of the Matern
+    # covariance have Student's t distribution.
     freedom = 2 * SMOOTHNESS
     frequencies = random.standard_normal((FEATURES, d)) / matern.length_scale
     frequencies /= np.sqrt(random.chisquare(freedom, (FEATURES, 1)) / freedom)
@@ -213,7 +214,7 @@ def _draw_prior(
     amplitudes = np.sqrt(2 * variance / FEATURES) * random.standard_normal(
         (FEATURES, FUNCTIONS)
     )
-    # Slopes of the straight line in each input, and the constant.
+    # Draw the slope of the linear part in each input, and the constant.
     slopes = np.sqrt(straight.k1.constant_value) * random.standard_normal(
         (d, FUNCTIONS)
     )

@@ -65,7 +65,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     goal = _goal(study)
     observed = arrange_runs(data, space, study.targets)
     try:
-        # None where the replicates show the noise.
+        # The noise is None if it can be estimated from replicates.
         noise = known_noise(study, observed)
         advice = advise(observed, goal, section, len(data), _random(study, data), noise)
     except (InputError, ValueError) as error:
@@ -75,7 +75,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
         samples = samples_of(space, advice.batch, section.seeds, next_number(data))
         return Batch(samples, notes)
 
-    # The search ends: give the answer.
+    # The search ends with this answer.
     final_notes = notes | _notes_of_end(notes, study, data)
     return answer(
         study,
@@ -88,7 +88,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
 
 
 def _start(study: Study, data: pd.DataFrame, notes: Mapping[str, Any]) -> Batch:
-    """Make the first batch: samples all over the ranges, as far as the budget allows.
+    """Make the first batch: samples all over the ranges, up to the budget.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def _start(study: Study, data: pd.DataFrame, notes: Mapping[str, Any]) -> Batch:
 def _start_again(
     study: Study, data: pd.DataFrame, observed: Observed, error: ValueError
 ) -> Batch:
-    """Sample all over the ranges again, where too few samples are good for a model.
+    """Make another first batch, because too few samples are good for a model.
 
     Parameters
     ----------
@@ -120,18 +120,18 @@ def _start_again(
     observed : Observed
         The same as arrays.
     error : ValueError
-        Why there is no model.
+        The error that the model raised.
 
     Raises
     ------
     InputError
-        If there are enough good samples, so that the model failed for another reason,
-        or if the budget does not allow a further start.
+        If enough samples are good, so that the model failed for another reason, or if
+        the budget does not allow another first batch.
     """
     section = study.settings.sequential
     n_failed = len(observed.failed)
     n_good = len(observed.unit)
-    # Among few good samples equal responses may be chance.
+    # With few good samples, equal responses may be a coincidence.
     if n_good >= 2 * n_failed:
         check_responses(data, study.targets)
     is_too_few = n_good < section.start_samples
@@ -153,7 +153,7 @@ def answer(
     notes: Mapping[str, Any] | None = None,
     model: Kriging | None = None,
 ) -> Answer:
-    """Give the answer after the runs so far.
+    """Return the answer that the runs so far lead to.
 
     Parameters
     ----------
@@ -161,14 +161,14 @@ def answer(
     data : pandas.DataFrame
         The runs so far.
     point : numpy.ndarray, (d,), optional
-        The answer in the unit cube. By default it is the point that meets the targets
-        most probably, or the nearest one if none is predicted to meet them.
+        The answer in the unit cube. By default it is the point most likely to meet the
+        targets, or the nearest one if none is predicted to meet them.
     why : str, optional
         Why no more runs are needed.
     notes : mapping, optional
         Further results, as in `Answer`.
     model : Kriging, optional
-        That of these runs, where it is known already.
+        Model of these runs, if it has already been fitted.
 
     Raises
     ------
@@ -187,7 +187,7 @@ def answer(
     others = alternatives(ranking, model, targets, study.settings.miga)
     if point is None:
         point = ranking.best
-        # Where no point meets the targets, the most probable one is merely uncertain.
+        # If no point meets the targets, the most probable one is merely uncertain.
         if no_point_meets(model, goal, ranking):
             point = nearest(model, goal, observed, ranking.points)
             why = f"{why}; {NEAREST}"
@@ -305,9 +305,9 @@ def _random(study: Study, data: pd.DataFrame) -> np.random.Generator:
 
 
 def _notes(advice: Advice, study: Study) -> dict[str, Any]:
-    """Describe the state after the runs so far, as the notes of a proposal.
+    """Describe the state of the search, as the notes of a proposal.
 
-    `row` is the row of this proposal in the table of batches.
+    The entry `row` is the row of this proposal in the table of batches.
     """
     space = study.parameters
     values = space.values(advice.answer[None])[0].tolist()
@@ -338,7 +338,7 @@ def _notes(advice: Advice, study: Study) -> dict[str, Any]:
 
 
 def _why(advice: Advice) -> str:
-    """Say why the search stops, or how it goes on."""
+    """Describe why the search stops, or how it continues."""
     if advice.stop is None:
         return f"{len(advice.batch)} more samples are poured"
     why = WHY[advice.stop]
@@ -381,9 +381,9 @@ def _notes_of_end(
 
 
 def _out_of_reach(notes: Mapping[str, Any], targets: Targets) -> str:
-    """Say how near the answer comes to targets that are out of reach.
+    """Describe how close the answer comes to targets that are out of reach.
 
-    `notes` are those of `_notes`.
+    `notes` is the result of `_notes`.
     """
     row = notes["row"]
     deviations = []
