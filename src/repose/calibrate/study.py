@@ -91,7 +91,7 @@ class Study:
         label: str = "study",
         **sections: Any,
     ) -> None:
-        """Check and complete the settings, and keep them beside the file of runs."""
+        """Check and complete the settings, and save them next to the file of runs."""
         from repose.calibrate.profile_targets import expand_own_profiles
         from repose.calibrate.study_file import complete_configuration
 
@@ -303,23 +303,23 @@ class Study:
     def calibrate(
         self, simulate: Simulate, workers: int | Executor = 1
     ) -> "Calibration":
-        """Simulate all that the strategy asks for, and return the answer.
+        """Simulate all runs that the strategy asks for, and return the answer.
 
-        With a file each run is on the disk as soon as it is made. The runs of a batch do
-        not depend on each other, so several may be made at a time; the answer is the
-        same.
+        If the study has a file, each run is saved as soon as it is finished. The runs of
+        a batch are independent, so they can be simulated in parallel without changing the
+        answer.
 
         Parameters
         ----------
         simulate : function
-            It takes a row of `ask` as a mapping, and returns the responses by name. A
-            run failed if it returns None, or if a response is missing, NaN, None,
-            infinite or no number, or with a `status` that says anything but ok.
+            It takes a row of `ask` as a mapping, and returns the responses by name. It
+            reports a failed run by None, by a response that is missing or not a finite
+            number, or by a `status` other than ok.
 
         workers : int or concurrent.futures.Executor
-            Runs that are made at a time, in threads of this process: enough where a
-            function starts a program and waits for it. An executor makes them in its own
-            way, such as in processes.
+            Number of runs at a time, in threads of this process. Threads are enough for
+            a function that starts a program and waits for it. An executor can use other
+            means, such as processes.
 
         Returns
         -------
@@ -328,8 +328,8 @@ class Study:
         Raises
         ------
         InputError
-            If it returns no mapping. An exception of `simulate` is raised, too, once
-            the runs that were begun are told.
+            If `simulate` does not return a mapping. Any exception of `simulate` is
+            raised as well, once the runs that had started are recorded.
         """
         if not callable(simulate):
             allowed = "a function of a row of `ask`"
@@ -342,9 +342,9 @@ class Study:
         return self.answer()
 
     def _table_of(self, run: Mapping[str, Any], result: object) -> "pd.DataFrame":
-        """Write a run of `ask` and what a function gave for it as a table for `tell`.
+        """Combine a run of `ask` with its result in a table of one row for `tell`.
 
-        The table has one row. The function gave a mapping, or None for a failed run.
+        `result` is what the user's function returned: a mapping, or None for a failure.
         """
         import pandas as pd
 
@@ -389,10 +389,10 @@ class Study:
 def _executor(
     workers: int | Executor,
 ) -> AbstractContextManager[Executor | None]:
-    """Return what makes several runs at a time; None for one after another.
+    """Return the executor that simulates runs in parallel; None for one after another.
 
-    A context manager: threads of our own are ended with it, an executor of the user stays
-    open.
+    The executor is wrapped in a context manager. Its exit shuts down threads started here,
+    but not an executor that the user passed.
     """
     if isinstance(workers, Executor):
         return nullcontext(workers)
@@ -408,7 +408,7 @@ def _executor(
 def _results(
     simulate: Simulate, asked: Sequence[Run], executor: Executor | None
 ) -> Iterator[tuple[Run, Any]]:
-    """Simulate runs, and yield each with its result as soon as it is made.
+    """Simulate runs, and yield each with its result as soon as it is finished.
 
     Parameters
     ----------
@@ -417,12 +417,13 @@ def _results(
     asked : sequence of dict
         The runs.
     executor : Executor or None
-        What makes several runs at a time; None for one after another.
+        It simulates several runs at a time. None simulates one after another.
 
     Raises
     ------
     BaseException
-        The first exception of `simulate`, after the results of the runs that had begun.
+        The first exception of `simulate`, raised after the results of the runs that had
+        already started.
     """
     if executor is None:
         for run in asked:
@@ -438,11 +439,11 @@ def _results(
             if error is None:
                 yield run_of_future[future], future.result()
             elif first_error is None:
-                # Start no further runs, but wait for those that have begun.
+                # Start no further runs, but wait for those that have already started.
                 first_error = error
                 _cancel(run_of_future)
     finally:
-        # Also where a result is refused, or a person breaks off.
+        # Also cancel the runs if a result is refused, or if the user interrupts.
         _cancel(run_of_future)
     if first_error is not None:
         raise first_error
@@ -502,12 +503,12 @@ def _settings_file(file: Path_) -> Path:
 
 
 def _keep_settings(content: Mapping[str, Any], file: Path_) -> None:
-    """Write the settings beside the file of runs, or compare them with those there.
+    """Save the settings next to the file of runs, or compare them with the saved ones.
 
     Raises
     ------
     InputError
-        If other settings are there: runs of two studies would be mixed.
+        If the saved settings differ, because runs of two studies would be mixed.
     """
     from repose.common.reading import read
 
@@ -516,7 +517,7 @@ def _keep_settings(content: Mapping[str, Any], file: Path_) -> None:
         write_json(path, content)
         return
     settings_there = read(path)
-    # Compare the settings as the file would have them.
+    # Compare the settings in the form in which the file would hold them.
     settings = json.loads(json_text(content))
     for key in sorted({*settings_there, *settings}):
         if settings_there.get(key) != settings.get(key):
@@ -525,7 +526,7 @@ def _keep_settings(content: Mapping[str, Any], file: Path_) -> None:
 
 
 def _plain(value: Any) -> Any:
-    """Write tuples, and numbers and arrays of numpy, as a file has them."""
+    """Convert tuples and NumPy values to the plain types of a file."""
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, Mapping):

@@ -97,7 +97,7 @@ class OwnTarget(Section):
         low, high = self.range or (-math.inf, math.inf)
         if not low <= self.value <= high or low == high:
             yield "range", f"a pair [low, high] about the value, {self.value:g}"
-        # A smaller noise would be lost in the rounding of the numbers.
+        # A smaller noise would be lost in rounding errors.
         smallest_noise = 1e-9 * abs(self.value)
         if self.noise_sd is not None and self.noise_sd < smallest_noise:
             yield "noise_sd", f"at least {smallest_noise:g}"
@@ -176,8 +176,8 @@ class StudyFile(Section):
         cls, targets: dict[str, OwnTarget], info: ValidationInfo
     ) -> dict[str, OwnTarget]:
         """Refuse bad names, names of parameters, and a study without targets."""
-        # Parameters, responses and standard errors are columns of one table. The standard
-        # error of a response is the column with _se at its end.
+        # Parameters, responses and standard errors are columns of one table, so their names
+        # must differ. The suffix _se marks the standard error of a response.
         parameters = info.data.get("parameters", {})
         columns = {*parameters, *(f"{name}_se" for name in targets)}
         faults = list(_bad_columns(targets))
@@ -231,12 +231,12 @@ def complete_configuration(
     source: object = "study",
     model: type[StudyFile] | None = None,
 ) -> dict[str, Any]:
-    """Check a configuration and fill in each key that it leaves out.
+    """Check a configuration, and fill in the missing keys.
 
     Parameters
     ----------
     content : mapping
-        The keys that the user gives.
+        The keys that the user sets.
     source : object, optional
         File that a fault names.
     model : type of StudyFile, optional
@@ -245,14 +245,14 @@ def complete_configuration(
     Returns
     -------
     dict
-        The configuration with all sections, also those of other strategies. A missing
-        key of `sequential` or `posterior` has the default of its model, a key of
-        another section the value of config/method.yaml.
+        The configuration with all sections, including those of other strategies. Missing
+        keys of `sequential` and `posterior` get the defaults of their models, those of
+        other sections the values of config/method.yaml.
 
     Raises
     ------
     InputError
-        With all faults at once.
+        If there are faults; the error lists all of them.
     """
     from repose.calibrate.strategies import cost
 
@@ -266,8 +266,8 @@ def complete_configuration(
     if config["network"].get("split", AUTO) == AUTO:
         config["network"] = config["network"] | {"split": split_of(config["surrogate"])}
 
-    # The strategy's own rules. Those of `sequential` do not hold here: the model has
-    # its budget, and `noise_sd` may give the noise in place of repeated runs.
+    # Check the rules of the strategy. Those of `sequential` do not apply here: its model
+    # checks the budget, and `noise_sd` may replace repeated runs.
     name = config["strategy"]
     if name != "sequential":
         section = settings_of(config).of_strategy(name)
@@ -289,8 +289,8 @@ def _with_defaults(
 ) -> dict[str, Any]:
     """Return the keys of a configuration, unchecked, over the defaults of the others.
 
-    The defaults are those of config/method.yaml, except for two sections that a study with
-    a simulator of the user's own has in a shorter form.
+    The defaults are those of config/method.yaml. Two of its sections are shorter in a study
+    with the user's own simulator.
     """
     defaults: dict[str, Any] = read(places.find(places.METHOD_CONFIG))
     sequential = defaults["sequential"]
@@ -324,7 +324,7 @@ def _with_defaults(
         if not isinstance(defaults.get(name), Mapping):
             continue
         section = config.get(name, {})
-        # Anything but a section stays as it is, for the later check.
+        # Leave anything but a section as it is; the later check refuses it.
         if isinstance(section, Mapping):
             section = {**defaults[name], **section}
         config[name] = section
@@ -341,9 +341,9 @@ def _runs_of_a_sample(content: Mapping[str, Any], otherwise: int) -> int:
 
 
 def _require_texts_as_names(config: Mapping[str, Any], source: object) -> None:
-    """Refuse names of parameters and targets that YAML takes for numbers or dates.
+    """Refuse names of parameters and targets that YAML reads as numbers or dates.
 
-    A name that begins with # is refused, too.
+    Names that begin with # are refused as well.
     """
     errors = []
     for section in ("parameters", "targets"):
@@ -377,17 +377,17 @@ def split_of(surrogate: str) -> list[float]:
 
 
 def settings_of(config: Mapping[str, Any]) -> CalibrationSettings:
-    """Make the typed sections of a `completed` configuration."""
+    """Return the typed sections of a complete configuration."""
     sequential = config["sequential"]
     posterior = config["posterior"]
     targets = config["targets"]
-    # Sections that a strategy registered beside those of this package.
+    # Read the sections of strategies registered outside this package.
     others = {}
     for name in names():
         model = strategy(name).settings
         if model is not None and name not in StudyFile.model_fields:
             others[name] = model.model_validate(config[name])
-    # The next two were checked with bounds of their own.
+    # These two sections have already been checked against other bounds than usual.
     own_sequential = SequentialSettings.model_construct(
         start_samples=sequential["start_samples"],
         seeds=sequential["seeds"],
@@ -465,17 +465,17 @@ def _target(name: str, entry: Mapping[str, Any]) -> Target:
 
 
 def unread_keys(content: Mapping[str, Any]) -> list[str]:
-    """List the keys of a configuration that neither its strategy nor any answer reads.
+    """List the keys of a configuration that have no effect with its strategy.
 
     Parameters
     ----------
     content : mapping
-        The keys that the user gave, which were checked.
+        The keys that the user set, after the check.
     """
     name = content.get("strategy", "sequential")
     keys_read = _keys_read(name, content)
 
-    # The keys that a strategy may ignore: two of the top level, and all of sections.
+    # List the keys that a strategy may ignore: two at the top level, and all in sections.
     keys = [key for key in ("seeds", "surrogate") if key in content]
     for section in file_model().model_fields:
         if isinstance(content.get(section), Mapping):
@@ -484,7 +484,7 @@ def unread_keys(content: Mapping[str, Any]) -> list[str]:
     unread = []
     for key in keys:
         section = key.partition(".")[0]
-        # The seed of the study stands in place of each section's own seed.
+        # The seed of the study replaces the seeds of the sections.
         if key.endswith(".seed") or not keys_read & {key, section}:
             unread.append(key)
     return sorted(unread)
@@ -496,21 +496,21 @@ def _keys_read(name: str, content: Mapping[str, Any]) -> set[str]:
     Parameters
     ----------
     name : str
-        Of the strategy.
+        Name of the strategy.
     content : mapping
-        The keys that the user gave.
+        The keys that the user set.
     """
     chosen = strategy(name)
     keys = set(READ_BY_ALL)
     if chosen.begins_with_design:
         keys.update(DESIGNED)
     if chosen.seeds_key is not None:
-        # The strategy has a key of its own for the runs of a sample.
+        # The strategy has its own key for the number of runs of a sample.
         keys.discard("seeds")
     if chosen.reads:
         keys.update(chosen.reads)
     elif not chosen.begins_with_design:
-        # A strategy that does not say what it reads may read everything.
+        # A strategy that does not declare what it reads may read everything.
         keys.update(content)
 
     # Only a network reads the section of this name.
@@ -518,7 +518,7 @@ def _keys_read(name: str, content: Mapping[str, Any]) -> set[str]:
     if chosen.begins_with_design and not is_network:
         keys.discard("network")
 
-    # The runs of a sample stand in `seeds` or in `sequential.seeds`; only one is read.
+    # The number of runs of a sample is either `seeds` or `sequential.seeds`.
     if "sequential" in keys:
         keys.add("seeds")
     has_section_key = get(content, "sequential.seeds") is not None

@@ -21,8 +21,8 @@ OWN = "own"
 def with_defaults(entry: Any) -> Any:
     """Complete an entry of the list `targets`.
 
-    A missing bench test is that of the response. A missing range is `range_about` the
-    measured value, if its numbers are usable; anything else stays for the later check.
+    The default bench test is that of the response. The default range is `range_about` the
+    measured value, if its numbers are usable. The later check refuses unusable entries.
     """
     if not isinstance(entry, Mapping):
         return entry
@@ -209,7 +209,7 @@ class Targets(tuple[Target, ...]):
     def in_words(self, numbers: Sequence[str]) -> str:
         """Write a number for each target with its unit, as in ``32.5 deg and 66.1 mm``.
 
-        The symbols of the responses stand before the numbers if two units are equal.
+        If two responses share a unit, each number is preceded by a symbol.
         """
         units = [target.response.unit for target in self]
         needs_symbols = len(set(units)) < len(units)

@@ -81,7 +81,7 @@ class Replicates(NamedTuple):
     ) -> Self | None:
         """Estimate the noise of some samples.
 
-        It is None if the scatter of a bench test has no full rank.
+        The result is None if the covariance of a bench test is singular.
 
         Parameters
         ----------
@@ -107,8 +107,8 @@ class Replicates(NamedTuple):
             if is_too_few or not np.linalg.eigvalsh(block)[0] > 0:
                 return None
 
-            # The number of runs is the weight of a sample. It counts in runs of the first
-            # bench test, and the covariance belongs to one run of that test.
+            # Weight each sample by its number of runs. Express the weights in runs of the
+            # first bench test, and scale the covariance to one of these runs.
             runs_of_sample = runs_of_bench["sample"].value_counts()
             weight = runs_of_sample.reindex(samples, fill_value=0).to_numpy(float)
             first_weight = weights[0] if weights else weight
@@ -174,8 +174,8 @@ def train(
     def fit(part: np.ndarray, covariance: np.ndarray | None = None) -> _Fit:
         """Fit a new surrogate to the samples in some rows.
 
-        Their replicates show the noise. Without enough of them `covariance` (k, k) is
-        that of the noise, up to a factor.
+        The noise is estimated from replicates. If there are too few, it has the
+        covariance (k, k), up to a factor.
         """
         samples = usable["sample"].iloc[part]
         noise: dict[str, Any] = {"noise_covariance": covariance}
@@ -234,7 +234,7 @@ def _predictions(
     rows: Mapping[str, np.ndarray],
     targets: Targets,
 ) -> pd.DataFrame:
-    """Make the table of the samples with their responses and predictions.
+    """Tabulate the simulated and predicted responses of the samples.
 
     Parameters
     ----------
@@ -249,7 +249,7 @@ def _predictions(
     Returns
     -------
     pandas.DataFrame
-        `sample`, `split` (its part), and for each response the two numbers.
+        `sample`, `split` (the part it belongs to), and both values of each response.
     """
     table = pd.DataFrame({"sample": samples, "split": ""})
     for part in SPLITS:
@@ -261,9 +261,9 @@ def _predictions(
 
 
 def message(metrics: Mapping[str, Any]) -> str:
-    """Describe a training: errors at unseen samples, and the starts of a network.
+    """Describe a training: the errors on unseen samples, and the starts of a network.
 
-    `metrics` are those of `Training`; a surrogate that is no network has fewer of them.
+    `metrics` is the attribute of `Training`. Only networks have all of its entries.
     """
     errors = []
     for name, score in metrics["test"].items():
@@ -294,12 +294,12 @@ def message(metrics: Mapping[str, Any]) -> str:
 def restore(
     surrogate_json: Path_, predictions_csv: Path_, dataset_csv: Path_
 ) -> Surrogate:
-    """Load a trained surrogate, and check that its files are of one training.
+    """Load a trained surrogate, and check that its files belong to one training.
 
     Raises
     ------
     InputError
-        If the predictions are not those of the surrogate on the samples of the dataset.
+        If the surrogate does not reproduce its predictions on the samples of the dataset.
     """
     model = load(surrogate_json)
     final_columns = _final_names(model.outputs)
@@ -311,8 +311,8 @@ def restore(
         model.definitions, surrogate_json, definitions, summary_json
     )
 
-    # A surrogate that was fitted to all samples has predictions of its own there. Any
-    # other was fitted to the training part.
+    # A surrogate fitted to all samples has additional columns with its predictions there.
+    # Any other was fitted to the training part only.
     if set(final_columns) <= set(predictions):
         columns = final_columns
     else:
@@ -379,10 +379,10 @@ def split(samples: int, shares: Sequence[float], seed: int) -> dict[str, np.ndar
 def split_rows(
     samples: pd.DataFrame, shares: Sequence[float], seed: int
 ) -> dict[str, np.ndarray]:
-    """Split the rows of a table into train, validation and test.
+    """Split the rows of a table into training, validation and test.
 
-    Samples with a `round` of refinement all train. The others are split as if they were
-    alone, so every round has the same test samples as the design.
+    All samples of a refinement are used for training. The others are split as if they were
+    alone, so the test samples are the same in each round.
 
     Parameters
     ----------
@@ -413,9 +413,9 @@ def error_covariance(
 ) -> np.ndarray:
     """Estimate the covariance of errors at unseen samples.
 
-    An error is the noise of the sample less what the fit has learned of the noise of
-    others. Both are correlated as the noise is, so even a fit that has learned its noise
-    by heart shows the correlation; the size is too large.
+    An error combines the noise of the sample with the noise that the fit has learned from
+    other samples. Both have the correlation of the noise, so it can be estimated even from
+    an overfitted model. The variances are too large.
 
     Parameters
     ----------
@@ -427,12 +427,12 @@ def error_covariance(
     Returns
     -------
     numpy.ndarray, (k, k)
-        0 between bench tests.
+        The covariance, which is 0 between different bench tests.
 
     Raises
     ------
     InputError
-        If it has no full rank.
+        If the covariance is singular.
     """
     product = errors.T @ errors / max(len(errors), 1)
     covariance = np.where(targets.same_bench, product, 0.0)
@@ -481,7 +481,7 @@ def _accuracy(
     names: Sequence[str],
     rows: Mapping[str, np.ndarray],
 ) -> dict[str, Any]:
-    """Count the samples of each part, and compute R2 and RMSE of each response there.
+    """Count the samples of each part, and compute R2 and RMSE of each response on it.
 
     Parameters
     ----------
@@ -516,7 +516,8 @@ def _three_ways(
 ) -> dict[str, dict[str, float | None]]:
     """Compute R2 of the test samples in three ways.
 
-    They are on means, on single runs, and corrected for the noise of the means.
+    It is computed on means, on single runs, and with a correction for the noise of the
+    means.
 
     Parameters
     ----------
@@ -539,7 +540,7 @@ def _three_ways(
     ):
         means = test[name].to_numpy(float)
         errors = test[error_name].to_numpy(float)
-        # All runs of a sample have the prediction of its mean.
+        # The prediction of a single run is that of the mean of its sample.
         runs_of_response = test_runs[test_runs[name].notna()]
         prediction_of_sample = pd.Series(predicted_means, test["sample"])
         predicted_runs = prediction_of_sample[runs_of_response["sample"]].to_numpy()

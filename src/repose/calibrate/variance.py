@@ -78,10 +78,11 @@ class Components(NamedTuple):
 def variance_components(values: ArrayLike, groups: ArrayLike) -> Components:
     """Estimate the variance components of a response from the runs of several samples.
 
-    tau^2 is (MSB - MSW) / n0 (SCM92), or 0 if that is negative. The interval of sigma^2
-    comes from chi^2. That of the intraclass correlation is in (TH78): F = h S^2 / MSW,
-    with S^2 the variance of the means of the groups and h the harmonic mean of their
-    sizes. It is exact when all groups have the same size.
+    The variance between samples tau^2 is (MSB - MSW) / n0 (SCM92), or 0 if this is
+    negative. The interval of the variance within samples sigma^2 comes from a chi^2
+    distribution. The interval of the intraclass correlation uses F = h S^2 / MSW (TH78),
+    where S^2 is the variance of the means of the groups and h is the harmonic mean of
+    their sizes. It is exact if all groups have the same size.
 
     Parameters
     ----------
@@ -93,7 +94,7 @@ def variance_components(values: ArrayLike, groups: ArrayLike) -> Components:
     Raises
     ------
     ValueError
-        Unless there are two samples or more, one of them with two runs or more.
+        If there are fewer than two samples, or if no sample has two runs.
     """
     values, groups = _checked(values, groups)
     number, size, mean = _groups(values, groups)
@@ -238,9 +239,9 @@ class Correlation(NamedTuple):
 def residual_correlation(
     first: ArrayLike, second: ArrayLike, groups: ArrayLike
 ) -> Correlation:
-    """Correlate two responses within samples, from run to run.
+    """Compute the correlation of two responses between runs of the same sample.
 
-    The interval is by Fisher's transformation.
+    The interval is computed by Fisher's transformation.
 
     Parameters
     ----------
@@ -252,7 +253,7 @@ def residual_correlation(
     Raises
     ------
     ValueError
-        For too few degrees of freedom, or a response that does not vary.
+        If there are too few degrees of freedom, or if a response does not vary.
     """
     from scipy import stats  # half a second at start-up
 
@@ -267,10 +268,10 @@ def residual_correlation(
         )
     product = covariance[0, 0] * covariance[1, 1]
     correlation = float(covariance[0, 1] / math.sqrt(product))
-    # The transformed correlation has variance 1 / (n - 3) for n - 1 degrees of freedom.
-    # Within groups `freedom` stands for n - 1.
+    # With n - 1 degrees of freedom, here `freedom`, the transformed correlation has the
+    # variance 1 / (n - 3).
     half = stats.norm.ppf(0.5 + CONFIDENCE / 2) / math.sqrt(freedom - 2)
-    # A correlation of 1 would be infinite there.
+    # Stay away from 1, where the transformation is infinite.
     centre = math.atanh(min(max(correlation, -1 + 1e-12), 1 - 1e-12))
     return Correlation(
         value=correlation,

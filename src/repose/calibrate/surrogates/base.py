@@ -312,9 +312,9 @@ Kind = TypeVar("Kind", bound=type[Surrogate])
 
 
 def register(name: str) -> Callable[[Kind], Kind]:
-    """Make a class decorator that registers a surrogate under a name.
+    """Return a class decorator that registers a surrogate.
 
-    The configuration and files use the name.
+    The configuration and saved files refer to the surrogate by this name.
 
     Raises
     ------

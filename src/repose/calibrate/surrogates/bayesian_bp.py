@@ -120,17 +120,17 @@ class BayesianBP(TrainingSettings, Surrogate):
         sample_weight: ArrayLike | None = None,
         **noise: Unpack[Noise],
     ) -> Self:
-        """Train from all starts, and keep the best.
+        """Train a network from each start, and keep the best.
 
-        With a `noise_covariance` the network is trained on combinations of the outputs
-        whose noises are independent (A35).
+        With a `noise_covariance`, the networks are trained on combinations of the outputs
+        that have independent noise (A35).
 
         Parameters
         ----------
         X : array (samples, inputs)
         y : array (samples, outputs) or (samples,)
         sample_weight : array (samples,), optional
-            How often a sample counts, as in scikit-learn.
+            Weight of each sample, as in scikit-learn.
         **noise
             `precision`, `noise_covariance` and `noise_freedom` as in `Surrogate.fit`.
 
@@ -142,7 +142,7 @@ class BayesianBP(TrainingSettings, Surrogate):
         Raises
         ------
         ValueError
-            For bad settings or samples, or if no start has a finite evidence.
+            If settings or samples are invalid, or if no start has a finite evidence.
         """
         self._check_settings()
         X, Y, count, precision = checked_samples(X, y, sample_weight, **noise)
@@ -159,7 +159,7 @@ class BayesianBP(TrainingSettings, Surrogate):
         scaled_outputs = scale(Y, self.output_min_, self.output_max_, self.scaled_range)
         t = scaled_outputs @ self._mixing
 
-        # Train each start. A sample weighs as often as it counts, times its precision.
+        # Train from each start. Samples are weighted by their count times their precision.
         outputs = t.shape[1]
         weight = count[:, None] * precision
         scatter = pure_error(
@@ -197,8 +197,8 @@ class BayesianBP(TrainingSettings, Surrogate):
     def refit(self, X: ArrayLike, Y: ArrayLike, **noise: Unpack[Noise]) -> Self:
         """Train a copy on other responses, as in `Surrogate.refit`.
 
-        The training begins at the weights that were found, and keeps the scalings,
-        alpha and beta. Evidence and statistics stay those of the first fit.
+        The training starts from the present weights, and keeps the scalings, alpha and
+        beta. The evidence and the statistics of the first fit are kept as well.
         """
         # Scale and mix the outputs as `fit` does.
         X, Y, count, precision = checked_samples(X, Y, **noise)
@@ -236,13 +236,13 @@ class BayesianBP(TrainingSettings, Surrogate):
             statistics = {key: end[key] for key in STATISTICS}
             self.starts_.append({"start": k} | statistics)
 
-        # Take the largest evidence of the starts that converged, or of all.
+        # Choose the largest evidence among the converged starts, or else among all.
         converged = [k for k, end in enumerate(ends) if end["decrement"] < CONVERGED]
         self.converged_starts_ = len(converged)
         candidates = converged if converged else range(self.starts)
         self.best_start_ = max(candidates, key=lambda k: ends[k]["log_evidence"])
 
-        # Name the classes of weights whose alpha is the largest allowed.
+        # Record the classes of weights whose alpha has reached its upper limit.
         names = class_names(self.prior, self.inputs or range(len(self.input_min_)))
         self.at_cap_ = [names[c] for c in ends[self.best_start_]["at_cap"]]
         self._set_network(ends[self.best_start_])
@@ -254,10 +254,10 @@ class BayesianBP(TrainingSettings, Surrogate):
         return network
 
     def _set_network(self, end: Mapping[str, Any]) -> None:
-        """Set weights, evidence and errors from the end of a start.
+        """Set weights, evidence and errors from the result of a start.
 
-        The start was trained on mixed outputs; the weights are set for the outputs as
-        they were before mixing.
+        The start was trained on mixed outputs, so its weights are converted to the
+        original outputs.
         """
         if end["log_evidence"] == -math.inf:
             raise ValueError(
@@ -292,8 +292,9 @@ class BayesianBP(TrainingSettings, Surrogate):
     ) -> Any:
         """Predict responses, with standard deviations on request.
 
-        The standard deviation is sqrt(1 / (2 beta) + g' H^-1 g), with g the gradient of
-        the output by the weights (M92). Without `noise` its first term is left out.
+        The standard deviation is sqrt(1 / (2 beta) + g' H^-1 g), where g is the gradient
+        of the output with respect to the weights (M92). Without `noise`, the first term is
+        left out.
 
         Parameters
         ----------
@@ -304,7 +305,7 @@ class BayesianBP(TrainingSettings, Surrogate):
         Returns
         -------
         array or pair of arrays
-            (samples, outputs), or (samples,) if `fit` got y of this shape.
+            (samples, outputs), or (samples,) if y had this shape in `fit`.
         """
         if not hasattr(self, "W1_"):
             raise ValueError("predict was called before fit")
@@ -397,10 +398,10 @@ class BayesianBP(TrainingSettings, Surrogate):
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        """Make the trained network of a `to_dict`.
+        """Restore a trained network from the result of `to_dict`.
 
-        Nothing is trained: the Hessian follows from the saved weights and samples.
-        Without the entry `training` the network predicts without errors.
+        The Hessian is computed from the saved weights and samples, without training.
+        If the entry `training` is missing, the network predicts without errors.
         """
         arrays = {key: np.asarray(content[key], dtype=float) for key in ARRAYS}
         model = cls(
@@ -427,8 +428,8 @@ class BayesianBP(TrainingSettings, Surrogate):
     def _restore_errors(self, samples: Sequence[int]) -> None:
         """Compute noise and covariance of the weights from the training samples.
 
-        `samples` are the numbers of the samples. The Hessian is a sum over the samples
-        in the order of these numbers, because its last bits depend on the order.
+        `samples` are the numbers of the samples. They fix the order of the sum for the
+        Hessian, on which its last bits depend.
         """
         order = np.argsort(samples)
         if len(order) != len(self.training_["inputs"]):
@@ -511,7 +512,7 @@ def covariances(
     networks : sequence of BayesianBP
     X : array (samples, inputs)
     weights : array (networks, N), optional
-        Those of the networks, to save their collection.
+        Weights of the networks, if they have already been collected.
 
     Returns
     -------
@@ -520,9 +521,9 @@ def covariances(
     if weights is None:
         weights = np.array([network._weights() for network in networks])
     X = np.asarray(X, dtype=float)
-    # In the units of the responses.
+    # Factors from scaled outputs to the units of the responses.
     stretch = networks[0]._stretch()[:, None]
-    # A part of the samples at a time, as the derivatives need much memory.
+    # Process the samples in parts, because the derivatives need much memory.
     parts = []
     for points in np.array_split(X, 1 + len(X) // CHUNK):
         roots = weight_roots(networks, points, weights) * stretch
@@ -535,8 +536,8 @@ def weight_roots(
 ) -> np.ndarray:
     """Compute roots of the covariance of the scaled outputs of networks.
 
-    An error dw of the weights moves the outputs by J dw, with the derivatives J = dy/dw.
-    With the root R of the covariance of the weights, J R is the root for the outputs.
+    An error dw of the weights changes the outputs by J dw, where J = dy/dw. If R is a root
+    of the covariance of the weights, J R is a root of the covariance of the outputs.
 
     Parameters
     ----------
@@ -563,7 +564,7 @@ def weight_roots(
     first = networks[0]
     x = scale(X, first.input_min_, first.input_max_, first.scaled_range)
     _, J = jacobian(weights, x, outputs=len(first.b2_))
-    # Overwrite each network's derivatives: a copy of them all would need much memory.
+    # Overwrite the derivatives in place, because a copy would need much memory.
     for derivatives, network in zip(J, networks, strict=True):
         rows = derivatives.reshape(-1, derivatives.shape[-1])
         rows[:] = rows @ network.posterior_root_

@@ -80,7 +80,7 @@ class GaussianProcess(Combined, Surrogate):
         precision: np.ndarray,
         noise_covariance: ArrayLike | None,
     ) -> None:
-        """Keep the samples and the scaling that follows from them."""
+        """Store the samples, and derive the scaling from them."""
         n_samples, outputs = Y.shape
         if n_samples < FEWEST_SAMPLES:
             raise ValueError(f"{n_samples} samples; expected at least {FEWEST_SAMPLES}")
@@ -98,13 +98,12 @@ class GaussianProcess(Combined, Surrogate):
         Parameters
         ----------
         kernels : sequence of mapping
-            First hyperparameters of each process, as in `report`.
+            Initial hyperparameters of each process, as in `report`.
         bounds : sequence
             Bounds of the variance, the lengths and the noise variance, as scikit-learn
             takes them.
         """
-        # scikit-learn takes half a second to load, so a process that fits none does not
-        # wait for it.
+        # Importing scikit-learn takes half a second, so it is done only for a fit.
         from repose.calibrate.surrogates.process import Process, SampleNoise, smooth
 
         variance_bounds, length_bounds, noise_bounds = bounds

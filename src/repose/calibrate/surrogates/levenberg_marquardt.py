@@ -243,7 +243,7 @@ def train_again(
     beta: float,
     settings: TrainingSettings,
 ) -> dict[str, np.ndarray]:
-    """Train a trained network on other outputs, with the regularisation that it has.
+    """Train a network again on other outputs, without changing its regularisation.
 
     Parameters
     ----------
@@ -276,10 +276,10 @@ def train_again(
         alpha=alpha,
         alpha_of_weight=spread_over_weights(alpha, classes, w.size),
         beta=beta,
-        gamma=size,  # not used: alpha and beta stay
+        gamma=size,  # not used, because alpha and beta are fixed
     )
 
-    # Take steps that lower F, until one lowers it by very little.
+    # Take steps until F hardly falls any more.
     F = state.F()
     mu = max(settings.mu, SMALLEST_MU)
     for _ in range(DESCENT):
@@ -287,7 +287,7 @@ def train_again(
         if weights is None:
             break
         state = state._replace(at=_linear_model(weights, data))
-        # A damping that had to be raised would have to be raised again.
+        # If the damping had to be raised, keep the raised value for the next step.
         mu = next_mu / settings.mu_decrease if next_mu >= mu else next_mu
         fall = F - state.F()
         F -= fall
@@ -316,10 +316,10 @@ def _class_sizes(w: np.ndarray, classes: Sequence[Any]) -> np.ndarray:
 
 
 def _train(w: np.ndarray, data: _Data, settings: TrainingSettings) -> _End:
-    """Take steps until the training ends.
+    """Train a network until one of the stopping criteria is met.
 
-    With several classes of weights the end is the minimum of F at the alpha and beta of
-    the largest evidence.
+    With several classes of weights, the result is the minimum of F for the alpha and beta
+    with the largest evidence.
 
     Parameters
     ----------
@@ -342,13 +342,14 @@ def _train(w: np.ndarray, data: _Data, settings: TrainingSettings) -> _End:
             break
         weights, mu = _step(state, mu, data, settings)
         if weights is None:
-            # No damping up to the largest one gives a step that lowers F.
+            # No step lowers F, even with the largest damping.
             reason = "mu"
             break
         state = _re_estimate(_linear_model(weights, data), state, data)
         epoch += 1
 
-        # A single alpha stays at its largest evidence; several alpha pass it.
+        # With a single alpha the evidence settles at its maximum. With several it may
+        # fall again, so remember the best state.
         if len(data.classes) > 1:
             best = _better(best, state, epoch, data)
             if best is not None and epoch - best.epoch >= PATIENCE:
@@ -376,10 +377,10 @@ def _first_state(w: np.ndarray, data: _Data) -> _State:
 
 
 def _better(best: _Best | None, state: _State, epoch: int, data: _Data) -> _Best | None:
-    """Return the state of larger evidence: the best one so far, or a new one.
+    """Return the state with the larger evidence: the best so far, or a new one.
 
-    A state counts only if it is so near to the minimum of F that its evidence holds.
-    Before the first such state the result is None.
+    A new state is considered only near the minimum of F, where its evidence is valid. The
+    result is None until there is such a state.
     """
     if not state.decrement() < NEAR:
         return best
@@ -391,12 +392,12 @@ def _better(best: _Best | None, state: _State, epoch: int, data: _Data) -> _Best
 
 
 def _descend(state: _State, data: _Data, settings: TrainingSettings) -> _State:
-    """Go to the minimum of F at fixed alpha and beta, and compute gamma there.
+    """Minimise F for fixed alpha and beta, and compute gamma at the minimum.
 
     Parameters
     ----------
     state : _State
-        Where the descent begins.
+        Start of the descent.
     data : _Data
     settings : TrainingSettings
     """

@@ -64,13 +64,16 @@ class NetworkEnsemble(Surrogate):
         return cls([BayesianBP.of(settings)])
 
     def fit(self, X: ArrayLike, Y: ArrayLike, **noise: Unpack[Noise]) -> Self:
-        """Train all starts, and choose the members, as in `Surrogate.fit`."""
-        # The network trains all starts, and keeps the best.
+        """Train a network from each start, and choose the members of the ensemble.
+
+        The arguments are those of `Surrogate.fit`.
+        """
+        # Fitting one network trains all starts, and keeps the best.
         best = self.members_[0]
         best.inputs = self.inputs
         best.fit(X, Y, **noise)
 
-        # The members are the starts that converged to about the same evidence.
+        # Choose the starts that converged to nearly the evidence of the best one.
         self.member_starts_ = []
         for start in best.starts_:
             is_near = start["log_evidence"] >= best.log_evidence_ - NATS
@@ -146,8 +149,8 @@ class NetworkEnsemble(Surrogate):
     def _means(self, X: ArrayLike) -> np.ndarray:
         """Predict the means (members, n, k) of all networks at once.
 
-        The last means are kept, because a sampler asks for mean and covariance at the
-        same points.
+        The last result is cached, because a sampler needs mean and covariance at the same
+        points.
         """
         first = self.members_[0]
         X = checked_points(X, len(first.input_min_))

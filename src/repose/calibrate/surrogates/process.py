@@ -108,8 +108,8 @@ class Process:
             kernel_with_noise, alpha=errors, optimizer=optimizer
         )
         with warnings.catch_warnings():
-            # scikit-learn warns of a length at its bound, which is an input without
-            # effect.
+            # scikit-learn warns if a length is at its bound. Here this is expected for
+            # an input without effect.
             warnings.simplefilter("ignore")
             model.fit(x, values)
 

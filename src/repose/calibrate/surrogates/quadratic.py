@@ -45,10 +45,11 @@ class QuadraticSurface(Surrogate):
         return (inputs + 1) * (inputs + 2) // 2 + 1
 
     def fit(self, X: ArrayLike, Y: ArrayLike, **noise: Unpack[Noise]) -> Self:
-        """Learn from samples, as in `Surrogate.fit`; the residuals give the noise.
+        """Fit the surface to samples, and estimate the noise from its residuals.
 
-        `noise_covariance` is only checked: all responses have the same terms, and then
-        correlated noise does not change the coefficients (Z62).
+        The arguments are those of `Surrogate.fit`. `noise_covariance` is only checked:
+        correlated noise does not change the coefficients, because all responses have the
+        same terms (Z62).
         """
         X, Y, _, precision = checked_samples(X, Y, **noise)
         outputs = Y.shape[1]
@@ -59,7 +60,7 @@ class QuadraticSurface(Surrogate):
         self.width_ = width(X.min(axis=0), X.max(axis=0))
         self.varies_ = X.max(axis=0) > self.low_
 
-        # The noise comes from the residuals, so at least one must be free.
+        # The noise is estimated from residuals, so there must be more samples than terms.
         A = self._terms(X)
         n_samples, n_terms = A.shape
         freedom = n_samples - n_terms
@@ -69,7 +70,7 @@ class QuadraticSurface(Surrogate):
                 f"expected at least {n_terms + 1}, one more than the terms"
             )
 
-        # Put the results of all fits side by side; one root for each response.
+        # Join the results of all fits, and assign a root to each response.
         fits = _fit_responses(A, Y, precision)
         self.coefficients_ = np.hstack([fit.coefficients for fit in fits])
         residuals = np.hstack([fit.residuals for fit in fits])

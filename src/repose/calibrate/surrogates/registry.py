@@ -78,7 +78,7 @@ def make(
 
 
 def load(path: str | os.PathLike, outputs: Sequence[str] | None = None) -> Surrogate:
-    """Read the trained surrogate in a file that `Surrogate.save` wrote.
+    """Load a trained surrogate from a file written by `Surrogate.save`.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def load(path: str | os.PathLike, outputs: Sequence[str] | None = None) -> Surro
     Raises
     ------
     InputError
-        If the file cannot be read, is not a surrogate's, or has other responses.
+        If the file cannot be read, holds no surrogate, or has other responses.
     """
     content = read_json(path, KEYS, "a surrogate's JSON file")
     kind = surrogate_class(content["surrogate"], path)

@@ -34,12 +34,12 @@ NO_SCATTER = Scatter(0.0, 0.0)
 def independent_mixing(
     noise_covariance: ArrayLike | None, stretch: np.ndarray, precision: np.ndarray
 ) -> np.ndarray:
-    """Find combinations of the outputs whose noises are independent (A35).
+    """Find combinations of the outputs that have independent noise (A35).
 
-    Outputs of one experiment share its noise. If they were taken as independent, the
-    shared part would look like a signal. With the root L of the covariance of the
-    scaled outputs, L L' = C, the combinations y inv(L)' have independent noises. They
-    are multiplied so that the determinant is one: they stay about as wide as the
+    The outputs of one experiment share part of their noise. If this were ignored, the
+    shared part would look like a signal. If L is a root of the noise covariance C of the
+    scaled outputs, L L' = C, the combinations y inv(L)' have independent noise. They are
+    scaled to a determinant of one, so that their range remains similar to that of the
     outputs.
 
     Parameters
@@ -47,13 +47,13 @@ def independent_mixing(
     noise_covariance : array (outputs, outputs) or None
         In the units of the responses, up to a factor.
     stretch : array (outputs,)
-        One unit of a scaled output, in units of the response.
+        Size of one unit of each scaled output, in units of the response.
     precision : array (samples, outputs)
 
     Returns
     -------
     array (outputs, outputs)
-        Its columns are the combinations of the scaled outputs.
+        Coefficients of the combinations, one combination in each column.
 
     Raises
     ------
@@ -164,28 +164,28 @@ def checked_samples(
     noise_covariance: ArrayLike | None = None,
     noise_freedom: float = 0.0,
 ) -> Samples:
-    """Check the samples of a fit, and bring them into one form.
+    """Check the samples of a fit, and convert them to arrays of standard shape.
 
-    Samples of weight 0 are left out. `noise_covariance` and `noise_freedom` are
-    accepted so that the noise of `Surrogate.fit` can be passed as it is;
-    `independent_mixing` and `pure_error` check them.
+    Samples of weight 0 are dropped. `noise_covariance` and `noise_freedom` are ignored
+    here, and checked by `independent_mixing` and `pure_error`. They are accepted so that
+    callers can pass the noise of `Surrogate.fit` unchanged.
 
     Parameters
     ----------
     X : array (samples, inputs)
     y : array (samples, outputs) or (samples,)
     sample_weight : array (samples,), optional
-        How often each sample counts; by default once.
+        Weight of each sample; by default 1.
     precision : array (samples,) or (samples, outputs), optional
         By default 1.
 
     Raises
     ------
     ValueError
-        For other shapes, numbers that are not finite, weights below 0, precisions not
-        above 0, or fewer than two samples of a weight above 0.
+        If shapes do not match, numbers are not finite, weights are negative, precisions
+        are not positive, or fewer than two samples have a positive weight.
     """
-    # Bring all into tables with a row for each sample.
+    # Convert all arguments to arrays with a row for each sample.
     X = np.asarray(X, dtype=float)
     Y = np.asarray(y, dtype=float)
     if Y.ndim == 1:
@@ -201,7 +201,7 @@ def checked_samples(
     _check_weights(X=X, Y=Y, count=count, precision=precision)
     precision = np.broadcast_to(precision.reshape(n_samples, -1), Y.shape)
 
-    # Leave out the samples of weight 0.
+    # Drop the samples of weight 0.
     is_counted = count > 0
     n_counted = np.count_nonzero(is_counted)
     if n_counted < 2:
@@ -227,7 +227,7 @@ def _array_or_ones(values: ArrayLike | None, size: int) -> np.ndarray:
 def _check_weights(
     *, X: np.ndarray, Y: np.ndarray, count: np.ndarray, precision: np.ndarray
 ) -> None:
-    """Refuse counts and precisions of another shape, and numbers that cannot be."""
+    """Refuse counts and precisions of the wrong shape, and impossible numbers."""
     n_samples = len(X)
     if count.shape != (n_samples,):
         raise ValueError(

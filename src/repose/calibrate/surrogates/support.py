@@ -51,7 +51,7 @@ class Support:
         high: np.ndarray,
         names: Sequence[str],
     ) -> None:
-        """Compute the usual distance and the largest leverage of the samples."""
+        """Compute the usual distance between neighbours, and the largest leverage."""
         from scipy.spatial import cKDTree
 
         points = np.asarray(points, dtype=float)
@@ -66,7 +66,7 @@ class Support:
             )
         unit = self._unit(points)
         self.tree = cKDTree(unit)
-        # The nearest sample of a sample is itself, so its neighbour is the second.
+        # The nearest sample of each sample is itself, so use the second nearest.
         distances, _ = self.tree.query(unit, k=2)
         self.farthest = float(np.quantile(distances[:, 1], DISTANCE_QUANTILE))
         self._inverse_R = _inverse_root(quadratic_terms(unit))
@@ -132,7 +132,7 @@ class Support:
         return is_distant | has_leverage
 
     def warnings(self, points: np.ndarray) -> list[str]:
-        """Write a warning for each point (m, d); an empty text where there is none."""
+        """Describe why each point (m, d) is beyond the samples; empty if it is not."""
         points = np.atleast_2d(np.asarray(points, dtype=float))
         is_at_bound = self.at_bounds(points)
         distances = self.distance(points)

@@ -68,9 +68,9 @@ def evaluate(network: Mapping[str, Any], X: np.ndarray) -> np.ndarray:
 def response_function(
     network: Mapping[str, Any], low: np.ndarray, high: np.ndarray
 ) -> Function:
-    """Make a fast function of points in [-1, 1] that gives a network's responses.
+    """Return a fast function that computes a network's responses at points in [-1, 1].
 
-    All scalings are folded into the weights, so a call is two matrix products.
+    All scalings are absorbed into the weights, so a call needs only two matrix products.
 
     Parameters
     ----------
@@ -110,11 +110,11 @@ def _float_arrays(network: Mapping[str, Any]) -> dict[str, np.ndarray]:
 def nguyen_widrow(
     inputs: int, hidden: int, outputs: int, scaled_range: tuple[float, float], seed: Any
 ) -> np.ndarray:
-    """Draw random weights (N,) whose neurons cover the interval of the inputs (NW90).
+    """Draw random weights (N,) so that the neurons cover the range of the inputs (NW90).
 
-    (NW90) has inputs in [-1, 1]: the slopes of each neuron have the length
-    0.7 hidden^(1 / inputs), and the biases are uniform within this length. Here the
-    same neurons are moved to inputs in `scaled_range`.
+    For inputs in [-1, 1], the slopes of each neuron form a vector of length
+    0.7 hidden^(1 / inputs), and the biases are uniform up to this length. The neurons are
+    then moved to inputs in `scaled_range`.
     """
     random = np.random.RandomState(seed)
     length = 0.7 * hidden ** (1 / inputs)
@@ -146,7 +146,7 @@ def unpack(w: np.ndarray, inputs: int, hidden: int, outputs: int) -> Layers:
 
 
 def mix_outputs(w: np.ndarray, mixing: np.ndarray, hidden: int) -> np.ndarray:
-    """Change weights so that the outputs y become the combinations y @ mixing.
+    """Transform weights so that the outputs y become the combinations y @ mixing.
 
     Parameters
     ----------
@@ -164,8 +164,8 @@ def mix_outputs(w: np.ndarray, mixing: np.ndarray, hidden: int) -> np.ndarray:
     start_of_b2 = len(w) - outputs
     W2 = w[start_of_W2:start_of_b2]
     b2 = w[start_of_b2:]
-    # The weights of the hidden layer stay. Those of the outputs, a row for each, mix as
-    # the outputs do.
+    # Keep the weights of the hidden layer. The weights of the outputs have a row for each
+    # output, and these rows are combined like the outputs.
     parts = [w[:start_of_W2]]
     for weights in (W2, b2):
         rows = weights.reshape(outputs, -1)
@@ -176,9 +176,9 @@ def mix_outputs(w: np.ndarray, mixing: np.ndarray, hidden: int) -> np.ndarray:
 def weight_classes(prior: str, inputs: int, hidden: int, outputs: int) -> list[Any]:
     """List the classes of weights that share an alpha (M92, M94).
 
-    With the prior "one" there is a single class. With "layers" there are three: input
-    weights, hidden biases, and output weights with their biases. With "inputs" the
-    weights of each input are a class of their own.
+    The prior "one" has a single class. The prior "layers" has three: input weights, hidden
+    biases, and output weights with their biases. The prior "inputs" divides the input
+    weights further, into one class for each input.
 
     Parameters
     ----------
@@ -218,10 +218,10 @@ def class_names(prior: str, inputs: Sequence[Any]) -> list[str]:
 def jacobian(
     w: np.ndarray, x: np.ndarray, outputs: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Compute the outputs and their derivatives by the weights.
+    """Compute the outputs and their derivatives with respect to the weights.
 
-    This is the chain rule of the paper's step (3), for each output by itself, as
-    Levenberg-Marquardt needs it (HM94):
+    This is the chain rule of the paper's step (3). It is applied to each output
+    separately, as Levenberg-Marquardt requires (HM94):
 
         dy_k / dW2_kj = a_j,    dy_k / db2_k = 1,
         dy_k / db1_j = W2_kj (1 - a_j^2),    dy_k / dW1_ji = dy_k / db1_j x_i
@@ -256,7 +256,7 @@ def jacobian(
     by_W1 = by_b1[..., None] * x[:, None, None, :]
     J[..., :end_of_W1] = by_W1.reshape(*y.shape, end_of_W1)
     J[..., end_of_W1:end_of_b1] = by_b1
-    # An output depends on its own row of W2 and its own bias alone.
+    # Each output depends only on its own row of W2 and its own bias.
     for k in range(outputs):
         start = end_of_b1 + k * hidden
         J[..., k, start : start + hidden] = a

@@ -69,18 +69,17 @@ def shape_study_discrepancy(
 ) -> ShapeStudyDiscrepancy:
     """Compute mean and covariance of the responses over the models of a shape study.
 
-    The weight of a plausible model is exp(-d^2 / 2), with its distance d from the
-    published piles in standard deviations. The definitions of one model count as one
-    model.
+    The weight of a plausible model is exp(-d^2 / 2), where d is its distance from the
+    published piles in standard deviations. All definitions of a model count as one model.
 
-    The simulations of a combination are few. So the mean square of its standard errors
-    is subtracted from each variance; the correlation is that of the uncorrected
-    differences.
+    Because each combination has few simulations, the mean square of the standard errors is
+    subtracted from each variance. The correlation is that of the uncorrected differences.
 
     Raises
     ------
     InputError
-        For a bad file, too few models, or errors that explain all of a variance.
+        If the file is invalid, there are too few models, or the standard errors explain a
+        whole variance.
     """
     columns = [derived(name, "difference") for name in targets.names]
     table = _read_combinations(combinations_csv, targets, columns)
@@ -155,7 +154,7 @@ def _read_combinations(
 def _check_sizes(
     path: Path_, targets: Targets, columns: Sequence[str], plausible: pd.DataFrame
 ) -> None:
-    """Refuse eligible models with values that are too large to be of such a model.
+    """Refuse eligible models whose values are implausibly large.
 
     Parameters
     ----------
@@ -167,8 +166,8 @@ def _check_sizes(
     plausible : pandas.DataFrame
         The rows of the eligible models.
     """
-    # The largest size in each column: a number for the distance, and a share of the
-    # target for differences and errors.
+    # Set the limit of each column: a number for the distance, and a share of the target
+    # for differences and errors.
     limits = {"distance": FARTHEST}
     for names in (columns, targets.errors):
         for name, target in zip(names, targets, strict=True):
@@ -190,13 +189,13 @@ def covariance(
     Parameters
     ----------
     apparatus : sequence of str
-        The bench test of each of the k responses. Different ones are independent.
+        The bench test of each of the k responses. Different tests are independent.
     sd : array (k,)
         Standard deviations of the discrepancies.
     means : array (n, k)
-        Responses over the design, which give the signs of the correlations.
+        Responses over the design, from which the signs of the correlations follow.
     correlation : float
-        Within a bench test, without its sign.
+        Absolute correlation of two responses of the same bench test.
 
     Returns
     -------
@@ -214,11 +213,11 @@ def covariance(
 
 
 def _signs(means: np.ndarray) -> np.ndarray:
-    """Find the signs (k,) with which responses (n, k) vary together.
+    """Find the signs (k,) of the common variation of responses (n, k).
 
-    They are those of the first principal component; the first response has +1.
+    They are the signs of the first principal component, with +1 for the first response.
     """
-    # Without two complete samples nothing is known of the signs.
+    # With fewer than two complete samples, the signs are unknown.
     complete = means[np.isfinite(means).all(axis=1)]
     n_responses = means.shape[1]
     if n_responses == 1 or len(complete) < 2:

@@ -88,9 +88,10 @@ def curve(
     points : Points
     targets : Targets
     observed : callable
-        From size and correlation of a stated discrepancy to the observation.
+        Function of the size and the correlation of a stated discrepancy that returns the
+        observation.
     shape_study : Observed, optional
-        The observation with the discrepancy by a shape study.
+        The observation with the discrepancy from a shape study.
 
     Returns
     -------
@@ -133,7 +134,7 @@ def _shape_study_row(discrepancy: np.ndarray, targets: Targets) -> dict[str, Any
 
 
 def _bits(points: Points, observed: Observed) -> dict[str, Any]:
-    """Compute joint bits, effective points, and the columns of each parameter.
+    """Compute the joint information, the effective points, and each parameter's columns.
 
     Parameters
     ----------
@@ -141,8 +142,8 @@ def _bits(points: Points, observed: Observed) -> dict[str, Any]:
     observed : Observed
         The measurement with a discrepancy.
     """
-    # The likelihood is the weight of a point; with the weights w, the points are worth
-    # 1 / sum w^2 equal ones.
+    # Weight each point by its likelihood. The number of points with equal weights that
+    # are worth the same is 1 / sum w^2.
     log_weight = log_likelihood(points.predicted, points.covariance, observed)
     weight = np.exp(log_weight - log_weight.max())
     weight /= weight.sum()
@@ -169,12 +170,12 @@ def _marginal(
     weight : numpy.ndarray, (n,)
         Weights of the points, whose sum is 1.
     effective : float
-        Number of equal points that these are worth.
+        Effective number of points.
     """
     space = points.space
     quantile = points.quantile[:, k]
 
-    # Find the ends of the interval in quantiles of the prior, by the sums of the weights.
+    # Find the ends of the interval, as quantiles of the prior, by the cumulative weights.
     order = np.argsort(quantile)
     tail = (1 - CREDIBLE) / 2
     end_quantiles = np.interp(
@@ -183,13 +184,13 @@ def _marginal(
         quantile[order],
     )
 
-    # Turn them into values of the parameter; the other parameters do not matter.
+    # Convert them to values of the parameter. The other parameters may have any value.
     two_points = np.full((2, space.dimensions), 0.5)
     two_points[:, k] = end_quantiles
     unit = space.from_prior(two_points)[:, k]
     low, high = (space.low[k] + (space.high[k] - space.low[k]) * unit).tolist()
 
-    # The bits come from a histogram over the quantiles.
+    # Compute the information from a histogram of the quantiles.
     bin_number = np.minimum((quantile * BINS).astype(int), BINS - 1)
     share = np.bincount(bin_number, weight, BINS)
     name = space.free[k]
@@ -252,7 +253,7 @@ def _projection(points: Points, values: np.ndarray, i: int, j: int) -> pd.DataFr
     number = cell[:, i] * CELLS + cell[:, j]
     x_cell, y_cell = np.divmod(np.arange(CELLS**2), CELLS)
 
-    # In each cell, take the least implausibility and count the points in the region.
+    # Find the least implausibility in each cell, and count its points in the region.
     least = np.full(CELLS**2, np.inf)
     np.minimum.at(least, number, values)
     is_inside = values < IMPLAUSIBLE

@@ -53,7 +53,7 @@ def read_runs(runs_csv: Path_, targets: Targets) -> pd.DataFrame:
     Raises
     ------
     InputError
-        If fewer than two samples have a run, or no sample has two.
+        If fewer than two samples have a good run, or if no sample has two of them.
     """
     runs = read_table(runs_csv, ("sample", "seed", "status", *targets.names))
     for name in targets.names:
@@ -73,14 +73,14 @@ def good_runs(runs: pd.DataFrame, names: tuple[str, ...]) -> pd.DataFrame:
 
 
 def within_correlation(runs: pd.DataFrame, targets: Targets) -> WithinCorrelation:
-    """Correlate the responses from run to run of one sample.
+    """Compute the correlation of the responses between runs of the same sample.
 
     Responses of different bench tests have the correlation 0.
     """
     matrix = np.eye(len(targets))
     pairs: Pairs = {}
     for rows in targets.benches.values():
-        # All pairs of a bench test have the same runs, so that the matrix is positive
+        # Use the same runs for all pairs of a bench test. This makes the matrix positive
         # semidefinite.
         complete = good_runs(runs, tuple(targets.names[k] for k in rows))
         for i, j in combinations(rows, 2):
@@ -136,8 +136,8 @@ def noise_floor(runs: pd.DataFrame, targets: Targets) -> NoiseFloor:
 def _add_seeds(table: pd.DataFrame, target: Target, components: Components) -> None:
     """Add the columns of one target to seeds.csv.
 
-    A perfect predictor reaches R2 = ICC / (ICC + (1 - ICC) / seeds), with the
-    intraclass correlation ICC.
+    A perfect predictor reaches R2 = ICC / (ICC + (1 - ICC) / seeds), where ICC is the
+    intraclass correlation.
 
     Parameters
     ----------

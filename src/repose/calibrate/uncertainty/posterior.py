@@ -123,12 +123,12 @@ def measurement_of(
     ----------
     targets : Targets
     runs : pandas.DataFrame
-        Simulated runs, which give the correlation of the responses unless the settings
-        state it.
+        Simulated runs, from which the correlation of the responses is estimated unless
+        the settings state it.
     settings : PosteriorSettings
     shape_study : array (k, k), optional
-        Covariance of the discrepancies by a shape study; without it the settings state
-        the discrepancy.
+        Covariance of the discrepancies from a shape study. Without it, the discrepancy is
+        that of the settings.
 
     Raises
     ------
@@ -161,7 +161,7 @@ def _measured_correlation(
 ) -> noise.WithinCorrelation:
     """Find the correlation of the measured responses.
 
-    The settings state it, or it is that of the simulated runs.
+    It is either stated in the settings or estimated from the simulated runs.
     """
     stated = settings.measured_correlation
     if isinstance(stated, str):
@@ -169,7 +169,7 @@ def _measured_correlation(
         _check_freedom(targets, simulated.pairs)
         return simulated
     pairs: noise.Pairs = {}
-    # A stated correlation needs no runs.
+    # A stated correlation can be used even if there are too few runs to estimate one.
     with contextlib.suppress(ValueError):
         pairs = noise.within_correlation(runs, targets).pairs
     return noise.WithinCorrelation(targets.correlated(stated), pairs)
@@ -455,7 +455,7 @@ def _curve(
     points : Points
     targets : Targets
     runs : pandas.DataFrame
-        Simulated runs, which give the signs of the correlations.
+        Simulated runs, from which the signs of the correlations follow.
     measurement : Measurement
     """
 
@@ -473,7 +473,7 @@ def _curve(
 def statement(row: Mapping[str, Any]) -> str:
     """State in a sentence how well a parameter is determined.
 
-    The fewer bits of information the data give, the less the parameter is determined.
+    The classification depends on the information in the data, in bits.
 
     Parameters
     ----------
@@ -495,7 +495,7 @@ def statement(row: Mapping[str, Any]) -> str:
             f"{max(above, below):.2f}: {width}"
         )
     if row["width_ratio"] > WIDE:
-        # Much information in a wide interval: the draws are in several places.
+        # Much information in spite of a wide interval: the draws form several groups.
         return f"{name} lies in one of several places within {interval}: {width}"
     return f"{name} is determined, {interval}: {width}"
 
@@ -543,8 +543,8 @@ def _parameters(
         Draws in the unit cube.
     convergence : Convergence
     references : mapping
-        As of `infer`. They need not have every parameter: published tables have the six
-        of the paper.
+        As in `infer`. Parameters may be missing: published tables only have the six of
+        the paper.
     """
     quantiles = space.prior_cdf(unit)
     prior_widths = _prior_widths(space)
@@ -591,10 +591,10 @@ def _distribution(values: np.ndarray, prior_width: float) -> dict[str, float]:
 def _prior_widths(space: ParameterSpace) -> np.ndarray:
     """Compute the widths (d,) of the priors' central intervals of probability CREDIBLE.
 
-    For a uniform prior it is this share of the range.
+    For a uniform prior, the width is CREDIBLE times the range.
     """
     widths = CREDIBLE * (space.high - space.low)
-    # For a parameter with a prior, take the quantiles of this prior.
+    # For a parameter with another prior, use the quantiles of this prior.
     tail = np.full(space.dimensions, (1 - CREDIBLE) / 2)
     low, high = space.values(space.from_prior(np.array([tail, 1 - tail])))
     for name in space.prior:
@@ -622,7 +622,7 @@ def _reference(
     Parameters
     ----------
     name : str
-        Of the reference; the columns begin with it.
+        Name of the reference, with which the columns begin.
     space : ParameterSpace
     k : int
     values : array (n,)
@@ -637,12 +637,13 @@ def _reference(
     low = space.low[k]
     high = space.high[k]
     if space.free[k] in space.prior:
-        # The part of the interval inside the range, by the prior's distribution function.
+        # Clip the interval to the range, and compute its probability from the prior's
+        # distribution function.
         ends = np.zeros((2, space.dimensions))
         ends[:, k] = (np.clip(interval, low, high) - low) / (high - low)
         prior_probability = float(np.diff(space.prior_cdf(ends)[:, k])[0])
     else:
-        # The prior is uniform, so the share of the range counts.
+        # For a uniform prior, the probability is a share of the range.
         overlap = min(interval.high, high) - max(interval.low, low)
         prior_probability = max(0.0, overlap) / (high - low)
     is_inside = (values >= interval.low) & (values <= interval.high)

@@ -52,8 +52,8 @@ def sample(
 ) -> Chains:
     """Draw from a density in the unit cube.
 
-    The walkers start at draws of a tempered population. Some of those that start from
-    anywhere would never leave a mode of no weight.
+    The walkers start from a tempered population, which already resembles the density.
+    From random starts, some walkers would get stuck in a mode of negligible weight.
 
     Parameters
     ----------
@@ -84,13 +84,13 @@ def sample(
         ensemble = _ensemble(len(first), dimensions, in_cube, random)
         ensemble.run_mcmc(first, steps)
 
-        # Put the log density behind the coordinates, as a further column.
+        # Append the log density to the coordinates, as a further column.
         burn_in = int(BURN_IN * steps)
         points = ensemble.get_chain(discard=burn_in)
         values = ensemble.get_log_prob(discard=burn_in)
         chain = np.dstack([points, values])
 
-        # The time is not a number if a walker never moved.
+        # The autocorrelation time is NaN if a walker never moved.
         with np.errstate(invalid="ignore"):
             time = emcee.autocorr.integrated_time(chain, tol=0)
         times.append(np.nan_to_num(time, nan=steps))
@@ -126,10 +126,10 @@ def _starts(
 ) -> np.ndarray:
     """Draw points (POPULATION, d) from a density, approximately.
 
-    Powers of the density lead from the uniform density of the cube, power 0, to the
-    density itself, power 1 (Del Moral et al. 2006, J. R. Stat. Soc. B 68, 411). Each
-    power is chosen so that half the points remain effective. The points are then drawn
-    again by their weights, and moved.
+    The points pass through a sequence of powers of the density, from power 0, which is
+    uniform, to power 1, the density itself (Del Moral et al. 2006, J. R. Stat. Soc. B 68,
+    411). Each power is chosen so that half the points remain effective. The points are
+    then resampled by their weights, and moved.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def _starts(
     dimensions : int
     random : numpy.random.RandomState
     """
-    # Begin with uniform points, which are draws of the power 0.
+    # Start with uniform points, which are draws from the power 0.
     points = random.uniform(size=(POPULATION, dimensions))
     power = 0.0
     values = log_density(points)
@@ -147,7 +147,7 @@ def _starts(
         weight = _weights(values, rise)
         power += rise
 
-        # Draw the points again by their weights, and move them by the sampler.
+        # Resample the points by their weights, and move them with the sampler.
         rows = random.choice(POPULATION, POPULATION, p=weight / weight.sum())
         tempered = partial(_tempered, log_density=log_density, power=power)
         ensemble = _ensemble(POPULATION, dimensions, tempered, random)
@@ -168,13 +168,13 @@ def _weights(values: np.ndarray, rise: float) -> np.ndarray:
 
 
 def _rise_of_power(values: np.ndarray, most: float) -> float:
-    """Find the largest rise of the power after which enough points are effective.
+    """Find the largest increase of the power that keeps enough points effective.
 
     `values` (n,) are the log densities of the points.
     """
 
     def excess(rise: float) -> float:
-        """Compute the effective share of the points, less the least allowed."""
+        """Compute the effective share of the points minus the smallest allowed one."""
         weight = _weights(values, rise)
         effective = weight.sum() ** 2 / (weight**2).sum() / POPULATION
         return effective - LEAST_EFFECTIVE
@@ -232,9 +232,9 @@ def joint_information_bits(
 ) -> Information:
     """Compute the information of the joint posterior over the prior, in bits.
 
-    The Kullback-Leibler divergence is E_posterior[log L] - log E_prior[L]. The second
-    mean is over a scrambled Sobol sequence. Its standard error is that of independent
-    points, which is too large rather than too small.
+    It is the Kullback-Leibler divergence E_posterior[log L] - log E_prior[L]. The mean over
+    the prior uses a scrambled Sobol sequence. Its standard error is computed as for
+    independent points, which overestimates it.
 
     Parameters
     ----------
@@ -243,7 +243,7 @@ def joint_information_bits(
     drawn : array (draws,)
         log L at draws of the posterior.
     effective : float
-        Number of independent draws that they are worth.
+        Effective number of independent draws.
     space : ParameterSpace
         With the prior.
     seed : int

@@ -74,8 +74,8 @@ def indices(
     ValueError
         If an output does not vary.
     """
-    # A and B (samples, d) are independent points of the unit cube. AB[i] is A with column
-    # i of B, so that f_A and f_AB[i] differ by the effect of input i alone.
+    # A and B (samples, d) are independent points of the unit cube. AB[i] is A with column i
+    # replaced by that of B, so f_A and f_AB[i] differ only by the effect of input i.
     d = len(low)
     sequence = stats.qmc.Sobol(2 * d, rng=seed)
     A, B = np.split(sequence.random(samples), 2, axis=1)
@@ -91,7 +91,7 @@ def indices(
 
     def compute(rows: np.ndarray | slice) -> np.ndarray:
         """Compute first-order and total indices (2, outputs, d) of some samples."""
-        # scipy centres its arguments in place, so it gets copies.
+        # Pass copies, because SciPy centres its arguments in place.
         values = {
             "f_A": f_A[:, rows].copy(),
             "f_B": f_B[:, rows].copy(),
@@ -100,7 +100,7 @@ def indices(
         result = stats.sobol_indices(func=values, n=samples)
         return np.reshape([result.first_order, result.total_order], (2, -1, d))
 
-    # The intervals come from samples that are drawn again with replacement.
+    # Estimate the intervals by bootstrap, from samples drawn with replacement.
     random = np.random.default_rng(seed)
     replicates = [
         compute(random.integers(samples, size=samples)) for _ in range(resamples)
@@ -133,7 +133,7 @@ def main_effects(
     seed: int,
     points: int = EFFECT_POINTS,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Compute mean outputs along each input, over all other inputs.
+    """Compute the mean outputs along each input, averaged over all other inputs.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def main_effects(
     grid = np.linspace(low, high, points, axis=1)
     means = []
     for k in range(d):
-        # Give input k one value at all points, and leave the other inputs as they are.
+        # Set input k to the same value at all points, and keep the other inputs.
         changed = base.copy()
         means_of_input = []
         for value in grid[k]:
@@ -239,12 +239,12 @@ def run(
     settings : SensitivitySettings
     out_dir : path
     source : object, optional
-        Named in the error about definitions: the configuration.
+        Name of the configuration, for an error about definitions.
 
     Raises
     ------
     InputError
-        If no parameter is free, or for a surrogate of other or constant responses.
+        If no parameter is free, or if the surrogate has other or constant responses.
     """
     require_free(parameters)
     model = load(surrogate_json)
