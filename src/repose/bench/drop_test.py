@@ -121,7 +121,7 @@ class _Tracker:
         self.overlap_share = 0.0
 
     def is_touching(self) -> bool:
-        """Tell whether the grain touches the plate, and note how deep it does."""
+        """Return whether the grain touches the plate, and note how deep it does."""
         grains, _walls, overlaps = self.simulation.wall_overlaps()
         scales = self.simulation.scales[grains]
         shares = self.trial.bounds.shares(overlaps, scales)

@@ -231,7 +231,7 @@ class RotatingDrum(BenchTest[R]):
         return int(trial.simulation.capacity - trial.simulation.n_bodies)
 
     def holds_all(self, trial: Trial) -> bool:
-        """Tell whether all grains that were added are inside the drum."""
+        """Return whether all grains that were added are inside the drum."""
         simulation = trial.simulation
         drum = Drum.of(self.section(trial.scene.settings))
         return bool(drum.holds(simulation.positions).all())
@@ -365,7 +365,7 @@ class RotatingDrum(BenchTest[R]):
 
 
 def no_surface(scene: Scene) -> Verdict:
-    """Give the verdict on a run whose bed has no surface."""
+    """Return the verdict on a run whose bed has no surface."""
     return Verdict(
         "no_surface",
         f"the bed has no surface that {scene.settings.mm_per_pixel:g} mm a pixel "

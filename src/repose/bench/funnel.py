@@ -300,7 +300,7 @@ def _is_over(
     section: FunnelSettings,
     history: Sequence[np.ndarray],
 ) -> bool:
-    """Tell whether a pour is over: all grains have left the funnel and lie still.
+    """Return whether a pour is over: all grains have left the funnel and lie still.
 
     `history` has the positions (N, 3) [m] of the grains at the checks of the last rest
     window, the present ones last.

@@ -268,7 +268,7 @@ def _lay_down(trial: Trial, section: InclinedPlaneSettings) -> None:
 
 
 def _is_at_rest(trial: Trial) -> bool:
-    """Tell whether the free grain, the last body, rests."""
+    """Return whether the free grain, the last body, rests."""
     energy_j = trial.simulation.kinetic_energies()[-1]
     return not energy_j > trial.scene.simulation.rest_energy_j
 

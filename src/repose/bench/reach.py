@@ -306,7 +306,7 @@ def band_of_table(definition: str, pile: Pile) -> Band:
 
 
 def _has_shape_of_table(particle: "Particle") -> bool:
-    """Tell whether a grain has the proportions of the grains in the table."""
+    """Return whether a grain has the proportions of the grains in the table."""
     axes = sorted(particle.axes_m, reverse=True)
     proportions = np.divide(axes, axes[0])
     table_proportions = np.divide(GRAIN_MM, GRAIN_MM[0])

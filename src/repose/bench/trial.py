@@ -161,7 +161,7 @@ class Trial:
         return float(self.simulation.kinetic_energies().mean())
 
     def is_at_rest(self) -> bool:
-        """Tell whether the grains are at rest on average.
+        """Return whether the grains are at rest on average.
 
         An energy that is not a number counts as rest, so that a wait ends; the
         verdict on the run then says what is wrong.

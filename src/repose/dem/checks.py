@@ -17,7 +17,7 @@ NUMBER_WORDS = {3: "three", 4: "four", 7: "seven"}
 
 
 def is_number(value: Any, *, finite: bool = True) -> bool:
-    """Tell whether a value is a real number and not a truth value.
+    """Return whether a value is a real number and not a truth value.
 
     With `finite` False infinite numbers are accepted too, but never nan.
     """
@@ -131,7 +131,7 @@ def array(
 
 
 def _has_shape(numbers: np.ndarray, shape: tuple[int | None, ...]) -> bool:
-    """Tell whether an array has a shape, in which None stands for any length."""
+    """Return whether an array has a shape, in which None stands for any length."""
     if numbers.ndim != len(shape):
         return False
     return all(
@@ -152,7 +152,7 @@ def direction(name: str, value: Any, length: int = 3) -> np.ndarray:
 
 
 def is_name(value: Any) -> bool:
-    """Tell whether a value can be the name of a shape, a material or a wall.
+    """Return whether a value can be the name of a shape, a material or a wall.
 
     A name is a text that is not empty.
     """

@@ -61,7 +61,7 @@ def pairs_of(
 
 
 def _is_pair_of_names(pair: Any) -> bool:
-    """Tell whether a key is a tuple of two names."""
+    """Return whether a key is a tuple of two names."""
     if not (isinstance(pair, tuple) and len(pair) == 2):
         return False
     return all(is_name(name) for name in pair)

@@ -20,7 +20,7 @@ SPHERE_ROWS = f"(1 to {MOST_SPHERES}, 4) finite lengths, the last of each row ab
 
 
 def _are_moments(inertia: np.ndarray) -> bool:
-    """Tell whether a body can have these principal moments (3,).
+    """Return whether a body can have these principal moments (3,).
 
     None may be above the sum of the others.
     """
@@ -30,12 +30,12 @@ def _are_moments(inertia: np.ndarray) -> bool:
 
 
 def _are_axes(axes: np.ndarray) -> bool:
-    """Tell whether these are half axes (K, 3) of a body's ellipsoids."""
+    """Return whether these are half axes (K, 3) of a body's ellipsoids."""
     return 1 <= len(axes) <= MOST_PARTS and bool(np.all(axes > 0.0))
 
 
 def _are_spheres(spheres: np.ndarray) -> bool:
-    """Tell whether these are centres and radii (M, 4) of a body's spheres."""
+    """Return whether these are centres and radii (M, 4) of a body's spheres."""
     return 1 <= len(spheres) <= MOST_SPHERES and bool(np.all(spheres[:, 3] > 0.0))
 
 
@@ -195,7 +195,7 @@ class Shape(_Solid):
 
     @property
     def is_sphere(self) -> bool:
-        """Tell whether it is one ellipsoid with equal axes and equal moments."""
+        """Return whether it is one ellipsoid with equal axes and equal moments."""
         if len(self.semi_axes_m) != 1:
             return False
         has_equal_axes = np.ptp(self.semi_axes_m) == 0.0
@@ -371,7 +371,7 @@ class Clump(_Solid):
 
 
 def are_clumps(shapes: Mapping[str, Shape | Clump]) -> bool:
-    """Tell whether shapes are clumps.
+    """Return whether shapes are clumps.
 
     ValueError if there is no shape, or if only some of them are clumps.
     """

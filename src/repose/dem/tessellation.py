@@ -210,7 +210,7 @@ def _cut_polygon(polygon: np.ndarray, normal: np.ndarray, offset: float) -> np.n
 
 
 def endless(planes: np.ndarray) -> np.ndarray:
-    """Tell for each plane, a row (P, 7) of `walls.planes`, if it is no disc."""
+    """Return which planes, rows (P, 7) of `walls.planes`, are endless instead of discs."""
     return np.isinf(planes[:, 6])
 
 

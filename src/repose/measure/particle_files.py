@@ -82,7 +82,7 @@ class Particles(NamedTuple):
 
 
 def is_particle_file(path: Path_) -> bool:
-    """Tell whether a file may hold particles: it is text, and its name no picture's."""
+    """Return whether a file may hold particles: it is text, and its name no picture's."""
     kind, _ = mimetypes.guess_type(path)
     if kind is not None and kind.startswith("image/"):
         return False

@@ -146,13 +146,13 @@ def _restore(simulation: World, saved: Mapping[str, np.ndarray]) -> None:
 
 
 def _may_replace(name: str, array: np.ndarray, values: np.ndarray) -> bool:
-    """Tell whether values may replace an array: it grows, and they are as wide."""
+    """Return whether values may replace an array: it grows, and they are as wide."""
     has_type = array.dtype == values.dtype
     return has_type and _may_grow(name) and array.shape[1:] == values.shape[1:]
 
 
 def _may_grow(name: str) -> bool:
-    """Tell whether an array belongs to the lists of contacts that grow."""
+    """Return whether an array belongs to the lists of contacts that grow."""
     group, _, field = name.partition(".")
     return group in GROWING_LISTS and field not in ARRAYS_OF_BODIES
 

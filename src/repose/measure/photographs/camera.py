@@ -185,7 +185,7 @@ def _fit_lens(
 
 
 def _is_reliable(fit: _LensFit, undistorted_focal: float, longer_side: int) -> bool:
-    """Tell whether the corners determine all unknowns of a fit.
+    """Return whether the corners determine all unknowns of a fit.
 
     Three conditions must hold: the fit is not singular, the focal length is plausible
     and has a small error, and the error of the distortion hardly moves a point. A

@@ -288,7 +288,7 @@ def _upright_rows(distance: np.ndarray) -> int:
 def _continues_below(
     image: np.ndarray, pile: Segmentation, foot: _Foot, grain_px: float
 ) -> bool:
-    """Tell whether the picture below the base has the pile's colour.
+    """Return whether the picture below the base has the pile's colour.
 
     Three colours are compared: that of the grains, that below the middle of the foot,
     and that beside the foot, as low.

@@ -320,7 +320,7 @@ def _contours(mask: np.ndarray) -> Sequence[np.ndarray]:
 
 
 def has_another_heap(mask: np.ndarray) -> bool:
-    """Tell whether a second heap stands beside the largest part of a mask (H, W).
+    """Return whether a second heap stands beside the largest part of a mask (H, W).
 
     It stands as low, is wider than high, and at least `SECOND_HEAP` times as high.
     """
