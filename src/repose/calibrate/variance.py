@@ -18,6 +18,10 @@ from numpy.typing import ArrayLike
 
 # Confidence of every interval.
 CONFIDENCE = 0.95
+# Fewest degrees of freedom for the interval of a correlation.
+FEWEST_FREEDOM = 4
+# Distance from 1 at which Fisher's transformation of a correlation is cut off.
+NEARLY_ONE = 1e-12
 
 
 class Components(NamedTuple):
@@ -258,9 +262,10 @@ def residual_correlation(
     from scipy import stats  # half a second at start-up
 
     covariance, freedom = within_covariance(np.column_stack([first, second]), groups)
-    if freedom < 4:
+    if freedom < FEWEST_FREEDOM:
         raise ValueError(
-            f"{freedom} degrees of freedom within samples; expected at least 4"
+            f"{freedom} degrees of freedom within samples; "
+            f"expected at least {FEWEST_FREEDOM}"
         )
     if not (np.diagonal(covariance) > 0).all():
         raise ValueError(
@@ -272,7 +277,8 @@ def residual_correlation(
     # variance 1 / (n - 3).
     half = stats.norm.ppf(0.5 + CONFIDENCE / 2) / math.sqrt(freedom - 2)
     # Stay away from 1, where the transformation is infinite.
-    centre = math.atanh(min(max(correlation, -1 + 1e-12), 1 - 1e-12))
+    limit = 1 - NEARLY_ONE
+    centre = math.atanh(min(max(correlation, -limit), limit))
     return Correlation(
         value=correlation,
         low=math.tanh(centre - half),

@@ -16,6 +16,11 @@ MOST_TRIALS = 100  # of a round
 # high.
 LOW_ACCEPTANCE = 0.1
 HIGH_ACCEPTANCE = 0.8
+# Factors of the threshold in one round: while the best design improves, while the
+# acceptance is to rise, and while it is to fall.
+IMPROVEMENT_FACTOR = 0.8
+RISE_FACTOR = 0.7
+FALL_FACTOR = 0.9
 
 
 class Pairs:
@@ -139,9 +144,9 @@ class _Threshold:
         # Improvement: lower the threshold if bad exchanges are accepted, too.
         if is_better:
             if accepted > LOW_ACCEPTANCE * trials and improved < accepted:
-                self.value *= 0.8
+                self.value *= IMPROVEMENT_FACTOR
             elif accepted <= LOW_ACCEPTANCE * trials:
-                self.value /= 0.8
+                self.value /= IMPROVEMENT_FACTOR
             return
 
         # Exploration: reverse the direction at low and at high acceptance.
@@ -150,9 +155,9 @@ class _Threshold:
         elif accepted > HIGH_ACCEPTANCE * trials:
             self.is_rising = False
         if self.is_rising:
-            self.value /= 0.7
+            self.value /= RISE_FACTOR
         else:
-            self.value *= 0.9
+            self.value *= FALL_FACTOR
 
 
 class Evolved(NamedTuple):

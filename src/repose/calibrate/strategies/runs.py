@@ -60,6 +60,8 @@ RESPONSE = "a finite number, or for a failed run NaN"
 ALIKE = 1e-12
 # Largest error of a parameter, as a share of its range, from rounding by a spreadsheet.
 ROUNDED = 1e-6
+# Names of samples with at most this many digits are kept as numbers.
+MOST_DIGITS = 9
 
 
 def runs_of(samples: pd.DataFrame) -> pd.DataFrame:
@@ -516,7 +518,7 @@ def _numbers_of_samples(
 
     # Keep the names if they are distinct numbers, unlike 3 and 003. Otherwise number the
     # samples from 1.
-    if all(name.isdecimal() and len(name) < 10 for name in names):
+    if all(name.isdecimal() and len(name) <= MOST_DIGITS for name in names):
         numbers = [int(name) for name in names]
         if len(set(numbers)) == len(set(names)):
             return numbers

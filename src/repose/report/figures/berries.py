@@ -15,6 +15,10 @@ from repose.grain.particle import KINDS, Body, Particle
 from . import panels, style
 from .registry import SIZES, Inputs, StudyView, figure, has_grain
 
+# Smallest standard deviation that is drawn, as a share of the mean.
+LEAST_SD_SHARE = 1e-3
+# Range of a normal curve on each side of its mean, in standard deviations.
+CURVE_SDS = 3.2
 PICTURE_PIXELS = 400  # width of the picture of a grain at the default resolution
 
 # Column of the table of sizes, label and colour of each axis of a grain.
@@ -76,7 +80,7 @@ def _draw_histogram(
     mean = values.mean()
     sd = values.std(ddof=1)
     # If all grains are equal, widen the axis and the curve so that they can be seen.
-    shown_sd = max(sd, 1e-3 * mean)
+    shown_sd = max(sd, LEAST_SD_SHARE * mean)
     low = min(values.min(), mean - shown_sd)
     high = max(values.max(), mean + shown_sd)
     counts, edges, _ = panel.hist(
@@ -89,7 +93,7 @@ def _draw_histogram(
         linewidth=0.6,
     )
     # Scale the normal density to the expected number of grains in a bin.
-    x = np.linspace(mean - 3.2 * shown_sd, mean + 3.2 * shown_sd, 200)
+    x = np.linspace(mean - CURVE_SDS * shown_sd, mean + CURVE_SDS * shown_sd, 200)
     bin_width = edges[1] - edges[0]
     expected_count = len(values) * bin_width * stats.norm.pdf(x, mean, shown_sd)
     panel.plot(x, expected_count, color=style.BLACK)

@@ -32,6 +32,8 @@ LARGEST_RATIO = 4.0  # of posterior to prior, at the end of the colours
 RATIO_COLOURS = "PuOr_r"  # white in the middle
 RATIO_LABEL = "posterior over prior in each cell; white: as before the measurements"
 SEARCH_SOLUTIONS = "solutions of the search"
+# Share of the draws where samples are thin, above which the figure warns.
+EXTRAPOLATED_SHARE = 0.5
 CREDIBLE_COLUMNS = ["credible_low", "credible_high"]
 SEARCH_COLUMNS = ["miga_low", "miga_high"]
 PUBLISHED_COLUMNS = ["published_low", "published_high"]
@@ -321,7 +323,7 @@ def _account(summary: Mapping[str, Any], targets: Targets) -> str:
         f"R-hat ≤ {r_hat:.3f}, effective draws ≥ {n_effective:.0f}",
         "above each histogram: information of the measurements",
     ]
-    if summary["thin_share"] > 0.5:
+    if summary["thin_share"] > EXTRAPOLATED_SHARE:
         lines.append("EXTRAPOLATED")
     if not summary["converged"]:
         lines.append("NOT CONVERGED")

@@ -13,6 +13,9 @@ from repose.report.study_view import parameter_ranges
 from . import panels, style
 from .registry import Inputs, StudyView, figure
 
+# Fewest good samples for which a rank correlation is written.
+FEWEST_CORRELATED = 4
+
 
 @figure(
     "design",
@@ -139,7 +142,7 @@ def _draw_response(
         panel.plot(
             failed[name], np.full(len(failed), row), "x", ms=3.5, color=style.RED
         )
-    if len(good) > 3:
+    if len(good) >= FEWEST_CORRELATED:
         correlation = good[name].rank().corr(value.rank())
         panel.set_title(
             f"ρ = {correlation:+.2f}", fontsize=style.SMALL_TEXT_PT, loc="right", pad=2

@@ -23,6 +23,8 @@ LEAST_LOSS_WORDS = (
     "prediction is; so it may lie beside the other sets."
 )
 GOLDEN_FRACTION = 0.6180339887
+# With more generations than this, their axis is logarithmic.
+LINEAR_GENERATIONS = 200
 HISTORY_COLUMNS = (
     "generation",
     "mean_objective",
@@ -276,7 +278,7 @@ def convergence(inputs: Inputs, study: StudyView) -> Figure:
     if not history["feasible_found"].max():
         panel.set_title("no feasible solution was met", color=style.RED)
     panel.set_xlabel("generation")
-    if history["generation"].max() > 200:
+    if history["generation"].max() > LINEAR_GENERATIONS:
         panel.set_xscale("log")
     figure.legend(*panel.get_legend_handles_labels(), loc="outside upper center")
     return figure

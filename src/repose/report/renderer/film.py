@@ -25,6 +25,8 @@ LAST_S = 1.6  # the last picture is shown this long
 FRAME_S = 0.08
 DRUM_FRAME_S = 0.12
 MAX_BYTES = 3_000_000
+# A grain farther from the axis than this many median distances has left the pile.
+PILE_MEDIANS = 2
 DRUM_MAX_BYTES = 3_900_000
 # Colours of a GIF, and quality of a WebP, the smaller file later.
 GIF_COLOURS = (128, 96, 64, 48, 32)
@@ -102,7 +104,7 @@ def _frame_of_pour(
     resting = last_positions[is_there].astype(float)
     largest_radius_m = particle.bounding_radius_m * float(scales.max(initial=0.0))
     distance_from_axis = np.hypot(resting[:, 0], resting[:, 1])
-    in_pile = resting[distance_from_axis < 2 * np.median(distance_from_axis)]
+    in_pile = resting[distance_from_axis < PILE_MEDIANS * np.median(distance_from_axis)]
     frame = outline(in_pile, largest_radius_m, walls)
     # Leave room for a grain that falls in from above.
     point_above = [[0, 0, frame[:, 2].max() + 2 * largest_radius_m]]

@@ -141,8 +141,9 @@ def paint(
         _paint_bodies(band, camera, tints)
         _blend_walls(band, camera, walls=setting.frusta, order=order)
         # The colour of a pixel is the mean of its rays.
-        of_rays = np.clip(image, 0, 1).reshape(-1, supersample, width, supersample, 3)
-        pixels = np.round(255 * of_rays.mean(axis=(1, 3)))
+        ray_colours = np.clip(image, 0, 1)
+        ray_colours = ray_colours.reshape(-1, supersample, width, supersample, 3)
+        pixels = np.round(255 * ray_colours.mean(axis=(1, 3)))
         first_row = rows.start // supersample
         picture[first_row : first_row + len(pixels)] = pixels
     return picture
