@@ -16,6 +16,7 @@ from repose.config import cost, results_folder, dependencies
 from repose.config.workflow_run import (
     check_folder,
     check_when_planned,
+    has_pours,
     run_of_workflow,
 )
 from repose.common import places

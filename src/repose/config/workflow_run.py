@@ -86,6 +86,11 @@ def _relative_to_here(path: str) -> str:
     return os.path.relpath(absolute, here) if is_below else absolute
 
 
+def has_pours(workflow: Any) -> bool:
+    """Return whether Snakemake is going to run a job that simulates a pile."""
+    return any(job.rule.name.endswith("pour") for job in workflow.dag.needrun_jobs())
+
+
 def check_when_planned(workflow: Any, study: PipelineConfig) -> None:
     """Let Snakemake check the results that it will not make again, once it knows them.
 
