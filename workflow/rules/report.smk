@@ -57,9 +57,7 @@ PAGE = present(
         "published": BY_THE_CHAIN
         and bool(PUBLISHED_NAMES)
         and config["validation"]["published"],
-        "drum_summary": BY_THE_CHAIN
-        and "drum" in config
-        and rules.drum.output.summary,
+        "drum_summary": BY_THE_CHAIN and "drum" in config and rules.drum.output.summary,
     }
 ) | drawn("plane", "profiles", *PICTURES.get(STRATEGY, ()))
 TABLES = present(

@@ -70,8 +70,8 @@ def main(words: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        Exit status: 0, 2 for faulty input, 3 where `card check` finds targets that are
-        not met.
+        Exit status: 0; 2 for faulty input; 3 where `card check` finds that a target is
+        not met, and 4 where its runs do not decide.
     """
     _prepare_streams()
     words = list(sys.argv[1:] if words is None else words)

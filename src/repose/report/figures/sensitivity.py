@@ -68,7 +68,7 @@ def _draw_indices(panel: Axes, table: pd.DataFrame) -> None:
         )
     panel.axhline(0, color=style.BLACK, lw=0.6)
     panel.set_xticks(
-        place, [SYMBOLS.get(name, name) for name in table.index], fontsize=9
+        positions, [SYMBOLS.get(name, name) for name in table.index], fontsize=9
     )
     panel.margins(y=0.15)
     total = table["first"].sum()

@@ -199,7 +199,7 @@ def _draw_influence(
                 fontsize=6.5,
             )
     labels = [SYMBOLS.get(name, name) for name in inputs]
-    panel.set_yticks(place, labels, fontsize=8.5)
+    panel.set_yticks(positions, labels, fontsize=8.5)
     panel.invert_yaxis()
     panel.set(xlabel="influence on the prediction (%)")
     panel.margins(x=0.18)
