@@ -34,7 +34,7 @@ SPREAD = Response(
 
 
 # 2. What its section of the configuration holds: each key with its type and bounds.
-class DropSettings(Poured):
+class SpreadSettings(Poured):
     """The section `spread`, with the keys of every test that pours."""
 
     height_mm: float = Field(ge=1, le=1000)
@@ -43,10 +43,10 @@ class DropSettings(Poured):
 
 # 3. The bench test: its scene, a run of it, and the responses of a run that was saved.
 @register(NAME)
-class DropTest(BenchTest[DropSettings]):
+class SpreadTest(BenchTest[SpreadSettings]):
     """Grains that are dropped on a plate."""
 
-    settings = DropSettings
+    settings = SpreadSettings
     responses = (SPREAD,)
     statuses = ("ok", "unstable")
     required_arrays = ("position",)

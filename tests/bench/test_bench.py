@@ -32,7 +32,7 @@ SECTION = {
 }
 TARGET = {
     "response": "spread_mm",
-    "apparatus": "drop",
+    "apparatus": "spread",
     "value": 30.0,
     "sd": 2.0,
     "repetitions": 5,
@@ -48,30 +48,30 @@ def loaded(name, path):
 
 
 @pytest.fixture(scope="module")
-def drop():
+def spread():
     """The bench test of the guide; it may be in the package already."""
-    if "drop" in names():
-        yield bench("drop")
+    if "spread" in names():
+        yield bench("spread")
         return
     loaded("bench_test", ROOT / "examples/bench_test.py")
-    yield bench("drop")
+    yield bench("spread")
     registry = importlib.import_module("repose.bench.bench_test")
-    del registry._REGISTRY["drop"], responses._REGISTRY["spread_mm"]
+    del registry._REGISTRY["spread"], responses._REGISTRY["spread_mm"]
 
 
 @pytest.fixture
-def config(drop):
+def config(spread):
     quick = PipelineConfig.load("config/quick.yaml").config
-    return quick | {"drop": dict(SECTION), "targets": [*quick["targets"], TARGET]}
+    return quick | {"spread": dict(SECTION), "targets": [*quick["targets"], TARGET]}
 
 
-def test_a_bench_test_is_found_by_name_with_its_responses_and_own_seeds(drop):
-    assert bench("drop") is drop
-    assert names()[-1] == "drop"
-    assert responses.response("spread_mm").apparatus == "drop"
-    assert responses.responses_of("drop") == drop.responses
+def test_a_bench_test_is_found_by_name_with_its_responses_and_own_seeds(spread):
+    assert bench("spread") is spread
+    assert names()[-1] == "spread"
+    assert responses.response("spread_mm").apparatus == "spread"
+    assert responses.responses_of("spread") == spread.responses
     input_error(f"one of {', '.join(names())}", bench, "shaker")
-    value_error("registered already", register("drop"), type(drop))
+    value_error("registered already", register("spread"), type(spread))
     for test in bench_tests():
         assert test.statuses[0] == "ok"
         assert test.settings.model_fields["seeds"].is_required()
@@ -101,7 +101,7 @@ def test_a_bench_test_is_found_by_name_with_its_responses_and_own_seeds(drop):
 
 def test_its_section_is_part_of_the_configuration(config):
     PipelineConfig.of(config)
-    assert Targets.of(config["targets"]).apparatus == ("funnel", "drop")
+    assert Targets.of(config["targets"]).apparatus == ("funnel", "spread")
     wrong = {
         "berries": (0, "an integer from 1 to 20000"),
         "duration_s": (0.1, "the time of the fall"),
@@ -109,13 +109,13 @@ def test_its_section_is_part_of_the_configuration(config):
     wrong |= {"hight_mm": (3.0, "did you mean height_mm")}
     for key, (value, allowed) in wrong.items():
         input_error(
-            rf"drop\.{key}.*{allowed}",
+            rf"spread\.{key}.*{allowed}",
             PipelineConfig.of,
-            config | {"drop": SECTION | {key: value}},
+            config | {"spread": SECTION | {key: value}},
         )
-    del config["drop"]
+    del config["spread"]
     input_error(
-        r"targets\.2\.apparatus is 'drop'; .*has a section", PipelineConfig.of, config
+        r"targets\.2\.apparatus is 'spread'; .*has a section", PipelineConfig.of, config
     )
 
 
@@ -186,9 +186,11 @@ def test_a_berry_has_to_fit(name, keys):
     assert too_small == [f"{name}.{key}" for key in keys]
 
 
-def test_its_job_pours_and_measures_and_another_job_is_refused(drop, config, tmp_path):
+def test_its_job_pours_and_measures_and_another_job_is_refused(
+    spread, config, tmp_path
+):
     pours = run_job(
-        drop,
+        spread,
         Scene.of(config, SET, BERRY, PARTICLE),
         "007",
         [3, 4],
@@ -196,7 +198,11 @@ def test_its_job_pours_and_measures_and_another_job_is_refused(drop, config, tmp
         interval_s=0.1,
     )
     saved = json.loads(pours.read_text())
-    assert (saved["sample"], saved["apparatus"], len(saved["pours"])) == (7, "drop", 2)
+    assert (saved["sample"], saved["apparatus"], len(saved["pours"])) == (
+        7,
+        "spread",
+        2,
+    )
     with np.load(tmp_path / "007_trajectory_3.npz") as frames:
         assert frames["position"].shape == (6, 5, 3)
     result = measure_job(Scene.of(config, {}, BERRY, PARTICLE), pours)
@@ -212,7 +218,7 @@ def test_its_job_pours_and_measures_and_another_job_is_refused(drop, config, tmp
     path = tmp_path / "001.pours.json"
     wrong = [
         ("shaker", "ok", "apparatus is 'shaker'"),
-        ("drop", "jammed", "status is 'jammed'; expected ok, unstable"),
+        ("spread", "jammed", "status is 'jammed'; expected ok, unstable"),
     ]
     for name, status, message in wrong:
         path.write_text(

@@ -53,7 +53,7 @@ def test_the_example_runs(name, tmp_path):
 
 PLACES = {
     "contact law": "src/repose/dem/laws/hertz.py",
-    "bench test": "src/repose/bench/drop.py",
+    "bench test": "src/repose/bench/spread.py",
     "figure": "src/repose/report/figures/response_histograms.py",
     "surrogate": "src/repose/calibrate/surrogates/cubic_surface.py",
     "strategy": "src/repose/calibrate/strategies/random_search.py",
