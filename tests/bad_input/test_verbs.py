@@ -16,7 +16,7 @@ OWN = f"--config={Path(__file__).with_name('own.yaml')}"
 NEEDED = {
     "figure": ["figure13"], "measure": ["--mm-per-pixel", "0.1"], "card": ["show"], "export": ["--to", "yade"],
     "new": ["wheat"], **{verb: [OWN] for verb in ("ask", "tell", "calibrate")},
-    **{verb: ["--sample", "1"] for verb in ("pour", "heap", "drum")},
+    **{verb: ["--sample", "1"] for verb in ("pour", "heap", "drum")}, "measure_simulated": ["--out", "results/runs"],
 }  # fmt: skip
 INPUTS_OF_A_FIGURE = ("predictions", "dataset")
 GARBAGE = {
@@ -27,8 +27,9 @@ GARBAGE = {
     "words": b"these are only some words\nand more of them, with a comma\n",
 }  # fmt: skip
 CARD = ROOT / "crops/cards/wheat.json"
-# What these read has its own tests: any file has a provenance, and a report takes files by name.
-ELSEWHERE = ("run", "provenance", "report")
+# What these read has its own tests: any file has a provenance, a report takes files by name, and the others need a study
+# with a program of the user's own.
+ELSEWHERE = ("run", "provenance", "report", "simulate", "measure_simulated")
 
 
 def files_of(verb):

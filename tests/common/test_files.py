@@ -356,6 +356,7 @@ WRITERS = {
     "dem/io/whole.py",
     "dem/cache.py",
     "stages/kept_runs.py",
+    "stages/simulate.py",  # in the folder of a run of a user's own program
 }
 BARE = {
     "rmtree",

@@ -156,7 +156,8 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
     from repose.common.errors import NoFlankError
     from repose.common.files import write_table
     from repose.measure import particle_files
-    from repose.measure.particles import DIRECTIONS, UNITS, measure_particles
+    from repose.measure.conventions import DIRECTIONS, UNITS
+    from repose.measure.particles import measure_particles
     from repose.measure.settings import line_of
 
     require_option(

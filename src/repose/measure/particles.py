@@ -16,25 +16,15 @@ from repose.common.errors import InputError, NoFlankError
 from repose.dem.rotations import rotation_matrices
 from repose.measure import pile
 from repose.measure.clusters import largest_cluster
+from repose.measure.conventions import DIRECTIONS, UNITS
 from repose.measure.further_responses import measure_scatter, measure_silhouettes
 from repose.measure.particle_files import Particles
 from repose.measure.results import PileResult
 from repose.measure.settings import MeasureSettings
 from repose.measure.silhouette import Grains
 
-# Metres in a unit of length.
-UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 # Radii [m] of grains, from a powder to a boulder; others show a wrong unit.
 RADII_M = (1e-6, 1.0)
-# Directions that may point up, by name.
-DIRECTIONS = {
-    "x": (1.0, 0.0, 0.0),
-    "-x": (-1.0, 0.0, 0.0),
-    "y": (0.0, 1.0, 0.0),
-    "-y": (0.0, -1.0, 0.0),
-    "z": (0.0, 0.0, 1.0),
-    "-z": (0.0, 0.0, -1.0),
-}
 # Grains lie on the base if their lowest points differ by less than this share of a radius.
 LAYER = 0.2
 # The base has this many times as many grains as a plane across any other direction.

@@ -13,7 +13,7 @@ from repose.common.section import (
     PathOrNull,
     Section,
 )
-from repose.measure.particles import DIRECTIONS, UNITS
+from repose.measure.conventions import DIRECTIONS, UNITS
 
 # Number of parameter sets that the study `next` draws from the posterior.
 SETS_OF_NEXT = 16

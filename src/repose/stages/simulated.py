@@ -187,7 +187,8 @@ def measured_pile(
     """
     from repose.common.section import AUTO
     from repose.measure import particle_files
-    from repose.measure.particles import UNITS, measure_particles
+    from repose.measure.conventions import UNITS
+    from repose.measure.particles import measure_particles
     from repose.measure.settings import COARSEST_MM_PER_PIXEL, FINEST_MM_PER_PIXEL
 
     section = settings.particles
