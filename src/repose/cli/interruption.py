@@ -8,6 +8,7 @@ import contextlib
 import os
 import signal
 import threading
+import time
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Self
 
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
 END = b"\0"  # no signal has the number 0: it ends the thread that reads signals
 # Interval at which jobs are looked for that started after the signal.
 REPEAT_S = 0.5
+# Time after which a job that still runs gets the signal again. A process that is about
+# to become another program loses the signals that it has.
+PATIENCE_S = 3.0
 
 
 class Interruption:
@@ -30,7 +34,8 @@ class Interruption:
 
     def __init__(self) -> None:
         self.signal_number: int | None = None
-        self._interrupted_jobs: set[psutil.Process] = set()
+        # When each job got its last signal [s].
+        self._interrupted_at: dict[psutil.Process, float] = {}
         self._has_ended = threading.Event()
 
     def __enter__(self) -> Self:
@@ -101,14 +106,16 @@ class Interruption:
             self._interrupt_jobs()
 
     def _interrupt_jobs(self) -> None:
-        """Send SIGINT once to each job, for which Snakemake waits.
+        """Send SIGINT to each job, for which Snakemake waits, and again to a slow one.
 
         Ctrl-C on a terminal has reached them; a signal to this program alone has not.
         """
         import psutil  # of the extra `workflow`
 
+        now = time.monotonic()
         for job in psutil.Process().children(recursive=True):
-            if job not in self._interrupted_jobs:
-                self._interrupted_jobs.add(job)
+            earlier = self._interrupted_at.get(job)
+            if earlier is None or now - earlier >= PATIENCE_S:
+                self._interrupted_at[job] = now
                 with contextlib.suppress(psutil.NoSuchProcess):
                     job.send_signal(signal.SIGINT)
