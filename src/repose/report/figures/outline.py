@@ -74,7 +74,7 @@ def outline_and_measurement(inputs: Inputs, study: StudyView) -> Figure:
         aspect="equal",
     )
     figure.legend(
-        *panel.get_legend_handles_labels(), loc="outside upper center", ncols=2
+        *panel.get_legend_handles_labels(), loc="outside lower center", ncols=2
     )
     return figure
 

@@ -63,7 +63,9 @@ def verdict_of(study: Results) -> VerdictText:
     )
     text = line[0].upper() + line[1:]
     if assessment.feasible:
-        ending = probability_text(study)
+        # The reason of an undecided verdict has named the probability of being inside.
+        is_named = assessment.verdict is Verdict.UNDECIDED
+        ending = probability_text(study, names_inside=not is_named)
     else:
         # Without a feasible set, the message describes what the search found instead.
         ending = study.summary["message"]
@@ -83,8 +85,12 @@ def _rating(assessment: Assessment, probability: float | None) -> str:
     return "good" if probability >= DECIDED else "fair"
 
 
-def probability_text(study: Results) -> str:
-    """Describe in sentences how probable it is that the answer meets the targets."""
+def probability_text(study: Results, names_inside: bool = True) -> str:
+    """Describe in sentences how probable it is that the answer meets the targets.
+
+    The first sentence, on all target ranges together, is left out without
+    `names_inside`.
+    """
     probability = study.probability["all"]
     if probability is None:
         return (
@@ -99,10 +105,12 @@ def probability_text(study: Results) -> str:
     else:
         evidence = f"judged by {n_runs:.0f} new simulations with these parameters"
     n_targets = len(study.targets)
-    sentences = [
-        f"With a probability of {percent_text(probability)} "
-        f"{_responses_lie(n_targets)} inside the target range, {evidence}."
-    ]
+    sentences = []
+    if names_inside:
+        sentences.append(
+            f"With a probability of {percent_text(probability)} "
+            f"{_responses_lie(n_targets)} inside the target range, {evidence}."
+        )
     targets = "target" if n_targets == 1 else "targets"
     for percent, within in study.probability_within.items():
         if within is not None:
