@@ -134,10 +134,8 @@ PipelineConfig.load("config/config.yaml", overrides=laws)
 """
 
 
-def test_a_contact_law_of_two_files(checkout):
-    checkout.add_module("contact law")
-    # Each change of a law compiles all kernels anew; here they run as Python.
-    checkout.python("-c", ELASTIC_HIT, NUMBA_DISABLE_JIT="1")
+def check_laws(checkout):
+    """Run the tests that concern a new law; its kernels run as Python."""
     checkout.check(
         "law or laws or engine",
         "tests/config/test_law_parameters.py",
@@ -147,6 +145,13 @@ def test_a_contact_law_of_two_files(checkout):
         marks="not slow",
         NUMBA_DISABLE_JIT="1",
     )
+
+
+def test_a_contact_law_of_two_files(checkout):
+    checkout.add_module("contact law")
+    # Each change of a law compiles all kernels anew; here they run as Python.
+    checkout.python("-c", ELASTIC_HIT, NUMBA_DISABLE_JIT="1")
+    check_laws(checkout)
 
 
 # A sphere rolls on a plane. Its speed falls as exp(-mu_r g t / 1.4), as its moment of
@@ -199,15 +204,7 @@ def test_a_rolling_law_of_two_files(checkout):
     use += "from repose.dem.laws.viscous import _rows\n"
     checkout.python("-c", use + blocks("rolling law")[1], NUMBA_DISABLE_JIT="1")
     checkout.python("-c", VISCOUS_ROLL, NUMBA_DISABLE_JIT="1")
-    checkout.check(
-        "law or laws or engine",
-        "tests/config/test_law_parameters.py",
-        "tests/dem/test_dependencies.py",
-        "tests/dem/test_laws.py",
-        "tests/export/test_export.py",
-        marks="not slow",
-        NUMBA_DISABLE_JIT="1",
-    )
+    check_laws(checkout)
 
 
 # A cone of grains whose height and base are known from the measurement itself.

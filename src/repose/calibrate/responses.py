@@ -9,9 +9,14 @@ number of them.
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from repose.common.errors import InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Number = TypeVar("Number", float, "pd.Series")
 
 Definitions = Mapping[str, Mapping[str, Any]]
 """For each response the configuration keys, with their values, that define it."""
@@ -137,6 +142,14 @@ Family = Callable[[str], Response | None]
 _REGISTRY: dict[str, Response] = {}
 # A mapping, so that a family that is registered twice is there once.
 _FAMILIES: dict[Family, None] = {}
+
+
+def deviation_percent(predicted: Number, simulated: Number) -> Number:
+    """Compute the deviation of a prediction, without sign, in percent of the simulation.
+
+    The arguments are two numbers, or two columns of a table.
+    """
+    return 100 * abs(predicted - simulated) / abs(simulated)
 
 
 def register(*responses: Response, family: Family | None = None) -> None:

@@ -37,6 +37,9 @@ TEMPLATE_ENDINGS = (".j2", ".jinja", ".jinja2")
 MOST_SEED = 899_999_999
 # Time between the request to end and the end [s].
 GRACE_S = 10.0
+# What messages expect of the program and of a named file.
+EXPECTED_PROGRAM = "a program on PATH, or the path of one that may be run"
+EXPECTED_FILE = "a file that is there"
 # The end of what a program printed, in the reason of a failed run.
 MOST_CHARACTERS = 200
 
@@ -144,12 +147,11 @@ def _faults(
     """Yield the faults of `check`."""
     if program_of(settings.command) is None:
         key = "simulator.command.0"
-        words = "a program on PATH, or the path of one that may be run"
-        yield YamlError(source, key, settings.command[0], words)
+        yield YamlError(source, key, settings.command[0], EXPECTED_PROGRAM)
     missing = [name for name in _named_files(settings) if not Path(name).is_file()]
     for name in missing:
         key = "simulator.template" if name == settings.template else "simulator.files"
-        yield YamlError(source, key, name, "a file that is there")
+        yield YamlError(source, key, name, EXPECTED_FILE)
     for name in _names_twice(settings):
         words = "files whose names differ in the folder of a run"
         yield YamlError(source, "simulator.files", name, words)
@@ -263,7 +265,7 @@ def run_once(
     made = out / str(run)
     ending = _kept(made, inputs, settings)
     if ending is None:
-        ending = _make(settings, inputs, values, made)
+        ending = _make(settings, inputs, made)
     record = {
         "apparatus": OWN,
         "sample": sample,
@@ -282,8 +284,7 @@ def _inputs(settings: SimulatorSettings, values: Mapping[str, Any]) -> dict[str,
     command = [fill(part, values, "simulator.command") for part in settings.command]
     program = program_of(command)
     if program is None:
-        words = "a program on PATH, or the path of one that may be run"
-        raise InputError("simulator", "command", command[0], words)
+        raise InputError("simulator", "command", command[0], EXPECTED_PROGRAM)
     deck = None
     if settings.template is not None:
         text = Path(settings.template).read_text(encoding="utf-8")
@@ -291,7 +292,7 @@ def _inputs(settings: SimulatorSettings, values: Mapping[str, Any]) -> dict[str,
     hashes = {}
     for name in settings.files:
         if not Path(name).is_file():
-            raise InputError("simulator", "files", name, "a file that is there")
+            raise InputError("simulator", "files", name, EXPECTED_FILE)
         hashes[Path(name).name] = provenance.hash_of_file(name)
     return {
         "command": command,
@@ -324,7 +325,6 @@ def _about(inputs: Mapping[str, Any]) -> dict[str, str]:
 def _make(
     settings: SimulatorSettings,
     inputs: Mapping[str, Any],
-    values: Mapping[str, Any],
     folder: Path,
 ) -> Ending:
     """Run the program in a folder with another name, which is then renamed."""
@@ -336,6 +336,7 @@ def _make(
     if settings.template is not None:
         deck = work / deck_name(settings.template)
         deck.write_text(inputs["deck"], encoding="utf-8")
+    values = inputs["values"]
     numbers = {name: values[name] for name in NAMES}
     by_name = {name: value for name, value in values.items() if name not in NAMES}
     text = json.dumps({**numbers, "parameters": by_name}, indent=1)

@@ -4,6 +4,7 @@ They come from the table that a run leaves, or from its particles, whose pile is
 as a photograph is.
 """
 
+import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -137,16 +138,11 @@ def read_responses(
     status = outcome.statuses[0]
     if status == OK:
         return Ending(OK), {name: outcome.values[name][0] for name in responses}
-    without = [name for name in responses if not _is_finite(cells[name])]
+    without = [name for name in responses if not math.isfinite(cells[name])]
     if status == FAILED and without:
         reason = f"no finite number for {', '.join(without)}"
         return Ending("bad_output", reason), nothing
     return Ending("failed", f"its status is {_in_one_line(status)}"), nothing
-
-
-def _is_finite(number: float) -> bool:
-    """Tell whether a number is neither infinite nor NaN."""
-    return abs(number) < float("inf")
 
 
 def _in_one_line(text: object) -> str:

@@ -15,7 +15,7 @@ import pandas as pd
 from repose.calibrate.answer import INSIDE, WITHIN
 from repose.calibrate.chance import Runs, chance_of_meeting
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.responses import Response, derived
+from repose.calibrate.responses import Response, derived, deviation_percent
 from repose.calibrate.runs import error_of
 from repose.calibrate.surrogates.support import Support
 from repose.calibrate.targets import Targets
@@ -189,9 +189,9 @@ def table4(
         table[response.simulated] = rows[response.simulated]
         table[response.standard_error] = rows[response.standard_error]
 
-        deviation = (rows[response.predicted] - rows[response.simulated]).abs()
-        percent = 100 * deviation / rows[response.simulated]
-        table[response.deviation_percent] = percent
+        table[response.deviation_percent] = deviation_percent(
+            rows[response.predicted], rows[response.simulated]
+        )
     if measure is not None and set(ANGLES) <= set(rows):
         table[list(ANGLES)] = rows[list(ANGLES)]
         table["line"] = calibrated_line(responses, measure)

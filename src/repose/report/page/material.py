@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
+from repose.dem.materials import Material
 from repose.report.page.tables import Table
 
 # The directions of a grain's principal axes, the longest first.
@@ -58,12 +59,10 @@ def _grain_values(grain: Mapping[str, Any]) -> Iterator[Value]:
 
 def _wall_values(wall: Mapping[str, Any]) -> Iterator[Value]:
     """Yield the elastic constants of the walls."""
-    shear_modulus_pa = wall["shear_modulus_pa"]
-    poisson_ratio = wall["poisson_ratio"]
-    young_modulus_pa = 2 * shear_modulus_pa * (1 + poisson_ratio)
-    yield Value("wall: Young's modulus", young_modulus_pa, "Pa")
-    yield Value("wall: shear modulus", shear_modulus_pa, "Pa")
-    yield Value("wall: Poisson's ratio", poisson_ratio)
+    material = Material(wall["shear_modulus_pa"], wall["poisson_ratio"])
+    yield Value("wall: Young's modulus", material.elastic_modulus_pa, "Pa")
+    yield Value("wall: shear modulus", material.shear_modulus_pa, "Pa")
+    yield Value("wall: Poisson's ratio", material.poisson_ratio)
 
 
 def _contact_values(parameters: Mapping[str, Any]) -> Iterator[Value]:

@@ -13,6 +13,7 @@ from repose.calibrate.bounds import in_words
 from repose.calibrate.card import widen_to_value, with_remark
 from repose.calibrate.designs.latin_hypercube import METHODS
 from repose.calibrate.designs.settings import DesignSettings
+from repose.calibrate.responses import deviation_percent
 from repose.calibrate.runs import error_of
 from repose.calibrate.targets import Target
 from repose.calibrate.uncertainty.posterior import LARGEST_R_HAT
@@ -448,7 +449,7 @@ def _error_percent(predicted: float | None, simulated: float | None) -> str:
     """Write the error of a prediction in percent of the simulated value."""
     if predicted is None or simulated is None:
         return ""
-    percent = 100 * abs(predicted - simulated) / abs(simulated) if simulated else np.nan
+    percent = deviation_percent(predicted, simulated) if simulated else np.nan
     return f"{percent:.2f}" if np.isfinite(percent) else ""
 
 
