@@ -359,7 +359,9 @@ def test_the_shape_study_is_drawn_for_its_targets(names, tmp_path):
                 }
                 numbers = {derived(name, "difference"): 1.0 for name in names}
                 rows.append(
-                    row | numbers | {of_name(name).standard_error: 0.2 for name in names}
+                    row
+                    | numbers
+                    | {of_name(name).standard_error: 0.2 for name in names}
                 )
                 rows[-1]["distance"] = math.sqrt(len(names))
                 about = row | {"kind": "published", "set": "a"}
