@@ -15,7 +15,15 @@ import pandas as pd
 ROOT = Path(__file__).parents[2]
 KEPT = ROOT / "results" / "published"
 ARTICLE = ROOT / "resources" / "published"
-PAGES = ("README.md", "docs/results.md", "docs/uncertainty.md", "docs/article.md")
+PAGES = (
+    "README.md",
+    "docs/results.md",
+    "docs/uncertainty.md",
+    "docs/article.md",
+    "docs/bench_measurements.md",
+    "docs/refinement.md",
+    "research/docs/drum_slip.md",
+)
 PARAMETERS = ("e_gg", "mus_gg", "mur_gg", "e_gp", "mus_gp", "mur_gp")
 ANGLE, HEIGHT = "aor_deg", "height_mm"
 # The article gives the error of its representative set's simulation, and not its angle and Height.
@@ -79,7 +87,19 @@ RUNS = (
         answer="sequential/table4.csv",
     ),
 )
-DEFAULT = RUNS[0]
+RUN_OF_FOLDER = {run.folder: run for run in RUNS}
+DEFAULT = RUN_OF_FOLDER["recommended"]
+PAPER = RUN_OF_FOLDER["paper"]
+MATCHED = RUN_OF_FOLDER["matched"]
+# Names of the columns of Table 4 that belong to a target.
+COLUMN_STEMS = {ANGLE: "aor", HEIGHT: "height"}
+LINES = {
+    "flank, 30 to 80 %, levels (calibrated)": "flank",
+    "straightest window, at least a third of the side": "straightest",
+    "secant": "secant",
+    "whole side": "whole",
+    "steepest part of the flank": "steepest",
+}
 
 
 def with_error(mean, error):
@@ -154,14 +174,14 @@ def answers():
     head = ["", *(f"`{name}`" for name in PARAMETERS), "angle, °", "Height, mm"]
     published = published_set()
     values = [f"{published[name]:.3f}" for name in PARAMETERS]
-    poured = pooled_published_sets().set_index("solution").loc["representative"]
+    poured = poured_published_sets()
     rows = [
         ["article", *values, *ARTICLE_CHECK],
         [
             "article's set, poured here",
             *values,
-            with_error(poured[ANGLE], poured[f"{ANGLE}_se"]),
-            with_error(poured[HEIGHT], poured[f"{HEIGHT}_se"]),
+            cell_of_set(poured, "representative", ANGLE),
+            cell_of_set(poured, "representative", HEIGHT),
         ],
     ]
     for run in RUNS:
@@ -327,49 +347,618 @@ def designs():
     return markdown(head, rows)
 
 
+def poured_published_sets():
+    """The published sets as the present engine pours them, by solution."""
+    sets = pd.read_csv(ARTICLE / "simulated.csv").set_index("solution")
+    return sets.rename(
+        columns={
+            "aor_flank_deg": ANGLE,
+            "aor_flank_se_deg": f"{ANGLE}_se",
+            "height_se_mm": f"{HEIGHT}_se",
+            "n_seeds": "pours",
+        }
+    )
+
+
+def cell_of_set(sets, solution, target):
+    """Mean and standard error of a published set."""
+    return with_error(sets.loc[solution, target], sets.loc[solution, f"{target}_se"])
+
+
+def stated_by_article(solution, article):
+    """What the article states as angle and Height of one of its sets."""
+    if solution not in article.index:
+        return "31.27 (measured), -"
+    row = article.loc[solution]
+    if pd.isna(row["aor_simulated_deg"]):
+        return f"predicted {row['aor_predicted_deg']:.1f}, {row['height_predicted_mm']:.1f}"
+    return f"{row['aor_simulated_deg']:.1f}, {row['height_simulated_mm']:.1f}"
+
+
 def published_sets():
-    """The article's sets as they pile up here: all pours of a set together."""
+    """The article's sets as they pile up here, and in earlier draws."""
     head = [
         "set",
         "article: angle, Height",
         "here: angle, °",
         "here: Height, mm",
         "pours",
+        "earlier draws: angle, °",
+        "Height, mm",
+        "pours",
     ]
+    article = pd.read_csv(ARTICLE / "table4.csv").set_index("solution")
+    poured = poured_published_sets()
+    earlier = pooled_published_sets().set_index("solution")
+    rows = [
+        [
+            solution if solution in article.index else "Yu et al. 2022",
+            stated_by_article(solution, article),
+            cell_of_set(poured, solution, ANGLE),
+            cell_of_set(poured, solution, HEIGHT),
+            poured.loc[solution, "pours"],
+            cell_of_set(earlier, solution, ANGLE),
+            cell_of_set(earlier, solution, HEIGHT),
+            earlier.loc[solution, "pours"],
+        ]
+        for solution in poured.index
+    ]
+    return markdown(head, rows)
+
+
+def published_verdict():
+    """Whether the article's sets meet its own ranges, in one paragraph."""
+    article = pd.read_csv(ARTICLE / "table4.csv").set_index("solution")
+    sets = poured_published_sets().loc[article.index]
+    low, high = DEFAULT.settings()["targets"][0]["range"]
+    height_low, height_high = DEFAULT.settings()["targets"][1]["range"]
+    inside = sets[ANGLE].between(low, high)
+    height_inside = sets[HEIGHT].between(height_low, height_high)
+    short = low - sets[ANGLE]
+    clear = short > 2 * sets[f"{ANGLE}_se"]
+    return (
+        f"Of the article's {len(sets)} sets, {inside.sum()} have a mean angle inside the target's range of {low:g} to {high:g}°, "
+        f"and {height_inside.sum()} have a mean Height inside {height_low:g} to {height_high:g} mm.\n"
+        f"The mean angles lie from {sets[ANGLE].min():.1f} to {sets[ANGLE].max():.1f}°. "
+        f"{clear.sum()} of them lie below the range by more than two standard errors.\n"
+    )
+
+
+def verdict():
+    """The verdict of the default run as the terminal prints it."""
+    card = json.loads((KEPT / DEFAULT.folder / "card.json").read_text())
+    verdicts = {"met": "targets met", "not met": "targets NOT met"}
+    means = []
+    for test, name in zip(card["tests"], ("Angle of repose", "Height"), strict=True):
+        line = f" ({test['line']})" if "line" in test else ""
+        percent = 100 * (test["simulated"] / test["measured"] - 1)
+        means.append(
+            f"{name}{line} {test['simulated']:.2f} +- {test['standard_error']:.2f} "
+            f"{test['unit']} (measured {test['measured']:g}, {percent:+.1f} %)"
+        )
+    opening = verdicts.get(card["verdict"], card["verdict"])
+    return f"    {opening}. {', '.join(means)}.\n"
+
+
+def check_cells(run):
+    """Simulated mean, and percent off the measured mean, of a run's answer, by target."""
+    cells = {}
+    for row in run.table(f"{Path(run.answer).parent}/representative.csv").itertuples():
+        unit = "°" if row.response == ANGLE else " mm"
+        percent = 100 * (row.simulated / row.physical_mean - 1)
+        percent_error = 100 * row.simulated_se / row.physical_mean
+        cells[row.response] = (
+            f"{row.simulated:.1f} ± {row.simulated_se:.1f}{unit}",
+            f"{percent:+.1f} ± {percent_error:.1f} %",
+        )
+    return cells
+
+
+def deviation_range(run, target):
+    """Smallest and largest deviation of a prediction from its check, in percent."""
+    table4 = run.table(run.answer)
+    percents = table4[f"{COLUMN_STEMS[target]}_error_percent"]
+    return f"{percents.min():.1f} to {percents.max():.1f} %"
+
+
+def r_squared(run, ending=""):
+    """R² on the test samples, for angle and Height."""
+    metrics = json.loads((KEPT / run.folder / "network/metrics.json").read_text())
+    values = [metrics["test"][name]["r2"] for name in (ANGLE, HEIGHT)]
+    return ", ".join(f"{value:.2f}" for value in values) + ending
+
+
+def sample_noise(run):
+    """Root mean square of the standard errors of the samples' means, by target."""
+    samples = run.table(run.samples)
+    return {
+        target: np.sqrt((samples[f"{stem}_se_{target.rpartition('_')[2]}"] ** 2).mean())
+        for target, stem in COLUMN_STEMS.items()
+    }
+
+
+def perfect_r_squared(run):
+    """R² of a model that knows each sample's true mean: the rest is the pours' noise."""
+    samples = run.table(run.samples)
+    noise = sample_noise(run)
+    values = [
+        f"{1 - noise[name] ** 2 / samples[name].var(ddof=0):.2f}"
+        for name in (ANGLE, HEIGHT)
+    ]
+    return ", ".join(values)
+
+
+def test_errors(run):
+    """Root mean square error on the test samples, and the noise of one such sample."""
+    metrics = json.loads((KEPT / run.folder / "network/metrics.json").read_text())
+    errors = {name: metrics["test"][name]["rmse"] for name in (ANGLE, HEIGHT)}
+    return tuple(
+        f"{values[ANGLE]:.2f}°, {values[HEIGHT]:.2f} mm"
+        for values in (errors, sample_noise(run))
+    )
+
+
+def within_cell(run):
+    """Probabilities that both true means lie within 1 and 2 % of the measured ones."""
+    row = run.table(f"{Path(run.answer).parent}/representative.csv").iloc[0]
+    return f"{row['within_1_percent']:.2f}, {row['within_2_percent']:.2f}"
+
+
+def default_run():
+    """The default run's check and network beside the article's."""
+    check = check_cells(DEFAULT)
+    rmse, noise = test_errors(DEFAULT)
+    rows = [
+        [
+            "angle of the answer, simulated",
+            "one simulation, 0.76 % off",
+            ", ".join(check[ANGLE]),
+        ],
+        [
+            "Height of the answer, simulated",
+            "one simulation, 1.33 % off",
+            ", ".join(check[HEIGHT]),
+        ],
+        [
+            "probability that both true means are within 1 %, 2 %",
+            "-",
+            within_cell(DEFAULT),
+        ],
+        [
+            "predicted against simulated angle, six solutions",
+            "below 5 %",
+            deviation_range(DEFAULT, ANGLE),
+        ],
+        [
+            "predicted against simulated Height, six solutions",
+            "below 5 %",
+            deviation_range(DEFAULT, HEIGHT),
+        ],
+        [
+            "R² on the test samples, angle and Height",
+            "0.94, 0.94",
+            r_squared(DEFAULT),
+        ],
+        ["the same for a perfect model", "-", perfect_r_squared(DEFAULT)],
+        ["root mean square error on the test samples", "1.06°, 0.84 mm", rmse],
+        ["noise of a test sample (standard error of six pours)", "-", noise],
+    ]
+    return markdown(["number", "article", "here"], rows)
+
+
+def beside_article():
+    """README's short table: checks and predictions beside the article's."""
+    default, refined = check_cells(DEFAULT), check_cells(RUN_OF_FOLDER["refined"])
+    article = pd.read_csv(ARTICLE / "table4.csv").set_index("solution")
+    article_sets = poured_published_sets().loc[article.index, ANGLE]
+    rows = [
+        [
+            "angle of the answer, measured 32.87°",
+            "one simulation, 0.76 % off",
+            f"default: {default[ANGLE][1]}; `refined`: {refined[ANGLE][1]}",
+        ],
+        [
+            "Height of the answer, measured 65.57 mm",
+            "one simulation, 1.33 % off",
+            f"default: {default[HEIGHT][1]}; `refined`: {refined[HEIGHT][1]}",
+        ],
+        [
+            "predicted against simulated angle, six sets",
+            "below 5 %",
+            deviation_range(DEFAULT, ANGLE),
+        ],
+        [
+            "predicted against simulated Height, six sets",
+            "below 5 %",
+            deviation_range(DEFAULT, HEIGHT),
+        ],
+        [
+            "R² on test samples, angle and Height",
+            "0.94, 0.94",
+            f"{r_squared(DEFAULT)}; [a perfect model](docs/network.md#what-the-articles-094-would-take) "
+            f"would reach about {perfect_r_squared(DEFAULT)}",
+        ],
+        [
+            "the article's six sets, simulated",
+            "31.2 to 33.7°",
+            f"[{article_sets.min():.1f} to {article_sets.max():.1f}°]"
+            "(docs/results.md#the-published-parameter-sets-in-this-simulator), target 31 to 34°",
+        ],
+    ]
+    return markdown(["", "article", "here"], rows)
+
+
+def lines():
+    """The angle of the default run's answer by each line."""
+    answer = answer_of(DEFAULT)
+    rows = [
+        [name, with_error(answer[f"aor_{key}_deg"], answer[f"aor_{key}_se_deg"]) + "°"]
+        for name, key in LINES.items()
+    ]
+    return markdown(["line", "angle of the answer"], rows)
+
+
+def drum_means(run):
+    """Mean and standard error of each quantity of a run's drum."""
+    summary = run.table("drum/summary.csv").set_index("key")
+    return {
+        key: with_error(row["mean"], row["standard_error"])
+        if row["runs"] > 1
+        else f"{row['mean']:.0f}"
+        for key, row in summary.iterrows()
+    }
+
+
+def drum():
+    """When and how the bed slips in the drum, at the answers of the kept runs."""
+    means = drum_means(DEFAULT)
+    return (
+        f"In our drum, the surface of the berries rises to {means['before_surface_deg']}° just before the bed slips, "
+        f"and lies at {means['after_surface_deg']}° afterwards.\n"
+        f"These angles belong to the default run, whose bed slips when the drum has turned by {means['before_turned_deg']}°.\n"
+        f"With the answers of the runs `paper` and `matched`, the bed slips after {drum_means(PAPER)['before_turned_deg']}° "
+        f"and {drum_means(MATCHED)['before_turned_deg']}°, so the choice of the answer matters little here.\n"
+    )
+
+
+def drum_quantities():
+    """The first slip of the default run's drum."""
+    means = drum_means(DEFAULT)
+    rows = [
+        ["time since the rotation began", f"{means['before_time_s']} s", "-"],
+        ["rotation of the drum", f"{means['before_turned_deg']}°", "-"],
+        [
+            "angle of the surface",
+            f"{means['before_surface_deg']}°",
+            f"{means['after_surface_deg']}°",
+        ],
+        [
+            "angle of the centre of mass",
+            f"{means['before_bed_deg']}°",
+            f"{means['after_bed_deg']}°",
+        ],
+        [
+            "motion of the uppermost layer in the drum",
+            "-",
+            f"{means['surface_moved_mm']} mm",
+        ],
+        ["motion of the lowest layer", "-", f"{means['wall_moved_mm']} mm"],
+    ]
+    return markdown(["quantity", "at the first slip", "after the slip"], rows)
+
+
+def optimism():
+    """What the program expected its predictions to be off by, and what the check found."""
+    table4 = DEFAULT.table(DEFAULT.answer)
+    others = table4[table4["role"] != "representative"]
+    expected = others["aor_optimism_deg"]
+    answer = answer_of(DEFAULT)
+    expected_answer = (
+        f"{answer['aor_optimism_deg']:.2f} ± {answer['aor_optimism_se_deg']:.2f}°"
+    )
+    found = table4["aor_predicted_deg"] - table4["aor_simulated_deg"]
+    found_answer = with_error(found[answer.name], answer["aor_se_deg"])
+    found_others = found[others.index]
+    typical_error = others["aor_se_deg"].mean()
+    flatter = int((found > 0).sum())
+    return (
+        f"In the default run, the program expects the true angle of the answer to be {expected_answer} smaller than predicted. "
+        f"Its check found {found_answer}°.\n"
+        f"For the other {len(others)} solutions of Table 4 it expects {expected.min():.2f} to {expected.max():.2f}°. "
+        f"Their checks found {found_others.min():.1f} to {found_others.max():.1f}°, each with an error of about {typical_error:.1f}°.\n"
+        f"Of all {len(table4)} solutions, {flatter} gave flatter piles than predicted.\n"
+    )
+
+
+def pours_of_default():
+    """How many pours of the default run's design came to rest."""
+    summary = json.loads((KEPT / DEFAULT.folder / "dataset_summary.json").read_text())
+    return (
+        f"The default run simulates six piles for each of {summary['samples']} parameter sets. "
+        f"Of these {summary['runs']} piles, it uses the {summary['runs_ok']} that came to rest, "
+        "and leaves out those whose berries still moved after 18 s.\n"
+    )
+
+
+def refined_run():
+    """The answers of the default run and of its second stage."""
     rows = []
-    sets = pd.read_csv(ARTICLE / "table4.csv").set_index("solution")
-    for row in pooled_published_sets().itertuples():
-        if row.solution not in sets.index:
-            stated = "31.27 (measured), -"
-            name = "Yu et al. 2022"
-        else:
-            own = sets.loc[row.solution]
-            name = row.solution
-            simulated = (
-                f"{own['aor_simulated_deg']:.1f}, {own['height_simulated_mm']:.1f}"
-            )
-            predicted = f"predicted {own['aor_predicted_deg']:.1f}, {own['height_predicted_mm']:.1f}"
-            stated = predicted if pd.isna(own["aor_simulated_deg"]) else simulated
+    for run in (DEFAULT, RUN_OF_FOLDER["refined"]):
+        answer = answer_of(run)
+        check = check_cells(run)
+        rows.append(
+            [
+                run.name,
+                f"{answer['aor_predicted_deg']:.1f}°",
+                f"{answer['aor_optimism_deg']:+.2f} ± {answer['aor_optimism_se_deg']:.2f}°",
+                ", ".join(check[ANGLE]),
+                f"{answer['height_predicted_mm']:.1f} mm",
+                ", ".join(check[HEIGHT]),
+            ]
+        )
+    head = [
+        "answer of",
+        "angle, predicted",
+        "expected optimism",
+        "angle, simulated, off 32.87°",
+        "Height, predicted",
+        "Height, simulated, off 65.57 mm",
+    ]
+    return markdown(head, rows)
+
+
+def noise_of_pours():
+    """The variance of pours split into that of parameters and that of chance."""
+    noise = DEFAULT.table("noise/noise.csv").set_index("response")
+    rows = []
+    for target, name, unit in ((ANGLE, "angle", "°"), (HEIGHT, "Height", " mm")):
+        row = noise.loc[target]
         rows.append(
             [
                 name,
-                stated,
-                with_error(row.aor_deg, row.aor_deg_se),
-                with_error(row.height_mm, row.height_mm_se),
-                row.pours,
+                f"{row['sd_within']:.2f}{unit}",
+                f"{row['sd_between']:.2f}{unit}",
+                f"{row['icc']:.2f} ({row['icc_low']:.2f}-{row['icc_high']:.2f})",
+                f"{row['r2_single_runs']:.2f}",
+                f"{row['r2_sample_means']:.2f}",
             ]
         )
+    head = [
+        "",
+        "scatter within a sample",
+        "spread between samples",
+        "share of the variance between",
+        "best R², single pours",
+        "best R², means of six",
+    ]
     return markdown(head, rows)
+
+
+def pours_for_a_percent():
+    """How many pours give a mean to within 1 %."""
+    noise = DEFAULT.table("noise/noise.csv").set_index("response")
+    pours = noise["seeds_for_1_percent"].astype(int)
+    return (
+        f"To know the mean to within 1 %, for example, you need {pours[ANGLE]} piles for the angle "
+        f"but only {pours[HEIGHT]} for the height.\n"
+    )
+
+
+def posterior_of(run):
+    """What `posterior` states beside its tables."""
+    return json.loads((KEPT / run.folder / "posterior/posterior.json").read_text())
+
+
+def posterior_errors():
+    """The errors that the posterior allows for."""
+    posterior = posterior_of(DEFAULT)
+    terms = (
+        (
+            "S_y",
+            "error of the measured means: standard deviation over the root of the number of piles",
+            "physical_se",
+        ),
+        (
+            "S_d",
+            "[discrepancy](#the-discrepancy): the error of the simulator with any parameters",
+            "discrepancy_sd",
+        ),
+        ("S_w", "error of the surrogate's mean", "network_ensemble_se"),
+    )
+    rows = [
+        [term, meaning, "{:.2f}°, {:.2f} mm".format(*posterior[key])]
+        for term, meaning, key in terms
+    ]
+    return markdown(["term", "meaning", "here"], rows)
+
+
+def information():
+    """How much the measurement says about the parameters."""
+    table = DEFAULT.table("posterior/posterior.csv").set_index("parameter")
+    bits = table["information_bits"]
+    most = bits.idxmax()
+    half = "lower" if table.loc[most, "below_centre"] > 0.5 else "upper"
+    total = posterior_of(DEFAULT)["information_bits"]
+    return (
+        f"In the default run, all six parameters together gain only {total:.2f} bits, so the piles tell very little. "
+        f"The largest share belongs to `{most}`, which gains {bits[most]:.2f} bits and probably lies in the {half} half of its range. "
+        f"Each of the other five gains at most {bits.drop(most).max():.2f} bits.\n"
+    )
+
+
+def bits_by_discrepancy():
+    """The information over the assumed discrepancy."""
+    table = DEFAULT.table("posterior/discrepancy.csv")
+    stated = table[table["evidence"] == "stated"]
+    apart = stated[stated["discrepancy_correlation"] == 0]
+    together = stated[stated["discrepancy_correlation"] > 0]
+    by_study = table[table["evidence"] == "shape study"].iloc[0]
+    correlation = together["discrepancy_correlation"].iloc[0]
+    sizes = [f"{size:g} %" for size in apart["discrepancy_percent"]]
+    head = ["assumed discrepancy of both responses", *sizes, "shape study"]
+    rows = [
+        [
+            "information, bits",
+            *(f"{bits:.1f}" for bits in apart["information_bits"]),
+            f"{by_study['information_bits']:.1f}",
+        ],
+        [
+            f"the same, errors of both responses correlated by {correlation:g}",
+            *(f"{bits:.1f}" for bits in together["information_bits"]),
+            "-",
+        ],
+    ]
+    exact = apart.iloc[0]
+    share = exact["mus_gg_bits"] / exact["information_bits"]
+    return (
+        markdown(head, rows)
+        + f"\nEven with a perfect simulator, the two targets would give only {exact['information_bits']:.1f} bits for all six parameters, "
+        f"{100 * share:.0f} % of them about `mus_gg`.\n"
+    )
+
+
+def open_region():
+    """The share of the space that history matching leaves open."""
+    region = DEFAULT.table("posterior/region.csv")
+    # Every pair of parameters divides the same draws among its cells of equal weight.
+    share = region["share"].mean()
+    excluded = int((region["share"] == 0).sum())
+    cells = (
+        "no cell of any pair of parameters"
+        if excluded == 0
+        else f"{excluded} of {len(region)} cells"
+    )
+    return (
+        "For the goji berry almost nothing can be ruled out. "
+        f"The measurement leaves {100 * share:.0f} % of the searched space open, and excludes {cells}:\n"
+    )
+
+
+def drum_cases():
+    """The runs of research/answers/drum_slip.py: mean and standard error by case."""
+    runs = pd.read_csv(ROOT / "research/answers/drum_slip.csv")
+    rows = []
+    for case, of_case in runs.groupby("case", sort=False):
+        slipped = of_case["before_turned_deg"].dropna()
+        slips = f"{len(slipped)} of {len(of_case)}"
+        turned = "-" if slipped.empty else f"{mean_with_error(slipped)}°"
+        rows.append(
+            [
+                case,
+                f"{mean_with_error(of_case['start_surface_deg'])}°, {of_case['start_surface_deg'].std():.1f}°",
+                f"{100 * of_case['moved_share'].mean():.2f} %",
+                f"{of_case['bed_moved_mm'].mean():.1f} mm",
+                slips,
+                turned,
+            ]
+        )
+    head = [
+        "case",
+        "surface at the start: mean, scatter of runs",
+        "grains that moved by 27°",
+        "motion of the whole bed by 27°",
+        "runs with a slip",
+        "turned at the slip",
+    ]
+    return markdown(head, rows)
+
+
+def mean_with_error(values):
+    """Mean and standard error of runs."""
+    return with_error(values.mean(), values.sem())
+
+
+def sensitivities():
+    """Sobol indices of the default run: first-order, and total in brackets."""
+    sobol = DEFAULT.table("sensitivity/sobol.csv").set_index(["response", "parameter"])
+    rows = []
+    for target, name in ((ANGLE, "angle"), (HEIGHT, "Height")):
+        cells = []
+        for parameter in PARAMETERS:
+            index = sobol.loc[(target, parameter)]
+            cells.append(f"{index['first']:.2f} ({index['total']:.2f})")
+        rows.append([name, *cells])
+    return markdown(["", *(f"`{name}`" for name in PARAMETERS)], rows)
+
+
+def paper_run():
+    """The run with the article's settings beside the article."""
+    check = check_cells(PAPER)
+    rows = [
+        ["feasible solutions", "90", len(PAPER.table(PAPER.solutions))],
+        [
+            "angle of the answer",
+            "one simulation, 0.76 % off",
+            ", ".join(check[ANGLE]),
+        ],
+        [
+            "Height of the answer",
+            "one simulation, 1.33 % off",
+            ", ".join(check[HEIGHT]),
+        ],
+        [
+            "predicted against simulated, six solutions",
+            "below 5 %",
+            f"angle {deviation_range(PAPER, ANGLE)}, Height {deviation_range(PAPER, HEIGHT)}",
+        ],
+        [
+            "R² on the test samples, angle and Height",
+            "0.94, 0.94",
+            r_squared(PAPER),
+        ],
+    ]
+    return markdown(["number", "article", "here, its settings"], rows)
+
+
+def matched_run():
+    """The run with the rough clump."""
+    check = check_cells(MATCHED)
+    summary = json.loads((KEPT / MATCHED.folder / "dataset_summary.json").read_text())
+    rows = [
+        ["pours at rest", f"{summary['runs_ok']} of {summary['runs']}"],
+        ["angle of the answer", ", ".join(check[ANGLE])],
+        ["Height of the answer", ", ".join(check[HEIGHT])],
+        [
+            "predicted against simulated angle, six solutions",
+            deviation_range(MATCHED, ANGLE),
+        ],
+        [
+            "predicted against simulated Height",
+            deviation_range(MATCHED, HEIGHT),
+        ],
+        ["R² on the test samples", r_squared(MATCHED)],
+    ]
+    return markdown(["number", "`matched`"], rows)
 
 
 TEXTS = {
     "answers": answers,
+    "beside_article": beside_article,
+    "bits_by_discrepancy": bits_by_discrepancy,
     "bounds": bounds,
+    "default_run": default_run,
     "design": design,
     "designs": designs,
+    "drum": drum,
+    "drum_cases": drum_cases,
+    "drum_quantities": drum_quantities,
+    "information": information,
     "intervals": intervals,
+    "lines": lines,
+    "matched_run": matched_run,
+    "noise_of_pours": noise_of_pours,
+    "open_region": open_region,
+    "optimism": optimism,
     "overlaps": overlaps,
+    "paper_run": paper_run,
+    "posterior_errors": posterior_errors,
+    "pours_for_a_percent": pours_for_a_percent,
+    "pours_of_default": pours_of_default,
     "published_sets": published_sets,
+    "published_verdict": published_verdict,
+    "refined_run": refined_run,
+    "sensitivities": sensitivities,
+    "verdict": verdict,
 }
 
 

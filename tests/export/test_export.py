@@ -669,7 +669,8 @@ def test_a_card_alone_is_enough_in_any_folder(tmp_path, monkeypatch, command, sp
         *words[5:],
     ]  # whose files lie elsewhere
     assert (
-        "berry.sizes is 'resources/berries.csv'" in command(*goji, "--out", "goji").err
+        "berry.compression is 'resources/compression.csv'"
+        in command(*goji, "--out", "goji").err
     )
     assert Path("goji/in.pour").exists()
     assert steps[None] > 5 * steps[1e-6]

@@ -3,7 +3,7 @@
 Every room of src/repose gives as many mutants. A place in it is drawn and made wrong in one of the ways of `kinds.py`.
 In a clone of the last commit the quick tests that name the module run up to the first that fails; those of the engine
 without the compiler. Outside the engine, what survives meets all quick tests of its room. The table goes to
-tests/mutants/random_lines.md.
+tests/mutants/random_lines.md. An interrupted run goes on where it stopped, as long as the last commit is the same.
 
 The next draw is of 60 lines with the seed 5309272. Write the seed after it here before that one is drawn.
 """
@@ -157,6 +157,22 @@ def found(folder, path, wrong):
     return bool(caught) or (compiled and bool(fails([f"tests/{room}"], MOST_S)))
 
 
+def commit():
+    """The last commit, whose lines are drawn."""
+    command = ["git", "rev-parse", "HEAD"]
+    return subprocess.check_output(command, cwd=ROOT, text=True).strip()
+
+
+def rows_of_unfinished(path, draw):
+    """Rows that an interrupted run of the same draw has left in a file, which this starts."""
+    if path.exists():
+        first_line, *rows = path.read_text().splitlines()
+        if first_line == draw:
+            return rows
+    path.write_text(f"{draw}\n")
+    return []
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--mutants", type=int, default=60)
@@ -165,10 +181,12 @@ def main():
     arguments = parser.parse_args()
     for name in LOADED:
         importlib.import_module(name)
-    rows = []
+    unfinished = arguments.out.with_suffix(".part")
+    rows = rows_of_unfinished(unfinished, draw=f"{commit()} seed {arguments.seed}")
     with tempfile.TemporaryDirectory() as name:
         folder = cloned(name)
-        for path, start, wrong in drawn(arguments.mutants, arguments.seed):
+        mutants = drawn(arguments.mutants, arguments.seed)
+        for path, start, wrong in mutants[len(rows) :]:
             text = path.read_bytes()
             number = text[:start].count(b"\n")
             before, after = (
@@ -176,10 +194,12 @@ def main():
                 for content in (text, wrong)
             )
             how = "caught" if found(folder, path, wrong) else "**survived**"
-            rows.append(
-                f"| {path.relative_to(SOURCE)} {number + 1} | `{before}` | `{after}` | {how} |"
-            )
-            print(rows[-1], flush=True)
+            row = f"| {path.relative_to(SOURCE)} {number + 1} | `{before}` | `{after}` | {how} |"
+            rows.append(row)
+            print(row, flush=True)
+            with unfinished.open("a") as file:
+                file.write(f"{row}\n")
+    unfinished.unlink()
     written(arguments.out, rows, "place", f", seed {arguments.seed}")
 
 

@@ -474,14 +474,34 @@ def require_same_study(config: Config, inputs: Inputs, source: str) -> None:
     """
     for path, record in inputs:
         mismatch = difference(config, record, is_of_engine=False)
-        if mismatch is not None:
+        if mismatch is None:
+            continue
+        # A missing file has no content to compare.
+        named_file = _value_of_key(config, mismatch.key)
+        if mismatch.current is None and isinstance(named_file, str):
             raise InputError(
-                path,
+                source,
                 mismatch.key,
-                mismatch.recorded,
-                f"{mismatch.current}, as in {source}: results of one study; give the "
-                "configuration of this file, or make the file again with this one",
+                named_file,
+                f"a file of the study of {path}; it is not found from this folder",
             )
+        raise InputError(
+            path,
+            mismatch.key,
+            mismatch.recorded,
+            f"{mismatch.current}, as in {source}: results of one study; give the "
+            "configuration of this file, or make the file again with this one",
+        )
+
+
+def _value_of_key(config: Config, dotted_key: str) -> Any:
+    """Return the value of a dotted key; None if the configuration lacks it."""
+    value: Any = config
+    for key in dotted_key.split("."):
+        if not isinstance(value, Mapping):
+            return None
+        value = value.get(key)
+    return value
 
 
 def find_outdated(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
