@@ -17,10 +17,15 @@ from repose.dem import Contact, Material, Mesh, Motion, Plane, Shape, Simulation
 from repose.dem.laws import ROLLING_LAWS
 
 OPENS_S = 4.5
-WIDTHS_M, LARGE_SHARE = (0.0069, 0.0089), 0.3
+WIDTHS_M = (0.0069, 0.0089)
+LARGE_SHARE = 0.3
 DEPTH = 0.5 * WIDTHS_M[1]  # half the distance of the planes
-HALF_OUTLET, OUTLET_HEIGHT, HALF_WIDTH, SLOPE = 0.05, 0.3, 0.45, np.radians(50.5)
-GRAIN, SMOOTH = Contact(0.7, 0.8, 0.3), Contact(0.7, 0.0, 0.0)
+HALF_OUTLET = 0.05
+OUTLET_HEIGHT = 0.3
+HALF_WIDTH = 0.45
+SLOPE = np.radians(50.5)
+GRAIN = Contact(0.7, 0.8, 0.3)
+SMOOTH = Contact(0.7, 0.0, 0.0)
 
 
 def panel(x0, z0, x1, z1, material="wall"):
@@ -32,10 +37,8 @@ def panel(x0, z0, x1, z1, material="wall"):
 
 def scene(law, seed, grains):
     """The grains above the closed hopper."""
-    rng, top = (
-        np.random.default_rng(seed),
-        OUTLET_HEIGHT + (HALF_WIDTH - HALF_OUTLET) * np.tan(SLOPE),
-    )
+    rng = np.random.default_rng(seed)
+    top = OUTLET_HEIGHT + (HALF_WIDTH - HALF_OUTLET) * np.tan(SLOPE)
     stone = Material(4e6 / 2.98, 0.49)
     simulation = Simulation(
         {
@@ -68,7 +71,8 @@ def scene(law, seed, grains):
         contact_law="hertz_mindlin_rescaled",
         rolling_law=law,
     )
-    z, placed = OUTLET_HEIGHT + 0.01, 0
+    z = OUTLET_HEIGHT + 0.01
+    placed = 0
     while placed < grains:
         reach = (
             min(HALF_WIDTH, HALF_OUTLET + (z - OUTLET_HEIGHT) / np.tan(SLOPE)) - 0.012

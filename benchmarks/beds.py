@@ -31,8 +31,10 @@ def bed(shape, count, time_step_s, settle_steps, threads=1, seed=1, tension="kee
         ("front", 1, 1),
         ("back", 1, -1),
     ):
-        normal, point = np.zeros(3), np.zeros(3)
-        normal[k], point[k] = sign, 0.0 if sign > 0 else side
+        normal = np.zeros(3)
+        point = np.zeros(3)
+        normal[k] = sign
+        point[k] = 0.0 if sign > 0 else side
         walls[name] = Plane(point, normal, "wall")
     simulation = Simulation(
         {"berry": shape},

@@ -16,7 +16,9 @@ from beds import DENSITY_KG_M3, SEMI_AXES_M, bed
 from repose.dem import Clump, Shape
 
 TIME_STEP_S = 1e-4
-SETTLE_STEPS, TIMED_STEPS, ROUNDS = 8000, 500, 11
+SETTLE_STEPS = 8000
+TIMED_STEPS = 500
+ROUNDS = 11
 
 
 def filled_ellipsoid(semi_axes_m, spheres, density_kg_m3, material):

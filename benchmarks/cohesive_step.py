@@ -20,7 +20,8 @@ from repose.dem import (
     random_quaternion,
 )
 
-RUNS, STEPS = 9, 2000
+RUNS = 9
+STEPS = 2000
 LAWS = {
     "hertz_mindlin_rescaled": {},
     "jkr": {"surface_energy_j_m2": 0.02},
@@ -30,10 +31,8 @@ LAWS = {
 
 def simulation(law):
     """500 berries of the mean axes above the floor of a cylinder."""
-    rng, contact = (
-        np.random.default_rng(1),
-        Contact(0.25, 0.55, 0.045, constants=LAWS[law]),
-    )
+    rng = np.random.default_rng(1)
+    contact = Contact(0.25, 0.55, 0.045, constants=LAWS[law])
     berry = Shape.ellipsoid(np.array([0.02114, 0.01137, 0.00988]) / 2.0, 840.0, "berry")
     s = Simulation(
         {"berry": berry},
@@ -74,7 +73,8 @@ def main():
     dry = np.array(took["hertz_mindlin_rescaled"])
     print(machine()["processor"])
     for law, times in took.items():
-        ratio, contacts = np.array(times) / dry, len(scenes[law].contacts())
+        ratio = np.array(times) / dry
+        contacts = len(scenes[law].contacts())
         print(
             f"{law}: {contacts} contacts, {np.median(times):.1f} us a step, {np.median(ratio):.2f} times the dry one"
         )

@@ -82,10 +82,15 @@ def rough_clump(dem):
 
 def funnel(dem, tube=0.0):
     """A funnel with rounded edges above a disc; `tube`: length of the tube that follows the cone [m]."""
-    slope, radius, edge, outlet = math.radians(50.0), 0.018, 0.001, 0.08
-    core, height = radius + edge, outlet + tube
+    slope = math.radians(50.0)
+    radius = 0.018
+    edge = 0.001
+    outlet = 0.08
+    core = radius + edge
+    height = outlet + tube
     offset = math.sin(slope) * core - math.cos(slope) * height - edge
-    foot_r, foot_z = offset * math.sin(slope), -offset * math.cos(slope)
+    foot_r = offset * math.sin(slope)
+    foot_z = -offset * math.cos(slope)
     along = math.cos(slope) * core + math.sin(slope) * height
     top = (
         (0.06 - foot_r) / math.cos(slope)
@@ -173,13 +178,18 @@ class Scene:
         **options,
     ):
         self.particles = particles if isinstance(particles, tuple) else (particles,)
-        self.walls, self.bodies, self.seconds = walls, bodies, seconds
-        self.spread, self.first_m, self.options = spread, first_m, options
+        self.walls = walls
+        self.bodies = bodies
+        self.seconds = seconds
+        self.spread = spread
+        self.first_m = first_m
+        self.options = options
 
     def simulation(self, dem):
         """The simulation with all its bodies, of the engine `dem`."""
         options = dict(self.options)
-        sizes, frame = options.pop("sizes", None), options.pop("frame", None)
+        sizes = options.pop("sizes", None)
+        frame = options.pop("frame", None)
         known = inspect.signature(dem.Simulation.__init__).parameters
         options = {
             name if name in known else RENAMED[name]: value
@@ -238,10 +248,16 @@ class Scene:
         found = {
             name: np.array(getattr(simulation, name))
             for name in (
-                "positions", "quaternions", "velocities", "angular_velocities", "angular_momenta", "present",
-                "exit_times_s", "scales",
+                "positions",
+                "quaternions",
+                "velocities",
+                "angular_velocities",
+                "angular_momenta",
+                "present",
+                "exit_times_s",
+                "scales",
             )
-        }  # fmt: skip
+        }
         found["energies"] = simulation.kinetic_energies()
         found["pairs"] = simulation.contacts()
         for name in ("sphere_contacts", "curved_contacts", "mesh_contacts"):
@@ -273,8 +289,15 @@ def moving_roof(dem):
     return ramp(dem, dem.Motion(angular_velocity_rad_s=(0.0, 0.0, 4.0)))
 
 
-POUR = {"seconds": 1.2, "spread": 0.024, "first_m": 0.13, "bodies": 60, "exit_height_m": 0.08,
-        "curved_walls_above_m": 0.079, "floor_height_m": -0.05}  # fmt: skip
+POUR = {
+    "seconds": 1.2,
+    "spread": 0.024,
+    "first_m": 0.13,
+    "bodies": 60,
+    "exit_height_m": 0.08,
+    "curved_walls_above_m": 0.079,
+    "floor_height_m": -0.05,
+}
 WITH_TUBE = {**POUR, "first_m": 0.15}
 MANY = {"seconds": 0.3, "spread": 0.24, "first_m": 0.012, "bodies": 4200}
 SMALL = (0.8, 1.2)
@@ -354,7 +377,8 @@ def differences(one, two):
     for name in one.files:
         if name == "wall_s":
             continue
-        a, b = one[name], two[name]
+        a = one[name]
+        b = two[name]
         if a.shape != b.shape:
             found.append(f"{name} {a.shape} {b.shape}")
         elif a.tobytes() != b.tobytes():

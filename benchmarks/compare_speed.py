@@ -27,7 +27,8 @@ PARTICLES = (
     "pour rough clump",
 )
 POURED = {"bodies": 500, "seconds": 2.5, "spread": 0.036, "first_m": 0.15}
-PIECES, STEPS = 40, 150
+PIECES = 40
+STEPS = 150
 
 
 @numba.njit
@@ -62,7 +63,8 @@ def measure(names):
         simulation = Scene(scene.particles, funnel, **POURED, **options).simulation(dem)
         simulation.run_steps(1)
         pour = seconds(simulation.run_steps, round(POURED["seconds"] / STEP_S))
-        steps, references = [], []
+        steps = []
+        references = []
         for _ in range(PIECES):
             references.append(seconds(reference_kernel, 200_000))
             steps.append(seconds(simulation.run_steps, STEPS) / STEPS)

@@ -20,14 +20,26 @@ from repose.dem import Contact, Material, Plane, Shape, Simulation
 from repose.dem.rotations import rotation_matrices
 
 PEER = Path(__file__).with_name("peer_peclet.py")
-AXES_M, DENSITY_KG_M3 = np.array([0.010, 0.006, 0.005]), 840.0
+AXES_M = np.array([0.010, 0.006, 0.005])
+DENSITY_KG_M3 = 840.0
 MASS_KG = 4.0 / 3.0 * np.pi * AXES_M.prod() * DENSITY_KG_M3
 MOMENTS = MASS_KG / 5.0 * (np.sum(AXES_M**2) - AXES_M**2)
-YOUNG_PA, POISSON, RESTITUTION, FRICTION, GRAVITY = 1e7, 0.25, 0.3, 0.5, 9.81
-HALF_M, TOP_M, BODIES, STEP_S = 0.022, 0.15, 20, 1e-5
-OVERLAPS_M, POINTS = (5e-6, 2e-5, 1e-4), (600, 2400)
-SETTLED_S, SETTLING_STEP_S, SEEDS = 0.6, 4e-5, range(1, 4)
-UPRIGHT, STILL = [[1.0, 0.0, 0.0, 0.0]], [[0.0, 0.0, 0.0]]
+YOUNG_PA = 1e7
+POISSON = 0.25
+RESTITUTION = 0.3
+FRICTION = 0.5
+GRAVITY = 9.81
+HALF_M = 0.022
+TOP_M = 0.15
+BODIES = 20
+STEP_S = 1e-5
+OVERLAPS_M = (5e-6, 2e-5, 1e-4)
+POINTS = (600, 2400)
+SETTLED_S = 0.6
+SETTLING_STEP_S = 4e-5
+SEEDS = range(1, 4)
+UPRIGHT = [[1.0, 0.0, 0.0, 0.0]]
+STILL = [[0.0, 0.0, 0.0]]
 
 
 def theirs(
@@ -35,13 +47,24 @@ def theirs(
 ) -> list[dict]:
     """States of peclet-dem after each number of steps."""
     scene = {
-        "semi_axes_m": AXES_M.tolist(), "mass_kg": MASS_KG, "points": POINTS[0], "half_width_m": HALF_M, "top_m": TOP_M,
-        "restitution": RESTITUTION, "friction": FRICTION, "young_pa": YOUNG_PA, "poisson": POISSON,
-        "gravity_m_s2": GRAVITY, "time_step_s": STEP_S, "positions_m": np.asarray(positions).tolist(),
-        "quaternions": np.asarray(quaternions).tolist(), "angular_velocities_rad_s": np.asarray(turning).tolist(),
+        "semi_axes_m": AXES_M.tolist(),
+        "mass_kg": MASS_KG,
+        "points": POINTS[0],
+        "half_width_m": HALF_M,
+        "top_m": TOP_M,
+        "restitution": RESTITUTION,
+        "friction": FRICTION,
+        "young_pa": YOUNG_PA,
+        "poisson": POISSON,
+        "gravity_m_s2": GRAVITY,
+        "time_step_s": STEP_S,
+        "positions_m": np.asarray(positions).tolist(),
+        "quaternions": np.asarray(quaternions).tolist(),
+        "angular_velocities_rad_s": np.asarray(turning).tolist(),
         "steps": steps,
-    }  # fmt: skip
-    call, one = [python, str(PEER)], {**os.environ, "OMP_NUM_THREADS": "1"}
+    }
+    call = [python, str(PEER)]
+    one = {**os.environ, "OMP_NUM_THREADS": "1"}
     done = subprocess.run(
         call,
         input=json.dumps(scene | changes),
@@ -117,14 +140,13 @@ def hertz_n(overlap_m: float) -> float:
 
 def free_rotation(python: str) -> None:
     """Angular momentum and energy of a body that nothing touches, after 0.4 s: how far they changed."""
-    rates, place = [[5.0, 20.0, 0.5]], [[0.0, 0.0, 0.08]]
+    rates = [[5.0, 20.0, 0.5]]
+    place = [[0.0, 0.0, 0.08]]
     there = theirs(python, place, UPRIGHT, rates, [40_000], gravity_m_s2=0.0)[0]
     here = ours(place, UPRIGHT, rates, gravity=0.0)
     here.run_steps(40_000)
-    before, energy_before = (
-        momentum(UPRIGHT, rates),
-        np.sum(momentum(UPRIGHT, rates) * rates),
-    )
+    before = momentum(UPRIGHT, rates)
+    energy_before = np.sum(momentum(UPRIGHT, rates) * rates)
     for name, quaternions, after in (
         ("peclet-dem", there["quaternions"], there["angular_velocities_rad_s"]),
         ("repose", here.quaternions, here.angular_velocities),
@@ -140,7 +162,8 @@ def free_rotation(python: str) -> None:
 def pressed(python: str) -> None:
     """Force on a body that is pressed into the floor by an overlap, from the first step's change of velocity."""
     for overlap in OVERLAPS_M:
-        place, row = [[0.0, 0.0, AXES_M[2] - overlap]], []
+        place = [[0.0, 0.0, AXES_M[2] - overlap]]
+        row = []
         here = ours(place, UPRIGHT, STILL)
         here.run_steps(1)
         row.append(MASS_KG * (here.velocities[0, 2] / STEP_S + GRAVITY))
@@ -182,9 +205,17 @@ def settled(python: str) -> None:
             python, places, quaternions, still, [steps], time_step_s=SETTLING_STEP_S
         )[0]
         rows["repose"].append(
-            (*energy(here.positions, here.velocities, here.quaternions, here.angular_velocities),
-             np.max(here.positions[:, 2]), 1e6 * took / steps)
-        )  # fmt: skip
+            (
+                *energy(
+                    here.positions,
+                    here.velocities,
+                    here.quaternions,
+                    here.angular_velocities,
+                ),
+                np.max(here.positions[:, 2]),
+                1e6 * took / steps,
+            )
+        )
         state = [
             there[key]
             for key in (
@@ -204,12 +235,12 @@ def settled(python: str) -> None:
         crossed(python, seed, here, there)
     for name, values in rows.items():
         table = np.array(values)
-        mean, error = (
-            table.mean(axis=0),
-            table.std(axis=0, ddof=1) / np.sqrt(len(table)),
+        mean = table.mean(axis=0)
+        error = table.std(axis=0, ddof=1) / np.sqrt(len(table))
+        print(
+            f"| {name} | {1e3 * mean[0]:.3f} ± {1e3 * error[0]:.3f} | {np.median(table[:, 1]):.1e} "
+            f"| {1e3 * mean[2]:.1f} ± {1e3 * error[2]:.1f} | {np.median(table[:, 3]):.0f} |"
         )
-        print(f"| {name} | {1e3 * mean[0]:.3f} ± {1e3 * error[0]:.3f} | {np.median(table[:, 1]):.1e} "
-              f"| {1e3 * mean[2]:.1f} ± {1e3 * error[2]:.1f} | {np.median(table[:, 3]):.0f} |")  # fmt: skip
     ratios = np.array(rows["peclet-dem"])[:, 3] / np.array(rows["repose"])[:, 3]
     print(f"a step there over one here: {np.median(ratios):.1f}")
 
@@ -219,7 +250,8 @@ def crossed(python: str, seed: int, here: Simulation, there: dict) -> None:
 
     From rest the first step has normal forces alone, so both engines have the same state and no spring of friction.
     """
-    still, up = np.zeros((BODIES, 3)), np.array([0.0, 0.0, GRAVITY])
+    still = np.zeros((BODIES, 3))
+    up = np.array([0.0, 0.0, GRAVITY])
 
     def median(velocities):
         return np.median(np.linalg.norm(velocities / STEP_S + up, axis=1)) / GRAVITY

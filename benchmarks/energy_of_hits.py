@@ -14,7 +14,8 @@ from repose import dem
 from repose.bench.funnel import Funnel
 
 FUNNEL = Funnel(0.15, 0.032, 60.0, 0.0, 0.001, 0.1)
-BERRY_M, SPHERE_M = np.array([0.01057, 0.005685, 0.00494]), np.full(3, 0.006)
+BERRY_M = np.array([0.01057, 0.005685, 0.00494])
+SPHERE_M = np.full(3, 0.006)
 HALF = 0.02  # of the cube's edge [m]
 UP = (0.0, 0.0, 1.0)
 RESTITUTIONS = (0.4, 0.6, 0.8, 0.9, 1.0)
@@ -26,8 +27,20 @@ def cube():
     corners = np.array(
         [(x, y, z) for x in (-HALF, HALF) for y in (-HALF, HALF) for z in (-HALF, HALF)]
     )
-    faces = [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1)]
-    faces += [(2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)]
+    faces = [
+        (0, 1, 3),
+        (0, 3, 2),
+        (4, 6, 7),
+        (4, 7, 5),
+        (0, 4, 5),
+        (0, 5, 1),
+        (2, 3, 7),
+        (2, 7, 6),
+        (0, 2, 6),
+        (0, 6, 4),
+        (1, 5, 7),
+        (1, 7, 3),
+    ]
     return dem.Mesh(corners, np.array(faces), "wall", 0.001)
 
 
@@ -80,7 +93,8 @@ def ratio(rng, wall, axes, contact, step):
     simulation.add(
         "body", place, dem.random_quaternion(rng), velocity, 30.0 * rng.normal(size=3)
     )
-    before, momentum = simulation.kinetic_energies()[0], simulation.velocities[0].copy()
+    before = simulation.kinetic_energies()[0]
+    momentum = simulation.velocities[0].copy()
     simulation.run_steps(round(seconds / step))
     if len(simulation.wall_overlaps()[0]) or np.allclose(
         simulation.velocities[0], momentum, atol=1e-12
@@ -101,7 +115,8 @@ def main():
     print("wall     e    hits  gain %  above 5 %  most %")
     for wall in ("plate", "cone", "outlet", "mesh"):
         for e in RESTITUTIONS:
-            rng, found = np.random.default_rng(9), []
+            rng = np.random.default_rng(9)
+            found = []
             contact = dem.Contact(e, given.friction, 0.0)
             while len(found) < given.hits:
                 one = ratio(rng, wall, axes, contact, given.step)

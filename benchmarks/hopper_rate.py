@@ -16,11 +16,18 @@ import numpy as np
 from repose.calibrate.runs import mean_and_error
 from repose.dem import Contact, Material, Mesh, Motion, Plane, Shape, Simulation
 
-RADIUS_M, DENSITY_KG_M3 = 1.12e-3, 2500.0
-HALF_WIDTH_M, HALF_SLOT_M, DEPTH_M = 0.06272, 0.012544, 0.0056
-SPHERES, TIMES_DEEP = 6790, 6
+RADIUS_M = 1.12e-3
+DENSITY_KG_M3 = 2500.0
+HALF_WIDTH_M = 0.06272
+HALF_SLOT_M = 0.012544
+DEPTH_M = 0.0056
+SPHERES = 6790
+TIMES_DEEP = 6
 TORQUE_M = 1e-4
-SETTLED_S, FIRST_S, LAST_S, EVERY_S = 1.5, 0.25, 0.75, 0.05
+SETTLED_S = 1.5
+FIRST_S = 0.25
+LAST_S = 0.75
+EVERY_S = 0.05
 # The law takes R*, between equal spheres half the radius.
 GLASS = Contact(0.94, 0.2, 2 * TORQUE_M / RADIUS_M, twisting_friction=0.0)
 WALL = Contact(0.90, 0.2, TORQUE_M / RADIUS_M, twisting_friction=0.0)
@@ -29,8 +36,10 @@ SMOOTH = Contact(0.90, 0.0, 0.0)
 
 def scene(seed, deep):
     """The spheres on a lattice above the closed slot."""
-    rng, depth = np.random.default_rng(seed), DEPTH_M * (TIMES_DEEP if deep else 1)
-    count, below = SPHERES * (TIMES_DEEP if deep else 1), -0.35
+    rng = np.random.default_rng(seed)
+    depth = DEPTH_M * (TIMES_DEEP if deep else 1)
+    count = SPHERES * (TIMES_DEEP if deep else 1)
+    below = -0.35
     y = np.array([0.0, 0.0, depth, depth]) + np.array([-1, -1, 1, 1]) * 3 * RADIUS_M
 
     def panel(x0, x1):
@@ -91,7 +100,8 @@ def flow_g_s(seed, deep):
     simulation.run(SETTLED_S, False)
     simulation.set_motion("gate", Motion((0.0, 2.0, 0.0)))
     simulation.run(FIRST_S, False)
-    times, left = [], []
+    times = []
+    left = []
     while simulation.time_s < SETTLED_S + LAST_S + 1e-9:
         times.append(simulation.time_s)
         left.append(float((simulation.positions[:, 2] < -RADIUS_M).sum()))

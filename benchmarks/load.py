@@ -67,7 +67,8 @@ def measured(name: str, words: list[str], folder: Path) -> bool:
     ) as command:
         _, status, used = os.wait4(command.pid, 0)
         command.returncode = os.waitstatus_to_exitcode(status)
-    cpu_s, memory_mb = used.ru_utime + used.ru_stime, used.ru_maxrss / 1000
+    cpu_s = used.ru_utime + used.ru_stime
+    memory_mb = used.ru_maxrss / 1000
     most_s, most_mb = LIMITS[name]
     wall_s = time.perf_counter() - began
     print(
@@ -100,9 +101,12 @@ def main() -> int:
             "all",
             "--snakefile",
             str(ROOT / "Snakefile"),
+            "--configfile",
+            str(ROOT / "config/quick.yaml"),
+            "--config",
+            f"design={{samples: {SAMPLES}}}",
+            "results_dir=results",
         ]
-        dry += ["--configfile", str(ROOT / "config/quick.yaml")]
-        dry += ["--config", f"design={{samples: {SAMPLES}}}", "results_dir=results"]
         good = measured("table of all jobs", [*table, "--out", "tables"], folder)
         return 0 if measured("dry run", dry, folder) and good else 1
 

@@ -37,13 +37,14 @@ CONTACT = Contact(
 SCALES = (0.8, 1.0)  # sizes are uniform between them
 TIME_STEP_S = 2e-4
 FROUDE = 0.02  # w^2 R / g: a flow without waves
-FILLED, PACKED = (
-    0.4,
-    0.6,
-)  # share of the drum that the bed takes, share of the bed that is solid
+# share of the drum that the bed takes, share of the bed that is solid
+FILLED = 0.4
+PACKED = 0.6
 TILT = math.radians(25.0)  # of the first surface
 FLOWS_S = 1.0  # long enough for a surface that flows
-WARM_STEPS, BLOCKS, BLOCK_STEPS = 20, 5, 40
+WARM_STEPS = 20
+BLOCKS = 5
+BLOCK_STEPS = 40
 SLOW_BLOCK_STEPS = 15  # of YADE
 # Reach of the neighbour lists of the others, the fastest of five with 3,000 grains [m].
 SKIN_M = {"LIGGGHTS": 5e-3, "LAMMPS": 3e-3, "YADE": 1e-3}
@@ -189,15 +190,14 @@ def handed_over(simulation, drum, rate):
 
 def write_atoms(path, bed):
     """The bed as a data file that LIGGGHTS and LAMMPS read."""
-    wide, half = 1.1 * bed["radius_m"], 1.1 * bed["half_length_m"]
+    wide = 1.1 * bed["radius_m"]
+    half = 1.1 * bed["half_length_m"]
     lines = [
         "spheres that flow",
         "",
         f"{len(bed['radii_m'])} atoms",
         "1 atom types",
         "",
-    ]
-    lines += [
         f"{-wide} {wide} xlo xhi",
         f"{-half} {half} ylo yhi",
         f"{-wide} {wide} zlo zhi",
@@ -223,7 +223,8 @@ def write_atoms(path, bed):
 
 def shell(drum):
     """Triangles (M, 3, 3) of a polygon about the axis, of the cylinder's cross-section."""
-    half, share = 0.5 * drum.length_m, 2.0 * math.pi / SIDES
+    half = 0.5 * drum.length_m
+    share = 2.0 * math.pi / SIDES
     wide = drum.radius_m * math.sqrt(share / math.sin(share))
     edges = [
         (wide * math.cos(k * share), wide * math.sin(k * share))

@@ -87,7 +87,8 @@ def main():
     parser.add_argument("--grains", type=int, nargs="+", default=list(GRAINS))
     parser.add_argument("--out", type=Path, default=Path("number_of_grains.csv"))
     arguments = parser.parse_args()
-    study, rows = PipelineConfig.load(*arguments.config), []
+    study = PipelineConfig.load(*arguments.config)
+    rows = []
     for grains in arguments.grains:
         rows.append(row(study, grains, GRAINS[grains]))
         pd.DataFrame(rows).to_csv(arguments.out, index=False, float_format="%.4g")

@@ -45,11 +45,21 @@ CASES = {
     "falls flat on the plate": Case(((0, 0, FLAT_M + 2e-4),), (ZERO,), ((0, 0, -0.5),)),
     "falls on its end": Case(((0, 0, 0.01091),), ((0, ACROSS, 0),), ((0, 0, -0.5),)),
     "falls aslant": Case(((0, 0, 0.0094),), ((0, ACROSS / 2, 0),), ((0, 0, -0.5),)),
-    "grazes the plate, along its axis": Case(((0, 0, FLAT_M + 2e-4),), (ZERO,), ((1.5, 0, -0.4),)),
-    "grazes the plate, across": Case(((0, 0, FLAT_M + 2e-4),), (ZERO,), ((0, 1.5, -0.4),)),
-    "slides along its axis": Case(((0, 0, FLAT_M),), (ZERO,), ((0.3, 0, 0),), 9.81, 0.5, "way"),
-    "rolls across its axis": Case(((0, 0, FLAT_M),), (ZERO,), ((0, 0.3, 0),), 9.81, 1.0, "way"),
-    "stands aslant and falls over": Case(((0, 0, 0.0093),), ((0, ACROSS / 2, 0),), (ZERO,), 9.81, 1.0, "way"),
+    "grazes the plate, along its axis": Case(
+        ((0, 0, FLAT_M + 2e-4),), (ZERO,), ((1.5, 0, -0.4),)
+    ),
+    "grazes the plate, across": Case(
+        ((0, 0, FLAT_M + 2e-4),), (ZERO,), ((0, 1.5, -0.4),)
+    ),
+    "slides along its axis": Case(
+        ((0, 0, FLAT_M),), (ZERO,), ((0.3, 0, 0),), 9.81, 0.5, "way"
+    ),
+    "rolls across its axis": Case(
+        ((0, 0, FLAT_M),), (ZERO,), ((0, 0.3, 0),), 9.81, 1.0, "way"
+    ),
+    "stands aslant and falls over": Case(
+        ((0, 0, 0.0093),), ((0, ACROSS / 2, 0),), (ZERO,), 9.81, 1.0, "way"
+    ),
     "hits a grain, side by side": Case(
         ((0, 0, 0.05), (0, 0.0113, 0.05)), (ZERO, ZERO), ((0, 0.5, 0), ZERO)
     ),
@@ -59,7 +69,7 @@ CASES = {
     "hits a grain's end": Case(
         ((0, 0, 0.05), (0.008, 0.0113, 0.05)), (ZERO, ZERO), ((0, 0.5, 0), ZERO)
     ),
-}  # fmt: skip
+}
 
 
 def ours(name, case, step_s):
@@ -131,7 +141,8 @@ def edit_liggghts(text, job, case, folder):
         moments = (turned @ np.diag(job.particle.inertia_kg_m2) @ turned.T)[
             np.triu_indices(3)
         ]
-        low, high = np.array(place) - 2e-5, np.array(place) + 2e-5
+        low = np.array(place) - 2e-5
+        high = np.array(place) + 2e-5
         lines += [
             f"fix clump{k} all particletemplate/multisphere {(15485863, 15485867)[k - 1]} atom_type 1 "
             f"density constant {job.particle.density_kg_m3} nspheres {len(spheres)} ntry 200000 spheres "
@@ -149,7 +160,8 @@ def edit_liggghts(text, job, case, folder):
 
 def edit_lammps(text, job, case, folder):
     """The deck of LAMMPS with these grains in place of its pour."""
-    lines, bodies = [], [f"{len(case.places)}"]
+    lines = []
+    bodies = [f"{len(case.places)}"]
     for k, (place, turn, velocity) in enumerate(
         zip(case.places, case.turns, case.velocities, strict=True), 1
     ):
@@ -167,10 +179,8 @@ def edit_lammps(text, job, case, folder):
         )
     (folder / "bodies.txt").write_text("\n".join(bodies) + "\n")
     lines.append("fix move all rigid/small molecule infile bodies.txt gravity gravity")
-    start, end = (
-        text.index("fix             move"),
-        text.index("compute         energy"),
-    )
+    start = text.index("fix             move")
+    end = text.index("compute         energy")
     return text[:start] + "\n".join(lines) + "\n" + text[end:]
 
 
@@ -226,7 +236,8 @@ def main():
     )
     parser.add_argument("--lmp", default="lmp", help="LAMMPS, with its path")
     arguments = parser.parse_args()
-    commands, job = one_pile.commands_of(arguments.lmp), one_pile.study(SET)[3]
+    commands = one_pile.commands_of(arguments.lmp)
+    job = one_pile.study(SET)[3]
     rows = []
     for name in arguments.engines:
         row = {"engine": name}

@@ -40,7 +40,9 @@ from repose.measure.pile import MeasureSettings
 from repose.measure.saved_piles import pile_responses
 
 HERE = Path(__file__).resolve().parent
-RATE_PER_S, DURATION_S, TIME_STEP_S = 60.0, 3.2, 2e-4
+RATE_PER_S = 60.0
+DURATION_S = 3.2
+TIME_STEP_S = 2e-4
 SEEDS = 16
 # A pile is at rest below this kinetic energy of a grain, 13 mm/s, in every program.
 REST_J = 1e-7
@@ -239,11 +241,13 @@ def measured(places, config, berry, particle):
     """Responses of a pile of spheres (N, M, 3); those beyond the edge of the plate are not in it."""
     radius = 0.5e-3 * config["funnel"]["plate_diameter_mm"]
     places = places[np.linalg.norm(places[:, :, :2].mean(axis=1), axis=1) < radius]
-    body, radii = particle.spheres_m[:, :3], particle.spheres_m[:, 3]
+    body = particle.spheres_m[:, :3]
+    radii = particle.spheres_m[:, 3]
     centres, quaternions = zip(
         *(pose(body, spheres) for spheres in places), strict=True
     )
-    flat, owner = places.reshape(-1, 3), np.repeat(np.arange(len(places)), len(body))
+    flat = places.reshape(-1, 3)
+    owner = np.repeat(np.arange(len(places)), len(body))
     pairs = cKDTree(flat).query_pairs(2.0 * radii.max() + 1e-6, output_type="ndarray")
     reach = radii[pairs % len(body)].sum(axis=1) + 1e-6
     touching = np.linalg.norm(flat[pairs[:, 0]] - flat[pairs[:, 1]], axis=1) < reach
@@ -267,7 +271,8 @@ def measured(places, config, berry, particle):
 
 def pose(body, spheres):
     """Centre and quaternion of a clump from the places of its spheres (Kabsch)."""
-    middle, there = body.mean(axis=0), spheres.mean(axis=0)
+    middle = body.mean(axis=0)
+    there = spheres.mean(axis=0)
     u, _, vt = np.linalg.svd((body - middle).T @ (spheres - there))
     turn = vt.T @ np.diag([1.0, 1.0, np.sign(np.linalg.det(vt.T @ u.T))]) @ u.T
     from scipy.spatial.transform import Rotation
@@ -321,7 +326,8 @@ def compared(runs):
             "failed": len(group) - len(good),
         }
         for response in RESPONSES:
-            mean, error = good[response].mean(), good[response].sem()
+            mean = good[response].mean()
+            error = good[response].sem()
             row |= {response: mean, f"{response}_se": error}
             for label, ours in (
                 ("z", "repose"),
@@ -370,7 +376,8 @@ def spheres(arguments):
     """Pour the spheres in this engine and in the other programs, and write their table into peers.md."""
     arguments.engines = ["repose", "repose, all laws as theirs", *PEERS]
     pour(arguments, ("spheres",))
-    rows, outlet = compared(runs_of(arguments, ("spheres",))), FUNNEL["spheres"]
+    rows = compared(runs_of(arguments, ("spheres",)))
+    outlet = FUNNEL["spheres"]
     text = f"""{SECTION}
 
 Written by `python benchmarks/one_pile.py spheres`: {GRAINS["spheres"]} spheres with volume and mass of the default

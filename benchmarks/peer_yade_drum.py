@@ -31,7 +31,8 @@ def build(drum):
         strict=True,
     ):
         state = O.bodies[O.bodies.append(utils.sphere(place, radius))].state
-        state.vel, state.angVel = velocity, spin
+        state.vel = velocity
+        state.angVel = spin
         state.angMom = [state.inertia[k] * spin[k] for k in range(3)]
     ids = O.bodies.append(
         [utils.facet(corners, material=material) for corners in drum["triangles_m"]]

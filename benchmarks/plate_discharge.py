@@ -22,9 +22,14 @@ import numpy as np
 from repose.calibrate.runs import mean_and_error
 from repose.dem import Contact, Material, Mesh, Motion, Plane, Shape, Simulation
 
-HALF_PLATE_M, HALF_BOX_M, DEPTH_M, PLATE_M, TOP_M = 0.45, 0.5, 0.2, 0.4, 1.2
+HALF_PLATE_M = 0.45
+HALF_BOX_M = 0.5
+DEPTH_M = 0.2
+PLATE_M = 0.4
+TOP_M = 1.2
 SPHERES_OF_10_MM = 52_000
-OPENS_S, BINS = 0.75, 10
+OPENS_S = 0.75
+BINS = 10
 TORQUE_MM = 1.0
 CASES = {  # diameter [mm], friction, seeds
     "10 mm": (10.0, 0.2, 1),
@@ -47,9 +52,11 @@ def panel(corners, material):
 
 def scene(diameter_mm, friction, seed):
     """The spheres on a lattice between the gates."""
-    rng, d = np.random.default_rng(seed), 1e-3 * diameter_mm
+    rng = np.random.default_rng(seed)
+    d = 1e-3 * diameter_mm
     contact = Contact(0.9, friction, TORQUE_MM / diameter_mm, twisting_friction=0.0)
-    stone, y = Material(1e6 / 2.6, 0.3), (-0.05, DEPTH_M + 0.05)
+    stone = Material(1e6 / 2.6, 0.3)
+    y = (-0.05, DEPTH_M + 0.05)
     plate = [
         (x, side, PLATE_M)
         for x, side in zip((-1, 1, 1, -1), (y[0], y[0], y[1], y[1]), strict=True)
@@ -99,9 +106,11 @@ def scene(diameter_mm, friction, seed):
 
 def angle_deg(positions):
     """Slope of the lines through the highest spheres, mean of both sides."""
-    slopes, edges = [], np.linspace(0.15, 0.35, BINS + 1)
+    slopes = []
+    edges = np.linspace(0.15, 0.35, BINS + 1)
     for side in (-1.0, 1.0):
-        x, z = side * positions[:, 0], positions[:, 2]
+        x = side * positions[:, 0]
+        z = positions[:, 2]
         on = z > PLATE_M
         tops = [z[on & (x >= a) & (x < b)].max() for a, b in pairwise(edges)]
         slopes.append(-np.polyfit(0.5 * (edges[1:] + edges[:-1]), tops, 1)[0])
@@ -156,8 +165,12 @@ def main():
         ("diameter", 0, ("10 mm", "14 mm", "20 mm"), -0.2),
         ("friction", 1, ("14 mm, mu 0.1", "14 mm", "14 mm, mu 0.4"), 0.49),
     ):
-        of = [(np.log(CASES[job_name][k]), value) for job_name in names
-              for (case, *_), value in zip(jobs, found, strict=True) if case == CASES[job_name]]  # fmt: skip
+        of = [
+            (np.log(CASES[job_name][k]), value)
+            for job_name in names
+            for (case, *_), value in zip(jobs, found, strict=True)
+            if case == CASES[job_name]
+        ]
         x, y = np.array(of).T
         (slope, _), covariance = np.polyfit(x, np.log(y), 1, cov=True)
         print(

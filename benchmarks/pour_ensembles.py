@@ -25,15 +25,16 @@ from repose.stages import published
 
 CONFIG = ("config/method.yaml", "config/config.yaml")
 RESPONSES = (
-    *(
-        "aor_flank_deg",
-        "aor_secant_deg",
-        "aor_steepest_deg",
-        "aor_whole_deg",
-        "aor_straightest_deg",
-        "height_mm",
-    ),
-    *("base_radius_mm", "packing_percent", "radius_90_mm", "loose_percent"),
+    "aor_flank_deg",
+    "aor_secant_deg",
+    "aor_steepest_deg",
+    "aor_whole_deg",
+    "aor_straightest_deg",
+    "height_mm",
+    "base_radius_mm",
+    "packing_percent",
+    "radius_90_mm",
+    "loose_percent",
 )
 KEPT = ("position", "quaternion", "in_pile", "scale")
 
@@ -112,7 +113,9 @@ def compare(before, after):
     """Print every difference with its standard error, and the verdict of all together."""
     study = PipelineConfig.load(*CONFIG)
     sides = [measured(path, study) for path in (before, after)]
-    sum_of_sets, degrees, largest = 0.0, 0, 0.0
+    sum_of_sets = 0.0
+    degrees = 0
+    largest = 0.0
     print(
         "set",
         "response",
@@ -130,7 +133,8 @@ def compare(before, after):
         ]
         means = [table.mean(axis=0) for table in good]
         covariance = sum(np.cov(table.T) / len(table) for table in good)
-        shift, error = means[1] - means[0], np.sqrt(np.diag(covariance))
+        shift = means[1] - means[0]
+        error = np.sqrt(np.diag(covariance))
         sum_of_sets += shift @ np.linalg.solve(covariance, shift)
         degrees += len(shift)
         largest = max(largest, np.abs(shift / error).max())

@@ -15,7 +15,9 @@ from beds import DENSITY_KG_M3, SEMI_AXES_M, bed
 
 from repose.dem import Shape
 
-SETTLE_STEPS, TIMED_STEPS, REPEATS = 4000, 200, 5
+SETTLE_STEPS = 4000
+TIMED_STEPS = 200
+REPEATS = 5
 TIME_STEP_S = 2e-4
 
 

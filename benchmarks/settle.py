@@ -20,10 +20,9 @@ from repose.grain import berry as berries
 from repose.grain import build
 
 TABLE1 = "resources/published/table1.csv"
-REST_J, LONGEST_S = (
-    1e-9,
-    5.0,
-)  # mean energy of motion of a berry at rest: it would lift one by a tenth of a micrometre
+# mean energy of motion of a berry at rest: it would lift one by a tenth of a micrometre
+REST_J = 1e-9
+LONGEST_S = 5.0
 ROW_S = 0.25
 
 

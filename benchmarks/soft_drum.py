@@ -31,9 +31,14 @@ import peers
 from repose.bench.drum import Drum, set_rotation
 from repose.dem import Contact, Material, Shape, Simulation
 
-DRUM, RATE_RAD_S, GRAVITY_M_S2 = Drum(0.1, 0.02), 2.0, 9.8
-NUMBERS, RADII_M, DENSITIES_KG_M3 = (10_000, 2_667), (1e-3, 2e-3), (2500.0, 2000.0)
-YOUNG_PA, POISSON = {"small": 2e6, "large": 1e6, "steel": 210e9}, 0.2
+DRUM = Drum(0.1, 0.02)
+RATE_RAD_S = 2.0
+GRAVITY_M_S2 = 9.8
+NUMBERS = (10_000, 2_667)
+RADII_M = (1e-3, 2e-3)
+DENSITIES_KG_M3 = (2500.0, 2000.0)
+YOUNG_PA = {"small": 2e6, "large": 1e6, "steel": 210e9}
+POISSON = 0.2
 # Restitution and sliding friction.
 PAIRS = {
     ("small", "small"): (0.5, 0.3),
@@ -42,7 +47,9 @@ PAIRS = {
     ("small", "steel"): (0.4, 0.2),
     ("large", "steel"): (0.4, 0.2),
 }
-LASTS_S, EVERY_S, FROM_S = 5.0, 0.01, 4.0
+LASTS_S = 5.0
+EVERY_S = 0.01
+FROM_S = 4.0
 STEPS = {"repose": 440, "lammps": 220}  # between two counts
 COLUMNS = (
     "small, x > 0, z > 0",
@@ -128,9 +135,12 @@ def simulation(
 
 def start(seed):
     """Places (N, 3) and kinds (N,): large spheres on a lattice from the bottom up, small ones above, all displaced."""
-    rng, places, level = np.random.default_rng(seed), [], -DRUM.radius_m
+    rng = np.random.default_rng(seed)
+    places = []
+    level = -DRUM.radius_m
     for kind in (1, 0):
-        radius, across = RADII_M[kind], 2.1 * RADII_M[kind]
+        radius = RADII_M[kind]
+        across = 2.1 * RADII_M[kind]
         rows = int(DRUM.length_m / across)
         gap = DRUM.length_m / rows
         room = np.array([across, gap, across]) / 2.0 - radius
@@ -166,7 +176,8 @@ def counts(made):
 
 def ours(places, kinds):
     """The four numbers (M, 4) over time."""
-    made, found = simulation(places, kinds, STEPS["repose"]), []
+    made = simulation(places, kinds, STEPS["repose"])
+    found = []
     for _ in range(round(LASTS_S / EVERY_S)):
         made.run_steps(STEPS["repose"])
         found.append(counts(made))
@@ -211,7 +222,8 @@ def lammps(
     ]
     box = [f"{-wide} {wide} {axis}lo {axis}hi" for axis in "xyz"]
     with tempfile.TemporaryDirectory() as folder:
-        data, end = Path(folder, "drum.data"), Path(folder, "end.txt")
+        data = Path(folder, "drum.data")
+        end = Path(folder, "end.txt")
         head = [
             "spheres",
             "",
@@ -274,24 +286,29 @@ def _is_number(word):
 
 def hits():
     """Velocities and spins after one oblique hit of each pair of materials, without gravity, in both programs."""
-    gap, kinds, places, motion = 1e-5, [], [], []
+    gap = 1e-5
+    kinds = []
+    places = []
+    motion = []
     for k, (a, b) in enumerate(PAIRS):
         one = ("small", "large").index(a)
         x = -0.04 + 0.02 * k
         if b == "steel":
             depth = DRUM.radius_m - RADII_M[one] - gap
-            kinds, places = (
-                [*kinds, one],
-                [*places, (0.0, -0.004 if one else 0.004, -depth)],
-            )
+            kinds = [*kinds, one]
+            places = [*places, (0.0, -0.004 if one else 0.004, -depth)]
             motion.append((0.05, 0.0, -0.4, 3.0, 10.0, 1.0))
             continue
         other = ("small", "large").index(b)
         reach = RADII_M[one] + RADII_M[other] + gap
-        kinds, places = [*kinds, one, other], [*places, (x, 0.0, 0.0), (x, 0.0, reach)]
+        kinds = [*kinds, one, other]
+        places = [*places, (x, 0.0, 0.0), (x, 0.0, reach)]
         motion += [(0.1, 0.02, 0.3, 5.0, 20.0, 2.0), (-0.05, 0.0, -0.2, 0.0, 5.0, 0.0)]
-    kinds, places, motion = np.array(kinds), np.array(places), np.array(motion)
-    lasts_s, rows = 2e-3, {}
+    kinds = np.array(kinds)
+    places = np.array(places)
+    motion = np.array(motion)
+    lasts_s = 2e-3
+    rows = {}
     for name in ("repose", "lammps"):
         fine = round(4400 * OPTIONS.moduli**0.5)
         for steps in (fine, STEPS[name]) if OPTIONS.moduli == 1.0 else (fine,):
@@ -319,7 +336,8 @@ def run():
     for seed in OPTIONS.starts:
         places, kinds = start(seed)
         for name in OPTIONS.programs:
-            path, began = OPTIONS.out / f"{name}_{seed}.csv", time.perf_counter()
+            path = OPTIONS.out / f"{name}_{seed}.csv"
+            began = time.perf_counter()
             if path.exists():
                 continue
             if name == "repose":
@@ -353,7 +371,8 @@ def table():
     )
     root = np.sqrt(len(OPTIONS.starts))
     for k, column in enumerate(COLUMNS):
-        here, there = means["repose"][:, k], means["lammps"][:, k]
+        here = means["repose"][:, k]
+        there = means["lammps"][:, k]
         off = 100.0 * (here - there) / there.mean()
         words = [
             f"{values.mean():.0f} ± {values.std(ddof=1) / root:.0f}"

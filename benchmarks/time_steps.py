@@ -47,7 +47,8 @@ def restitutions(step_s, **laws):
     """Restitution of each impact at a time step; ValueError if the simulator refuses the step."""
     impacts = []
     for phase in np.arange(PHASES) / PHASES:
-        contact, axes = Contact(RESTITUTION, 0.0, 0.0), (SPHERE_M,) * 3
+        contact = Contact(RESTITUTION, 0.0, 0.0)
+        axes = (SPHERE_M,) * 3
         simulation = grain_simulation(contact, step_s, axes, capacity=2, **laws)
         simulation.add(
             "body",
@@ -65,7 +66,9 @@ def restitutions(step_s, **laws):
 def oblique_errors(step_s, laws):
     """Largest error of the tangential velocity of hits that stick and of hits that slide, over the normal velocity."""
     contact_time_s = hertz_on_plane(SOFT, SPHERE_M, 2.0).duration_s
-    contact, radius_m, speed_m_s = Contact(0.98, 0.092, 0.0), 2.5e-3, 3.9
+    contact = Contact(0.98, 0.092, 0.0)
+    radius_m = 2.5e-3
+    speed_m_s = 3.9
     errors = {"sticks": 0.0, "slides": 0.0}
     for degrees in ANGLES_DEG:
         normal = speed_m_s * math.cos(math.radians(degrees))
@@ -91,7 +94,9 @@ def oblique_errors(step_s, laws):
 
 def energies(step_s, pairs, **laws):
     """Largest energy after a hit of two berries over that before, with friction; mean without friction and damping."""
-    rng, lossy, elastic = np.random.default_rng(5), [], []
+    rng = np.random.default_rng(5)
+    lossy = []
+    elastic = []
     while sum(map(len, lossy)) < pairs:
         contact = Contact(rng.uniform(0.1, 0.6), rng.uniform(0.2, 0.8), 0.0)
         lossy.append(throw_pairs(rng, contact, step=step_s, **laws).last)

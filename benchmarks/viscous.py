@@ -28,9 +28,12 @@ def constants(_a, _b, contact, _tension="keep"):
 
 def kernel(law, t, c, at, dt):
     """The torques of each lane on both bodies."""
-    a, b = tl.A + st.ANGULAR_VELOCITY * L, tl.B + st.ANGULAR_VELOCITY * L
+    a = tl.A + st.ANGULAR_VELOCITY * L
+    b = tl.B + st.ANGULAR_VELOCITY * L
     for k in range(L):
-        nx, ny, nz = c[st.NORMAL + k], c[st.NORMAL + L + k], c[st.NORMAL + 2 * L + k]
+        nx = c[st.NORMAL + k]
+        ny = c[st.NORMAL + L + k]
+        nz = c[st.NORMAL + 2 * L + k]
         r_a = lever(t[tl.RA + k], t[tl.RA + L + k], t[tl.RA + 2 * L + k])
         r_b = lever(t[tl.RB + k], t[tl.RB + L + k], t[tl.RB + 2 * L + k])
         inverse_arm, mobility = levers(t, k)

@@ -41,7 +41,8 @@ def of(config: Mapping[str, Any]) -> dict[str, Any]:
 
     An InputError names all keys that are unknown and all values that have another type than the default.
     """
-    settings, known = read(HERE / "config.yaml"), read(HERE / "config.yaml")
+    settings = read(HERE / "config.yaml")
+    known = read(HERE / "config.yaml")
     files = [
         *([HERE / "quick.yaml"] if config["small_run"] else []),
         *([OWN] if OWN.is_file() else []),

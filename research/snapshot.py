@@ -17,28 +17,26 @@ from repose.config.results_folder import run_folder
 
 # Folders of a study; those of `research` and of its strategies are among them.
 FOLDERS = (
-    *(
-        "berry",
-        "design",
-        "network",
-        "miga",
-        "validation",
-        "measure",
-        "drum",
-        "film",
-        "figures",
-    ),
-    *(
-        "noise",
-        "posterior",
-        "sensitivity",
-        "next",
-        "pool",
-        "comparison",
-        "responses",
-        "measurement_study",
-    ),
-    *("joint_targets", "seeds_per_sample", "shape"),
+    "berry",
+    "design",
+    "network",
+    "miga",
+    "validation",
+    "measure",
+    "drum",
+    "film",
+    "figures",
+    "noise",
+    "posterior",
+    "sensitivity",
+    "next",
+    "pool",
+    "comparison",
+    "responses",
+    "measurement_study",
+    "joint_targets",
+    "seeds_per_sample",
+    "shape",
 )
 OWN = {*FOLDERS, *strategies.names()} - {
     "published"
@@ -51,7 +49,9 @@ SUFFIXES = (
     ".html",
 )  # tables and pictures, without positions and meshes
 LARGEST_FILE = 5_000_000  # bytes
-CONFIG, CARD = "config.json", "card.json"  # what a study begins and ends with
+# what a study begins and ends with
+CONFIG = "config.json"
+CARD = "card.json"
 OTHERS = re.compile(
     r"drum_\d+\.json|.*\.provenance\.json"
 )  # runs of the drum; records follow their results
@@ -60,7 +60,8 @@ MANIFEST = "snapshot.txt"  # in a snapshot: its files, one a line
 
 def take(results_dir: str | Path, out: str | Path) -> list[Path]:
     """Copy the tables and pictures of a finished study to `out`, in place of an earlier snapshot, and return them."""
-    source, out = Path(results_dir), Path(out)
+    source = Path(results_dir)
+    out = Path(out)
     files = _kept(source)
     sidecars = (path.with_name(f"{path.name}{SIDECAR}") for path in files)
     files = list(

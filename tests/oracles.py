@@ -6,7 +6,8 @@ from scipy.optimize import brentq, minimize
 
 def rotation(q):
     """Rotation matrix, body to world, of a unit quaternion (w, x, y, z), from its action on a vector."""
-    w, v = q[0], np.asarray(q[1:])
+    w = q[0]
+    v = np.asarray(q[1:])
     return np.array(
         [e + 2.0 * np.cross(v, np.cross(v, e) + w * e) for e in np.eye(3)]
     ).T
@@ -207,7 +208,8 @@ def cone_gap(semi_axes, centre, q, normal_r, normal_z, offset, count=20000):
 
 def circle_distance(semi_axes, centre, q, radius, height, count=720):
     """Least distance of a single ellipsoid to a circle (negative inside), by a search over points of the circle."""
-    turn, axes = rotation(q), np.atleast_2d(semi_axes)[0]
+    turn = rotation(q)
+    axes = np.atleast_2d(semi_axes)[0]
 
     def distances(theta):
         circle = np.column_stack(
@@ -231,9 +233,12 @@ def mesh_distance(semi_axes, centre, q, vertices, faces, spacing):
 
     The nearest of samples of all triangles, `spacing` apart [m], then of ever finer ones about it in its triangle.
     """
-    turn, axes = rotation(q), np.atleast_2d(semi_axes)[0]
+    turn = rotation(q)
+    axes = np.atleast_2d(semi_axes)[0]
     triangles = (vertices[faces] - centre) @ turn
-    which, u, v = [], [], []
+    which = []
+    u = []
+    v = []
     for k, (a, b, c) in enumerate(triangles):
         n = int(np.ceil(max(np.linalg.norm(b - a), np.linalg.norm(c - a)) / spacing))
         i, j = (w.ravel() / n for w in np.meshgrid(np.arange(n + 1), np.arange(n + 1)))
@@ -249,14 +254,18 @@ def mesh_distance(semi_axes, centre, q, vertices, faces, spacing):
         return 0.0, None
     # the distance is at least (level - 1) times the shortest and at most that times the longest semi-axis
     near = (level - 1.0) * axes.min() <= (level.min() - 1.0) * axes.max() + spacing
-    which, u, v = which[near], u[near], v[near]
+    which = which[near]
+    u = u[near]
+    v = v[near]
     distances, _ = _points_to_ellipsoid(points[near], axes)
-    best, foot = np.inf, None
+    best = np.inf
+    foot = None
     for t in np.unique(which[distances < distances.min() + 0.15 * spacing]):
         k = np.flatnonzero(which == t)[distances[which == t].argmin()]
         distance, place = _finest(triangles[t], u[k], v[k], axes, spacing)
         if distance < best:
-            best, foot = distance, place
+            best = distance
+            foot = place
     if best == 0.0:
         return 0.0, None
     normal = foot / axes**2
@@ -272,7 +281,8 @@ def _finest(triangle, u, v, axes, width):
             w.ravel()
             for w in np.meshgrid(n / np.linalg.norm(b - a), n / np.linalg.norm(c - a))
         )
-        us, vs = np.clip(u + du, 0.0, 1.0), np.clip(v + dv, 0.0, 1.0)
+        us = np.clip(u + du, 0.0, 1.0)
+        vs = np.clip(v + dv, 0.0, 1.0)
         over = np.maximum(us + vs - 1.0, 0.0)
         us = np.maximum(us - 0.5 * over, 0.0)
         vs = np.minimum(np.maximum(vs - 0.5 * over, 0.0), 1.0 - us)
@@ -281,7 +291,8 @@ def _finest(triangle, u, v, axes, width):
             return 0.0, None
         distances, feet = _points_to_ellipsoid(points, axes)
         k = distances.argmin()
-        u, v = us[k], vs[k]
+        u = us[k]
+        v = vs[k]
         width *= 0.5
     return float(distances[k]), feet[k]
 
@@ -297,6 +308,7 @@ def _points_to_ellipsoid(points, axes):
     for _ in range(45):
         middle = 0.5 * (low + high)
         far = np.sum((axes * points / (axes**2 + middle[:, None])) ** 2, axis=1) > 1.0
-        low, high = np.where(far, middle, low), np.where(far, high, middle)
+        low = np.where(far, middle, low)
+        high = np.where(far, high, middle)
     feet = axes**2 * points / (axes**2 + low[:, None])
     return np.where(outside, 1.0, -1.0) * np.linalg.norm(points - feet, axis=1), feet

@@ -36,9 +36,13 @@ BUILT_IN = (
 )
 # The article's parameter ranges and targets.
 RANGES = {
-    "e_gg": [0.1, 0.4], "mus_gg": [0.35, 0.75], "mur_gg": [0.02, 0.07], "e_gp": [0.2, 0.5], "mus_gp": [0.4, 0.8],
+    "e_gg": [0.1, 0.4],
+    "mus_gg": [0.35, 0.75],
+    "mur_gg": [0.02, 0.07],
+    "e_gp": [0.2, 0.5],
+    "mus_gp": [0.4, 0.8],
     "mur_gp": [0.1, 0.3],
-}  # fmt: skip
+}
 
 
 def target(response, value, sd, low, high, repetitions=10, **more):
@@ -66,16 +70,26 @@ def entries(targets):
 
 
 MIGA = {
-    "islands": 5, "population": 40, "rounds": 40, "generations": 10, "tournament": 3, "mutation_probability": 0.05,
-    "mutation_amplitude": 0.1, "solutions": 30, "distance": 0.05, "answer": "least_expected_loss",
-    "replicates": 4, "seed": 2026,
-}  # fmt: skip
+    "islands": 5,
+    "population": 40,
+    "rounds": 40,
+    "generations": 10,
+    "tournament": 3,
+    "mutation_probability": 0.05,
+    "mutation_amplitude": 0.1,
+    "solutions": 30,
+    "distance": 0.05,
+    "answer": "least_expected_loss",
+    "replicates": 4,
+    "seed": 2026,
+}
 SLIP = target("drum_slip_deg", 31.0, 1.0, 20.0, 40.0, 5)
 
 
 def settings_of(config):
     """The sections of a configuration that has only some of them, unchecked."""
-    fields, sections = models.settings_type().model_fields, {}
+    fields = models.settings_type().model_fields
+    sections = {}
     for name, value in config.items():
         kind = fields[name].annotation if name in fields else None
         if (
@@ -116,10 +130,8 @@ def studied(config, **more):
         | config
         | more
     )
-    space, targets = (
-        contact_space(config.get("parameters", RANGES)),
-        Targets.of(config["targets"]),
-    )
+    space = contact_space(config.get("parameters", RANGES))
+    targets = Targets.of(config["targets"])
     return SimpleNamespace(
         config=config,
         settings=settings_of(config),
@@ -168,10 +180,17 @@ def targets_of(sd_percent=5.0, **values):
 def one_run(seed, status="ok", aor=22.0, height=60.0, reason=""):
     ok = status == "ok"
     return {
-        "seed": seed, "status": status, "reason": reason, "aor_deg": aor if ok else None,
-        "height_mm": height if ok else None, "discharge_s": 15.0 + seed, "berries_on_plate": 500,
-        "berries_in_pile": 460, "berries_off_plate": 0, "kinetic_energy_J": 1e-12,
-    }  # fmt: skip
+        "seed": seed,
+        "status": status,
+        "reason": reason,
+        "aor_deg": aor if ok else None,
+        "height_mm": height if ok else None,
+        "discharge_s": 15.0 + seed,
+        "berries_on_plate": 500,
+        "berries_in_pile": 460,
+        "berries_off_plate": 0,
+        "kinetic_energy_J": 1e-12,
+    }
 
 
 def good_run(seed, **values):

@@ -99,7 +99,8 @@ def cut(design, pool):
 
 def data_sets(args, names):
     """Name, data set and the pours of its judge."""
-    design, pool = read(args.folder, names), read(args.folder / "pool", names)
+    design = read(args.folder, names)
+    pool = read(args.folder / "pool", names)
     fresh = read(args.folder / "pool", names, "fresh_")
     if args.sets == "parts":
         for k, (own, others) in enumerate(cut(design, pool)):
@@ -163,7 +164,8 @@ def answers(model, judge, names, values, space):
         targets = targets_at(names, aim)
         found = expected_loss.minimise_expected_loss(model, space, targets)
         X = np.array([[found[parameter] for parameter in PARAMETERS]])
-        truth, unsure = judge.predict(X), judge.covariance(X)
+        truth = judge.predict(X)
+        unsure = judge.covariance(X)
         off = 100 * (truth[0] / aim - 1)
         row = {
             "target": number,
@@ -194,7 +196,9 @@ def at_fresh_points(model, fresh):
 
 def run(args, study):
     """A row for each answer of each fit."""
-    config, space, rows = study.config, study.parameters, []
+    config = study.config
+    space = study.parameters
+    rows = []
     for responses in args.responses:
         columns = ["height_mm", args.angle][:responses]
         names = ["height_mm", "aor_deg"][:responses]
@@ -211,8 +215,6 @@ def run(args, study):
                     "responses": responses,
                     "set": set_name,
                     "samples": len(own.X),
-                }
-                about |= {
                     "pours": int(own.counts().sum()),
                     "fit_s": cost,
                     "z_fresh": at_fresh_points(model, fresh),
@@ -227,7 +229,8 @@ def run(args, study):
 
 def by_sets(table, values):
     """Mean of values, and its standard error by the scatter of data sets."""
-    mean, count = np.mean(values), len(values)
+    mean = np.mean(values)
+    count = len(values)
     sums = (
         pd.Series(np.asarray(values, dtype=float) - mean)
         .groupby(table["set"].to_numpy())

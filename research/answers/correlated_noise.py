@@ -21,7 +21,8 @@ from repose.config.pipeline import PipelineConfig
 from research.answers.sample_weights import weights_from_errors
 
 TRAINING_SHARE = 0.7
-STARTS, EPOCHS = 4, 400
+STARTS = 4
+EPOCHS = 400
 
 
 def trial(prior, used, X, Y, errors, covariance, order):
@@ -69,7 +70,8 @@ def main():
     table, runs = (
         pd.read_csv(path).query("status == 'ok'") for path in (args.dataset, args.runs)
     )
-    X, Y = table[list(PARAMETERS)].to_numpy(), table[list(targets.names)].to_numpy()
+    X = table[list(PARAMETERS)].to_numpy()
+    Y = table[list(targets.names)].to_numpy()
     errors = table[list(targets.errors)].to_numpy()
     covariance, _ = within_covariance(runs[list(targets.names)], runs["sample"])
     sd = np.sqrt(np.diag(covariance))
@@ -95,10 +97,8 @@ def main():
                 )
                 for k in range(args.splits)
             ]
-            mean, error = (
-                np.mean(rows, axis=0),
-                np.std(rows, axis=0, ddof=1) / np.sqrt(args.splits),
-            )
+            mean = np.mean(rows, axis=0)
+            error = np.std(rows, axis=0, ddof=1) / np.sqrt(args.splits)
             cells = [
                 f"{m:.3f} ± {e:.3f}" for m, e in zip(mean[:-1], error[:-1], strict=True)
             ]

@@ -54,10 +54,8 @@ class Simulator:
         noise_percent=plan.NOISE_PERCENT,
     ):
         """`noise_percent` of a pour; `plan.NOISE_PERCENT` is as in the pool."""
-        self.times, space = (
-            noise_percent / plan.NOISE_PERCENT,
-            contact_space(config["parameters"]),
-        )
+        self.times = noise_percent / plan.NOISE_PERCENT
+        space = contact_space(config["parameters"])
         read = [
             points.read(
                 folder / f"{part}dataset.csv", folder / f"{part}runs.csv", names

@@ -171,10 +171,8 @@ def summary(table):
     for k, rows in table[table["method"] == "sequential"].groupby("responses"):
         for level in (0.5, 0.6, 0.7, 0.8, 0.9):
             first = rows[rows["probability"] >= level].groupby("truth").first()
-            right, pours = (
-                (first["error_percent"] < TOLERANCE).mean(),
-                first["pours"].median(),
-            )
+            right = (first["error_percent"] < TOLERANCE).mean()
+            pours = first["pours"].median()
             stopped = f"{len(first)} of {rows['truth'].nunique()}"
             lines.append(f"| {k} | {level} | {stopped} | {right:.2f} | {pours:.0f} |")
     return "\n".join(lines)
@@ -231,7 +229,8 @@ def main():
         pd.read_csv(args.out) if args.out.exists() else pd.DataFrame(columns=columns)
     )
     study = PipelineConfig.load(args.config)
-    config, space = study.config, study.parameters
+    config = study.config
+    space = study.parameters
     simulator = Simulator(
         args.pool, args.responses, config, args.emulator, args.noise_percent
     )

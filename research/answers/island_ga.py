@@ -29,7 +29,10 @@ try:
 except ImportError:
     pygmo = None
 
-ISLANDS, POPULATION, GENERATIONS, ROUNDS = 5, 40, 10, 50
+ISLANDS = 5
+POPULATION = 40
+GENERATIONS = 10
+ROUNDS = 50
 EVALUATIONS = ISLANDS * POPULATION * GENERATIONS * ROUNDS
 NEAR = 0.01
 DIMENSIONS = (2, 6, 10)
@@ -47,7 +50,8 @@ def rosenbrock(x):
 
 @numba.njit(cache=True)
 def ackley(x):
-    far, waves = np.sqrt(np.mean(x * x)), np.mean(np.cos(2 * np.pi * x))
+    far = np.sqrt(np.mean(x * x))
+    waves = np.mean(np.cos(2 * np.pi * x))
     return 20 + np.e - 20 * np.exp(-0.2 * far) - np.exp(waves)
 
 
@@ -62,7 +66,8 @@ def griewank(x):
 @numba.njit(cache=True)
 def himmelblau(x):
     """Summed over pairs of coordinates: 4 minima of value 0 for each pair."""
-    a, b = x[::2], x[1::2]
+    a = x[::2]
+    b = x[1::2]
     return np.sum((a * a + b - 11) ** 2 + (a + b * b - 7) ** 2)
 
 

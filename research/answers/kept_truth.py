@@ -51,7 +51,8 @@ class Truth(NamedTuple):
             parts.append(read(tables, runs, names))
         points = joined(parts)
         counts = points.counts().astype(float)
-        X, means = points.X, points.means()
+        X = points.X
+        means = points.means()
         for answers in _answers(folder, study):
             X = np.vstack([X, answers[list(study.parameters.names)].to_numpy(float)])
             simulated = [response.simulated for response in study.targets.responses]

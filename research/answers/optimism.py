@@ -26,7 +26,9 @@ from research.answers.kept_truth import DataSet, Truth, designed
 from research.script import Script, option
 
 STREAM = 111  # of random numbers, of this study alone
-STARTS, ROUNDS, REPLICATES = 8, 20, 10
+STARTS = 8
+ROUNDS = 20
+REPLICATES = 10
 
 script = Script("answers.optimism", __doc__)
 

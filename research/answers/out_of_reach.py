@@ -42,10 +42,8 @@ def dense(simulator, d):
                     np.argsort(-(mean / mean.mean(axis=0)) @ along)[:20]
                 ].repeat(20, axis=0)
                 near = np.clip(best + step * random.standard_normal(best.shape), 0, 1)
-                unit, mean = (
-                    np.vstack([unit, near]),
-                    np.vstack([mean, simulator.mean(near)]),
-                )
+                unit = np.vstack([unit, near])
+                mean = np.vstack([mean, simulator.mean(near)])
     return unit, mean
 
 
@@ -60,7 +58,8 @@ def aims(kind, mean, random):
     out /= np.abs(out / edge).max()
     if kind in ("edge", "inside"):
         return edge - (kind == "inside") * 0.01 * out
-    low, high = 0.0, 0.6
+    low = 0.0
+    high = 0.6
     for _ in range(30):
         middle = (low + high) / 2
         aim = edge + middle * out
@@ -95,10 +94,8 @@ def summary(table):
     yield f"| responses | target | campaigns | {heads} | Eq. 11 above the least, median |"
     yield f"|{'---|' * (len(LOOKS) + 4)}"
     for (k, kind), rows in table.groupby(["responses", "kind"]):
-        stopped, count = (
-            rows[rows["stop"] == "out_of_reach"],
-            rows["campaign"].nunique(),
-        )
+        stopped = rows[rows["stop"] == "out_of_reach"]
+        count = rows["campaign"].nunique()
         shares = " | ".join(
             f"{(stopped['pours'] <= pours).sum() / count:.2f}" for pours in LOOKS
         )
@@ -112,7 +109,8 @@ def main():
     )
     args = parser.parse_args()
     study = PipelineConfig.load(args.config)
-    config, space = study.config, study.parameters
+    config = study.config
+    space = study.parameters
     section = SequentialSettings(
         **config["sequential"] | {"most_pours": max(LOOKS), "probability": 0.99}
     )

@@ -50,7 +50,8 @@ class Campaign:
     """One campaign: a folder and a configuration."""
 
     def __init__(self, folder, changes):
-        self.folder, self.config = folder, folder / "config.json"
+        self.folder = folder
+        self.config = folder / "config.json"
         config = PipelineConfig.load("config/config.yaml").config
         for section, keys in changes.items():
             config[section] = config[section] | keys if isinstance(keys, dict) else keys
@@ -65,7 +66,8 @@ class Campaign:
 
     def batches(self, strategy, folders=()):
         """Run a strategy to its answer and its check; the last proposal. `folders` hold batches that are poured."""
-        folders, proposal = list(folders), {"answer": False}
+        folders = list(folders)
+        proposal = {"answer": False}
         while not proposal["answer"]:
             here = self.folder / f"batch_{len(folders)}"
             if not (here / "proposal.json").exists():
@@ -79,7 +81,8 @@ class Campaign:
 
     def pour(self, folder, purpose):
         """Pour and measure the samples of a batch with their seeds; write their dataset."""
-        jobs, samples = [], folder / "samples.csv"
+        jobs = []
+        samples = folder / "samples.csv"
         for sample, seeds in pd.read_csv(samples)[["sample", "seeds"]].itertuples(
             index=False
         ):

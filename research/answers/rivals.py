@@ -82,7 +82,8 @@ def _optuna(sampler, simulator, goal, random, budgets):
     import optuna
 
     optuna.logging.set_verbosity(optuna.logging.WARNING)
-    study, names = optuna.create_study(sampler=sampler), goal.space.free
+    study = optuna.create_study(sampler=sampler)
+    names = goal.space.free
 
     def trial_error(trial):
         point = np.array([trial.suggest_float(name, 0, 1) for name in names])
@@ -130,9 +131,9 @@ def grainlearning(simulator, goal, targets, config, random, budgets):
 def response_surface(simulator, goal, targets, config, random, budgets):
     """Answer of `strategy: response_surface`: screening, steepest ascent, Box-Behnken design."""
     for budget, seeds in zip(sorted(budgets), (2, 3), strict=True):
-        space, section = (
-            goal.space,
-            ResponseSurfaceSettings(**config["response_surface"] | {"most_factors": 3}),
+        space = goal.space
+        section = ResponseSurfaceSettings(
+            **config["response_surface"] | {"most_factors": 3}
         )
         study = SimpleNamespace(
             parameters=space,

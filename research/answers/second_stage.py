@@ -38,7 +38,10 @@ STREAM = 112  # of random numbers, of this study alone
 STARTS = 8
 SINGLE_POURS = 150
 TOLERANCE_PERCENT = 2.0
-FULL, FULL_SECOND, HALF, HALF_SECOND = "6", "6+150", "3", "3+150"
+FULL = "6"
+FULL_SECOND = "6+150"
+HALF = "3"
+HALF_SECOND = "3+150"
 PAIRS = ((HALF_SECOND, FULL), (FULL_SECOND, FULL), (HALF, FULL))
 LEVEL = 0.95
 
@@ -117,7 +120,8 @@ def summarised(table):
 
 def _row(design, other, values):
     """Mean, standard error and the two-sided bounds of a mean over the data sets."""
-    mean, error = values.mean(), values.sem()
+    mean = values.mean()
+    error = values.sem()
     reach = stats.t.ppf((1 + LEVEL) / 2, len(values) - 1) * error
     return {
         "design": design,

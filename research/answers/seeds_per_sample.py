@@ -40,9 +40,15 @@ OUT = "results/seeds_per_sample"
 SAMPLES = "results/published/recommended/design/samples.csv"
 BENCH = "funnel"
 # Streams of random numbers of this study alone, beyond all of `research.streams`.
-OF_POOL, OF_ANSWERS, OF_DRAWS, OF_JUDGE = 101, 102, 103, 104
+OF_POOL = 101
+OF_ANSWERS = 102
+OF_DRAWS = 103
+OF_JUDGE = 104
 EVERY_S = 2.0  # a table is written at most so often
-POOL_SEEDS, DATA_SETS, FRESH_SEEDS, ANSWER_SEEDS = 16, 64, 16, 6
+POOL_SEEDS = 16
+DATA_SETS = 64
+FRESH_SEEDS = 16
+ANSWER_SEEDS = 6
 
 script = Script("answers.seeds_per_sample", __doc__)
 PROCESSES = option(
@@ -80,9 +86,13 @@ class Rows:
     """Rows by their keys, in a file that is written as they come; those of another origin are refused."""
 
     def __init__(self, path, keys):
-        self.path, self.keys, self.rows, self.written = Path(path), list(keys), {}, 0.0
+        self.path = Path(path)
+        self.keys = list(keys)
+        self.rows = {}
+        self.written = 0.0
         if self.path.exists():
-            now, then = provenance.current(), attached.read(self.path)
+            now = provenance.current()
+            then = attached.read(self.path)
             if then is None or now is None or then["origin"] != now["origin"]:
                 allowed = "the same settings, engine and tables as now, or another place for this file"
                 raise InputError(
@@ -151,7 +161,8 @@ def seeds_of(study_seed, stream, number, count):
 
 def pouring(study, keys, X):
     """Pours and measures a task: `row` of X, `seed`."""
-    test, names = bench(BENCH), study.targets.names
+    test = bench(BENCH)
+    names = study.targets.names
 
     def pour(task):
         values = dict(zip(study.parameters.names, X[task["row"]].tolist(), strict=True))
@@ -287,11 +298,14 @@ def answers(args, config):
 
 def fitting(args, config, pours):
     """Fits and inverts a task: `data_set`, `seeds`."""
-    study, targets, samples = args.study, args.study.targets, read_samples(args.design)
+    study = args.study
+    targets = args.study.targets
+    samples = read_samples(args.design)
     _, fresh = fresh_of(study, config)
 
     def fit(task):
-        number, seeds = task["data_set"], task["seeds"]
+        number = task["data_set"]
+        seeds = task["seeds"]
         chosen = seeds_rule.drawn(number, len(samples), args.pool_seeds, OF_DRAWS)[
             :, :seeds
         ]
@@ -354,9 +368,11 @@ def fresh_column(name, sample):
 )
 def pour_answers(args, config):
     """Pour every answer with seeds that no fit has seen."""
-    keys, names = ["data_set", "seeds"], list(args.study.parameters.names)
+    keys = ["data_set", "seeds"]
+    names = list(args.study.parameters.names)
     found = read_table(args.answers, (*keys, *names))
-    places, seed = found[keys].to_dict("records"), config["design"]["seed"]
+    places = found[keys].to_dict("records")
+    seed = config["design"]["seed"]
     seeds = [
         seeds_of(
             seed, OF_ANSWERS, [place["data_set"], place["seeds"]], args.answer_seeds
@@ -371,8 +387,11 @@ def pour_answers(args, config):
 )
 def judge(args, config):
     """Judge all answers by real pours; choose by the rule."""
-    targets, keys, study = args.study.targets, ["data_set", "seeds"], args.study
-    names, parameters = list(targets.names), list(study.parameters.names)
+    targets = args.study.targets
+    keys = ["data_set", "seeds"]
+    study = args.study
+    names = list(targets.names)
+    parameters = list(study.parameters.names)
     found = (
         read_table(args.answers, (*keys, "pool_seeds", *parameters))
         .set_index(keys)
@@ -390,7 +409,8 @@ def judge(args, config):
     pours = pours[pours.index.isin(found.index)]
     _, points = fresh_of(study, config)
 
-    X, own = found[parameters].to_numpy(float), found.index.get_indexer(pours.index)
+    X = found[parameters].to_numpy(float)
+    own = found.index.get_indexer(pours.index)
     values = np.vstack([pours[names].to_numpy(float), fresh[names].to_numpy(float)])
     group = np.concatenate([own, len(X) + fresh["sample"].to_numpy(int) - 1])
     real = Judge(np.vstack([X, points]), values, group)
@@ -435,7 +455,8 @@ def ok(runs):
 def r2_of(found, fresh, names):
     """R2 (answers, k) at the fresh points, without the noise of their means."""
     by_point = fresh.groupby("sample")[names]
-    mean, error = by_point.mean(), by_point.sem()
+    mean = by_point.mean()
+    error = by_point.sem()
     return np.array(
         [
             [

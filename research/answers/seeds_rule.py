@@ -92,7 +92,8 @@ class Judge:
         self, X: np.ndarray, count: int, random: np.random.Generator
     ) -> np.ndarray:
         """Draws (count, m, k) of the mean responses at all parameter sets X (m, d) together."""
-        x, columns = self.process._scaled(X), []
+        x = self.process._scaled(X)
+        columns = []
         for one in self.process.processes_:
             between = one.kernel(x, one.x)
             solved = linalg.solve_triangular(one.root, between.T, lower=True)

@@ -33,12 +33,14 @@ from research.comparison.early_stopping import EarlyStoppingBP
 SHARES = (0.70, 0.15, 0.15)
 NETWORK = {"hidden": 12, "epochs": 1500, "goal": 1e-4, "prior": "one", "seed": 2026}
 DATA_SETS = 6
-REPEATED, REPEATS = 6, 4
+REPEATED = 6
+REPEATS = 4
 
 
 def ways(X, Y, rows, starts, repeats=None):
     """Function that predicts, by way."""
-    train, unseen = rows["train"], rows["validation"]
+    train = rows["train"]
+    unseen = rows["validation"]
     settings = NETWORK | {"starts": starts}
 
     def fitted(**noise):
@@ -83,11 +85,13 @@ def ways(X, Y, rows, starts, repeats=None):
 def at_fresh_points(sets, names, splits, starts):
     """Rows: split, way, and R2 of each response at the fresh points."""
     main, pool, fresh = sets
-    means, errors = fresh.means(), fresh.known_errors()
+    means = fresh.means()
+    errors = fresh.known_errors()
     for k in range(splits):
         values = main.values[:, k % DATA_SETS]
         good = np.isfinite(values).all(axis=1)
-        X, Y = main.X[good], values[good]
+        X = main.X[good]
+        Y = values[good]
         drawn = np.random.default_rng(k).choice(len(pool.X), REPEATED, replace=False)
         repeats = pool.take(drawn, REPEATS)
         for way, predict in ways(X, Y, split(len(X), SHARES, k), starts, repeats):
@@ -101,11 +105,13 @@ def at_fresh_points(sets, names, splits, starts):
 
 def at_test_samples(single, names, splits, starts):
     """Rows as of `at_fresh_points`, by the test part; the first split is the study's own."""
-    X, Y = single.X, single.values[:, 0]
+    X = single.X
+    Y = single.values[:, 0]
     for k in [NETWORK["seed"], *range(1, splits)]:
         rows = split(len(X), SHARES, k)
         for way, predict in ways(X, Y, rows, starts):
-            P, test = predict(X[rows["test"]]), Y[rows["test"]]
+            P = predict(X[rows["test"]])
+            test = Y[rows["test"]]
             yield (
                 {"split": k, "way": way}
                 | {name: r2(test[:, j], P[:, j]) for j, name in enumerate(names)}
@@ -114,7 +120,8 @@ def at_test_samples(single, names, splits, starts):
 
 def reachable(main, names):
     """R2 of a perfect model at single pours and at means of more, and the pours that make it 0.94, by response."""
-    covariance, between = main.covariance(), main.means().var(axis=0, ddof=1)
+    covariance = main.covariance()
+    between = main.means().var(axis=0, ddof=1)
     noise = np.diagonal(covariance)
     signal = between - noise / main.counts().mean()
     correlation = covariance[0, 1] / np.sqrt(noise[0] * noise[1])

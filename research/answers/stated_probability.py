@@ -35,18 +35,18 @@ CELLS = (
     ("deep_ripple", 1, 2.5),
 )
 COLUMNS = [
-    *(
-        "emulator",
-        "responses",
-        "noise_percent",
-        "truth",
-        "pours",
-        "probability",
-        "error_percent",
-        "stop",
-    )
+    "emulator",
+    "responses",
+    "noise_percent",
+    "truth",
+    "pours",
+    "probability",
+    "error_percent",
+    "stop",
 ]
-CLASSES, FEWEST, ERRORS = 5, 10, 2
+CLASSES = 5
+FEWEST = 10
+ERRORS = 2
 
 
 def campaign(simulator, names, number, config, space):

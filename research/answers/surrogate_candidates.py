@@ -59,7 +59,8 @@ class NetworkResampled(Candidate):
     """Networks of samples drawn with replacement."""
 
     def fit(self, X, Y, **noise):
-        X, Y = np.asarray(X), np.asarray(Y)
+        X = np.asarray(X)
+        Y = np.asarray(Y)
         random = np.random.default_rng(self.settings["seed"])
         self.members = []
         for k in range(REFITS):
@@ -106,9 +107,11 @@ class NetworkProcess(Candidate):
 
 
 # prior of lengths, variance and noise: as in `repose.calibrate.strategies.sequential.kriging`
-LENGTH_LOG_MEAN, LENGTH_LOG_SD = np.sqrt(2) - 3, np.sqrt(3)
+LENGTH_LOG_MEAN = np.sqrt(2) - 3
+LENGTH_LOG_SD = np.sqrt(3)
 VARIANCE_LOG_SD = 1.0
-NOISE_LOG_MEAN, NOISE_LOG_SD = np.log(0.1), 3.0
+NOISE_LOG_MEAN = np.log(0.1)
+NOISE_LOG_SD = 3.0
 FIRST_LENGTHS = (0.5, 3.0)
 LIMIT = np.log(1e4)
 STEP = 1e-3
@@ -137,7 +140,8 @@ class Kriging(Candidate):
 
     def fit(self, X, Y, *, precision=None, noise_covariance=None, noise_freedom=0.0):
         X, Y, _, precision = checked_samples(X, Y, precision=precision)
-        self.low, self.span = X.min(axis=0), width(X.min(axis=0), X.max(axis=0))
+        self.low = X.min(axis=0)
+        self.span = width(X.min(axis=0), X.max(axis=0))
         self.x = (X - self.low) / self.span
         k = Y.shape[1]
         mixing = np.eye(k)
@@ -150,18 +154,14 @@ class Kriging(Candidate):
                 )[1]
             )
         values = Y @ mixing
-        self.middle, self.scale = (
-            values.mean(axis=0),
-            np.maximum(values.std(axis=0), 1e-12),
-        )
+        self.middle = values.mean(axis=0)
+        self.scale = np.maximum(values.std(axis=0), 1e-12)
         self.unmixing = np.linalg.inv(mixing)
         self.draws = []
         for c in range(k):
             known = (1 / self.scale[c] ** 2, noise_freedom) if noise_freedom else None
-            value, weight = (
-                (values[:, c] - self.middle[c]) / self.scale[c],
-                1 / precision[:, c],
-            )
+            value = (values[:, c] - self.middle[c]) / self.scale[c]
+            weight = 1 / precision[:, c]
             thetas = self.drawn(value, weight, known)
             self.draws.append(
                 [(theta, *self.conditioned(theta, value, weight)) for theta in thetas]
@@ -180,7 +180,8 @@ class Kriging(Candidate):
         def loss(theta):
             scaled = squares * np.exp(-2 * theta[1:-1])
             correlation, slope = self.covariance_of(scaled.sum(axis=2))
-            signal, noise = np.exp(theta[0]), np.exp(theta[-1])
+            signal = np.exp(theta[0])
+            noise = np.exp(theta[-1])
             K = 1.0 + signal * correlation + np.diag(noise * weight)
             root = linalg.cholesky(K, lower=True, check_finite=False)
             inverse = linalg.cho_solve((root, True), np.eye(len(K)), check_finite=False)
@@ -234,7 +235,8 @@ class Kriging(Candidate):
         ]
 
     def between(self, theta, first, second):
-        a, b = first / np.exp(theta[1:-1]), second / np.exp(theta[1:-1])
+        a = first / np.exp(theta[1:-1])
+        b = second / np.exp(theta[1:-1])
         square = (a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1) - 2 * a @ b.T
         return 1.0 + np.exp(theta[0]) * self.covariance_of(np.maximum(square, 0.0))[0]
 
@@ -247,9 +249,11 @@ class Kriging(Candidate):
 
     def moments(self, X):
         x = (checked_points(X, len(self.low)) - self.low) / self.span
-        means, variances = [], []
+        means = []
+        variances = []
         for k, draws in enumerate(self.draws):
-            m, v = [], []
+            m = []
+            v = []
             for theta, alpha, inverse_root in draws:
                 between = self.between(theta, x, self.x)
                 m.append(between @ alpha)

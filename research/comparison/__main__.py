@@ -62,15 +62,18 @@ def compare_surrogates(args, config):
 @script.part("sampling", OUT, *files(POOL_FILES))
 def compare_sampling(args, config):
     """Compare designs, and many seeds per point with many points; with emulated and with real pours."""
-    space, seeds = args.study.parameters, config["funnel"]["seeds"]
-    settings, seed = network_of(config), config["pool"]["seed"]
+    space = args.study.parameters
+    seeds = config["funnel"]["seeds"]
+    settings = network_of(config)
+    seed = config["pool"]["seed"]
     sampling.run(*pool_of(args), space, settings, seeds, seed, args.out)
 
 
 @script.part("search", OUT, option("--network", default="results/network/network.json"))
 def compare_search(args, config):
     """Compare searches on the trained network: evaluations, and which solutions they find."""
-    targets, space = args.study.targets, args.study.parameters
+    targets = args.study.targets
+    space = args.study.parameters
     table = search.run(
         args.network, space, targets, config["compare_search"], config["miga"], args.out
     )
@@ -90,7 +93,8 @@ def compare_search(args, config):
 )
 def compare_whole(args, config):
     """Compare the method with a response surface and a local search, for equal numbers of simulations."""
-    targets, space = args.study.targets, args.study.parameters
+    targets = args.study.targets
+    space = args.study.parameters
     settings = config["compare_whole"]
     settings |= {
         "network": network_of(config)

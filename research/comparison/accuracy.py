@@ -84,10 +84,14 @@ def message(table: pd.DataFrame) -> str:
 
 def _rows(name, names, training, fresh, predicted):
     """Rows of the table for one training set, a row for each response."""
-    means, errors, (mean, std) = fresh.means(), fresh.known_errors(), predicted
+    means = fresh.means()
+    errors = fresh.known_errors()
+    mean, std = predicted
     seeds = training.values.shape[1]
     for k, response in enumerate(names):
-        y, se, p = means[:, k], errors[:, k], mean[:, k]
+        y = means[:, k]
+        se = errors[:, k]
+        p = mean[:, k]
         row = {
             "training": name,
             "points": len(training.X),

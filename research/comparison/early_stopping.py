@@ -32,15 +32,23 @@ class EarlyStoppingBP:
         patience: int = 6,
         seed: int = 2026,
     ):
-        self.hidden, self.epochs, self.starts = hidden, epochs, starts
-        self.held_back, self.patience, self.seed = held_back, patience, seed
+        self.hidden = hidden
+        self.epochs = epochs
+        self.starts = starts
+        self.held_back = held_back
+        self.patience = patience
+        self.seed = seed
 
     def fit(self, X: np.ndarray, Y: np.ndarray) -> Self:
         """Train on X (samples, inputs) and Y (samples, outputs); fewer than four samples raise ValueError."""
         if len(X) < 4:
             raise ValueError(f"{len(X)} samples; expected at least 4")
-        ends = {"input_min": X.min(axis=0), "input_max": X.max(axis=0)}
-        ends |= {"output_min": Y.min(axis=0), "output_max": Y.max(axis=0)}
+        ends = {
+            "input_min": X.min(axis=0),
+            "input_max": X.max(axis=0),
+            "output_min": Y.min(axis=0),
+            "output_max": Y.max(axis=0),
+        }
         x = scale(X, ends["input_min"], ends["input_max"], SCALED_RANGE)
         t = scale(Y, ends["output_min"], ends["output_max"], SCALED_RANGE)
         order = np.random.default_rng(self.seed).permutation(len(x))
@@ -68,15 +76,14 @@ class EarlyStoppingBP:
         """One start: (weights of least held-back error, that error, epochs)."""
         unit_weight = np.ones((1, used[1].shape[1]))
         e, J = linearise(w, *used, unit_weight)
-        square, best, best_error, waited, epoch = (
-            e @ e,
-            w,
-            _mean_square(w, held, unit_weight),
-            0,
-            0,
-        )
+        square = e @ e
+        best = w
+        best_error = _mean_square(w, held, unit_weight)
+        waited = 0
+        epoch = 0
         while epoch < self.epochs and waited < self.patience:
-            JJ, gradient = J.T @ J, J.T @ e
+            JJ = J.T @ J
+            gradient = J.T @ e
             while mu <= mu_max:
                 candidate = w - np.linalg.solve(JJ + mu * np.eye(w.size), gradient)
                 e = residuals(candidate, *used, unit_weight)
@@ -86,11 +93,15 @@ class EarlyStoppingBP:
             else:
                 break
             mu = max(0.1 * mu, 1e-12)
-            w, epoch = candidate, epoch + 1
+            w = candidate
+            epoch = epoch + 1
             e, J = linearise(w, *used, unit_weight)
-            square, error = e @ e, _mean_square(w, held, unit_weight)
+            square = e @ e
+            error = _mean_square(w, held, unit_weight)
             if error < best_error:
-                best, best_error, waited = w, error, 0
+                best = w
+                best_error = error
+                waited = 0
             else:
                 waited += 1
         return best, best_error, epoch

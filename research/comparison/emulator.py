@@ -127,14 +127,15 @@ def with_process(
     is fitted to at most `MOST_FOR_SCALES` points, and held in the cross-validation.
     """
     rows = np.random.default_rng(seed).permutation(len(points.X))
-    means, scaled, parts = (
-        points.means(),
-        rows[:MOST_FOR_SCALES],
-        [rows[fold::FOLDS] for fold in range(FOLDS)],
-    )
-    processes, shares = [], []
+    means = points.means()
+    scaled = rows[:MOST_FOR_SCALES]
+    parts = [rows[fold::FOLDS] for fold in range(FOLDS)]
+    processes = []
+    shares = []
     for k in range(points.responses):
-        x, y, error = points.X, means[:, k], errors[:, k]
+        x = points.X
+        y = means[:, k]
+        error = errors[:, k]
         first = kernel(x.shape[1])
         fitted = _process(x[scaled], y[scaled], error[scaled], first, fit=True).kernel_
         processes.append(_process(x, y, error, fitted, fit=False))

@@ -48,7 +48,8 @@ class Points(NamedTuple):
 
     def known_errors(self) -> np.ndarray:
         """Like `errors`; for single runs from the noise of all points, or 0 where `covariance` is None."""
-        covariance, errors = self.covariance(), self.errors()
+        covariance = self.covariance()
+        errors = self.errors()
         pooled = (
             np.zeros(self.responses)
             if covariance is None
@@ -67,7 +68,8 @@ class Points(NamedTuple):
 
     def replicates(self) -> dict[str, Any]:
         """Keyword arguments for `Surrogate.fit` about the noise; empty where `covariance` is None."""
-        covariance, counts = self.covariance(), self.counts()
+        covariance = self.covariance()
+        counts = self.counts()
         if covariance is None:
             return {}
         freedom = float(np.maximum(counts - 1, 0).sum())

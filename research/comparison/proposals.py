@@ -120,7 +120,8 @@ def tables_of(
     table["status"] = "ok"
     columns = zip(targets.responses, samples.means().T, samples.errors().T, strict=True)
     for response, mean, error in columns:
-        table[response.name], table[response.standard_error] = mean, error
+        table[response.name] = mean
+        table[response.standard_error] = error
     good = samples.good()
     runs = pd.DataFrame(samples.values[good], columns=list(targets.names))
     runs.insert(0, "sample", np.nonzero(good)[0])
@@ -135,7 +136,8 @@ def study_surrogate(
     settings: Mapping[str, Any],
 ) -> Surrogate:
     """Train the surrogate as the study does on these samples; `settings` is the section `network`."""
-    kind, own = settings.get("surrogate", "network"), NetworkSettings.of(settings)
+    kind = settings.get("surrogate", "network")
+    own = NetworkSettings.of(settings)
     dataset, runs = tables_of(samples, space, targets)
     return train.train(
         dataset, runs, targets, own, names=space.names, surrogate=kind
@@ -154,7 +156,8 @@ def proposed(
     `samples.X` (n, d) are places in the ranges. `settings` holds ``local_starts`` and the sections ``network`` and
     ``miga``.
     """
-    means, section = samples.means(), settings["network"]
+    means = samples.means()
+    section = settings["network"]
     objective = Objective(targets)
     F, V = objective(means)
     found = {"best_sample": (samples.X[objective.fitness(F, V).argmin()], 0)}

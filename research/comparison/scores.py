@@ -54,7 +54,9 @@ def bootstrap(
     if m < 3:
         raise ValueError(f"{m} points; expected at least 3")
     rows = np.random.default_rng(seed).integers(m, size=(resamples, m))
-    y, p, noise = means[rows], predicted[rows], (errors**2)[rows].sum(axis=1)
+    y = means[rows]
+    p = predicted[rows]
+    noise = (errors**2)[rows].sum(axis=1)
     square = ((y - p) ** 2).sum(axis=1)
     total = ((y - y.mean(axis=1, keepdims=True)) ** 2).sum(axis=1)
     between = total - (1 - 1 / m) * noise

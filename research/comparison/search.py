@@ -43,8 +43,10 @@ def judged(
     A list holds at most `solutions` points, at least `distance` apart; `tolerance` is of the objective; `seed` is for
     the choice among all feasible points of the search.
     """
-    fitness, feasible = log.fitness, log.fitness <= log.objective.infeasible
-    found, values = log.points[feasible], fitness[feasible]
+    fitness = log.fitness
+    feasible = log.fitness <= log.objective.infeasible
+    found = log.points[feasible]
+    values = fitness[feasible]
     kept = (
         distinct(found, values, distance, solutions) if len(found) else np.zeros(0, int)
     )
@@ -92,19 +94,21 @@ def compared(
     evaluations), ``search_methods``, ``search_runs``, and ``timings``, the only table that another run changes.
     ValueError if hardly a point of the ranges is feasible.
     """
-    solutions, distance, seed = (
-        section["solutions"],
-        section["distance"],
-        settings["seed"],
-    )
+    solutions = section["solutions"]
+    distance = section["distance"]
+    seed = settings["seed"]
     region = Region(
         respond, objective, settings["region_points"], solutions, dimensions, seed
     )
-    rows, curves, took = [], [], []
+    rows = []
+    curves = []
+    took = []
     bests: dict[str, list] = {}
     for name, (search, own) in searches(section).items():
         evaluations = own or settings["evaluations"]
-        at, courses, bests[name] = checkpoints(evaluations), [], []
+        at = checkpoints(evaluations)
+        courses = []
+        bests[name] = []
         for k in range(settings["repetitions"]):
             log, seconds = logged(
                 search, respond, objective, evaluations, dimensions, seed + k

@@ -45,7 +45,9 @@ class Log:
     def __init__(
         self, respond: Respond, objective: Objective, evaluations: int, dimensions: int
     ):
-        self.respond, self.objective, self.dimensions = respond, objective, dimensions
+        self.respond = respond
+        self.objective = objective
+        self.dimensions = dimensions
         self._points = np.empty((evaluations, dimensions))
         self._fitness = np.empty(evaluations)
         self.used = 0
@@ -147,10 +149,8 @@ def cma_es(log: Log, seed: int) -> None:
     bounds = np.tile([-1.0, 1.0], (log.dimensions, 1))
     for restart in range(10**6):
         random = np.random.default_rng([seed, restart])
-        start, stream = (
-            random.uniform(-1, 1, log.dimensions),
-            int(random.integers(2**31)),
-        )
+        start = random.uniform(-1, 1, log.dimensions)
+        stream = int(random.integers(2**31))
         search = CMA(mean=start, sigma=0.5, bounds=bounds, seed=stream)
         while not search.should_stop():
             asked = np.array([search.ask() for _ in range(search.population_size)])
@@ -217,7 +217,8 @@ def logged(
     seed: int,
 ) -> tuple[Log, float]:
     """One search with all its evaluations used, and its time [s]; arguments as for `Log`."""
-    log, began = Log(respond, objective, evaluations, dimensions), time.perf_counter()
+    log = Log(respond, objective, evaluations, dimensions)
+    began = time.perf_counter()
     with suppress(Spent):
         search(log, seed)
     return log, time.perf_counter() - began

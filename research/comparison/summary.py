@@ -35,8 +35,12 @@ def table_of(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     response's unit.
     """
     responses = tuple(dict.fromkeys(tables["sampling"]["response"]))
-    rows = [*_sampling(tables["sampling"]), *_surrogates(tables["surrogates"])]
-    rows += [*_search(tables["search"]), *_whole(tables["whole"], responses)]
+    rows = [
+        *_sampling(tables["sampling"]),
+        *_surrogates(tables["surrogates"]),
+        *_search(tables["search"]),
+        *_whole(tables["whole"], responses),
+    ]
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 

@@ -91,7 +91,9 @@ def judged(predict: Callable | None, fresh: Points) -> list[dict[str, Any]] | No
     """
     if predict is None:
         return None
-    means, errors, (mean, std) = fresh.means(), fresh.known_errors(), predict(fresh.X)
+    means = fresh.means()
+    errors = fresh.known_errors()
+    mean, std = predict(fresh.X)
     found = []
     for k in range(fresh.responses):
         score = scores.accuracy(means[:, k], errors[:, k], mean[:, k])

@@ -60,7 +60,8 @@ def samples_of(points: Points) -> Samples:
     ValueError if too few points have two runs.
     """
     good = points.good()
-    values, number = points.values[good], np.nonzero(good)[0]
+    values = points.values[good]
+    number = np.nonzero(good)[0]
     within = [
         variance.variance_components(column, number).within for column in values.T
     ]
@@ -138,7 +139,8 @@ def compared(
     ``network`` and ``miga``. Numbers of samples above the available number have emulated data alone.
     """
     truth = truth_of(samples, settings["seed"])
-    available, rows = len(samples.points.X), []
+    available = len(samples.points.X)
+    rows = []
     for count in settings["samples"]:
         for repetition in range(settings["repetitions"]):
             for kind in ("real", "emulated"):

@@ -218,10 +218,8 @@ def _missed_axes(panels):
     for panel in panels:
         panel.set_yscale("log")
         panel.set_yticks(shares / 100, [f"{share}" for share in shares])
-    least, most = (
-        min(panel.dataLim.y0 for panel in panels),
-        max(panel.dataLim.y1 for panel in panels),
-    )
+    least = min(panel.dataLim.y0 for panel in panels)
+    most = max(panel.dataLim.y1 for panel in panels)
     panels[0].set_ylim(min(1.0, 1.25 * most), max(LEAST_MISSED, 0.8 * least))
     for panel in panels:
         panel.minorticks_off()

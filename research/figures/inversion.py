@@ -71,7 +71,8 @@ def _course(panel: Axes, curves: pd.DataFrame, tolerance: float) -> None:
                 >= curves.loc[curves["method"] == "miga", "evaluations"].max()
             ]
         line = "--" if name == "miga_whole" else "-"
-        middle, error = rows["log10_mean"], rows["log10_se"]
+        middle = rows["log10_mean"]
+        error = rows["log10_se"]
         panel.plot(rows["evaluations"], 10**middle, line, color=colour, label=label)
         ends = 10 ** (middle - error), 10 ** (middle + error)
         panel.fill_between(rows["evaluations"], *ends, color=colour, alpha=0.2, lw=0)
@@ -98,7 +99,8 @@ def _to_tolerance(panel: Axes, methods: pd.DataFrame) -> None:
     ]
     place = np.arange(len(names))[::-1]
     for y, name in zip(place, names, strict=True):
-        row, (_, colour) = methods.loc[name], SEARCHES[name]
+        row = methods.loc[name]
+        _, colour = SEARCHES[name]
         reached = int(row["reached"])
         if reached:
             # if some runs failed, the mean over the others is too low

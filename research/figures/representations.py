@@ -86,7 +86,8 @@ def _one_definition(
         ]
         errors = [2 * row[target.response.standard_error] for target in shown]
         if len(shown) == 1:
-            place, errors = [*place, row["distance"]], [*errors, 0.0]
+            place = [*place, row["distance"]]
+            errors = [*errors, 0.0]
         panel.errorbar(
             *place,
             xerr=errors[0],

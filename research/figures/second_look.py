@@ -74,7 +74,8 @@ def _work(panel, ways, percents):
     """Bits a minute of each way to get further responses, a bar for each discrepancy."""
     last = ways[ways["discrepancy_percent"] == percents[-1]].set_index("way")
     order = list(last["bits_a_minute"].sort_values().index)
-    place, height = np.arange(len(order)), 0.8 / len(percents)
+    place = np.arange(len(order))
+    height = 0.8 / len(percents)
     for k, percent in enumerate(percents):
         rows = ways[ways["discrepancy_percent"] == percent].set_index("way").loc[order]
         y = place + height * ((len(percents) - 1) / 2 - k)
@@ -128,7 +129,8 @@ def _map(panel, narrowing, order, base, percents):
     The last row shows the widths with the base over those of the prior.
     """
     parameters = [name for name in PARAMETERS if name in set(narrowing["parameter"])]
-    rows, each = [*order, base], len(percents)
+    rows = [*order, base]
+    each = len(percents)
     columns = [(name, percent) for name in parameters for percent in percents]
     tables = narrowing.pivot(
         index="set",

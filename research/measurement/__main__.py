@@ -41,11 +41,9 @@ def lines(args, config):
     """Compare the lines on saved piles and on known shapes; choose one by the rule."""
     if args.shapes < 1:
         raise InputError("command line", "--shapes", args.shapes, "at least 1")
-    particle, berry, section = (
-        Particle.load(args.particle),
-        read_grain(args.berry),
-        config["measure"],
-    )
+    particle = Particle.load(args.particle)
+    berry = read_grain(args.berry)
+    section = config["measure"]
     tables = measurement_study.run(
         args.heaps, args.representative, particle, section, berry, args.out, args.shapes
     )
@@ -114,7 +112,8 @@ def loose(args, config):
 )
 def slopes(args, config):
     """Every line's angle on saved piles beside the cone of their Height: src/repose/bench/line_slopes.csv."""
-    particle, berry = Particle.load(args.particle), read_grain(args.berry)
+    particle = Particle.load(args.particle)
+    berry = read_grain(args.berry)
     return line_slopes.run(args.heaps, particle, config, berry, args.out).to_string(
         index=False
     )

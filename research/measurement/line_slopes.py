@@ -72,7 +72,8 @@ def sample(
 ) -> dict[str, float]:
     """Means of a sample's good pours: ``Height`` [mm] and each line [deg]; empty if there are none."""
     npz = Path(npz)
-    arrays, found = saved_pours.saved_positions(npz), []
+    arrays = saved_pours.saved_positions(npz)
+    found = []
     for record in saved_pours.read_pours(npz.with_name(npz.stem + saved_pours.POURS))[
         "pours"
     ]:

@@ -150,7 +150,8 @@ def variants_of(
     height_m, views = pile.draw_views(
         Grains.of(poured, particle), settings, poured.get("in_pile")
     )
-    angles, heights = [], []
+    angles = []
+    heights = []
     for view in views:
         profile, crest = pile.find_profile(view)
         angles.append(variants_of_profile(profile, crest, settings))
@@ -190,8 +191,9 @@ def noise_table(piles: pd.DataFrame, fixed: pd.DataFrame) -> pd.DataFrame:
             "measured": name,
             "piles": int(piles[name].notna().sum()),
             "mean": piles[name].mean(),
+            "published_mean": fixed[name].mean(),
+            "published_sd": fixed[name].std(),
         }
-        row |= {"published_mean": fixed[name].mean(), "published_sd": fixed[name].std()}
         for view in ("", " (view)"):
             within, between = spreads(piles, name + view)
             end = "_view" if view else ""
@@ -211,7 +213,8 @@ def spreads(piles: pd.DataFrame, name: str) -> tuple[float, float]:
     freedom; the variance of the samples' means is that of the noise-free means plus the mean of within^2 / n.
     """
     groups = piles.dropna(subset=[name]).groupby("sample")[name]
-    count, variance = groups.count(), groups.var()
+    count = groups.count()
+    variance = groups.var()
     several = count > 1
     free = count[several] - 1
     within = float((variance[several] * free).sum() / free.sum())
@@ -265,7 +268,8 @@ def filled_cone(
 
     The berries may overlap. Their centres fill a cone one mean radius inside the cone of 62 mm and the given angle.
     """
-    a, height = math.radians(angle_deg), 1e-3 * CONE_HEIGHT_MM
+    a = math.radians(angle_deg)
+    height = 1e-3 * CONE_HEIGHT_MM
     reach = pile.equivalent_diameter(particle) / 2
     half = [height / math.tan(a)] * 2 + [height]
     centres = np.empty((0, 3))

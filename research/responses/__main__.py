@@ -58,7 +58,8 @@ script = Script("responses", __doc__)
 @script.part("measure", "results/responses/runs.csv", *PILES)
 def measure(args, config):
     """Measure further responses of saved pours: profile, packing, loose grains, discharge time."""
-    particle, berry = Particle.load(args.particle), read_grain(args.berry)
+    particle = Particle.load(args.particle)
+    berry = read_grain(args.berry)
     table = saved_piles.run(config, args.pours, args.runs, particle, berry, args.out)
     return table[list(MEASURED)].describe().round(2).to_string()
 
@@ -114,7 +115,8 @@ def joint(args, config):
 @script.part("profiles", "results/profiles", *PILES, DATASET)
 def profile(args, config):
     """Tell what the principal components of the piles' whole profile add beside angle and Height."""
-    particle, berry = Particle.load(args.particle), read_grain(args.berry)
+    particle = Particle.load(args.particle)
+    berry = read_grain(args.berry)
     settings = config["network"] | config["second_responses"] | config["joint_targets"]
     table = read_table(args.dataset, ("sample", *PARAMETERS, "status"))
     table = table[table["status"] == "ok"]
@@ -126,8 +128,10 @@ def profile(args, config):
     widths = half_widths.of_pours(args.pours, good, particle, seen, levels)
     runs = runs.merge(widths, on=["sample", "seed"])
     table = table[table["sample"].isin(runs["sample"])]
-    X, samples = table[list(PARAMETERS)].to_numpy(float), table["sample"].to_numpy()
-    targets, space = args.study.targets, args.study.parameters
+    X = table[list(PARAMETERS)].to_numpy(float)
+    samples = table["sample"].to_numpy()
+    targets = args.study.targets
+    space = args.study.parameters
     return profiles.run(
         X, samples, runs, len(levels), targets, space, settings, args.out
     )
@@ -135,7 +139,8 @@ def profile(args, config):
 
 def _over_design(args, config):
     """Targets, ranges, and the responses over the samples of the design."""
-    targets, space = args.study.targets, args.study.parameters
+    targets = args.study.targets
+    space = args.study.parameters
     definition = config["measure"]["response"]
     return (
         targets,

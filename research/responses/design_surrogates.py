@@ -59,20 +59,25 @@ class Surrogates(NamedTuple):
 
         `settings` holds ``surrogate``, ``folds``, ``seed`` and the settings of that surrogate.
         """
-        count, folds = len(data.X), settings["folds"]
+        count = len(data.X)
+        folds = settings["folds"]
         fold = np.random.default_rng(settings["seed"]).permutation(count) % folds
-        off, models, r2 = {}, {}, {}
+        off = {}
+        models = {}
+        r2 = {}
         for name, known in data.known.items():
             if name not in base and known.row["signal_to_noise"] < NOISY:
                 continue
-            own, predicted = [], np.full(count, np.nan)
+            own = []
+            predicted = np.full(count, np.nan)
             for k in range(folds):
                 own.append(fitted(data.X, _without(known, fold == k), settings))
                 predicted[fold == k] = own[-1](data.X[fold == k])
             predicted[~np.isfinite(known.mean)] = np.nan
             r2[name] = cross_validated_r2(known, predicted)
             if name in base or r2[name] >= WORST_R2:
-                off[name], models[name] = predicted - known.mean, own
+                off[name] = predicted - known.mean
+                models[name] = own
         names = tuple(off)
         correlation = noise_correlation(data.runs, names)
         residuals = np.column_stack([off[name] for name in names])

@@ -89,7 +89,8 @@ def with_jobs(
     `samples` (m,) are the numbers of the data's samples in their order; `jobs` come from `read_jobs`. InputError, which
     names `source`, if too few samples of a bench test have two good runs for an estimate of the noise.
     """
-    known, runs = dict(data.known), [data.runs]
+    known = dict(data.known)
+    runs = [data.runs]
     for apparatus, table in jobs.items():
         for name in table.columns.drop("sample") if len(table) else ():
             if name in known or table[name].isna().all():  # no run was asked for it

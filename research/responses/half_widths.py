@@ -24,7 +24,8 @@ def of_pours(
     Columns: ``sample``, ``seed`` and the number of each level of `levels_mm`; 0 above the crest. Runs without a pile
     are left out.
     """
-    settings, rows = pile.with_grain_height(settings, particle), []
+    settings = pile.with_grain_height(settings, particle)
+    rows = []
     for path in map(Path, pours_json):
         job = saved_pours.read_pours(path)
         arrays = saved_pours.saved_positions(saved_pours.positions_file(path))

@@ -38,7 +38,8 @@ def coverage(
     mean width over the range, number of truths, and the posteriors' effective number of points. `sets` holds the tests
     of each set by a label; `settings` holds ``hidden_truths`` and the keys of `prior_points` and `discrepancy_of`.
     """
-    k, names = len(surrogates.names), surrogates.names
+    k = len(surrogates.names)
+    names = surrogates.names
     tested = [i for i, name in enumerate(space.free) if direct(name) in tests.columns]
     spread = discrepancy_of(data, names, settings)
     means = np.column_stack([data.known[name].mean for name in names])

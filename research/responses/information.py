@@ -43,7 +43,8 @@ def _normal_priors(space):
     for name, (mean, sd) in space.prior.items():
         k = space.free.index(name)
         width = space.high[k] - space.low[k]
-        middle, scale = (mean - space.low[k]) / width, sd / width
+        middle = (mean - space.low[k]) / width
+        scale = sd / width
         found[name] = stats.truncnorm(
             -middle / scale, (1 - middle) / scale, middle, scale
         )
@@ -107,7 +108,8 @@ class Prior:
 
     def intervals(self, weight: np.ndarray) -> np.ndarray:
         """Lower and upper ends (2, d) of the central 95 % intervals, in places; `weight` (n,) is the posterior."""
-        tail, found = (1 - CREDIBLE) / 2, []
+        tail = (1 - CREDIBLE) / 2
+        found = []
         for k, order in enumerate(self.order.T):
             ends = np.searchsorted(np.cumsum(weight[order]), [tail, 1 - tail])
             found.append(self.place[order[np.minimum(ends, len(order) - 1)], k])
@@ -149,10 +151,8 @@ def averaged(
     ``widths_se``, each (d,); ``effective``, the least effective number of points; ``all``, the joint bits (t,) of every
     truth.
     """
-    root, likelihood = (
-        np.linalg.cholesky(covariance),
-        Likelihood(prior, columns, covariance),
-    )
+    root = np.linalg.cholesky(covariance)
+    likelihood = Likelihood(prior, columns, covariance)
     found = [
         prior.summary(likelihood.weights(prior.predicted[row] + root @ error))
         for row, error in zip(truths, errors, strict=True)

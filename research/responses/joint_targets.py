@@ -99,7 +99,8 @@ def study(
             prior, truths, normal, tests.of(chosen), tests.covariance
         )
 
-    count, wide = settings["parameters"], settings["width_percent"] / 100
+    count = settings["parameters"]
+    wide = settings["width_percent"] / 100
     base = information.averaged(
         prior,
         truths,
@@ -186,13 +187,13 @@ def _row(space, prior, tests, chosen, found, count, wide):
     widths = found["widths"] * prior.widths
     approximate = approximate_widths(prior, tests.of(chosen), tests.covariance)
     minutes = sum(tests.minutes[name] for name in chosen)
-    row = {"set": " + ".join(chosen), "tests": len(chosen), "minutes": minutes}
-    row |= {
+    row = {
+        "set": " + ".join(chosen),
+        "tests": len(chosen),
+        "minutes": minutes,
         "bits": found["bits"],
         "bits_se": found["bits_se"],
         "bits_a_minute": found["bits"] / minutes,
-    }
-    row |= {
         "merit": merit(widths, count),
         "merit_approximate": merit(approximate, count),
     }
@@ -222,10 +223,8 @@ def message(tables: Mapping[str, pd.DataFrame], summary: Mapping[str, Any]) -> s
         f"{row.set}: {row.bits:.2f} ± {row.bits_se:.2f} bits, {row.gain_bits:.2f} beside the targets"
         for row in tables["tests"].itertuples()
     ]
-    pair, best = (
-        tables["pairs"].iloc[0],
-        tables["sets"].set_index("set").loc[summary["best"]],
-    )
+    pair = tables["pairs"].iloc[0]
+    best = tables["sets"].set_index("set").loc[summary["best"]]
     lines.append(
         f"the most informative pair: {pair['set']}, {pair['bits']:.2f} ± {pair['bits_se']:.2f} bits"
     )

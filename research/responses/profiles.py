@@ -35,7 +35,8 @@ from research.responses.responses_over_design import (
 SPACING_MM = 3.0  # between two heights; half a berry's smallest radius
 MOST_COMPONENTS = 8
 TWO_NUMBERS = ("aor_deg", "height_mm")
-PROFILE, BOTH = "profile", "profile and both numbers"
+PROFILE = "profile"
+BOTH = "profile and both numbers"
 
 
 def levels_mm(highest_mm: float) -> np.ndarray:
@@ -128,8 +129,6 @@ def study(
                     "discrepancy_percent": percent,
                     "discrepancy_correlation": correlated,
                     "set": label,
-                }
-                row |= {
                     "bits": found["bits"],
                     "bits_se": found["bits_se"],
                     "gain_bits": gain.mean(),
@@ -167,7 +166,9 @@ def _surrogates(
     fold = (
         np.random.default_rng(settings["seed"]).permutation(len(X)) % settings["folds"]
     )
-    models, off, r2 = [], [], []
+    models = []
+    off = []
+    r2 = []
     for column in known:
         predicted = np.full(len(X), np.nan)
         for k in range(settings["folds"]):

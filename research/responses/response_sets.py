@@ -6,15 +6,14 @@ from repose.calibrate.responses import Response, response
 from repose.common.errors import InputError
 from repose.measure import further_responses
 
-WHOLE_PILE, EVERYTHING = "whole pile", "pile and other bench tests"
+WHOLE_PILE = "whole pile"
+EVERYTHING = "pile and other bench tests"
 # How an experimenter gets the further responses of a pile; those of another bench test come together.
-ABOVE, LOOSE, PACKING, STOPWATCH, PROFILE = (
-    "above",
-    "loose",
-    "packing",
-    "stopwatch",
-    "profile",
-)
+ABOVE = "above"
+LOOSE = "loose"
+PACKING = "packing"
+STOPWATCH = "stopwatch"
+PROFILE = "profile"
 OF_THE_PILE = {
     "radius_90_mm": ABOVE,
     "loose_percent": LOOSE,

@@ -48,7 +48,8 @@ def over_design(values: np.ndarray, groups: np.ndarray, samples: np.ndarray) -> 
     own.
     """
     good = np.isfinite(values)
-    values, groups = values[good], groups[good]
+    values = values[good]
+    groups = groups[good]
     found = variance.variance_components(values, groups)
     mean, error, count = _means(values, groups, samples, found.within)
     signal = math.sqrt(found.between / found.within) if found.within > 0 else math.inf
@@ -99,7 +100,8 @@ def read(
     names = (*targets.names, *offered(targets.names, definition))
     runs = read_table(runs_csv, ("sample", "seed", "status", *names))
     runs = runs[(runs["status"] == "ok") & runs["sample"].isin(table["sample"])]
-    samples, groups = table["sample"].to_numpy(), runs["sample"].to_numpy()
+    samples = table["sample"].to_numpy()
+    groups = runs["sample"].to_numpy()
     try:
         known = {
             name: over_design(runs[name].to_numpy(float), groups, samples)

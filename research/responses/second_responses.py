@@ -109,11 +109,9 @@ def study(
         "order": [],
         "ways": [],
     }
-    sets, base_set, least = (
-        sets_of(model.names, targets.responses),
-        base_label(targets.responses),
-        math.inf,
-    )
+    sets = sets_of(model.names, targets.responses)
+    base_set = base_label(targets.responses)
+    least = math.inf
     own = dict(settings.get("discrepancies", {}))
     cases: dict[float, dict[str, float]] = {
         0.0: {},
@@ -254,7 +252,9 @@ def _row(name, known, predicted, is_modelled):
     }
     if predicted is not None:
         there = np.isfinite(predicted)
-        y, p, error = known.mean[there], predicted[there], known.error[there]
+        y = known.mean[there]
+        p = predicted[there]
+        error = known.error[there]
         row |= {
             "r2": cross_validated_r2(known, predicted),
             "r2_noise_corrected": r2_noise_corrected(y, p, error),
@@ -283,14 +283,13 @@ def _information(percent, label, found, base):
 
 def _way(percent, way, responses, found, base, minutes):
     """Make the row of ways.csv of one way to get further responses."""
-    gain, work = found["all"] - base["all"], minutes_of(way, minutes)
+    gain = found["all"] - base["all"]
+    work = minutes_of(way, minutes)
     row = {
         "discrepancy_percent": percent,
         "way": way,
         "responses": " ".join(responses),
         "minutes": work,
-    }
-    row |= {
         "gain_bits": gain.mean(),
         "gain_se_bits": gain.std(ddof=1) / math.sqrt(len(gain)),
     }
@@ -301,8 +300,13 @@ def _narrowing(percent, label, found, base, free):
     """Make the rows of narrowing.csv of one set, one for each free parameter."""
     rows = []
     for k, name in enumerate(free):
-        row = {"discrepancy_percent": percent, "set": label, "parameter": name}
-        row |= {"bits": found["parameter_bits"][k], "width_ratio": found["widths"][k]}
+        row = {
+            "discrepancy_percent": percent,
+            "set": label,
+            "parameter": name,
+            "bits": found["parameter_bits"][k],
+            "width_ratio": found["widths"][k],
+        }
         row["width_ratio_se"] = found["widths_se"][k]
         row["over_base"] = (
             found["widths"][k] / base["widths"][k] if base is not None else None

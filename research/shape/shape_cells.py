@@ -177,7 +177,8 @@ def published_sets(config: Config) -> pd.DataFrame:
 
 def _is_cell(config, cell):
     """Whether a name is that of a cell of the study."""
-    study, parts = config["shape_study"], cell.split("-")
+    study = config["shape_study"]
+    parts = cell.split("-")
     if len(parts) != 4:
         return False
     kind, particle, tension, filling = parts

@@ -36,7 +36,8 @@ def measured(
     views, None where fewer than half of them have it. NoFlankError if there is no pile.
     """
     settings = pile.with_grain_height(settings, particle)
-    grains, members = Grains.of(arrays, particle), arrays["in_pile"]
+    grains = Grains.of(arrays, particle)
+    members = arrays["in_pile"]
     height_m, views = pile.draw_views(grains, settings, members)
     angles: dict[str, list[float]] = {name: [] for name in COLUMNS}
     profiles = []

@@ -42,8 +42,11 @@ import pandas as pd
 from repose.calibrate.responses import derived
 from repose.calibrate.targets import Target
 
-NEAR_AXES, NEAR_MASS, NEAR_VOLUME = 0.05, 0.02, 0.05
-LEAST_PACKING, LARGEST_PACKING = 0.55, 0.70
+NEAR_AXES = 0.05
+NEAR_MASS = 0.02
+NEAR_VOLUME = 0.05
+LEAST_PACKING = 0.55
+LARGEST_PACKING = 0.70
 LEAST_SHARE_OF_PILES = 0.75
 FINALISTS = 4
 LEAST_SIGNAL_TO_NOISE = 1.3
@@ -74,7 +77,8 @@ def particle_row(
     -------
     dict
     """
-    axes, measured = np.array(about["axes_mm"]), np.array(about["measured_axes_mm"])
+    axes = np.array(about["axes_mm"])
+    measured = np.array(about["measured_axes_mm"])
     off_axes = float(np.abs(axes / measured - 1).max())
     off_mass = abs(about["mass_g"] / mass_g - 1)
     off_volume = about["volume_mm3"] / (1e6 * mass_g / density_kg_m3) - 1

@@ -143,7 +143,8 @@ def run_cell(
     from repose.grain import build
 
     kind, names, own = cell_settings(config, cell)
-    section, out = own["berry"], Path(out_dir)
+    section = own["berry"]
+    out = Path(out_dir)
     particle = build.run(
         berry_json,
         section["stl"],
@@ -189,7 +190,8 @@ def run_cell(
 
 def read_cells(config: Config, cell_csvs: Iterable[str | Path]) -> shape_tables.Study:
     """Read the study of some cells from the CSV files of `run_cell` and the JSON files beside them."""
-    targets, paths = compared_targets(config), [Path(path) for path in cell_csvs]
+    targets = compared_targets(config)
+    paths = [Path(path) for path in cell_csvs]
     columns = shape_tables.run_columns(targets)
     runs = pd.concat([read_table(path, columns) for path in paths], ignore_index=True)
     about = [

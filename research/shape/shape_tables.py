@@ -58,11 +58,9 @@ class Study:
         density_kg_m3: float,
     ) -> None:
         self.runs = runs.assign(set=runs["set"].astype(str))
-        self.published, self.targets, self.density = (
-            published,
-            list(targets),
-            density_kg_m3,
-        )
+        self.published = published
+        self.targets = list(targets)
+        self.density = density_kg_m3
         rows = [
             shape_rule.particle_row(about, mass_g, density_kg_m3) for about in abouts
         ]
@@ -184,7 +182,8 @@ def set_table(
     runs: pd.DataFrame, published: pd.DataFrame, targets: Sequence[Target]
 ) -> pd.DataFrame:
     """Mean, standard error and difference from the published pile of each cell, definition and parameter set."""
-    rows, pairs = [], published.set_index("set")
+    rows = []
+    pairs = published.set_index("set")
     for key, group in runs[runs["set"].isin(pairs.index)].groupby(
         ["kind", *CELL, "set"], sort=False
     ):
@@ -227,7 +226,8 @@ def combination_table(sets: pd.DataFrame, targets: Sequence[Target]) -> pd.DataF
     rows = []
     for key, group in sets.groupby(COMBINATION, sort=False):
         count = len(group)
-        off, within = pd.Series(0.0, group.index), pd.Series(True, group.index)
+        off = pd.Series(0.0, group.index)
+        within = pd.Series(True, group.index)
         row: dict[str, Any] = dict(zip(COMBINATION, key, strict=True))
         for target in targets:
             difference = group[_off(target)]

@@ -32,8 +32,10 @@ NETWORK = {
     "split": [0.7, 0.15, 0.15],
     "starts": 2,
     "seed": 1,
+    "surrogate": "network_ensemble",
+    "prior": "inputs",
+    "replicates": True,
 }
-NETWORK |= {"surrogate": "network_ensemble", "prior": "inputs", "replicates": True}
 
 
 def truth(X):
@@ -95,7 +97,8 @@ def test_bootstrap_intervals_hold_the_true_r2():
 
 def test_calibration_of_right_and_of_too_small_error_bars():
     rng = np.random.default_rng(3)
-    y, errors = rng.standard_normal(20_000) * 0.5, np.full(20_000, 0.3)
+    y = rng.standard_normal(20_000) * 0.5
+    errors = np.full(20_000, 0.3)
     right = scores.calibration(y, errors, np.zeros(20_000), np.full(20_000, 0.4))
     assert (right["coverage_50"], right["coverage_90"]) == pytest.approx(
         (0.5, 0.9), abs=0.015
@@ -111,10 +114,8 @@ def test_calibration_of_right_and_of_too_small_error_bars():
 def test_r2_on_means_of_few_seeds_lies_between_single_runs_and_all():
     data = poured(60, 8, 4)
     p = truth(data.X)[:, 0]
-    single, few = (
-        scores.on_runs(data.values[:, :, 0], p),
-        scores.on_few_seeds(data.values[:, :, 0], p, 4),
-    )
+    single = scores.on_runs(data.values[:, :, 0], p)
+    few = scores.on_few_seeds(data.values[:, :, 0], p, 4)
     assert (
         single < few < scores.accuracy(data.means()[:, 0], data.errors()[:, 0], p)["r2"]
     )
@@ -437,8 +438,6 @@ def test_runs_of_several_bench_tests_make_one_point(tmp_path):
         ("funnel", "ok", 30.0, None),
         ("funnel", "ok", 32.0, None),
         ("funnel", "jammed", None, None),
-    ]
-    rows += [
         ("drum", "ok", None, 45.0),
         ("drum", "ok", None, 47.0),
         ("drum", "ok", None, 46.0),

@@ -55,10 +55,8 @@ SETTINGS = {
 
 
 def test_a_small_response_has_the_smallest_discrepancy():
-    names, means = (
-        ("loose_percent", "height_mm", "radius_90_mm"),
-        np.array([5.0, 60.0, -100.0]),
-    )
+    names = ("loose_percent", "height_mm", "radius_90_mm")
+    means = np.array([5.0, 60.0, -100.0])
     found = discrepancies.sizes(names, means, 2.0, {"%": 1.0, "mm": 1.5})
     assert found == pytest.approx(
         [1.0, 1.5, 2.0]

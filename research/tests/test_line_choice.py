@@ -109,7 +109,8 @@ def rows(**columns):
 
 
 def test_the_rule_takes_its_steps_in_their_order():
-    impossible, scattered = [-2.1, 2.1, 1.0, 1.9], [0.5, 0.5, 0.04, 0.06]
+    impossible = [-2.1, 2.1, 1.0, 1.9]
+    scattered = [0.5, 0.5, 0.04, 0.06]
     assert line_choice.chosen(rows(off_sd=impossible)) == ("c", ["c", "d"])
     assert line_choice.chosen(rows(off_sd=impossible, scatter_p=scattered)) == (
         "d",
@@ -146,12 +147,11 @@ def test_a_loose_grain_touches_the_pile_where_it_is_put(tmp_path):
     }
     places = list(loose_grain.grains_beside(poured, PARTICLE))
     assert [(place, grain) for place, grain, _ in places].count(("foot", "stands")) == 4
-    up, top = (
-        np.array([0.0, 0.0, 1.0]),
-        (centres[:, 2] + loose_grain.reach(PARTICLE, quaternions, np.eye(3)[2])).max(),
-    )
+    up = np.array([0.0, 0.0, 1.0])
+    top = (centres[:, 2] + loose_grain.reach(PARTICLE, quaternions, np.eye(3)[2])).max()
     for place, grain, more in places:
-        centre, quaternion = more["position"][-1], more["quaternion"][-1:]
+        centre = more["position"][-1]
+        quaternion = more["quaternion"][-1:]
         lowest = centre[2] - loose_grain.reach(PARTICLE, quaternion, up)[0]
         assert lowest == pytest.approx(0.0 if place == "foot" else top, abs=0.004)
         long = 2 * loose_grain.reach(PARTICLE, quaternion, up)[0]

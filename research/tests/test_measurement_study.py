@@ -17,7 +17,8 @@ from repose.measure.silhouette import Grains
 from research.measurement import measurement_study
 from research.measurement.measurement_study import VARIANTS
 
-LEVELS, COLUMNS = "flank 10-80 %, levels", "flank 10-80 %, columns"
+LEVELS = "flank 10-80 %, levels"
+COLUMNS = "flank 10-80 %, columns"
 SETTINGS = pile.MeasureSettings.with_defaults(
     **CONFIG["measure"] | {"views": 2, "mm_per_pixel": 0.5}
 ).for_grain(AXES)

@@ -14,12 +14,19 @@ def test_offered_are_all_definitions_but_the_calibrated_one(definition):
     assert list(found) == [*others, *further_responses.MEASURED, "discharge_s"]
 
 
-@pytest.mark.parametrize(("targets", "definition", "tried", "not_tried"), [
-    # all definitions, and none of them twice under the name aor_deg
-    (("height_mm",), "secant", {*MEAN_KEYS.values()}, {"height_mm", "aor_deg"}),
-    (("aor_deg", "aor_whole_deg", "packing_percent", "drum_slip_deg"), "flank",
-     {"height_mm", "aor_secant_deg", "aor_steepest_deg"}, {"aor_deg", "aor_whole_deg", "packing_percent"}),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("targets", "definition", "tried", "not_tried"),
+    [
+        # all definitions, and none of them twice under the name aor_deg
+        (("height_mm",), "secant", {*MEAN_KEYS.values()}, {"height_mm", "aor_deg"}),
+        (
+            ("aor_deg", "aor_whole_deg", "packing_percent", "drum_slip_deg"),
+            "flank",
+            {"height_mm", "aor_secant_deg", "aor_steepest_deg"},
+            {"aor_deg", "aor_whole_deg", "packing_percent"},
+        ),
+    ],
+)
 def test_offered_is_what_is_no_target(targets, definition, tried, not_tried):
     found = {*offered(targets, definition)}
     assert tried < found

@@ -28,8 +28,6 @@ SETTINGS = {
     "folds": 2,
     "seed": 1,
     "surrogate": "quadratic",
-}
-SETTINGS |= {
     "discrepancy_percent": 2.0,
     "discrepancy_correlation": 0.9,
     "smallest_discrepancy": {"mm": 0.5},
@@ -38,7 +36,8 @@ SETTINGS |= {
 
 def test_profiles_that_vary_in_two_ways_have_two_components():
     random = np.random.default_rng(3)
-    first, second = np.array([3.0, 4.0, 0.0]) / 5.0, np.array([0.0, 0.0, 1.0])
+    first = np.array([3.0, 4.0, 0.0]) / 5.0
+    second = np.array([0.0, 0.0, 1.0])
     scores = random.normal(size=(400, 2)) * (2.0, 1.0)
     scores -= scores.mean(axis=0)
     means = np.array([9.0, 5.0, 1.0]) + scores @ np.array([first, second])
@@ -56,7 +55,8 @@ def test_heights_end_below_the_crest():
 
 def test_a_profile_adds_information_to_two_numbers(tmp_path):
     """Angle and Height follow e_gg, and so does the width of the lower half; that of the upper half follows mus_gg."""
-    random, levels = np.random.default_rng(5), 10
+    random = np.random.default_rng(5)
+    levels = 10
     X = random.uniform(size=(80, 6))
     place = np.repeat(X, 3, axis=0)
     sample = np.repeat(np.arange(80), 3)

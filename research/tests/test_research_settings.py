@@ -6,7 +6,8 @@ from repose.common.errors import InputError
 from repose.config.pipeline import PipelineConfig
 from research import settings
 
-LARGE, SMALL = {"small_run": False}, {"small_run": True}
+LARGE = {"small_run": False}
+SMALL = {"small_run": True}
 
 
 def test_a_small_run_has_small_settings_and_the_working_folder_has_the_last_word(

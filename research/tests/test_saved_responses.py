@@ -20,7 +20,8 @@ from research.responses.offered import offered
 def job(tmp_path):
     """Two pours of spheres heaped on a cone, one that failed, and their runs."""
     random = np.random.default_rng(1)
-    arrays, pours = {}, []
+    arrays = {}
+    pours = []
     for seed, status in ((1, "ok"), (2, "jammed"), (3, "ok")):
         distance = 0.09 * np.sqrt(random.uniform(size=400))
         turn = random.uniform(0, 2 * math.pi, 400)

@@ -20,8 +20,9 @@ SECTION = {
     "generations": 5,
     "rounds": 20,
     "tournament": 3,
+    "mutation_probability": 0.05,
+    "mutation_amplitude": 0.1,
 }
-SECTION |= {"mutation_probability": 0.05, "mutation_amplitude": 0.1}
 
 
 def objective_of(k, high):
@@ -126,11 +127,9 @@ def test_evaluations_are_counted_to_the_first_that_meets_it():
     log(np.array([[1.0, 0, 0, 0, 0, 0], [0.2, 0, 0, 0, 0, 0], [0.001, 0, 0, 0, 0, 0]]))
     region = Region(respond, OBJECTIVE, 2**13, 90, 6, 1)
     row, best = search.judged(log, region, 0.01, 90, 0.02, 1)
-    assert (
-        row["evaluations_to_feasible"],
-        row["evaluations_to_tolerance"],
-        row["listed"],
-    ) == (2, 3, 2)
+    assert row["evaluations_to_feasible"] == 2
+    assert row["evaluations_to_tolerance"] == 3
+    assert row["listed"] == 2
     assert best[0] == 0.001
     assert search.curve(log.fitness, np.array([1, 2, 3])) == pytest.approx(
         [13.5, 0.3, 0.0015]

@@ -40,10 +40,15 @@ def target(name, low, high, repetitions=4):
     }
 
 
-ANGLE, HEIGHT = target("aor_deg", 29.0, 31.0), target("height_mm", 58.0, 62.0)
+ANGLE = target("aor_deg", 29.0, 31.0)
+HEIGHT = target("height_mm", 58.0, 62.0)
 TARGETS = Targets.of([ANGLE, HEIGHT])
-SETTINGS = {"points": 2**13, "truths": 6, "folds": 2, "starts": 1, "seed": 1}
-SETTINGS |= {
+SETTINGS = {
+    "points": 2**13,
+    "truths": 6,
+    "folds": 2,
+    "starts": 1,
+    "seed": 1,
     "discrepancy_percent": 2.0,
     "hidden": 2,
     "epochs": 40,
@@ -94,7 +99,8 @@ def test_noise_correlation_is_about_the_samples_means_and_none_with_the_drum():
 def test_noise_of_two_bench_tests_comes_from_their_own_runs():
     random = np.random.default_rng(2)
     shared = random.multivariate_normal([0, 0], [[1, 0.7], [0.7, 1]], size=4000)
-    sample, nothing = np.repeat(np.arange(1000), 4), np.full(4000, np.nan)
+    sample = np.repeat(np.arange(1000), 4)
+    nothing = np.full(4000, np.nan)
     pile = {
         "sample": sample,
         "aor_deg": shared[:, 0],
@@ -118,7 +124,8 @@ def test_noise_of_two_bench_tests_comes_from_their_own_runs():
 
 def test_surrogates_error_is_what_the_noise_of_the_means_does_not_explain():
     random = np.random.default_rng(3)
-    noise, lack = np.array([[1, 0.8], [0.8, 1]]), np.array([[0.5, -0.2], [-0.2, 0.25]])
+    noise = np.array([[1, 0.8], [0.8, 1]])
+    lack = np.array([[0.5, -0.2], [-0.2, 0.25]])
     residuals = random.multivariate_normal([0, 0], noise, 20_000)
     residuals += random.multivariate_normal([0, 0], lack, 20_000)
     errors = np.ones((20_000, 2))
@@ -154,7 +161,8 @@ def test_weights_and_bits_are_those_of_the_normal_density():
     random = np.random.default_rng(4)
     unit = random.uniform(size=(300, 6))
     covariance = np.array([[1.0, 0.5, 0.2], [0.5, 2.0, -0.3], [0.2, -0.3, 0.5]]) * 0.01
-    prior, observed = information.Prior(unit, unit[:, :3]), np.array([0.2, 0.5, 0.9])
+    prior = information.Prior(unit, unit[:, :3])
+    observed = np.array([0.2, 0.5, 0.9])
     density = stats.multivariate_normal(
         observed[[0, 2]], covariance[np.ix_([0, 2], [0, 2])]
     )

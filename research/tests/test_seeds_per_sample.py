@@ -98,13 +98,11 @@ def test_a_worsening_of_known_size_is_found():
 @pytest.mark.parametrize("common", [0.0, 0.7])
 def test_a_bound_is_below_what_is_true_in_one_study_of_twenty_at_most(common):
     """Each study has a pool of its own, of which all its data sets are drawn; all answers have the error `common`."""
-    random, samples, pool_seeds, studies, sets = (
-        np.random.default_rng(2),
-        40,
-        16,
-        150,
-        64,
-    )
+    random = np.random.default_rng(2)
+    samples = 40
+    pool_seeds = 16
+    studies = 150
+    sets = 64
     weight = random.standard_normal(samples)
     weight *= 0.8 * np.sqrt(6) / np.linalg.norm(weight)
     true = np.sqrt(common**2 + 0.8**2 * 6 / np.array(SEEDS))
@@ -177,7 +175,8 @@ def cheap(study, keys, X):
 def study(tmp_path, monkeypatch):
     """A small study in a folder; a function that runs a step, and gives its table."""
     monkeypatch.setattr(seeds_per_sample, "pouring", cheap)
-    config, design = tmp_path / "config.yaml", tmp_path / "samples.csv"
+    config = tmp_path / "config.yaml"
+    design = tmp_path / "samples.csv"
     section = {
         "surrogate": "quadratic",
         "parameters": {name: {"fixed": value} for name, value in FIXED.items()},
@@ -186,10 +185,8 @@ def study(tmp_path, monkeypatch):
     config.write_text(json.dumps(section))
     random = np.random.default_rng(5)
     table = pd.DataFrame(FIXED, index=range(1, 31))
-    table["mus_gg"], table["mur_gg"] = (
-        random.uniform(0.35, 0.75, 30),
-        random.uniform(0.02, 0.07, 30),
-    )
+    table["mus_gg"] = random.uniform(0.35, 0.75, 30)
+    table["mur_gg"] = random.uniform(0.02, 0.07, 30)
     table.to_csv(design, index_label="sample")
     files = {
         name: str(tmp_path / f"{name}.csv")

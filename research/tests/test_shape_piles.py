@@ -73,8 +73,12 @@ def test_a_flat_pile_has_no_core():
 def test_definitions_are_those_of_a_measured_pile():
     centres = cone(11e-3)
     count = len(centres)
-    arrays = {"position": centres, "quaternion": np.tile([1.0, 0, 0, 0], (count, 1))}
-    arrays |= {"in_pile": np.ones(count, bool), "scale": np.ones(count)}
+    arrays = {
+        "position": centres,
+        "quaternion": np.tile([1.0, 0, 0, 0], (count, 1)),
+        "in_pile": np.ones(count, bool),
+        "scale": np.ones(count),
+    }
     found = shape_piles.measured(arrays, PARTICLE, SETTINGS)
     assert set(found) == {
         "height_mm",

@@ -294,8 +294,10 @@ def write_cell(folder, kind, cell, rows, density=510.0, **particle):
         "spheres": 0,
         "axes_mm": [21.0, 11.0, 10.0],
         "mass_g": 1.25,
+        "volume_mm3": 1487.0,
+        "deviation_rms_mm": 0.1,
+        "deviation_max_mm": 0.2,
     }
-    about |= {"volume_mm3": 1487.0, "deviation_rms_mm": 0.1, "deviation_max_mm": 0.2}
     about |= {"measured_axes_mm": [21.0, 11.0, 10.0]} | particle
     path.with_suffix(".json").write_text(json.dumps(about))
     return path

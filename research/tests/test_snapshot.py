@@ -50,7 +50,8 @@ def test_tables_and_figures_are_kept_and_pours_are_not(tmp_path):
 def test_the_command_prints_what_it_copied_and_refuses_an_unfinished_study(
     tmp_path, monkeypatch, capsys
 ):
-    results, out = study(tmp_path), tmp_path / "published"
+    results = study(tmp_path)
+    out = tmp_path / "published"
     monkeypatch.setattr("sys.argv", ["snapshot", str(results), "--out", str(out)])
     snapshot.main()
     assert capsys.readouterr().out.splitlines()[0] == str(out / "card.json")
@@ -61,7 +62,8 @@ def test_the_command_prints_what_it_copied_and_refuses_an_unfinished_study(
 
 
 def test_a_snapshot_replaces_an_earlier_one_whole(tmp_path):
-    results, out = study(tmp_path), tmp_path / "published"
+    results = study(tmp_path)
+    out = tmp_path / "published"
     snapshot.take(results, out)
     (results / "pool/fresh_runs.csv").unlink()
     (results / "dataset.csv").write_text("another study")
@@ -85,7 +87,8 @@ def test_a_folder_that_no_snapshot_made_is_left_as_it_is(tmp_path, where):
 
 
 def test_a_file_that_somebody_added_or_changed_keeps_an_earlier_snapshot(tmp_path):
-    results, out = study(tmp_path), tmp_path / "published"
+    results = study(tmp_path)
+    out = tmp_path / "published"
     snapshot.take(results, out)
     for name in ("notes.txt", "dataset.csv"):
         (out / name).write_text("mine")
@@ -98,7 +101,8 @@ def test_a_file_that_somebody_added_or_changed_keeps_an_earlier_snapshot(tmp_pat
 
 
 def test_what_cannot_be_kept_is_refused(tmp_path, monkeypatch):
-    results, out = study(tmp_path), tmp_path / "published"
+    results = study(tmp_path)
+    out = tmp_path / "published"
     monkeypatch.setattr(snapshot, "LARGEST_FILE", 5)
     input_error("at most 5 bytes", snapshot.take, results, out)
     (results / "card.json").unlink()
@@ -107,7 +111,8 @@ def test_what_cannot_be_kept_is_refused(tmp_path, monkeypatch):
 
 
 def test_a_study_in_a_folder_of_another_is_no_part_of_its_snapshot(tmp_path):
-    results, out = study(tmp_path), tmp_path / "published"
+    results = study(tmp_path)
+    out = tmp_path / "published"
     own = [path.relative_to(out) for path in snapshot.take(results, out)]
     for name in ("fast", "published/fast", "sequential", "paper"):
         for part in (

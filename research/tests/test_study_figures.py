@@ -65,14 +65,10 @@ def _pool_comparisons(folder):
                     "simulations": n,
                     "seeds": 4,
                     "response": response,
-                }
-                row |= {
                     "r2": share - 0.02,
                     "r2_low": share - 0.05,
                     "r2_high": share,
                     "r2_bar": 0.94,
-                }
-                row |= {
                     "explainable": share,
                     "explainable_low": share - 0.03,
                     "explainable_high": share + 0.02,
@@ -111,8 +107,6 @@ def _pool_comparisons(folder):
                     "data": data,
                     "fit": "network",
                     "points": n,
-                }
-                row |= {
                     "seeds": 6,
                     "response": response,
                     "explainable": 1 - 8 / n + less,
@@ -124,8 +118,6 @@ def _pool_comparisons(folder):
                 "design": "sobol",
                 "data": "emulated",
                 "fit": "network",
-            }
-            row |= {
                 "points": 480 // seeds,
                 "seeds": seeds,
                 "response": response,
@@ -138,7 +130,8 @@ def _pool_comparisons(folder):
 def _comparisons(folder):
     """Tables of searches and of the whole method."""
     at = np.array([10, 100, 1000])
-    curves, methods = [], []
+    curves = []
+    methods = []
     for k, name in enumerate(inversion.SEARCHES):
         many = at * 10 if name == "miga_whole" else at
         curves.append(
@@ -177,7 +170,8 @@ def _comparisons(folder):
 
 def _representations(folder):
     """Two tables of a shape study in which every combination is off by its own distance."""
-    study, rows = CONFIG["shape_study"], []
+    study = CONFIG["shape_study"]
+    rows = []
     ways = itertools.product(
         study["particles"], study["tensions"], study["fillings"], COLUMNS
     )
@@ -187,8 +181,6 @@ def _representations(folder):
             "tension": tension,
             "filling": filling,
             "definition": definition,
-        }
-        row |= {
             "distance": 1.0 + k % 2,
             "aor_difference_deg": k % 7 - 2.0,
             "height_difference_mm": k % 5 - 6.0,
@@ -198,8 +190,10 @@ def _representations(folder):
     sets = pd.DataFrame(
         {"kind": "published", "definition": "secant", "set": ["2", "15"]}
     )
-    sets["aor_deg"], sets["aor_difference_deg"] = [33.0, 32.0], [-0.7, -0.2]
-    sets["height_mm"], sets["height_difference_mm"] = [65.0, 66.0], [0.2, 1.8]
+    sets["aor_deg"] = [33.0, 32.0]
+    sets["aor_difference_deg"] = [-0.7, -0.2]
+    sets["height_mm"] = [65.0, 66.0]
+    sets["height_difference_mm"] = [0.2, 1.8]
     sets.to_csv(folder / "sets.csv", index=False)
 
 
@@ -277,7 +271,8 @@ def test_the_whole_method_is_drawn_for_any_number_of_targets(names, tmp_path):
         {"data": "real", "method": list(inversion.WHOLE), "simulations": 240.0}
     )
     for column in Targets.of(targets).names:
-        whole[derived(column, "off")], whole[f"{derived(column, 'off')}_se"] = 0.1, 0.02
+        whole[derived(column, "off")] = 0.1
+        whole[f"{derived(column, 'off')}_se"] = 0.02
     whole.to_csv(tmp_path / "whole.csv", index=False)
     with style.applied():
         figure = inversion.whole(
@@ -347,7 +342,8 @@ def test_the_shape_study_is_drawn_for_its_targets(names, tmp_path):
         for name in names
     ]
     config = {"targets": targets, "shape_study": study}
-    rows, sets = [], []
+    rows = []
+    sets = []
     for particle in ("egg", "clump"):
         for filling in ("here", "there"):
             for definition in COLUMNS:

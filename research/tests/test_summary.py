@@ -63,19 +63,17 @@ def test_every_comparison_is_in_the_table(files, tmp_path):
         "whole": 2,
     }
     row = table[(table["part"] == "surrogate") & (table["measure"] == "rmse")].iloc[0]
-    assert (row["choice"], row["data"], row["simulations"]) == (
-        "network, pool",
-        "real",
-        120,
-    )
-    assert (row["value"], row["standard_error"], row["repetitions"]) == (0.5, 0.02, 10)
+    assert row["choice"] == "network, pool"
+    assert row["data"] == "real"
+    assert row["simulations"] == 120
+    assert row["value"] == 0.5
+    assert row["standard_error"] == 0.02
+    assert row["repetitions"] == 10
     row = table[(table["part"] == "whole") & (table["response"] == "height_mm")].iloc[0]
-    assert (row["measure"], row["value"], row["standard_error"], row["points"]) == (
-        "off",
-        0.8,
-        0.2,
-        60,
-    )
+    assert row["measure"] == "off"
+    assert row["value"] == 0.8
+    assert row["standard_error"] == 0.2
+    assert row["points"] == 60
     assert (table.loc[table["part"] == "search", "data"] == "network").all()
 
 

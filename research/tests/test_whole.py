@@ -26,7 +26,8 @@ NAMES = ("aor_deg", "height_mm")
 
 
 def objective_of(low, high):
-    low, high = np.array(low), np.array(high)
+    low = np.array(low)
+    high = np.array(high)
     return Objective(
         SimpleNamespace(
             low=low, high=high, aim=(low + high) / 2, weight=np.ones(len(low))
@@ -76,8 +77,16 @@ def one_study(files):
 def test_the_script_writes_tables_with_a_record_and_the_figure_is_drawn(
     files, tmp_path
 ):
-    given = ["--config", "config/quick.yaml", "--dataset", str(files / "dataset.csv")]
-    given += ["--runs", str(files / "runs.csv"), "--out", str(tmp_path)]
+    given = [
+        "--config",
+        "config/quick.yaml",
+        "--dataset",
+        str(files / "dataset.csv"),
+        "--runs",
+        str(files / "runs.csv"),
+        "--out",
+        str(tmp_path),
+    ]
     script.run(["whole", *given])
     assert attached.read(tmp_path / "whole.csv")["verb"] == "comparison_whole"
     shown = [
@@ -170,16 +179,15 @@ def small(samples, repetitions=2):
         "starts": 2,
         "seed": 1,
         "prior": "inputs",
+        "split": [0.7, 0.15, 0.15],
+        "replicates": True,
     }
-    network |= {"split": [0.7, 0.15, 0.15], "replicates": True}
     search = {
         "islands": 2,
         "population": 20,
         "rounds": 5,
         "generations": 10,
         "tournament": 3,
-    }
-    search |= {
         "mutation_probability": 0.05,
         "mutation_amplitude": 0.1,
         "solutions": 10,
@@ -222,7 +230,8 @@ def test_small_study_judges_every_method_by_the_truth(files, tmp_path):
 )
 def test_any_number_of_targets(names):
     """Each response follows a parameter of its own; one parameter is fixed."""
-    k, rng = len(names), np.random.default_rng(3)
+    k = len(names)
+    rng = np.random.default_rng(3)
     given = dict.fromkeys(PARAMETERS, (0.0, 1.0)) | {"mur_gp": {"fixed": 0.2}}
     space = contact_space(given)
     unit = rng.uniform(size=(50, 5))

@@ -97,13 +97,13 @@ def test_a_simulation_needs_the_moduli_of_its_berry(refused, tmp_path, key):
 def test_a_file_that_was_cut(tmp_path):
     import trimesh
 
-    whole = {"berry.json": (berry_files.read_grain, json.dumps(BERRY).encode())}
-    whole |= {"particle.json": (Particle.load, json.dumps(PARTICLE).encode())}
-    whole |= {
+    whole = {
+        "berry.json": (berry_files.read_grain, json.dumps(BERRY).encode()),
+        "particle.json": (Particle.load, json.dumps(PARTICLE).encode()),
         "a.stl": (
             load_mesh,
             trimesh.creation.box((20.0, 11.0, 10.0)).export(file_type="stl"),
-        )
+        ),
     }
     rng = np.random.default_rng(1)
     files.write_npz(tmp_path / "a.npz", {"position_1": rng.normal(size=(50, 3))})
@@ -130,10 +130,18 @@ def test_a_reader_reads_any_bytes_and_text_or_reports_what_is_wrong(tmp_path):
     from hypothesis import strategies as st
 
     readers = {
-        "a.csv": (files.read_table, tables.sheet, berry_files.read_sizes, berry_files.read_compression),
-        "a.json": (files.read_json, berry_files.read_grain, Particle.load), "a.npz": (files.read_npz,),
-        "a.stl": (load_mesh,), "a.png": (read_image,), "a.yaml": (reading.read,),
-    }  # fmt: skip
+        "a.csv": (
+            files.read_table,
+            tables.sheet,
+            berry_files.read_sizes,
+            berry_files.read_compression,
+        ),
+        "a.json": (files.read_json, berry_files.read_grain, Particle.load),
+        "a.npz": (files.read_npz,),
+        "a.stl": (load_mesh,),
+        "a.png": (read_image,),
+        "a.yaml": (reading.read,),
+    }
     text = st.text(
         alphabet='ab1.,;"\n\r \t-#é[]{}:&*!?|>%@`\x00\ufeff', max_size=60
     ).map(str.encode)
@@ -161,11 +169,19 @@ def test_a_reader_reads_any_bytes_and_text_or_reports_what_is_wrong(tmp_path):
     check()
 
 
-@pytest.mark.parametrize(("value", "allowed", "guess"), [
-    ("sequental", "published or refined or sequential", "sequential"), ("figure1", "one of figure13, drum", "figure13"),
-    ("random1", "one of random, lying", "random"), ("text{1}", "text, without braces", ""), (3, "one of a3, b3", ""),
-    ("at least", "at least 1, or none", ""), ("xyzzy", "one of random, lying", ""), ("text{1}", "text", ""),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("value", "allowed", "guess"),
+    [
+        ("sequental", "published or refined or sequential", "sequential"),
+        ("figure1", "one of figure13, drum", "figure13"),
+        ("random1", "one of random, lying", "random"),
+        ("text{1}", "text, without braces", ""),
+        (3, "one of a3, b3", ""),
+        ("at least", "at least 1, or none", ""),
+        ("xyzzy", "one of random, lying", ""),
+        ("text{1}", "text", ""),
+    ],
+)
 def test_a_wrong_name_has_a_guess_among_the_names_that_are_allowed(
     value, allowed, guess
 ):

@@ -17,7 +17,8 @@ from repose.config.computed import COMPUTED
 from repose.config.models import settings_type
 from repose.config.pipeline import PipelineConfig
 
-NULL, AUTO = {"type": "null"}, {"const": "auto", "type": "string"}
+NULL = {"type": "null"}
+AUTO = {"const": "auto", "type": "string"}
 
 
 def good():
@@ -44,7 +45,8 @@ def resolved(schema):
 def entries(schema, prefix=""):
     """Pairs (dotted key, schema) of all keys, those of a section after it."""
     for key, child in schema["properties"].items():
-        child, name = resolved(child), f"{prefix}{key}"
+        child = resolved(child)
+        name = f"{prefix}{key}"
         yield name, child
         if "properties" in child:
             yield from entries(child, f"{name}.")
@@ -155,8 +157,10 @@ def test_every_key_refuses_what_it_cannot_take():
 
 
 OPTIONAL = (
-    *("simulation.contact_law", "simulation.rolling_law"),
-    *("figures.format", "figures.dpi"),
+    "simulation.contact_law",
+    "simulation.rolling_law",
+    "figures.format",
+    "figures.dpi",
     *(
         f"{test.name}.{key}"
         for test in bench_tests()
@@ -242,71 +246,63 @@ def test_every_section_is_a_mapping_and_all_faults_and_contradictions_are_report
 
 NO_CONFIGURATIONS = (
     # no mapping
-    *(
-        b"",
-        b"\n",
-        b"# only a comment\n",
-        b"null\n",
-        b"3\n",
-        b"- 1\n",
-        b"text\n",
-        b"[1, 2]\n",
-        b"label: ! \n",
-    ),
+    b"",
+    b"\n",
+    b"# only a comment\n",
+    b"null\n",
+    b"3\n",
+    b"- 1\n",
+    b"text\n",
+    b"[1, 2]\n",
+    b"label: ! \n",
     # bytes that are no text
-    *(
-        b"label: mine\0\n",
-        b"label: \x01\n",
-        b"\xff\xfe",
-        "label: mine\n".encode("utf-16"),
-        b"label: \xe9\n",
-    ),
+    b"label: mine\0\n",
+    b"label: \x01\n",
+    b"\xff\xfe",
+    "label: mine\n".encode("utf-16"),
+    b"label: \xe9\n",
     # keys that are no text, or there twice
-    *(
-        b"? [a, b]\n: 1\n",
-        b"? {a: 1}\n: 1\n",
-        b"{a, b}: 1\n",
-        b"label: mine\nlabel: yours\n",
-    ),
-    *(b"funnel: {seeds: 2, seeds: 3}\n", b"<<: 3\n", b"<<: {a: 1}\n"),
+    b"? [a, b]\n: 1\n",
+    b"? {a: 1}\n: 1\n",
+    b"{a, b}: 1\n",
+    b"label: mine\nlabel: yours\n",
+    b"funnel: {seeds: 2, seeds: 3}\n",
+    b"<<: 3\n",
+    b"<<: {a: 1}\n",
     # no YAML
-    *(
-        b"'a': 'b': 'c'\n",
-        b"funnel:\n\tseeds: 2\n",
-        b"funnel: [\n",
-        b"funnel: {\n",
-        b"label: 'a\n",
-    ),
-    *(
-        b"label: &a [*a]\n",
-        b"label: *nothing\n",
-        b'{"label": "mine"',
-        b'{"label" "mine"}',
-    ),
-    *(b"--- a: 1\n--- b: 2\n", b"---\na: 1\n---\nb: 2\n", b"%YAML 9\n---\na: 1\n"),
-    *(b"[" * 1200, b"{a: " * 1200, b"a: " * 100),
+    b"'a': 'b': 'c'\n",
+    b"funnel:\n\tseeds: 2\n",
+    b"funnel: [\n",
+    b"funnel: {\n",
+    b"label: 'a\n",
+    b"label: &a [*a]\n",
+    b"label: *nothing\n",
+    b'{"label": "mine"',
+    b'{"label" "mine"}',
+    b"--- a: 1\n--- b: 2\n",
+    b"---\na: 1\n---\nb: 2\n",
+    b"%YAML 9\n---\na: 1\n",
+    b"[" * 1200,
+    b"{a: " * 1200,
+    b"a: " * 100,
     # values of another kind
-    *(
-        b"funnel: seeds\n",
-        b"funnel: {seeds}\n",
-        b"funnel: {seeds: 0x}\n",
-        b"label: 1:30\n",
-    ),
+    b"funnel: seeds\n",
+    b"funnel: {seeds}\n",
+    b"funnel: {seeds: 0x}\n",
+    b"label: 1:30\n",
     b"label: 2026-13-45\n",
     # tags
-    *(
-        b"!!python/object:os.system x\n",
-        b"a: !!python/name:os.system\n",
-        b"a: !!binary x\n",
-    ),
-    *(
-        b"a: !!int x\n",
-        b"a: !!int ''\n",
-        b"a: !!float ''\n",
-        b"a: !!bool x\n",
-        b"a: !!null x\n",
-    ),
-    *(b"a: !!timestamp x\n", b"a: !!set [1]\n", b"a: !!omap x\n"),
+    b"!!python/object:os.system x\n",
+    b"a: !!python/name:os.system\n",
+    b"a: !!binary x\n",
+    b"a: !!int x\n",
+    b"a: !!int ''\n",
+    b"a: !!float ''\n",
+    b"a: !!bool x\n",
+    b"a: !!null x\n",
+    b"a: !!timestamp x\n",
+    b"a: !!set [1]\n",
+    b"a: !!omap x\n",
 )
 
 

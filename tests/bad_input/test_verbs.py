@@ -14,18 +14,29 @@ WRITES = ("out", "overlay", "stl")
 OWN = f"--config={Path(__file__).with_name('own.yaml')}"
 # The words besides files that a verb needs before it reads any.
 NEEDED = {
-    "figure": ["figure13"], "measure": ["--mm-per-pixel", "0.1"], "card": ["show"], "export": ["--to", "yade"],
-    "new": ["wheat"], **{verb: [OWN] for verb in ("ask", "tell", "calibrate")},
-    **{verb: ["--sample", "1"] for verb in ("pour", "heap", "drum")}, "measure_simulated": ["--out", "results/runs"],
-}  # fmt: skip
+    "figure": ["figure13"],
+    "measure": ["--mm-per-pixel", "0.1"],
+    "card": ["show"],
+    "export": ["--to", "yade"],
+    "new": ["wheat"],
+    **{verb: [OWN] for verb in ("ask", "tell", "calibrate")},
+    **{verb: ["--sample", "1"] for verb in ("pour", "heap", "drum")},
+    "measure_simulated": ["--out", "results/runs"],
+}
 INPUTS_OF_A_FIGURE = ("predictions", "dataset")
 GARBAGE = {
-    "empty": b"", "binary": bytes(range(256)) * 4, "utf16": '{"label": "x"}'.encode("utf-16"), "null": b"null",
-    "list": b"[1, 2]", "number": b"3.5", "cut": b'{"label": "mine", "runs": [{"seed": 1, "sta',
-    "header": b"sample,e_gg\n", "zeros": b"\0" * 100,
+    "empty": b"",
+    "binary": bytes(range(256)) * 4,
+    "utf16": '{"label": "x"}'.encode("utf-16"),
+    "null": b"null",
+    "list": b"[1, 2]",
+    "number": b"3.5",
+    "cut": b'{"label": "mine", "runs": [{"seed": 1, "sta',
+    "header": b"sample,e_gg\n",
+    "zeros": b"\0" * 100,
     "deep": b"[" * 1200,  # above Python's limit of 1000; the time grows with its square
     "words": b"these are only some words\nand more of them, with a comma\n",
-}  # fmt: skip
+}
 CARD = ROOT / "crops/cards/wheat.json"
 # What these read has its own tests: any file has a provenance, a report takes files by name, and the others need a study
 # with a program of the user's own.
@@ -34,7 +45,8 @@ ELSEWHERE = ("run", "provenance", "report", "simulate", "measure_simulated")
 
 def files_of(verb):
     for option in verb.options:
-        name, keywords = option.names[0], option.keywords
+        name = option.names[0]
+        keywords = option.keywords
         key = name.lstrip("-").replace("-", "_")
         plain = (
             keywords.get("type") is None
@@ -149,7 +161,7 @@ def test_cards_of_other_studies_or_simulators_and_arrays_of_another_kind_are_ref
     refused, tmp_path
 ):
     message = refused(
-        *["export", "--to=edem", f"--card={CARD}"], "--config=config/config.yaml"
+        "export", "--to=edem", f"--card={CARD}", "--config=config/config.yaml"
     )
     assert (
         f"{CARD}: material is 'wheat'; expected goji_berry, as in config/config.yaml"

@@ -23,12 +23,11 @@ from repose.measure import bed
 from repose.measure.settings import MeasureSettings
 from repose.measure.silhouette import Grains
 
-BED, EMPTY, RIM, WALL = (
-    (40, 60, 190),
-    (200, 205, 210),
-    (60, 60, 60),
-    (150, 140, 90),
-)  # BGR
+# BGR
+BED = (40, 60, 190)
+EMPTY = (200, 205, 210)
+RIM = (60, 60, 60)
+WALL = (150, 140, 90)
 HOW = MeasureSettings.with_defaults(berry_height_mm=2.0)
 
 
@@ -77,7 +76,8 @@ def test_a_drum_gives_the_angle_and_the_surface_of_the_simulation(tmp_path, mirr
     config = recommended("turning")
     section = SceneSettings(config).section("turning", TurningSettings)
     radius_m = Drum.of(section).radius_m
-    grain, share = Shape.sphere(1e-3, 1500.0, "grain"), section.fit_share
+    grain = Shape.sphere(1e-3, 1500.0, "grain")
+    share = section.fit_share
     frame = Grains(*grains(31.0, radius_m), grain)
     pixel = 2e3 * radius_m / 840
     true = bed.surface_of(bed.side_view(frame, radius_m, pixel), radius_m, pixel, share)
@@ -106,7 +106,8 @@ def box_picture(
     """A box with two wedges above and a pile below, and its lower inner corners; `scale` in mm a pixel."""
     box = drawdown.Box.of(drawdown.DrawdownSettings(**section))
     picture = np.full((*size, 3), EMPTY, np.uint8)
-    middle, floor = np.array([700.0, 850.0]), 1e3 / scale
+    middle = np.array([700.0, 850.0])
+    floor = 1e3 / scale
 
     def draw(corners, colour):
         corners = np.array(corners) * [floor, -floor] + middle
@@ -114,7 +115,10 @@ def box_picture(
             picture, [np.round(corners * 16).astype(np.int32)], colour, cv2.LINE_AA, 4
         )
 
-    slot, half, lower, t = box.half_slot, box.half_width, box.half_lower, box.thickness
+    slot = box.half_slot
+    half = box.half_width
+    lower = box.half_lower
+    t = box.thickness
     high = math.tan(math.radians(above_deg)) * (half - slot)
     for side in (-1, 1):
         for x, z in (
@@ -166,14 +170,15 @@ def test_a_box_gives_both_slopes(tmp_path, level_deg):
 
 
 def test_what_cannot_be_measured_is_refused(tmp_path):
-    config, file = recommended("turning"), tmp_path / "drum.png"
+    config = recommended("turning")
+    file = tmp_path / "drum.png"
     write_image(file, np.full((1200, 1500, 3), EMPTY, np.uint8))
     inside = [1150.0, 610.0, 730.0, 190.0, 310.0, 610.0]
     cases = [
         (inside, "nothing in the picture differs"),
         ([*inside[:4], 1000.0, 1190.0], "runs out of the picture"),
+        ([730.0, 610.0, 785.0, 610.0, 757.0, 662.0], "pixels wide"),
     ]
-    cases += [([730.0, 610.0, 785.0, 610.0, 757.0, 662.0], "pixels wide")]
     for points, words in cases:
         (seen,) = photographs.measure_all(
             [file], points, SceneSettings(config), "turning", HOW
@@ -227,17 +232,17 @@ def test_the_targets_are_those_of_the_bench_test(tmp_path, monkeypatch, command)
         "drawdown_below_deg",
     ]
     assert {target["apparatus"] for target in targets} == {"drawdown"}
-    assert (targets[0]["value"], targets[0]["sd"]) == (
-        pytest.approx(33.0, abs=0.5),
-        pytest.approx(1.0, abs=0.2),
-    )
+    assert targets[0]["value"] == pytest.approx(33.0, abs=0.5)
+    assert targets[0]["sd"] == pytest.approx(1.0, abs=0.2)
     assert len(pd.read_csv(tmp_path / "measured/photographs.csv")) == 3
     assert PipelineConfig.of(config | {"targets": targets}).targets.names == (
         "drawdown_above_deg",
         "drawdown_below_deg",
     )
-    wrong = {"--lens box0.png": "--lens is .*nothing with --bench drawdown"}
-    wrong |= {"--mm-per-pixel 0.2": "--mm-per-pixel is 0.2; expected nothing with"}
+    wrong = {
+        "--lens box0.png": "--lens is .*nothing with --bench drawdown",
+        "--mm-per-pixel 0.2": "--mm-per-pixel is 0.2; expected nothing with",
+    }
     for more, allowed in wrong.items():
         assert re.search(
             allowed,

@@ -55,7 +55,8 @@ def simulated(shape, step_s, capacity, **keywords):
 
 def three_berries(**of_second):
     """A plane with three berries that lie apart, bounded for a fall of 0.1 m."""
-    radius, mass = 5e-3, 5e-4
+    radius = 5e-3
+    mass = 5e-4
     ball = dem.Shape([[radius] * 3], mass, [0.4 * mass * radius**2] * 3, "berry")
     plate = {"plate": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "berry")}
     simulation = simulated(ball, 1e-4, 3, lower=(-0.1, -0.1, 0.0), walls=plate)
@@ -89,7 +90,8 @@ def test_what_a_fall_can_give_and_overlaps_of_clumps_stay_within_the_bounds():
 
 
 def test_a_berry_beyond_its_bounds_and_energy_beyond_what_was_given_are_reported():
-    fast, lost = three_berries(velocity_m_s=(0.0, 0.0, 900.0)), three_berries()
+    fast = three_berries(velocity_m_s=(0.0, 0.0, 900.0))
+    lost = three_berries()
     raised(
         Unstable,
         r"grain 1 moves at 900 m/s, after 0 s: a shorter simulation\.time_step_s than",
@@ -178,7 +180,8 @@ def test_looking_moves_no_bit(name, monkeypatch):
         assert run.record["status"] != "unstable"
         return run.arrays
 
-    seldom, often = final(10**9), final(37)
+    seldom = final(10**9)
+    often = final(37)
     assert seldom.keys() == often.keys()
     for key, values in seldom.items():
         np.testing.assert_array_equal(values, often[key])

@@ -69,7 +69,8 @@ def test_a_hit_of_a_soft_grain_notes_its_overlap():
     stiff, _ = dropped(0.5, height_mm=20.0, berry=STIFF | {"shear_modulus_pa": 1e6})
     assert "overlap_share" not in stiff
     soft, _ = dropped(0.5, height_mm=20.0, berry=STIFF | {"shear_modulus_pa": 1e4})
-    assert (stiff["status"], soft["status"]) == ("ok", "ok")
+    assert stiff["status"] == "ok"
+    assert soft["status"] == "ok"
     # Hertz: m v^2 / 2 = 8/15 E* sqrt(R) overlap^2.5; damping lessens it
     speed_squared = 2.0 * 9.81 * 0.02
     modulus_pa = 2e4 / (1.0 - BEAD["poisson_ratio"])
@@ -117,5 +118,6 @@ def test_a_berry_that_sticks_is_no_rebound_and_is_not_looked_at_in_every_step(
         bench("drop_test"),
         Scene.of(own, values, STIFF | {"shear_modulus_pa": 1e6}, SPHERE, 1),
     )
-    assert (record["status"], record["height_restitution"]) == ("no_rebound", None)
+    assert record["status"] == "no_rebound"
+    assert record["height_restitution"] is None
     assert 100 * np.log(1000) < len(looks) < 1000  # 100,000 time steps touch the plate

@@ -39,7 +39,8 @@ def test_the_place_is_the_first_free_one_and_no_other_is_drawn(area, berries):
     found = 0
     for seed in range(30):
         simulation = crowd(np.random.default_rng([seed, berries]), berries)
-        slow, fast = np.random.default_rng(seed), np.random.default_rng(seed)
+        slow = np.random.default_rng(seed)
+        fast = np.random.default_rng(seed)
         expected = slow_point(slow, simulation, area)
         point = free_point(fast, simulation, area)
         assert np.array_equal(point, expected)
@@ -75,8 +76,10 @@ def test_a_blocked_factory_looks_at_all_places_and_random_berries_draw_as_ever()
         )
         is None
     )
-    assert (Counting.single, Counting.at_once) == (1, 1)
-    one, two = np.random.default_rng(7), np.random.default_rng(7)
+    assert Counting.single == 1
+    assert Counting.at_once == 1
+    one = np.random.default_rng(7)
+    two = np.random.default_rng(7)
     assert np.array_equal(random_orientation("random", one), random_quaternion(two))
 
 

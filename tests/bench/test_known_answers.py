@@ -24,7 +24,11 @@ from repose.dem.laws import ROLLING_LAWS
 from repose.grain import support_fit
 from repose.stages.job import run_once
 
-STATIC, ROLLING, HIT, G, RHO = 0.5, 0.2, 0.5, 9.81, BEAD["density_kg_m3"]
+STATIC = 0.5
+ROLLING = 0.2
+HIT = 0.5
+G = 9.81
+RHO = BEAD["density_kg_m3"]
 FRICTIONS = ((STATIC, ROLLING), (0.3, 0.05), (0.0, 0.0))
 ROUGH, MILD, SMOOTH = (named((0.3, mus, mur, HIT, mus, mur)) for mus, mur in FRICTIONS)
 SLIPS, ROLLS = (math.degrees(math.atan(one)) for one in (STATIC, ROLLING))
@@ -36,11 +40,9 @@ def grain(kind):
     if kind == "smooth":
         axes = 1e-3 * np.array([[5.2, 0.7, 0.7], [2.2, 3.3, 2.8]])
         volume, second = support_fit.volume_integrals(axes)
-        mass, inertia, reach = (
-            RHO * volume,
-            RHO * (second.sum() - second),
-            support_fit.bounding_radius(axes),
-        )
+        mass = RHO * volume
+        inertia = RHO * (second.sum() - second)
+        reach = support_fit.bounding_radius(axes)
         body = replace(
             SPHERE,
             kind=kind,
@@ -50,10 +52,10 @@ def grain(kind):
         )
         return replace(body, mass_kg=mass, inertia_kg_m2=inertia)
     if kind == "clump":
-        body, volume = (
-            clump([[0.0, 0.0, 0.0, 4.4], [-3.5, 0.0, 0.0, 4.0], [3.5, 0.0, 0.0, 4.0]]),
-            6.395e-7,
+        body = clump(
+            [[0.0, 0.0, 0.0, 4.4], [-3.5, 0.0, 0.0, 4.0], [3.5, 0.0, 0.0, 4.0]]
         )
+        volume = 6.395e-7
         inertia = (
             0.2e-6 * RHO * volume * np.array([32.0, 71.0, 71.0])
         )  # about that of an ellipsoid of its axes
@@ -118,11 +120,9 @@ def filled(kind, *runs):
     solid = []
     for run in runs:
         x, y, z = run["position"].T
-        assert (len(z), (np.hypot(x, y) < 0.025).all(), z.min() > 0.0) == (
-            120,
-            True,
-            True,
-        )
+        assert len(z) == 120
+        assert (np.hypot(x, y) < 0.025).all()
+        assert z.min() > 0.0
         solid.append(
             (z < 0.03).sum() * grain(kind).volume_m3 / (math.pi * 0.025**2 * 0.03)
         )
@@ -134,13 +134,12 @@ def emptied(kind, *runs):
     """All flow out, none before it can have fallen; within 3 of Beverloo's rate, below Torricelli's; smooth first."""
     ends = []
     for run in runs:
-        exits, top = np.sort(run["exit_s"]), run["position"][:, 2].max()
+        exits = np.sort(run["exit_s"])
+        top = run["position"][:, 2].max()
         ends.append(exits[-1])
-        assert (
-            run["berries_out"],
-            len(exits),
-            math.sqrt(2.0 * top / G) < ends[-1],
-        ) == (120, 120, True)
+        assert run["berries_out"] == 120
+        assert len(exits) == 120
+        assert math.sqrt(2.0 * top / G) < ends[-1]
         # from the grain with which a fifth is out to that with which four fifths are; rounding may take the next one
         rates = [
             (72 + b - a) * grain(kind).mass_kg / (exits[95 + b] - exits[23 + a])
@@ -172,14 +171,17 @@ def pile(angle, height, kind, rough, smooth):
             < rough[height] - 1e3 * rough["position"][rough["in_pile"]][:, 2].max()
             < 1.001 * reach
         )
-    assert (smooth["status"] == "ok", smooth[angle]) == (False, None)
+    assert smooth["status"] != "ok"
+    assert smooth[angle] is None
     assert 1e3 * smooth["position"][:, 2].max() < 1.05 * reach
 
 
 def drained(kind, mild, smooth):
     """What drained and what stayed is what was filled in, on slopes; without friction more drains."""
-    left, z = np.isfinite(mild["exit_s"]), mild["position"][:, 2]
-    assert (len(z), z[left].max() < 0.09 < z[~left].min()) == (150, True)
+    left = np.isfinite(mild["exit_s"])
+    z = mild["position"][:, 2]
+    assert len(z) == 150
+    assert z[left].max() < 0.09 < z[~left].min()
     if mild["status"] == "ok":
         assert mild["drawdown_mass_g"] == pytest.approx(
             1e3 * grain(kind).mass_kg * left.sum()
@@ -199,12 +201,20 @@ def turned(response, _kind, mild, smooth):
 
 # what is checked, and the frictions of its runs
 ANSWERS = {
-    "inclined_plane": (plane, ROUGH, SMOOTH), "drop_test": (drop, ROUGH), "cylinder": (filled, ROUGH, SMOOTH),
-    "discharge": (emptied, MILD, SMOOTH), "funnel": (partial(pile, "aor_deg", "height_mm"), ROUGH, SMOOTH),
-    "lifted_cylinder": (partial(pile, "lifted_aor_deg", "lifted_height_mm"), ROUGH, SMOOTH),
-    "drawdown": (drained, MILD, SMOOTH), "drum": (partial(turned, "drum_slip_deg"), MILD, SMOOTH),
+    "inclined_plane": (plane, ROUGH, SMOOTH),
+    "drop_test": (drop, ROUGH),
+    "cylinder": (filled, ROUGH, SMOOTH),
+    "discharge": (emptied, MILD, SMOOTH),
+    "funnel": (partial(pile, "aor_deg", "height_mm"), ROUGH, SMOOTH),
+    "lifted_cylinder": (
+        partial(pile, "lifted_aor_deg", "lifted_height_mm"),
+        ROUGH,
+        SMOOTH,
+    ),
+    "drawdown": (drained, MILD, SMOOTH),
+    "drum": (partial(turned, "drum_slip_deg"), MILD, SMOOTH),
     "turning": (partial(turned, "turning_deg"), MILD, SMOOTH),
-}  # fmt: skip
+}
 LAWS = tuple(ROLLING_LAWS)
 GRAINS = ("sphere", "ellipsoid", "smooth", "clump")
 CASES = itertools.product(ANSWERS, LAWS, GRAINS)

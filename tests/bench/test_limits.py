@@ -125,13 +125,24 @@ def test_check_and_pour_and_engine_agree():
         assert refused_by_pours(config, lowest, particle, berry)
 
 
-@pytest.mark.parametrize(("changes", "reason"), [
-    ({"simulation.time_step_s": 8.0e-4}, "at most 0.00062, the stable step of a body between two of berry"),
-    ({"simulation.time_step_s": 5.6e-4, "berry.size_distribution": "measured"}, "smallest scale, 0.781"),
-    (MANY | {"simulation.time_step_s": 3.0e-4, "parameters.e_gg": [0.02, 0.3]},
-     "restitution 0.02, [0-9.]+ spheres at one place"),
-    (HARD | STIFF, "at most [0-9.e-]+, 1/8 of the contact time"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        (
+            {"simulation.time_step_s": 8.0e-4},
+            "at most 0.00062, the stable step of a body between two of berry",
+        ),
+        (
+            {"simulation.time_step_s": 5.6e-4, "berry.size_distribution": "measured"},
+            "smallest scale, 0.781",
+        ),
+        (
+            MANY | {"simulation.time_step_s": 3.0e-4, "parameters.e_gg": [0.02, 0.3]},
+            "restitution 0.02, [0-9.]+ spheres at one place",
+        ),
+        (HARD | STIFF, "at most [0-9.e-]+, 1/8 of the contact time"),
+    ],
+)
 def test_the_check_of_a_configuration_refuses_what_a_pour_would(changes, reason):
     config = copy.deepcopy(CONFIG)
     for key, value in changes.items():
@@ -148,7 +159,8 @@ def test_a_published_set_of_low_restitution_counts_and_the_smallest_berry_is_one
     config = copy.deepcopy(CONFIG)
     config["simulation"] |= {"time_step_s": 3.0e-4, "tension": "release"}
     config["validation"]["published"] = None
-    berry, many = BERRY | {"shear_modulus_pa": 4.3e4}, particle_of("many")
+    berry = BERRY | {"shear_modulus_pa": 4.3e4}
+    many = particle_of("many")
     assert not refused_by_check(config, many, berry)
     table = tmp_path / "published.csv"
     table.write_text(

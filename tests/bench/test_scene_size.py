@@ -79,7 +79,8 @@ def test_a_large_scene_gets_a_smaller_one_inside_the_table(config):
     _, _, pasted, targets = scene_size.advice(with_grains(config, 1000), 13.34, 65.0)
     keys = yaml.safe_load(pasted)["funnel"]
     assert keys["berries"] == scene_size.fewest_grains(1000, "secant")
-    before, after = config["targets"][-1], yaml.safe_load(targets)["targets"][-1]
+    before = config["targets"][-1]
+    after = yaml.safe_load(targets)["targets"][-1]
     assert before["response"] == after["response"] == "height_mm"
     length = (keys["berries"] / 1000) ** (1 / 3)
     share = length * scene_size.change(1000, keys["berries"], "secant").height
@@ -103,10 +104,16 @@ def seeds(tmp_path):
     (tmp_path / "sizes.csv").write_text(f"long_mm,major_mm,minor_mm\n{sizes}\n")
     shape = {"poisson_ratio": 0.3, "shear_modulus_pa": 2e6}
     scene = {
-        "berries": 20000, "rate_per_s": 8000.0, "inlet_diameter_mm": 150.0, "outlet_diameter_mm": 15.0,
-        "cone_angle_deg": 60.0, "outlet_height_mm": 100.0, "plate_diameter_mm": 400.0, "rim_radius_mm": 10.0,
+        "berries": 20000,
+        "rate_per_s": 8000.0,
+        "inlet_diameter_mm": 150.0,
+        "outlet_diameter_mm": 15.0,
+        "cone_angle_deg": 60.0,
+        "outlet_height_mm": 100.0,
+        "plate_diameter_mm": 400.0,
+        "rim_radius_mm": 10.0,
         "duration_s": 20.0,
-    }  # fmt: skip
+    }
     values = {"aor_deg": 30.0, "height_mm": 60.0}
     targets = [
         {"response": name, "value": mean, "sd": 0.02 * mean, "repetitions": 5}
@@ -117,11 +124,18 @@ def seeds(tmp_path):
         name: {"fixed": 0.5} for name in ("e_gg", "mus_gp", "mur_gp", "e_gp")
     }
     return {
-        "label": "seeds", "berry": {"sizes": str(tmp_path / "sizes.csv"), "density_kg_m3": 1150.0} | shape,
-        "wall": shape, "parameters": parameters, "funnel": scene, "targets": targets, "design": {"samples": 30},
-        "surrogate": "gaussian_process", "validation": {"solutions": 1, "representative_seeds": 8, "seeds": 4},
+        "label": "seeds",
+        "berry": {"sizes": str(tmp_path / "sizes.csv"), "density_kg_m3": 1150.0}
+        | shape,
+        "wall": shape,
+        "parameters": parameters,
+        "funnel": scene,
+        "targets": targets,
+        "design": {"samples": 30},
+        "surrogate": "gaussian_process",
+        "validation": {"solutions": 1, "representative_seeds": 8, "seeds": 4},
         "results_dir": str(tmp_path / "results"),
-    }  # fmt: skip
+    }
 
 
 def lines_of(study, path):

@@ -21,11 +21,19 @@ def test_medians_are_set_beside_the_kernel():
     assert summary["reference_us"] == 50.0
     first, second = summary["particles"]
     assert first == {
-        "name": "a", "us_per_step": 100.0, "job_s": 10.0, "ratio": 2.0, "to_first": 1.0
-    }  # fmt: skip
+        "name": "a",
+        "us_per_step": 100.0,
+        "job_s": 10.0,
+        "ratio": 2.0,
+        "to_first": 1.0,
+    }
     assert second == {
-        "name": "b", "us_per_step": 250.0, "job_s": 30.0, "ratio": 5.0, "to_first": 2.5
-    }  # fmt: skip
+        "name": "b",
+        "us_per_step": 250.0,
+        "job_s": 30.0,
+        "ratio": 5.0,
+        "to_first": 2.5,
+    }
     result = summary | {"berries": 500, "time_step_s": 2e-4} | speed.machine()
     table = speed.message(result).splitlines()
     assert table[0].startswith(
@@ -43,14 +51,17 @@ def test_particles_are_poured_in_turn_after_a_short_pour_of_each(monkeypatch):
 
     def pour(config, parameters, seed, particle, berry):
         poured.append((particle, config["funnel"]["berries"]))
-        assert (parameters, seed, berry) == (PARAMETERS, 1, "berry")
+        assert parameters == PARAMETERS
+        assert seed == 1
+        assert berry == "berry"
         return Times({"A": 100.0, "B": 250.0}[particle], 10.0)
 
     monkeypatch.setattr(speed, "timed_pour", pour)
     result = speed.run(CONFIG, {"a": "A", "b": "B"}, "berry", PARAMETERS)
     berries = CONFIG["funnel"]["berries"]
     assert poured == [("A", 2), ("B", 2)] + 3 * [("A", berries), ("B", berries)]
-    assert (result["berries"], result["time_step_s"]) == (berries, 4.9e-4)
+    assert result["berries"] == berries
+    assert result["time_step_s"] == 4.9e-4
     assert [row["to_first"] for row in result["particles"]] == [1.0, 2.5]
 
 

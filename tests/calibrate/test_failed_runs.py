@@ -101,8 +101,15 @@ def test_a_function_may_leave_out_numbers_and_the_campaign_goes_on():
     rows[3] = {"status": 139}
     rows[4] = pd.Series({"y": 2.5, "z": 0.5})
     assert statuses(campaign(rows)) == [
-        "ok", "failed", "diverged", "status 139", "ok", "ok", "ok", "ok",
-    ]  # fmt: skip
+        "ok",
+        "failed",
+        "diverged",
+        "status 139",
+        "ok",
+        "ok",
+        "ok",
+        "ok",
+    ]
     for wrong in ({"y": 2.0}, {"y": 2.0, "z": "many"}, {"angle": 3.0, "y": 2.0}):
         rows[1] = wrong
         with pytest.warns(UserWarning, match=r"without a number for z failed; .*'y'"):

@@ -126,7 +126,8 @@ def test_runs_that_have_not_begun_are_left_where_a_result_is_refused():
 def test_the_order_of_the_results_changes_no_proposal():
     asked = study(samples=6, seeds=3).ask()
     results = asked.assign(**pd.DataFrame(map(simulate, asked.to_dict("records"))))
-    in_order, shuffled = study(samples=6, seeds=3), study(samples=6, seeds=3)
+    in_order = study(samples=6, seeds=3)
+    shuffled = study(samples=6, seeds=3)
     in_order.tell(results)
     for row in results.sample(frac=1, random_state=1).to_dict("records"):
         shuffled.tell(pd.DataFrame([row]))

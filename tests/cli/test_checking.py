@@ -55,9 +55,13 @@ def test_the_cost_is_that_of_the_least_disturbed_pour(monkeypatch):
     ranges: dict = dict.fromkeys(("e_gg", "e_gp"), (0.1, 0.5))
     ranges |= dict.fromkeys(("mus_gg", "mur_gg", "mus_gp", "mur_gp"), (0.1, 0.3))
     simulation = {
-        "time_step_s": 1e-5, "gravity_m_s2": 9.81, "tension": "release", "contact_law": "hertz_mindlin",
-        "rolling_law": "budget", "rest_energy_j": 1e-9,
-    }  # fmt: skip
+        "time_step_s": 1e-5,
+        "gravity_m_s2": 9.81,
+        "tension": "release",
+        "contact_law": "hertz_mindlin",
+        "rolling_law": "budget",
+        "rest_energy_j": 1e-9,
+    }
     whole = every_bench_test()
     config = whole | {
         "simulation": simulation,
@@ -117,9 +121,7 @@ def test_files_are_those_of_inputs_by_name_and_none_that_a_step_writes(tmp_path)
             "figure05",
             f"--input=heap={tmp_path / 'a.csv'}",
             f"--out={tmp_path / 'b=1.json'}",
-        ]
-    ]
-    words += [
+        ],
         ["sensitivity", f"--network={tmp_path / 'b=1.json'}"],
         ["stage", "propose", "refined", str(tmp_path)],
     ]

@@ -125,7 +125,8 @@ def test_help_loads_no_slow_library_and_the_module_ends_with_2_on_bad_input():
         [*program, "docs"], stdout=write, stderr=subprocess.PIPE, text=True
     )
     os.close(write)
-    assert (done.returncode, done.stderr) == (0, "")
+    assert done.returncode == 0
+    assert done.stderr == ""
 
 
 def test_a_closed_stderr_does_not_change_the_end_of_a_call():
@@ -147,11 +148,15 @@ def test_check_prints_the_number_of_pours(command, tmp_path):
     out = command("check", "--config", tmp_path / "steep.yaml").out
     assert "funnel.berries would" not in out
     lines = (
-        f"{'design':>14} {150:>15} {6:>6} {900:>6}", "min on 2 cores", "time step: simulation.time_step_s is",
-        "stiffness: the pile sinks by", "volume: 500 grains hold", "reach: ",
+        f"{'design':>14} {150:>15} {6:>6} {900:>6}",
+        "min on 2 cores",
+        "time step: simulation.time_step_s is",
+        "stiffness: the pile sinks by",
+        "volume: 500 grains hold",
+        "reach: ",
         "funnel: centre of the ranges: angle of repose ",
         "aor_deg: WARNING: the target 60 is outside the single runs, ",
-    )  # fmt: skip
+    )
     assert [line for line in lines if line not in out] == []
 
 
@@ -179,12 +184,11 @@ def test_heap_pours_and_prints_its_record(short_config, tmp_path, command):
     record = json.loads(
         command(*words, "--trajectory", "0.1", "--out", tmp_path / "heap").out
     )
-    assert (set(record["parameters"]), record["parameters"]["e_gg"]) == (
-        set(PARAMETERS),
-        0.203,
-    )
+    assert set(record["parameters"]) == set(PARAMETERS)
+    assert record["parameters"]["e_gg"] == 0.203
     assert record["parameters"]["mus_gg"] == pytest.approx(0.55)  # centre of its range
-    assert (record["seed"], record["time_step_s"]) == (7, 4.9e-4)
+    assert record["seed"] == 7
+    assert record["time_step_s"] == 4.9e-4
     assert {"status", "aor_deg", "height_mm", "kinetic_energy_J"} <= set(record)
     assert record["berries_on_plate"] <= 12
     assert (
@@ -213,7 +217,8 @@ def test_warm_up_compiles_what_a_pour_needs(short_config, tmp_path, command):
 
 
 def test_pour_and_measure_runs_are_heap_in_two_steps(short_config, tmp_path, command):
-    words, out = ["--config", short_config, "--seed", "7"], tmp_path / "measured"
+    words = ["--config", short_config, "--seed", "7"]
+    out = tmp_path / "measured"
     pours = tmp_path / "steps" / "heap.pours.json"
     command("heap", *words, "--out", tmp_path / "whole")
     assert command("stage", "pour", *words, "--out", pours.parent).out.splitlines()[
@@ -248,9 +253,11 @@ def test_a_pour_that_measures_leaves_its_measurement_to_measure_runs(
         "--measure",
     ]
     command("stage", "pour", *samples, "--sample", "4", "--seed", "7", *words)
-    result, kept = tmp_path / "heaps/004.json", tmp_path / "heaps/runs/004.json"
+    result = tmp_path / "heaps/004.json"
+    kept = tmp_path / "heaps/runs/004.json"
     assert not result.exists()
-    anew, measured = [], job.measured
+    anew = []
+    measured = job.measured
     monkeypatch.setattr(
         job, "measured", lambda *given: anew.append(given) or measured(*given)
     )
@@ -290,7 +297,8 @@ def test_heap_takes_a_row_of_a_table_and_the_studys_seeds(
     out = tmp_path / "heaps"
     words = ["heap", "--config", short_config, *samples, "--seeds", "2", "--out", out]
     record = json.loads(command(*words, "--sample", "4", "--json").out)
-    assert (record["sample"], record["parameters"]["mus_gg"]) == (4, 0.5)
+    assert record["sample"] == 4
+    assert record["parameters"]["mus_gg"] == 0.5
     assert len({run["seed"] for run in record["runs"]}) == 2
     assert (out / "004.json").is_file()
     assert "sample is 5" in error_of(command, *words, "--sample", "5")
@@ -386,11 +394,16 @@ def test_check_warns_of_piles_that_tell_no_scatter(sd, piles, warned):
         assert f"aor_deg: WARNING: {warned}" in lines[0]
 
 
-@pytest.mark.parametrize(("words", "own", "warned"), [
-    (["design"], None, True), (["design", "--config=small.yaml"], None, True),
-    (["design", "--config=config/paper.yaml"], None, False), (["design"], "config.yaml", False),
-    (["design", "--config=own.yaml"], None, False),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("words", "own", "warned"),
+    [
+        (["design"], None, True),
+        (["design", "--config=small.yaml"], None, True),
+        (["design", "--config=config/paper.yaml"], None, False),
+        (["design"], "config.yaml", False),
+        (["design", "--config=own.yaml"], None, False),
+    ],
+)
 def test_the_built_in_crop_is_reported_in_a_folder_without_a_configuration(
     words, own, warned, tmp_path, monkeypatch, command
 ):

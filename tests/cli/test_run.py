@@ -19,7 +19,8 @@ from repose.cli.interruption import Interruption
 from repose.common import places
 
 SNAKEFILE = ["--snakefile", str(places.root() / "Snakefile")]
-ALL, WRONG = ["--cores", "all"], "command line: --config is"
+ALL = ["--cores", "all"]
+WRONG = "command line: --config is"
 QUICK, SLURM = (
     str(places.root() / name) for name in ("config/quick.yaml", "profiles/slurm")
 )
@@ -38,14 +39,40 @@ def test_words_become_those_of_snakemake(tmp_path, monkeypatch, given, command):
     for name in ("mine.yaml", "more.yaml"):
         (tmp_path / name).write_text("label: mine\n")
     cases = {
-        "": [*ALL, *SNAKEFILE], **{words: ["--cores", "2", *SNAKEFILE] for words in ("--cores 2", "--cores=2", "-c2")},
-        **{words: ["--cores", "2", *SNAKEFILE, "refined"] for words in ("refined -c 2", "--cores 2 refined")},
-        "-j 3": ["--jobs", "3", *SNAKEFILE], "--profile mine": ["--profile", "mine", *SNAKEFILE],
-        "berry --profile profiles/slurm -n": ["--profile", SLURM, *SNAKEFILE, "berry", "-n"],
+        "": [*ALL, *SNAKEFILE],
+        **{
+            words: ["--cores", "2", *SNAKEFILE]
+            for words in ("--cores 2", "--cores=2", "-c2")
+        },
+        **{
+            words: ["--cores", "2", *SNAKEFILE, "refined"]
+            for words in ("refined -c 2", "--cores 2 refined")
+        },
+        "-j 3": ["--jobs", "3", *SNAKEFILE],
+        "--profile mine": ["--profile", "mine", *SNAKEFILE],
+        "berry --profile profiles/slurm -n": [
+            "--profile",
+            SLURM,
+            *SNAKEFILE,
+            "berry",
+            "-n",
+        ],
         "-s mine.smk -c1": ["--cores", "1", "--snakefile", "mine.smk"],
-        "-c1 --configfile config/quick.yaml": ["--configfile", QUICK, "--cores", "1", *SNAKEFILE],
-        "-c1 --configfile=config/quick.yaml": ["--configfile", QUICK, "--cores", "1", *SNAKEFILE],
-    }  # fmt: skip
+        "-c1 --configfile config/quick.yaml": [
+            "--configfile",
+            QUICK,
+            "--cores",
+            "1",
+            *SNAKEFILE,
+        ],
+        "-c1 --configfile=config/quick.yaml": [
+            "--configfile",
+            QUICK,
+            "--cores",
+            "1",
+            *SNAKEFILE,
+        ],
+    }
     layers = [
         "--configfile",
         "mine.yaml",
@@ -213,12 +240,24 @@ def test_the_list_names_targets_with_their_cost_and_strategies_that_cannot_be(
     )
 
 
-@pytest.mark.parametrize(("words", "message"), [
-    (["--configfile", "no_such.yaml"], "no_such.yaml: file is 'No such file or directory'"),
-    (["--configfile=config/quick.yaml", "--configfile=bad.yaml"], "bad.yaml: line 1 is"),
-    (["--config", "label"], f"{WRONG} 'label'; expected KEY=VALUE"),
-    (["--config", "label=a", "uncertainty"], f"{WRONG} 'uncertainty'; expected KEY=VALUE; a target goes before"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (
+            ["--configfile", "no_such.yaml"],
+            "no_such.yaml: file is 'No such file or directory'",
+        ),
+        (
+            ["--configfile=config/quick.yaml", "--configfile=bad.yaml"],
+            "bad.yaml: line 1 is",
+        ),
+        (["--config", "label"], f"{WRONG} 'label'; expected KEY=VALUE"),
+        (
+            ["--config", "label=a", "uncertainty"],
+            f"{WRONG} 'uncertainty'; expected KEY=VALUE; a target goes before",
+        ),
+    ],
+)
 def test_words_that_snakemake_would_answer_with_a_traceback_are_refused(
     words, message, tmp_path, monkeypatch, command
 ):
@@ -342,7 +381,9 @@ def test_a_terminal_shows_a_failure_with_its_log(naps):
     "end",
     [
         *(pytest.param(end, marks=pytest.mark.essential) for end in ("ctrl-c", "kill")),
-        *("interrupt", "end", "hangup"),
+        "interrupt",
+        "end",
+        "hangup",
     ],
 )
 def test_an_ended_run_goes_on_with_the_same_command(naps, end):

@@ -11,9 +11,17 @@ from pathlib import Path
 
 # Rules that the workflow keeps off the cluster: its localrules.
 LOCAL = {
-    "berry", "shape", "design", "dataset", "solutions", "published_solutions", "published_sets", "validate",
-    "drum", "card",
-}  # fmt: skip
+    "berry",
+    "shape",
+    "design",
+    "dataset",
+    "solutions",
+    "published_solutions",
+    "published_sets",
+    "validate",
+    "drum",
+    "card",
+}
 
 
 def slurm_s(lines):
@@ -39,7 +47,8 @@ def main():
     listed = subprocess.run(
         command, capture_output=True, text=True, check=True
     ).stdout.splitlines()
-    jobs_s, work_s = slurm_s(listed), benchmarks_s(sys.argv[1])
+    jobs_s = slurm_s(listed)
+    work_s = benchmarks_s(sys.argv[1])
     over_s = (sum(jobs_s) - sum(work_s)) / len(jobs_s)
     print(
         f"{len(jobs_s)} cluster jobs, {sum(jobs_s):.0f} s; {len(work_s)} jobs of the workflow, {sum(work_s):.0f} s"

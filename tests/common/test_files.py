@@ -126,8 +126,10 @@ def test_missing_parts_and_half_an_archive_are_reported_with_what_there_should_b
         missing, files.read_table, tmp_path / "table.csv", ("sample", "height_mm")
     )
     files.write_json(tmp_path / "a.json", {"runs": {}, "sample": 3})
-    wrong = [(("sample", "time"), r"time is None; expected a key of a job")]
-    wrong += [({"runs": list}, r"runs is {}; expected a list in a job")]
+    wrong = [
+        (("sample", "time"), r"time is None; expected a key of a job"),
+        ({"runs": list}, r"runs is {}; expected a list in a job"),
+    ]
     for keys, message in [
         *wrong,
         (

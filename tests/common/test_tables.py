@@ -28,9 +28,12 @@ from repose.stages.parameter_sets import read_sample, read_samples
 from repose.stages.published import check_published, published_sets
 
 OWN = {
-    "simulator": "EDEM", "label": "seed", "seed": 1, "parameters": {"mus": [0.3, 0.5], "mur": [0.01, 0.05]},
+    "simulator": "EDEM",
+    "label": "seed",
+    "seed": 1,
+    "parameters": {"mus": [0.3, 0.5], "mur": [0.01, 0.05]},
     "targets": {"angle_deg": {"value": 28.4, "sd": 0.6, "repetitions": 5}},
-}  # fmt: skip
+}
 SIZES = "long_mm,major_mm,minor_mm\n21.5,11.25,10.5\n22.75,12.5,11.5\n20.5,10.75,9.5\n"
 TESTS = "test,force_n,length_1_mm,length_2_mm,width_1_mm,width_2_mm,breadth_mm\n"
 TESTS += "1,2.5,21.5,22.5,10.5,9.5,11.5\n2,2.75,22.5,23.5,11.5,10.5,12.5\n3,1.5,20.5,21.5,9.5,8.5,10.5\n"
@@ -207,10 +210,8 @@ def test_every_measured_and_published_cell_is_a_number_that_can_be(tmp_path):
         else:
             assert f"row 2: {rows[0][column]} is" in message
 
-    path, values = (
-        tmp_path / "a.csv",
-        (*NO_NUMBERS, "", "nan", "-1", "1,5", "²", "None", "TRUE", "'1'"),
-    )
+    path = tmp_path / "a.csv"
+    values = (*NO_NUMBERS, "", "nan", "-1", "1,5", "²", "None", "TRUE", "'1'")
     measured = [
         (reader, k)
         for reader, first, end in (("sizes", 0, 3), ("compression", 1, 7))
@@ -236,11 +237,13 @@ A2,2.73,22.53,23.54,11.51,10.57,12.51
 A3,1.58,20.51,21.52,9.58,8.51,10.52
 A4,1.52,21.12,22.03,10.11,9.03,11.07
 """,
-}  # fmt: skip
+}
 OF_ROWS = {
-    "mean": statistics.mean, "minimum": min, "maximum": max,
+    "mean": statistics.mean,
+    "minimum": min,
+    "maximum": max,
     "standard deviation": statistics.stdev,
-}  # fmt: skip
+}
 
 
 def with_statistic(rows, name, digits=2):
@@ -286,7 +289,8 @@ def test_a_measurement_near_a_statistic_is_no_summary(tmp_path):
 def test_a_row_of_a_design_is_no_summary(tmp_path):
     """Its centre has the mean of all columns, a corner their ends, a repeated row both."""
     rng = np.random.default_rng(1)
-    low, high = np.full(6, 0.11), np.full(6, 0.97)
+    low = np.full(6, 0.11)
+    high = np.full(6, 0.97)
     signs = np.array([[1 if k & 1 << n else -1 for n in range(6)] for k in range(8)])
     corners = (low + high) / 2 + signs * (high - low) / 2
     points = [*rng.uniform(low, high, (9, 6))]
@@ -335,7 +339,8 @@ def test_labels_are_texts_or_numbers(tmp_path):
 
 
 def test_a_comment_is_no_row(tmp_path):
-    path, header = tmp_path / "a.csv", "grain,long_mm,major_mm,minor_mm\n"
+    path = tmp_path / "a.csv"
+    header = "grain,long_mm,major_mm,minor_mm\n"
     rows = "".join(f"{name},9.{k},8.{k},5\n" for k, name in enumerate("abc"))
     comments = "##########\n## by hand\n# a,b,c,d\n#note\n# 2, 3\n"
     assert len(read_sizes(written(path, f"{comments}{header}{rows}"))) == 3
@@ -349,19 +354,28 @@ def test_a_comment_is_no_row(tmp_path):
 def test_a_name_is_the_same_in_every_form(tmp_path):
     path = tmp_path / "a.csv"
     for found, declared in (
-        ("Long_MM", "long_mm"), ("ho\u0308he_mm", "h\u00f6he_mm"), ("h\u00d6he_mm", "ho\u0308he_mm"),
-        ("\u00b5s", "\u03bcs"), ("\u03bcs", "\u00b5s"), ("a\u00b2", "a2"), ("\u2126", "\u03a9"),
-        ("long\u00a0mm", "long mm"), ("\u200bmus\ufeff", "mus"), ('"Factor 1\nA:mus"', "Factor 1 A:mus"),
-    ):  # fmt: skip
+        ("Long_MM", "long_mm"),
+        ("ho\u0308he_mm", "h\u00f6he_mm"),
+        ("h\u00d6he_mm", "ho\u0308he_mm"),
+        ("\u00b5s", "\u03bcs"),
+        ("\u03bcs", "\u00b5s"),
+        ("a\u00b2", "a2"),
+        ("\u2126", "\u03a9"),
+        ("long\u00a0mm", "long mm"),
+        ("\u200bmus\ufeff", "mus"),
+        ('"Factor 1\nA:mus"', "Factor 1 A:mus"),
+    ):
         table = tables.read(written(path, f"{found},b\n1.5,2\n"), [Column(declared)])
         assert table.values[declared] == [1.5]
     written(path, "Long_mm,LONG_MM\n1,2\n")
     input_error("column long_mm is 'missing'", tables.read, path, [Column("long_mm")])
     both = tables.read(written(path, "B,b\n1,2\n"), [Column("b")])
-    assert (both.values["b"], both.values["B"]) == ([2.0], ["1"])
+    assert both.values["b"] == [2.0]
+    assert both.values["B"] == ["1"]
     # Two parameters may differ in capitals alone.
     pair = tables.read(written(path, "E,e\n1,2\n"), [Column("e"), Column("E")])
-    assert (pair.values["E"], pair.values["e"]) == ([1.0], [2.0])
+    assert pair.values["E"] == [1.0]
+    assert pair.values["e"] == [2.0]
 
 
 def test_names_that_look_alike_are_told_apart_by_code_points(tmp_path):
@@ -433,7 +447,8 @@ def test_an_empty_cell_where_all_others_number_the_rows_is_refused(tmp_path):
 def test_a_row_of_means_of_runs_is_refused_by_its_numbers(tmp_path):
     rng = np.random.default_rng(3)
     study = Study.own(OWN)
-    low, high = study.parameters.low, study.parameters.high
+    low = study.parameters.low
+    high = study.parameters.high
     sets = low + (high - low) * rng.random((8, 2))
     angles = rng.uniform(20, 40, (8, 1))
     rows = np.hstack([sets, angles]).round(4)
@@ -525,7 +540,8 @@ def test_all_faults_of_a_table_are_told_at_once_up_to_thirty(tmp_path):
 
 
 def test_between_semicolons_and_tabs_a_comma_is_decimal(tmp_path):
-    path, column = tmp_path / "a.csv", Column("b")
+    path = tmp_path / "a.csv"
+    column = Column("b")
     for reader in ("sizes", "compression", "published"):
         assert "rows is 0" in fault(reader, path, READERS[reader][0].splitlines()[0])
     assert tables.read(written(path, "a\tb\n0,5\t1,234\n"), [column]).values["b"] == [
@@ -659,9 +675,11 @@ def test_random_changes_of_good_tables_end_in_numbers_or_in_a_sentence(tmp_path)
     bits = (*',;\t"\n\r#-e.\0\ufeffé ', "# ", "nan", "1e400", "=A1", "True")
 
     def check(reader, seed):
-        rng, text = random.Random(seed), READERS[reader][0]
+        rng = random.Random(seed)
+        text = READERS[reader][0]
         for _ in range(rng.randint(1, 4)):
-            k, n = rng.randrange(len(text) + 1), rng.choice((0, 0, 1, 5, 40))
+            k = rng.randrange(len(text) + 1)
+            n = rng.choice((0, 0, 1, 5, 40))
             text = text[:k] + rng.choice(("", *bits)) + text[k + n :]
         try:
             found = READERS[reader][2](written(path, text))

@@ -26,14 +26,10 @@ def test_targets_give_names_and_numbers_and_count_published_solutions(tmp_path):
         "height_predicted_mm",
     )
     assert targets.errors == ("drum_slip_se_deg", "aor_se_deg", "height_se_mm")
-    assert (targets.apparatus, targets.weight.tolist()) == (
-        ("drum", "funnel"),
-        [2.0, 1.0, 1.0],
-    )
-    assert (targets.standard_error[0], targets.aim.tolist()) == (
-        0.5,
-        [40.0, 32.87, 65.57],
-    )
+    assert targets.apparatus == ("drum", "funnel")
+    assert targets.weight.tolist() == [2.0, 1.0, 1.0]
+    assert targets.standard_error[0] == 0.5
+    assert targets.aim.tolist() == [40.0, 32.87, 65.57]
     targets = Targets.of([*shared.TARGETS, SLIP])
     assert Targets(targets[:1]).in_words(["32.9"]) == "32.9 deg"
     assert Targets(targets[:2]).in_words(["32.9", "66"]) == "32.9 deg and 66 mm"
@@ -52,7 +48,8 @@ def test_targets_give_names_and_numbers_and_count_published_solutions(tmp_path):
         "aor_simulated_deg",
     ]
     path.write_text(",".join(columns) + "\n" + ",".join(["22"] + 9 * ["0.5"]) + "\n")
-    height, angle = response("height_mm"), response("aor_deg")
+    height = response("height_mm")
+    angle = response("aor_deg")
     assert published_responses(columns, (angle, height)) == (height,)
     assert to_simulate(path, (angle, height)) == ["22"]
     assert to_simulate(path, (angle,)) == to_simulate(None, (height,)) == []
@@ -67,7 +64,8 @@ def of(heights, functions=5):
 
 
 def test_distances_of_profiles_are_those_of_scores_named_with_their_unit():
-    profile, random = of(X), np.random.default_rng(2)
+    profile = of(X)
+    random = np.random.default_rng(2)
     one, other = random.normal(size=(2, 5))
     off = profile.heights(one) - profile.heights(other)
     assert np.mean(off**2) == pytest.approx(np.sum((one - other) ** 2), rel=1e-12)
@@ -105,14 +103,16 @@ def test_fixed_parameters_and_the_range_of_a_prior():
     values = space.values(unit)
     assert values[:, PARAMETERS.index("mus_gg")].tolist() == 4 * [0.55]
     np.testing.assert_allclose(space.unit(values), unit, atol=1e-12)
-    assert (space.centre["mus_gg"], space.centre["mur_gp"]) == (0.55, 0.25)
+    assert space.centre["mus_gg"] == 0.55
+    assert space.centre["mur_gp"] == 0.25
     space = contact_space(RANGES | {"mus_gg": {"prior": {"mean": 0.05, "sd": 0.1}}})
     k = space.free.index("mus_gg")
     assert (space.low[k], space.high[k]) == pytest.approx((0.0, 0.35))
     space = contact_space(
         RANGES | {"mus_gg": {"prior": {"mean": 0.3, "sd": 0.1}, "range": [0.2, 0.5]}}
     )
-    assert (space.low[k], space.high[k]) == (0.2, 0.5)
+    assert space.low[k] == 0.2
+    assert space.high[k] == 0.5
     unit = np.full((2, 6), 0.5)
     unit[0, k] = 1 / 3  # the mean
     np.testing.assert_allclose(space.log_prior(unit), [0.0, -0.5 * 0.25])

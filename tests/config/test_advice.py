@@ -36,7 +36,8 @@ def target(response, value):
 
 def column(modulus_pa, height_m, gravity, layers):
     """Share of its Height that a column of layers loses, added contact by contact."""
-    d, young = 4e-3, modulus_pa / 0.75
+    d = 4e-3
+    young = modulus_pa / 0.75
     depths = [(k + 0.5) * height_m / layers for k in range(layers)]
     forces = [0.6 * 1300 * gravity * z * d**2 for z in depths]
     return (
@@ -118,7 +119,8 @@ def test_sentences_tell_what_a_softer_grain_brings(config):
 def test_time_goes_with_the_slowest_bench_test_and_each_strategy_has_its_own_pours(
     config,
 ):
-    first, second = copy.deepcopy(config), copy.deepcopy(config)
+    first = copy.deepcopy(config)
+    second = copy.deepcopy(config)
     config["response_surface"] |= {
         "screening_runs": 12,
         "steps": 5,
@@ -145,7 +147,8 @@ def test_time_goes_with_the_slowest_bench_test_and_each_strategy_has_its_own_pou
     config["sequential"] |= {"most_pours": 120, "seeds": 3}
     assert pours_of(config) == (("at most", 40, 3),)
     del config["drum"]
-    config["design"]["samples"], config["funnel"]["seeds"] = 30, 4
+    config["design"]["samples"] = 30
+    config["funnel"]["seeds"] = 4
     config["validation"] |= {
         "published": None,
         "solutions": 1,
@@ -186,13 +189,16 @@ def test_time_goes_with_the_slowest_bench_test_and_each_strategy_has_its_own_pou
     )
 
 
-@pytest.mark.parametrize(("volume_m3", "mesh_volume_m3", "is_coarse"), [
-    (1.049e-6, 1e-6, False),
-    (1.051e-6, 1e-6, True),
-    (0.951e-6, 1e-6, False),
-    (0.949e-6, 1e-6, True),
-    (1.2e-6, None, False),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("volume_m3", "mesh_volume_m3", "is_coarse"),
+    [
+        (1.049e-6, 1e-6, False),
+        (1.051e-6, 1e-6, True),
+        (0.951e-6, 1e-6, False),
+        (0.949e-6, 1e-6, True),
+        (1.2e-6, None, False),
+    ],
+)
 def test_a_particle_is_coarse_if_its_volume_is_5_percent_off_that_of_its_mesh(
     volume_m3, mesh_volume_m3, is_coarse
 ):

@@ -83,12 +83,15 @@ def test_the_time_step_is_eight_tenths_of_the_longest(folder):
     assert step == float(f"{step:.2g}")
 
 
-@pytest.mark.parametrize(("rate_per_s", "lasts_s"), [
-    # 300 grains at 100 a second; a fall of 80 mm, and 40 sqrt(d / g) to rest
-    (100.0, 3.0 + 0.13 + 0.95),
-    # poured at once, grains of 5.48 mm and 0.108 g run out: 0.58 * 750 kg/m3 * sqrt(g) * (25 mm - 1.4 d)^2.5
-    (1e4, 0.60 + 0.13 + 0.95),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("rate_per_s", "lasts_s"),
+    [
+        # 300 grains at 100 a second; a fall of 80 mm, and 40 sqrt(d / g) to rest
+        (100.0, 3.0 + 0.13 + 0.95),
+        # poured at once, grains of 5.48 mm and 0.108 g run out: 0.58 * 750 kg/m3 * sqrt(g) * (25 mm - 1.4 d)^2.5
+        (1e4, 0.60 + 0.13 + 0.95),
+    ],
+)
 def test_a_pour_lasts_until_the_grains_lie(folder, rate_per_s, lasts_s):
     config = PipelineConfig.load(
         "config.yaml", overrides={"funnel": {"rate_per_s": rate_per_s}}

@@ -51,7 +51,8 @@ def test_the_short_form_becomes_that_of_the_stages():
     assert study.targets.apparatus == (OWN,)
     assert study.targets[0].response.unit == "deg"
     # Two standard errors about the mean.
-    assert (study.targets[0].low, study.targets[0].high) == (29.0, 31.0)
+    assert study.targets[0].low == 29.0
+    assert study.targets[0].high == 31.0
     assert study.settings.design_seeds(OWN) == 3
     assert study.settings.design.seed == 7
     assert study.settings.measure is None

@@ -30,10 +30,19 @@ SEVERAL = (
 )  # strategies; here each proposes by a stage of its name
 LISTED = dependencies.KEYS | {name: strategy(name).reads for name in SEVERAL}
 SMALL = {
-    "surrogate": "gaussian_process", "miga": {"islands": 2, "population": 10, "rounds": 4, "generations": 2, "replicates": 2},
-    "posterior": {"walkers": 32, "steps": 100}, "sensitivity": {"samples": 64, "resamples": 20},
-    "sequential": {"probability": 0.05}, "berry": {"particle": "ellipsoid"},
-}  # fmt: skip
+    "surrogate": "gaussian_process",
+    "miga": {
+        "islands": 2,
+        "population": 10,
+        "rounds": 4,
+        "generations": 2,
+        "replicates": 2,
+    },
+    "posterior": {"walkers": 32, "steps": 100},
+    "sensitivity": {"samples": 64, "resamples": 20},
+    "sequential": {"probability": 0.05},
+    "berry": {"particle": "ellipsoid"},
+}
 
 
 class RecordingConfig(PipelineConfig):

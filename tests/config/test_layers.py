@@ -28,20 +28,50 @@ def test_numbers_may_be_written_in_any_way(tmp_path, text):
     assert reading.read(path)["two"] == {"a": 2e-4, "b": 2}
 
 
-@pytest.mark.parametrize(("text", "message"), [
-    ("label: x\nyes: 3\n", "line 2: key is 'yes'; expected text"),
-    ("label: x\n2020-01-02: 3\n", "line 2: key is '2020-01-02'; expected text"),
-    ("heap:\n  seeds: 3\n  seeds: 4\n", "line 3: seeds is 'given again'; expected each key once"),
-    ("heap:\n  seeds: [3\n", "valid YAML"), ("- 3\n", "keys with values"), (None, "file is 'No such file"),
-    ("heap:\n\tseeds: 3\n", "line 2 .*expected blanks in place of the tab"), ("", "content is 'empty'"),
-    ("# mine\nlabel lentil\n\nberry:\n  sizes: a.csv\n", "line 2 is 'label lentil'; expected KEY: VALUE"),
-    ("berry:\n  sizes: a.csv\nlabel:lentil\n", "line 3 is 'label:lentil'; expected KEY: VALUE"),
-    *((f"label: a\nb: {text}\n", f"line 2: value is '{text}'; expected a plain number")
-      for text in ("0100", "8:20", "1:30.5", "3_2.5", "5_00", "0x10", "0b11", "-010")),
-    # lines that are good, and an error below
-    ("a: [1,\n2,\n3]\nb: {x: 1\n", "valid YAML"), ('a: "one\ntwo words"\nb: [\n', "valid YAML"),
-    ("? a\n: 1\nhttp://x: 1\nb: [\n", "valid YAML"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("label: x\nyes: 3\n", "line 2: key is 'yes'; expected text"),
+        ("label: x\n2020-01-02: 3\n", "line 2: key is '2020-01-02'; expected text"),
+        (
+            "heap:\n  seeds: 3\n  seeds: 4\n",
+            "line 3: seeds is 'given again'; expected each key once",
+        ),
+        ("heap:\n  seeds: [3\n", "valid YAML"),
+        ("- 3\n", "keys with values"),
+        (None, "file is 'No such file"),
+        ("heap:\n\tseeds: 3\n", "line 2 .*expected blanks in place of the tab"),
+        ("", "content is 'empty'"),
+        (
+            "# mine\nlabel lentil\n\nberry:\n  sizes: a.csv\n",
+            "line 2 is 'label lentil'; expected KEY: VALUE",
+        ),
+        (
+            "berry:\n  sizes: a.csv\nlabel:lentil\n",
+            "line 3 is 'label:lentil'; expected KEY: VALUE",
+        ),
+        *(
+            (
+                f"label: a\nb: {text}\n",
+                f"line 2: value is '{text}'; expected a plain number",
+            )
+            for text in (
+                "0100",
+                "8:20",
+                "1:30.5",
+                "3_2.5",
+                "5_00",
+                "0x10",
+                "0b11",
+                "-010",
+            )
+        ),
+        # lines that are good, and an error below
+        ("a: [1,\n2,\n3]\nb: {x: 1\n", "valid YAML"),
+        ('a: "one\ntwo words"\nb: [\n', "valid YAML"),
+        ("? a\n: 1\nhttp://x: 1\nb: [\n", "valid YAML"),
+    ],
+)
 def test_files_that_are_no_configuration(tmp_path, text, message):
     path = tmp_path / "my.yaml"
     if text is not None:
@@ -58,11 +88,9 @@ def test_files_and_command_line_lie_over_each_other_for_verbs_and_workflow_alike
     config = PipelineConfig.load(
         str(mine), overrides={"funnel": {"seeds": "6"}}, inputs=True
     ).config
-    assert (
-        config["label"],
-        config["funnel"]["seeds"],
-        config["funnel"]["duration_s"],
-    ) == ("mine", 6, 20)
+    assert config["label"] == "mine"
+    assert config["funnel"]["seeds"] == 6
+    assert config["funnel"]["duration_s"] == 20
     assert config["funnel"]["berries"] == 500
     mine.write_text("funnel: {seeds: 5}\nparameters: {e_gg: {fixed: 0.3}}\n")
     assert (
@@ -151,10 +179,8 @@ def test_a_study_stands_beside_the_package_has_its_parts_and_stays_as_it_is(quic
     config = quick.config | {"network": {**quick.config["network"]}}
     del config["network"]["split"]
     assert PipelineConfig.of(config).config["network"]["split"] == [0.70, 0.15, 0.15]
-    assert (quick.parameters.dimensions, quick.targets.names) == (
-        6,
-        ("aor_deg", "height_mm"),
-    )
+    assert quick.parameters.dimensions == 6
+    assert quick.targets.names == ("aor_deg", "height_mm")
     assert quick.folder.as_posix() == "results/quick"
     words = "e_gg, mus_gg, mur_gg, e_gp, mus_gp, mur_gp by aor_deg, height_mm, strategy published"
     assert repr(quick) == f"<PipelineConfig quick: {words}>"

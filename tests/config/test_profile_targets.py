@@ -114,7 +114,8 @@ def test_scores_are_defined_by_abscissae_and_share_and_percents_are_of_the_heigh
 ):
     before = study_of(quick, entry)
     table.write_text(TABLE.replace("16", "15"))
-    heights, share = study_of(quick, entry), study_of(quick, entry | {"covered": 0.5})
+    heights = study_of(quick, entry)
+    share = study_of(quick, entry | {"covered": 0.5})
     for what in (
         lambda s: s.definitions,
         lambda s: dependencies.settings_of(s.config, "measure_runs", "turning"),
@@ -132,26 +133,64 @@ def test_scores_are_defined_by_abscissae_and_share_and_percents_are_of_the_heigh
     np.testing.assert_allclose(goal.half[-3:], 0.02 * target.whole)
 
 
-@pytest.mark.parametrize(("change", "words"), [
-    ({"z": "height_mm"}, r"surface.csv: column height_mm is 'missing'.*found: x_mm"),
-    ({"sd": "error_mm"}, r"surface.csv: column error_mm is 'missing'"),
-    ({"file": "nowhere.csv"}, r"targets.2.file is .nowhere.csv.; expected an existing CSV file"),
-    ({"functions": 5}, r"surface.csv: rows is 5; expected more than functions, 5"),
-    ({"functions": 12}, r"targets\.2\.functions is 12; expected an integer from 2 to 9"),
-    ({"response": "turning_deg"}, r"targets\.2\.response is 'turning_deg'; expected the profile of a bench test"),
-    ({"apparatus": "drum"}, r"targets\.2\.apparatus is 'drum'; expected turning"), ({"hight": 3}, r"is 3; .*known"),
-    ({"response": "turning_2_profile_mm"}, r"response is 'turning_2_profile_1_mm'.*one of 1 speeds"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (
+            {"z": "height_mm"},
+            r"surface.csv: column height_mm is 'missing'.*found: x_mm",
+        ),
+        ({"sd": "error_mm"}, r"surface.csv: column error_mm is 'missing'"),
+        (
+            {"file": "nowhere.csv"},
+            r"targets.2.file is .nowhere.csv.; expected an existing CSV file",
+        ),
+        ({"functions": 5}, r"surface.csv: rows is 5; expected more than functions, 5"),
+        (
+            {"functions": 12},
+            r"targets\.2\.functions is 12; expected an integer from 2 to 9",
+        ),
+        (
+            {"response": "turning_deg"},
+            r"targets\.2\.response is 'turning_deg'; expected the profile of a bench test",
+        ),
+        ({"apparatus": "drum"}, r"targets\.2\.apparatus is 'drum'; expected turning"),
+        ({"hight": 3}, r"is 3; .*known"),
+        (
+            {"response": "turning_2_profile_mm"},
+            r"response is 'turning_2_profile_1_mm'.*one of 1 speeds",
+        ),
+    ],
+)
 def test_a_wrong_entry_is_refused(quick, entry, change, words):
     input_error(words, study_of, quick, entry | change)
 
 
-@pytest.mark.parametrize(("old", "new", "words"), [
-    ("0.5,1", "nan,1", r"surface.csv, row 4: z_mm is 'nan'; expected a finite number"),
-    ("8.5", "", r"surface.csv, row 3: z_mm is ''; expected a finite number; empty heights only at the ends"),
-    ("-10,9", "-25,9", r"surface.csv, row 3: x_mm is -25.0; expected above the previous row's -20"),
-    ("-30,", "-300,", r"targets\.2\.profile\.x.*inside the drum, between -95 and 95"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            "0.5,1",
+            "nan,1",
+            r"surface.csv, row 4: z_mm is 'nan'; expected a finite number",
+        ),
+        (
+            "8.5",
+            "",
+            r"surface.csv, row 3: z_mm is ''; expected a finite number; empty heights only at the ends",
+        ),
+        (
+            "-10,9",
+            "-25,9",
+            r"surface.csv, row 3: x_mm is -25.0; expected above the previous row's -20",
+        ),
+        (
+            "-30,",
+            "-300,",
+            r"targets\.2\.profile\.x.*inside the drum, between -95 and 95",
+        ),
+    ],
+)
 def test_a_wrong_table_is_refused(quick, entry, table, old, new, words):
     table.write_text(TABLE.replace(old, new))
     input_error(words, study_of, quick, entry)
@@ -185,7 +224,8 @@ def test_a_study_with_a_simulator_of_the_users_own_calibrates_a_profile(
     study = repose.Study(
         parameters, {"surface_mm": given}, sequential=section, **options
     )
-    profile, random = study.targets.profiles["surface_mm"], np.random.default_rng(4)
+    profile = study.targets.profiles["surface_mm"]
+    random = np.random.default_rng(4)
     while not study.done:
         lines = (
             row.slope * np.array(profile.x) + row.height

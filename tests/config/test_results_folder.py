@@ -42,23 +42,39 @@ def test_the_wildcards_of_outputs_stand_for_what_rules_write():
 
 
 NOT_A_STUDYS = (
-    *("/", ".", "..", "./", "~", "results/..", "results/../src", "/etc/../src"),
-    *(".git", ".snakemake", "results/.git", "-rf", "results/-rf"),
-    *("src", "src/repose", "examples", "tests/mine", "results/published"),
-    *(
-        "a b",
-        "a;b",
-        "a\nb",
-        "results\n",
-        "$HOME",
-        "{a}",
-        "*",
-        "",
-        "a//b",
-        "a'b",
-        "a" * 1001,
-    ),
-    *(str(ROOT), str(ROOT / "src"), str(ROOT.parent), str(Path.home())),
+    "/",
+    ".",
+    "..",
+    "./",
+    "~",
+    "results/..",
+    "results/../src",
+    "/etc/../src",
+    ".git",
+    ".snakemake",
+    "results/.git",
+    "-rf",
+    "results/-rf",
+    "src",
+    "src/repose",
+    "examples",
+    "tests/mine",
+    "results/published",
+    "a b",
+    "a;b",
+    "a\nb",
+    "results\n",
+    "$HOME",
+    "{a}",
+    "*",
+    "",
+    "a//b",
+    "a'b",
+    "a" * 1001,
+    str(ROOT),
+    str(ROOT / "src"),
+    str(ROOT.parent),
+    str(Path.home()),
 )
 
 
@@ -300,7 +316,8 @@ def test_results_stand_on_the_content_of_named_files_and_not_on_figures(
 
     def of(key, name, content):
         section, _, last = key.rpartition(".")
-        path, changed = tmp_path / name, copy.deepcopy(config)
+        path = tmp_path / name
+        changed = copy.deepcopy(config)
         path.write_text(content)
         (changed[section] if section else changed)[last] = str(path)
         return dependencies.settings_of(changed, "report")

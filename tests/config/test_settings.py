@@ -53,13 +53,19 @@ def without_names(text):
     return text
 
 
-@pytest.mark.parametrize(("kind", "names_of_kind"), [
-    ("strategies", ("published", "refined", "response_surface", "sequential")),
-    ("surrogates", ("network", "gaussian_process", "network_ensemble", "quadratic")),
-    ("contact laws", ("hertz_mindlin", "hertz_mindlin_rescaled", "linear_spring")),
-    ("contact laws", ("jkr", "sjkr", "eepa")),
-    ("rolling laws", ("budget", "constant_torque", "epsd", "epsd2")),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("kind", "names_of_kind"),
+    [
+        ("strategies", ("published", "refined", "response_surface", "sequential")),
+        (
+            "surrogates",
+            ("network", "gaussian_process", "network_ensemble", "quadratic"),
+        ),
+        ("contact laws", ("hertz_mindlin", "hertz_mindlin_rescaled", "linear_spring")),
+        ("contact laws", ("jkr", "sjkr", "eepa")),
+        ("rolling laws", ("budget", "constant_torque", "epsd", "epsd2")),
+    ],
+)
 def test_names_that_studies_have_written_are_still_registered(kind, names_of_kind):
     assert set(names_of_kind) <= set(REGISTERED[kind])
 
@@ -174,15 +180,11 @@ def test_shipped_configurations_pass_every_check_and_the_paper_has_the_published
         study.check_inputs()
     assert len({study.config["results_dir"] for study in studies}) == len(SHIPPED)
     config = PipelineConfig.load("config/paper.yaml").config
-    assert (config["simulation"]["time_step_s"], config["funnel"]["duration_s"]) == (
-        2.9256e-5,
-        18,
-    )
-    assert (
-        config["design"]["method"],
-        config["design"]["samples"],
-        config["funnel"]["seeds"],
-    ) == ("lhsdesign", 150, 1)
+    assert config["simulation"]["time_step_s"] == 2.9256e-5
+    assert config["funnel"]["duration_s"] == 18
+    assert config["design"]["method"] == "lhsdesign"
+    assert config["design"]["samples"] == 150
+    assert config["funnel"]["seeds"] == 1
     assert [target["aim"] for target in config["targets"]] == [32.5, 66.5]
 
 
@@ -193,14 +195,12 @@ def test_a_target_may_leave_out_its_bench_test_and_its_range(config):
         {"response": "height_mm"} | short | {"sd": 0.3},
     ]
     slip, height = PipelineConfig.of(config).config["targets"]
-    assert (slip["apparatus"], slip["range"]) == (
-        "drum",
-        [38.0, 42.0],
-    )  # two standard errors to each side
-    assert (height["apparatus"], height["range"]) == (
-        "funnel",
-        [39.6, 40.4],
-    )  # at least 1 %
+    # two standard errors to each side
+    assert slip["apparatus"] == "drum"
+    assert slip["range"] == [38.0, 42.0]
+    # at least 1 %
+    assert height["apparatus"] == "funnel"
+    assert height["range"] == [39.6, 40.4]
     config["targets"] = [{"response": "weight_g"} | short]
     input_error("responses of funnel", PipelineConfig.of, config)
 
@@ -246,45 +246,84 @@ def test_every_key_is_explained_known_and_computed_where_it_may_be_auto():
 
 
 BAD_VALUES = (
-    ("refine.pours", 1, "an integer from 2 to 4096"), ("funnel.seeds", 0, "an integer from 1 to 100"),
-    ("funnel.seeds", 2.5, "an integer"), ("funnel.seeds", "8", "an integer"),
-    ("simulation.rest_energy_j", 0, "above 0"), ("simulation.tension", "maybe", "keep or release"),
-    ("funnel", 3, "a section with the keys berries"), ("berry.poisson_ratio", 0.5, "a number from 0 to 0.49 or null"),
-    ("berry.sizes", None, "a path"), ("label", "", "text of 1 to 60 characters"),
-    ("results_dir", "my results", "a folder"), ("results_dir", "results/../src", "without .."),
-    ("results_dir", "resources/mine", "outside"), ("results_dir", "results/published", "outside"),
+    ("refine.pours", 1, "an integer from 2 to 4096"),
+    ("funnel.seeds", 0, "an integer from 1 to 100"),
+    ("funnel.seeds", 2.5, "an integer"),
+    ("funnel.seeds", "8", "an integer"),
+    ("simulation.rest_energy_j", 0, "above 0"),
+    ("simulation.tension", "maybe", "keep or release"),
+    ("funnel", 3, "a section with the keys berries"),
+    ("berry.poisson_ratio", 0.5, "a number from 0 to 0.49 or null"),
+    ("berry.sizes", None, "a path"),
+    ("label", "", "text of 1 to 60 characters"),
+    ("results_dir", "my results", "a folder"),
+    ("results_dir", "results/../src", "without .."),
+    ("results_dir", "resources/mine", "outside"),
+    ("results_dir", "results/published", "outside"),
     ("parameters.e_gg", [0.1, 1.2], "a pair [low, high] of numbers from 0.01 to 1"),
-    ("parameters.e_gg", [0.4, 0.1], "low < high"), ("parameters.e_gg", [0.4, 0.4], "low < high"),
-    ("parameters.e_gg", {"prior": {"mean": 0.3, "sd": 0.1}, "range": [0.4, 0.2]}, "low < high"),
-    ("parameters.mur_gp", [0.1, 0.2, 0.3], "a pair"), ("targets.0.value", 40.0, "inside its range, 31 to 34"),
-    ("targets.1.value", 60.0, "inside its range, 64 to 69"), ("targets.0.range", [34.0, 31.0], "low < high"),
+    ("parameters.e_gg", [0.4, 0.1], "low < high"),
+    ("parameters.e_gg", [0.4, 0.4], "low < high"),
+    (
+        "parameters.e_gg",
+        {"prior": {"mean": 0.3, "sd": 0.1}, "range": [0.4, 0.2]},
+        "low < high",
+    ),
+    ("parameters.mur_gp", [0.1, 0.2, 0.3], "a pair"),
+    ("targets.0.value", 40.0, "inside its range, 31 to 34"),
+    ("targets.1.value", 60.0, "inside its range, 64 to 69"),
+    ("targets.0.range", [34.0, 31.0], "low < high"),
     ("targets.0.range", [0.0, 34.0], "a pair [low, high] from 1 to 89"),
-    ("targets.0.range", 3, "a pair [low, high] of numbers"), ("targets.0.sd", -1, "from 0 to"),
+    ("targets.0.range", 3, "a pair [low, high] of numbers"),
+    ("targets.0.sd", -1, "from 0 to"),
     ("targets.1.response", "aor_deg", "each response once"),
     ("targets.1.response", "weight_g", "the responses of funnel"),
     ("targets.0.apparatus", "shaker", "one of funnel, drum"),
-    ("parameters.e_gg", {"fixed": 0.2, "prior": {"mean": 0.2, "sd": 0.1}}, "fixed alone"),
-    ("parameters.e_gg", {"range": [0.2, 0.4]}, "a pair [low, high]; a range stands beside a prior only"),
-    ("targets.0.value", 240.0, "from 1 to 89"), ("measure.fit_to", 0.15, "at least 0.1 above measure.fit_from"),
+    (
+        "parameters.e_gg",
+        {"fixed": 0.2, "prior": {"mean": 0.2, "sd": 0.1}},
+        "fixed alone",
+    ),
+    (
+        "parameters.e_gg",
+        {"range": [0.2, 0.4]},
+        "a pair [low, high]; a range stands beside a prior only",
+    ),
+    ("targets.0.value", 240.0, "from 1 to 89"),
+    ("measure.fit_to", 0.15, "at least 0.1 above measure.fit_from"),
     ("measure.fit_to", "crest", "berry or a number from 0.1 to 1"),
     ("measure.fit_from", 0.95, "berry or a number from 0 to 0.9"),
-    ("measure.response", "slope", "flank or secant or steepest or whole or straightest"),
+    (
+        "measure.response",
+        "slope",
+        "flank or secant or steepest or whole or straightest",
+    ),
     ("measure.berry_height_mm", 0, "above 0 and up to 1000 or null"),
     ("strategy", "guess", "published or refined or response_surface or sequential"),
-    ("surrogate", "cubic", " or ".join(surrogate.names())), ("network.split", [0.7, 0.2, 0.2], "sum to 1"),
+    ("surrogate", "cubic", " or ".join(surrogate.names())),
+    ("network.split", [0.7, 0.2, 0.2], "sum to 1"),
     ("network.split", [0.8, 0.2, 0.0], "above 0"),
     ("funnel.outlet_diameter_mm", 150.0, "below funnel.inlet_diameter_mm"),
     ("funnel.factory_diameter_mm", 151.0, "at most funnel.inlet_diameter_mm"),
     ("funnel.plate_diameter_mm", 30.0, "at least funnel.outlet_diameter_mm"),
-    ("funnel.rest_window_s", 18.0, "below funnel.duration_s"), ("funnel.duration_s", 16.0, "above 16.8"),
+    ("funnel.rest_window_s", 18.0, "below funnel.duration_s"),
+    ("funnel.duration_s", 16.0, "above 16.8"),
     ("miga.tournament", 41, "at most miga.population"),
     ("drum.wall_thickness_mm", 100.0, "below half of drum.outer_diameter_mm"),
-    ("drum.factory_height_mm", 95.0, "inside the drum"), ("drum.rotate_from_s", 1.7, "above 1.798"),
+    ("drum.factory_height_mm", 95.0, "inside the drum"),
+    ("drum.rotate_from_s", 1.7, "above 1.798"),
     ("drum.report_s", 4.0, "at least drum.rotate_from_s"),
-    ("figures.format", ["pdf"], "a list with png, which the report shows, and no format twice"),
+    (
+        "figures.format",
+        ["pdf"],
+        "a list with png, which the report shows, and no format twice",
+    ),
     ("figures.format", ["png", "svg", "png"], "no format twice"),
-    ("figures.format", ["png", "eps"], "a list of png and, beside it, pdf or svg or both"),
-)  # fmt: skip
+    (
+        "figures.format",
+        ["png", "eps"],
+        "a list of png and, beside it, pdf or svg or both",
+    ),
+)
 
 
 def test_a_bad_value_is_reported_with_file_key_value_and_what_is_allowed(config):
@@ -295,7 +334,9 @@ def test_a_bad_value_is_reported_with_file_key_value_and_what_is_allowed(config)
             put(copy.deepcopy(config), key, value),
             "my.yaml",
         )
-        assert (fault.source, fault.key, fault.value) == ("my.yaml", key, value)
+        assert fault.source == "my.yaml"
+        assert fault.key == key
+        assert fault.value == value
 
     check_all(
         check_message,
@@ -331,7 +372,8 @@ def test_a_fixed_value_and_a_prior_are_reported_by_their_own_keys(
 ):
     config["parameters"]["e_gg"] = given
     fault = input_error(re.escape(allowed), PipelineConfig.of, config, "my.yaml")
-    assert (fault.key, fault.value) == (f"parameters.e_gg.{key}", given[key])
+    assert fault.key == f"parameters.e_gg.{key}"
+    assert fault.value == given[key]
 
 
 def test_a_prior_may_be_narrow_ends_at_the_largest_friction_and_meets_its_range(config):
@@ -342,7 +384,8 @@ def test_a_prior_may_be_narrow_ends_at_the_largest_friction_and_meets_its_range(
     config["parameters"] |= {"mur_gg": {"prior": {"mean": 0.5, "sd": 0.5}}}
     space = PipelineConfig.of(config).parameters
     ends = dict(zip(space.free, space.high, strict=True))
-    assert (ends["mus_gg"], ends["mur_gg"]) == (5.0, 1.0)
+    assert ends["mus_gg"] == 5.0
+    assert ends["mur_gg"] == 1.0
     known = config["parameters"]["mus_gg"] = {
         "prior": {"mean": 0.5, "sd": 0.01},
         "range": [0.52, 0.9],
@@ -369,15 +412,15 @@ def test_what_follows_from_a_wrong_or_mistyped_key_is_reported_once(config):
             == f"targets.0.{key}"
         )
 
-    cases = [("value in other units", "value", 240.0, "from 1 to 89")]
-    cases += [("a number of many digits", "value", 10**400, "a number from")]
-    cases += [
+    cases = [
+        ("value in other units", "value", 240.0, "from 1 to 89"),
+        ("a number of many digits", "value", 10**400, "a number from"),
         (
             "a large scatter",
             "sd",
             900.0,
             "so small that the mean with two standard errors",
-        )
+        ),
     ]
     check_all(check_key, cases)
     ends = r"targets\.0\.range is \[88\.0.*, 89\.7.*\]; expected a pair \[low, high\] from 1"
@@ -508,13 +551,16 @@ def test_inputs_are_checked_against_the_berry_and_the_disc(config):
         )
 
     bad = (
-        ("berry.sizes", "nowhere.csv", "an existing file"), ("validation.published", "nowhere.csv", "an existing file"),
-        ("posterior.shape_study", "nowhere.csv", "an existing file"), ("photograph", "nowhere.jpg", "an existing file"),
-        ("photograph", "resources", "an existing file"), ("simulation.time_step_s", 8e-4, "1/8 of the contact time"),
+        ("berry.sizes", "nowhere.csv", "an existing file"),
+        ("validation.published", "nowhere.csv", "an existing file"),
+        ("posterior.shape_study", "nowhere.csv", "an existing file"),
+        ("photograph", "nowhere.jpg", "an existing file"),
+        ("photograph", "resources", "an existing file"),
+        ("simulation.time_step_s", 8e-4, "1/8 of the contact time"),
         ("simulation.time_step_s", 1e-3, "at most 0.000716"),
         ("funnel.outlet_diameter_mm", 9.0, "the size of a mean grain"),
         ("funnel.factory_diameter_mm", 20.0, "the size of a mean grain"),
-    )  # fmt: skip
+    )
     check_all(
         check_message,
         [(f"{key} {value!r}", key, value, allowed) for key, value, allowed in bad],
@@ -522,7 +568,8 @@ def test_inputs_are_checked_against_the_berry_and_the_disc(config):
 
 
 def test_the_named_tables_and_pictures_are_read_before_any_work(config):
-    sizes, forces = "resources/berries.csv", "resources/compression.csv"
+    sizes = "resources/berries.csv"
+    forces = "resources/compression.csv"
     for section, changed, words in (
         ("berry", {"sizes": forces}, r"compression\.csv: column long_mm is 'missing'"),
         (

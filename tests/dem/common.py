@@ -89,7 +89,8 @@ def tile_of(law, material, contact, radius, mass=1e-3, tension="keep"):
     tile[tl.LAW_ROW :][: law.n_constants] = law.constants(
         material, material, contact, tension
     )[:, None]
-    tile[tl.INVERSE_MASS // LANES], tile[tl.RADIUS // LANES] = 1.0 / mass, radius
+    tile[tl.INVERSE_MASS // LANES] = 1.0 / mass
+    tile[tl.RADIUS // LANES] = radius
     kept[2] = 1.0
     return tile, kept
 
@@ -114,7 +115,8 @@ def angular_momentum(s):
 
 def energy_shares(s, rounds, steps):
     """Run for so many rounds of steps: the largest energy after one, and the last, over the energy before."""
-    energy, shares = s.kinetic_energies().sum(), []
+    energy = s.kinetic_energies().sum()
+    shares = []
     for _ in range(rounds):
         s.run_steps(steps)
         shares.append(s.kinetic_energies().sum() / energy)
@@ -129,7 +131,8 @@ def harmless_hits(make, seed, count, aim):
     rng = np.random.default_rng(seed)
     hits = 0
     for _ in range(count):
-        s, angle = make(), rng.uniform(0.0, 2.0 * math.pi)
+        s = make()
+        angle = rng.uniform(0.0, 2.0 * math.pi)
         place, direction = aim(
             rng,
             np.array([math.cos(angle), math.sin(angle), 0.0]),
@@ -137,7 +140,8 @@ def harmless_hits(make, seed, count, aim):
         )
         direction = direction / np.linalg.norm(direction)
         start = place + 0.008 * rng.normal(size=3) + 0.03 * direction
-        turn, velocity = random_quaternion(rng), -rng.uniform(0.2, 1.2) * direction
+        turn = random_quaternion(rng)
+        velocity = -rng.uniform(0.2, 1.2) * direction
         Simulation.add(s, *s.shapes, start, turn, velocity, 30.0 * rng.normal(size=3))
         s.run_steps(1)
         if s.counts[st.N_PLANE] + s.counts[st.N_CURVED]:

@@ -25,14 +25,12 @@ GOOD = {
     "shapes": {"ball": BALL},
     "materials": {"flesh": FLESH},
     "contacts": {("flesh", "flesh"): LAW},
-}
-GOOD |= {
     "time_step_s": 1e-4,
     "capacity": 2,
     "lower": (-0.1, -0.1, 0.0),
     "upper": (0.1, 0.1, 0.1),
+    "walls": {"floor": FLOOR},
 }
-GOOD |= {"walls": {"floor": FLOOR}}
 
 
 def test_a_simulation_says_what_it_is_and_the_smallest_scale_is_that_of_the_time_step():

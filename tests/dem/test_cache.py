@@ -46,10 +46,9 @@ except TypingError:
     print("failed", flush=True)
 sys.stdin.read()
 """
-COMPILED, FOUND = (
-    "0 0 1 1 True",
-    "1 0 0 0 False",
-)  # of found code no other kernel is needed
+# of found code no other kernel is needed
+COMPILED = "0 0 1 1 True"
+FOUND = "1 0 0 0 False"
 
 
 @pytest.fixture
@@ -94,7 +93,8 @@ def run(tmp_path):
 def test_the_same_sources_at_another_path_compile_nothing_and_edited_ones_do(
     copied, run, tmp_path
 ):
-    first, second = copied("first"), copied("second")
+    first = copied("first")
+    second = copied("second")
     assert run(first, tmp_path / "cache") == (COMPILED, "")
     assert run(second, tmp_path / "cache") == (FOUND, "")
     # a kernel's code has that of the functions it calls, whatever their file
@@ -114,7 +114,8 @@ def test_a_kernel_is_compiled_anew_for_another_processor_or_in_part(
         "",
     )
     assert run(package, tmp_path) == (FOUND, "")
-    package, cache = copied("other"), tmp_path / "cache"
+    package = copied("other")
+    cache = tmp_path / "cache"
     run(package, cache)
     (path,) = cache.glob("*/*rotate_to_world*")
     path.write_bytes(path.read_bytes()[:1000])
@@ -125,7 +126,8 @@ def test_a_kernel_is_compiled_anew_for_another_processor_or_in_part(
 def test_a_folder_that_cannot_be_written_is_read_and_one_warning_says_that_nothing_is_kept(
     copied, run, tmp_path
 ):
-    package, cache = copied("package"), tmp_path / "cache"
+    package = copied("package")
+    cache = tmp_path / "cache"
     run(package, cache)
     next(cache.glob("*/locks")).unlink()
     before = sorted(cache.rglob("*"))
@@ -139,7 +141,8 @@ def test_a_folder_that_cannot_be_written_is_read_and_one_warning_says_that_nothi
 
 
 def test_processes_that_start_together_compile_a_kernel_once(copied, tmp_path):
-    package, script = copied("package"), tmp_path / "calling.py"
+    package = copied("package")
+    script = tmp_path / "calling.py"
     script.write_text(SCRIPT)
     together = [start(script, package, tmp_path) for _ in range(3)]
     assert sorted(
@@ -148,7 +151,8 @@ def test_processes_that_start_together_compile_a_kernel_once(copied, tmp_path):
 
 
 def test_nothing_waits_for_a_process_that_failed_to_compile(copied, tmp_path):
-    package, script = copied("package"), tmp_path / "failing.py"
+    package = copied("package")
+    script = tmp_path / "failing.py"
     script.write_text(FAILING)
     first, second = (start(script, package, tmp_path) for _ in range(2))
     assert first.stdout.readline() == second.stdout.readline() == "failed\n"

@@ -26,7 +26,8 @@ def falling(kind="berries", **laws):
 
     They have two shapes, sizes and materials, and their lists have to grow.
     """
-    clumps, rising = kind == "clumps", (0.0, 0.0, 0.5)
+    clumps = kind == "clumps"
+    rising = (0.0, 0.0, 0.5)
     floor = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", motion=Motion(rising))
     walls = {
         "floor": floor,
@@ -40,8 +41,10 @@ def falling(kind="berries", **laws):
             motion=Motion(rising, (0, 0, 20)),
         )
     else:
-        shapes = {"berry": Shape.ellipsoid((0.0106, 0.0057, 0.0049), 840.0, "body")}
-        shapes |= {"ball": Shape.sphere(0.006, 1200.0, "clay")}
+        shapes = {
+            "berry": Shape.ellipsoid((0.0106, 0.0057, 0.0049), 840.0, "body"),
+            "ball": Shape.sphere(0.006, 1200.0, "clay"),
+        }
     materials = {"body": GOJI, "clay": Material(1e5, 0.3), "wall": Material(1e7, 0.3)}
     constants = {"surface_energy_j_m2": 0.05} if laws else {}
     pairs = itertools.combinations_with_replacement(materials, 2)
@@ -50,11 +53,14 @@ def falling(kind="berries", **laws):
         for pair in pairs
         if pair != ("wall", "wall")
     }
-    count, room = (
-        30 if clumps else 60,
-        {"lower": (-0.04, -0.04, 0.0), "upper": (0.04, 0.04, 0.25)},
-    )
-    room |= {"capacity": count + 1, "largest_scale": 1.2, "floor_height_m": -0.05}
+    count = 30 if clumps else 60
+    room = {
+        "lower": (-0.04, -0.04, 0.0),
+        "upper": (0.04, 0.04, 0.25),
+        "capacity": count + 1,
+        "largest_scale": 1.2,
+        "floor_height_m": -0.05,
+    }
     simulation = Simulation(
         shapes, materials, contacts, 1e-4, walls=walls, **room, **laws
     )
@@ -62,12 +68,11 @@ def falling(kind="berries", **laws):
     for k in range(count):
         layer, place = divmod(k, 4)
         x, y = 0.016 * np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)][place])
-        place, turn, velocity = (
-            (x, y, 0.024 + 0.024 * layer),
-            rng.normal(size=4),
-            rng.normal(0, 0.2, 3),
-        )
-        name, scale = [*shapes][k % 3 == 0], rng.uniform(0.9, 1.2)
+        place = (x, y, 0.024 + 0.024 * layer)
+        turn = rng.normal(size=4)
+        velocity = rng.normal(0, 0.2, 3)
+        name = [*shapes][k % 3 == 0]
+        scale = rng.uniform(0.9, 1.2)
         simulation.add(name, place, turn, velocity_m_s=velocity, scale=scale)
     return simulation
 
@@ -127,10 +132,14 @@ def test_going_on_from_a_checkpoint_gives_the_same_bits_also_in_a_fresh_process(
     assert done.stdout == expected
 
 
-@pytest.mark.parametrize(("kind", "room"), [
-    ("berries", {"CONTACTS_PER_BODY": 0, "NEAR_PER_BODY": -4}),
-    ("clumps", {"SPHERE_CONTACTS_PER_BODY": 1, "MOST_NEW": 0, "NEAR_PER_BODY": -7}),
-], ids=["berries", "clumps"])  # fmt: skip
+@pytest.mark.parametrize(
+    ("kind", "room"),
+    [
+        ("berries", {"CONTACTS_PER_BODY": 0, "NEAR_PER_BODY": -4}),
+        ("clumps", {"SPHERE_CONTACTS_PER_BODY": 1, "MOST_NEW": 0, "NEAR_PER_BODY": -7}),
+    ],
+    ids=["berries", "clumps"],
+)
 def test_lists_that_have_grown_are_saved_whole(
     saved_of, kind, room, tmp_path, monkeypatch
 ):

@@ -39,7 +39,10 @@ TUBED = Funnel(0.15, 0.032, 60.0, 0.02, 0.001, 0.1)
 def all_spheres(s):
     """Centres (N, 3) and radii (N,) of all spheres in the world, their bodies and numbers."""
     shapes = list(s.shapes.values())
-    centres, radii, bodies, numbers = [], [], [], []
+    centres = []
+    radii = []
+    bodies = []
+    numbers = []
     for i in range(s.n_bodies):
         spheres = s.scales[i] * shapes[s.shape_ids[i]].spheres_m
         centres.append(s.positions[i] + spheres[:, :3] @ rotation(s.quaternions[i]).T)
@@ -72,9 +75,21 @@ def cloud(capacity=40, seed=2, **keywords):
     outward = [side * axis for axis in np.eye(3) for side in (-1, 1)]
     walls = {str(k): Plane(0.04 * n, -n, "wall") for k, n in enumerate(outward)}
     s = scene(
-        {"bent": bent(), "pair": Clump(BENT[1:3] - BENT[1:3, :3].mean(0) @ np.eye(3, 4), MASS, BENT_INERTIA, "body")},
-        walls=walls, dt=5e-5, capacity=capacity, largest_scale=1.1, **keywords,
-    )  # fmt: skip
+        {
+            "bent": bent(),
+            "pair": Clump(
+                BENT[1:3] - BENT[1:3, :3].mean(0) @ np.eye(3, 4),
+                MASS,
+                BENT_INERTIA,
+                "body",
+            ),
+        },
+        walls=walls,
+        dt=5e-5,
+        capacity=capacity,
+        largest_scale=1.1,
+        **keywords,
+    )
     rng = np.random.default_rng(seed)
     places = itertools.product(
         (-0.03, -0.01, 0.01, 0.03), (-0.026, 0.0, 0.026), (-0.03, -0.01, 0.01, 0.03)
@@ -82,9 +97,13 @@ def cloud(capacity=40, seed=2, **keywords):
     for k, place in enumerate(itertools.islice(places, capacity)):
         place = np.array(place)
         s.add(
-            ("bent", "pair")[k % 2], place, random_quaternion(rng), -20.0 * place + 0.3 * rng.normal(size=3),
-            30.0 * rng.normal(size=3), scale=rng.uniform(0.9, 1.1),
-        )  # fmt: skip
+            ("bent", "pair")[k % 2],
+            place,
+            random_quaternion(rng),
+            -20.0 * place + 0.3 * rng.normal(size=3),
+            30.0 * rng.normal(size=3),
+            scale=rng.uniform(0.9, 1.1),
+        )
     return s
 
 
@@ -107,7 +126,8 @@ def test_touching_spheres_are_those_of_all_pairs_at_every_moment(seed):
 def test_entries_are_used_again():
     s = cloud()
     s.run_steps(1500)
-    holes, used = int(s.counts[st.N_FREE]), int(s.counts[st.N_NEAR])
+    holes = int(s.counts[st.N_FREE])
+    used = int(s.counts[st.N_NEAR])
     listed = s.pairs.near_first[:used] < s.capacity
     assert listed.sum() == used - holes
     pairs = np.column_stack([s.pairs.near_first[:used], s.pairs.near_second[:used]])[
@@ -145,8 +165,16 @@ def test_a_clump_at_rest_on_a_plate_weighs_what_it_weighs(scale):
 
 def test_clumps_pass_a_funnel():
     walls = {**FUNNEL.walls("wall"), "floor": FLOOR}
-    s = scene({"bent": bent()}, Contact(0.2, 0.6, 0.05), walls, 5e-5, gravity=(0, 0, -9.81), capacity=40,
-              upper=(0.1, 0.1, 0.4), curved_walls_above_m=FUNNEL.outlet_height_m - 0.001)  # fmt: skip
+    s = scene(
+        {"bent": bent()},
+        Contact(0.2, 0.6, 0.05),
+        walls,
+        5e-5,
+        gravity=(0, 0, -9.81),
+        capacity=40,
+        upper=(0.1, 0.1, 0.4),
+        curved_walls_above_m=FUNNEL.outlet_height_m - 0.001,
+    )
     rng = np.random.default_rng(5)
     touched = set()
     for k in range(40):
@@ -171,8 +199,14 @@ def test_clumps_pass_a_funnel():
 
 
 def test_clumps_below_the_floor_are_gone_and_wrong_ones_refused():
-    s = scene({"bent": bent()}, gravity=(0, 0, -9.81), dt=5e-5, capacity=6, floor_height_m=-0.02,
-              walls={"disc": Plane((0, 0, 0), (0, 0, 1), "wall", 0.015)})  # fmt: skip
+    s = scene(
+        {"bent": bent()},
+        gravity=(0, 0, -9.81),
+        dt=5e-5,
+        capacity=6,
+        floor_height_m=-0.02,
+        walls={"disc": Plane((0, 0, 0), (0, 0, 1), "wall", 0.015)},
+    )
     for k in range(6):
         s.add("bent", (0.004 * k, 0.0, 0.012 + 0.012 * k))
     s.run_steps(8000)

@@ -52,7 +52,9 @@ def test_jkr_pulls_as_in_lammps_and_without_energy_is_the_dry_law():
     )
     compare_with_the_dry_law("jkr", coherent(0.0, 0.4, 0.5), 3e-4, 1e-18)
     # 7.09 (w^5 R*^4 / E*^2)^(1/3): 0.663 pi w A^2 by the integral of the force from s = 1 to parting.
-    law, gamma, radius = CONTACT_LAWS["jkr"], 0.05, 3e-3
+    law = CONTACT_LAWS["jkr"]
+    gamma = 0.05
+    radius = 3e-3
     tile, kept = tile_of(law, GOJI, coherent(gamma), radius)
     young, _ = effective_moduli(GOJI, GOJI)
     path = np.concatenate(
@@ -60,10 +62,8 @@ def test_jkr_pulls_as_in_lammps_and_without_energy_is_the_dry_law():
     )
     forces = np.array([normal_force(law, tile, kept, overlap)[0] for overlap in path])
     ended = 2002 + np.flatnonzero(forces[2002:] == 0.0)[0]
-    work, known = (
-        np.trapezoid(forces[:ended], path[:ended]),
-        sticking_energy(2.0 * gamma, radius, young),
-    )
+    work = np.trapezoid(forces[:ended], path[:ended])
+    known = sticking_energy(2.0 * gamma, radius, young)
     assert work == pytest.approx(known, rel=3e-3)
     assert 7.09 * ((2.0 * gamma) ** 5 * radius**4 / young**2) ** (
         1.0 / 3.0
@@ -72,10 +72,14 @@ def test_jkr_pulls_as_in_lammps_and_without_energy_is_the_dry_law():
 
 @pytest.mark.parametrize("gamma", [1e-9, 0.05, 20.0])
 def test_jkr_on_a_path_to_and_fro_agrees_with_a_search_for_the_circle(gamma):
-    law, (young, _) = CONTACT_LAWS["jkr"], effective_moduli(GOJI, GOJI)
+    law = CONTACT_LAWS["jkr"]
+    young, _ = effective_moduli(GOJI, GOJI)
     tile, kept = tile_of(law, GOJI, coherent(gamma), 3e-3)
     unit = (4.0 * math.pi * gamma * 3e-3**2 / young) ** (2.0 / 3.0) / 3e-3
-    deepest, parting, strongest, ends = 3e-4 + 2.0 * unit, -0.4725 * unit, 0.0, 0
+    deepest = 3e-4 + 2.0 * unit
+    parting = -0.4725 * unit
+    strongest = 0.0
+    ends = 0
     path = (
         *np.linspace(1e-9, deepest, 40),
         *np.linspace(deepest, 1.1 * parting, 400),
@@ -127,7 +131,9 @@ def sticking_energy(work, radius, young):
 @pytest.mark.parametrize("radii", [(2e-3, 5e-3), (4e-3, 4e-3), (3e-3, math.inf)])
 @pytest.mark.parametrize("of_spheres", [0, 1])
 def test_area_of_sjkr_is_that_of_liggghts(radii, of_spheres):
-    law, density, (a, b) = CONTACT_LAWS["sjkr"], 2e4, radii
+    law = CONTACT_LAWS["sjkr"]
+    density = 2e4
+    a, b = radii
     contact = Contact(1.0, 0.0, 0.0, constants={COHESION_ENERGY_DENSITY.name: density})
     reduced = a if b == math.inf else a * b / (a + b)
     tile, kept = tile_of(law, GOJI, contact, reduced)
@@ -172,7 +178,8 @@ def test_area_of_sjkr_is_that_of_liggghts(radii, of_spheres):
 @pytest.mark.parametrize("law", ["constant_torque", "epsd", "epsd2"])
 def test_spin_on_a_floor_is_slowed_by_load_and_adhesion(law, contact_law):
     """By mu_t (m g + 3 pi w R) a0 over 0.4 m R^2: the limit holds twice the pull-off force, and the circle is JKR's."""
-    gamma, twisting = 0.05 if contact_law == "jkr" else 0.0, 0.5
+    gamma = 0.05 if contact_law == "jkr" else 0.0
+    twisting = 0.5
     contact = Contact(
         0.2, 0.4, 0.1, twisting, constants={SURFACE_ENERGY.name: gamma} if gamma else {}
     )
@@ -184,7 +191,8 @@ def test_spin_on_a_floor_is_slowed_by_load_and_adhesion(law, contact_law):
     }
     s = on_floor(smooth(), contact, dt=2e-5, **keywords)
     s.run_steps(4000)
-    radius, mass = s.radius, s.shapes["body"].mass_kg
+    radius = s.radius
+    mass = s.shapes["body"].mass_kg
     overlap = radius - s.positions[0, 2]
     circle = (
         jkr.circle_radius(GOJI, PVC, contact, radius, overlap)
@@ -220,7 +228,9 @@ def test_two_that_part_across_a_gap_keep_their_angular_momentum(law):
         (0.0, 0.02, 2.0),
         (-2.0, 1.0, -3.0),
     )
-    before, gaps, spins = angular_momentum(s), [], []
+    before = angular_momentum(s)
+    gaps = []
+    spins = []
     for _ in range(400):
         s.run_steps(2)
         gaps.append(np.linalg.norm(s.positions[1] - s.positions[0]) - 2.0 * s.radius)
@@ -280,10 +290,8 @@ def test_spheres_at_rest_overlap_as_in_the_test_of_lethe(kind):
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_spheres_of_sjkr_rest_where_hertz_carries_the_cohesion(kind):
-    density, (young, _) = (
-        2000.0,
-        effective_moduli(Material(1e5 / 2.6, 0.3), Material(1e5 / 2.6, 0.3)),
-    )
+    density = 2000.0
+    young, _ = effective_moduli(Material(1e5 / 2.6, 0.3), Material(1e5 / 2.6, 0.3))
 
     def rest(overlap):
         r = 0.2 - overlap
@@ -297,13 +305,16 @@ def test_spheres_of_sjkr_rest_where_hertz_carries_the_cohesion(kind):
 
 
 GAMMA = 0.05
-TUBE, CORE, EDGE = 0.05, 0.03, 0.002
+TUBE = 0.05
+CORE = 0.03
+EDGE = 0.002
 
 
 def walls():
     """Walls by name: wall, R* of a sphere on it, place where the sphere touches it, normal into the wall."""
     corners = 0.05 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
-    down, out = (0.0, 0.0, -1.0), (1.0, 0.0, 0.0)
+    down = (0.0, 0.0, -1.0)
+    out = (1.0, 0.0, 0.0)
     slant = np.array([0.09, 0.0, -0.054]) / math.hypot(0.09, 0.054)
     yield "plane", FLOOR, RADIUS, (0.0, 0.0, 0.0), down
     mesh = Mesh(corners, [[0, 1, 2], [0, 2, 3]], "wall", edge_radius_m=0.001)
@@ -330,17 +341,23 @@ WALLS = {name: rest for name, *rest in walls()}
 
 def hit(kind, wall, share):
     """Energy after a hit and before it over the work of a cycle, and how many contacts hold the body in the end."""
-    contact, shape = coherent(GAMMA), solid(kind)
+    contact = coherent(GAMMA)
+    shape = solid(kind)
     if wall is None:
-        s, radius, mass = scene(shape, contact), 0.5 * RADIUS, 0.5 * shape.mass_kg
+        s = scene(shape, contact)
+        radius = 0.5 * RADIUS
+        mass = 0.5 * shape.mass_kg
         young, _ = effective_moduli(GOJI, GOJI)
         s.add("body", (RADIUS, 0.0, 0.0))
-        place, normal = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)
+        place = (0.0, 0.0, 0.0)
+        normal = (1.0, 0.0, 0.0)
     else:
         surface, radius, place, normal = WALLS[wall]
-        s, mass = scene(shape, contact, walls={"wall": surface}), shape.mass_kg
+        s = scene(shape, contact, walls={"wall": surface})
+        mass = shape.mass_kg
         young, _ = effective_moduli(GOJI, PVC)
-    work, normal = sticking_energy(2.0 * GAMMA, radius, young), np.array(normal)
+    work = sticking_energy(2.0 * GAMMA, radius, young)
+    normal = np.array(normal)
     velocity = math.sqrt(2.0 * share * work / mass) * normal
     s.add("body", np.array(place) - (RADIUS + 1e-6) * normal, velocity_m_s=velocity)
     s.run_steps(20000)
@@ -366,7 +383,8 @@ def test_a_hit_below_the_sticking_speed_sticks_and_one_above_it_leaves_without_t
 @pytest.mark.parametrize("wall", list(WALLS))
 def test_a_wall_holds_a_body_up_to_the_pull_off_force(kind, wall):
     surface, radius, place, normal = WALLS[wall]
-    shape, contact = solid(kind), coherent(GAMMA, 0.1, 5.0, 5.0)
+    shape = solid(kind)
+    contact = coherent(GAMMA, 0.1, 5.0, 5.0)
     s = scene(shape, contact, walls={"wall": surface})
     s.add("body", np.array(place) - (RADIUS - 1e-5) * np.array(normal))
     s.run_steps(3000)
@@ -384,15 +402,21 @@ def test_a_wall_holds_a_body_up_to_the_pull_off_force(kind, wall):
 
 def lifted_pile(gamma, seed):
     """Mean height of 150 spheres over their mean distance from the axis, at rest after a cylinder was lifted."""
-    rng, wide = np.random.default_rng(seed), 0.024
+    rng = np.random.default_rng(seed)
+    wide = 0.024
     s = scene(
-        solid("sphere", 0.004), coherent(gamma, 0.3, 0.4, 0.05), dt=1e-4, on_wall=coherent(0.0, 0.3, 0.2, 0.05),
-        capacity=150, gravity=DOWN, tension="release",
+        solid("sphere", 0.004),
+        coherent(gamma, 0.3, 0.4, 0.05),
+        dt=1e-4,
+        on_wall=coherent(0.0, 0.3, 0.2, 0.05),
+        capacity=150,
+        gravity=DOWN,
+        tension="release",
         walls={
             "floor": FLOOR,
             "cylinder": Cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.4, wide, "wall"),
         },
-    )  # fmt: skip
+    )
     for number in range(150):
         angle = 0.5 * math.pi * number + rng.normal(0.0, 0.2)
         place = 0.5 * wide * math.cos(angle), 0.5 * wide * math.sin(angle)
@@ -409,7 +433,8 @@ def lifted_pile(gamma, seed):
 def test_a_place_that_no_contact_uses_keeps_nothing_of_an_earlier_one(kind):
     """Such places belong to a body of their own, which stays where it is: it is the walls' side of contacts, too."""
     shape, at = (bent(), ct) if kind == "clump" else (smooth(), st)
-    walls, contact = {"floor": FLOOR, "cone": CONE}, coherent(0.05, 0.5, 0.5, 0.05)
+    walls = {"floor": FLOOR, "cone": CONE}
+    contact = coherent(0.05, 0.5, 0.5, 0.05)
     s = scene_of(
         {"body": shape},
         contact,
@@ -432,7 +457,8 @@ def test_a_place_that_no_contact_uses_keeps_nothing_of_an_earlier_one(kind):
     for _ in range(60):
         s.run_steps(50)
         for name, begin, number in lists:
-            data, used = getattr(s, name).data, s.counts[number]
+            data = getattr(s, name).data
+            used = s.counts[number]
             kept = data.reshape(len(data), -1, LANES)[:, begin // LANES :].transpose(
                 0, 2, 1
             )

@@ -40,7 +40,8 @@ def forces_on(path, plasticity, gamma, **options):
 
 def pull(plasticity, gamma):
     """The strongest pull after pressing to DEEP, d_p^1.5, and k2."""
-    k2, plastic = K1 / (1.0 - plasticity), plasticity * DEEP**1.5
+    k2 = K1 / (1.0 - plasticity)
+    plastic = plasticity * DEEP**1.5
     circle = math.sqrt(2.0 * RADIUS * plastic ** (2.0 / 3.0))
     return min(3.0 * math.pi * gamma * circle, 0.5 * k2 * plastic), plastic, k2
 
@@ -49,7 +50,8 @@ def pull(plasticity, gamma):
 @pytest.mark.parametrize("plasticity", [0.2, 0.8])
 def test_branches_are_those_of_the_equations(plasticity, gamma):
     strongest, plastic, k2 = pull(plasticity, gamma)
-    up, down = np.linspace(0.0, DEEP, 50)[1:], np.linspace(DEEP, 0.0, 4001)[:-1]
+    up = np.linspace(0.0, DEEP, 50)[1:]
+    down = np.linspace(DEEP, 0.0, 4001)[:-1]
     meets = plastic - strongest / k2
     adhesion = -strongest / meets * down**1.5
     expected = np.where(down**1.5 > meets, k2 * (down**1.5 - plastic), adhesion)
@@ -92,7 +94,8 @@ def test_a_contact_that_is_loaded_again_goes_up_as_it_unloads_and_gives_no_energ
     plasticity = 0.5
     strongest, plastic, k2 = pull(plasticity, gamma)
     back = 0.6 * (plastic - strongest / k2) ** (2.0 / 3.0)
-    down, again = np.linspace(DEEP, back, 2000), np.linspace(back, 1.2 * back, 200)[1:]
+    down = np.linspace(DEEP, back, 2000)
+    again = np.linspace(back, 1.2 * back, 200)[1:]
     found = forces_on([*down, *again], plasticity, gamma)[1999:]
     line = found[0] + k2 * (again**1.5 - back**1.5)
     loading = line < K1 * again**1.5  # below the virgin branch
@@ -115,7 +118,8 @@ def test_a_contact_that_is_loaded_again_goes_up_as_it_unloads_and_gives_no_energ
 
 def test_without_plasticity_it_is_the_dry_law_and_its_step_that_of_unloading():
     compare_with_the_dry_law("eepa", contact(0.0, 0.5, 0.4, 0.5), DEEP, 1e-15)
-    plasticity, gamma = 0.5, 0.02
+    plasticity = 0.5
+    gamma = 0.02
     strongest, plastic, k2 = pull(plasticity, gamma)
     tile, kept = tile_of(LAW, GOJI, contact(plasticity, gamma), RADIUS)
     meets = plastic - strongest / k2

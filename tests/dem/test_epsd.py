@@ -29,8 +29,10 @@ from repose.dem.kernels import tile as tl
 from repose.dem.laws import ROLLING_LAWS
 from repose.dem.materials import effective_moduli
 
-LAW, LANES = ROLLING_LAWS["epsd"], st.LANES
-RADIUS, GRAVITY = 0.006, 9.81
+LAW = ROLLING_LAWS["epsd"]
+LANES = st.LANES
+RADIUS = 0.006
+GRAVITY = 9.81
 STIFF = Material(1e3 * GOJI.shear_modulus_pa, GOJI.poisson_ratio)
 
 
@@ -38,9 +40,12 @@ STIFF = Material(1e3 * GOJI.shear_modulus_pa, GOJI.poisson_ratio)
 def test_a_tile_of_contacts_on_random_paths_agrees_with_the_increments_of_the_torque(
     wall,
 ):
-    rng, dt, steps = np.random.default_rng(12), 1e-4, 120
+    rng = np.random.default_rng(12)
+    dt = 1e-4
+    steps = 120
     contact = Contact(0.4, 0.5, 0.1, 0.2)
-    tile, kept = np.zeros((tl.LAW_ROW, LANES)), np.zeros((3 + LAW.n_state, LANES))
+    tile = np.zeros((tl.LAW_ROW, LANES))
+    kept = np.zeros((3 + LAW.n_state, LANES))
     tile[tl.ROLLING // LANES :][: LAW.n_constants] = LAW.constants(GOJI, GOJI, contact)[
         :, None
     ]
@@ -49,17 +54,16 @@ def test_a_tile_of_contacts_on_random_paths_agrees_with_the_increments_of_the_to
         contact.twisting_friction,
         *effective_moduli(GOJI, GOJI),
     )
-    masses, options = rng.uniform(0.5e-3, 2e-3, (2, LANES)), LAW.make_options("release")
+    masses = rng.uniform(0.5e-3, 2e-3, (2, LANES))
+    options = LAW.make_options("release")
     tile[tl.A // LANES + st.INVERSE_MASS] = 1.0 / masses[0]
     if wall:
         masses[1] = np.inf
     tile[tl.B // LANES + st.INVERSE_MASS] = 1.0 / masses[1]
     normal = np.array([random_direction(rng) for _ in range(LANES)])
-    rolled, twisted, count = (
-        np.zeros((LANES, 3)),
-        np.zeros(LANES),
-        np.zeros((2, 2), int),
-    )
+    rolled = np.zeros((LANES, 3))
+    twisted = np.zeros(LANES)
+    count = np.zeros((2, 2), int)
     for step in range(steps):
         overlap = 3e-4 * (0.7 + np.sin(np.arange(LANES) + step / 9.0))
         push = np.where(
@@ -67,18 +71,21 @@ def test_a_tile_of_contacts_on_random_paths_agrees_with_the_increments_of_the_to
         )
         normal += 2e-3 * rng.normal(size=normal.shape)
         normal /= np.linalg.norm(normal, axis=1)[:, None]
-        turning, arms = (
-            40.0 * rng.normal(size=(2, LANES, 3)),
-            5e-3 * rng.normal(size=(2, LANES, 3)),
-        )
+        turning = 40.0 * rng.normal(size=(2, LANES, 3))
+        arms = 5e-3 * rng.normal(size=(2, LANES, 3))
         if wall:
             arms[1] = 0.0
         circle = np.sqrt(3e-3 * np.maximum(overlap, 0.0))
         for row, value in {
-            tl.CIRCLE: circle, tl.GAP: -overlap, tl.RADIUS: np.full(LANES, 3e-3), tl.PUSH: push,
-            tl.RA: arms[0].T, tl.RB: arms[1].T,
-            tl.A + st.ANGULAR_VELOCITY * LANES: turning[0].T, tl.B + st.ANGULAR_VELOCITY * LANES: turning[1].T,
-        }.items():  # fmt: skip
+            tl.CIRCLE: circle,
+            tl.GAP: -overlap,
+            tl.RADIUS: np.full(LANES, 3e-3),
+            tl.PUSH: push,
+            tl.RA: arms[0].T,
+            tl.RB: arms[1].T,
+            tl.A + st.ANGULAR_VELOCITY * LANES: turning[0].T,
+            tl.B + st.ANGULAR_VELOCITY * LANES: turning[1].T,
+        }.items():
             tile[row // LANES :][: 1 if value.ndim == 1 else 3] = value
         # what the forces turn the bodies by stays
         before = rng.normal(size=(2, 3, LANES))
@@ -94,16 +101,25 @@ def test_a_tile_of_contacts_on_random_paths_agrees_with_the_increments_of_the_to
         )
         for k in range(LANES):
             if overlap[k] <= 0.0:
-                rolled[k], twisted[k] = 0.0, 0.0
+                rolled[k] = 0.0
+                twisted[k] = 0.0
                 assert np.all(torque[k] == 0.0)
                 assert np.all(kept[3:, k] == 0.0)
                 continue
             lengths = np.linalg.norm(arms[:, k], axis=1)
             lengths[lengths == 0.0] = np.inf
             expected, rolled[k], twisted[k] = slow_law(
-                law, math.sqrt(3e-3 * overlap[k]), normal[k], lengths, masses[:, k],
-                turning[0, k] - turning[1, k], push[k], rolled[k], twisted[k], dt,
-            )  # fmt: skip
+                law,
+                math.sqrt(3e-3 * overlap[k]),
+                normal[k],
+                lengths,
+                masses[:, k],
+                turning[0, k] - turning[1, k],
+                push[k],
+                rolled[k],
+                twisted[k],
+                dt,
+            )
             assert np.allclose(torque[k], expected, rtol=1e-9, atol=1e-15)
             lever = 1.0 / np.sum(1.0 / lengths)
             count[
@@ -215,7 +231,8 @@ def lost_in_a_meeting(shape, law, rng):
         -direction,
         40.0 * rng.normal(size=3),
     )
-    before, energy = angular_momentum(s), s.kinetic_energies().sum()
+    before = angular_momentum(s)
+    energy = s.kinetic_energies().sum()
     s.run_steps(1500)
     assert s.kinetic_energies().sum() < 0.95 * energy
     return np.abs(angular_momentum(s) - before).max() / np.abs(before).max()
@@ -260,7 +277,8 @@ def test_a_sphere_is_held_on_a_slope_below_the_rolling_friction_and_rolls_above_
     slope = 0.15
     s = on_floor(shape(), Contact(0.2, 2.0, rolling), slope, rolling_law=law)
     s.run_steps(4000)
-    before, angle = s.velocities[0, 0], math.atan(slope)
+    before = s.velocities[0, 0]
+    angle = math.atan(slope)
     s.run_steps(10000)
     expected = 5.0 / 7.0 * GRAVITY * (math.sin(angle) - rolling * math.cos(angle))
     rel = 5e-3 if law == "epsd" else 1e-2
@@ -292,7 +310,8 @@ def test_a_rolling_sphere_is_slowed_by_the_rolling_friction_and_stops(shape):
 @pytest.mark.parametrize("law", OTHERS)
 def test_a_spin_on_a_smooth_floor_is_slowed_by_the_rolling_friction(law):
     """omega_0 - 5 mu_r g t / (2 R): the torque mu_r m g R over the moment 0.4 m R^2."""
-    rolling, began = 0.1, 200.0
+    rolling = 0.1
+    began = 200.0
     s = on_floor(
         smooth(), Contact(0.2, 0.0, rolling), spin=(began, 0.0, 0.0), rolling_law=law
     )
@@ -304,8 +323,10 @@ def test_a_spin_on_a_smooth_floor_is_slowed_by_the_rolling_friction(law):
 @pytest.mark.slow
 @pytest.mark.parametrize("shape", BODIES)
 def test_a_sphere_that_spins_on_a_floor_is_stopped_by_the_friction_of_its_circle(shape):
-    friction, spin = 0.5, 20.0
-    mass, circle = shape().mass_kg, math.sqrt(RADIUS * sunk(shape().mass_kg))
+    friction = 0.5
+    spin = 20.0
+    mass = shape().mass_kg
+    circle = math.sqrt(RADIUS * sunk(shape().mass_kg))
     by_default = 3.0 * math.pi / 16.0 * friction
     for own, coefficient, law in (
         (None, by_default, "epsd"),
@@ -313,10 +334,8 @@ def test_a_sphere_that_spins_on_a_floor_is_stopped_by_the_friction_of_its_circle
         (0.1, 0.1, "epsd"),
         (0, 0, "epsd"),
     ):
-        contact, options = (
-            Contact(0.3, friction, 0.1, own),
-            {"material": GOJI, "dt": 5e-5, "rolling_law": law},
-        )
+        contact = Contact(0.3, friction, 0.1, own)
+        options = {"material": GOJI, "dt": 5e-5, "rolling_law": law}
         s = on_floor(shape(), contact, spin=(0.0, 0.0, spin), **options)
         moment = 0.4 * mass * RADIUS**2
         slowed = coefficient * mass * GRAVITY * circle / moment

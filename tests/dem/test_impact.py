@@ -54,7 +54,8 @@ def test_damping_of_a_released_contact_against_its_differential_equation():
         def vanishes(t, state, b=b):
             return max(state[0], 0.0) ** 1.25 + math.sqrt(5.0) * b * state[1]
 
-        vanishes.terminal, vanishes.direction = True, -1
+        vanishes.terminal = True
+        vanishes.direction = -1
         options = {"events": vanishes, "rtol": 1e-10, "atol": 1e-12}
         found = solve_ivp(
             lambda t, state: (state[1], -force(t, state)),
@@ -113,12 +114,14 @@ def test_a_sphere_rests_at_the_overlap_of_its_weight_and_a_rolling_one_stops():
 )
 def test_impacts_keep_momentum_and_create_no_energy(kind, spin_error, gain):
     """The two forces of a contact act in one place, so they turn the whole by nothing."""
-    rng, hits = np.random.default_rng(3), 0
+    rng = np.random.default_rng(3)
+    hits = 0
     for _ in range(250):
         s = BODIES[kind](
             contact=Contact(rng.uniform(0.1, 0.6), rng.uniform(0.0, 0.8), 0.0), dt=2e-5
         )
-        direction, spin = random_direction(rng), 40.0 * rng.normal(size=3)
+        direction = random_direction(rng)
+        spin = 40.0 * rng.normal(size=3)
         velocity = -direction + 0.3 * rng.normal(size=3)
         Simulation.add(
             s,
@@ -130,7 +133,8 @@ def test_impacts_keep_momentum_and_create_no_energy(kind, spin_error, gain):
         Simulation.add(
             s, *s.shapes, 0.024 * direction, random_quaternion(rng), velocity
         )
-        momentum, angular = s.velocities.sum(axis=0), angular_momentum(s)
+        momentum = s.velocities.sum(axis=0)
+        angular = angular_momentum(s)
         most, last = energy_shares(s, 25, 80)
         assert most <= 1.0 + gain
         hits += last < 0.98
@@ -145,7 +149,8 @@ def test_impacts_keep_momentum_and_create_no_energy(kind, spin_error, gain):
 def test_a_free_rotation_keeps_its_momentum_and_energy():
     s = simulation(BERRY, dt=2e-4)
     s.add((0, 0, 0), (0.3, 0.5, -0.2, 0.8), angular_velocity_rad_s=(12.0, -25.0, 8.0))
-    momentum, energy = s.angular_momenta[0], s.kinetic_energies()[0]
+    momentum = s.angular_momenta[0]
+    energy = s.kinetic_energies()[0]
     s.run_steps(20000)
     assert np.array_equal(s.angular_momenta[0], momentum)
     assert s.kinetic_energies()[0] == pytest.approx(energy, rel=2e-4)
@@ -185,9 +190,14 @@ def test_an_oblique_hit_leaves_as_in_the_unit_test_of_lammps():
     """
     alloy = material(7e10, 0.33)
     s = on_floor(
-        0.0025, 2700.0, {"body": alloy, "wall": alloy}, Contact(0.98, 0.092, 0.0), 2e-8, 0.0025 + 1e-7,
+        0.0025,
+        2700.0,
+        {"body": alloy, "wall": alloy},
+        Contact(0.98, 0.092, 0.0),
+        2e-8,
+        0.0025 + 1e-7,
         (2.5069, 0.0, -2.9876),
-    )  # fmt: skip
+    )
     s.run_steps(1500)
     assert s.velocities[0, 2] == pytest.approx(2.927848, rel=1e-4)
     assert s.velocities[0, 0] == pytest.approx(1.962679, rel=1e-4)
@@ -201,18 +211,29 @@ STEEL = material(
 
 def test_two_benchmarks_of_dosta_and_others_on_a_steel_plate():
     s = on_floor(
-        1e-3, 2500.0, {"body": material(1e9, 0.2), "wall": STEEL}, Contact(0.4, 0.0, 0.0), 5e-7, 1.01e-3,
+        1e-3,
+        2500.0,
+        {"body": material(1e9, 0.2), "wall": STEEL},
+        Contact(0.4, 0.0, 0.0),
+        5e-7,
+        1.01e-3,
         (0.0, 0.0, -1.0),
-    )  # fmt: skip
+    )
     s.run_steps(121)
     assert s.velocities[0, 2] == pytest.approx(0.40107538, rel=3e-5)
     assert 1e3 * s.positions[0, 2] == pytest.approx(1.00724022, rel=1e-6)
-    mass, (young, _) = 7200.0 * 4.0 / 3.0 * np.pi * 1e-9, effective_moduli(STEEL, STEEL)
+    mass = 7200.0 * 4.0 / 3.0 * np.pi * 1e-9
+    young, _ = effective_moduli(STEEL, STEEL)
     sunk = (5.0 * mass / (4.0 / 3.0 * young * np.sqrt(1e-3))) ** (2.0 / 3.0)
     s = on_floor(
-        1e-3, 7200.0, {"body": STEEL, "wall": STEEL}, Contact(0.4, 0.2, 0.0), 2.5e-7, 1e-3 - sunk,
+        1e-3,
+        7200.0,
+        {"body": STEEL, "wall": STEEL},
+        Contact(0.4, 0.2, 0.0),
+        2.5e-7,
+        1e-3 - sunk,
         gravity=(5.0, 0.0, -5.0),
-    )  # fmt: skip
+    )
     s.run_steps(20002)
     assert s.velocities[0, 0] == pytest.approx(0.02000311, rel=1e-4)
     assert s.angular_velocities[0, 1] == pytest.approx(12.498321, rel=3e-4)

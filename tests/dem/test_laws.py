@@ -21,19 +21,25 @@ LINEAR = {"contact_law": "linear_spring"}
 
 @pytest.mark.slow
 def test_a_linear_spring_touches_for_half_a_period_and_overlaps_by_its_amplitude():
-    e, speed, dt = 0.6, 0.3, 2e-6
+    e = 0.6
+    speed = 0.3
+    dt = 2e-6
     s = head_on(e, speed, dt, **LINEAR)
     young, _ = effective_moduli(GOJI, GOJI)
-    mass, radius, b = 0.5 * s.mass_kg, 0.003, damping_ratio(e)
+    mass = 0.5 * s.mass_kg
+    radius = 0.003
+    b = damping_ratio(e)
     natural = math.sqrt(
         4.0 / 3.0 * young * math.sqrt(linear_spring.SECANT) * radius / mass
     )
     damped = natural * math.sqrt(1.0 - b * b)
-    deepest, steps = 0.0, 0
+    deepest = 0.0
+    steps = 0
     for _ in range(20000):
         s.run_steps(1)
         overlap = 0.012 - (s.positions[1, 0] - s.positions[0, 0])
-        deepest, steps = max(deepest, overlap), steps + (overlap > 0.0)
+        deepest = max(deepest, overlap)
+        steps = steps + (overlap > 0.0)
         if steps and overlap <= 0.0:
             break
     assert steps * dt == pytest.approx(math.pi / damped, rel=2e-3)
@@ -69,7 +75,9 @@ def test_laws_are_chosen_by_name():
 
 
 def test_a_linear_spring_is_as_stiff_as_hertz_at_its_secant_and_swings_half_a_period():
-    radius, mass, law = 3e-3, 1e-3, linear_spring.LAW
+    radius = 3e-3
+    mass = 1e-3
+    law = linear_spring.LAW
     overlap = linear_spring.SECANT * radius
     hertz = (
         4.0 / 3.0 * effective_moduli(GOJI, GOJI)[0] * math.sqrt(radius) * overlap**1.5
@@ -92,7 +100,9 @@ def test_a_contact_beyond_the_edge_of_a_disc_has_no_force(law, tension):
         0.5, 0.3, 0.0, constants={constant.name: 0.1 for constant in law.asks}
     )
     tile, kept = tile_of(law, GOJI, contact, 3e-3, tension=tension)
-    tile[tl.GAP // LANES], tile[tl.A // LANES + 5], kept[2] = tl.BEYOND, -0.1, -1.0
+    tile[tl.GAP // LANES] = tl.BEYOND
+    tile[tl.A // LANES + 5] = -0.1
+    kept[2] = -1.0
     law.kernel(
         law.make_options(tension=tension),
         tile.ravel(),
@@ -110,7 +120,9 @@ def test_effective_moduli_and_the_duration_of_an_impact_by_hand():
     assert young == pytest.approx(1e6 / 0.55)
     assert shear == pytest.approx(1e6 / 2.6)
     # t = 2/v times the integral of 1 / sqrt(1 - (x/D)^(5/2)) up to the deepest overlap D; x = D sin(a)^(4/5)
-    mass, radius, speed = 1e-3, 3e-3, 0.5
+    mass = 1e-3
+    radius = 3e-3
+    speed = 0.5
     stiffness = 4.0 / 3.0 * effective_moduli(GOJI, GOJI)[0] * math.sqrt(radius)
     deepest = (1.25 * mass * speed**2 / stiffness) ** 0.4
     angle = (np.arange(200000) + 0.5) * (0.5 * math.pi / 200000)
@@ -150,7 +162,8 @@ print(before, folder())
 
 @pytest.mark.skipif(JIT_OFF, reason="there is no compiled code")
 def test_a_law_from_outside_has_compiled_code_of_its_own(tmp_path):
-    script, helper = tmp_path / "own_law.py", tmp_path / "own_helper.py"
+    script = tmp_path / "own_law.py"
+    helper = tmp_path / "own_helper.py"
     folders = []
     for edit, factor in (("", 2), ("\n# another kernel\n", 2), ("", 3)):
         script.write_text(OUTSIDE + edit)

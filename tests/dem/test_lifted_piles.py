@@ -38,7 +38,8 @@ def grains(centres_m, radii_m=RADIUS_M):
 
 def cone(degrees, count=6000, height_m=0.04):
     """Grains anywhere in a cone of an angle, none of them above its surface; its axis is not the origin."""
-    rng, slope = np.random.default_rng(3), np.tan(np.radians(degrees))
+    rng = np.random.default_rng(3)
+    slope = np.tan(np.radians(degrees))
     x, y = rng.uniform(-height_m / slope, height_m / slope, (2, 40 * count))
     tops = rng.uniform(0.0, height_m, x.size)
     inside = tops < height_m - slope * np.hypot(x, y)
@@ -67,11 +68,9 @@ def test_a_pile_that_is_low_is_measured_and_its_rings_are_those_of_a_slow_twin()
         Grains(*map(np.concatenate, zip(low, flying, strict=True)))
     ) == {**found, "moving": 50}
     rng = np.random.default_rng(1)
-    out, tops, width = (
-        0.05 * np.sqrt(rng.random(900)),
-        0.03 * rng.random(900),
-        2.0 * RADIUS_M,
-    )
+    out = 0.05 * np.sqrt(rng.random(900))
+    tops = 0.03 * rng.random(900)
+    width = 2.0 * RADIUS_M
     expected = []
     for number in range(int(np.ceil(out.max() / width))):
         here = [
@@ -91,13 +90,12 @@ def test_a_pile_that_is_low_is_measured_and_its_rings_are_those_of_a_slow_twin()
     np.testing.assert_allclose(
         np.transpose(lifted_piles.rings(out, tops, width)), expected
     )
-    rng, share = np.random.default_rng(2), 0.6
+    rng = np.random.default_rng(2)
+    share = 0.6
     volume = np.pi * lifted_piles.TUBE_RADIUS_M**2 * 0.06
     count = round(share * volume / (4.0 / 3.0 * np.pi * RADIUS_M**3))
-    out, turn = (
-        lifted_piles.TUBE_RADIUS_M * np.sqrt(rng.random(count)),
-        2.0 * np.pi * rng.random(count),
-    )
+    out = lifted_piles.TUBE_RADIUS_M * np.sqrt(rng.random(count))
+    turn = 2.0 * np.pi * rng.random(count)
     bed = grains(
         np.column_stack(
             [out * np.cos(turn), out * np.sin(turn), rng.uniform(0.0, 0.06, count)]
@@ -180,7 +178,8 @@ def test_the_campaign_takes_the_softest_modulus_that_changes_little(monkeypatch)
 
 @pytest.mark.parametrize("tilted", [False, True])
 def test_the_angle_of_a_bed_in_the_drum_is_found(tilted):
-    rng, slope = np.random.default_rng(4), -np.tan(np.radians(35.0))
+    rng = np.random.default_rng(4)
+    slope = -np.tan(np.radians(35.0))
     x, z = rng.uniform(-0.07, 0.07, (2, 60_000))
     y = rng.uniform(-0.012, 0.012, x.size)
     rises = (
@@ -223,7 +222,8 @@ def test_a_small_drum_is_filled_among_the_grains_that_lie_there_and_turns(
 
 
 def test_a_grain_is_thrown_where_it_overlaps_no_other():
-    there, radii = np.zeros((1, 3)), np.array([0.03])
+    there = np.zeros((1, 3))
+    radii = np.array([0.03])
     found = drums.thrown(there, radii, np.full(300, 4.0), np.random.default_rng(1))
     assert len(found) > 200
     centres = np.vstack([there, [centre for _size, centre in found]])

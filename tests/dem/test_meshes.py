@@ -24,13 +24,20 @@ def sheet(cells, size, slope=0.0, seed=None):
     x, y = (v.ravel() for v in np.meshgrid(places, places, indexing="ij"))
     if seed is not None:
         inner = (np.abs(x) < 0.49 * size) & (np.abs(y) < 0.49 * size)
-        x, y = (v + inner * np.random.default_rng(seed + k).uniform(-0.3, 0.3, len(v)) * size / cells
-                for k, v in enumerate((x, y)))  # fmt: skip
+        x, y = (
+            v
+            + inner
+            * np.random.default_rng(seed + k).uniform(-0.3, 0.3, len(v))
+            * size
+            / cells
+            for k, v in enumerate((x, y))
+        )
     i, j = (
         v.ravel()
         for v in np.meshgrid(np.arange(cells), np.arange(cells), indexing="ij")
     )
-    a, b = i * (cells + 1) + j, (i + 1) * (cells + 1) + j
+    a = i * (cells + 1) + j
+    b = (i + 1) * (cells + 1) + j
     faces = np.vstack(
         [np.column_stack([a, b, b + 1]), np.column_stack([a, b + 1, a + 1])]
     )
@@ -43,7 +50,9 @@ def counts(mesh):
 
 def l_shape(inset=0.0):
     """An L of 40 mm and 30 mm height; inset: how deep its faces lie below those of the whole [m]."""
-    x0, x1, x2 = inset, 0.02 - inset, 0.04 - inset
+    x0 = inset
+    x1 = 0.02 - inset
+    x2 = 0.04 - inset
     outline = np.array(
         [[x0, x0], [x2, x0], [x2, x1], [x1, x1], [x1, x2], [x0, x2], [x0, x1]]
     )
@@ -79,7 +88,8 @@ def test_features_are_faces_convex_edges_and_corners_tangent_to_the_faces():
     normals = mesh.part.data[mesh.part.kind == FACE, :4]
     assert np.all(normals == normals[0])
     part = box(0.02, 0.02, 0.02).part
-    edges, corners = part.data[part.kind == EDGE], part.data[part.kind == VERTEX]
+    edges = part.data[part.kind == EDGE]
+    corners = part.data[part.kind == VERTEX]
     assert np.allclose(np.abs(corners[:, :3]), 0.01 - RADIUS, atol=1e-12)
     assert np.allclose(edges[:, 6], 0.02 - 2.0 * RADIUS, atol=1e-12)
     assert np.allclose(edges[:, 13], 0.5 * math.pi)
@@ -90,11 +100,10 @@ def test_features_are_faces_convex_edges_and_corners_tangent_to_the_faces():
 def place_near(rng, solid, q):
     """A random place about a solid where a body of this orientation nearly touches it."""
     samples = trimesh.sample.sample_surface(solid, 1500, seed=rng.integers(1 << 31))[0]
-    middle, half = solid.bounds.mean(axis=0), 0.5 * np.ptp(solid.bounds, axis=0)
-    target, direction = (
-        middle + half * rng.choice([-1.0, -1.0, -1.0, 0.3, 1.0, 1.0, 1.0], 3),
-        random_direction(rng),
-    )
+    middle = solid.bounds.mean(axis=0)
+    half = 0.5 * np.ptp(solid.bounds, axis=0)
+    target = middle + half * rng.choice([-1.0, -1.0, -1.0, 0.3, 1.0, 1.0, 1.0], 3)
+    direction = random_direction(rng)
     for out in np.linspace(0.06, 0.0, 150):
         place = target + out * direction
         if np.any(
@@ -109,8 +118,10 @@ def place_near(rng, solid, q):
 def test_gaps_and_normals_are_those_of_a_dense_search(solid):
     """The wall is what lies within the edge radius of the solid with its faces that much deeper."""
     rng = np.random.default_rng(21)
-    mesh, inner = mesh_of(solid(), RADIUS), solid(RADIUS)
-    met, missed = np.zeros(3, int), 0
+    mesh = mesh_of(solid(), RADIUS)
+    inner = solid(RADIUS)
+    met = np.zeros(3, int)
+    missed = 0
     for _ in range(150):
         q = random_quaternion(rng)
         place = place_near(rng, solid(), q)
@@ -164,7 +175,8 @@ def test_a_bowl_and_a_plane_of_faces_move_a_berry_as_smooth_ones():
     assert np.abs(tracks[1] - tracks[0]).max() < 1e-9
     solid = trimesh.creation.icosphere(subdivisions=3, radius=0.06)
     solid.invert()
-    bowl, rng = mesh_of(solid, RADIUS), np.random.default_rng(51)
+    bowl = mesh_of(solid, RADIUS)
+    rng = np.random.default_rng(51)
     for _ in range(10):
         s = simulation(
             LONG,
@@ -188,7 +200,8 @@ def test_a_bowl_and_a_plane_of_faces_move_a_berry_as_smooth_ones():
 def test_random_hits_of_a_cube_create_no_energy():
     rng = np.random.default_rng(31)
     mesh = box(0.03, 0.03, 0.03)
-    hits, worst = 0, 0.0
+    hits = 0
+    worst = 0.0
     met = np.zeros(3, int)
     for n in range(1500):
         contact = Contact(rng.uniform(0.2, 0.5), rng.uniform(0.1, 0.8), 0.0)
@@ -221,7 +234,8 @@ def test_overlap_and_force_pass_continuously_from_face_to_edge_and_corner(end):
         LONG, Contact(1.0, 0.0, 0.0), walls={"cube": box(0.06, 0.06, 0.06)}, dt=1e-6
     )
     s.add((0.0, 0.0, 0.0), (0.9, 0.3, 0.2, 0.1))
-    forces, overlaps = [], []
+    forces = []
+    overlaps = []
     for share in np.linspace(0.0, 1.0, 8001):
         s.positions[0] = (share * end[0], share * end[1], 0.0360)
         s.velocities[:] = 0.0
@@ -231,7 +245,8 @@ def test_overlap_and_force_pass_continuously_from_face_to_edge_and_corner(end):
         assert len(overlap) <= 1
         overlaps.append(overlap.sum())
         forces.append(np.linalg.norm(s.velocities[0]))
-    forces, overlaps = np.array(forces), np.array(overlaps)
+    forces = np.array(forces)
+    overlaps = np.array(overlaps)
     assert forces[0] > 0.0
     assert forces[-1] == 0.0
     assert np.abs(np.diff(overlaps)).max() < 1e-5
@@ -243,9 +258,14 @@ def test_a_box_of_inward_faces_holds_its_berries():
     solid.invert()
     rng = np.random.default_rng(41)
     s = simulation(
-        LONG, Contact(0.3, 0.5, 0.1), walls={"box": mesh_of(solid, RADIUS)}, gravity_m_s2=DOWN, dt=2e-4,
-        capacity=50, floor_height_m=-0.12,
-    )  # fmt: skip
+        LONG,
+        Contact(0.3, 0.5, 0.1),
+        walls={"box": mesh_of(solid, RADIUS)},
+        gravity_m_s2=DOWN,
+        dt=2e-4,
+        capacity=50,
+        floor_height_m=-0.12,
+    )
     places = np.array([-0.026, 0.0, 0.026])
     for k in range(50):
         s.add(
@@ -308,7 +328,8 @@ def test_a_mesh_from_a_file_is_the_mesh_and_what_makes_no_sense_is_refused(tmp_p
     mesh = Mesh.from_stl(path, "wall", scale=1e-3, edge_radius_m=RADIUS)
     assert counts(mesh) == [12, 12, 8]
     assert np.ptp(mesh.vertices_m, axis=0) == pytest.approx([0.02, 0.02, 0.02])
-    (vertices, faces), no = sheet(2, 0.1), tmp_path / "no.stl"
+    vertices, faces = sheet(2, 0.1)
+    no = tmp_path / "no.stl"
     trimesh.creation.box((1.0, 1.0, 1.0)).export(tmp_path / "cube.stl")
     cases = [
         (

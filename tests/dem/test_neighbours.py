@@ -62,14 +62,17 @@ def test_the_contact_list_is_that_of_all_pairs_at_every_moment(seed):
 
 
 def test_memory_goes_with_the_grains_alone():
-    n, radius = (
-        40,
-        1e-5,
-    )  # 10 um grains in a box of 2 m: cells all over the box would take 3 PiB
+    # 10 um grains in a box of 2 m: cells all over the box would take 3 PiB
+    n = 40
+    radius = 1e-5
     s = simulation(
-        np.full((1, 3), radius), Contact(0.3, 0.5, 0.0), dt=1e-9, capacity=n,
-        lower=(-1.0, -1.0, -1.0), upper=(1.0, 1.0, 1.0),
-    )  # fmt: skip
+        np.full((1, 3), radius),
+        Contact(0.3, 0.5, 0.0),
+        dt=1e-9,
+        capacity=n,
+        lower=(-1.0, -1.0, -1.0),
+        upper=(1.0, 1.0, 1.0),
+    )
     assert s.grid.head.nbytes < 1e5
     rng = np.random.default_rng(3)
     for k in range(n):
@@ -112,10 +115,12 @@ def entries(s):
     """Number of each entry, its bodies' displacements, gaps of all pairs of spheres, pairs touching and watched."""
     centres, radii, bodies, _ = all_spheres(s)
     for k in range(s.counts[st.N_NEAR]):
-        i, j = int(s.pairs.near_first[k]), int(s.pairs.near_second[k])
+        i = int(s.pairs.near_first[k])
+        j = int(s.pairs.near_second[k])
         if i == s.capacity:
             continue
-        a, b = np.flatnonzero(bodies == i), np.flatnonzero(bodies == j)
+        a = np.flatnonzero(bodies == i)
+        b = np.flatnonzero(bodies == j)
         gaps = (
             np.linalg.norm(centres[a][:, None] - centres[b], axis=2)
             - radii[a][:, None]
@@ -163,7 +168,8 @@ def test_no_pair_of_spheres_comes_nearer_than_its_limit_says_and_one_that_ends_i
             seen += check_limits(s)
         assert seen[0] > 1000
         assert seen[1] > 100
-    s, ended = rubbing(), 0
+    s = rubbing()
+    ended = 0
     s.run_steps(500)
     for _ in range(40):
         before = {}
@@ -180,10 +186,8 @@ def test_no_pair_of_spheres_comes_nearer_than_its_limit_says_and_one_that_ends_i
                     and pair not in watched
                     and pair not in touching
                 ):
-                    s.pairs.watched[k, n], s.pairs.watched_limit[k, n] = (
-                        pair,
-                        total + gaps[pair],
-                    )
+                    s.pairs.watched[k, n] = pair
+                    s.pairs.watched_limit[k, n] = total + gaps[pair]
                     s.pairs.near_limit[k] = min(
                         s.pairs.near_limit[k], total + gaps[pair]
                     )

@@ -19,9 +19,16 @@ def falling(threads, count=120, seed=4, speed_m_s=0.1):
         walls[name] = Plane((place, 0, 0), (normal, 0, 0), "wall")
         walls[name + " too"] = Plane((0, place, 0), (0, normal, 0), "wall")
     s = simulation(
-        BERRY, Contact(0.3, 0.5, 0.05), walls=walls, gravity_m_s2=DOWN, dt=2e-4, capacity=count, threads=threads,
-        lower=(-0.05, -0.05, 0.0), upper=(0.05, 0.05, 0.3),
-    )  # fmt: skip
+        BERRY,
+        Contact(0.3, 0.5, 0.05),
+        walls=walls,
+        gravity_m_s2=DOWN,
+        dt=2e-4,
+        capacity=count,
+        threads=threads,
+        lower=(-0.05, -0.05, 0.0),
+        upper=(0.05, 0.05, 0.3),
+    )
     rng = np.random.default_rng(seed)
     lattice = (-0.025, 0.0, 0.025)
     for place in itertools.islice(
@@ -90,7 +97,8 @@ def test_pairs_that_are_left_alone_still_meet_in_time(small_is_shared, monkeypat
     for fewest in (1, 1000):
         monkeypatch.setattr(parallel, "FEWEST_BODIES", fewest)
         s = creeping()
-        found, left_alone = [], 0
+        found = []
+        left_alone = 0
         for _ in range(100):
             s.run_steps(50)
             found.append(s.contacts())
@@ -128,7 +136,8 @@ def test_new_numbers_change_nothing_that_users_see(small_is_shared):
             np.array(springs),
         )
 
-    before, numbers = seen(), s._engine_numbers.copy()
+    before = seen()
+    numbers = s._engine_numbers.copy()
     s._renumber()
     assert not np.array_equal(numbers, s._engine_numbers)
     for one, two in zip(before, seen(), strict=True):
@@ -138,7 +147,9 @@ def test_new_numbers_change_nothing_that_users_see(small_is_shared):
 def test_morton_numbers_of_a_small_grid_and_wrong_numbers_of_threads():
     shape = np.array([2, 2, 4])
     cells = np.arange(16)
-    x, y, z = cells // 8, cells // 4 % 2, cells % 4
+    x = cells // 8
+    y = cells // 4 % 2
+    z = cells % 4
     assert np.array_equal(morton(cells, shape), x + 2 * y + 4 * (z % 2) + 32 * (z // 2))
     wrong = [
         (threads, f"threads is {threads}; expected 1 to 8") for threads in (0, 9, 1.5)

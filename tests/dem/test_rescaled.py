@@ -18,8 +18,10 @@ from repose.dem.laws.hertz_mindlin import damping_ratio
 from repose.dem.materials import effective_moduli
 
 LAW = CONTACT_LAWS["hertz_mindlin_rescaled"]
-RADIUS, HEAVY = 0.006, 1e9
-STEP, SPEED = 5e-5, 0.01
+RADIUS = 0.006
+HEAVY = 1e9
+STEP = 5e-5
+SPEED = 0.01
 NO_SLIP = Contact(1.0, 100.0, 0.0)
 
 
@@ -29,7 +31,10 @@ NO_SLIP = Contact(1.0, 100.0, 0.0)
 def test_a_tile_of_contacts_on_random_paths_agrees_with_the_increments_of_the_force(
     tension, limit
 ):
-    rng, dt, steps, mass = np.random.default_rng(11), 1e-4, 120, 1.1e-3
+    rng = np.random.default_rng(11)
+    dt = 1e-4
+    steps = 120
+    mass = 1.1e-3
     contact = Contact(0.4, 0.5, 0.0)
     tile, kept = tile_of(LAW, GOJI, contact, 3e-3, mass, tension)
     shares = tile[tl.SHARE // LANES] = rng.uniform(0.2, 1.0, LANES)
@@ -41,8 +46,10 @@ def test_a_tile_of_contacts_on_random_paths_agrees_with_the_increments_of_the_fo
     )
     options = LAW.make_options(tension)
     normal = np.array([random_direction(rng) for _ in range(LANES)])
-    phase, period = rng.uniform(0.0, 6.0, LANES), rng.uniform(20.0, 90.0, LANES)
-    pull, before = np.zeros((LANES, 3)), np.zeros(LANES)
+    phase = rng.uniform(0.0, 6.0, LANES)
+    period = rng.uniform(20.0, 90.0, LANES)
+    pull = np.zeros((LANES, 3))
+    before = np.zeros(LANES)
     slid = stuck = parted = 0
     for step in range(steps):
         # the overlap swings and is none now and then; body A slides to and fro on B at rest, and the plane tilts
@@ -51,25 +58,39 @@ def test_a_tile_of_contacts_on_random_paths_agrees_with_the_increments_of_the_fo
         normal += 2e-3 * rng.normal(size=normal.shape)
         normal /= np.linalg.norm(normal, axis=1)[:, None]
         velocity = 0.06 * rng.normal(size=(LANES, 3)) * (1.0 + 9.0 * (step % 5 == 0))
-        tile[tl.GAP // LANES], tile[tl.RADIUS // LANES] = -overlap, radius
+        tile[tl.GAP // LANES] = -overlap
+        tile[tl.RADIUS // LANES] = radius
         tile[tl.A // LANES + st.VELOCITY :][:3] = velocity.T
         kept[:3] = normal.T
         LAW.kernel(options, tile.ravel(), kept.ravel(), st.NORMAL + 3 * LANES, dt)
-        force, push = tile[tl.TO_A // LANES :][:3].T, tile[tl.PUSH // LANES]
+        force = tile[tl.TO_A // LANES :][:3].T
+        push = tile[tl.PUSH // LANES]
         for k in range(LANES):
             if overlap[k] <= 0.0:
-                pull[k], before[k], parted = 0.0, 0.0, parted + 1
+                pull[k] = 0.0
+                before[k] = 0.0
+                parted = parted + 1
                 assert np.all(force[k] == 0.0)
                 assert np.all(kept[3:, k] == 0.0)
                 continue
             expected, pull[k], limiting, before[k] = slow_law(
-                law, overlap[k], radius[k], normal[k], velocity[k], pull[k], before[k], dt, tension == "keep", limit,
+                law,
+                overlap[k],
+                radius[k],
+                normal[k],
+                velocity[k],
+                pull[k],
+                before[k],
+                dt,
+                tension == "keep",
+                limit,
                 shares[k],
-            )  # fmt: skip
+            )
             assert np.allclose(force[k], expected, rtol=1e-9, atol=1e-13)
             assert push[k] == pytest.approx(limiting, rel=1e-9)
             full = np.linalg.norm(pull[k]) > 0.999 * contact.static_friction * limiting
-            slid, stuck = slid + full, stuck + (not full)
+            slid = slid + full
+            stuck = stuck + (not full)
     assert min(slid, stuck, parted) > 200
 
 
@@ -103,7 +124,8 @@ class Led:
             {"body": heavy(shape)}, contact, {"floor": floor}, STEP, **laws
         )
         self.simulation.add("body", (0.0, 0.0, 0.0))
-        self.work, self.force = 0.0, np.zeros(3)
+        self.work = 0.0
+        self.force = np.zeros(3)
 
     def leg(self, x, z):
         way = np.array([x, 0.0, z])
@@ -121,7 +143,8 @@ class Led:
 def test_an_unloading_lowers_the_force_with_the_circle_and_an_end_takes_it_all(
     shape, radius, depth
 ):
-    led, (_, shear) = Led(shape(), depth), effective_moduli(GOJI, PVC)
+    led = Led(shape(), depth)
+    _, shear = effective_moduli(GOJI, PVC)
     circle = np.sqrt(radius * np.array([2e-4, 8e-4, 5e-4]))
     assert led.leg(0.0, 2e-4 + 1e-6)[0] == 0.0
     slid = led.leg(1e-4, 0.0)[0]
@@ -155,11 +178,15 @@ def loop(led, forward):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("shape", "depth"), [
-    pytest.param(smooth, RADIUS, id="sphere"), pytest.param(berry, BERRY[0, 2], id="berry"),
-    pytest.param(ball_of_one, RADIUS, id="clump of one", marks=pytest.mark.slow),
-    pytest.param(bent, 4.5e-3, id="bent clump", marks=pytest.mark.slow),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("shape", "depth"),
+    [
+        pytest.param(smooth, RADIUS, id="sphere"),
+        pytest.param(berry, BERRY[0, 2], id="berry"),
+        pytest.param(ball_of_one, RADIUS, id="clump of one", marks=pytest.mark.slow),
+        pytest.param(bent, 4.5e-3, id="bent clump", marks=pytest.mark.slow),
+    ],
+)
 def test_a_closed_path_without_slip_gives_no_energy(shape, depth):
     for forward in (True, False):
         assert loop(Led(shape(), depth), forward) < 2e-8

@@ -20,9 +20,12 @@ def slow_step(s, i, others, contact):
 
     others: numbers of bodies, or normals out of planes through the origin. Returns the number of contacts, too.
     """
-    dt, beta = s.physics.dt, damping_ratio(contact.restitution)
+    dt = s.physics.dt
+    beta = damping_ratio(contact.restitution)
     spheres, mass, inertia, place, velocity, spin = body_of(s, i)
-    force, torque, count = np.zeros(3), np.zeros(3), 0
+    force = np.zeros(3)
+    torque = np.zeros(3)
+    count = 0
     for other in others:
         found = []
         for x, y, z, r in spheres:
@@ -62,24 +65,31 @@ def slow_step(s, i, others, contact):
             push, *_rest = slow_hertz_mindlin(
                 law, -gap, radius, n, v, np.zeros(3), dt, True, "elastic"
             )
-            force, torque = force + push, torque + np.cross(point - place, push)
+            force = force + push
+            torque = torque + np.cross(point - place, push)
     return count, dt * force, dt * torque
 
 
 def body_of(s, i):
     """Spheres in the world (M, 4), mass, inertia in the world, place, velocity and angular velocity of body i."""
-    turn, shape = rotation(s.quaternions[i]), s.shapes["bent"]
+    turn = rotation(s.quaternions[i])
+    shape = s.shapes["bent"]
     centres = shape.spheres_m[:, :3] @ turn.T + s.positions[i]
     return (
-        np.column_stack([centres, shape.spheres_m[:, 3]]), shape.mass_kg, turn @ np.diag(shape.inertia_kg_m2) @ turn.T,
-        s.positions[i].copy(), s.velocities[i].copy(), s.angular_velocities[i].copy(),
-    )  # fmt: skip
+        np.column_stack([centres, shape.spheres_m[:, 3]]),
+        shape.mass_kg,
+        turn @ np.diag(shape.inertia_kg_m2) @ turn.T,
+        s.positions[i].copy(),
+        s.velocities[i].copy(),
+        s.angular_velocities[i].copy(),
+    )
 
 
 @pytest.mark.parametrize("on", ["clump", "plane", "mesh"])
 def test_contacts_of_one_pair_share_the_damping(on):
     """The first step of two clumps, or a clump and a wall, that overlap in several places, beside the law in words."""
-    rng, contact = np.random.default_rng(12), Contact(0.2, 0.5, 0.0)
+    rng = np.random.default_rng(12)
+    contact = Contact(0.2, 0.5, 0.0)
     block = trimesh.creation.box((0.2, 0.2, 0.02)).apply_translation((0.0, 0.0, -0.01))
     walls = {
         "clump": None,
@@ -102,7 +112,8 @@ def test_contacts_of_one_pair_share_the_damping(on):
                 rng.normal(size=3),
                 30.0 * rng.normal(size=3),
             )
-        momentum, spin = MASS * s.velocities[0], s.angular_momenta[0]
+        momentum = MASS * s.velocities[0]
+        spin = s.angular_momenta[0]
         count, push, twist = slow_step(
             s, 0, [1 if on == "clump" else np.array([0.0, 0.0, 1.0])], contact
         )
@@ -123,10 +134,14 @@ def test_contacts_of_one_pair_share_the_damping(on):
 
 
 @pytest.mark.parametrize("tension", ["keep", "release"])
-@pytest.mark.parametrize(("name", "contact_law"), [
-    ("ellipsoid", "hertz_mindlin"), ("rough clump", "hertz_mindlin"),
-    pytest.param("ellipsoid", "linear_spring", marks=pytest.mark.slow),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "contact_law"),
+    [
+        ("ellipsoid", "hertz_mindlin"),
+        ("rough clump", "hertz_mindlin"),
+        pytest.param("ellipsoid", "linear_spring", marks=pytest.mark.slow),
+    ],
+)
 def test_a_stiff_hit_returns_its_restitution_wherever_it_is_hit(
     name, tension, contact_law
 ):

@@ -48,8 +48,11 @@ def left_by_resistance(momentum, inertia, budget, frame):
 def test_rolling_resistance_of_a_tile_agrees_with_the_slow_law(framed):
     rng = np.random.default_rng(4)
     frame = np.array([0.0, 3.0, 1.0]) if framed else np.zeros(3)
-    m, c = st.zeros(body_tile.TILE_ROWS * LANES), st.zeros(st.MOTION_ROWS * LANES)
-    dt, expected, stuck = 1e-4, [], 0
+    m = st.zeros(body_tile.TILE_ROWS * LANES)
+    c = st.zeros(st.MOTION_ROWS * LANES)
+    dt = 1e-4
+    expected = []
+    stuck = 0
     for lane in range(LANES):
         q = random_quaternion(rng)
         inertia = rotation_matrix(q) @ np.diag(MOMENTS) @ rotation_matrix(q).T
@@ -127,7 +130,8 @@ def on_a_slope(mur, orientation, downhill):
 
 
 def test_a_body_with_a_berrys_moments_lets_go_at_the_rolling_friction_in_any_orientation():
-    rng, mur = np.random.default_rng(6), 0.1
+    rng = np.random.default_rng(6)
+    mur = 0.1
     for _ in range(8):
         azimuth = rng.uniform(0.0, 2.0 * math.pi)
         tilt = on_a_slope(

@@ -80,24 +80,40 @@ def test_they_pile_up_among_walls(kind):
     walls = {
         "disc": {"floor": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", 0.03)},
         "cone": {"cone": CONE, "floor": FLOOR},
-        "tilted tube": {"tube": Cylinder((0.0, 0.0, 0.02), (0.1, 0.05, 1.0), 0.1, 0.03, "wall"), "floor": FLOOR},
-        "edge": {"edge": RingEdge(0.014, 0.002, "wall", ((0.0, -1.0), (0.0, -1.0)), 0.02), "floor": FLOOR},
+        "tilted tube": {
+            "tube": Cylinder((0.0, 0.0, 0.02), (0.1, 0.05, 1.0), 0.1, 0.03, "wall"),
+            "floor": FLOOR,
+        },
+        "edge": {
+            "edge": RingEdge(0.014, 0.002, "wall", ((0.0, -1.0), (0.0, -1.0)), 0.02),
+            "floor": FLOOR,
+        },
         "mesh": {"block": mesh_of(trimesh.creation.box((0.08, 0.08, 0.02)), 1e-3)},
         "moving": {
-            "floor": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", motion=Motion((0.05, 0.0, 0.1))),
-            "drum": Cylinder((0, 0, -0.1), (0, 0, 1), 0.4, 0.04, "wall", motion=Motion((0, 0, 0), (0, 0, 5))),
+            "floor": Plane(
+                (0.0, 0.0, 0.0),
+                (0.0, 0.0, 1.0),
+                "wall",
+                motion=Motion((0.05, 0.0, 0.1)),
+            ),
+            "drum": Cylinder(
+                (0, 0, -0.1),
+                (0, 0, 1),
+                0.4,
+                0.04,
+                "wall",
+                motion=Motion((0, 0, 0), (0, 0, 5)),
+            ),
         },
-    }[kind]  # fmt: skip
+    }[kind]
     scenes = three(
         walls=walls, gravity=DOWN, dt=5e-6, capacity=12, floor_height_m=-0.05
     )
     rng = np.random.default_rng(4)
     for k in range(12):
         x, y = 0.0135 * (np.array(divmod(k % 4, 2)) - 0.5) + 1e-3 * rng.random(2)
-        place, velocity = (
-            (x, y, 0.04 + 0.0135 * (k // 4)),
-            0.1 * rng.normal(size=3) - (0.0, 0.0, 0.5),
-        )
+        place = (x, y, 0.04 + 0.0135 * (k // 4))
+        velocity = 0.1 * rng.normal(size=3) - (0.0, 0.0, 0.5)
         for s in scenes:
             s.add("body", place, velocity_m_s=velocity)
     # the smooth body's contact is an expansion, whose error falls with the square of the step; hits amplify it
@@ -128,10 +144,8 @@ def test_spheres_turn_with_a_frame_and_others_take_the_way_of_smooth_bodies():
         s.add("body", (0.004, 0.013, -0.0225))
     compare(scenes, 500, 20, 1e-5)
     assert scenes[0].angular_velocities[:, 1].max() > 7.0
-    sphere, berry = (
-        Shape.sphere(RADIUS, DENSITY, "body"),
-        Shape.ellipsoid((0.006, 0.006, 0.007), DENSITY, "body"),
-    )
+    sphere = Shape.sphere(RADIUS, DENSITY, "body")
+    berry = Shape.ellipsoid((0.006, 0.006, 0.007), DENSITY, "body")
     uneven = Shape(
         [[RADIUS] * 3], sphere.mass_kg, sphere.inertia_kg_m2 * [1.0, 1.0, 0.9], "body"
     )
@@ -148,8 +162,11 @@ def test_they_obey_each_law(contact, rolling):
         "sjkr": {"cohesion_energy_density_j_m3": 5e3},
     }
     further["eepa"] = {"plasticity_ratio": 0.5, "surface_energy_j_m2": 0.5}
-    laws = {"contact_law": contact, "rolling_law": rolling}
-    laws |= {"contact": Contact(0.3, 0.5, 0.05, constants=further.get(contact, {}))}
+    laws = {
+        "contact_law": contact,
+        "rolling_law": rolling,
+        "contact": Contact(0.3, 0.5, 0.05, constants=further.get(contact, {})),
+    }
     scenes = three(walls={"floor": FLOOR}, gravity=DOWN, dt=2e-6, **laws)
     for s in scenes:
         s.add(

@@ -24,8 +24,10 @@ from repose.dem.laws import CONTACT_LAWS, hertz_mindlin, linear_spring
 from repose.dem.laws.hertz_mindlin import damping_ratio
 from repose.dem.materials import effective_moduli
 
-SOFT, HARD = Material(4.3e4, 0.32), Material(1.12e9, 0.4)
-RADIUS_M, MASS_KG = 5e-3, 5e-4
+SOFT = Material(4.3e4, 0.32)
+HARD = Material(1.12e9, 0.4)
+RADIUS_M = 5e-3
+MASS_KG = 5e-4
 BALL = Clump(
     [[0.0, 0.0, 0.0, RADIUS_M]], MASS_KG, [0.4 * MASS_KG * RADIUS_M**2] * 3, "body"
 )
@@ -57,7 +59,8 @@ def study(restitution=0.3, tension="keep", law="hertz_mindlin", shape=BALL):
 def swing(shape, overlap_m, step_s, restitution, tension, monkeypatch):
     """Largest distance from the middle, in the last of many steps, of a body that began 1 um off it, over 1 um."""
     monkeypatch.setattr(time_steps, "longest", lambda *_: time_steps.Limit(1.0, ""))
-    reach, contact = RADIUS_M - overlap_m, Contact(restitution, 0.0, 0.0)
+    reach = RADIUS_M - overlap_m
+    contact = Contact(restitution, 0.0, 0.0)
     walls = {
         str(side): Plane((0.0, 0.0, side * reach), (0.0, 0.0, -side), "wall")
         for side in (-1.0, 1.0)
@@ -107,7 +110,10 @@ def test_a_pressed_body_is_stable_up_to_the_limit_and_not_beyond(
     [("hertz_mindlin", hertz_mindlin), ("linear_spring", linear_spring)],
 )
 def test_the_stiffness_is_the_slope_of_the_force(law, module):
-    contact, radius, overlap, h = Contact(0.4, 0.0, 0.0), 3e-3, 2e-4, 1e-9
+    contact = Contact(0.4, 0.0, 0.0)
+    radius = 3e-3
+    overlap = 2e-4
+    h = 1e-9
     stiffness, _ = module.oscillator(SOFT, HARD, contact, "keep", radius, overlap)
     first = module.constants(SOFT, HARD, contact)[0]
 
@@ -173,7 +179,9 @@ def test_low_restitution_hard_walls_scale_and_flat_places_shorten_the_step():
         )
         assert scaled.time_step_s == pytest.approx(small.time_step_s, rel=1e-9)
         assert "smallest scale, 0.333" in scaled.reason
-    a, b, c = 10e-3, 6e-3, 4e-3
+    a = 10e-3
+    b = 6e-3
+    c = 4e-3
     assert Shape.ellipsoid((a, b, c), 800.0, "body").flattest_radius_m == pytest.approx(
         a * b / c
     )
@@ -244,7 +252,8 @@ def denormal(array):
 def test_a_pile_left_alone_has_no_denormal_number(shape, laws):
     """After ten seconds; with `epsd` after a minute more, in which it stays where it is."""
     s = left_alone(shape(), 10.0, **laws)
-    place, turn = s.positions.copy(), s.quaternions.copy()
+    place = s.positions.copy()
+    turn = s.quaternions.copy()
     s.run_steps(round(60.0 / 2e-4) if laws else 0)
     assert np.abs(s.positions - place).max() < 1e-9
     assert np.abs(s.quaternions - turn).max() < 1e-7
@@ -257,7 +266,8 @@ def test_a_pile_left_alone_has_no_denormal_number(shape, laws):
     assert s.counts[st.N_PAIRS] + s.counts[st.N_PLANE] > 24
 
 
-RADIUS, OVERLAP = 6e-3, 1e-4
+RADIUS = 6e-3
+OVERLAP = 1e-4
 CONTACT = Contact(0.1, 5.0, 0.0)
 LAWS = {
     "tension": "release",

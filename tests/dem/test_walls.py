@@ -93,23 +93,20 @@ def test_a_funnel_has_its_dimensions_and_holds_nothing_outside():
     s.add((0.0, 0.0, 0.02), (1, 0, 0, 0))
     s.add((0.08, 0.0, 0.02), (1, 0, 0, 0))
     s.run_steps(5000)
-    assert (list(s.present), s.positions[0, 2]) == (
-        [True, False],
-        pytest.approx(0.0049, abs=2e-4),
-    )
+    assert list(s.present) == [True, False]
+    assert s.positions[0, 2] == pytest.approx(0.0049, abs=2e-4)
 
 
 @pytest.mark.parametrize("wall", ["cone", "ring"])
 def test_contacts_of_a_funnel_are_found_where_a_dense_search_finds_them(wall):
-    rng, row = (
-        np.random.default_rng(11),
-        FUNNEL.walls("wall")["cone" if wall == "cone" else "outlet"].row(),
-    )
+    rng = np.random.default_rng(11)
+    row = FUNNEL.walls("wall")["cone" if wall == "cone" else "outlet"].row()
     checked = touched = 0
     for _ in range(400 if wall == "cone" else 150):
         q = random_quaternion(rng)
         if wall == "cone":
-            z, angle = rng.uniform(0.13, 0.18), rng.uniform(0.0, 2.0 * math.pi)
+            z = rng.uniform(0.13, 0.18)
+            angle = rng.uniform(0.0, 2.0 * math.pi)
             r = (row[2] - row[1] * z) / row[0] - rng.uniform(0.003, 0.012)
             place = np.array([r * math.cos(angle), r * math.sin(angle), z])
             slow = cone_gap(BERRY, place, q, *row[:3])
@@ -168,7 +165,8 @@ SLOW = [
 @pytest.mark.parametrize("name", SLOW)
 def test_hits_on_walls_from_above_create_no_energy(name):
     """Bodies thrown down, spinning; rim hits are where a geometric test sees nothing."""
-    rng, kind = np.random.default_rng(13), name.split(",")[0]
+    rng = np.random.default_rng(13)
+    kind = name.split(",")[0]
     walls, height, count, least = THROWN[name]
     hits = 0
     for _ in range(count):
@@ -199,7 +197,8 @@ def test_no_berry_passes_through_the_cone():
         s = funnel_simulation(
             Contact(0.3, 0.5, 0.05), gravity=(0.0, 0.0, -9.81), dt=2e-4
         )
-        r, angle = 0.06 * math.sqrt(rng.random()), rng.uniform(0, 2 * math.pi)
+        r = 0.06 * math.sqrt(rng.random())
+        angle = rng.uniform(0, 2 * math.pi)
         s.add((r * math.cos(angle), r * math.sin(angle), 0.215), random_quaternion(rng))
         deepest = 0.0
         for _ in range(300):
@@ -241,10 +240,17 @@ def test_hits_about_the_edge_of_a_disc_create_no_energy(kind, from_side):
 
 
 @pytest.mark.parametrize("funnel", [FUNNEL, TUBED], ids=["no tube", "tube"])
-@pytest.mark.parametrize(("kind", "edges", "end"), [
-    ("berry", "edges", "outlet"), ("berry", "edges", "inlet"), ("berry", "bare", "outlet"), ("berry", "bare", "inlet"),
-    ("clump", "edges", "outlet"), ("clump", "bare", "inlet"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("kind", "edges", "end"),
+    [
+        ("berry", "edges", "outlet"),
+        ("berry", "edges", "inlet"),
+        ("berry", "bare", "outlet"),
+        ("berry", "bare", "inlet"),
+        ("clump", "edges", "outlet"),
+        ("clump", "bare", "inlet"),
+    ],
+)
 def test_hits_on_a_funnels_ends_from_outside_create_no_energy(funnel, kind, edges, end):
     def aim(_rng, out, direction):
         if end == "inlet":
@@ -278,12 +284,11 @@ def test_contacts_with_a_disc_are_those_of_a_slow_rule(kind):
         place = np.array(
             [DISC_M + rng.uniform(-0.025, 0.025), 0.0, rng.uniform(-0.004, 0.014)]
         )
-        turn, velocity = (
-            random_quaternion(rng),
-            [rng.uniform(-0.5, 0.5), 0.0, rng.uniform(-0.2, 0.4)],
-        )
+        turn = random_quaternion(rng)
+        velocity = [rng.uniform(-0.5, 0.5), 0.0, rng.uniform(-0.2, 0.4)]
         Simulation.add(s, *s.shapes, place, turn, velocity, 30.0 * rng.normal(size=3))
-        past, touching = np.zeros(1, bool), np.zeros(1, bool)
+        past = np.zeros(1, bool)
+        touching = np.zeros(1, bool)
         for _ in range(400):
             if kind == "clump":  # each sphere by itself
                 centres = s.positions[0] + BENT[:, :3] @ rotation(s.quaternions[0]).T
@@ -350,7 +355,8 @@ def test_a_berry_past_a_disc_stays_past_it_also_from_a_file_and_in_a_new_order(
 @pytest.mark.parametrize("scene", ["drum", "hopper"])
 def test_nothing_leaks_where_walls_meet_exactly(scene):
     rng = np.random.default_rng(37)
-    radius, height = 0.03, 0.05
+    radius = 0.03
+    height = 0.05
     walls = {"shell": Cylinder((0.0, 0.0, 0.0), UP, height, radius, "wall")}
     if scene == "drum":
         walls["floor"] = Plane((0.0, 0.0, 0.0), UP, "wall", radius)
@@ -377,8 +383,11 @@ def test_nothing_leaks_where_walls_meet_exactly(scene):
 
 def test_a_sphere_pressed_to_and_fro_over_a_rounded_edge_keeps_its_contact():
     """Where cone and edge meet, each must be found in the step after the other is lost; some of these fell through."""
-    rng, radius, slope = np.random.default_rng(3), 0.006, math.radians(20.0)
-    funnel, core = Funnel(0.13, 0.07, 20.0, 0.0, 0.001, 0.05), np.array([0.036, 0.05])
+    rng = np.random.default_rng(3)
+    radius = 0.006
+    slope = math.radians(20.0)
+    funnel = Funnel(0.13, 0.07, 20.0, 0.0, 0.001, 0.05)
+    core = np.array([0.036, 0.05])
     along, inwards = np.array(
         [[math.cos(slope), math.sin(slope)], [-math.sin(slope), math.cos(slope)]]
     )
@@ -388,7 +397,8 @@ def test_a_sphere_pressed_to_and_fro_over_a_rounded_edge_keeps_its_contact():
             + inwards * (0.001 + radius - rng.uniform(0.0, 3e-4))
             + along * rng.uniform(-2e-5, 5e-5)
         )
-        load, speed = rng.uniform(20.0, 150.0), rng.uniform(-0.05, 0.05)
+        load = rng.uniform(20.0, 150.0)
+        speed = rng.uniform(-0.05, 0.05)
         walls = funnel.walls("wall")
         s = simulation(
             np.full((1, 3), radius),
@@ -412,16 +422,26 @@ def test_a_sphere_pressed_to_and_fro_over_a_rounded_edge_keeps_its_contact():
 
 
 GRAVITY = 9.81
-STEEP = {"floor": Plane((0, 0, 0), (0, 0, 1), "wall"), "right": Plane((0.03, 0, 0), (-1, 0, 0.2), "wall"),
-         "left": Plane((-0.03, 0, 0), (1, 0, 0.2), "wall"), "front": Plane((0, 0.03, 0), (0, -1, 0), "wall"),
-         "back": Plane((0, -0.03, 0), (0, 1, 0), "wall")}  # fmt: skip
+STEEP = {
+    "floor": Plane((0, 0, 0), (0, 0, 1), "wall"),
+    "right": Plane((0.03, 0, 0), (-1, 0, 0.2), "wall"),
+    "left": Plane((-0.03, 0, 0), (1, 0, 0.2), "wall"),
+    "front": Plane((0, 0.03, 0), (0, -1, 0), "wall"),
+    "back": Plane((0, -0.03, 0), (0, 1, 0), "wall"),
+}
 
 
 def poured(walls, contact, count, lattice, **keywords):
     s = simulation(
-        BERRY, contact, walls=walls, gravity_m_s2=(0, 0, -GRAVITY), dt=2e-4, capacity=count,
-        contact_law="hertz_mindlin_rescaled", **keywords,
-    )  # fmt: skip
+        BERRY,
+        contact,
+        walls=walls,
+        gravity_m_s2=(0, 0, -GRAVITY),
+        dt=2e-4,
+        capacity=count,
+        contact_law="hertz_mindlin_rescaled",
+        **keywords,
+    )
     rng = np.random.default_rng(2)
     for place in itertools.islice(lattice, count):
         s.add(np.array(place) + 5e-4 * rng.random(3), random_quaternion(rng))
@@ -463,7 +483,8 @@ def test_a_resting_pile_weighs_on_its_walls_what_it_weighs():
 
 
 def test_the_torque_on_a_turning_drum_balances_the_moment_of_the_bed_that_it_lifts():
-    radius, width = 0.05, 0.04
+    radius = 0.05
+    width = 0.04
     turning = Motion(angular_velocity_rad_s=(0.5, 0.0, 0.0))
     drum = {
         "shell": Cylinder(
@@ -480,7 +501,10 @@ def test_the_torque_on_a_turning_drum_balances_the_moment_of_the_bed_that_it_lif
     s = poured(drum, Contact(0.2, 0.7, 0.0), 18, places)
     s.run_steps(8000)
     weight = s.mass_kg * GRAVITY
-    before, steps, torque, moment = angular_momentum(s)[0], 200, 0.0, 0.0
+    before = angular_momentum(s)[0]
+    steps = 200
+    torque = 0.0
+    moment = 0.0
     for _ in range(steps):
         torque += sum(load.torque_n_m[0] for load in s.wall_loads().values()) / steps
         moment += np.cross(s.positions, (0.0, 0.0, -weight)).sum(axis=0)[0] / steps
@@ -541,13 +565,16 @@ WALLS = {
     ),
     "edge": (EDGE, within_edge, np.array([0.0, 0.0, 0.02]) + 0.03 * SIDE, SIDE),
 }
-DEEP_M, SCALE, BALL_M = 5e-4, 1.2, 6e-3
+DEEP_M = 5e-4
+SCALE = 1.2
+BALL_M = 6e-3
 
 
 def farthest(kind, turn, beyond, place):
     """How far the farthest point of a body's surface is beyond a wall: ever closer about the best direction."""
     rng = np.random.default_rng(0)
-    best, width = np.zeros(3), 1.0
+    best = np.zeros(3)
+    width = 1.0
     while width > 1e-5:
         normals = best + width * rng.normal(size=(300, 3))
         normals /= np.linalg.norm(normals, axis=1)[:, None]
@@ -561,7 +588,8 @@ def farthest(kind, turn, beyond, place):
                 for axes in BARREL
             )
         depths = beyond(place + SCALE * points @ turn.T)
-        best, width = normals[depths.argmax() % len(normals)], 0.5 * width
+        best = normals[depths.argmax() % len(normals)]
+        width = 0.5 * width
     return depths.max()
 
 
@@ -579,7 +607,8 @@ def test_the_deepest_overlap_is_that_of_the_farthest_point(name, kind):
     rng = np.random.default_rng(1)
     for _ in range(4):
         turned = random_quaternion(rng)
-        turn, here = rotation_matrices(turned[None])[0], place - 0.008 * into
+        turn = rotation_matrices(turned[None])[0]
+        here = place - 0.008 * into
         while (
             abs((depth := farthest(kind, turn, beyond, here)) - DEEP_M) > 0.2 * DEEP_M
         ):
@@ -610,10 +639,8 @@ def test_overlaps_with_a_mesh_and_with_a_moving_plane():
             (0.0, 0.0, 1.0),
             "wall",
             motion=Motion((0.0, 0.0, 100.0)),
-        )
-    }
-    walls |= {
-        "solid": Mesh(corners, [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]], "wall")
+        ),
+        "solid": Mesh(corners, [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]], "wall"),
     }
     s = simulation([[radius] * 3], walls=walls, dt=1e-6)
     s.add((0.0, 0.0, radius - 1e-3))

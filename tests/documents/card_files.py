@@ -41,8 +41,12 @@ def type_of(schema):
 def bounds_of(schema):
     """The bounds of a number or of the length of a list."""
     words = {
-        "minimum": "from", "exclusiveMinimum": "above", "maximum": "to", "minItems": "of at least", "maxItems": "of at most",
-    }  # fmt: skip
+        "minimum": "from",
+        "exclusiveMinimum": "above",
+        "maximum": "to",
+        "minItems": "of at least",
+        "maxItems": "of at most",
+    }
     if "minItems" in schema and schema["minItems"] == schema.get("maxItems"):
         return f" of {schema['minItems']}"
     return "".join(
@@ -52,8 +56,14 @@ def bounds_of(schema):
 
 def section(name, schema):
     """The keys of a model as a table."""
-    lines = [f"## {name}", "", schema.get("description", ""), ""]
-    lines += ["| key | type | meaning |", "|---|---|---|"]
+    lines = [
+        f"## {name}",
+        "",
+        schema.get("description", ""),
+        "",
+        "| key | type | meaning |",
+        "|---|---|---|",
+    ]
     for key, one in schema["properties"].items():
         shown = f"`{key}`" if key in schema["required"] else f"*`{key}`*"
         lines.append(f"| {shown} | {type_of(one)} | {one.get('description', '')} |")

@@ -27,20 +27,23 @@ from repose.config.pipeline import PipelineConfig
 ROOT = Path(__file__).parents[2]
 TABLE = Path(__file__).with_name("commands.yaml")
 PROGRAMS = (
-    *(
-        "repose",
-        "python",
-        "python3",
-        "snakemake",
-        "snakedeploy",
-        "pytest",
-        "pip",
-        "cp",
-        "cd",
-        "mkdir",
-        "export",
-    ),
-    *("docker", "apptainer", "apt-get", "tests/cluster/run.sh", "npm", "npx"),
+    "repose",
+    "python",
+    "python3",
+    "snakemake",
+    "snakedeploy",
+    "pytest",
+    "pip",
+    "cp",
+    "cd",
+    "mkdir",
+    "export",
+    "docker",
+    "apptainer",
+    "apt-get",
+    "tests/cluster/run.sh",
+    "npm",
+    "npx",
 )
 FOLDERS = (
     "benchmarks",
@@ -76,17 +79,22 @@ def pages() -> list[str]:
 
 def steps(text: str) -> Iterator[tuple[str, str]]:
     """The steps of a page, in its order: ("heading", line), ("command", line), or (name of a file, its content)."""
-    name, fence, prose, blank = "", None, "", False
+    name = ""
+    fence = None
+    prose = ""
+    blank = False
     lines = iter(text.splitlines())
     for line in lines:
         if line.startswith("```"):
             if fence is None:
                 saved = SAVED.findall(prose)
-                name, fence = (saved[-1] if saved else ""), []
+                name = saved[-1] if saved else ""
+                fence = []
             else:
                 if name:
                     yield name, "".join(f"{text_line}\n" for text_line in fence)
-                fence, prose = None, ""
+                fence = None
+                prose = ""
         elif fence is not None:
             fence.append(line)
         elif found := INDENTED.match(line):
@@ -112,7 +120,8 @@ def kind(entry: dict, command: str) -> str:
 def script(page: str, entry: dict, everything: bool) -> str:
     """The shell script of a page: files and commands in their order; empty where there is nothing to run."""
     chosen = ("quick", "full") if everything else ("quick",)
-    lines, commands = [], 0
+    lines = []
+    commands = 0
     for what, text in steps((ROOT / page).read_text()):
         if what == "heading":
             lines += ['cd "$page"'] if entry.get("sections") == "apart" else []

@@ -25,7 +25,8 @@ PAGES = (
     "research/docs/drum_slip.md",
 )
 PARAMETERS = ("e_gg", "mus_gg", "mur_gg", "e_gp", "mus_gp", "mur_gp")
-ANGLE, HEIGHT = "aor_deg", "height_mm"
+ANGLE = "aor_deg"
+HEIGHT = "height_mm"
 # The article gives the error of its representative set's simulation, and not its angle and Height.
 ARTICLE_CHECK = ("predicted 32.5", "predicted 67.0")
 AT_BOUND = 0.01  # of the range, as in the column `warning` of feasible.csv
@@ -155,10 +156,8 @@ def pooled_published_sets():
         row = {"solution": solution, "pours": of_set["n_seeds"].sum()}
         for name, column in ((ANGLE, "aor_flank"), (HEIGHT, "height")):
             unit = name.rpartition("_")[2]
-            means, errors = (
-                of_set[f"{column}_{unit}"],
-                of_set[f"{column}_se_{unit}"],
-            )
+            means = of_set[f"{column}_{unit}"]
+            errors = of_set[f"{column}_se_{unit}"]
             counts = of_set["n_seeds"]
             mean = np.average(means, weights=counts)
             within = ((counts - 1) * counts * errors**2).sum()
@@ -238,7 +237,8 @@ def design():
     """What the design of the default run already meets, and what the pile determines."""
     samples, meeting = meeting_samples(DEFAULT)
     shares = {name: covered_share(DEFAULT, meeting, name) for name in PARAMETERS}
-    least, most = min(shares, key=shares.get), max(shares, key=shares.get)
+    least = min(shares, key=shares.get)
+    most = max(shares, key=shares.get)
     narrowest, widest = share_left_open()
     return (
         "Many different parameter sets give the measured pile, so the pile alone cannot tell them apart.\n"

@@ -80,8 +80,17 @@ class Checkout:
     def check(self, only, *tests, marks="", **environment):
         """Run those tests, in the files `tests`, whose names have a word of `only`."""
         self.python(
-            *("-m", "pytest", "-n", "0", "-q", "-m", marks),
-            *("-k", f"{only} or {ALWAYS_ONLY}", *tests, *ALWAYS),
+            "-m",
+            "pytest",
+            "-n",
+            "0",
+            "-q",
+            "-m",
+            marks,
+            "-k",
+            f"{only} or {ALWAYS_ONLY}",
+            *tests,
+            *ALWAYS,
             **environment,
         )
 
@@ -267,8 +276,17 @@ def test_a_figure_of_two_files(checkout):
     use = "from pathlib import Path\n" + blocks("figure")[1]
     checkout.python("-c", use)
     planned = checkout.python(
-        *("-m", "snakemake", "-n", "--quiet", "rules", "--cores", "1"),
-        *("--configfile", "config/quick.yaml", "--", "draw_response_histograms"),
+        "-m",
+        "snakemake",
+        "-n",
+        "--quiet",
+        "rules",
+        "--cores",
+        "1",
+        "--configfile",
+        "config/quick.yaml",
+        "--",
+        "draw_response_histograms",
     )
     assert "draw_response_histograms" in planned
     checkout.check("response_histograms or titles", "tests/report/test_figures.py")

@@ -17,9 +17,11 @@ from repose.dem.laws import CONTACT_LAWS
 from repose.grain import build
 
 pytestmark = pytest.mark.slow
-RUNS = {"liggghts": (["liggghts", "-in", "in.pour"], "pile.dump")}
-RUNS |= {"lammps": (["lmp", "-in", "in.pour"], "pile.dump")}
-RUNS |= {"yade": (["yade", "-n", "-x", "-j1", "pour.py"], "pile.csv")}
+RUNS = {
+    "liggghts": (["liggghts", "-in", "in.pour"], "pile.dump"),
+    "lammps": (["lmp", "-in", "in.pour"], "pile.dump"),
+    "yade": (["yade", "-n", "-x", "-j1", "pour.py"], "pile.csv"),
+}
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +37,8 @@ def installed(program):
 
 
 def ran(program, job, folder):
-    command, result = installed(program), RUNS[program][1]
+    command = installed(program)
+    result = RUNS[program][1]
     export.write(job, program, folder)
     done = subprocess.run(
         command,
@@ -102,7 +105,8 @@ def test_a_sphere_rebounds_with_the_calibrated_restitution(
 ):
     stiff = BERRY | {"shear_modulus_pa": 4e6}  # an impact is short and shallow
     job = job_of(config, BALL, law, berry=stiff, e_gp=0.5, k_gg=2e5, k_gp=2e5)
-    fall, gravity = job.factory_height_m - 0.005, job.simulation.gravity_m_s2
+    fall = job.factory_height_m - 0.005
+    gravity = job.simulation.gravity_m_s2
     seconds = 1.25 * math.sqrt(2.0 * fall / gravity)  # on its way up again
     end = ran(
         program, few(job, 1, factory_diameter_mm=12.0, duration_s=seconds), tmp_path

@@ -75,14 +75,13 @@ def test_each_program_gets_the_numbers(job):
     )
     frictions = [job.grains.static_friction, job.on_wall.static_friction]
     assert [float(word) for word in friction[:2]] == pytest.approx(frictions)
-    steps, step = (
-        int(re.search(r"\nrun +(\d+)", deck).group(1)),
-        float(re.search(r"timestep +(\S+)", deck).group(1)),
-    )
+    steps = int(re.search(r"\nrun +(\d+)", deck).group(1))
+    step = float(re.search(r"timestep +(\S+)", deck).group(1))
     assert steps * step == pytest.approx(job.funnel.duration_s, rel=1e-3)
     # two surfaces of this E and nu have the pair's E*; the tangential stiffness is 8 G*
     words = contact_keywords(job, job.on_wall).split()
-    young, poisson = float(words[1]), float(words[3])
+    young = float(words[1])
+    poisson = float(words[3])
     assert young / (2 * (1 - poisson**2)) == pytest.approx(
         job.on_wall.effective_young_pa
     )
@@ -169,11 +168,9 @@ def test_the_deck_of_a_sphere_has_spheres_of_its_volume_and_step(config):
     )
     step = config["simulation"]["time_step_s"]
     half = float(f"{0.5 * step:.2g}")
-    assert (of_clump.time_step_s, of_sphere.time_step_s, of_ellipsoid.time_step_s) == (
-        half,
-        half,
-        half,
-    )
+    assert of_clump.time_step_s == half
+    assert of_sphere.time_step_s == half
+    assert of_ellipsoid.time_step_s == half
     assert of_sphere.particle.spheres_m == pytest.approx(
         np.array([[0.0, 0.0, 0.0, 5 * MM]])
     )
@@ -221,7 +218,8 @@ def test_the_deck_of_a_sphere_has_spheres_of_its_volume_and_step(config):
     )
     volume = SMOOTH.mass_kg / SMOOTH.density_kg_m3
     assert 4 / 3 * math.pi * job.particle.spheres_m[0, 3] ** 3 == pytest.approx(volume)
-    assert (job.is_sphere, job.particle.mass_kg) == (True, SMOOTH.mass_kg)
+    assert job.is_sphere
+    assert job.particle.mass_kg == SMOOTH.mass_kg
     assert job.particle.density_kg_m3 == pytest.approx(840.47)
     for deck in export.PROGRAMS.values():
         assert "every grain is the sphere of its volume, radius 7.0" in next(
@@ -255,7 +253,8 @@ def test_the_members_of_a_yade_clump_have_mass_centre_and_moments_of_the_body(
 ):
     job = job_of(config, particle)
     weights, own = yade.member_masses(job)
-    masses, places = weights * job.particle.mass_kg, job.particle.spheres_m[:, :3]
+    masses = weights * job.particle.mass_kg
+    places = job.particle.spheres_m[:, :3]
     assert masses.sum() == pytest.approx(job.particle.mass_kg)
     assert masses @ places == pytest.approx(np.zeros(3), abs=1e-12)
     tensor = np.diag(own * len(places))
@@ -277,7 +276,8 @@ def rebound(ratio, limited):
     def parted(_, state):
         return state[0]
 
-    parted.terminal, parted.direction = True, -1
+    parted.terminal = True
+    parted.direction = -1
     return -solve_ivp(
         slopes, (0, 50), (1e-9, 1.0), events=parted, rtol=1e-8, atol=1e-12
     ).y[1, -1]
@@ -340,7 +340,8 @@ def test_free_surface_of_two_spheres_that_overlap():
 
 
 def test_the_funnel_is_the_simulated_one_and_the_lammps_cone_ends_where_it_does(job):
-    line, funnel = surface.profile(job.surfaces), job.surfaces
+    line = surface.profile(job.surfaces)
+    funnel = job.surfaces
     assert line[0] == pytest.approx(
         [0.5 * funnel.inlet_diameter_m, funnel.inlet_height_m]
     )
@@ -353,18 +354,14 @@ def test_the_funnel_is_the_simulated_one_and_the_lammps_cone_ends_where_it_does(
         np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
     )
     assert areas.min() > 0.0
-    lengths, middles = (
-        np.linalg.norm(np.diff(line, axis=0), axis=1),
-        0.5 * (line[1:, 0] + line[:-1, 0]),
-    )
+    lengths = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    middles = 0.5 * (line[1:, 0] + line[:-1, 0])
     around = (
         2 * surface.AROUND * math.sin(math.pi / surface.AROUND)
     )  # of the polygon whose corners lie on a circle
     assert areas.sum() == pytest.approx(around * (lengths * middles).sum(), rel=1e-3)
-    deck, line = (
-        export.PROGRAMS["lammps"](job)["in.pour"],
-        surface.profile(job.surfaces),
-    )
+    deck = export.PROGRAMS["lammps"](job)["in.pour"]
+    line = surface.profile(job.surfaces)
     (ends,) = re.findall(r"region\s+\S+ cone z 0 0 (\S+) (\S+) (\S+) (\S+)", deck)
     low_radius, high_radius, low, high = map(float, ends)
     assert [high_radius, high] == pytest.approx(line[0], rel=1e-6)
@@ -445,23 +442,45 @@ def test_other_particles_and_laws_are_refused_and_cohesion_and_rolling_are_writt
 # What stands for a law in the deck of each program. A pair of program and law that is not here is refused.
 CONTACT = {
     ("liggghts", "hertz_mindlin"): "model hertz tangential history rolling_friction",
-    ("liggghts", "hertz_mindlin_rescaled"): "grows and falls with the normal load; in the study it stays on loading",
-    ("liggghts", "sjkr"): "model hertz tangential history cohesion sjkr rolling_friction",
+    (
+        "liggghts",
+        "hertz_mindlin_rescaled",
+    ): "grows and falls with the normal load; in the study it stays on loading",
+    (
+        "liggghts",
+        "sjkr",
+    ): "model hertz tangential history cohesion sjkr rolling_friction",
     ("lammps", "hertz_mindlin"): "tangential mindlin ",
     ("lammps", "hertz_mindlin_rescaled"): "tangential mindlin_rescale/force ",
-    ("yade", "hertz_mindlin"): "stays as it is when the normal load changes; in the study it grows and falls",
-    ("yade", "hertz_mindlin_rescaled"): "stays as it is when the normal load changes; in the study it stays on",
-    ("edem", "hertz_mindlin"): "Hertz-Mindlin (no slip)", ("edem", "hertz_mindlin_rescaled"): "Hertz-Mindlin (no slip)",
+    (
+        "yade",
+        "hertz_mindlin",
+    ): "stays as it is when the normal load changes; in the study it grows and falls",
+    (
+        "yade",
+        "hertz_mindlin_rescaled",
+    ): "stays as it is when the normal load changes; in the study it stays on",
+    ("edem", "hertz_mindlin"): "Hertz-Mindlin (no slip)",
+    ("edem", "hertz_mindlin_rescaled"): "Hertz-Mindlin (no slip)",
     ("edem", "jkr"): "Hertz-Mindlin with JKR",
-}  # fmt: skip
+}
 ROLLING = {
-    ("liggghts", "budget"): "rolling_friction epsd2 ", ("liggghts", "constant_torque"): "rolling_friction cdt ",
-    ("liggghts", "epsd"): "rolling_friction epsd ", ("liggghts", "epsd2"): "rolling_friction epsd2 ",
+    ("liggghts", "budget"): "rolling_friction epsd2 ",
+    ("liggghts", "constant_torque"): "rolling_friction cdt ",
+    ("liggghts", "epsd"): "rolling_friction epsd ",
+    ("liggghts", "epsd2"): "rolling_friction epsd2 ",
     ("lammps", "budget"): "rolling sds",
-    ("lammps", "epsd"): "with its own stiffness and damping; in the study epsd between two bodies",
-    ("lammps", "epsd2"): "with its own stiffness and damping; in the study epsd2 between two bodies",
-    ("yade", "budget"): "includeMoment=True", ("edem", "budget"): "Standard Rolling Friction (Type A)",
-}  # fmt: skip
+    (
+        "lammps",
+        "epsd",
+    ): "with its own stiffness and damping; in the study epsd between two bodies",
+    (
+        "lammps",
+        "epsd2",
+    ): "with its own stiffness and damping; in the study epsd2 between two bodies",
+    ("yade", "budget"): "includeMoment=True",
+    ("edem", "budget"): "Standard Rolling Friction (Type A)",
+}
 
 
 @pytest.mark.parametrize("particle", [THREE, BALL], ids=["clump", "sphere"])
@@ -502,9 +521,11 @@ def test_each_law_is_written_as_the_program_has_it_or_refused(
 
 # Words about the particle, whether the study's berry is a sphere, and what the deck holds.
 ASKED = {
-    "clump": (["--spheres", "5"], False, True), "sphere": ([], True, False),
-    "one sphere": (["--spheres", "1"], True, False), "clump of a spherical berry": (["--spheres", "2"], True, True),
-}  # fmt: skip
+    "clump": (["--spheres", "5"], False, True),
+    "sphere": ([], True, False),
+    "one sphere": (["--spheres", "1"], True, False),
+    "clump of a spherical berry": (["--spheres", "2"], True, True),
+}
 
 
 @pytest.mark.parametrize(("words", "spherical", "is_clump"), ASKED.values(), ids=ASKED)

@@ -18,8 +18,11 @@ VESSEL = {
     "duration_s": 1.2,
     "diameter_mm": 60.0,
     "height_mm": 30.0,
+    "collar_mm": 80.0,
+    "core_margin_mm": 2.0,
+    "speed_m_s": 0.5,
+    "seeds": 1,
 }
-VESSEL |= {"collar_mm": 80.0, "core_margin_mm": 2.0, "speed_m_s": 0.5, "seeds": 1}
 
 
 @pytest.mark.slow
@@ -32,7 +35,8 @@ def test_a_scan_of_a_bumpy_body_is_poured_and_exported_with_its_mass_volume_and_
     )  # bumps
     scan.apply_scale([21.0, 13.0, 10.0])
     moments, axes = np.linalg.eigh(scan.moment_inertia)
-    volume, extents = scan.volume, np.ptp(scan.vertices @ axes, axis=0)
+    volume = scan.volume
+    extents = np.ptp(scan.vertices @ axes, axis=0)
     scan.apply_transform(
         trimesh.transformations.euler_matrix(0.5, 1.1, 2.3)
     ).apply_translation([40.0, -7.0, 3.0])
@@ -52,7 +56,8 @@ def test_a_scan_of_a_bumpy_body_is_poured_and_exported_with_its_mass_volume_and_
     (tmp_path / "own.yaml").write_text(yaml.safe_dump(own))
     study = PipelineConfig.load("config/config.yaml", tmp_path / "own.yaml")
     record, run = run_once(bench("cylinder"), study.scene(study.parameters.centre, 1))
-    lie, vessel = (run.arrays["position"][:, 2] < 0.03).sum(), np.pi * 30.0**2 * 30.0
+    lie = (run.arrays["position"][:, 2] < 0.03).sum()
+    vessel = np.pi * 30.0**2 * 30.0
     assert record["bulk_density_kg_m3"] == pytest.approx(
         lie * 900.0 * volume / vessel, rel=1e-4
     ), record["reason"]
@@ -73,7 +78,8 @@ def test_a_scan_of_a_bumpy_body_is_poured_and_exported_with_its_mass_volume_and_
         for name in ("Coords", "Diameters")
     )
     centres, twice = (1e3 * np.loadtxt(part.splitlines())[:, 1:] for part in parts)
-    low, high = (centres - twice / 2).min(axis=0), (centres + twice / 2).max(axis=0)
+    low = (centres - twice / 2).min(axis=0)
+    high = (centres + twice / 2).max(axis=0)
     assert high - low == pytest.approx(extents, rel=0.05)
     points = np.random.default_rng(1).uniform(low, high, (100_000, 1, 3))
     solid = (np.linalg.norm(points - centres, axis=2) < twice[:, 0] / 2).any(axis=1)

@@ -29,41 +29,31 @@ MORE_FILES = (
 FORCED = ("design", "pour", "measure_runs", "network", "solutions")
 # A file of each kind for truncation and flipped bits; the last three are the program's and snakemake's own.
 DAMAGED = (
-    *(
-        "results/design/samples.csv",
-        "results/dataset.csv",
-        "results/berry/particle.json",
-    ),
-    *(
-        "results/heaps/003.npz",
-        "results/heaps/004.pours.json",
-        "results/heaps/005.json",
-    ),
-    *(
-        "results/network/network.json",
-        "results/validation/solutions.csv",
-        "results/measure/overlay.png",
-    ),
-    *(
-        "results/heaps/runs",
-        "results/config.json",
-        "results/heaps/.repose",
-        ".snakemake/metadata",
-    ),
+    "results/design/samples.csv",
+    "results/dataset.csv",
+    "results/berry/particle.json",
+    "results/heaps/003.npz",
+    "results/heaps/004.pours.json",
+    "results/heaps/005.json",
+    "results/network/network.json",
+    "results/validation/solutions.csv",
+    "results/measure/overlay.png",
+    "results/heaps/runs",
+    "results/config.json",
+    "results/heaps/.repose",
+    ".snakemake/metadata",
 )
 LOST = (
-    *(
-        "results/design/samples.csv",
-        "results/heaps/003.npz",
-        "results/heaps/004.pours.json",
-    ),
-    *("results/heaps/005.json", "results/dataset.csv", "results/network/network.json"),
-    *(
-        "results/validation/heaps/001.npz",
-        "results/validation",
-        "results/heaps",
-        ".snakemake",
-    ),
+    "results/design/samples.csv",
+    "results/heaps/003.npz",
+    "results/heaps/004.pours.json",
+    "results/heaps/005.json",
+    "results/dataset.csv",
+    "results/network/network.json",
+    "results/validation/heaps/001.npz",
+    "results/validation",
+    "results/heaps",
+    ".snakemake",
 )
 
 
@@ -89,14 +79,19 @@ def kills(place, finished, wanted, table, count, seed):
         study = Study(
             place / f"killed_{number}", finished.jobs, finished.targets
         ).prepared()
-        rows, status, before, loose = [], 1, {}, False
+        rows = []
+        status = 1
+        before = {}
+        loose = False
         while status and len(rows) < 15:
             forced = (FORCED[rng.randrange(len(FORCED))],) if rng.random() < 0.3 else ()
-            main, whom = study.start(*forced), rng.choice(VICTIMS)
+            main = study.start(*forced)
+            whom = rng.choice(VICTIMS)
             one = SIGNALS[done % 3]
             moment = rng.randrange(MORE_FILES), rng.uniform(0.0, 1.0)
             killed = _kill(study, main, one, whom, *moment) if done < count else False
-            status, now = forked.ended(main), study.finished()
+            status = forked.ended(main)
+            now = study.finished()
             loose = loose or bool(
                 forced
             )  # once a rule was forced, what stands on it is made anew, but no pour
@@ -128,7 +123,8 @@ def kills(place, finished, wanted, table, count, seed):
 
 def _kill(study, main, one, whom, more, after_s):
     """Whether these were killed before the study ended."""
-    records, end = study.folder / ".snakemake/metadata", math.inf
+    records = study.folder / ".snakemake/metadata"
+    end = math.inf
     wanted = len(list(records.glob("*"))) + more
     while True:
         if os.waitid(os.P_PID, main, os.WEXITED | os.WNOHANG | os.WNOWAIT):
@@ -169,16 +165,19 @@ def damages(place, finished, wanted, table):
                 else:
                     del content[len(content) // 2 :]
                 path.write_bytes(bytes(content))
-            status, result = study.run(), ""
+            status = study.run()
+            result = ""
             if way != "lost" and status and study.remove_what_it_named():
-                result, status = f"{status} and named; removed, then ", study.run()
+                result = f"{status} and named; removed, then "
+                status = study.run()
             again = [] if name == "results/heaps" else _repoured(study, finished, path)
             table.add(way, name, f"{result}{status}", compared(study, wanted), again)
             shutil.rmtree(study.folder)
 
 
 def _repoured(study, finished, damaged):
-    top, now = study.folder / "results", study.pours()
+    top = study.folder / "results"
+    now = study.pours()
     design = {
         path: when
         for path, when in finished.pours().items()
@@ -208,17 +207,27 @@ def changes(place, finished, wanted, table):
         compared(study, wanted),
         [],
     )
-    target = {"response": "height_mm", "apparatus": "funnel", "value": 60.0, "sd": 3.0}
-    target |= {"repetitions": 5, "range": [55.0, 65.0]}
+    target = {
+        "response": "height_mm",
+        "apparatus": "funnel",
+        "value": 60.0,
+        "sd": 3.0,
+        "repetitions": 5,
+        "range": [55.0, 65.0],
+    }
     for name, sections, poured in (
-        ("one seed more", {"funnel": {"seeds": 2}}, 12), ("another target", {"targets": [target]}, 0),
-        ("another network", {"network": {"hidden": 3}}, 0), ("another definition", {"measure": {"views": 3}}, 0),
-    ):  # fmt: skip
+        ("one seed more", {"funnel": {"seeds": 2}}, 12),
+        ("another target", {"targets": [target]}, 0),
+        ("another network", {"network": {"hidden": 3}}, 0),
+        ("another definition", {"measure": {"views": 3}}, 0),
+    ):
         fresh = Study(place / "fresh", jobs).prepared().configured(**sections)
         fresh.run()
         study = finished.copied_to(place / "changed").configured(**sections)
         study.targets = TARGETS
-        before, status, after = study.pours(), study.run(), study.pours()
+        before = study.pours()
+        status = study.run()
+        after = study.pours()
         again = [path for path in before if after.get(path) != before[path]]
         new = {path for path in set(after) - set(before) if path.parts[0] == "heaps"}
         same = compared(study, fresh.results()) and len(new) == poured
@@ -235,7 +244,8 @@ def changes(place, finished, wanted, table):
 
 def no_room(place, finished, wanted, table):
     """A full disk, a disk that turns read-only, and too little memory, each in mid-run."""
-    jobs, targets = finished.jobs, finished.targets
+    jobs = finished.jobs
+    targets = finished.targets
     size = sum(map(len, wanted.values())) // 1024
     for number, share in enumerate((0.2, 0.4, 0.6, 0.8)):
         study = Study(place / f"full_{number}", jobs, targets).prepared()
@@ -243,7 +253,8 @@ def no_room(place, finished, wanted, table):
         results.mkdir()
         _mount("-t", "tmpfs", "-o", f"size={int(share * size) + 8}k", "tmpfs", results)
         try:
-            status, before = study.run(), study.finished()
+            status = study.run()
+            before = study.finished()
             _mount("-o", "remount,size=500m", results)
             _again(
                 study,
@@ -256,7 +267,8 @@ def no_room(place, finished, wanted, table):
             )
             if number == 1:
                 _mount("-o", "remount,ro", results)
-                status, said = study.run("network"), study.last_words()
+                status = study.run("network")
+                said = study.last_words()
                 _mount("-o", "remount,rw", results)
                 _again(study, wanted, table, "read-only", "results", status, {})
                 print(f"    {said}")
@@ -269,7 +281,8 @@ def no_room(place, finished, wanted, table):
         + 4_000_000
     )
     resource.prlimit(jobs.process, resource.RLIMIT_AS, (limit, resource.RLIM_INFINITY))
-    status, before = study.run(), study.finished()
+    status = study.run()
+    before = study.finished()
     resource.prlimit(
         jobs.process,
         resource.RLIMIT_AS,
@@ -317,12 +330,14 @@ def main():
     if not given.real_pours:
         forked.make_up_pours()
     with tempfile.TemporaryDirectory() as folder:
-        place, began = Path(folder), time.monotonic()
+        place = Path(folder)
+        began = time.monotonic()
         with closing(forked.Jobs(place / "server")) as jobs:
             finished = Study(place / "undisturbed", jobs).prepared()
             if finished.run():
                 sys.exit(finished.log.read_text())
-            took, wanted = time.monotonic() - began, finished.results()
+            took = time.monotonic() - began
+            wanted = finished.results()
             names = sorted(
                 str(path.relative_to(finished.folder)) for path in finished.finished()
             )

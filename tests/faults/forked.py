@@ -76,14 +76,16 @@ def made_up_pour(scene, interval_s=None, progress=None):
     from repose.bench.parameters import PARAMETERS
 
     time.sleep(0.1)
-    parameters, seed = scene.parameters, scene.seed
+    parameters = scene.parameters
+    seed = scene.seed
     rng = np.random.default_rng(seed)
     slope = (
         0.2
         + 0.4 * sum(parameters[name] for name in PARAMETERS) / len(PARAMETERS)
         + 0.01 * rng.normal()
     )
-    share, turn = rng.uniform(size=400) ** (1 / 3), rng.uniform(0.0, 2.0 * np.pi, 400)
+    share = rng.uniform(size=400) ** (1 / 3)
+    turn = rng.uniform(0.0, 2.0 * np.pi, 400)
     radius = np.sqrt(rng.uniform(size=400)) * share * 0.1
     top = slope * 0.1
     position = np.stack(
@@ -96,12 +98,16 @@ def made_up_pour(scene, interval_s=None, progress=None):
         "reason": "",
         "discharge_s": 1.0,
         "berries_on_plate": 400,
+        "berries_in_pile": 400,
+        "berries_off_plate": 0,
+        "kinetic_energy_J": 0.0,
     }
-    record |= {"berries_in_pile": 400, "berries_off_plate": 0, "kinetic_energy_J": 0.0}
     arrays = {
-        "position": position.astype(np.float32), "quaternion": np.tile(np.float32([1.0, 0.0, 0.0, 0.0]), (400, 1)),
-        "in_pile": np.ones(400, bool), "scale": np.ones(400, np.float32),
-    }  # fmt: skip
+        "position": position.astype(np.float32),
+        "quaternion": np.tile(np.float32([1.0, 0.0, 0.0, 0.0]), (400, 1)),
+        "in_pile": np.ones(400, bool),
+        "scale": np.ones(400, np.float32),
+    }
     return Run(record, arrays)
 
 
@@ -183,7 +189,8 @@ def start(folder, words, out, err, python=sys.executable):
         os.environ["PYTHONPATH"] = os.pathsep.join(
             filter(None, [str(ROOT / "src"), os.environ.get("PYTHONPATH")])
         )
-        sys.executable, sys.argv = str(python), ["snakemake", "--nocolor", *words]
+        sys.executable = str(python)
+        sys.argv = ["snakemake", "--nocolor", *words]
         importlib.import_module("snakemake.cli").main(sys.argv[1:])
         status = 0
     except SystemExit as end:
@@ -214,7 +221,8 @@ def _become(folder, *files):
 def copied(folder):
     """What a study needs of the checkout, copied to a folder."""
     for part in PARTS:
-        source, place = ROOT / part, folder / part
+        source = ROOT / part
+        place = folder / part
         place.parent.mkdir(parents=True, exist_ok=True)
         shutil.copytree(source, place) if source.is_dir() else shutil.copy(
             source, place
@@ -226,8 +234,11 @@ class Study:
     """The tiny study in a folder, and its workflow."""
 
     def __init__(self, folder, jobs, targets=TARGETS):
-        self.folder, self.jobs, self.log = Path(folder), jobs, Path(f"{folder}.log")
-        self.targets, self.more = targets, ()
+        self.folder = Path(folder)
+        self.jobs = jobs
+        self.log = Path(f"{folder}.log")
+        self.targets = targets
+        self.more = ()
 
     def prepared(self):
         shutil.copy(Path(__file__).with_name("tiny.yaml"), copied(self.folder))

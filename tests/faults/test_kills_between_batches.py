@@ -42,7 +42,8 @@ def test_a_kill_within_or_between_batches_loses_nothing(tmp_path, monkeypatch):
         }
         whole, killed = (study.configured(**settings) for study in studies)
         assert whole.run() == 0, whole.last_words()
-        proposed, before = [], {}
+        proposed = []
+        before = {}
         for moment in MOMENTS:
             proposed.append(killed_at(killed, moment))
             assert killed.made_again(before) == []
@@ -62,7 +63,8 @@ def test_a_kill_within_or_between_batches_loses_nothing(tmp_path, monkeypatch):
 
 def killed_at(study, moment):
     """Start the workflow and kill it once a file is there; how many batches had been proposed."""
-    main, end = study.start(), time.monotonic() + PATIENCE_S
+    main = study.start()
+    end = time.monotonic() + PATIENCE_S
     folder = study.folder / "results/sequential"
     while not any(folder.glob(moment)):
         assert time.monotonic() < end, moment

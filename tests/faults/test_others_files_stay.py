@@ -34,40 +34,43 @@ FOLDERS = (
     "thesis",
 )
 NAMES = (
-    *(
-        "berry.json",
-        "berry.stl",
-        "summary.csv",
-        "particle.json",
-        "particles.csv",
-        "samples.csv",
-        "table4.csv",
-    ),
-    *(
-        "comparison.csv",
-        "dataset.csv",
-        "runs.csv",
-        "dataset_summary.json",
-        "fresh_samples.csv",
-        "config.json",
-    ),
-    *(
-        "figure.png",
-        "table.html",
-        "silhouette.png",
-        "pile.png",
-        "snapshot.txt",
-        "rounds.csv",
-        "o ü.png",
-        "heap.npz",
-    ),
-    *("heap.pours.json", "heap.json"),
+    "berry.json",
+    "berry.stl",
+    "summary.csv",
+    "particle.json",
+    "particles.csv",
+    "samples.csv",
+    "table4.csv",
+    "comparison.csv",
+    "dataset.csv",
+    "runs.csv",
+    "dataset_summary.json",
+    "fresh_samples.csv",
+    "config.json",
+    "figure.png",
+    "table.html",
+    "silhouette.png",
+    "pile.png",
+    "snapshot.txt",
+    "rounds.csv",
+    "o ü.png",
+    "heap.npz",
+    "heap.pours.json",
+    "heap.json",
 )
 GOOD = {
-    "config": "in/config.json", "pictures": "in/pile.png", "csv": "in/berries.csv", "name": "figure02",
-    "input": "sizes=in/berries.csv", "results": "in/study", "title": "Mine", "axes": None,
-    "berry": "in/made/berry.json", "particle": "in/made/particle.json", "trajectory": "in/trajectory.npz",
-}  # fmt: skip
+    "config": "in/config.json",
+    "pictures": "in/pile.png",
+    "csv": "in/berries.csv",
+    "name": "figure02",
+    "input": "sizes=in/berries.csv",
+    "results": "in/study",
+    "title": "Mine",
+    "axes": None,
+    "berry": "in/made/berry.json",
+    "particle": "in/made/particle.json",
+    "trajectory": "in/trajectory.npz",
+}
 READ = ("config", "input", "berry", "particle")
 OUT = st.one_of(
     st.sampled_from(
@@ -156,7 +159,8 @@ def calls(draw):
     good = draw(st.booleans())
     words = ["stage", verb.name] if verb.name in STAGES else [verb.name]
     for option in verb.options:
-        name, keywords = option.names[0], option.keywords
+        name = option.names[0]
+        keywords = option.keywords
         key = name.lstrip("-").replace("-", "_")
         if key in ("out", "overlay", "stl") and not (key == "stl" and not good):
             words += [f"{name}={draw(OUT)}"] if draw(st.booleans()) else []
@@ -202,19 +206,24 @@ def test_a_verb_leaves_the_files_of_others(sandbox, monkeypatch, words):
 @pytest.mark.parametrize(
     "words",
     [
-        *(["drum", "--seed=1"], ["heap", "--seed=1"]),
+        ["drum", "--seed=1"],
+        ["heap", "--seed=1"],
         ["film", GOOD["trajectory"], "--drum"],
     ],
 )
 def test_what_is_made_up_ends_well_and_somebodys_file_in_its_place_stays(
     sandbox, words
 ):
-    name, before = words[0], tree(sandbox)
+    name = words[0]
+    before = tree(sandbox)
     read = {option.names[0][2:] for option in VERBS[name].options} & {*READ} - {
         "config"
     }
-    words = [*words, *(f"--{key}={GOOD[key]}" for key in sorted(read))]
-    words += ["--config=in/config.json"]
+    words = [
+        *words,
+        *(f"--{key}={GOOD[key]}" for key in sorted(read)),
+        "--config=in/config.json",
+    ]
     place = "made_up/a.gif" if name == "film" else "made_up"
     words = ["stage", *words] if name in STAGES else words
     assert main([*words, f"--out={place}"]) == 0

@@ -114,7 +114,8 @@ def test_integrals_and_fit_of_a_barrel_are_those_of_its_dense_mesh(tmp_path):
     particle = build.fit_particle(
         build.load_mesh(saved(turned(mesh), tmp_path)), 840.47
     )
-    assert (particle.kind, len(particle.semi_axes_m)) == ("smooth", 2)
+    assert particle.kind == "smooth"
+    assert len(particle.semi_axes_m) == 2
     np.testing.assert_allclose(particle.semi_axes_m, BARREL_M, atol=3e-5)
     assert particle.volume_m3 * 1e9 == pytest.approx(mesh.volume, rel=2e-3)
     assert particle.deviation_max_m < 2e-5
@@ -138,10 +139,8 @@ def test_support_is_what_the_mesh_says_and_the_support_of_unequal_spheres_is_the
             particle.support(n + step * unit) - particle.support(n - step * unit)
         ) / (2 * step)
         np.testing.assert_allclose(points[..., axis], slope, atol=1e-9)
-    centres, radii = (
-        np.array([[-4.0, 0, 0], [3.0, 1.0, 0], [0, 0, 2.0]]) * 1e-3,
-        np.array([2.0, 5.0, 3.0]) * 1e-3,
-    )
+    centres = np.array([[-4.0, 0, 0], [3.0, 1.0, 0], [0, 0, 2.0]]) * 1e-3
+    radii = np.array([2.0, 5.0, 3.0]) * 1e-3
     clump = replace(THREE, spheres_m=np.column_stack([centres, radii]))
     n = sphere_directions(200)
     own = (centres[None] * n[:, None]).sum(axis=-1) + radii
@@ -210,14 +209,22 @@ def two(shift=0.0, scale=1.0):
     )
 
 
-@pytest.mark.parametrize(("mesh", "words"), [
-    (holed, "watertight"), (inside_out, "outwards"),
-    (lambda: build.ellipsoid_mesh([0.020, 0.012, 0.009]), "millimetres"),
-    (lambda: trimesh.creation.torus(10, 3), "convex"), (lambda: trimesh.creation.annulus(3, 8, 10), "convex"),
-    (holed, "3 edges of one facet"), (lambda: two(shift=0.5), "bodies is 2"), (lambda: two(shift=30.0), "bodies is 2"),
-    (lambda: two(scale=0.4), "bodies is 2"), (lambda: two(), "is the body there twice"),
-    (lambda: build.ellipsoid_mesh([9, 8, 1e-6]), "shortest side in mm is"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("mesh", "words"),
+    [
+        (holed, "watertight"),
+        (inside_out, "outwards"),
+        (lambda: build.ellipsoid_mesh([0.020, 0.012, 0.009]), "millimetres"),
+        (lambda: trimesh.creation.torus(10, 3), "convex"),
+        (lambda: trimesh.creation.annulus(3, 8, 10), "convex"),
+        (holed, "3 edges of one facet"),
+        (lambda: two(shift=0.5), "bodies is 2"),
+        (lambda: two(shift=30.0), "bodies is 2"),
+        (lambda: two(scale=0.4), "bodies is 2"),
+        (lambda: two(), "is the body there twice"),
+        (lambda: build.ellipsoid_mesh([9, 8, 1e-6]), "shortest side in mm is"),
+    ],
+)
 def test_bad_meshes_are_refused_with_a_reason(tmp_path, mesh, words):
     path = saved(mesh(), tmp_path)
     assert str(path) in str(input_error(words, build.load_mesh, path))
@@ -226,31 +233,28 @@ def test_bad_meshes_are_refused_with_a_reason(tmp_path, mesh, words):
 def test_files_with_a_fault_are_mended_where_that_is_safe_else_the_cause_is_named(
     tmp_path,
 ):
-    path, whole = tmp_path / "scan.stl", build.ellipsoid_mesh([20, 12, 9], 3)
-    binary, text = (
-        whole.export(file_type="stl"),
-        whole.export(file_type="stl_ascii").encode(),
-    )
-    facet, no_facet = (
-        binary[84:134],
-        binary[84:108] + 2 * binary[108:120] + binary[132:134],
-    )
+    path = tmp_path / "scan.stl"
+    whole = build.ellipsoid_mesh([20, 12, 9], 3)
+    binary = whole.export(file_type="stl")
+    text = whole.export(file_type="stl_ascii").encode()
+    facet = binary[84:134]
+    no_facet = binary[84:108] + 2 * binary[108:120] + binary[132:134]
 
     def count_of(more):
         return (len(whole.faces) + more).to_bytes(4, "little")
 
-    count, once_more = count_of(0), count_of(1)
+    count = count_of(0)
+    once_more = count_of(1)
     flat = count_of(2) + binary[84:] + 2 * no_facet
     good = [
-        binary[:80] + flat, binary[:80] + count_of(2) + binary[84:] + facet + no_facet,
-        binary, binary + bytes(100), *(binary[:80] + once_more + binary[84:] + other for other in (facet, no_facet)),
-    ]  # fmt: skip
-    good += [
+        binary[:80] + flat,
+        binary[:80] + count_of(2) + binary[84:] + facet + no_facet,
+        binary,
+        binary + bytes(100),
+        *(binary[:80] + once_more + binary[84:] + other for other in (facet, no_facet)),
         b"\xef\xbb\xbf" + text,
         text.replace(b"\n", b"\r"),
         text.replace(b"\n", b" " * 2000 + b"\n", 1),
-    ]
-    good += [
         b"solid of a facet".ljust(80) + binary[80:],
         b"solid K\xc3\xb6rper" + text[text.index(b"\n") :],
     ]
@@ -261,20 +265,20 @@ def test_files_with_a_fault_are_mended_where_that_is_safe_else_the_cause_is_name
             content[-60:]
         )
     bad = [
-        (binary + binary, "facets is 2561; expected 1280, as its header says: one body")
-    ]
-    bad += [
+        (
+            binary + binary,
+            "facets is 2561; expected 1280, as its header says: one body",
+        ),
         (binary[:-60], "facets is 1278; expected 1280"),
         (text[: len(text) // 2], "cut off|edges of one facet"),
     ]
     (tmp_path / "halves.obj").write_text(
         whole.export(file_type="obj").replace("\nf ", "\ng b\nusemtl b\nf ", 700)
     )
-    joint, (a, b, c), end = (
-        whole.copy(),
-        whole.faces[7],
-        len(whole.vertices),
-    )  # a needle closes a facet's split edge
+    # a needle closes a facet's split edge
+    joint = whole.copy()
+    a, b, c = whole.faces[7]
+    end = len(whole.vertices)
     joint.vertices = np.vstack([joint.vertices, joint.vertices[[a, b]].mean(axis=0)])
     joint.faces = np.vstack(
         [np.delete(whole.faces, 7, axis=0), [a, end, c], [end, b, c], [a, b, end]]
@@ -309,8 +313,10 @@ def test_files_with_a_fault_are_mended_where_that_is_safe_else_the_cause_is_name
         (tmp_path / name).write_text("ISO-10303-21;")
         input_error(words, build.load_mesh, tmp_path / name)
     for content, words in (
-        *bad, (binary[:80] + count + binary[84:100], "facets is 0"), (b"", "facets is 0|no STL|faces is 0"),
-    ):  # fmt: skip
+        *bad,
+        (binary[:80] + count + binary[84:100], "facets is 0"),
+        (b"", "facets is 0|no STL|faces is 0"),
+    ):
         path.write_bytes(content)
         input_error(words, build.load_mesh, path)
 

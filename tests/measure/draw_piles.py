@@ -32,7 +32,9 @@ NO_TARGET = {
     "range": [1.0, 99.0],
 }
 FIRST_SEED = 2001
-TABLE, WALL = (140, 142, 145), (170, 105, 55)  # blue first
+# blue first
+TABLE = (140, 142, 145)
+WALL = (170, 105, 55)
 
 
 def pour(config: str, count: int) -> tuple[dict, np.lib.npyio.NpzFile]:
@@ -71,14 +73,29 @@ def scene(crop: str, arrays: dict, number: int) -> Scene:
     kept = arrays[f"in_pile_{seed}"]
     centres = 1e3 * arrays[f"position_{seed}"][kept]
     rng = np.random.default_rng([2026, number])
-    half, height = float(np.hypot(*centres.T[:2]).max()), float(centres[:, 2].max())
+    half = float(np.hypot(*centres.T[:2]).max())
+    height = float(centres[:, 2].max())
     left = -half - 180
     made = Scene(
-        seed=number, crop=crop, angle=25.0, height=height, wall=WALL, ground=TABLE, texture="cloth",
-        position=(rng.uniform(-20, 20), -0.95 * (half + 90 - left) * rng.uniform(1.05, 1.15), height + 15),
-        aim=(0.5 * (half + 60 + left), 0, 50), rotation=(0.0, 0.0, rng.uniform(-4, 4)), size=(1280, 960),
-        focal=0.9 * 1280, uneven=rng.uniform(0, 0.4), sheet_left=left,
-    )  # fmt: skip
+        seed=number,
+        crop=crop,
+        angle=25.0,
+        height=height,
+        wall=WALL,
+        ground=TABLE,
+        texture="cloth",
+        position=(
+            rng.uniform(-20, 20),
+            -0.95 * (half + 90 - left) * rng.uniform(1.05, 1.15),
+            height + 15,
+        ),
+        aim=(0.5 * (half + 60 + left), 0, 50),
+        rotation=(0.0, 0.0, rng.uniform(-4, 4)),
+        size=(1280, 960),
+        focal=0.9 * 1280,
+        uneven=rng.uniform(0, 0.4),
+        sheet_left=left,
+    )
     made.__dict__["grains"] = (
         centres,
         arrays[f"quaternion_{seed}"][kept],

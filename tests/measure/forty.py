@@ -24,7 +24,9 @@ from repose.measure.pile import measure_image
 from repose.measure.settings import MeasureSettings
 
 JUDGED = range(7001, 7041)
-SIZE, FINER = (1600, 1200), 3  # columns and rows; rays a pixel each way, about the heap
+# columns and rows; rays a pixel each way, about the heap
+SIZE = (1600, 1200)
+FINER = 3
 RANGES = {  # uniform
     "angle": (22.0, 36.0),  # degrees, of the packing's cone
     "grain_px": (11.0, 20.0),
@@ -45,25 +47,36 @@ RANGES = {  # uniform
     "yaw": (-0.05, 0.05),  # rad, of the sheet
     "wall_at": (120.0, 400.0),  # mm behind the axis
 }
-MOST, LEAST, LEAST_HIGH_PX = (
-    2000,
-    500,
-    115.0,
-)  # grains; a coarser heap gets more of them
+# grains; a coarser heap gets more of them
+MOST = 2000
+LEAST = 500
+LEAST_HIGH_PX = 115.0
 PACKED = 0.58  # share of the cone that grains fill
 STRAYS = (0, 4, 10)  # loose grains on the plate
 GRAINS = {  # colour, blue first
-    "lentil": (58, 92, 118), "green lentil": (70, 120, 120), "chickpea": (130, 175, 208), "pea": (75, 165, 120),
-    "soybean": (110, 180, 210), "red bean": (45, 40, 120), "black bean": (38, 36, 40), "wheat": (90, 150, 196),
-}  # fmt: skip
+    "lentil": (58, 92, 118),
+    "green lentil": (70, 120, 120),
+    "chickpea": (130, 175, 208),
+    "pea": (75, 165, 120),
+    "soybean": (110, 180, 210),
+    "red bean": (45, 40, 120),
+    "black bean": (38, 36, 40),
+    "wheat": (90, 150, 196),
+}
 SURFACES = {  # kind and two colours between which it varies
-    "paper": ("paper", (236, 238, 240), (230, 233, 236)), "oak": ("wood", (95, 140, 185), (70, 112, 158)),
-    "walnut": ("wood", (55, 85, 120), (40, 62, 92)), "beech": ("wood", (140, 178, 212), (120, 160, 198)),
-    "blue cloth": ("cloth", (150, 95, 50), (128, 80, 42)), "grey cloth": ("cloth", (135, 137, 140), (118, 120, 124)),
-    "black cloth": ("cloth", (45, 44, 43), (34, 33, 33)), "green cloth": ("cloth", (85, 130, 75), (72, 112, 62)),
-}  # fmt: skip
+    "paper": ("paper", (236, 238, 240), (230, 233, 236)),
+    "oak": ("wood", (95, 140, 185), (70, 112, 158)),
+    "walnut": ("wood", (55, 85, 120), (40, 62, 92)),
+    "beech": ("wood", (140, 178, 212), (120, 160, 198)),
+    "blue cloth": ("cloth", (150, 95, 50), (128, 80, 42)),
+    "grey cloth": ("cloth", (135, 137, 140), (118, 120, 124)),
+    "black cloth": ("cloth", (45, 44, 43), (34, 33, 33)),
+    "green cloth": ("cloth", (85, 130, 75), (72, 112, 62)),
+}
 LEAST_DIFFERENCE = 18.0  # CIE 1976, of the lit and of the shaded grain from a surface: an eye sees the outline
-LAMPS, SKIES, MAP_MM = 16, 16, 0.5
+LAMPS = 16
+SKIES = 16
+MAP_MM = 0.5
 TONE_CURVE = (
     2.2  # colours here are those of a picture; light is mixed before a camera bends it
 )
@@ -75,19 +88,23 @@ def cast(place, way, boxes, centres, to_unit, depth, which):
     for k in range(len(centres)):
         first = place.copy()
         first[0] -= centres[k]
-        starts, ways = first @ to_unit[k].T, way @ to_unit[k].T
+        starts = first @ to_unit[k].T
+        ways = way @ to_unit[k].T
         for row in range(boxes[k, 2], boxes[k, 3]):
             for column in range(boxes[k, 0], boxes[k, 1]):
                 oo = od = dd = 0.0
                 for i in range(3):
                     o = starts[0, i] + column * starts[1, i] + row * starts[2, i]
                     d = ways[0, i] + column * ways[1, i] + row * ways[2, i]
-                    oo, od, dd = oo + o * o, od + o * d, dd + d * d
+                    oo = oo + o * o
+                    od = od + o * d
+                    dd = dd + d * d
                 root = od * od - dd * (oo - 1.0)
                 if root > 0:
                     t = (-od - np.sqrt(root)) / dd
                     if t < depth[row, column]:
-                        depth[row, column], which[row, column] = t, k
+                        depth[row, column] = t
+                        which[row, column] = k
 
 
 @numba.njit(cache=True)
@@ -135,7 +152,8 @@ class Scene:
             np.exp(rng.uniform(np.log(np.clip(lowest, LEAST, MOST)), np.log(MOST)))
         )
         self.grain, self.plate, self.wall = self._colours(rng)
-        self.strays, self.stated = int(rng.choice(STRAYS)), bool(rng.integers(2))
+        self.strays = int(rng.choice(STRAYS))
+        self.stated = bool(rng.integers(2))
         self.__dict__.update(change)
         self.high = self.d * (self.number * slope**2 / (2 * PACKED)) ** (1 / 3)
         self.half = self.high / slope
@@ -164,11 +182,10 @@ class Scene:
     def grains(self) -> tuple[np.ndarray, np.ndarray, int]:
         """Centres (N, 3), matrices to the unit sphere (N, 3, 3), and how many of them are the heap."""
         rng = np.random.default_rng([self.seed, 1])
-        radius, slope = 0.5 * self.d, self.high / self.half
-        turn, share = (
-            rng.uniform(0, 2 * np.pi, self.number),
-            np.cbrt(rng.uniform(0, 1, self.number)),
-        )
+        radius = 0.5 * self.d
+        slope = self.high / self.half
+        turn = rng.uniform(0, 2 * np.pi, self.number)
+        share = np.cbrt(rng.uniform(0, 1, self.number))
         away = self.half * share * np.sqrt(rng.uniform(0, 1, self.number))
         at = np.column_stack(
             [away * np.cos(turn), away * np.sin(turn), self.high * (1 - share)]
@@ -196,10 +213,8 @@ class Scene:
                 [slope * outward, np.ones(self.number)]
             )
             at[:, 2] = np.maximum(at[:, 2], 0.9 * radius)
-        turn, far = (
-            rng.uniform(0, 2 * np.pi, self.strays),
-            rng.uniform(1.2, 1.6, self.strays) * self.half + self.d,
-        )
+        turn = rng.uniform(0, 2 * np.pi, self.strays)
+        far = rng.uniform(1.2, 1.6, self.strays) * self.half + self.d
         loose = np.column_stack(
             [far * np.cos(turn), far * np.sin(turn), np.full(self.strays, 0.9 * radius)]
         )
@@ -269,10 +284,8 @@ class Scene:
         for lamps, share in ((middle + spread, 1 - self.sky), (sky, self.sky)):
             lamps /= np.linalg.norm(lamps, axis=1, keepdims=True)
             seen = [self.parallel(-lamp, MAP_MM, len(self.grains[0])) for lamp in lamps]
-            maps, frames = (
-                np.stack([-one[0] for one in seen]),
-                np.stack([one[1] for one in seen]),
-            )
+            maps = np.stack([-one[0] for one in seen])
+            frames = np.stack([one[1] for one in seen])
             total = (
                 total
                 + share
@@ -287,10 +300,8 @@ class Scene:
         """Depth (H, W) of grains along parallel rays, `step` mm apart, their frame, and the first place."""
         centres, to_unit, _ = self.grains
         right = np.cross(ahead, [0, 0, 1.0]) / np.hypot(*ahead[:2])
-        frame, left = (
-            np.array([right, np.cross(ahead, right)]),
-            -(1.7 * self.half + 4 * self.d),
-        )
+        frame = np.array([right, np.cross(ahead, right)])
+        left = -(1.7 * self.half + 4 * self.d)
         depth = np.full((int(-2 * left / step),) * 2, np.inf)
         rays = (
             np.array([left * frame.sum(axis=0), *(step * frame)]),
@@ -333,7 +344,8 @@ def truth(
     plate = round(-left / step)
     seen = np.isfinite(depth[:plate])
     tops = np.where(seen.any(axis=0), plate - seen.argmax(axis=0), 0)
-    crest, at = int(tops.argmax()), np.arange(len(tops))
+    crest = int(tops.argmax())
+    at = np.arange(len(tops))
     sides = [np.flatnonzero((tops > 0) & part) for part in (at <= crest, at >= crest)]
     own = float(
         np.degrees(
@@ -353,7 +365,8 @@ def surface(
     rng = np.random.default_rng([scene.seed, key])
     kind, first, second = SURFACES[name]
     turn = rng.uniform(0, np.pi)
-    x, y = np.cos(turn) * u + np.sin(turn) * v, np.cos(turn) * v - np.sin(turn) * u
+    x = np.cos(turn) * u + np.sin(turn) * v
+    y = np.cos(turn) * v - np.sin(turn) * u
     broad, long, fine = (  # between -1 and 1, over lattices without ends
         map_coordinates(
             rng.uniform(-1, 1, (97, 89)).astype(np.float32),
@@ -364,18 +377,15 @@ def surface(
         for a, b in ((60, 40), (40, 6), (12, 0.8))
     )
     if kind == "wood":
-        share, tone = (
-            0.5 + 0.5 * np.sin(y / 4 + 4 * broad + long),
-            1 + scene.texture * (0.08 * long + 0.07 * fine),
-        )
+        share = 0.5 + 0.5 * np.sin(y / 4 + 4 * broad + long)
+        tone = 1 + scene.texture * (0.08 * long + 0.07 * fine)
     elif kind == "cloth":
         weave = np.sin(2 * np.pi * x / 1.6) * np.sin(2 * np.pi * y / 1.6)
-        share, tone = (
-            0.5 + 0.5 * fine,
-            1 + scene.texture * (0.12 * weave + 0.08 * broad),
-        )
+        share = 0.5 + 0.5 * fine
+        tone = 1 + scene.texture * (0.12 * weave + 0.08 * broad)
     else:
-        share, tone = 0.5 + 0.5 * broad, 1 + 0.01 * long
+        share = 0.5 + 0.5 * broad
+        tone = 1 + 0.01 * long
     return (
         light_of(np.array(first) + share[:, None] * np.subtract(second, first))
         * tone[:, None]
@@ -391,32 +401,33 @@ def traced(
     scene: Scene, first: np.ndarray, step: float, size: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Light (H, W, 3) that comes along rays `step` pixels apart from pixel `first`, and which grain shows."""
-    eye, turn, still = scene.eye, scene.turn, np.zeros(3)
+    eye = scene.eye
+    turn = scene.turn
+    still = np.zeros(3)
     across = (first - 0.5 * np.array(SIZE) + 0.5) / scene.focal
     way = np.array([turn[2] + across @ turn[:2], *(step / scene.focal * turn[:2])])
     columns, rows = np.meshgrid(*map(np.arange, size))
     rays = way[0] + columns[..., None] * way[1] + rows[..., None] * way[2]
-    to_plate, to_wall = (
-        -eye[2] / np.minimum(rays[..., 2], -1e-9),
-        (scene.wall_at - eye[1]) / rays[..., 1],
-    )
-    depth, which = np.minimum(to_plate, to_wall), np.where(to_plate < to_wall, -1, -2)
+    to_plate = -eye[2] / np.minimum(rays[..., 2], -1e-9)
+    to_wall = (scene.wall_at - eye[1]) / rays[..., 1]
+    depth = np.minimum(to_plate, to_wall)
+    which = np.where(to_plate < to_wall, -1, -2)
     centres, to_unit, _ = scene.grains
     place, far = scene.seen(centres)
     parts = boxes(
         (place - first) / step, 0.9 * scene.d * scene.focal / far / step, depth
     )
     cast(np.array([eye, still, still]), way, parts, centres, to_unit, depth, which)
-    at, which = (eye + depth[..., None] * rays).reshape(-1, 3), which.ravel()
-    normal, colour = (
-        np.array([[0, -1.0, 0], [0, 0, 1.0]])[np.minimum(which, -1) + 2],
-        np.empty(at.shape),
-    )
+    at = (eye + depth[..., None] * rays).reshape(-1, 3)
+    which = which.ravel()
+    normal = np.array([[0, -1.0, 0], [0, 0, 1.0]])[np.minimum(which, -1) + 2]
+    colour = np.empty(at.shape)
     for code, name, axes in ((-1, scene.plate, [0, 1]), (-2, scene.wall, [0, 2])):
         colour[which == code] = surface(
             scene, name, *at[which == code][:, axes].T, 3 - code
         )
-    rng, on = np.random.default_rng([scene.seed, 6]), which >= 0
+    rng = np.random.default_rng([scene.seed, 6])
+    on = which >= 0
     own = (
         light_of(GRAINS[scene.grain])
         * rng.normal(1, (0.09,) + 3 * (0.03,), (len(centres), 4))[:, 1:]
@@ -441,11 +452,9 @@ def photograph(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
         light_of(scene.exposed) / picture.mean(),
         240 / np.quantile(picture[::9, ::9], 0.995),
     )
-    page, (wide, tall), turn = (
-        sheet.draw()[0],
-        sheet.size_mm(),
-        [np.cos(scene.yaw), np.sin(scene.yaw), 0],
-    )
+    page = sheet.draw()[0]
+    wide, tall = sheet.size_mm()
+    turn = [np.cos(scene.yaw), np.sin(scene.yaw), 0]
     corners = np.array([scene.left, 0, 0]) + np.outer(
         [0, 1, 1, 0], np.multiply(wide, turn)
     )
@@ -463,10 +472,8 @@ def photograph(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     fine, which = traced(
         scene, first - 0.5 + 0.5 / FINER, 1 / FINER, FINER * (end - first)
     )
-    heap, window = (
-        np.zeros(SIZE[::-1], np.float32),
-        np.s_[first[1] : end[1], first[0] : end[0]],
-    )
+    heap = np.zeros(SIZE[::-1], np.float32)
+    window = np.s_[first[1] : end[1], first[0] : end[0]]
     for whole, part in (
         (picture, fine),
         (heap, np.float32((which >= 0) & (which < scene.number))),

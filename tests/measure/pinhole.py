@@ -125,7 +125,8 @@ def truth(scene: Scene, step: float = 0.1) -> Truth:
         np.einsum("ni,ni->n", seen[:, i], seen[:, j])
         for i, j in ((0, 0), (0, 1), (1, 1))
     )
-    u, z = centres[:kept] @ side, centres[:kept, 2]
+    u = centres[:kept] @ side
+    z = centres[:kept, 2]
     first = u.min() - scene.grain_mm
     heights = np.zeros(int((u.max() + scene.grain_mm - first) / step) + 2)
     reach = np.sqrt(a)
@@ -158,7 +159,8 @@ def photograph(
     """The photograph (H, W, 3) uint8; `sheet` is a grey picture of the printed sheet, `sheet_mm` its sides."""
     rng = np.random.default_rng([scene.seed, 2])
     width, height = scene.size
-    eye, middle = np.array(scene.eye), np.array([width / 2 - 0.5, height / 2 - 0.5])
+    eye = np.array(scene.eye)
+    middle = np.array([width / 2 - 0.5, height / 2 - 0.5])
     turn = turn_of(eye, scene.aim, scene.roll)
     columns, rows = np.meshgrid(
         np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32)
@@ -219,7 +221,8 @@ def turn_of(eye, aim, roll):
     ahead /= np.linalg.norm(ahead)
     right = np.array([ahead[1], -ahead[0], 0]) / np.hypot(ahead[0], ahead[1])
     down = np.cross(ahead, right)
-    c, s = np.cos(np.radians(roll)), np.sin(np.radians(roll))
+    c = np.cos(np.radians(roll))
+    s = np.sin(np.radians(roll))
     return np.array([c * right - s * down, s * right + c * down, ahead])
 
 
@@ -268,10 +271,8 @@ def _room(scene, rng, eye, rays):
         cv2.resize(dark.astype(np.float32), (size, size)), (0, 0), 3
     )
     with np.errstate(divide="ignore"):
-        to_wall, to_plate = (
-            (scene.wall_at - eye[1]) / rays[..., 1],
-            -eye[2] / np.minimum(rays[..., 2], -1e-9),
-        )
+        to_wall = (scene.wall_at - eye[1]) / rays[..., 1]
+        to_plate = -eye[2] / np.minimum(rays[..., 2], -1e-9)
     to_wall = np.where(to_wall > 0, to_wall, 1e6)
     shown = []
     for way, other, texture in ((to_wall, 2, maps[0]), (to_plate, 1, maps[1])):
@@ -318,12 +319,10 @@ def _grains(scene, rng, eye, turn, focal, middle, colour):
         * scene.colour
     )
     seen = (centres[:, 1] < 0) | (line - centres[:, 2] < 3 * scene.grain_mm)
-    centres, shapes, own, surface = (
-        centres[seen],
-        shapes[seen],
-        own[seen],
-        surface[seen],
-    )
+    centres = centres[seen]
+    shapes = shapes[seen]
+    own = own[seen]
+    surface = surface[seen]
     to_unit = np.linalg.inv(shapes)
     ahead = (centres - eye) @ turn.T
     place = focal * ahead[:, :2] / ahead[:, 2:] + middle
@@ -360,12 +359,15 @@ def _grains(scene, rng, eye, turn, focal, middle, colour):
         )
         back = np.sqrt(inside[hit] / square[hit])
         t = middle_at[hit] - back
-        which, pixel = np.nonzero(hit)[0], at[hit][:, 1] * columns + at[hit][:, 0]
+        which = np.nonzero(hit)[0]
+        pixel = at[hit][:, 1] * columns + at[hit][:, 0]
         near = np.argsort(
             -t, kind="stable"
         )  # the last of several that are written to one pixel stays
         near = near[t[near] < depth[pixel[near]]]
-        t, which, pixel = t[near], which[near], pixel[near]
+        t = t[near]
+        which = which[near]
+        pixel = pixel[near]
         unit = nearest[hit][near] - back[near][:, None] * way[hit][near]
         normal = np.einsum("ni,nij->nj", unit, to_unit[part][which])
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)

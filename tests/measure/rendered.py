@@ -174,7 +174,8 @@ def photograph(scene):
 
 def _apart(points, distance):
     """Indices of points that keep a distance from those kept before them."""
-    kept, cells = [], {}
+    kept = []
+    cells = {}
     for i, point in enumerate(points):
         cell = tuple((point // distance).astype(int))
         around = itertools.product(*(range(place - 1, place + 2) for place in cell))
@@ -286,7 +287,8 @@ def _stand(page, per_mm, corner, along, eye, rays, colour, depth):
     normal = np.cross(along, [0, 0, 1.0])
     to_page = ((corner - eye) @ normal) / (rays @ normal)
     at = eye + to_page[..., None] * rays - corner
-    u, v = (at @ along) * per_mm, page.shape[0] - at[..., 2] * per_mm
+    u = (at @ along) * per_mm
+    v = page.shape[0] - at[..., 2] * per_mm
     inside = (
         (u >= 0)
         & (u < page.shape[1])
@@ -346,7 +348,8 @@ def _ground_light(scene):
                     1,
                     -1,
                 )
-    wide, close = cv2.GaussianBlur(shade, (0, 0), 6), cv2.GaussianBlur(shade, (0, 0), 2)
+    wide = cv2.GaussianBlur(shade, (0, 0), 6)
+    close = cv2.GaussianBlur(shade, (0, 0), 2)
     return 1 - scene.shadow * (0.5 * wide + 0.5 * close)
 
 
@@ -361,7 +364,9 @@ def _cast(scene, grains, inside, eye, rays, camera, colour, depth):
             - centres[:, 2]
         )
         seen = (centres[:, 1] < 0) | (deep < 2.5 * scene.berry_mm)
-        centres, quaternions, sizes = centres[seen], quaternions[seen], sizes[seen]
+        centres = centres[seen]
+        quaternions = quaternions[seen]
+        sizes = sizes[seen]
     rng = np.random.default_rng([scene.seed, 5])
     albedo = np.array(CROPS[scene.crop][0], float)
     rotations = rotation_matrices(quaternions)
@@ -383,8 +388,11 @@ def _cast(scene, grains, inside, eye, rays, camera, colour, depth):
         if not ray.size:
             continue
         to_unit = (rotation / axes).T
-        d, o = ray @ to_unit.T, to_unit @ (eye - centre)
-        a, b, c = (d * d).sum(-1), d @ o, o @ o - 1
+        d = ray @ to_unit.T
+        o = to_unit @ (eye - centre)
+        a = (d * d).sum(-1)
+        b = d @ o
+        c = o @ o - 1
         root = b * b - a * c
         t = np.where(root > 0, (-b - np.sqrt(np.maximum(root, 0))) / a, np.inf)
         hit = t < depth[window]
@@ -423,7 +431,8 @@ def _light(scene, height, width):
     )
     if scene.hand:
         shade = np.zeros((height, width), np.float32)
-        w, h = width, height
+        w = width
+        h = height
         across = (0.75, 1, 1, 0.72, 0.56, 0.55, 0.68, 0.52, 0.5, 0.68, 0.55, 0.56, 0.74)
         down = (0, 0, 0.55, 0.50, 0.56, 0.50, 0.42, 0.43, 0.37, 0.33, 0.28, 0.22, 0.22)
         palm = [(a * w, b * h) for a, b in zip(across, down, strict=True)]

@@ -19,10 +19,13 @@ from repose.measure.settings import MeasureSettings
 
 NUMBER = 60
 GRAINS = {  # colour, blue first; axes [mm]
-    "goji": ((38, 44, 190), (19.0, 11.0, 10.0)), "wheat": ((92, 150, 196), (6.6, 3.4, 3.0)),
-    "maize": ((40, 165, 225), (11.0, 8.5, 5.5)), "rice": ((238, 240, 242), (6.8, 2.9, 2.3)),
-    "bean": ((30, 28, 32), (9.5, 6.8, 5.6)), "pea": ((70, 170, 110), (7.6, 7.4, 7.2)),
-}  # fmt: skip
+    "goji": ((38, 44, 190), (19.0, 11.0, 10.0)),
+    "wheat": ((92, 150, 196), (6.6, 3.4, 3.0)),
+    "maize": ((40, 165, 225), (11.0, 8.5, 5.5)),
+    "rice": ((238, 240, 242), (6.8, 2.9, 2.3)),
+    "bean": ((30, 28, 32), (9.5, 6.8, 5.6)),
+    "pea": ((70, 170, 110), (7.6, 7.4, 7.2)),
+}
 BACKGROUNDS = (
     (235, 236, 238),
     (28, 27, 26),
@@ -62,13 +65,12 @@ class Outcome(NamedTuple):
 def scene(number: int) -> Scene:
     rng = np.random.default_rng([2031, number])
     colour, axes = GRAINS[list(GRAINS)[number % len(GRAINS)]]
-    angle, height = rng.uniform(24, 36), rng.uniform(42, 65)
+    angle = rng.uniform(24, 36)
+    height = rng.uniform(42, 65)
     heap = Heap(0.0, 0.0, height, angle, foot=rng.choice([0.0, 1.5]))
-    half, left, right = (
-        heap.half,
-        -heap.half - rng.uniform(160, 185),
-        heap.half + rng.uniform(40, 70),
-    )
+    half = heap.half
+    left = -heap.half - rng.uniform(160, 185)
+    right = heap.half + rng.uniform(40, 70)
     away = float(np.exp(rng.uniform(np.log(450), np.log(5000))))
     middle = 0.5 * (left - 20 + right)
     heaps: tuple = (heap,)
@@ -89,17 +91,30 @@ def scene(number: int) -> Scene:
             heaps = (Heap(0.0, 0.0, 1e-3, angle),)
     walls = rng.permutation(len(BACKGROUNDS))[:2]
     return Scene(
-        seed=number, heaps=heaps, axes=axes, colour=colour, wall=BACKGROUNDS[walls[0]], plate=BACKGROUNDS[walls[1]],
+        seed=number,
+        heaps=heaps,
+        axes=axes,
+        colour=colour,
+        wall=BACKGROUNDS[walls[0]],
+        plate=BACKGROUNDS[walls[1]],
         eye=(
-            rng.uniform(-0.06, 0.06) * away, -away,
+            rng.uniform(-0.06, 0.06) * away,
+            -away,
             rng.uniform(0.3, 1.1) * height + 0.02 * away * rng.uniform(-0.2, 1),
         ),
-        aim=(middle, 0.0, rng.uniform(45, 75)), roll=rng.uniform(-8, 8), size=(880, 660),
-        focal=880 * away / (right - left + 60), wall_at=rng.uniform(150, 500), shadow=rng.uniform(0.1, 0.6),
-        uneven=rng.uniform(0, 0.5), texture=rng.uniform(0.005, 0.04), noise=rng.uniform(1, 4),
+        aim=(middle, 0.0, rng.uniform(45, 75)),
+        roll=rng.uniform(-8, 8),
+        size=(880, 660),
+        focal=880 * away / (right - left + 60),
+        wall_at=rng.uniform(150, 500),
+        shadow=rng.uniform(0.1, 0.6),
+        uneven=rng.uniform(0, 0.5),
+        texture=rng.uniform(0.005, 0.04),
+        noise=rng.uniform(1, 4),
         blur=rng.uniform(0.4, 1.2),
-        loose=12 if trouble(number) == "no heap" else int(rng.choice([0, 6])), left=left,
-    )  # fmt: skip
+        loose=12 if trouble(number) == "no heap" else int(rng.choice([0, 6])),
+        left=left,
+    )
 
 
 def trouble(number: int) -> str:
@@ -153,7 +168,8 @@ def outcome(number: int, folder: Path) -> Outcome:
     """Draw a photograph into a folder and measure it; what was found in it lies beside it."""
     one = scene(number)
     found = measured(one, folder / f"{number}.png")
-    seen, missed = found.measurement, (np.nan, np.nan)
+    seen = found.measurement
+    missed = (np.nan, np.nan)
     if seen is not None:
         true = (
             truth(one) if trouble(number) not in TROUBLE[2:] else Truth(np.nan, np.nan)
@@ -168,9 +184,14 @@ def outcome(number: int, folder: Path) -> Outcome:
 def from_a_distance(away: float, eye: float = 25.0, seed: int = 1) -> Scene:
     """A cone of fine grains, photographed from a distance in mm with the zoom that shows it equally large."""
     return Scene(
-        seed, heaps=(Heap(0, 0, 36, 30),), axes=(2.7, 2.5, 2.3), eye=(0, -away, eye), aim=(-65, 0, 45), left=-215,
+        seed,
+        heaps=(Heap(0, 0, 36, 30),),
+        axes=(2.7, 2.5, 2.3),
+        eye=(0, -away, eye),
+        aim=(-65, 0, 45),
+        left=-215,
         focal=1000 * away / 340,
-    )  # fmt: skip
+    )
 
 
 def silent(made: list[Outcome]) -> list[int]:
@@ -186,7 +207,8 @@ def lost(made: list[Outcome]) -> list[int]:
 
 def report(made: list[Outcome]) -> str:
     good = np.array([one[-2:] for one in made if not one.refused and not one.trouble])
-    mean, most = good.mean(0), np.abs(good).max(0)
+    mean = good.mean(0)
+    most = np.abs(good).max(0)
     measured = sum(not one.refused for one in made)
     return (
         f"{measured} of {len(made)} measured; wrong in silence {silent(made)}; refused though an eye would measure "

@@ -62,9 +62,11 @@ def lumpy(slope, height, rng):
 def test_a_cone_has_its_slope_by_every_line(rule, slope):
     profile = cone(slope, 240.0)
     for line in (
-        angles.fit_flank(profile, 24.0, 192.0, rule), angles.fit_steepest(profile, 24.0, 192.0, rule),
-        angles.fit_whole_side(profile, rule), angles.fit_straightest(profile, 0.333, rule),
-    ):  # fmt: skip
+        angles.fit_flank(profile, 24.0, 192.0, rule),
+        angles.fit_steepest(profile, 24.0, 192.0, rule),
+        angles.fit_whole_side(profile, rule),
+        angles.fit_straightest(profile, 0.333, rule),
+    ):
         assert line.angle_deg == pytest.approx(degrees(slope), abs=1e-9)
         for u, z in line.ends:
             assert z == pytest.approx(240.0 - slope * (profile.size - 1 - u))
@@ -88,7 +90,9 @@ def test_the_secant_takes_the_whole_width_and_a_trapezoid_is_a_cone_to_the_flank
         degrees(2 * 240.0 / width)
     )
     assert angles.secant_of_pile(left, right) < (left.angle_deg + right.angle_deg) / 2
-    slope, height, half_top = 0.5, 200.0, 120
+    slope = 0.5
+    height = 200.0
+    half_top = 120
     profile = trapezoid(slope, height, half_top)
     assert angles.fit_flank(profile, 20.0, 160.0).angle_deg == pytest.approx(
         degrees(slope)
@@ -100,7 +104,8 @@ def test_the_secant_takes_the_whole_width_and_a_trapezoid_is_a_cone_to_the_flank
         degrees(height / (160.0 / slope + half_top))
     )
     # regression of z = min(s u, h) on u over [0, a + b], a = h / s: covariance over variance by integration
-    a, b = height / slope, half_top
+    a = height / slope
+    b = half_top
     total = a + b
     mean_z = (0.5 * a * height + b * height) / total
     moment = slope * a**3 / 3 + height * (total**2 - a**2) / 2
@@ -126,7 +131,8 @@ def test_the_steepest_stretch_is_the_steeper_part_of_a_bent_flank(rule):
 def slow_steepest(profile, low, high, rule):
     """Every window by itself, with numpy's own regression."""
     u, z = profile_points.FLANK_RULES[rule](profile, low, high)
-    least, best = (high - low) / 2, -math.inf
+    least = (high - low) / 2
+    best = -math.inf
     for below in range(math.floor(least) + 1):
         for above in range(math.floor(least - below) + 1):
             inside = (z >= low + below) & (z <= high - above)
@@ -159,26 +165,33 @@ def slow_straightest(profile, smallest, rule):
     places = np.unique(
         np.linspace(0, u.size, min(u.size, angles.WINDOW_STEPS) + 1).round().astype(int)
     )
-    best, slope = -math.inf, math.nan
+    best = -math.inf
+    slope = math.nan
     for first in places:
         for last in places[
             places - first >= max(profile_points.MIN_LEVELS, smallest * u.size)
         ]:
-            x, y = u[first:last], z[first:last]
+            x = u[first:last]
+            y = z[first:last]
             if (
                 x.std() >= angles.WALL_SD
                 and y.std() > 0
                 and np.corrcoef(x, y)[0, 1] > best + 1e-12
             ):
-                best, slope = np.corrcoef(x, y)[0, 1], np.polyfit(x, y, 1)[0]
+                best = np.corrcoef(x, y)[0, 1]
+                slope = np.polyfit(x, y, 1)[0]
     return degrees(slope)
 
 
 @pytest.mark.parametrize("rule", RULES)
-@pytest.mark.parametrize(("fast", "slow", "height", "of"), [
-    (angles.fit_steepest, slow_steepest, 115.0, (11.5, 92.0)),
-    (angles.fit_straightest, slow_straightest, 230.0, (0.25,)), (angles.fit_straightest, slow_straightest, 230.0, (0.5,)),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("fast", "slow", "height", "of"),
+    [
+        (angles.fit_steepest, slow_steepest, 115.0, (11.5, 92.0)),
+        (angles.fit_straightest, slow_straightest, 230.0, (0.25,)),
+        (angles.fit_straightest, slow_straightest, 230.0, (0.5,)),
+    ],
+)
 def test_windows_of_lumpy_flanks_equal_a_slow_search(fast, slow, height, of, rule):
     rng = np.random.default_rng(11)
     for slope in (0.35, 0.6, 0.9):
@@ -191,7 +204,8 @@ def test_windows_of_lumpy_flanks_equal_a_slow_search(fast, slow, height, of, rul
 @pytest.mark.parametrize("rule", RULES)
 def test_the_straightest_window_leaves_out_a_wavy_toe_and_a_flat_crest(rule):
     """A straight flank between a toe of two waves and a flat top: the line is the flank's, the whole side's is not."""
-    slope, height = 0.6, 200.0
+    slope = 0.6
+    height = 200.0
     profile = trapezoid(slope, height, 60)
     toe = MARGIN + np.arange(60)
     profile[toe] = np.maximum(profile[toe] + 6 * np.sin(toe / 60 * 4 * math.pi), 1.5)
@@ -223,7 +237,8 @@ def test_sides_hold_every_definition_or_say_why_not():
         (degrees(0.4), degrees(0.8))
     )
     assert mean == pytest.approx((degrees(0.4) + degrees(0.8)) / 2)
-    assert (left.ends[0][1], left.ends[1][1]) == (50.0, 180.0)
+    assert left.ends[0][1] == 50.0
+    assert left.ends[1][1] == 180.0
     unknown, reasons = angles.measure_sides(
         profile, crest, how.model_copy(update={"berry_height_mm": None})
     )
@@ -246,9 +261,11 @@ def test_sides_hold_every_definition_or_say_why_not():
     )
     cut = cone(0.5, 200.0)[150:]
     for definition in (
-        lambda: angles.fit_flank(cut, 20.0, 160.0), lambda: angles.fit_secant(cut, 20.0), lambda: angles.fit_whole_side(cut),
+        lambda: angles.fit_flank(cut, 20.0, 160.0),
+        lambda: angles.fit_secant(cut, 20.0),
+        lambda: angles.fit_whole_side(cut),
         lambda: angles.fit_straightest(cut, 0.333),
-    ):  # fmt: skip
+    ):
         raised(NoFlankError, "foot is not seen", definition)
 
 
@@ -268,7 +285,9 @@ def test_windows_levels_and_lines_are_what_their_words_say():
         fit_from="berry", fit_to=0.8, flank="rows", smallest_window=0.25
     )
     assert {name: line_of(section, name) for name in angles.DEFINITIONS} == {
-        "flank": "flank, one grain to 80 % of the height, rows", "secant": "secant, foot to crest",
+        "flank": "flank, one grain to 80 % of the height, rows",
+        "secant": "secant, foot to crest",
         "steepest": "steepest half or more of the flank, one grain to 80 % of the height, rows",
-        "whole": "whole side, columns", "straightest": "straightest window, at least 0.25 of the side, columns",
-    }  # fmt: skip
+        "whole": "whole side, columns",
+        "straightest": "straightest window, at least 0.25 of the side, columns",
+    }

@@ -77,7 +77,8 @@ def drawn(
     sub=8,
 ):
     """Coverage (0 to 1) of each pixel by what lies under `profile(u)` and by loose discs (u, radius) on the plate."""
-    columns, rows = round(2 * half_mm / mm), round((top_mm + below_mm) / mm)
+    columns = round(2 * half_mm / mm)
+    rows = round((top_mm + below_mm) / mm)
     u = ((np.arange(columns * sub) + 0.5) / sub - columns / 2) * mm
     z = profile(u)
     bottom = np.zeros_like(u)
@@ -131,11 +132,14 @@ def lumpy_piles(angle, count):
 
 # Measured by the tests below: largest error of any clean pile 0.012 degrees and 0.22 mm (the tip of a sharp
 # 45 degree pile, cut by the smoothing), with light, noise and loose berries 0.03 degrees and 0.3 mm.
-CLEAN_DEG, CLEAN_MM = 0.05, 0.3
-DISTURBED_DEG, DISTURBED_MM = 0.1, 0.5
+CLEAN_DEG = 0.05
+CLEAN_MM = 0.3
+DISTURBED_DEG = 0.1
+DISTURBED_MM = 0.5
 # Lumpy piles, mean over all angles: -0.4 degrees, root mean square 1.3 from pile to pile, which is the
 # lumps' own scatter: light and noise on top of them move a pile by 0.07 degrees at most.
-LUMPY_DEG, LUMPY_MOVED_DEG = 1.0, 0.2
+LUMPY_DEG = 1.0
+LUMPY_MOVED_DEG = 0.2
 
 
 @pytest.mark.parametrize("shape", [triangle, rounded])
@@ -210,16 +214,17 @@ def test_tilted_light_noise_and_loose_berries_in_either_polarity(
 
 def test_a_light_or_lumpy_pile_is_measured_as_it_is():
     picture = toned(next(lumpy_piles(30, 1)), 60, 200)
-    plain, inverse = measure_image(picture, MM), measure_image(255 - picture, MM)
+    plain = measure_image(picture, MM)
+    inverse = measure_image(255 - picture, MM)
     assert inverse.aor_deg == pytest.approx(plain.aor_deg, abs=0.02)
     assert inverse.height_mm == pytest.approx(plain.height_mm, abs=0.02)
-    assert (plain.pile_is, inverse.pile_is) == ("darker", "brighter")
+    assert plain.pile_is == "darker"
+    assert inverse.pile_is == "brighter"
     picture = toned(drawn(lambda u: rounded(30, u), half_width(30)), 40, 220)
-    fine, coarse = measure_image(picture, 0.1), measure_image(picture, 0.4)
-    assert (coarse.aor_deg, coarse.height_mm) == (
-        fine.aor_deg,
-        pytest.approx(4 * fine.height_mm),
-    )
+    fine = measure_image(picture, 0.1)
+    coarse = measure_image(picture, 0.4)
+    assert coarse.aor_deg == fine.aor_deg
+    assert coarse.height_mm == pytest.approx(4 * fine.height_mm)
     errors = {rule: [] for rule in FLANK_RULES}
     for angle in ANGLES:
         for cover in lumpy_piles(angle, 12):
@@ -251,11 +256,9 @@ def test_loose_berries_count_when_asked_for_and_a_narrow_mask_has_its_plate():
     picture = toned(
         drawn(lambda u: triangle(30, u), half, loose=[(half - 11, 8)]), 40, 220
     )
-    alone, together = (
-        measure_image(picture, MM),
-        measure_image(
-            picture, MM, FLANK.model_copy(update={"largest_pile_only": False})
-        ),
+    alone = measure_image(picture, MM)
+    together = measure_image(
+        picture, MM, FLANK.model_copy(update={"largest_pile_only": False})
     )
     assert alone.angle.right_deg == pytest.approx(30, abs=CLEAN_DEG)
     assert together.angle.right_deg < 29
@@ -266,7 +269,8 @@ def test_loose_berries_count_when_asked_for_and_a_narrow_mask_has_its_plate():
     rng = np.random.default_rng(3)
     rows, columns = picture.shape[:2]
     for _ in range(60):
-        u, v = rng.uniform(-60, 60), rng.uniform(5, 50)
+        u = rng.uniform(-60, 60)
+        v = rng.uniform(5, 50)
         if v < triangle(30, abs(u) + 8):
             centre = round(columns / 2 + u / MM), rows - 16 - round(v / MM)
             cv2.circle(picture, centre, 6, (245, 245, 245), -1)
@@ -274,15 +278,9 @@ def test_loose_berries_count_when_asked_for_and_a_narrow_mask_has_its_plate():
     mask = np.zeros((30, 100), bool)
     mask[:20, 40:60] = mask[20:] = True
     mask[15, 3:97] = True
-    assert (
-        find_plate_row(mask),
-        find_plate_row(mask[16:]),
-        find_plate_row(mask[17:]),
-    ) == (
-        19.5,
-        3.5,
-        None,
-    )
+    assert find_plate_row(mask) == 19.5
+    assert find_plate_row(mask[16:]) == 3.5
+    assert find_plate_row(mask[17:]) is None
 
 
 def test_the_base_is_the_given_one_or_a_plate_as_dark_as_the_pile_and_jpeg_round_trip(
@@ -358,11 +356,23 @@ def test_pictures_of_the_workflow_and_unreadable_pictures_and_wrong_arrays_are_r
         input_error("", measure_image, bad, MM)
 
 
-@pytest.mark.parametrize(("picture", "reason"), [
-    (np.full((200, 300), 128, np.uint8), "nothing in the picture"),
-    (toned(drawn(lambda u: np.where(np.abs(u) < 60, 3.0, 0.0), 80), 40, 220), "pixels high"),
-    (toned(drawn(lambda u: triangle(30, u), 50), 40, 220), "runs out of the picture"),
-    (toned(drawn(lambda u: np.where(np.abs(u) < 40, 60.0, 0.0), 80), 40, 220), "a wall"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("picture", "reason"),
+    [
+        (np.full((200, 300), 128, np.uint8), "nothing in the picture"),
+        (
+            toned(drawn(lambda u: np.where(np.abs(u) < 60, 3.0, 0.0), 80), 40, 220),
+            "pixels high",
+        ),
+        (
+            toned(drawn(lambda u: triangle(30, u), 50), 40, 220),
+            "runs out of the picture",
+        ),
+        (
+            toned(drawn(lambda u: np.where(np.abs(u) < 40, 60.0, 0.0), 80), 40, 220),
+            "a wall",
+        ),
+    ],
+)
 def test_pictures_without_a_flank_say_why(picture, reason):
     raised(NoFlankError, reason, measure_image, picture, MM)

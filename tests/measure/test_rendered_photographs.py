@@ -51,10 +51,8 @@ def views_of(lens, count, rng):
     )
     seen = []
     for _ in range(count):
-        turn, shift = (
-            rng.uniform(-0.4, 0.4, 3),
-            np.array([*rng.uniform(-150, 150, 2), rng.uniform(400, 600)]),
-        )
+        turn = rng.uniform(-0.4, 0.4, 3)
+        shift = np.array([*rng.uniform(-150, 150, 2), rng.uniform(400, 600)])
         pixels = cv2.projectPoints(
             flat, turn, shift, matrix, np.array([*lens, 0, 0, 0.0])
         )[0][:, 0]
@@ -68,7 +66,8 @@ def test_the_lens_and_the_angle_of_a_cone_seen_from_above():
     found = camera.calibrate(
         views_of((-0.12, 0.03), 8, np.random.default_rng(1)), (1600, 1200)
     )
-    assert (found.note, found.matrix[0, 0]) == ("", pytest.approx(1300, rel=0.003))
+    assert found.note == ""
+    assert found.matrix[0, 0] == pytest.approx(1300, rel=0.003)
     away = np.array([0.2, 0.4, 0.55]) ** 2
     assert found.distortion[0] * away + found.distortion[1] * away**2 == pytest.approx(
         -0.12 * away + 0.03 * away**2, abs=0.002
@@ -94,13 +93,17 @@ def test_a_cone_seen_from_above_or_below_gets_its_angle_and_its_foot_back(above,
 
     From below, the rim lies under the row of the plate, so the foot loses a little.
     """
-    height, slope, eye = 60.0, math.radians(31.0), np.array([0.0, -500.0, 60.0 + above])
+    height = 60.0
+    slope = math.radians(31.0)
+    eye = np.array([0.0, -500.0, 60.0 + above])
     turn = np.linspace(0, 2 * np.pi, 100001)
     radius = height / math.tan(slope)
     rim = radius * np.column_stack([np.cos(turn), np.sin(turn), 0 * turn])
     share = eye[1] / (eye[1] - rim[:, 1])  # where the ray meets y = 0
     seen = eye[[0, 2]] + share[:, None] * (rim[:, [0, 2]] - eye[[0, 2]])
-    px, base, axis = 0.1, 700.5, 1500.0
+    px = 0.1
+    base = 700.5
+    axis = 1500.0
     corners = np.concatenate([[[0, height]], seen])
     hull = cv2.convexHull((16 * (corners / [px, -px] + [axis, base])).astype(np.int32))
     mask = np.zeros((702, 3001), np.uint8)
@@ -131,11 +134,16 @@ def test_a_cone_seen_from_above_or_below_gets_its_angle_and_its_foot_back(above,
     )
 
 
-@pytest.mark.parametrize(("change", "reason"), [
-    *BAD, ({"rotation": (0.0, 0.0, 40.0)}, "tilted by 40 degrees"), ({"rotation": (0.0, 0.0, 180.0)}, "upside down"),
-    ({"with_sheet": False}, "the printed sheet is not seen"),
-    ({"with_pile": False}, "nothing that stands on the plate"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        *BAD,
+        ({"rotation": (0.0, 0.0, 40.0)}, "tilted by 40 degrees"),
+        ({"rotation": (0.0, 0.0, 180.0)}, "upside down"),
+        ({"with_sheet": False}, "the printed sheet is not seen"),
+        ({"with_pile": False}, "nothing that stands on the plate"),
+    ],
+)
 def test_what_cannot_be_measured_is_refused_with_its_reason(tmp_path, change, reason):
     one = measured(tmp_path, Scene(**SMALL | change))
     assert one.measurement is None
@@ -158,17 +166,15 @@ def test_what_floats_over_the_plate_or_in_a_deep_shadow_is_left_out(tmp_path):
     )
     cv2.circle(pile, (320, 88), 12, 1, -1)  # at the foot
     left = finding._largest_part(finding._remove_touching(pile, 7))
-    assert (left[:, 316:].sum(), left[:, :290].sum()) == (0, pile[:, :290].sum())
-    mask[5:35, 20:24], mask[40:52, 360:364] = (
-        1,
-        1,
-    )  # a post that hides what is behind it, and a speck of its shape
+    assert left[:, 316:].sum() == 0
+    assert left[:, :290].sum() == pile[:, :290].sum()
+    # a post that hides what is behind it, and a speck of its shape
+    mask[5:35, 20:24] = 1
+    mask[40:52, 360:364] = 1
     standing, posts = finding._standing_parts(mask)
-    assert (standing[:, 100:301].sum(), posts[:, :30].sum(), posts[:, 30:].sum()) == (
-        standing.sum(),
-        120,
-        0,
-    )
+    assert standing[:, 100:301].sum() == standing.sum()
+    assert posts[:, :30].sum() == 120
+    assert posts[:, 30:].sum() == 0
 
 
 @pytest.mark.slow

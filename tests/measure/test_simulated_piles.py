@@ -23,7 +23,8 @@ BARREL = Ellipsoids([7.399, 0.94, 0.94], [3.171, 4.745, 4.0])
 
 def cone_of_berries(angle, rng, berries=500, height_m=0.062):
     """Random berries (centres, quaternions) in a cone whose flank lies one mean radius outside the centres."""
-    a, reach = math.radians(angle), 0.0066
+    a = math.radians(angle)
+    reach = 0.0066
     centres = np.empty((0, 3))
     while len(centres) < berries:
         p = (
@@ -41,7 +42,9 @@ def test_silhouette_equals_the_projection_of_a_cloud_of_surface_points(particle)
     rng = np.random.default_rng(5)
     centres = rng.uniform([-0.03, -0.03, 0.012], [0.03, 0.03, 0.04], (12, 3))
     q = rng.normal(size=(12, 4))
-    azimuth, mm, extent = 37.0, 0.5, (-0.05, 0.05, 0.06)
+    azimuth = 37.0
+    mm = 0.5
+    extent = (-0.05, 0.05, 0.06)
     image = silhouette(Grains(centres, q, particle), azimuth, mm, extent)
     assert image.shape == (120, 200)
     normals = rng.normal(size=(60_000, 3))
@@ -89,11 +92,10 @@ def test_silhouettes_and_height_of_the_members_and_what_is_no_pile():
         np.vstack([centres, stray]), np.vstack([q, rng.normal(size=(2, 4))]), BERRY
     )
     members = np.arange(502) < 500
-    alone, masked = (
-        measure_pile(Grains(centres, q, BERRY)),
-        measure_pile(with_stray, members=members),
-    )
-    assert (masked.aor_deg, masked.height_mm) == (alone.aor_deg, alone.height_mm)
+    alone = measure_pile(Grains(centres, q, BERRY))
+    masked = measure_pile(with_stray, members=members)
+    assert masked.aor_deg == alone.aor_deg
+    assert masked.height_mm == alone.height_mm
     assert alone.aor[alone.response].shape == alone.view_height_mm.shape == (18,)
     assert alone.aor_deg == pytest.approx(alone.aor[alone.response].mean())
     assert np.abs(alone.view_height_mm - alone.height_mm).max() < MM
@@ -127,11 +129,9 @@ def test_a_silhouette_is_split_as_any_picture_of_its_tones_to_the_last_bit(
     image = silhouette(Grains(centres, q, BERRY), mm_per_pixel=MM)
     known = segment_silhouette(image, PILE_TONE, BACKGROUND_TONE, largest_only)
     found = segment(image, largest_only, base_row=image.shape[0] - 0.5)
-    assert (known.level, known.base_row, known.pile_is) == (
-        found.level,
-        found.base_row,
-        found.pile_is,
-    )
+    assert known.level == found.level
+    assert known.base_row == found.base_row
+    assert known.pile_is == found.pile_is
     for name in ("grey", "contrast", "mask"):
         assert getattr(known, name).dtype == getattr(found, name).dtype
         np.testing.assert_array_equal(getattr(known, name), getattr(found, name))
@@ -168,17 +168,16 @@ def cone(slope_deg, height_mm=60.0, foot_mm=10.0):
 
 
 def test_slopes_widths_and_scatter_are_those_of_cones():
-    angle, berry = 31.0, 12.0
+    angle = 31.0
+    berry = 12.0
     base = 60.0 / math.tan(math.radians(angle))
     volume = math.pi * base**2 * 60.0 / 3
     found = further_responses.measure_silhouettes(
         [cone(angle)] * 3, MM_PER_PIXEL, 60.0, berry, 0.6 * volume
     )
     assert found["base_radius_mm"] == pytest.approx(base * (1 - berry / 60), abs=0.3)
-    assert (found["lower_deg"], found["upper_deg"]) == (
-        pytest.approx(angle, abs=0.3),
-        pytest.approx(angle, abs=0.3),
-    )
+    assert found["lower_deg"] == pytest.approx(angle, abs=0.3)
+    assert found["upper_deg"] == pytest.approx(angle, abs=0.3)
     assert found["packing_percent"] == pytest.approx(60, abs=0.5)
     profile = cone(31.0)
     hollow = profile**2 / profile.max()  # steep at the top, flat at the foot
@@ -196,7 +195,8 @@ def test_slopes_widths_and_scatter_are_those_of_cones():
         math.degrees(math.atan(18 / (half - upper))), abs=0.8
     )
     assert found["upper_deg"] > found["lower_deg"] + 5
-    wide, low = cone(31.0), cone(31.0, height_mm=20.0)
+    wide = cone(31.0)
+    low = cone(31.0, height_mm=20.0)
     level = np.array([10.0, 40.0])
     one = further_responses.mean_half_width([wide], MM_PER_PIXEL, level)
     both = further_responses.mean_half_width([wide, low], MM_PER_PIXEL, level)

@@ -125,12 +125,19 @@ def outlined(*tops):
     return Segmentation(mask, mask.astype(np.float32), 0.5, mask, 199.5, "darker")
 
 
-@pytest.mark.parametrize(("tops", "doubt"), [
-    ([(300, 150)], None), ([(200, 100), (280, 40), (420, 80)], "as of two heaps"),
-    ([(150, 60), (450, 62)], "its top is level"),
-    ([(230, 50), (299, 50), (300, 150), (301, 50), (370, 50)], "something else stands behind it"),
-    ([(250, 100), (300, 150), (350, 140), (351, 80)], "falls by 4"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("tops", "doubt"),
+    [
+        ([(300, 150)], None),
+        ([(200, 100), (280, 40), (420, 80)], "as of two heaps"),
+        ([(150, 60), (450, 62)], "its top is level"),
+        (
+            [(230, 50), (299, 50), (300, 150), (301, 50), (370, 50)],
+            "something else stands behind it",
+        ),
+        ([(250, 100), (300, 150), (350, 140), (351, 80)], "falls by 4"),
+    ],
+)
 def test_what_is_found_is_asked_whether_it_is_a_heap(tops, doubt):
     how = MeasureSettings.with_defaults(mm_per_pixel=0.5, berry_height_mm=6.0)
     pile = outlined(*tops)
@@ -155,19 +162,15 @@ def test_a_second_heap_beside_it_is_doubtful(tmp_path):
             )
         file = tmp_path / f"{high}.png"
         cv2.imwrite(str(file), picture)
-        how, scale = (
-            MeasureSettings.with_defaults(berry_height_mm=6.0),
-            photographs.Scale(mm_per_pixel=0.5),
-        )
+        how = MeasureSettings.with_defaults(berry_height_mm=6.0)
+        scale = photographs.Scale(mm_per_pixel=0.5)
         (seen,) = photographs.measure_all([file], how, scale)
         assert ("another heap stands beside it" in seen.remarks) == known
 
 
 def test_a_doubt_is_printed_beside_its_photograph_and_a_layer_is_refused(tmp_path):
-    how, pile = (
-        MeasureSettings.with_defaults(mm_per_pixel=0.5),
-        outlined((150, 60), (450, 62)),
-    )
+    how = MeasureSettings.with_defaults(mm_per_pixel=0.5)
+    pile = outlined((150, 60), (450, 62))
     doubt = doubts_of_pile(pile, seen := measure_segmented(pile, how), 6.0, 0.5)[0]
     one = photographs.Photograph(
         tmp_path / "a.png",

@@ -22,8 +22,9 @@ PALETTE = {
     "grey": (140, 142, 145),
     "blue": (170, 105, 55),
     "wood": (95, 140, 185),
+    "green": (95, 140, 80),
+    "black": (45, 45, 48),
 }
-PALETTE |= {"green": (95, 140, 80), "black": (45, 45, 48)}
 # Size, focal length in widths, k1 and k2.
 CAMERAS = [
     ((1600, 1200), 0.80, (0.0, 0.0)),
@@ -43,7 +44,8 @@ def scenes(camera, draw=0):
         number = 10 * camera + k
         rng = np.random.default_rng([2026, number, draw] if draw else [2026, number])
         crop = list(CROPS)[number % len(CROPS)]
-        angle, height = rng.uniform(24, 40), rng.uniform(45, 70)
+        angle = rng.uniform(24, 40)
+        height = rng.uniform(45, 70)
         width_mm = 2 * height / np.tan(np.radians(angle)) + 330
         half = 0.5 * width_mm - 165
         left = -half - 170 - rng.uniform(0, 20)
@@ -52,16 +54,33 @@ def scenes(camera, draw=0):
         colours = [PALETTE[name] for name in rng.choice(list(PALETTE), 2)]
         made.append(
             Scene(
-                seed=1000 * draw + number, crop=crop, angle=angle, height=height, wall=colours[0], ground=colours[1],
+                seed=1000 * draw + number,
+                crop=crop,
+                angle=angle,
+                height=height,
+                wall=colours[0],
+                ground=colours[1],
                 texture=("plain", "cloth", "wood", "speckle")[number % 4],
-                position=(side, -away, height + np.tan(np.radians(rng.uniform(-2, 5))) * away),
-                aim=(0.5 * (half + 60 + left), 0, 60), rotation=(*rng.uniform(-4, 4, 2), rng.uniform(-15, 15)),
-                distortion=distortion, size=size, focal=focal * size[0], wall_at=rng.uniform(150, 500),
-                uneven=rng.uniform(0, 0.5), shadow=rng.uniform(0.2, 0.6),
-                hand=rng.choice([0, 1]) * rng.uniform(0.25, 0.5), loose=int(rng.choice([0, 1]) * rng.integers(3, 16)),
-                ruler=str(rng.choice(["", "standing"])), sheet_left=left, sheet_yaw=rng.uniform(-1, 1),
+                position=(
+                    side,
+                    -away,
+                    height + np.tan(np.radians(rng.uniform(-2, 5))) * away,
+                ),
+                aim=(0.5 * (half + 60 + left), 0, 60),
+                rotation=(*rng.uniform(-4, 4, 2), rng.uniform(-15, 15)),
+                distortion=distortion,
+                size=size,
+                focal=focal * size[0],
+                wall_at=rng.uniform(150, 500),
+                uneven=rng.uniform(0, 0.5),
+                shadow=rng.uniform(0.2, 0.6),
+                hand=rng.choice([0, 1]) * rng.uniform(0.25, 0.5),
+                loose=int(rng.choice([0, 1]) * rng.integers(3, 16)),
+                ruler=str(rng.choice(["", "standing"])),
+                sheet_left=left,
+                sheet_yaw=rng.uniform(-1, 1),
             )
-        )  # fmt: skip
+        )
     return made
 
 
@@ -75,11 +94,18 @@ def sheet_alone(camera):
         u, v = ((-1, -1), (1, -1), (-1, 1), (1, 1), (0, -1), (0, 1), (-1, 0), (1, 0))[k]
         made.append(
             Scene(
-                seed=100 + 10 * camera + k, aim=(130 * u, 0, 90 + 60 * v), rotation=(0, 0, rng.uniform(-10, 10)),
-                position=(rng.uniform(-0.4, 0.4) * away, -away, rng.uniform(80, 260)), distortion=distortion,
-                size=size, focal=focal * size[0], with_pile=False, sheet_left=-70, sheet_yaw=rng.uniform(-25, 25),
+                seed=100 + 10 * camera + k,
+                aim=(130 * u, 0, 90 + 60 * v),
+                rotation=(0, 0, rng.uniform(-10, 10)),
+                position=(rng.uniform(-0.4, 0.4) * away, -away, rng.uniform(80, 260)),
+                distortion=distortion,
+                size=size,
+                focal=focal * size[0],
+                with_pile=False,
+                sheet_left=-70,
+                sheet_yaw=rng.uniform(-25, 25),
             )
-        )  # fmt: skip
+        )
     return made
 
 
@@ -105,7 +131,8 @@ def errors(folder, kept=range(30), of_the_sheet=8, draw=0):
             )
             found = photographs.measure_all(own, how, photographs.Scale(), of_sheet)
             for scene, one in zip(same, found, strict=True):
-                true, seen = truth(scene, how), one.measurement
+                true = truth(scene, how)
+                seen = one.measurement
                 off = (
                     (seen.aor_deg - true.aor_deg, seen.height_mm - true.height_mm)
                     if seen
@@ -123,21 +150,18 @@ SMALL = {
     "height": 40.0,
     "size": (1000, 750),
     "focal": 950.0,
-}
-SMALL |= {
     "position": (0.0, -520.0, 45.0),
     "aim": (-60.0, 0.0, 50.0),
     "sheet_left": -240.0,
+    "wall": PALETTE["white"],
+    "ground": PALETTE["blue"],
 }
-SMALL |= {"wall": PALETTE["white"], "ground": PALETTE["blue"]}
 TILTED = {
     "rotation": (0.0, 0.0, 14.0),
     "crop": "goji",
     "height": 55.0,
     "wall": PALETTE["green"],
     "angle": 33.0,
-}
-TILTED |= {
     "position": (0.0, -680.0, 60.0),
     "sheet_left": -280.0,
     "aim": (-80.0, 0.0, 50.0),
@@ -213,7 +237,9 @@ def report(draw, missed):
         if isinstance(one, str):
             print(f"  {number}: {one}")
     found = np.array([one for one in missed.values() if not isinstance(one, str)])
-    mean, sd, most = found.mean(0), found.std(0, ddof=1), np.abs(found).max(0)
+    mean = found.mean(0)
+    sd = found.std(0, ddof=1)
+    most = np.abs(found).max(0)
     cells = [
         f"{mean[k]:+.2f} ± {sd[k] / len(found) ** 0.5:.2f} | {most[k]:.2f}"
         for k in range(2)

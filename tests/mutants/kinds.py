@@ -61,7 +61,8 @@ class Source:
 
     def changed(self, place: Place, wrong: str) -> bytes | None:
         """The content with a wrong text; None if it is the same program, or none."""
-        before, after = self.content[: place.start], self.content[place.end :]
+        before = self.content[: place.start]
+        after = self.content[place.end :]
         content = before + wrong.encode() + after
         try:
             tree = ast.parse(content)
@@ -102,7 +103,8 @@ class Source:
     def _comparisons(self, node: ast.Compare) -> Iterator[tuple]:
         left = node.left
         for right, operator in zip(node.comparators, node.ops, strict=True):
-            begin, end = self.span(left)[1], self.span(right)[0]
+            begin = self.span(left)[1]
+            end = self.span(right)[0]
             left = right
             if type(operator) in WRONG_OPERATORS:
                 right_one, wrong = WRONG_OPERATORS[type(operator)]
@@ -116,7 +118,8 @@ class Source:
         ):
             return
         first, second = node.args[:2]
-        begin, end = self.span(first)[0], self.span(second)[1]
+        begin = self.span(first)[0]
+        end = self.span(second)[1]
         between = self.content[self.span(first)[1] : self.span(second)[0]].decode()
         yield begin, end, f"{self.text(second)}{between}{self.text(first)}"
 

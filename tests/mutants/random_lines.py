@@ -81,10 +81,8 @@ def written(path, rows, where, how=""):
 
 def tests_of(path):
     """Test files that name a module, its own first."""
-    room, dotted = (
-        path.relative_to(SOURCE).parts[0],
-        ".".join(path.relative_to(SOURCE).with_suffix("").parts),
-    )
+    room = path.relative_to(SOURCE).parts[0]
+    dotted = ".".join(path.relative_to(SOURCE).with_suffix("").parts)
     parent, _, stem = dotted.rpartition(".")
     imported = rf"from repose\.{re.escape(parent)} import [^\n]*\b{stem}\b"
     named = re.compile(rf"repose\.{re.escape(dotted)}\b|{imported}|\b{stem}\.")
@@ -132,9 +130,11 @@ def tested(folder, tests, compiled, most_s):
 
 def found(folder, path, wrong):
     """Whether tests catch wrong content of a module. Those that fail, or take too long, must do it for that alone."""
-    where, text = folder / path.relative_to(ROOT), path.read_bytes()
+    where = folder / path.relative_to(ROOT)
+    text = path.read_bytes()
     room = path.relative_to(SOURCE).parts[0]
-    (tests, own), compiled = tests_of(path), room != "dem"
+    tests, own = tests_of(path)
+    compiled = room != "dem"
 
     def fails(tests, most_s):
         where.write_bytes(wrong)

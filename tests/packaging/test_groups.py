@@ -11,8 +11,14 @@ pytestmark = pytest.mark.slow
 
 TESTS = Path(__file__).parents[1]
 FILES = (
-    "bench/test_a", "cli/test_c", "dem/test_b", "common/test_e", "common/test_f", "measure/test_g", "measure/test_h",
-)  # fmt: skip
+    "bench/test_a",
+    "cli/test_c",
+    "dem/test_b",
+    "common/test_e",
+    "common/test_f",
+    "measure/test_g",
+    "measure/test_h",
+)
 
 
 def test_tests_of_the_same_kernels_run_on_one_worker(tmp_path):
@@ -35,7 +41,8 @@ def test_tests_of_the_same_kernels_run_on_one_worker(tmp_path):
         "--rootdir",
         ".",
     ]
-    printed, workers = run_python("-m", "pytest", *words, cwd=tmp_path), {}
+    printed = run_python("-m", "pytest", *words, cwd=tmp_path)
+    workers = {}
     for worker, name in re.findall(
         r"^\[(gw\d)\].* tests/(\S+)\.py::", printed, re.MULTILINE
     ):

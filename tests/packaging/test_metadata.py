@@ -100,7 +100,8 @@ def test_lock_file_wheel_and_source_distribution_hold_what_they_should():
     assert all(re.search(r"--hash=sha256:[0-9a-f]{64}\b", entry) for entry in entries)
     assert "://" not in LOCK
     targets = PROJECT["tool"]["hatch"]["build"]["targets"]
-    wheel, sdist = targets["wheel"], targets["sdist"]
+    wheel = targets["wheel"]
+    sdist = targets["sdist"]
     assert wheel["sources"] == {
         "src": "",
         "docs": "repose/data/docs",
@@ -179,13 +180,12 @@ def test_the_conda_recipe_needs_what_the_package_needs_and_the_pins_lie_in_the_r
     )
     of_run = [line for line in EXTRAS["workflow"] if not line.startswith("repose-dem")]
     assert ranges(recipe["requirements"]["run_constraints"]) == ranges(of_run)
-    about, project = recipe["about"], PROJECT["project"]
+    about = recipe["about"]
+    project = PROJECT["project"]
     scripts = [f"{name} = {place}" for name, place in project["scripts"].items()]
     assert recipe["build"]["python"]["entry_points"] == scripts
-    assert (about["summary"], about["license"]) == (
-        project["description"],
-        project["license"],
-    )
+    assert about["summary"] == project["description"]
+    assert about["license"] == project["license"]
     for line in (line for line in TESTED if not line.startswith("repose-dem")):
         requirement = Requirement(line)
         assert metadata.version(requirement.name) in requirement.specifier
@@ -240,16 +240,20 @@ def test_version_and_date_are_those_of_the_newest_release_and_the_archive_says_w
 
 def test_the_paper_has_the_form_of_its_journal_with_references_and_pictures_that_are_there():
     front = yaml.safe_load(FRONT)
-    assert (front["title"], [author["name"] for author in front["authors"]]) == (
-        CITATION["title"],
-        AUTHORS,
-    )
+    assert front["title"] == CITATION["title"]
+    assert [author["name"] for author in front["authors"]] == AUTHORS
     assert {*CITATION["keywords"]} <= {*front["tags"]}
     assert front["bibliography"] == "paper.bib"
     assert re.findall(r"^# (.+)$", PAPER, re.MULTILINE) == [
-        "Summary", "Statement of need", "State of the field", "Software design", "Quality control",
-        "Research impact statement", "AI usage disclosure", "References",
-    ]  # fmt: skip
+        "Summary",
+        "Statement of need",
+        "State of the field",
+        "Software design",
+        "Quality control",
+        "Research impact statement",
+        "AI usage disclosure",
+        "References",
+    ]
     assert 750 <= len(PAPER.split()) <= 1750
     keys = re.findall(r"^@\w+\{(\w+),$", (ROOT / "paper.bib").read_text(), re.MULTILINE)
     assert sorted(keys) == sorted({*re.findall(r"@(\w+)", PAPER)})

@@ -31,49 +31,45 @@ from repose.grain.settings import GrainSettings
 
 ROOT = Path(__file__).parents[2]
 PARTICLES = {
-    "ellipsoid": {"particle": "ellipsoid", "mass_g": None}, "smooth": {"particle": "smooth"},
+    "ellipsoid": {"particle": "ellipsoid", "mass_g": None},
+    "smooth": {"particle": "smooth"},
     "smooth_sizes": {"particle": "smooth", "size_distribution": "measured"},
     "spheres": {"particle": "multisphere", "spheres": 14},
     "spheres_fewest": {"particle": "multisphere", "spheres": "fewest"},
     "rough": {"particle": "multisphere", "spheres": 16, "surface": "rough"},
     "sphere": {"particle": "ellipsoid", "mass_g": None},  # all of its axes are alike
-}  # fmt: skip
+}
 # Lowest and highest value of each kind of parameter.
 RANGES = {"e": (0.02, 1.0), "mus": (0.0, 1.5), "mur": (0.0, 1.0), "mut": (0.0, 1.0)}
 MOST_STEPS = 40_000  # most pours; MANY_SHARE of them have MANY berries and as many steps as they need
 FALLS = 40  # time of a pour, over that of a fall by a berry's length
-MANY, MANY_SHARE = 300, 0.01
+MANY = 300
+MANY_SHARE = 0.01
 LONGEST_S = 60.0
 EXAMPLE_MM = 20.0  # length of the berries in the examples of bench tests
 COLUMNS = [
-    *(
-        "number",
-        "apparatus",
-        "particle",
-        "berries",
-        "long_mm",
-        "shear_modulus_pa",
-        "e_gg",
-        "e_gp",
-    ),
-    *(
-        "contact_law",
-        "rolling_law",
-        "tension",
-        "gravity_m_s2",
-        "time_step_s",
-        "share_of_limit",
-        "steps",
-        "status",
-    ),
-    *(
-        "cpu_s",
-        "energy_over_given",
-        "speed_over_fall",
-        "overlap_over_extent",
-        "wall_overlap_over_extent",
-        "reason",
-    ),
+    "number",
+    "apparatus",
+    "particle",
+    "berries",
+    "long_mm",
+    "shear_modulus_pa",
+    "e_gg",
+    "e_gp",
+    "contact_law",
+    "rolling_law",
+    "tension",
+    "gravity_m_s2",
+    "time_step_s",
+    "share_of_limit",
+    "steps",
+    "status",
+    "cpu_s",
+    "energy_over_given",
+    "speed_over_fall",
+    "overlap_over_extent",
+    "wall_overlap_over_extent",
+    "reason",
 ]
 
 
@@ -95,7 +91,8 @@ class Seen:
         self.steps = s.steps
         if not s.n_bodies:
             return
-        masses, there = s.masses_kg, s.present
+        masses = s.masses_kg
+        there = s.present
         heights = s.positions[there, 2] - bounded.lowest_m
         energy = s.kinetic_energies().sum() + bounded.gravity * np.sum(
             masses[there] * heights
@@ -143,7 +140,8 @@ def sized(particle, factor):
 def drawn(number, default, mean, particles):
     rng = np.random.default_rng([13, number])
     config = copy.deepcopy(default)
-    apparatus, name = str(rng.choice(list(SCENES))), str(rng.choice(list(PARTICLES)))
+    apparatus = str(rng.choice(list(SCENES)))
+    name = str(rng.choice(list(PARTICLES)))
     long_mm = float(10 ** rng.uniform(math.log10(0.5), math.log10(50.0)))
     factor = long_mm / mean["long_mm"]
     berry = dict(mean) | {
@@ -177,7 +175,8 @@ def drawn(number, default, mean, particles):
     many = bool(rng.random() < MANY_SHARE)
     # of a fall by a berry's length; gravity may rise to 100 m/s2, so that a pour ends within MOST_STEPS
     falls = 120 if many else FALLS
-    tau_s, room_s = math.sqrt(2e-3 * long_mm / 9.81), MOST_STEPS * step_s
+    tau_s = math.sqrt(2e-3 * long_mm / 9.81)
+    room_s = MOST_STEPS * step_s
     gravity = 9.81 * min(10.0, max(1.0, (falls * tau_s / room_s) ** 2))
     tau_s *= math.sqrt(9.81 / gravity)
     span_s = falls * tau_s if many else min(falls * tau_s, room_s)
@@ -203,11 +202,9 @@ def drawn(number, default, mean, particles):
 
 def cohesion(rng, law, berry, mass_kg):
     """Constants of a law by parameter, so that spheres of the minor axis pull with up to about 3 of their weights."""
-    radius_m, stiffness_pa, most_n = (
-        0.5e-3 * berry["minor_mm"],
-        1.5 * berry["shear_modulus_pa"],
-        3 * 9.81 * mass_kg,
-    )
+    radius_m = 0.5e-3 * berry["minor_mm"]
+    stiffness_pa = 1.5 * berry["shear_modulus_pa"]
+    most_n = 3 * 9.81 * mass_kg
     # about that of a weight, with E* = G / (1 - nu)
     overlap_m = (0.25 * most_n / (stiffness_pa * math.sqrt(0.5 * radius_m))) ** (2 / 3)
     found = {}
@@ -215,9 +212,10 @@ def cohesion(rng, law, berry, mass_kg):
         circle_m = (
             math.sqrt(2.0 * reduced_m * overlap_m) if law == "eepa" else reduced_m
         )
-        most = {"gamma": most_n / (3.0 * math.pi * circle_m), "plas": 0.9}
-        most |= {
-            "k": (1.5 * most_n * (stiffness_pa / reduced_m) ** 2) ** (1 / 3) / math.pi
+        most = {
+            "gamma": most_n / (3.0 * math.pi * circle_m),
+            "plas": 0.9,
+            "k": (1.5 * most_n * (stiffness_pa / reduced_m) ** 2) ** (1 / 3) / math.pi,
         }
         for constant in OF_LAWS.get(law, ()):
             found[f"{constant.short}_{pair}"] = float(
@@ -228,48 +226,78 @@ def cohesion(rng, law, berry, mass_kg):
 
 def _funnel(rng, d, span_s, n):
     """A funnel for berries of length d [mm] that pours for half of a span of time."""
-    outlet, inlet = rng.uniform(1.5, 4.5), rng.uniform(6.0, 9.0)
+    outlet = rng.uniform(1.5, 4.5)
+    inlet = rng.uniform(6.0, 9.0)
     return {
-        "berries": n, "rate_per_s": 2.0 * n / span_s, "duration_s": span_s, "rest_window_s": 0.1 * span_s,
-        "rest_motion_mm": 0.05 * d, "inlet_diameter_mm": inlet * d, "outlet_diameter_mm": outlet * d,
-        "rim_radius_mm": 0.05 * d, "cone_angle_deg": float(rng.uniform(45.0, 80.0)), "tube_length_mm": 0.0,
-        "outlet_height_mm": rng.uniform(1.0, 4.0) * d, "plate_diameter_mm": rng.uniform(10.0, 30.0) * d,
-        "factory_height_mm": rng.uniform(0.5, 3.0) * d, "factory_diameter_mm": rng.uniform(3.0, inlet) * d,
-    }  # fmt: skip
+        "berries": n,
+        "rate_per_s": 2.0 * n / span_s,
+        "duration_s": span_s,
+        "rest_window_s": 0.1 * span_s,
+        "rest_motion_mm": 0.05 * d,
+        "inlet_diameter_mm": inlet * d,
+        "outlet_diameter_mm": outlet * d,
+        "rim_radius_mm": 0.05 * d,
+        "cone_angle_deg": float(rng.uniform(45.0, 80.0)),
+        "tube_length_mm": 0.0,
+        "outlet_height_mm": rng.uniform(1.0, 4.0) * d,
+        "plate_diameter_mm": rng.uniform(10.0, 30.0) * d,
+        "factory_height_mm": rng.uniform(0.5, 3.0) * d,
+        "factory_diameter_mm": rng.uniform(3.0, inlet) * d,
+    }
 
 
 def _drum(rng, d, span_s, n):
     """A drum for berries of length d [mm] that fills for a third of a span of time."""
     radius = rng.uniform(3.0, 6.0)
     return {
-        "berries": n, "rate_per_s": 4.0 * n / span_s, "rotate_from_s": span_s / 3, "report_s": span_s / 2,
-        "longest_rotation_s": span_s / 3, "settle_s": span_s / 6, "record_s": span_s / 30,
-        "outer_diameter_mm": 2.2 * radius * d, "wall_thickness_mm": 0.1 * radius * d,
-        "length_mm": rng.uniform(2.5, 5.0) * d, "factory_height_mm": 0.3 * radius * d,
+        "berries": n,
+        "rate_per_s": 4.0 * n / span_s,
+        "rotate_from_s": span_s / 3,
+        "report_s": span_s / 2,
+        "longest_rotation_s": span_s / 3,
+        "settle_s": span_s / 6,
+        "record_s": span_s / 30,
+        "outer_diameter_mm": 2.2 * radius * d,
+        "wall_thickness_mm": 0.1 * radius * d,
+        "length_mm": rng.uniform(2.5, 5.0) * d,
+        "factory_height_mm": 0.3 * radius * d,
         "angular_velocity_rad_s": min(10.0, rng.uniform(0.5, 2.0) / (span_s / 3)),
-    }  # fmt: skip
+    }
 
 
 def _cylinder(rng, d, span_s, n):
     """A cylinder for berries of length d [mm] that fills for half of a span of time, and is tapped."""
     diameter = rng.uniform(2.0, 4.0)
     return {
-        "berries": n, "rate_per_s": 2.0 * n / span_s, "duration_s": span_s, "diameter_mm": diameter * d,
-        "height_mm": rng.uniform(0.06, 0.2) * n / diameter**2 * d, "collar_mm": rng.uniform(4.0, 10.0) * d,
-        "core_margin_mm": 0.02 * d, "speed_m_s": float(rng.uniform(0.0, 1.0)),
-        "taps": int(rng.integers(0, 6)), "tap_mm": rng.uniform(0.02, 0.3) * d,
-    }  # fmt: skip
+        "berries": n,
+        "rate_per_s": 2.0 * n / span_s,
+        "duration_s": span_s,
+        "diameter_mm": diameter * d,
+        "height_mm": rng.uniform(0.06, 0.2) * n / diameter**2 * d,
+        "collar_mm": rng.uniform(4.0, 10.0) * d,
+        "core_margin_mm": 0.02 * d,
+        "speed_m_s": float(rng.uniform(0.0, 1.0)),
+        "taps": int(rng.integers(0, 6)),
+        "tap_mm": rng.uniform(0.02, 0.3) * d,
+    }
 
 
 def _discharge(rng, d, span_s, n):
     """A closed funnel for berries of length d [mm] that fills for a quarter of a span of time, then opens."""
     inlet = rng.uniform(6.0, 9.0)
     return {
-        "berries": n, "rate_per_s": 4.0 * n / span_s, "open_from_s": 0.4 * span_s, "longest_s": 0.6 * span_s,
-        "inlet_diameter_mm": inlet * d, "outlet_diameter_mm": rng.uniform(1.5, 4.5) * d, "rim_radius_mm": 0.05 * d,
-        "cone_angle_deg": float(rng.uniform(45.0, 80.0)), "tube_length_mm": 0.0,
-        "collar_mm": rng.uniform(4.0, 10.0) * d, "speed_m_s": float(rng.uniform(0.0, 1.0)),
-    }  # fmt: skip
+        "berries": n,
+        "rate_per_s": 4.0 * n / span_s,
+        "open_from_s": 0.4 * span_s,
+        "longest_s": 0.6 * span_s,
+        "inlet_diameter_mm": inlet * d,
+        "outlet_diameter_mm": rng.uniform(1.5, 4.5) * d,
+        "rim_radius_mm": 0.05 * d,
+        "cone_angle_deg": float(rng.uniform(45.0, 80.0)),
+        "tube_length_mm": 0.0,
+        "collar_mm": rng.uniform(4.0, 10.0) * d,
+        "speed_m_s": float(rng.uniform(0.0, 1.0)),
+    }
 
 
 def _turning(rng, d, span_s, n):
@@ -287,26 +315,41 @@ def _lifted_cylinder(rng, d, span_s, n):
     diameter = rng.uniform(2.5, 5.0)
     length = 2.0 * n / diameter**2 + 2.0
     return {
-        "berries": n, "rate_per_s": 4.0 * n / span_s, "lift_from_s": span_s / 3,
-        "lifting_mm_s": 3.0 * length * d / span_s, "settle_s": span_s / 3, "diameter_mm": diameter * d,
-        "length_mm": length * d, "rim_radius_mm": 0.05 * d, "plate_diameter_mm": rng.uniform(10.0, 30.0) * d,
-    }  # fmt: skip
+        "berries": n,
+        "rate_per_s": 4.0 * n / span_s,
+        "lift_from_s": span_s / 3,
+        "lifting_mm_s": 3.0 * length * d / span_s,
+        "settle_s": span_s / 3,
+        "diameter_mm": diameter * d,
+        "length_mm": length * d,
+        "rim_radius_mm": 0.05 * d,
+        "plate_diameter_mm": rng.uniform(10.0, 30.0) * d,
+    }
 
 
 def _drawdown(rng, d, span_s, n):
     """A box for berries of length d [mm] that fills for a quarter of a span of time, then opens."""
     width = rng.uniform(4.0, 9.0)
     return {
-        "berries": n, "rate_per_s": 4.0 * n / span_s, "open_from_s": 0.4 * span_s, "longest_s": 0.6 * span_s,
-        "width_mm": width * d, "depth_mm": rng.uniform(2.0, 4.0) * d, "height_mm": rng.uniform(4.0, 10.0) * d,
-        "slot_mm": rng.uniform(1.5, width - 1.0) * d, "floor_mm": 0.2 * d, "edge_radius_mm": 0.05 * d,
-        "lower_width_mm": rng.uniform(10.0, 20.0) * d, "drop_mm": rng.uniform(2.0, 6.0) * d,
-    }  # fmt: skip
+        "berries": n,
+        "rate_per_s": 4.0 * n / span_s,
+        "open_from_s": 0.4 * span_s,
+        "longest_s": 0.6 * span_s,
+        "width_mm": width * d,
+        "depth_mm": rng.uniform(2.0, 4.0) * d,
+        "height_mm": rng.uniform(4.0, 10.0) * d,
+        "slot_mm": rng.uniform(1.5, width - 1.0) * d,
+        "floor_mm": 0.2 * d,
+        "edge_radius_mm": 0.05 * d,
+        "lower_width_mm": rng.uniform(10.0, 20.0) * d,
+        "drop_mm": rng.uniform(2.0, 6.0) * d,
+    }
 
 
 def _drop_test(rng, d, _span_s, _n):
     """A drop of a berry of length d [mm]."""
-    surface, height_mm = str(rng.choice(["wall", "berry"])), rng.uniform(1.0, 20.0) * d
+    surface = str(rng.choice(["wall", "berry"]))
+    height_mm = rng.uniform(1.0, 20.0) * d
     orientation = str(rng.choice(["random", "lying", "upright"]))
     return {"surface": surface, "height_mm": height_mm, "orientation": orientation}
 
@@ -323,10 +366,16 @@ def _inclined_plane(rng, _d, span_s, _n):
 
 
 SCENES = {
-    "funnel": _funnel, "drum": _drum, "cylinder": _cylinder, "discharge": _discharge, "turning": _turning,
-    "lifted_cylinder": _lifted_cylinder, "drawdown": _drawdown, "drop_test": _drop_test,
+    "funnel": _funnel,
+    "drum": _drum,
+    "cylinder": _cylinder,
+    "discharge": _discharge,
+    "turning": _turning,
+    "lifted_cylinder": _lifted_cylinder,
+    "drawdown": _drawdown,
+    "drop_test": _drop_test,
     "inclined_plane": _inclined_plane,
-}  # fmt: skip
+}
 
 
 def _example(name, d):
@@ -349,13 +398,21 @@ def poured(number, default, mean, particles, seen):
         number, default, mean, particles
     )
     row = {
-        "number": number, "apparatus": apparatus, "particle": name, "berries": config[apparatus].get("berries", 1),
-        "long_mm": f"{berry['long_mm']:.4g}", "shear_modulus_pa": f"{berry['shear_modulus_pa']:.3g}",
-        "e_gg": f"{parameters['e_gg']:.2f}", "e_gp": f"{parameters['e_gp']:.2f}",
-        "contact_law": config["simulation"]["contact_law"], "rolling_law": config["simulation"]["rolling_law"],
-        "tension": config["simulation"]["tension"], "gravity_m_s2": f"{config['simulation']['gravity_m_s2']:.3g}",
-        "time_step_s": f"{config['simulation']['time_step_s']:.3g}", "share_of_limit": f"{share:.2f}",
-    }  # fmt: skip
+        "number": number,
+        "apparatus": apparatus,
+        "particle": name,
+        "berries": config[apparatus].get("berries", 1),
+        "long_mm": f"{berry['long_mm']:.4g}",
+        "shear_modulus_pa": f"{berry['shear_modulus_pa']:.3g}",
+        "e_gg": f"{parameters['e_gg']:.2f}",
+        "e_gp": f"{parameters['e_gp']:.2f}",
+        "contact_law": config["simulation"]["contact_law"],
+        "rolling_law": config["simulation"]["rolling_law"],
+        "tension": config["simulation"]["tension"],
+        "gravity_m_s2": f"{config['simulation']['gravity_m_s2']:.3g}",
+        "time_step_s": f"{config['simulation']['time_step_s']:.3g}",
+        "share_of_limit": f"{share:.2f}",
+    }
     test = bench(apparatus)
     # the section as it is: a scene for small grains may be smaller than a configuration's may be
     drawn_section = {apparatus: test.settings.model_construct(**config[apparatus])}
@@ -380,17 +437,24 @@ def poured(number, default, mean, particles, seen):
     try:
         run = test.run(scene)
         record = test.result(run.record, run.arrays, scene)
-        status, reason = record["status"], record["reason"]
+        status = record["status"]
+        reason = record["reason"]
     except TooLong:
-        status, reason = "HANG", ""
+        status = "HANG"
+        reason = ""
     except Exception as error:
-        status, reason = "CRASH", f"{type(error).__name__}: {error}"
+        status = "CRASH"
+        reason = f"{type(error).__name__}: {error}"
     return row | {
-        "steps": seen[-1].steps, "status": status, "cpu_s": f"{time.process_time() - began:.2f}", "reason": reason,
-        "energy_over_given": f"{seen[-1].energy:.5g}", "speed_over_fall": f"{seen[-1].speed:.3g}",
+        "steps": seen[-1].steps,
+        "status": status,
+        "cpu_s": f"{time.process_time() - began:.2f}",
+        "reason": reason,
+        "energy_over_given": f"{seen[-1].energy:.5g}",
+        "speed_over_fall": f"{seen[-1].speed:.3g}",
         "overlap_over_extent": f"{seen[-1].overlap:.3g}",
         "wall_overlap_over_extent": f"{seen[-1].wall_overlap:.3g}",
-    }  # fmt: skip
+    }
 
 
 def violation(row):

@@ -41,7 +41,8 @@ def cone_of_berries(count=260, height_m=0.06, radius_m=0.11):
 
 def made_up_tables(folder, targets=TARGETS):
     """Tables of the workflow's columns with smooth made-up responses, and a network of their names."""
-    rng, targets = np.random.default_rng(1), Targets.of(targets)
+    rng = np.random.default_rng(1)
+    targets = Targets.of(targets)
     samples_ = pd.DataFrame(
         {name: rng.uniform(*RANGES[name], 150) for name in PARAMETERS}
     )
@@ -63,7 +64,8 @@ def made_up_tables(folder, targets=TARGETS):
     feasible = pd.DataFrame(
         {"solution": np.arange(1, 91), **narrow, "objective": rng.random(90)}
     )
-    feasible["feasible"], feasible["representative"] = True, feasible.index == 0
+    feasible["feasible"] = True
+    feasible["representative"] = feasible.index == 0
     generation = np.arange(0, 8701, 10)
     history = pd.DataFrame({"round": generation // 10, "generation": generation})
     history["evaluations"] = 200 * (generation + 1)
@@ -75,7 +77,8 @@ def made_up_tables(folder, targets=TARGETS):
     table4["role"] = ["representative"] + 5 * ["spread"]
     theirs = published[["solution"]][:2].copy()
     for target in targets:
-        response, sd = target.response, target.sd
+        response = target.response
+        sd = target.sd
         predictions[response.predicted] = target.value + 2 * sd * trend
         values = predictions[response.predicted] + rng.normal(0, 0.5 * sd, 150)
         dataset[response.name] = predictions[response.name] = values
@@ -83,16 +86,12 @@ def made_up_tables(folder, targets=TARGETS):
         feasible[response.predicted] = rng.normal(target.value, 0.1 * sd, 90)
         table4[response.predicted] = target.value
         for table, mean in ((table4, target.value), (published, target.value - 2 * sd)):
-            table[response.simulated], table[response.standard_error] = (
-                rng.normal(mean, 0.5 * sd, 6),
-                0.3 * sd,
-            )
+            table[response.simulated] = rng.normal(mean, 0.5 * sd, 6)
+            table[response.standard_error] = 0.3 * sd
         if response.name in PUBLISHED:
             published[derived(response.name, "published_simulated")] = target.value
-            theirs[response.predicted], theirs[response.simulated] = (
-                target.value,
-                0.99 * target.value,
-            )
+            theirs[response.predicted] = target.value
+            theirs[response.simulated] = 0.99 * target.value
     failed = [4, 50, 70]
     dataset.loc[failed, ["status", "reason"]] = [
         "jammed",
@@ -107,8 +106,6 @@ def made_up_tables(folder, targets=TARGETS):
         "dataset": dataset,
         "predictions": predictions.drop(failed),
         "feasible": feasible,
-    }
-    frames |= {
         "history": history,
         "table4": table4,
         "published": published,
@@ -134,8 +131,6 @@ def write_network(path, outputs, W1, W2):
         "W2": W2,
         "b2": np.full(len(W2), 0.5),
         "input_min": low,
-    }
-    arrays |= {
         "input_max": high,
         "output_min": np.zeros(len(W2)),
         "output_max": np.ones(len(W2)),
@@ -182,8 +177,9 @@ def made_up_drum(folder, centres, quaternions):
         "report_time_s": 5.4,
         "before_time_s": 10.2,
         "after_time_s": 12.0,
+        "before_bed_deg": 44.0,
+        "before_turned_deg": 51.0,
     }
-    run |= {"before_bed_deg": 44.0, "before_turned_deg": 51.0}
     pd.DataFrame([run]).to_csv(folder / "runs.csv", index=False)
     depth = np.arange(2.5, 50.0, 5.0)
     profile = pd.DataFrame(
@@ -215,10 +211,8 @@ def made_up_inputs(folder):
         quaternion_7=quaternions,
         in_pile_7=np.ones(len(centres), bool),
     )
-    frames, turns = (
-        np.float32([centres * np.nan, centres, centres]),
-        np.float32([quaternions] * 3),
-    )
+    frames = np.float32([centres * np.nan, centres, centres])
+    turns = np.float32([quaternions] * 3)
     np.savez(
         folder / "trajectory.npz",
         time_s=[0.0, 9.0, 18.0],
@@ -227,10 +221,8 @@ def made_up_inputs(folder):
     )
     made_up_drum(folder, centres - [0.0, 0.0, 0.1], quaternions)
     (folder / "summary.json").write_text(json.dumps({"feasible": True, "message": ""}))
-    low, high = (
-        [0.199, 0.600, 0.036, 0.202, 0.455, 0.181],
-        [0.256, 0.659, 0.038, 0.248, 0.529, 0.188],
-    )
+    low = [0.199, 0.600, 0.036, 0.202, 0.455, 0.181]
+    high = [0.256, 0.659, 0.038, 0.248, 0.529, 0.188]
     pd.DataFrame({"parameter": PARAMETERS, "low": low, "high": high}).to_csv(
         folder / "table3.csv", index=False
     )
@@ -240,10 +232,14 @@ def made_up_inputs(folder):
 
 def inputs_of(name, inputs):
     further = {
-        "figure14": {"published": "table3"}, "validation": {"published": "table4"}, "noise": {"runs": "noise_runs"},
-        "plane": {"pool": "dataset", "fresh": "dataset"}, "figure13": {"fresh": "dataset"},
-        "corner": {"summary": "posterior_summary", "stored": "published"}, "region": {"summary": "posterior_summary"},
-    }  # fmt: skip
+        "figure14": {"published": "table3"},
+        "validation": {"published": "table4"},
+        "noise": {"runs": "noise_runs"},
+        "plane": {"pool": "dataset", "fresh": "dataset"},
+        "figure13": {"fresh": "dataset"},
+        "corner": {"summary": "posterior_summary", "stored": "published"},
+        "region": {"summary": "posterior_summary"},
+    }
     files = {"stl": "berry", "berry": "axes"} | further.get(name, {})
     return {
         key: inputs[files.get(key, key)] for key in figures.FIGURES[name].all_inputs

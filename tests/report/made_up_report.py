@@ -46,7 +46,8 @@ def made_up_study(folder, targets, surrogate="network", fixed=(), runs=12):
         "small_run": True,
     }
     config |= {"design": {"method": "optimal", "samples": 60}}
-    found, space = Targets.of(targets), contact_space(parameters)
+    found = Targets.of(targets)
+    space = contact_space(parameters)
     X = space.values(rng.random((60, space.dimensions)))
     unit = (X - [RANGES[name][0] for name in PARAMETERS]) / [
         high - low for low, high in RANGES.values()
@@ -64,7 +65,8 @@ def made_up_study(folder, targets, surrogate="network", fixed=(), runs=12):
     dataset = pd.DataFrame(X, columns=PARAMETERS).assign(
         sample=np.arange(1, 61), status="ok"
     )
-    dataset[list(found.names)], dataset[list(found.errors)] = Y, 0.4
+    dataset[list(found.names)] = Y
+    dataset[list(found.errors)] = 0.4
     answer = np.array([ANSWER[name] for name in PARAMETERS])
     sets = pd.DataFrame(
         answer + 0.01 * np.arange(6)[:, None], columns=PARAMETERS
@@ -75,10 +77,8 @@ def made_up_study(folder, targets, surrogate="network", fixed=(), runs=12):
     table4[list(found.predicted)] = model.predict(sets[list(PARAMETERS)].to_numpy())
     simulated = found.value + 0.3 * rng.normal(size=(runs, len(found)))
     for one, values in zip(found, simulated.T, strict=True):
-        table4[one.response.simulated], table4[one.response.standard_error] = (
-            values.mean(),
-            values.std() / runs**0.5,
-        )
+        table4[one.response.simulated] = values.mean()
+        table4[one.response.standard_error] = values.std() / runs**0.5
     posterior = pd.DataFrame(
         {
             "parameter": space.free,
@@ -86,7 +86,8 @@ def made_up_study(folder, targets, surrogate="network", fixed=(), runs=12):
             "credible_high": space.high,
         }
     )
-    posterior["width_ratio"], posterior["r_hat"] = 0.9, 1.1
+    posterior["width_ratio"] = 0.9
+    posterior["r_hat"] = 1.1
     frames = {
         "dataset": dataset,
         "feasible": sets,
@@ -96,10 +97,10 @@ def made_up_study(folder, targets, surrogate="network", fixed=(), runs=12):
     for name, frame in frames.items():
         frame.to_csv(folder / f"{name}.csv", index=False)
     texts = {
-        "metrics": {"test": {name: {"r2": 0.9, "rmse": 0.5} for name in found.names}}
+        "metrics": {"test": {name: {"r2": 0.9, "rmse": 0.5} for name in found.names}},
+        "dataset_summary": {"text": "60 of 60 samples can be used."},
+        "summary": {"feasible": True, "message": "6 sets found."},
     }
-    texts |= {"dataset_summary": {"text": "60 of 60 samples can be used."}}
-    texts |= {"summary": {"feasible": True, "message": "6 sets found."}}
     files = {name: folder / f"{name}.csv" for name in frames}
     files |= {name: folder / f"{name}.json" for name in ("network", *texts, "particle")}
     for bench, own in found.benches.items():

@@ -12,10 +12,8 @@ from repose.calibrate.uncertainty import noise
 
 
 def write(folder, config):
-    space, targets = (
-        contact_space(config["parameters"]),
-        Targets.of(config["targets"]),
-    )
+    space = contact_space(config["parameters"])
+    targets = Targets.of(config["targets"])
     rng = np.random.default_rng(2)
     _noise(folder, rng, targets)
     _uncertainty(folder, rng, space, targets)
@@ -40,7 +38,8 @@ def _noise(folder, rng, targets):
 
 def _uncertainty(folder, rng, space, targets):
     """Tables of posterior and sensitivity; the posterior leans to the upper end of every range."""
-    low, high = space.low, space.high
+    low = space.low
+    high = space.high
     draws = pd.DataFrame(
         low + (high - low) * rng.beta(3, 1, (500, len(low))), columns=list(space.free)
     )
@@ -54,8 +53,6 @@ def _uncertainty(folder, rng, space, targets):
         "credible_low": 0.3,
         "credible_high": 1,
         "median": 0.8,
-    }
-    places |= {
         "published_low": 0.4,
         "published_high": 0.5,
         "miga_low": 0.6,
@@ -115,7 +112,8 @@ def _discrepancy(folder, space):
         table["discrepancy_percent"] > 0.0, 5000.0, 200.0
     )
     for name in space.free:
-        table[f"{name}_low"], table[f"{name}_high"] = 0.2, 0.3
+        table[f"{name}_low"] = 0.2
+        table[f"{name}_high"] = 0.3
     table.to_csv(folder / "discrepancy.csv", index=False)
 
 

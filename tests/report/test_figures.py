@@ -74,7 +74,8 @@ def read_by(name):
 
 def draw_small(name, inputs, path):
     """Draw a figure with small pictures in it from what it says that it reads, and return it as it was saved."""
-    saved, save = [], style.save
+    saved = []
+    save = style.save
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(testbench, "PILE_PIXELS", 300)
         patch.setattr(rotation, "PIXELS", 120)
@@ -151,10 +152,8 @@ def test_figures_have_titles_captions_with_numbers_formats_and_their_fonts(
         f"{len(CONFIG['parameters'])} parameters in",
         f"{CONFIG['network']['hidden']} hidden neurons",
     )
-    given, config = (
-        inputs_of("sobol", inputs),
-        CONFIG | {"figures": {"format": ["png", "pdf", "svg"], "dpi": 90}},
-    )
+    given = inputs_of("sobol", inputs)
+    config = CONFIG | {"figures": {"format": ["png", "pdf", "svg"], "dpi": 90}}
     found = []
     for folder in (tmp_path / "first", tmp_path / "second"):
         figures.draw("sobol", given, folder / "it.png", config)
@@ -223,8 +222,13 @@ def test_figures_say_what_a_reader_has_to_know(inputs, drawn, tmp_path, monkeypa
     pd.DataFrame({"sample": range(4), "aor_se_deg": 0.5, "height_se_mm": 1.5}).to_csv(
         changed["dataset"]
     )
-    row = {"solution": 5, "aor_predicted_deg": 33.0, "height_predicted_mm": 63.0}
-    row |= {"aor_simulated_deg": 30.0, "height_simulated_mm": 70.0}
+    row = {
+        "solution": 5,
+        "aor_predicted_deg": 33.0,
+        "height_predicted_mm": 63.0,
+        "aor_simulated_deg": 30.0,
+        "height_simulated_mm": 70.0,
+    }
     pd.DataFrame([row]).to_csv(changed["table4"], index=False)
     corner = ("NOT CONVERGED", "EXTRAPOLATED", "best draw 2.00 standard deviations")
     failed = ("3 of 150 samples gave no result", "3 jammed")
@@ -276,9 +280,12 @@ def test_figures_say_what_a_reader_has_to_know(inputs, drawn, tmp_path, monkeypa
 def test_bad_names_are_named_and_the_pile_shows_its_definitions(
     inputs, tmp_path, drawn
 ):
-    cases = [(("figure99", {}), "figure99"), (("figure02", {}), "sizes")]
-    cases += [(("figure02", {"sizes": inputs["sizes"], "sises": ""}), "sises")]
-    cases += [(("figure02", {"sizes": tmp_path / "nowhere.csv"}), "nowhere")]
+    cases = [
+        (("figure99", {}), "figure99"),
+        (("figure02", {}), "sizes"),
+        (("figure02", {"sizes": inputs["sizes"], "sises": ""}), "sises"),
+        (("figure02", {"sizes": tmp_path / "nowhere.csv"}), "nowhere"),
+    ]
     assert not not_refused(
         lambda case: figures.draw(*case, tmp_path / "x.png", CONFIG), cases, InputError
     )
@@ -373,7 +380,8 @@ def test_the_angle_has_its_lines_in_figure_6_and_a_search_without_result_its_axe
         along = np.sort(np.array(line)[:, 0] * settings.mm_per_pixel)
         assert along[0] < text.xy[0] < along[1]
     history = pd.read_csv(inputs["history"])
-    history["best_objective"], history["feasible_found"] = 2.1, 0
+    history["best_objective"] = 2.1
+    history["feasible_found"] = 0
     history.assign(mean_objective=2.2).to_csv(tmp_path / "history.csv", index=False)
     with style.applied():
         figure = search.convergence({"history": tmp_path / "history.csv"}, CONFIG)
@@ -395,7 +403,8 @@ def test_predicted_and_simulated_responses_have_equal_axes(fresh, inputs, drawn)
             figure = surrogate.predicted_against_simulated(files, CONFIG)
             figure.canvas.draw()
     for panel in figure.axes:
-        assert (panel.get_xlim(), panel.get_aspect()) == (panel.get_ylim(), 1)
+        assert panel.get_xlim() == panel.get_ylim()
+        assert panel.get_aspect() == 1
         assert panel.get_xticks().tolist() == panel.get_yticks().tolist()
     text = words(figure)
     assert ("new points: R²" in text) is fresh
@@ -426,7 +435,10 @@ def test_large_weights_draw_no_long_bars_and_a_scale_bar_has_its_length(
 ):
     # Two hidden neurons take mus_gg with opposite weights; mur_gg acts by weak ones, which remain.
     W1 = np.zeros((3, 6))
-    W1[0, 1], W1[1, 1], W1[2, 2], W1[2, 0] = 2.0, -2.0, 0.3, -0.1
+    W1[0, 1] = 2.0
+    W1[1, 1] = -2.0
+    W1[2, 2] = 0.3
+    W1[2, 0] = -0.1
     write_network(
         tmp_path / "network.json",
         ["aor_deg", "height_mm"],

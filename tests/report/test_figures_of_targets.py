@@ -78,10 +78,8 @@ def test_the_planes_of_the_targets_show_samples_ranges_and_answer(
     assert ("nearest solutions, none feasible, predicted" in result) is not feasible
     assert ("feasible solutions, predicted" in result) is feasible
     (box,) = figure.axes[0].patches
-    assert (box.get_x(), box.get_width()) == (
-        first["range"][0],
-        np.diff(first["range"])[0],
-    )
+    assert box.get_x() == first["range"][0]
+    assert box.get_width() == np.diff(first["range"])[0]
 
 
 X = list(range(-20, 21, 5))
@@ -140,7 +138,8 @@ def test_figure_14_counts_the_published_intervals_that_are_reached(
     config = config_of(2)
     rows = []
     for k, name in enumerate(RANGES):
-        low, high = solutions[name].min(), solutions[name].max()
+        low = solutions[name].min()
+        high = solutions[name].max()
         # two intervals lie beside the solutions
         ends = (low, high) if k > 1 else (high + 0.01, high + 0.02)
         rows.append((name, *ends))
@@ -159,15 +158,19 @@ def test_figure_14_counts_the_published_intervals_that_are_reached(
 
 
 DRAWN = {
-    "figure10": ("network",), "figure13": ("predictions", "dataset"), "dataset": ("dataset",),
-    "validation": ("table4",), "published": ("published",),
-}  # fmt: skip
+    "figure10": ("network",),
+    "figure13": ("predictions", "dataset"),
+    "dataset": ("dataset",),
+    "validation": ("table4",),
+    "published": ("published",),
+}
 
 
 @pytest.mark.parametrize("count", [1, 4])
 @pytest.mark.parametrize("name", DRAWN)
 def test_a_figure_names_each_target_by_its_symbol_and_unit(name, count, tmp_path):
-    files, config = made_up(tmp_path, count), config_of(count)
+    files = made_up(tmp_path, count)
+    config = config_of(count)
     if name == "dataset":  # which has a panel for each free parameter and target
         config["parameters"] = RANGES | {
             name: {"fixed": 0.3} for name in PARAMETERS[2:]
@@ -182,7 +185,8 @@ def test_a_figure_names_each_target_by_its_symbol_and_unit(name, count, tmp_path
 def test_every_mark_of_the_published_solutions_has_its_words_and_stale_numbers_are_called_so(
     tmp_path,
 ):
-    files, config = made_up(tmp_path, 2), config_of(2)
+    files = made_up(tmp_path, 2)
+    config = config_of(2)
     column = derived("aor_deg", "published_simulated")
     table = pd.read_csv(files["published"])
 
@@ -204,7 +208,8 @@ def test_every_mark_of_the_published_solutions_has_its_words_and_stale_numbers_a
     simulated, measured = (
         derived("aor_deg", f"published_{word}") for word in ("simulated", "measured")
     )
-    table[simulated], table[measured] = [*5 * [32.0], np.nan], [*5 * [np.nan], 31.27]
+    table[simulated] = [*5 * [32.0], np.nan]
+    table[measured] = [*5 * [np.nan], 31.27]
     for stale in (False, True):
         result = result_of(table.assign(stale=[*5 * [False], stale]))
         assert "published measurement" in result
@@ -306,10 +311,11 @@ def test_the_panels_are_those_of_targets_and_free_parameters(count, tmp_path):
     config, made = uncertain(tmp_path, count)
     # the corner also has a scale of colours
     wanted = {
-        "noise": (count + 2, "slip (deg)", None), "corner": (len(FREE) * (len(FREE) + 1) / 2 + 1, "predicted", count),
+        "noise": (count + 2, "slip (deg)", None),
+        "corner": (len(FREE) * (len(FREE) + 1) / 2 + 1, "predicted", count),
         "sobol": (count, f"first orders sum to {0.15 * len(FREE):.2f}", count),
         "main_effects": (len(FREE) * count, "slip (deg)", None),
-    }  # fmt: skip
+    }
     for name, (panels, part, times) in wanted.items():
         figure, result = draw(name, inputs_of(name, made), config)
         text = " | ".join(result)
@@ -343,10 +349,8 @@ def test_published_sets_are_marked_in_the_posterior_and_those_of_another_wall_by
                     np.asarray(points.get_offsets())
                 )
     grains = [name for name in FREE if name.endswith("_gg")]
-    assert (len(shown[2]), len(shown[1])) == (
-        len(FREE) * (len(FREE) - 1) / 2,
-        len(grains) * (len(grains) - 1) / 2,
-    )
+    assert len(shown[2]) == len(FREE) * (len(FREE) - 1) / 2
+    assert len(shown[1]) == len(grains) * (len(grains) - 1) / 2
     values = {name: sets[name][:2].tolist() for name in FREE}
     assert all(
         any(np.allclose(part[:, 0], value) for value in values.values())

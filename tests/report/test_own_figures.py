@@ -28,10 +28,8 @@ TARGETS = {
 
 def calibrated(parameters, targets):
     """The answer of a simulator whose runs differ by a little."""
-    study, random = (
-        Study(parameters, targets, seed=1, **QUICK),
-        np.random.default_rng(1),
-    )
+    study = Study(parameters, targets, seed=1, **QUICK)
+    random = np.random.default_rng(1)
 
     def simulate(row):
         found = {"y": row["a"] + row.get("b", 0.5), "z": row["a"]}

@@ -74,7 +74,8 @@ def test_the_camera_holds_all_points_fills_the_picture_and_agrees_with_the_kerne
     assert -0.5 <= x.min() < x.max() - 500 <= 100.5
     assert -0.5 <= y.min() <= y.max() <= 400.5
     column, row, _ = camera.project(camera.eye_m + 0.7 * camera.rays()[123, 456])
-    assert (column, row) == (pytest.approx(456.5), pytest.approx(123.5))
+    assert column == pytest.approx(456.5)
+    assert row == pytest.approx(123.5)
     camera = look_at(np.eye(3), 60, 40, elevation_deg=20, azimuth_deg=35)
     place = np.empty(3)
     raster.place_of(
@@ -108,20 +109,16 @@ def test_bands_hold_each_row_once(multiple):
 
 def test_balls_and_long_axes_are_seen_in_perspective_and_the_nearer_hides_the_farther():
     # A ball of radius r at distance d is seen under asin(r / d), whatever the body's orientation.
-    centre, frame = (
-        np.array([[0.0, 0.0, 0.02]]),
-        np.array([[-0.02, -0.02, 0.0], [0.02, 0.02, 0.04]]),
-    )
+    centre = np.array([[0.0, 0.0, 0.02]])
+    frame = np.array([[-0.02, -0.02, 0.0], [0.02, 0.02, 0.04]])
     camera = look_at(frame, 400, 400, elevation_deg=0, azimuth_deg=0)
     picture = render_pile(centre, UPRIGHT, BALL, 0, 0, 400, 400, frame_m=frame)
     radius_px = camera.focal_px * np.tan(
         np.arcsin(0.006 / np.linalg.norm(camera.eye_m - centre[0]))
     )
     assert np.sqrt(reddish(picture).sum() / np.pi) == pytest.approx(radius_px, rel=0.02)
-    centre, frame = (
-        np.array([[0.0, 0.0, 0.006]]),
-        np.array([[-0.01, -0.01, 0.0], [0.01, 0.01, 0.012]]),
-    )
+    centre = np.array([[0.0, 0.0, 0.006]])
+    frame = np.array([[-0.01, -0.01, 0.0], [0.01, 0.01, 0.012]])
     for colour, strongest in (("#20c020", 1), ("#2020c0", 2)):
         picture = render_pile(
             centre, UPRIGHT, BALL, 0, 0, 60, 60, frame_m=frame, colour=colour
@@ -142,10 +139,8 @@ def test_balls_and_long_axes_are_seen_in_perspective_and_the_nearer_hides_the_fa
         )
         width, height = (reddish(picture).any(axis=axis).sum() for axis in (0, 1))
         assert width / height == pytest.approx(width_mm / 4.94, rel=0.05)
-    centres, turns = (
-        np.array([[0.03, 0.0, 0.006], [-0.03, 0.0, 0.006]]),
-        np.repeat(UPRIGHT, 2, axis=0),
-    )
+    centres = np.array([[0.03, 0.0, 0.006], [-0.03, 0.0, 0.006]])
+    turns = np.repeat(UPRIGHT, 2, axis=0)
     both = render_pile(centres, turns, BALL, 0, 0, 300, 180)
     frame = outline(centres, BALL.bounding_radius_m, [])
     ghost = np.where([[False], [True]], np.nan, centres)
@@ -176,10 +171,8 @@ def test_the_plate_has_shadows_and_the_same_input_gives_the_same_picture():
     assert (darker > 60).sum() > 50
     assert (darker[:20] == 0).all()
     assert not reddish(bare).any()
-    centre, frame = (
-        np.array([[0.0, 0.0, 0.03]]),
-        np.array([[-0.04, -0.04, 0.0], [0.04, 0.04, 0.08]]),
-    )
+    centre = np.array([[0.0, 0.0, 0.03]])
+    frame = np.array([[-0.04, -0.04, 0.0], [0.04, 0.04, 0.08]])
     scenes = ([], [Frustum(0.0, 0.03, 0.06, 0.03)])
     seen = (
         render_pile(centre, UPRIGHT, BALL, 5, 0, 200, 200, walls=walls, frame_m=frame)
@@ -192,17 +185,17 @@ def test_the_plate_has_shadows_and_the_same_input_gives_the_same_picture():
     assert reddish(dressed)[middle]
     assert not np.array_equal(dressed[middle], bare[middle])
     rng = np.random.default_rng(5)
-    centres, turns = (
-        rng.uniform([-0.03, -0.03, 0.01], [0.03, 0.03, 0.07], (30, 3)),
-        rng.normal(size=(30, 4)),
-    )
+    centres = rng.uniform([-0.03, -0.03, 0.01], [0.03, 0.03, 0.07], (30, 3))
+    turns = rng.normal(size=(30, 4))
     first = render_pile(centres, turns, BARREL, width=120)
-    assert (first.shape, first.dtype) == ((72, 120, 3), np.uint8)
+    assert first.shape == (72, 120, 3)
+    assert first.dtype == np.uint8
     np.testing.assert_array_equal(first, render_pile(centres, turns, BARREL, width=120))
     tube, cone = funnel_walls(HEAP)
     assert (tube.z_low_m, tube.z_high_m) == pytest.approx((0.1, 0.12))
     assert tube.r_low_m == tube.r_high_m == 0.016
-    assert (cone.r_high_m, cone.z_low_m) == (pytest.approx(0.075), pytest.approx(0.12))
+    assert cone.r_high_m == pytest.approx(0.075)
+    assert cone.z_low_m == pytest.approx(0.12)
     slope = (cone.z_high_m - cone.z_low_m) / (cone.r_high_m - cone.r_low_m)
     assert np.degrees(np.arctan(slope)) == pytest.approx(60)
     assert abs(cone.r_low_m - 0.016) < 0.001
@@ -212,7 +205,8 @@ def test_the_plate_has_shadows_and_the_same_input_gives_the_same_picture():
 @pytest.mark.slow
 def test_a_large_picture_takes_few_bytes_for_each_ray():
     rng = np.random.default_rng(5)
-    centres, turns = rng.uniform(-0.03, 0.03, (200, 3)), rng.normal(size=(200, 4))
+    centres = rng.uniform(-0.03, 0.03, (200, 3))
+    turns = rng.normal(size=(200, 4))
     frame = np.array([[-0.015, -0.015, -0.01], [0.015, 0.015, 0.02]])
     render_pile(
         centres, turns, BERRY, 14, 0, 60, 60, frame_m=frame
@@ -255,7 +249,9 @@ def test_animation_has_its_frames_and_its_size(
         trajectory, BALL, out, funnel_walls(HEAP), frames=6, width=80, height=100
     )
     with Image.open(out) as shown:
-        assert (shown.n_frames, shown.size, shown.info["loop"]) == (6, (80, 100), 0)
+        assert shown.n_frames == 6
+        assert shown.size == (80, 100)
+        assert shown.info["loop"] == 0
     monkeypatch.setattr(film, "MAX_BYTES", 200)
     input_error(
         "max_bytes",

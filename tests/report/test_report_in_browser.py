@@ -88,7 +88,8 @@ def page_in(browser, folder, width=1280, height=720, **options):
     with browser.new_context(
         viewport={"width": width, "height": height}, **options
     ) as context:
-        tab, complaints = context.new_page(), []
+        tab = context.new_page()
+        complaints = []
         tab.on(
             "console",
             lambda message: (
@@ -295,7 +296,8 @@ def test_a_figure_opens_large_on_a_click_and_on_a_key_and_keys_turn_and_zoom_the
     assert near > 1.1 * reddish(pixels(opened)) == pytest.approx(1.1 * far, rel=0.02)
     opened.keyboard.press("0")
     np.testing.assert_array_equal(pixels(opened), start)
-    button, large = opened.locator(".pictures button.enlarge"), opened.locator("#large")
+    button = opened.locator(".pictures button.enlarge")
+    large = opened.locator("#large")
     assert button.get_attribute("aria-label").startswith(
         "Open large: Can the simulated piles meet the targets"
     )

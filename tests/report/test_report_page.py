@@ -66,7 +66,8 @@ def test_sources_are_kept_within_half_a_step_and_spheres_lack_what_others_hide()
 @pytest.mark.parametrize(("frames", "count"), [(181, 500), (181, 20_000), (3, 10)])
 def test_frames_hold_both_ends_and_keep_to_the_size(frames, count):
     shown = scene.choose_frames(np.linspace(0, 18, frames), count)
-    assert (shown[0], shown[-1]) == (0, frames - 1)
+    assert shown[0] == 0
+    assert shown[-1] == frames - 1
     assert len(shown) * count * scene.BYTES_PER_GRAIN <= scene.MAX_BYTES
     assert len(shown) == min(frames, scene.FRAMES) or count == 20_000
 
@@ -120,7 +121,8 @@ def test_the_page_has_the_same_piles_by_other_lines_and_calls_stale_sets_so(tmp_
     config, jobs, files = made_up_study(tmp_path, TARGETS)
     table = pd.read_csv(files["table4"])
     for k, name in enumerate(MEAN_KEYS.values()):
-        table[name], table[error_of(name)] = 30.0 + k, 0.25
+        table[name] = 30.0 + k
+        table[error_of(name)] = 0.25
     table.to_csv(files["table4"], index=False)
     pd.DataFrame({"solution": ["22"], "stale": [True]}).to_csv(
         tmp_path / "sets.csv", index=False
@@ -181,16 +183,14 @@ MET = r"<b>A small run, its numbers are no calibration: targets met\.</b> Angle 
 MET += r"\(measured \S+, \S+ %\), Height .*\. With a probability of more than 99 % both responses"
 JAMMED = {"sample": 1, "parameters": {}, "runs": [{"status": "jammed", "seed": 1}]}
 VERDICTS = [
-    ({"summary": {"feasible": False, "message": "Nothing met."}}, "bad", NOT_MET)
-]
-VERDICTS += [
+    ({"summary": {"feasible": False, "message": "Nothing met."}}, "bad", NOT_MET),
     (
         {"job_funnel": JAMMED},
         "fair",
         r"targets met\.</b> .* How probable this is, is unknown",
-    )
+    ),
+    ({}, "good", MET),
 ]
-VERDICTS += [({}, "good", MET)]
 
 
 @pytest.mark.parametrize(("change", "kind", "words"), VERDICTS)
@@ -265,7 +265,8 @@ def test_faults_name_the_input(tmp_path):
 def test_the_page_says_when_and_by_what_its_results_were_made_and_is_the_same_twice(
     tmp_path,
 ):
-    study, table4 = made_up_study(tmp_path, TARGETS), tmp_path / "table4.csv"
+    study = made_up_study(tmp_path, TARGETS)
+    table4 = tmp_path / "table4.csv"
     os.utime(table4, 2 * (1_699_963_200,))  # noon of 14 November 2023
     record = {
         "verb": "validate",
@@ -332,7 +333,8 @@ def test_the_expected_optimism_stands_beside_each_prediction(tmp_path):
     assert "0.376 ± 0.07" in text
     assert "mus_gg 0.36 is within one standard error of the fit" in text
     first = values_of(text)["targets"][0]
-    assert (first["optimism"], first["optimismError"]) == (0.376, 0.07)
+    assert first["optimism"] == 0.376
+    assert first["optimismError"] == 0.07
 
 
 def card_of(folder):

@@ -7,12 +7,15 @@ import pytest
 from repose.report.page.verdict import probability_text
 
 
-@pytest.mark.parametrize(("n_targets", "words"), [
-    (1, "With a probability of 83 % the response lies inside the target range"),
-    (2, "With a probability of 83 % both responses lie inside the target range"),
-    (3, "With a probability of 83 % all 3 responses lie inside the target range"),
-    (4, "With a probability of 83 % all 4 responses lie inside the target range"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("n_targets", "words"),
+    [
+        (1, "With a probability of 83 % the response lies inside the target range"),
+        (2, "With a probability of 83 % both responses lie inside the target range"),
+        (3, "With a probability of 83 % all 3 responses lie inside the target range"),
+        (4, "With a probability of 83 % all 4 responses lie inside the target range"),
+    ],
+)
 def test_the_probability_is_that_of_all_targets(n_targets, words):
     study = SimpleNamespace(
         probability={"all": 0.83},

@@ -30,7 +30,8 @@ def verbs(samples):
     yield f"{posterior} --out results/posterior"
     yield "sensitivity --network results/network/network.json --out results/sensitivity"
     yield "solutions --feasible results/miga/feasible.csv --out results/validation"
-    heaps, table = "results/validation/heaps", "results/validation/solutions.csv"
+    heaps = "results/validation/heaps"
+    table = "results/validation/solutions.csv"
     solutions = len(Path(table).read_text().splitlines()) - 1
     yield from poured(heaps, table, "validation", solutions, 1)
     jobs = " ".join(f"{heaps}/{number:03d}.json" for number in range(1, solutions + 1))

@@ -54,10 +54,8 @@ class Environment:
 
 ASCII = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
 AWAY = {"TZ": "Pacific/Kiritimati"}
-HASH, THREADS = (
-    {"PYTHONHASHSEED": "7"},
-    {"OPENBLAS_NUM_THREADS": "2", "OMP_NUM_THREADS": "2"},
-)
+HASH = {"PYTHONHASHSEED": "7"}
+THREADS = {"OPENBLAS_NUM_THREADS": "2", "OMP_NUM_THREADS": "2"}
 ODD = "my 'stüdy' {x} -rf"
 ENVIRONMENTS = {
     PLAIN: Environment("a folder, the caller's environment"),
@@ -93,7 +91,8 @@ ENVIRONMENTS = {
 
 def run(name, work, pythons):
     own = ENVIRONMENTS[name]
-    folder, done = work / name / own.folder, work / name / "status"
+    folder = work / name / own.folder
+    done = work / name / "status"
     if done.is_file():
         return int(done.read_text())
     python = pythons.get(own.python) if own.python else sys.executable
@@ -164,10 +163,8 @@ def spread_of(folder, plain):
             found[name] = np.inf
             continue
         numbers = first.select_dtypes("number").columns
-        spread, size = (
-            first[numbers].std(ddof=0).fillna(0.0),
-            first[numbers].abs().max().fillna(0.0),
-        )
+        spread = first[numbers].std(ddof=0).fillna(0.0)
+        size = first[numbers].abs().max().fillna(0.0)
         apart = (first[numbers] - second[numbers]).abs() / spread.where(
             spread > 1e-12 * size, size
         ).replace(0.0, 1.0)
@@ -189,8 +186,10 @@ def row(name, work, status):
     own = ENVIRONMENTS[name]
     if status != 0:
         return f"| {own.what} | {'not run' if status is None else f'**ended with {status}**'} | | |"
-    plain, folder = work / PLAIN / ENVIRONMENTS[PLAIN].folder, work / name / own.folder
-    wanted, found = results(plain), results(folder)
+    plain = work / PLAIN / ENVIRONMENTS[PLAIN].folder
+    folder = work / name / own.folder
+    wanted = results(plain)
+    found = results(folder)
     other = sorted(
         file for file in set(wanted) | set(found) if wanted.get(file) != found.get(file)
     )

@@ -33,8 +33,11 @@ TARGETS = targets_of(height_mm=66.0)
 
 def study(folder, simulated, feasible=True):
     """Configuration of a study whose search and check are written to folder."""
-    summary = {"feasible": feasible, "message": "The search: nothing met."}
-    summary |= {"representative": dict.fromkeys(PARAMETERS, 0.25)}
+    summary = {
+        "feasible": feasible,
+        "message": "The search: nothing met.",
+        "representative": dict.fromkeys(PARAMETERS, 0.25),
+    }
     for name in ("miga", "validation"):
         (folder / name).mkdir()
     (folder / "miga/summary.json").write_text(json.dumps(summary))
@@ -51,12 +54,15 @@ def read(config):
     )
 
 
-@pytest.mark.parametrize(("simulated", "met", "margin"), [
-    (33.5, True, 0.5),
-    (31.5, True, 0.5),
-    (30.0, False, -1.0),
-    (36.0, False, -2.0),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("simulated", "met", "margin"),
+    [
+        (33.5, True, 0.5),
+        (31.5, True, 0.5),
+        (30.0, False, -1.0),
+        (36.0, False, -2.0),
+    ],
+)
 def test_the_margin_is_the_way_to_the_nearer_end_of_the_range(
     simulated, met, margin, tmp_path
 ):
@@ -79,18 +85,21 @@ def test_targets_that_are_met_are_said_to_be_met_first(tmp_path):
     assert "NOT met" not in str(found)
 
 
-@pytest.mark.parametrize(("simulated", "numbers", "reason"), [
-    (
-        30.0,
-        "Angle of repose 30 +- 0.25 deg (measured 32, -6.2 %).",
-        "The simulated angle of repose lies 1 deg below its range",
-    ),
-    (
-        36.0,
-        "Angle of repose 36 +- 0.25 deg (measured 32, +12.5 %).",
-        "The simulated angle of repose lies 2 deg above its range",
-    ),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("simulated", "numbers", "reason"),
+    [
+        (
+            30.0,
+            "Angle of repose 30 +- 0.25 deg (measured 32, -6.2 %).",
+            "The simulated angle of repose lies 1 deg below its range",
+        ),
+        (
+            36.0,
+            "Angle of repose 36 +- 0.25 deg (measured 32, +12.5 %).",
+            "The simulated angle of repose lies 2 deg above its range",
+        ),
+    ],
+)
 def test_targets_that_are_missed_are_said_to_be_missed_first(
     simulated, numbers, reason, tmp_path
 ):
@@ -195,42 +204,45 @@ def of_two(feasible=True, out_of_reach=False, angle=32.0, height=66.0, status="o
     )
 
 
-@pytest.mark.parametrize(("given", "met", "reason"), [
-    (
-        {},
-        True,
-        "The simulated means lie inside both ranges.",
-    ),
-    (
-        {"height": 70.0},
-        False,
-        "The simulated my_mm lies 2 mm above its range.",
-    ),
-    (
-        {"angle": 30.0, "height": 63.0},
-        False,
-        "The simulated angle of repose lies 1 deg below its range and the simulated "
-        "my_mm lies 1 mm below its range.",
-    ),
-    (
-        {"angle": 30.0, "feasible": False, "out_of_reach": True},
-        False,
-        "No parameter set is predicted inside both ranges; the simulated angle of "
-        "repose lies 1 deg below its range.",
-    ),
-    (
-        {"feasible": False},
-        False,
-        "The answer is not predicted inside both ranges; the simulated means lie "
-        "inside both ranges.",
-    ),
-    (
-        {"angle": None, "height": None, "status": answer.NOT_AGAIN},
-        None,
-        "The answer is predicted inside both ranges; the answer was not simulated "
-        "again.",
-    ),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("given", "met", "reason"),
+    [
+        (
+            {},
+            True,
+            "The simulated means lie inside both ranges.",
+        ),
+        (
+            {"height": 70.0},
+            False,
+            "The simulated my_mm lies 2 mm above its range.",
+        ),
+        (
+            {"angle": 30.0, "height": 63.0},
+            False,
+            "The simulated angle of repose lies 1 deg below its range and the simulated "
+            "my_mm lies 1 mm below its range.",
+        ),
+        (
+            {"angle": 30.0, "feasible": False, "out_of_reach": True},
+            False,
+            "No parameter set is predicted inside both ranges; the simulated angle of "
+            "repose lies 1 deg below its range.",
+        ),
+        (
+            {"feasible": False},
+            False,
+            "The answer is not predicted inside both ranges; the simulated means lie "
+            "inside both ranges.",
+        ),
+        (
+            {"angle": None, "height": None, "status": answer.NOT_AGAIN},
+            None,
+            "The answer is predicted inside both ranges; the answer was not simulated "
+            "again.",
+        ),
+    ],
+)
 def test_the_reason_says_which_response_misses_by_how_much(given, met, reason):
     found = of_two(**given)
     assert found.verdict.met is met
@@ -318,13 +330,16 @@ def test_an_answer_that_was_not_simulated_has_its_prediction_in_the_first_line()
     assert found.headline.startswith(f"two: targets not checked yet. {said}")
 
 
-@pytest.mark.parametrize(("summary", "out_of_reach"), [
-    ({"feasible": True}, False),
-    ({"feasible": False}, True),
-    ({"feasible": False, "stop": "budget"}, False),
-    ({"feasible": False, "stop": "out_of_reach"}, True),
-    ({"feasible": True, "stop": "out_of_reach"}, False),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("summary", "out_of_reach"),
+    [
+        ({"feasible": True}, False),
+        ({"feasible": False}, True),
+        ({"feasible": False, "stop": "budget"}, False),
+        ({"feasible": False, "stop": "out_of_reach"}, True),
+        ({"feasible": True, "stop": "out_of_reach"}, False),
+    ],
+)
 def test_out_of_reach_is_a_miss_that_was_predicted(summary, out_of_reach):
     assert answer.out_of_reach(summary) is out_of_reach
 
@@ -348,8 +363,8 @@ def test_a_finished_run_of_each_strategy_prints_the_verdict_first_and_ends_well(
         "answers": stages_answer,
         "ANSWERS": {strategy: made},
         "RESULTS": str(tmp_path),
+        "STUDY": studied(study(tmp_path, simulated, feasible)),
     }
-    known |= {"STUDY": studied(study(tmp_path, simulated, feasible))}
     known["RUN"] = SimpleNamespace(made=lambda path: path == "t4.csv")
     exec(textwrap.dedent(HANDLER[1]), known)
     met = "met" if feasible and simulated == 32.0 else "NOT met"
@@ -393,8 +408,10 @@ def test_the_mean_given_few_runs_and_chances_of_one_bench_test_and_of_two():
     assert chance["all"] <= min(chance["aor_deg"], chance["height_mm"])
     targets = targets_of(aor_deg=33.0, drum_slip_deg=44.0)
     rng = np.random.default_rng(0)
-    runs = {"funnel": runs_of(33.5 + 2 * rng.normal(size=(8, 1)), ["aor_deg"])}
-    runs |= {"drum": runs_of(47 + 3 * rng.normal(size=(8, 1)), ["drum_slip_deg"])}
+    runs = {
+        "funnel": runs_of(33.5 + 2 * rng.normal(size=(8, 1)), ["aor_deg"]),
+        "drum": runs_of(47 + 3 * rng.normal(size=(8, 1)), ["drum_slip_deg"]),
+    }
     chance = chance_of_meeting(runs, targets)
     product = chance["aor_deg"] * chance["drum_slip_deg"]
     assert 0.2 < product < 0.9
@@ -415,10 +432,8 @@ class Sure:
 
 def test_the_set_of_least_loss_is_surest_and_its_loss_the_mean_of_eq_11():
     found = expected_loss.minimise_expected_loss(Sure(), SPACE, TARGETS)
-    assert (found[PARAMETERS[0]], found[PARAMETERS[1]]) == (
-        pytest.approx(0.65, abs=1e-3),
-        pytest.approx(0.7, abs=0.01),
-    )
+    assert found[PARAMETERS[0]] == pytest.approx(0.65, abs=1e-3)
+    assert found[PARAMETERS[1]] == pytest.approx(0.7, abs=0.01)
     assert found["height_predicted_mm"] == pytest.approx(66.0, abs=0.02)
     assert found["predicted_se"]["height_mm"] == pytest.approx(1.0, abs=1e-3)
     assert found["expected_error_percent"] == pytest.approx(100 / 66, rel=1e-3)
@@ -432,10 +447,8 @@ def test_the_set_of_least_loss_is_surest_and_its_loss_the_mean_of_eq_11():
         {name: [0.0, 0.5] for name in PARAMETERS} | {PARAMETERS[1]: {"fixed": 0.2}}
     )
     found = expected_loss.minimise_expected_loss(Sure(), space, TARGETS)
-    assert (found[PARAMETERS[1]], found[PARAMETERS[0]]) == (
-        0.2,
-        pytest.approx(0.5, abs=1e-3),
-    )
+    assert found[PARAMETERS[1]] == 0.2
+    assert found[PARAMETERS[0]] == pytest.approx(0.5, abs=1e-3)
     prior = {"prior": {"mean": 0.2, "sd": 0.1}, "range": [0.0, 1.0]}
     space = contact_space(
         {name: [0.0, 1.0] for name in PARAMETERS} | {PARAMETERS[2]: prior}
@@ -462,7 +475,8 @@ def test_a_prediction_stands_beside_its_expected_optimism(tmp_path):
         "Predicted: aor_deg 32.76 deg (expected optimism +0.38 +- 0.07).",
     )
     row = found.checks[0].row()
-    assert (row["optimism"], row["optimism_error"]) == (0.3761, 0.0704)
+    assert row["optimism"] == 0.3761
+    assert row["optimism_error"] == 0.0704
     # without a replicate the prediction stands alone
     table.write_text(f"{header},{added}\n{row_without(table)}\n")
     says(str(read(config)), "Predicted: aor_deg 32.76 deg.")

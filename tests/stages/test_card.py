@@ -86,9 +86,17 @@ def made(
 ):
     checks = tuple(
         answer.Check(
-            *(target["response"], "funnel", response(target["response"]).unit),
-            *(target["value"], target["sd"], target["repetitions"]),
-            *(*target["range"], simulated, 0.4, runs, "ok"),
+            target["response"],
+            "funnel",
+            response(target["response"]).unit,
+            target["value"],
+            target["sd"],
+            target["repetitions"],
+            *target["range"],
+            simulated,
+            0.4,
+            runs,
+            "ok",
             predicted=67.98,
         )
         for target in config["targets"]
@@ -138,10 +146,10 @@ def test_a_card_has_the_intervals_of_the_sets_or_of_the_posterior(config, soluti
     assert "e_gp" not in made_card["correlations"]
     grain = made_card["grain"]
     assert grain["ellipsoids_mm"] == [[10.57, 5.685, 4.94]]
-    assert (grain["volume_mm3"], grain["spheres_mm"]) == (
-        pytest.approx(np.pi / 6 * 21.14 * 11.37 * 9.88, rel=1e-5),
-        [],
+    assert grain["volume_mm3"] == pytest.approx(
+        np.pi / 6 * 21.14 * 11.37 * 9.88, rel=1e-5
     )
+    assert grain["spheres_mm"] == []
     free = [name for name in PARAMETERS if name not in FIXED]
     intervals = pd.DataFrame(
         {"parameter": free, "credible_low": 0.21, "credible_high": 0.39}
@@ -150,23 +158,53 @@ def test_a_card_has_the_intervals_of_the_sets_or_of_the_posterior(config, soluti
         config, solutions, (intervals, solutions.assign(mus_gg=solutions["mur_gg"]))
     )
     assert made_card["interval"] == POSTERIOR
-    assert (
-        made_card["parameters"]["e_gg"]["low"],
-        made_card["parameters"]["e_gg"]["high"],
-    ) == (0.21, 0.39)
+    assert made_card["parameters"]["e_gg"]["low"] == 0.21
+    assert made_card["parameters"]["e_gg"]["high"] == 0.39
     assert made_card["correlations"]["mus_gg"]["mur_gg"] == 1.0
 
 
-@pytest.mark.parametrize(("value", "expected", "words"), [
-    (0.5, {"low": 0.4, "high": 0.6}, "friction"), (0.4, {"low": 0.4, "high": 0.6}, "friction"),
-    (0.3, {"low": 0.3, "high": 0.6, "widened": True}, "friction; interval widened to hold the answer"),
-    (0.65, {"low": 0.4, "high": 0.65, "widened": True}, "friction; interval widened to hold the answer"),
-    (0.2, {"low": 0.4, "high": 0.6, "at_bound": "lower"}, "friction; at the lower bound of the range"),
-    (0.2004, {"low": 0.4, "high": 0.6, "at_bound": "lower"}, "friction; at the lower bound of the range"),
-    (0.2006, {"low": 0.2006, "high": 0.6, "widened": True}, "friction; interval widened to hold the answer"),
-    (0.7, {"low": 0.4, "high": 0.6, "at_bound": "upper"}, "friction; at the upper bound of the range"),
-    (0.6994, {"low": 0.4, "high": 0.6994, "widened": True}, "friction; interval widened to hold the answer"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("value", "expected", "words"),
+    [
+        (0.5, {"low": 0.4, "high": 0.6}, "friction"),
+        (0.4, {"low": 0.4, "high": 0.6}, "friction"),
+        (
+            0.3,
+            {"low": 0.3, "high": 0.6, "widened": True},
+            "friction; interval widened to hold the answer",
+        ),
+        (
+            0.65,
+            {"low": 0.4, "high": 0.65, "widened": True},
+            "friction; interval widened to hold the answer",
+        ),
+        (
+            0.2,
+            {"low": 0.4, "high": 0.6, "at_bound": "lower"},
+            "friction; at the lower bound of the range",
+        ),
+        (
+            0.2004,
+            {"low": 0.4, "high": 0.6, "at_bound": "lower"},
+            "friction; at the lower bound of the range",
+        ),
+        (
+            0.2006,
+            {"low": 0.2006, "high": 0.6, "widened": True},
+            "friction; interval widened to hold the answer",
+        ),
+        (
+            0.7,
+            {"low": 0.4, "high": 0.6, "at_bound": "upper"},
+            "friction; at the upper bound of the range",
+        ),
+        (
+            0.6994,
+            {"low": 0.4, "high": 0.6994, "widened": True},
+            "friction; interval widened to hold the answer",
+        ),
+    ],
+)
 def test_an_interval_holds_the_answer_or_tells_the_bound(value, expected, words):
     """The range 0.2 to 0.7 has the width 0.5, so 0.0005 from a bound is at it; the interval is 0.4 to 0.6."""
     found = widen_to_value(SPACE, "mus_gg", value, 0.4, 0.6)
@@ -202,10 +240,8 @@ def test_an_interval_that_begins_at_a_bound_tells_it_on_card_and_in_words(
         for name, row in found["parameters"].items()
     }
     assert rows["e_gg"] == {"low": 0.45, "high": 0.5, "at_bound": "lower"}
-    assert (rows["mus_gg"], rows["mus_gp"]) == (
-        {"low": 0.45, "high": 0.5},
-        {"low": 0.44, "high": 0.5, "widened": True},
-    )
+    assert rows["mus_gg"] == {"low": 0.45, "high": 0.5}
+    assert rows["mus_gp"] == {"low": 0.44, "high": 0.5, "widened": True}
     lines = (
         line
         for line in card_text.describe(found).splitlines()
@@ -219,17 +255,33 @@ def test_an_interval_that_begins_at_a_bound_tells_it_on_card_and_in_words(
     assert words["mus_gg"].endswith("static friction, grain-grain")
 
 
-@pytest.mark.parametrize(("given", "fields", "status", "first"), [
-    ({}, {"met": True, "out_of_reach": False, "reason": "The simulated mean lies inside the range."}, 0,
-     "wheat: targets met. Height 66 +- 0.4 mm (measured 65.57, +0.7 %)."),
-    ({"simulated": 80.0}, {"met": False, "reason": ABOVE}, 3, f"wheat: {MISSED}"),
-    ({"simulated": 80.0, "out_of_reach": True, "small_run": True},
-     {"met": False, "out_of_reach": True, "small_run": True}, 3, f"{SMALL}{MISSED}"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("given", "fields", "status", "first"),
+    [
+        (
+            {},
+            {
+                "met": True,
+                "out_of_reach": False,
+                "reason": "The simulated mean lies inside the range.",
+            },
+            0,
+            "wheat: targets met. Height 66 +- 0.4 mm (measured 65.57, +0.7 %).",
+        ),
+        ({"simulated": 80.0}, {"met": False, "reason": ABOVE}, 3, f"wheat: {MISSED}"),
+        (
+            {"simulated": 80.0, "out_of_reach": True, "small_run": True},
+            {"met": False, "out_of_reach": True, "small_run": True},
+            3,
+            f"{SMALL}{MISSED}",
+        ),
+    ],
+)
 def test_a_script_asks_the_card_whether_the_targets_are_met(
     given, fields, status, first, config, solutions, tmp_path, command
 ):
-    found, path = made(config, solutions, **given), tmp_path / "card.json"
+    found = made(config, solutions, **given)
+    path = tmp_path / "card.json"
     card.check(found, "card")
     assert {name: found[name] for name in fields} == fields
     assert ("small_run" in found) is ("small_run" in given)
@@ -271,7 +323,8 @@ def test_each_test_gives_its_definition_and_how_the_bench_test_is_done(
     config, solutions
 ):
     height = made(config, solutions)["tests"][0]
-    assert (height["definition"]["name"], height["bench"]["berries"]) == ("Height", 500)
+    assert height["definition"]["name"] == "Height"
+    assert height["bench"]["berries"] == 500
     assert height["bench"]["outlet_diameter_mm"] == 32.0
     assert "seeds" not in height["bench"]
     config["targets"] = [
@@ -283,7 +336,8 @@ def test_each_test_gives_its_definition_and_how_the_bench_test_is_done(
         studied(config), response("aor_deg"), read_grain(STUDY / "berry/berry.json")
     )["definition"]
     assert angle["name"] == "angle, flank"
-    assert (angle["settings"]["fit_from"], angle["settings"]["fit_to"]) == (0.2, 0.8)
+    assert angle["settings"]["fit_from"] == 0.2
+    assert angle["settings"]["fit_to"] == 0.8
     # Eq. 1 of the mean axes, where the configuration has no height of a grain
     assert angle["settings"]["berry_height_mm"] == pytest.approx(
         (21.14 * 11.37 * 9.88) ** (1 / 3), rel=1e-3
@@ -342,10 +396,8 @@ def test_an_angle_of_a_pile_has_its_line_and_the_same_piles_by_every_other(
     row |= {error_of(name): 0.5 for name in MEAN_KEYS.values()} | {
         "aor_whole_deg": math.nan
     }
-    berry, particle = (
-        read_grain(STUDY / "berry/berry.json"),
-        Particle.of_record(record_of_an_ellipsoid()),
-    )
+    berry = read_grain(STUDY / "berry/berry.json")
+    particle = Particle.of_record(record_of_an_ellipsoid())
     for given in (None, row):
         made_card = card_study.make(
             studied(config), found, berry, particle, solutions, row=given
@@ -397,16 +449,21 @@ def test_an_invalid_card_is_refused_with_every_fault(config, solutions):
         (of("mus_gg", high=10.5), r"mus_gg\.high is 10\.5; .* 0 to 10"),
         (of("mus_gg", given="guessed"), r"mus_gg\.given is 'guessed'"),
         (of("mus_gg", unit="1"), r"mus_gg\.unit is '1'; .* a known key"),
-        ({"correlations": {"mus_gg": {"mur_gg": -1.1}}}, r"correlations\.mus_gg\.mur_gg is -1\.1"),
-        ({"within": {"1 %": 1.5}}, r"within\.1 % is 1\.5"), ({"tests": []}, "tests is"),
-        ({"verdict": "maybe"}, "verdict is 'maybe'; .* 'undecided'"), ({"met": "yes"}, "met is 'yes'"),
+        (
+            {"correlations": {"mus_gg": {"mur_gg": -1.1}}},
+            r"correlations\.mus_gg\.mur_gg is -1\.1",
+        ),
+        ({"within": {"1 %": 1.5}}, r"within\.1 % is 1\.5"),
+        ({"tests": []}, "tests is"),
+        ({"verdict": "maybe"}, "verdict is 'maybe'; .* 'undecided'"),
+        ({"met": "yes"}, "met is 'yes'"),
         ({"grain": {"shear_modulus_pa": 43.0}}, "greater than or equal to 1000"),
         ({"grain": {"density_kg_m3": 0.84047}}, "greater than or equal to 10"),
         ({"grain": {"shape": "cube"}}, "grain.shape is 'cube'"),
         ({"grain": {"mean_axes_mm": [21.1, -11.4, 9.9]}}, r"mean_axes_mm\.1 is -11\.4"),
         ({"grain": {"mean_axes_mm": [21.1]}}, "mean_axes_mm is"),
         ({"wall": {"shear_modulus_pa": 1.0}}, "greater than or equal to 1000"),
-    ]  # fmt: skip
+    ]
     assert not_refused(check, bad, InputError) == []
     del whole["parameters"]["mur_gp"]
     input_error(r"parameters\.mur_gp is None; .* missing", card.check, whole, "mine")
@@ -477,24 +534,27 @@ def test_a_card_in_words_gives_answer_and_tests(config, solutions, tmp_path, com
     )
     text = command("card", "show", tmp_path / "card.json").out
     words = (
-        "wheat; targets undecided", "mus_gg, mur_gg -1.00", "Simulated less measured: height_mm ", "fixed",
+        "wheat; targets undecided",
+        "mus_gg, mur_gg -1.00",
+        "Simulated less measured: height_mm ",
+        "fixed",
         "predicted 67.98, 15.0 % off the simulated (the article's solutions: below 5 %)",
-        "all within 1 %: probability 0.25", "funnel: berries 500, rate_per_s 30",
+        "all within 1 %: probability 0.25",
+        "funnel: berries 500, rate_per_s 30",
         "all within 2 %: probability unknown; it requires two good runs of each bench test",
         "definition: Height; views 18, mm_per_pixel 0.25, largest_pile_only yes",
-    )  # fmt: skip
+    )
     assert [one for one in words if one not in text] == []
 
 
 def test_the_verb_writes_a_card_that_can_be_read(tmp_path, command):
-    particle, out = tmp_path / "particle.json", tmp_path / "card.json"
+    particle = tmp_path / "particle.json"
+    out = tmp_path / "card.json"
     particle.write_text(json.dumps(record_of_an_ellipsoid()))
     files = {
         "config": "config.json",
         "berry": "berry/berry.json",
         "feasible": "miga/feasible.csv",
-    }
-    files |= {
         "summary": "miga/summary.json",
         "representative": "validation/representative.csv",
     }

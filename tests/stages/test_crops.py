@@ -23,12 +23,21 @@ NAMES = sorted(path.parent.name for path in CROPS.glob("*/config.yaml"))
 
 # A pour of a tenth of a second. The numbers mean nothing.
 SMALL = {
-    "label": "small", "design": {"samples": 18}, "funnel": {"duration_s": 0.9, "seeds": 1, "rest_motion_mm": 100},
-    "simulation": {"rest_energy_j": 1.0e-3}, "measure": {"views": 2, "mm_per_pixel": 0.1},
+    "label": "small",
+    "design": {"samples": 18},
+    "funnel": {"duration_s": 0.9, "seeds": 1, "rest_motion_mm": 100},
+    "simulation": {"rest_energy_j": 1.0e-3},
+    "measure": {"views": 2, "mm_per_pixel": 0.1},
     "network": {"hidden": 2, "starts": 1, "epochs": 50, "replicates": False},
-    "miga": {"islands": 2, "population": 20, "rounds": 5, "generations": 5, "solutions": 10},
+    "miga": {
+        "islands": 2,
+        "population": 20,
+        "rounds": 5,
+        "generations": 5,
+        "solutions": 10,
+    },
     "validation": {"seeds": 1, "representative_seeds": 1},
-}  # fmt: skip
+}
 
 
 def test_there_are_four_of_different_shape_and_size():
@@ -132,10 +141,8 @@ def test_it_runs_from_sizes_to_card_at_small_size(name, tmp_path, monkeypatch, c
     )
     for words in (["dataset", "results/heaps"], ["network"], ["miga"], ["solutions"]):
         do(*words)
-    own, published = (
-        "results/validation/solutions.csv",
-        "results/validation/published_solutions.csv",
-    )
+    own = "results/validation/solutions.csv"
+    published = "results/validation/published_solutions.csv"
     poured = {own: list(read_table(own)["sample"]), published: []}
     if config["validation"]["published"]:
         do("published_solutions")
@@ -151,10 +158,8 @@ def test_it_runs_from_sizes_to_card_at_small_size(name, tmp_path, monkeypatch, c
         (row,) = read_table(
             "results/published_sets.csv", ("source", "n_seeds")
         ).to_dict("records")
-        assert (row["engine"], row["scene"]) == (
-            engine_hash(),
-            dependencies.scene(config),
-        )
+        assert row["engine"] == engine_hash()
+        assert row["scene"] == dependencies.scene(config)
         # runs of other settings than today's are refused
         loader.write_resolved(
             config | {"wall": config["wall"] | {"poisson_ratio": 0.1}}, "other.json"

@@ -77,38 +77,28 @@ def test_run_writes_tables_counts_and_the_line_of_the_angle(study):
         assert summary.get("line") == line
     summary = write(folder / "samples.csv", paths[::-1], folder / "out")
     table = pd.read_csv(folder / "out/dataset.csv")
-    assert (list(table.columns), table["sample"].tolist()) == (
-        ["sample", *PARAMETERS, *RECORDED.summary],
-        [1, 2, 3],
-    )
-    assert (table["status"].tolist(), table["n_seeds"].tolist()) == (
-        ["ok", "ok", "jammed"],
-        [3, 2, 1],
-    )
+    assert list(table.columns) == ["sample", *PARAMETERS, *RECORDED.summary]
+    assert table["sample"].tolist() == [1, 2, 3]
+    assert table["status"].tolist() == ["ok", "ok", "jammed"]
+    assert table["n_seeds"].tolist() == [3, 2, 1]
     assert table["height_mm"].tolist()[:2] == [60.0, 62.0]
     assert pd.isna(table["aor_deg"][2])
     assert table["reason"][2] == "2 of 3 runs jammed (stuck)"
     runs = pd.read_csv(folder / "out/runs.csv")
-    assert (list(runs.columns), len(runs)) == (
-        ["sample", *dataset.RUN, *RECORDED.single],
-        9,
-    )
+    assert list(runs.columns) == ["sample", *dataset.RUN, *RECORDED.single]
+    assert len(runs) == 9
     assert json.loads((folder / "out/dataset_summary.json").read_text()) == summary
-    assert (
-        summary["samples"],
-        summary["ok"],
-        summary["left_out"],
-        summary["runs_ok"],
-    ) == (3, 2, 1, 6)
+    assert summary["samples"] == 3
+    assert summary["ok"] == 2
+    assert summary["left_out"] == 1
+    assert summary["runs_ok"] == 6
     assert read_definitions(folder / "out/dataset.csv") == (
         DEFINITIONS,
         folder / "out/dataset_summary.json",
     )
     assert read_definitions(folder / "samples.csv")[0] == {}
-    assert (summary["by_status"], summary["reasons"]) == (
-        {"ok": 2, "jammed": 1},
-        {"3": "2 of 3 runs jammed (stuck)"},
-    )
+    assert summary["by_status"] == {"ok": 2, "jammed": 1}
+    assert summary["reasons"] == {"3": "2 of 3 runs jammed (stuck)"}
     assert (
         summary["text"]
         == "2 of 3 samples can be used; 1 left out: 1 jammed. 6 of 9 single runs are ok."
@@ -121,20 +111,44 @@ def edit(path, change):
     path.write_text(json.dumps(job))
 
 
-@pytest.mark.parametrize(("change", "message"), [
-    (lambda job: job.pop("runs"), r"002.json: runs is None"),
-    (lambda job: job.update(runs=[]), r"002.json: runs is \[\]"),
-    (lambda job: job.update(sample=9), r"002.json: sample is 9"),
-    (lambda job: job.update(sample=1), r"002.json: sample is 1; .*001.json"),
-    (lambda job: job["parameters"].update(mus_gg=0.61), r"002.json: parameters.mus_gg is 0.61; expected 0.6"),
-    (lambda job: job["parameters"].pop("e_gp"), r"002.json: parameters.e_gp is None"),
-    (lambda job: job["runs"][0].update(status="fine"), r"002.json: runs\[0\].status is 'fine'"),
-    (lambda job: job["runs"][0].update(aor_deg=None), r"002.json: runs\[0\].aor_deg is None"),
-    (lambda job: job["runs"][0].update(height_mm=math.nan), r"002.json: runs\[0\].height_mm is nan"),
-    (lambda job: job["runs"][0].update(aor_deg=1000), r"runs\[0\].aor_deg is 1000; expected .* up to 89"),
-    (lambda job: job["runs"][0].update(seed=2), r"002.json: seed is \[2, 2, 3\]; expected .* none twice"),
-    (lambda job: job["runs"][0].pop("seed"), r"002.json: seed is \[None, 2, 3\]"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda job: job.pop("runs"), r"002.json: runs is None"),
+        (lambda job: job.update(runs=[]), r"002.json: runs is \[\]"),
+        (lambda job: job.update(sample=9), r"002.json: sample is 9"),
+        (lambda job: job.update(sample=1), r"002.json: sample is 1; .*001.json"),
+        (
+            lambda job: job["parameters"].update(mus_gg=0.61),
+            r"002.json: parameters.mus_gg is 0.61; expected 0.6",
+        ),
+        (
+            lambda job: job["parameters"].pop("e_gp"),
+            r"002.json: parameters.e_gp is None",
+        ),
+        (
+            lambda job: job["runs"][0].update(status="fine"),
+            r"002.json: runs\[0\].status is 'fine'",
+        ),
+        (
+            lambda job: job["runs"][0].update(aor_deg=None),
+            r"002.json: runs\[0\].aor_deg is None",
+        ),
+        (
+            lambda job: job["runs"][0].update(height_mm=math.nan),
+            r"002.json: runs\[0\].height_mm is nan",
+        ),
+        (
+            lambda job: job["runs"][0].update(aor_deg=1000),
+            r"runs\[0\].aor_deg is 1000; expected .* up to 89",
+        ),
+        (
+            lambda job: job["runs"][0].update(seed=2),
+            r"002.json: seed is \[2, 2, 3\]; expected .* none twice",
+        ),
+        (lambda job: job["runs"][0].pop("seed"), r"002.json: seed is \[None, 2, 3\]"),
+    ],
+)
 def test_a_bad_heap_job_is_named(study, change, message):
     folder, paths = study
     edit(paths[1], change)
@@ -203,10 +217,8 @@ def test_bench_tests_of_one_sample_are_merged_and_a_job_that_is_missing_or_twice
         "height_se_mm",
     )
     assert table.columns[7:16].tolist() == ["status", "reason", "n_seeds", *responses]
-    assert (table["drum_slip_deg"].tolist(), table["status"].tolist()) == (
-        [31.5, 32.0, 32.5],
-        ["ok", "ok", "jammed"],
-    )
+    assert table["drum_slip_deg"].tolist() == [31.5, 32.0, 32.5]
+    assert table["status"].tolist() == ["ok", "ok", "jammed"]
     assert table["n_seeds"].tolist() == [2, 1, 1]
     assert table["reason"][1].startswith(
         "drum: 1 of 2 runs unstable; funnel: 1 of 3 runs no_flank"
@@ -217,17 +229,13 @@ def test_bench_tests_of_one_sample_are_merged_and_a_job_that_is_missing_or_twice
     assert runs.loc[runs["apparatus"] == "drum", "aor_deg"].isna().all()
     assert runs.loc[(runs["apparatus"] == "drum"), "drum_slip_deg"].notna().all()
     wrong = [
-        (paths[:-1], targets, r"jobs of the drum: samples without a file is \[3\]")
-    ]
-    wrong += [
-        ([*paths, paths[-1]], targets, r"sample is 3; .*once; also in .*drum_003")
-    ]
-    wrong += [
+        (paths[:-1], targets, r"jobs of the drum: samples without a file is \[3\]"),
+        ([*paths, paths[-1]], targets, r"sample is 3; .*once; also in .*drum_003"),
         (
             paths,
             TARGETS,
             r"apparatus is 'drum'; expected a bench test of the targets, funnel",
-        )
+        ),
     ]
     for jobs, wanted, words in wrong:
         input_error(
@@ -264,7 +272,8 @@ def read(tables):
 
 def test_a_whole_study_is_read_and_runs_twice_lost_or_of_another_are_refused(tables):
     dataset, runs = read(tables)
-    assert (len(dataset), len(runs)) == (150, 900)
+    assert len(dataset) == 150
+    assert len(runs) == 900
     lines = (tables / "runs.csv").read_text().splitlines(keepends=True)
     (tables / "runs.csv").write_text("".join([*lines[:2], lines[1], *lines[3:]]))
     input_error(r"row 2: sample and seed is \[.*\]; expected each once", read, tables)

@@ -110,10 +110,8 @@ def test_written_samples_are_still_stratified(tmp_path, method):
         tmp_path,
     )
     table = pd.read_csv(tmp_path / "samples.csv")
-    assert (list(table.columns), list(table["sample"])) == (
-        ["sample", *PARAMETERS],
-        list(range(1, 16)),
-    )
+    assert list(table.columns) == ["sample", *PARAMETERS]
+    assert list(table["sample"]) == list(range(1, 16))
     unit = np.stack(
         [(table[p] - RANGES[p][0]) / (RANGES[p][1] - RANGES[p][0]) for p in PARAMETERS],
         axis=1,
@@ -141,10 +139,15 @@ def test_a_fixed_parameter_is_a_column():
     assert comparison["samples"].tolist() == [12, 12, 12]
 
 
-@pytest.mark.parametrize(("samples", "method", "seed", "key"), [
-    (1, "optimal", 1, "samples"), (2.5, "optimal", 1, "samples"),
-    (12, "best", 1, "method"), (12, "optimal", -1, "seed"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("samples", "method", "seed", "key"),
+    [
+        (1, "optimal", 1, "samples"),
+        (2.5, "optimal", 1, "samples"),
+        (12, "best", 1, "method"),
+        (12, "optimal", -1, "seed"),
+    ],
+)
 def test_bad_settings_are_refused(samples, method, seed, key):
     with pytest.raises(ValidationError) as caught:
         DesignSettings(samples=samples, method=method, seed=seed)

@@ -88,14 +88,13 @@ def test_run_writes_what_it_returns(tmp_path):
     paths = write_tables(tmp_path)
     metrics = trained(*paths, study(), tmp_path / "out")
     assert json.loads((tmp_path / "out/metrics.json").read_text()) == metrics
-    assert (metrics["n_samples"], metrics["left_out"]) == (39, 1)
+    assert metrics["n_samples"] == 39
+    assert metrics["left_out"] == 1
     predictions = pd.read_csv(tmp_path / "out/predictions.csv")
     assert 4 not in set(predictions["sample"])
     test = predictions[predictions["split"] == "test"]
-    left, whole = (
-        test.aor_deg - test.aor_predicted_deg,
-        test.aor_deg - test.aor_deg.mean(),
-    )
+    left = test.aor_deg - test.aor_predicted_deg
+    whole = test.aor_deg - test.aor_deg.mean()
     assert metrics["test"]["aor_deg"]["r2"] == pytest.approx(
         1 - (left**2).sum() / (whole**2).sum()
     )
@@ -111,7 +110,8 @@ def test_run_writes_what_it_returns(tmp_path):
         == starts["log_evidence"].max()
     )
     saved = load(tmp_path / "out/network.json")
-    assert (saved.inputs, saved.outputs) == (PARAMETERS, ("aor_deg", "height_mm"))
+    assert saved.inputs == PARAMETERS
+    assert saved.outputs == ("aor_deg", "height_mm")
 
 
 def test_a_run_with_replicates_knows_their_noise(tmp_path):
@@ -130,10 +130,8 @@ def test_a_run_with_replicates_knows_their_noise(tmp_path):
         *write_tables(tmp_path, seeds=1), study(but(replicates=True)), tmp_path / "once"
     )
     ways = once["r2_three_ways"]["aor_deg"]
-    assert (ways["noise_corrected"], ways["single_runs"]) == (
-        None,
-        pytest.approx(ways["sample_means"]),
-    )
+    assert ways["noise_corrected"] is None
+    assert ways["single_runs"] == pytest.approx(ways["sample_means"])
     assert once["noise_freedom"] is None
 
 
@@ -163,7 +161,8 @@ def of_single_pours(signal, **settings):
         names=PARAMETERS,
     )
     U = np.random.default_rng(13).uniform(-1, 1, (500, 6))
-    P, sd = training.model.predict(0.5 + 0.4 * U), np.sqrt(np.diagonal(NOISE))
+    P = training.model.predict(0.5 + 0.4 * U)
+    sd = np.sqrt(np.diagonal(NOISE))
     return (
         training,
         P.std(axis=0) / sd,
@@ -249,7 +248,8 @@ def test_the_split_is_reported_and_the_saved_model_knows_all_samples(tmp_path, n
     dataset_csv, runs_csv = write_tables(tmp_path)
     out = tmp_path / "out"
     metrics = trained(dataset_csv, runs_csv, study(but(starts=1), surrogate=name), out)
-    saved, table = load(out / "network.json"), pd.read_csv(out / "predictions.csv")
+    saved = load(out / "network.json")
+    table = pd.read_csv(out / "predictions.csv")
     test = table[table["split"] == "test"]
     error = np.sqrt(np.mean((test["height_mm"] - test["height_predicted_mm"]) ** 2))
     assert metrics["test"]["height_mm"]["rmse"] == pytest.approx(error)
@@ -338,10 +338,8 @@ def test_a_parameter_of_the_law_is_an_input_and_noise_of_bench_tests_is_independ
     targets = Targets.of([shared.TARGETS[0], shared.SLIP, shared.TARGETS[1]])
     found = train.Replicates.of(pd.concat([pours, turns]), samples, targets)
     covariance = found.noise_covariance
-    assert (found.precision.tolist(), found.noise_freedom) == (
-        [4.0] * 400,
-        pytest.approx((2 * 1200 + 400) / 3),
-    )
+    assert found.precision.tolist() == [4.0] * 400
+    assert found.noise_freedom == pytest.approx((2 * 1200 + 400) / 3)
     assert covariance[[0, 1, 2], [1, 0, 1]].tolist() == [0.0, 0.0, 0.0]
     assert covariance[::2, ::2] == pytest.approx(
         np.array([[1.0, 1.0], [1.0, 4.0]]), rel=0.15

@@ -46,8 +46,10 @@ def study(tmp_path):
         np.random.RandomState(1).uniform(0.3, 0.7, (12, 6)), columns=list(PARAMETERS)
     )
     feasible.insert(0, "solution", np.arange(1, 13))
-    feasible["aor_predicted_deg"], feasible["height_predicted_mm"] = 32.5, 66.0
-    feasible["objective"], feasible["feasible"] = np.arange(12) / 100, True
+    feasible["aor_predicted_deg"] = 32.5
+    feasible["height_predicted_mm"] = 66.0
+    feasible["objective"] = np.arange(12) / 100
+    feasible["feasible"] = True
     feasible["representative"] = feasible["solution"] == 1
     feasible.to_csv(tmp_path / "feasible.csv", index=False)
     (tmp_path / "published4.csv").write_text(PUBLISHED)
@@ -85,7 +87,8 @@ def stored(folder, failed=()):
     sets = validate.write_published_solutions(
         folder / "published4.csv", PARAMETERS, folder / "theirs.csv"
     )
-    paths, made = write_heaps(folder, sets, failed), folder / "published_sets.csv"
+    paths = write_heaps(folder, sets, failed)
+    made = folder / "published_sets.csv"
     validate.write_published_sets(
         folder / "published4.csv",
         paths,
@@ -118,16 +121,15 @@ def tables(folder, failed=(), support=None):
 def test_solutions_and_sets_of_other_works_follow_by_number(study):
     select(study)
     written = pd.read_csv(study / "v/solutions.csv")
-    assert (written.columns[:7].tolist(), written["sample"].tolist()) == (
-        ["sample", *PARAMETERS],
-        [1, 2, 3, 4, 5, 6],
-    )
+    assert written.columns[:7].tolist() == ["sample", *PARAMETERS]
+    assert written["sample"].tolist() == [1, 2, 3, 4, 5, 6]
     assert written["role"].tolist() == ["representative"] + ["spread"] * 5
     assert written["solution"].is_unique
     theirs = validate.write_published_solutions(
         study / "published4.csv", PARAMETERS, study / "theirs.csv"
     )
-    assert (theirs["sample"].tolist(), theirs.loc[1, "mus_gg"]) == ([101, 102], 0.642)
+    assert theirs["sample"].tolist() == [101, 102]
+    assert theirs.loc[1, "mus_gg"] == 0.642
     input_error(
         r"feasible.csv: solutions is 12; expected at least 21", select, study, count=20
     )
@@ -156,14 +158,13 @@ def test_table4_has_errors_as_published_and_every_definition_of_the_angle(study)
     table = found["table4"]
     assert len(table) == 6
     row = table.iloc[0]
-    assert (row["aor_simulated_deg"], row["aor_se_deg"]) == (
-        pytest.approx(32.0),
-        pytest.approx(2 / np.sqrt(3)),
-    )
+    assert row["aor_simulated_deg"] == pytest.approx(32.0)
+    assert row["aor_se_deg"] == pytest.approx(2 / np.sqrt(3))
     assert row["aor_error_percent"] == pytest.approx(
         100 * 0.5 / 32.0
     )  # 1.56, as theirs for 32.50 and 32.00
-    assert (row["height_error_percent"], row["n_seeds"]) == (pytest.approx(0.0), 3)
+    assert row["height_error_percent"] == pytest.approx(0.0)
+    assert row["n_seeds"] == 3
     pd.testing.assert_frame_equal(
         pd.read_csv(study / "v/table4.csv")[["sample"]], table[["sample"]]
     )
@@ -222,18 +223,15 @@ def test_definitions_that_are_targets_keep_their_column_and_stored_sets_may_be_s
 
 def test_the_stored_sets_of_the_repository_are_of_todays_engine_and_scene():
     """The table is made by `snakemake --cores 2 published_sets`; see resources/README.md."""
-    path, config = (
-        "resources/published/simulated.csv",
-        PipelineConfig.load("config/config.yaml").config,
-    )
+    path = "resources/published/simulated.csv"
+    config = PipelineConfig.load("config/config.yaml").config
     assert config["validation"]["published_simulated"] == path
-    table, sets = read_stored(path), read_sets(config["validation"]["published"])
+    table = read_stored(path)
+    sets = read_sets(config["validation"]["published"])
     assert table["solution"].tolist() == sets["solution"].tolist()
     np.testing.assert_allclose(table[list(PARAMETERS)], sets[list(PARAMETERS)])
-    assert (set(table["engine"]), set(table["scene"])) == (
-        {engine_hash()},
-        {dependencies.scene(config)},
-    )
+    assert set(table["engine"]) == {engine_hash()}
+    assert set(table["scene"]) == {dependencies.scene(config)}
 
 
 def test_a_failed_or_missing_simulation_keeps_its_row_or_is_named(study):
@@ -252,7 +250,8 @@ def test_a_failed_or_missing_simulation_keeps_its_row_or_is_named(study):
         np.ones(6),
         PARAMETERS,
     )
-    plain, result = tables(study), tables(study, support=support)
+    plain = tables(study)
+    result = tables(study, support=support)
     for name in ("table4", "published"):
         assert result[name].columns.tolist() == [*plain[name].columns, "warning"]
     assert (result["table4"]["warning"] == "").sum() >= 3
@@ -267,11 +266,11 @@ def test_a_failed_or_missing_simulation_keeps_its_row_or_is_named(study):
 def cloud(feasible):
     x = np.linspace(0, 2, len(feasible))
     table = pd.DataFrame({name: np.ones(len(x)) for name in PARAMETERS})
-    table["e_gg"], table["feasible"], table["objective"] = x, feasible, abs(x - 0.4)
-    table["solution"], table["representative"] = (
-        np.arange(1, len(x) + 1),
-        np.arange(len(x)) == 2,
-    )
+    table["e_gg"] = x
+    table["feasible"] = feasible
+    table["objective"] = abs(x - 0.4)
+    table["solution"] = np.arange(1, len(x) + 1)
+    table["representative"] = np.arange(len(x)) == 2
     return table
 
 
@@ -312,7 +311,8 @@ def test_validation_takes_the_farthest_feasible_and_the_stored_sets_are_those_of
     ]
     yu = table.loc["yu_2022"]
     assert yu[list(PARAMETERS)].tolist() == [0.158, 0.454, 0.037, 0.195, 0.377, 0.063]
-    assert (yu["wall"], yu["aor_measured_deg"]) == ("silicone rubber", 31.27)
+    assert yu["wall"] == "silicone rubber"
+    assert yu["aor_measured_deg"] == 31.27
     assert table["source"].notna().all()
 
 

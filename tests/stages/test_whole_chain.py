@@ -48,9 +48,12 @@ PRIORS = {
 }
 # Each response: its value where all parameters are in the middle, what rolling and wall friction add, a run's scatter.
 LAW = {
-    "aor_deg": (30.0, 8.0, 4.0, 0.3), "height_mm": (60.0, 10.0, 12.0, 0.5), "radius_90_mm": (110.0, -20.0, -16.0, 1.0),
-    "base_radius_mm": (120.0, -24.0, -18.0, 1.0), "drum_slip_deg": (40.0, 6.0, 0.0, 0.4),
-}  # fmt: skip
+    "aor_deg": (30.0, 8.0, 4.0, 0.3),
+    "height_mm": (60.0, 10.0, 12.0, 0.5),
+    "radius_90_mm": (110.0, -20.0, -16.0, 1.0),
+    "base_radius_mm": (120.0, -24.0, -18.0, 1.0),
+    "drum_slip_deg": (40.0, 6.0, 0.0, 0.4),
+}
 WANTED = {"mur_gg": 0.055, "mus_gp": 0.55}  # what gives the targets
 
 

@@ -45,7 +45,8 @@ STEPS_PER_CONTACT = 120
 STEPS_PER_CHECK = 3
 STEPS_BEFORE = 2.0  # until the bodies touch
 LONGEST = 12  # contact times after which a hit is abandoned
-SPACING_M, LANES = 0.08, 40
+SPACING_M = 0.08
+LANES = 40
 
 
 @functools.cache
@@ -142,7 +143,8 @@ def touching_distance(shape, turn_a, turn_b, offset, direction):
     (h(n) - offset . n) / (d . n) over n . d > 0.
     """
     if isinstance(shape, Clump):
-        a, b = _turned_spheres(shape, turn_a), _turned_spheres(shape, turn_b)
+        a = _turned_spheres(shape, turn_a)
+        b = _turned_spheres(shape, turn_b)
         between = b[None, :, :3] + offset - a[:, None, :3]
         along = between @ direction
         radii = a[:, None, 3] + b[None, :, 3]
@@ -170,7 +172,8 @@ def _minimise(function, start):
     The function takes vectors (M, 3). The search is random, on ever smaller caps.
     """
     rng = np.random.default_rng(1)
-    best, width = start, 1.5
+    best = start
+    width = 1.5
     for _ in range(40):
         n = best + width * np.vstack([np.zeros(3), rng.normal(size=(120, 3))])
         n /= np.linalg.norm(n, axis=1)[:, None]
@@ -187,7 +190,8 @@ def nearest_point(shape, turn_a, turn_b, between):
     `between` (3,) points from the first centre to the second [m].
     """
     if isinstance(shape, Clump):
-        a, b = _turned_spheres(shape, turn_a), _turned_spheres(shape, turn_b)
+        a = _turned_spheres(shape, turn_a)
+        b = _turned_spheres(shape, turn_b)
         vectors = b[None, :, :3] + between - a[:, None, :3]
         lengths = np.linalg.norm(vectors, axis=-1)
         gaps = lengths - a[:, None, 3] - b[None, :, 3]
@@ -249,7 +253,8 @@ def _approach(simulation, k, on_plane):
         lowest = turn @ shape.support_point(down @ turn)
         return (velocities[k] + np.cross(rotations[k], lowest)) @ down
 
-    a, b = 2 * k, 2 * k + 1
+    a = 2 * k
+    b = 2 * k + 1
     turn_a, turn_b = rotation_matrices(simulation.quaternions[[a, b]])
     between = simulation.positions[b] - simulation.positions[a]
     normal, point = nearest_point(shape, turn_a, turn_b, between)

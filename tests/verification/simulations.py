@@ -150,7 +150,8 @@ def two_spheres(a, b, contact, step_s, **laws):
     In space, without gravity.
     """
     reach = 4.0 * max(a[1], b[1])
-    shapes, materials = {}, {}
+    shapes = {}
+    materials = {}
     for name, (solid, radius_m) in {"a": a, "b": b}.items():
         shapes[name] = smooth(radius_m, solid.density_kg_m3, name)
         materials[name] = solid.material

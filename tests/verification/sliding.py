@@ -59,11 +59,13 @@ def velocity_after_hit(solid, hertz, contact, tangential_m_s, laws):
     that of "hertz_mindlin_rescaled" adds what the path adds, and shrinks with the
     stiffness.
     """
-    spring, tension = laws["contact_law"], laws["tension"]
+    spring = laws["contact_law"]
+    tension = laws["tension"]
     young, shear = effective_moduli(solid.material, rigid(solid.material))
     beta = damping_ratio(contact.restitution, tension)
     damping = 2.0 * math.sqrt(5.0 / 6.0) * beta
-    mass, radius = hertz.mass, hertz.radius
+    mass = hertz.mass
+    radius = hertz.radius
     step = hertz.duration_s / 20_000
 
     approach = hertz.speed

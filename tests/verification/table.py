@@ -44,8 +44,14 @@ def main():
     os.chdir(ROOT)
     sys.path[:0] = [str(ROOT / "src"), str(ROOT / "tests")]
     # In one process, with the slow cases and without the tests of the page itself.
-    words = ["tests/verification", "-n", "0", "-m", "slow or not slow"]
-    words += ["--ignore=tests/verification/test_page.py"]
+    words = [
+        "tests/verification",
+        "-n",
+        "0",
+        "-m",
+        "slow or not slow",
+        "--ignore=tests/verification/test_page.py",
+    ]
     return pytest.main(words, plugins=[Registration()])
 
 

@@ -92,7 +92,8 @@ def test_damped_hits(case, laws):
     """
     for kind, throw in THROWS.items():
         rng = np.random.default_rng([13, len(kind)])
-        largest, hits = 0.0, 0
+        largest = 0.0
+        hits = 0
         while hits < HITS:
             contact = Contact(rng.uniform(0.1, 0.6), rng.uniform(0.2, 0.8), 0.0)
             energies = throw(rng, contact, **laws)
@@ -133,7 +134,8 @@ def elastic_energies(axes, step, laws):
 
     Returns the energy in the end over that before.
     """
-    rng, ends = np.random.default_rng(17), np.empty(0)
+    rng = np.random.default_rng(17)
+    ends = np.empty(0)
     while len(ends) < HITS:
         energies = throw_pairs(rng, frictionless(), step, axes=axes, **laws)
         ends = np.append(ends, energies.last)

@@ -38,8 +38,11 @@ def euler_solution(inertia, first, third, time):
 
 def test_free_rotation(case, laws):
     """A grain that tumbles in space turns as Euler's equations predict."""
-    step, every = 2e-5, 50
-    first, third = 8.0, 25.0  # components of the angular velocity [rad/s]
+    step = 2e-5
+    every = 50
+    # components of the angular velocity [rad/s]
+    first = 8.0
+    third = 25.0
     simulation = grain_simulation(frictionless(), step, **laws)
     inertia = simulation.shapes["body"].inertia_kg_m2
     simulation.add("body", (0.0, 0.0, 0.0), angular_velocity_rad_s=(first, 0.0, third))

@@ -35,7 +35,8 @@ def elliptic_overlap(mass, radii, young):
 
     Johnson, K. L. (1985). Contact Mechanics. Cambridge University Press, Eq. 4.26-4.28.
     """
-    low, high = 1e-9, 1.0 - 1e-9
+    low = 1e-9
+    high = 1.0 - 1e-9
     for _ in range(200):
         m = 0.5 * (low + high)  # e^2
         ratio = (ellipe(m) / (1.0 - m) - ellipk(m)) / (ellipk(m) - ellipe(m))
@@ -115,7 +116,9 @@ def rocking_history(moving_axis, fixed_axis, duration_s, laws):
 
     Returns time and tilt [deg] about the fixed axis of the body.
     """
-    step, start, every = 2e-5, math.radians(1.0), 20
+    step = 2e-5
+    start = math.radians(1.0)
+    every = 20
     simulation = grain_simulation(
         Contact(0.3, 10.0, 0.0), step, material=STIFF, **under_gravity(), **laws
     )

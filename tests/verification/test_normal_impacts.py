@@ -134,7 +134,8 @@ def test_sphere_on_plane(case, laws):
 @with_all_laws
 def test_damped_impact(case, laws):
     """A damped sphere hits a plane at 3.9 m/s (test 3): restitution, peak force."""
-    radius, speed = 0.0025, 3.9
+    radius = 0.0025
+    speed = 3.9
     for solid in (ALUMINIUM_OXIDE, CAST_IRON):
         for e in np.linspace(0.2, 1.0, 9):
             velocity, _ = impact(

@@ -40,7 +40,9 @@ def test_angles(case, laws):
     published one is near that of the spring S_t delta_t, which "hertz_mindlin" has. The
     default's spring deviates, as `case.deviates` says.
     """
-    contact, radius, speed = Contact(0.98, 0.092, 0.0), 0.0025, 3.9
+    contact = Contact(0.98, 0.092, 0.0)
+    radius = 0.0025
+    speed = 3.9
     for angle in ANGLES:
         tangential = speed * math.sin(math.radians(angle))
         normal = speed * math.cos(math.radians(angle))
@@ -49,7 +51,8 @@ def test_angles(case, laws):
         )
         left = velocity[0] / tangential
         spin = -rotation[1]  # the published sense of rotation is opposite
-        left_at, spin_at = f"left at {angle} deg", f"spin at {angle} deg [rad/s]"
+        left_at = f"left at {angle} deg"
+        spin_at = f"spin at {angle} deg [rad/s]"
 
         if slides(contact, normal, tangential):
             lost = sliding_loss(contact, normal)
@@ -95,7 +98,9 @@ def test_tangential_speeds(case, laws):
     The lever arm of friction is R - delta / 2, not R, because the contact lies in the
     middle of the overlap. The overlap of polyethylene is 3 % of the radius.
     """
-    contact, radius, normal = Contact(1.0, 0.3, 0.0), 1e-5, 5.0
+    contact = Contact(1.0, 0.3, 0.0)
+    radius = 1e-5
+    normal = 5.0
     lost = sliding_loss(contact, normal)
     for solid in (STEEL, POLYETHYLENE):
         hertz = hertz_on_plane(solid, radius, normal)

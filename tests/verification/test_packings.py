@@ -33,7 +33,8 @@ BOXES = 4  # the solid fraction of one box of 100 grains scatters by 0.015
 
 def test_hexagonal_packing(case, laws):
     """Rows of spheres without friction settle into a hexagonal lattice and stay."""
-    n_rows, columns = 6, 8
+    n_rows = 6
+    columns = 8
     shape = Shape.sphere(RADIUS, GRAIN_DENSITY, "grain")
     width = columns * 2.0 * RADIUS
     simulation = simulation_of(

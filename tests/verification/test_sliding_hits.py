@@ -22,13 +22,17 @@ from repose.dem import Clump, Contact, Motion, Plane, Shape
 pytestmark = pytest.mark.slow
 
 RESTITUTIONS = (0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 0.9)
-FRICTION, NORMAL_M_S = 0.3, 0.5
+FRICTION = 0.3
+NORMAL_M_S = 0.5
 SPEED_OVER_LIMIT = 10.0  # tangential velocity over the limit of sliding
 
 # The closed path: overlap at the start of the slide, length of the slide, further
 # overlap.
-SHALLOW_M, SLIDE_M, DEEPER_M = 2e-4, 2e-4, 8e-4
-SPEED_M_S, STEP_S = 0.01, 5e-5
+SHALLOW_M = 2e-4
+SLIDE_M = 2e-4
+DEEPER_M = 8e-4
+SPEED_M_S = 0.01
+STEP_S = 5e-5
 IMMOVABLE = 1e9  # density of a body that no force moves, over a grain's
 
 
@@ -39,7 +43,8 @@ def lowest_under_centre(shape):
     """
     if not isinstance(shape, Clump):
         return np.array([1.0, 0.0, 0.0, 0.0])
-    centres, radii = shape.spheres_m[:, :3], shape.spheres_m[:, 3]
+    centres = shape.spheres_m[:, :3]
+    radii = shape.spheres_m[:, 3]
     tip = centres[np.argmax(np.linalg.norm(centres, axis=1) + radii)]
     tip = tip / max(np.linalg.norm(tip), 1e-300)
     down = -np.array(UP)

@@ -61,7 +61,9 @@ def track_sphere(simulation, steps, every):
 @with_all_laws
 def test_rolling(case, laws):
     """A sphere slides, rolls at 5/7 of its speed, and is slowed by 5/7 mu_r g."""
-    start, friction, rolling_friction = 0.5, 0.4, 0.05
+    start = 0.5
+    friction = 0.4
+    rolling_friction = 0.05
     sliding = sphere_on_floor(Contact(0.3, friction, 0.0), start, 0.0, laws)
     time, speed, rim = track_sphere(sliding, 6000, 150)
     case.close("speed after slipping [m/s]", speed[-1], 5.0 / 7.0 * start)
@@ -84,7 +86,8 @@ def slope_acceleration(angle_deg, friction, laws):
     Returns its mean acceleration [m/s2] from 0.06 s to 0.16 s.
     """
     slope = math.radians(angle_deg)
-    downhill, into_slope = GRAVITY * math.sin(slope), GRAVITY * math.cos(slope)
+    downhill = GRAVITY * math.sin(slope)
+    into_slope = GRAVITY * math.cos(slope)
     world = under_gravity()
     world["gravity_m_s2"] = (downhill, 0.0, -into_slope)
     simulation = grain_simulation(

@@ -26,8 +26,13 @@ def test_the_representative_solution_is_the_published_one():
     path = "resources/published/table4.csv"
     representative = published.representative(path)
     assert representative == {
-        "e_gg": 0.203, "mus_gg": 0.642, "mur_gg": 0.037, "e_gp": 0.244, "mus_gp": 0.483, "mur_gp": 0.185
-    }  # fmt: skip
+        "e_gg": 0.203,
+        "mus_gg": 0.642,
+        "mur_gg": 0.037,
+        "e_gp": 0.244,
+        "mus_gp": 0.483,
+        "mur_gp": 0.185,
+    }
     input_error(
         "column gamma_gg is 'missing'",
         published.representative,

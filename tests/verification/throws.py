@@ -48,7 +48,8 @@ def throw_pairs(rng, contact, step=STEP, **keywords):
 
     A pair that still touches in the end is left out: it holds elastic energy.
     """
-    count, edge = LANES * LANES, LANES * SPACING_M
+    count = LANES * LANES
+    edge = LANES * SPACING_M
     simulation = grain_simulation(
         contact,
         step,
@@ -115,7 +116,9 @@ def _throw_into(funnel, rng, contact, place, sideways_m_s, down_m_s, laws):
 
 def throw_at_shell(rng, contact, **laws):
     """Throw 40 grains along a drum, each at the shell."""
-    count, radius, spacing = 40, 0.06, 0.06
+    count = 40
+    radius = 0.06
+    spacing = 0.06
     length = count * spacing
     shell = Cylinder(
         (-spacing, 0.0, 0.0), (1.0, 0.0, 0.0), length + spacing, radius, "wall"

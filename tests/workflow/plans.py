@@ -43,7 +43,8 @@ def as_ours(folder):
     """Note made-up results in the folder as written by repose, as they are where a study wrote them."""
     for path in folder.rglob("*"):
         if path.is_file() and path.name != ledger.LEDGER:
-            content, times = path.read_bytes(), path.stat()
+            content = path.read_bytes()
+            times = path.stat()
             path.unlink()
             ledger.write_whole(
                 path, lambda handle, content=content: handle.write(content)
@@ -60,7 +61,8 @@ def snakemake(project, *words, status=None):
         _, ended, used = os.wait4(
             forked.start(project, words, out.fileno(), err.fileno()), 0
         )
-        took_s, texts = time.perf_counter() - began_s, []
+        took_s = time.perf_counter() - began_s
+        texts = []
         for file in (out, err):
             file.seek(0)
             texts.append(file.read().decode())

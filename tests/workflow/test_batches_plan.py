@@ -52,7 +52,9 @@ def test_batches_follow_until_the_answer_and_a_kill_between_them_loses_nothing(
     config |= {strategy: config[strategy] | SECTIONS[strategy]}
     study = Given(SPACE, Targets.of(config["targets"]), config)
     words = (*words, f"{strategy}={json.dumps(SECTIONS[strategy])}", "--", strategy)
-    folders, sizes, found = [], [], {"answer": False}
+    folders = []
+    sizes = []
+    found = {"answer": False}
     while not found["answer"]:
         jobs = planned(
             project, *words

@@ -48,8 +48,10 @@ def test_a_finished_study_is_reported_archived_planned_anew_and_forced(project):
     assert "Traceback" not in done.stderr
     # an archive has what git knows
     for words in (
-        ("init", "-q"), ("add", "-A"), ("-c", "user.name=a", "-c", "user.email=a@b.c", "commit", "-q", "-m", "a"),
-    ):  # fmt: skip
+        ("init", "-q"),
+        ("add", "-A"),
+        ("-c", "user.name=a", "-c", "user.email=a@b.c", "commit", "-q", "-m", "a"),
+    ):
         subprocess.run(["git", *words], cwd=project, check=True)
     snakemake(project, *WORDS, "--archive", "study.tar.gz", status=0)
     with tarfile.open(project / "study.tar.gz") as archive:

@@ -183,7 +183,8 @@ def test_a_report_states_the_answer_and_jobs_declare_enough(tmp_path):
     # snakemake writes its own report, where one was asked for
     assert {path.name for path in set(paths) - set(ours)} <= {"figures.html"}
     rules = declared(tmp_path)
-    seen, short = 0, []
+    seen = 0
+    short = []
     for path in (RESULTS / "benchmarks").rglob("*.tsv"):
         name = path.relative_to(ROOT).as_posix()
         found = [rule for rule in rules if re.fullmatch(rule.benchmarks, name)]

@@ -19,10 +19,14 @@ QUICK = ("--cores", "1", "--configfile", "config/quick.yaml")
 POURS = {"pour": 12, "validation_pour": 3, "trajectory": 1, "drum_run": 2}
 # The stages of the method in their order, and one rule that follows each.
 STAGES = {
-    "design": ("design", "pour"), "pour": ("pour", "measure_runs"), "dataset": ("dataset", "network"),
-    "network": ("network", "miga"), "miga": ("miga", "validation_pour"), "validate": ("validate", "card"),
+    "design": ("design", "pour"),
+    "pour": ("pour", "measure_runs"),
+    "dataset": ("dataset", "network"),
+    "network": ("network", "miga"),
+    "miga": ("miga", "validation_pour"),
+    "validate": ("validate", "card"),
     "drum": ("drum", "draw_drum"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.essential
@@ -194,14 +198,21 @@ def test_a_changed_target_pours_the_new_solutions_alone_and_another_label_nothin
         project, *words[:2], "target.json", *words[2:], "--", "calibration", "films"
     )
     assert "pour" not in jobs
-    assert (jobs["validation_pour"], jobs["trajectory"], jobs["drum_run"]) == (3, 1, 2)
+    assert jobs["validation_pour"] == 3
+    assert jobs["trajectory"] == 1
+    assert jobs["drum_run"] == 2
     assert planned(project, *words, "label=other", "--", "calibration") == {}
 
 
-@pytest.mark.parametrize(("lost", "rule"), [
-    ("network/network.json", "network"), ("heaps/003.pours.json", "pour"), ("heaps/003.json", "measure_runs"),
-    ("validation/heaps/003.npz", "validation_pour"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("lost", "rule"),
+    [
+        ("network/network.json", "network"),
+        ("heaps/003.pours.json", "pour"),
+        ("heaps/003.json", "measure_runs"),
+        ("validation/heaps/003.npz", "validation_pour"),
+    ],
+)
 def test_a_file_that_a_killed_job_left_out_is_made_again(finished, lost, rule):
     project, words = finished
     path = project / "results/quick" / lost

@@ -144,7 +144,8 @@ def test_each_rule_depends_on_the_settings_of_the_stage_that_it_runs():
 
 
 def test_no_inside_is_used_and_functions_are_fewer_than_rules():
-    used, imported = set(), set()
+    used = set()
+    imported = set()
     for path in FILES:
         text = path.read_text()
         used |= set(re.findall(r"(?<![\w/])workflow\.(\w+)", text)) - {"rst", "smk"}

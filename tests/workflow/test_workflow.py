@@ -65,10 +65,13 @@ def test_the_workflow_runs_from_either_file_and_the_small_run_has_the_same_rules
     assert small["drum_run"] == 2
 
 
-@pytest.mark.parametrize(("targets", "folders"), [
-    (MIXED, ("heaps", "drum_runs")),
-    (MIXED[1:], ("drum_runs",)),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("targets", "folders"),
+    [
+        (MIXED, ("heaps", "drum_runs")),
+        (MIXED[1:], ("drum_runs",)),
+    ],
+)
 def test_samples_run_in_every_bench_test_of_the_targets(project, targets, folders):
     mine = {"targets": targets, "posterior": {"shape_study": None}}
     (project / "mine.yaml").write_text(json.dumps(mine))
@@ -120,11 +123,23 @@ STABLE += "; the modulus of resources/compression.csv is 1.1e+05 Pa"
 
 
 @pytest.mark.essential
-@pytest.mark.parametrize(("words", "message"), [
-    (["--config", "funnel={seeds: 0}"], f"{CALL}: funnel.seeds is 0; expected an integer from 1 to 100"),
-    (["--config", "simulation={time_step_s: 2e-3}"], f"{CALL}: simulation.time_step_s is 0.002; {STABLE}"),
-    (["--configfile", "mine.yaml"], "mine.yaml: funnel.seads is 3; expected a known key; did you mean seeds?"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (
+            ["--config", "funnel={seeds: 0}"],
+            f"{CALL}: funnel.seeds is 0; expected an integer from 1 to 100",
+        ),
+        (
+            ["--config", "simulation={time_step_s: 2e-3}"],
+            f"{CALL}: simulation.time_step_s is 0.002; {STABLE}",
+        ),
+        (
+            ["--configfile", "mine.yaml"],
+            "mine.yaml: funnel.seads is 3; expected a known key; did you mean seeds?",
+        ),
+    ],
+)
 def test_a_bad_value_ends_in_one_message_before_any_work(project, words, message):
     (project / "mine.yaml").write_text("funnel: {seads: 3}\n")
     done = snakemake(project, "--cores", "1", *words)
@@ -194,14 +209,30 @@ def test_the_figures_have_the_configured_formats_and_are_drawn_again_for_others(
     assert files["png"] == files["svg"] == files["pdf"]
 
 
-@pytest.mark.parametrize(("change", "measured", "poured"), [
-    ("measure={response: whole}", ("measure_runs", "measure_validation_runs"), ()),
-    ("measure={mm_per_pixel: 0.3}", ("measure_runs", "measure_validation_runs", "drum"), ()),
-    ("funnel={rest_motion_mm: 2}", ("measure_runs", "measure_validation_runs"), POURS[:3]),
-    ("drum={fit_share: 0.5, depth_bin_mm: 4}", ("drum",), ()), ("drum={record_s: 0.2}", (), ("drum_run",)),
-    ("network={hidden: 4}", (), ()),
-    ("validation={seeds: 3, representative_seeds: 3}", ("measure_validation_runs",), ("validation_pour",)),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("change", "measured", "poured"),
+    [
+        ("measure={response: whole}", ("measure_runs", "measure_validation_runs"), ()),
+        (
+            "measure={mm_per_pixel: 0.3}",
+            ("measure_runs", "measure_validation_runs", "drum"),
+            (),
+        ),
+        (
+            "funnel={rest_motion_mm: 2}",
+            ("measure_runs", "measure_validation_runs"),
+            POURS[:3],
+        ),
+        ("drum={fit_share: 0.5, depth_bin_mm: 4}", ("drum",), ()),
+        ("drum={record_s: 0.2}", (), ("drum_run",)),
+        ("network={hidden: 4}", (), ()),
+        (
+            "validation={seeds: 3, representative_seeds: 3}",
+            ("measure_validation_runs",),
+            ("validation_pour",),
+        ),
+    ],
+)
 def test_a_changed_measurement_measures_again_and_pours_nothing(
     finished, change, measured, poured
 ):

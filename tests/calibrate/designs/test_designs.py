@@ -177,11 +177,9 @@ def test_one_response_is_climbed_and_several_descend_the_sum_of_their_squared_mi
         -up
     )
     value_error("other than 0", climbed, 0.0, 0.0)
-    slopes, missing, scale = (
-        np.array([[1.0, 0.5], [-0.2, 0.8]]),
-        np.array([2.0, 1.0]),
-        np.array([30.0, 65.0]),
-    )
+    slopes = np.array([[1.0, 0.5], [-0.2, 0.8]])
+    missing = np.array([2.0, 1.0])
+    scale = np.array([30.0, 65.0])
 
     def misses(x):
         return (((missing - slopes @ x) / scale) ** 2).sum()

@@ -20,11 +20,10 @@ from repose.calibrate.search.objective import (
 
 def objective_of(low, high, aim=None, weight=None, **more):
     """The objective of targets with these ranges; without an aim, with their centres (Eq. 12)."""
-    low, high = np.array(low, float), np.array(high, float)
-    aim, weight = (
-        (low + high) / 2 if aim is None else aim,
-        np.ones(len(low)) if weight is None else np.array(weight),
-    )
+    low = np.array(low, float)
+    high = np.array(high, float)
+    aim = (low + high) / 2 if aim is None else aim
+    weight = np.ones(len(low)) if weight is None else np.array(weight)
     return Objective(
         SimpleNamespace(low=low, high=high, aim=np.array(aim), weight=weight), **more
     )
@@ -64,8 +63,10 @@ def test_one_target_four_with_weights_and_weights_of_one():
     )
     assert corner < just_outside
     random = np.random.default_rng(4)
-    low, high = random.uniform(0, 50, 2), random.uniform(51, 100, 2)
-    plain, responses = objective_of(low, high), random.uniform(-20, 120, (500, 2))
+    low = random.uniform(0, 50, 2)
+    high = random.uniform(51, 100, 2)
+    plain = objective_of(low, high)
+    responses = random.uniform(-20, 120, (500, 2))
     scaled = responses / (high - low)
     F = np.abs(scaled - (low + high) / 2 / (high - low)).sum(axis=1)
     outside = np.maximum(
@@ -111,10 +112,8 @@ def distinct_slowly(points, fitness, distance, most):
 @pytest.mark.parametrize(("distance", "most"), product((0.0, 0.1, 0.6), (5, 1000)))
 def test_thinning_against_its_slow_twin(most, distance):
     random = np.random.RandomState(5)
-    points, fitness = (
-        random.uniform(-1, 1, (300, 3)),
-        random.randint(0, 50, 300).astype(float),
-    )
+    points = random.uniform(-1, 1, (300, 3))
+    fitness = random.randint(0, 50, 300).astype(float)
     points[100:120] = points[:20]
     assert distinct(points, fitness, distance, most).tolist() == distinct_slowly(
         points, fitness, distance, most
@@ -124,7 +123,8 @@ def test_thinning_against_its_slow_twin(most, distance):
 def test_archive_is_bounded_distinct_sorted_holds_the_best_and_takes_more_than_its_buffer():
     random = np.random.RandomState(6)
     archive = Archive(2, 0.1, 40, buffer=500)
-    everything, all_fitness = [], []
+    everything = []
+    all_fitness = []
     for _ in range(60):
         points = random.uniform(-1, 1, (170, 2))
         fitness = sphere(points)
@@ -134,7 +134,8 @@ def test_archive_is_bounded_distinct_sorted_holds_the_best_and_takes_more_than_i
         everything.append(points)
         all_fitness.append(fitness)
     archive.thin()
-    everything, all_fitness = np.concatenate(everything), np.concatenate(all_fitness)
+    everything = np.concatenate(everything)
+    all_fitness = np.concatenate(all_fitness)
     assert len(archive.points) >= 30
     assert (np.diff(archive.fitness) >= 0).all()
     np.testing.assert_array_equal(archive.points[0], everything[all_fitness.argmin()])

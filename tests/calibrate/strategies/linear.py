@@ -16,7 +16,8 @@ class Linear:
     name = "linear"
 
     def __init__(self, outputs, slopes, error=0.0):
-        self.outputs, self.error = tuple(outputs), error
+        self.outputs = tuple(outputs)
+        self.error = error
         self.slopes = np.array(
             [[slope.get(name, 0.0) for slope in slopes] for name in PARAMETERS]
         )

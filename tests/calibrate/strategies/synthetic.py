@@ -25,8 +25,11 @@ SECTION = {
     "significance": 0.05,
     "most_factors": 4,
     "steps": 5,
+    "surface": "box_behnken",
+    "centres": 5,
+    "reach": 0.25,
+    "checks": 8,
 }
-SECTION |= {"surface": "box_behnken", "centres": 5, "reach": 0.25, "checks": 8}
 REFINE = {"pours": 20, "tolerance_percent": 2.0, "design_seeds": 3, "seeds": 8}
 SETTINGS = ResponseSurfaceSettings(**SECTION)
 MATTER = {"mus_gg", "mur_gg", "mus_gp"}
@@ -44,10 +47,8 @@ class Study(NamedTuple):
 
 
 def study(targets=None, space=None, **sections):
-    targets, space = (
-        TARGETS if targets is None else targets,
-        SPACE if space is None else space,
-    )
+    targets = TARGETS if targets is None else targets
+    space = SPACE if space is None else space
     return Study(space, targets, configuration(targets, space, **sections))
 
 
@@ -65,8 +66,6 @@ def configuration(targets, space, **sections):
         "results_dir": "results",
         "small_run": False,
         "design": {"seed": 1},
-    }
-    own |= {
         "targets": entries(targets),
         "parameters": parameters,
         "miga": {"solutions": 20, "distance": 0.02},
@@ -77,7 +76,9 @@ def configuration(targets, space, **sections):
 def responses(table, noise=0.0, seed=1):
     """Angle and Height of parameter sets, with noise in percent: friction and rolling friction set both."""
     unit = SPACE.unit(table[list(PARAMETERS)].to_numpy(float))
-    friction, rolling, plate = unit[:, 1], unit[:, 2], unit[:, 4]
+    friction = unit[:, 1]
+    rolling = unit[:, 2]
+    plate = unit[:, 4]
     angle = (
         24
         + 7 * friction

@@ -39,11 +39,9 @@ def test_probability_of_a_box(k):
     random = np.random.default_rng(k)
     root = random.normal(size=(6, k, k))
     covariance = root @ root.transpose(0, 2, 1) + 0.3 * np.eye(k)
-    mean, low, high = (
-        random.normal(size=(6, k)),
-        np.full(k, -1.0),
-        np.linspace(0.8, 1.4, k),
-    )
+    mean = random.normal(size=(6, k))
+    low = np.full(k, -1.0)
+    high = np.linspace(0.8, 1.4, k)
     integral = partial(
         multivariate_normal.cdf, high, abseps=1e-6, lower_limit=low, rng=random
     )
@@ -104,8 +102,10 @@ def test_errors_are_those_of_all_the_responses_processes_and_of_the_others():
 
 
 def one_process(model, observed, points, kernels):
-    mixing, scale = model._mixing, model._scale
-    n, m = len(observed.unit), len(points)
+    mixing = model._mixing
+    scale = model._scale
+    n = len(observed.unit)
+    m = len(points)
     everywhere = np.vstack([observed.unit, points])
     # covariance of the combinations, turned into that of the responses
     back = np.kron(np.eye(n + m), np.linalg.inv(mixing).T @ np.diag(scale))
@@ -150,10 +150,8 @@ def test_bearings_of_a_factor_and_the_noise_of_samples():
         squares.append((mean - truth) ** 2 / np.diagonal(covariance, axis1=1, axis2=2))
     assert 0.45 < np.mean(squares) < 1.5
     observed = poured(n=3000, seeds=2)
-    assert (observed.noise(), observed.freedom) == (
-        pytest.approx(NOISE, rel=0.08),
-        3000,
-    )
+    assert observed.noise() == pytest.approx(NOISE, rel=0.08)
+    assert observed.freedom == 3000
     observed = poured(n=40, seeds=4)
     mixed = observed.residuals @ Kriging(observed)._mixing
     own = (mixed**2).sum(axis=1) / 3
@@ -190,14 +188,17 @@ def test_95_percent_intervals_of_predictions_hold_95_percent_of_the_means_and_to
     value_error("all alike", Kriging, observed)
 
 
-@pytest.mark.parametrize(("point", "is_sound"), [
-    (0.125, True),  # 0.125 from a good sample, 0.375 from a failed one
-    (0.375, True),  # as near to a good sample as to a failed one
-    (0.4375, False),
-    (0.625, True),  # as near to a good sample as to a failed one
-    (0.8125, True),
-    (0.9375, False),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("point", "is_sound"),
+    [
+        (0.125, True),  # 0.125 from a good sample, 0.375 from a failed one
+        (0.375, True),  # as near to a good sample as to a failed one
+        (0.4375, False),
+        (0.625, True),  # as near to a good sample as to a failed one
+        (0.8125, True),
+        (0.9375, False),
+    ],
+)
 def test_a_point_is_sound_if_no_failed_sample_is_nearer_than_a_good_one(
     point, is_sound
 ):
@@ -227,7 +228,8 @@ def test_a_nugget_is_estimated_once(monkeypatch):
 
     random = np.random.default_rng(2)
     unit = random.random((12, 2))
-    means, shares = unit[:, 0] + 0.1 * random.normal(size=12), np.ones(12)
+    means = unit[:, 0] + 0.1 * random.normal(size=12)
+    shares = np.ones(12)
     first = noise.nugget(unit, means, shares)
     monkeypatch.setattr(process, "Process", None)
     assert noise.nugget(unit.copy(), means.copy(), shares) == first

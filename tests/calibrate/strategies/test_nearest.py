@@ -16,7 +16,10 @@ from repose.calibrate.designs.central_composite import central_composite
 from repose.calibrate.strategies.base import strategy
 from repose.calibrate.surrogates.support import Support
 
-TOP, CENTRE, CURVATURE, NOISE = 30.0, 0.3, 6.0, 0.3
+TOP = 30.0
+CENTRE = 0.3
+CURVATURE = 6.0
+NOISE = 0.3
 DESIGNS = {
     "rotatable": central_composite(2, "rotatable", 5),
     "face-centred": central_composite(3, "face_centred", 5),

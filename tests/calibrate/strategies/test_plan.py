@@ -68,7 +68,8 @@ def test_the_noise_of_the_runs_and_chances_between_scatters_by_hand():
         "within_1_percent"
     ].to_numpy()
     assert middle == pytest.approx((own[0] + own[1]) / 2)
-    shares, trials = pd.Series([0.0, 0.6, 1.0]), pd.Series([40, 40, 80])
+    shares = pd.Series([0.0, 0.6, 1.0])
+    trials = pd.Series([40, 40, 80])
     by_hand = [beta(1, 41).std(), beta(25, 17).std(), beta(81, 1).std()]
     assert plan.share_error(shares, trials).to_numpy() == pytest.approx(
         by_hand, rel=1e-12
@@ -116,10 +117,8 @@ def test_the_configured_strategy_is_in_the_table_and_no_pour_is_timed_before_the
     )
     lines = command("plan", "--config", path).out.splitlines()
     marked = [line.split() for line in lines if line.split()[0] == f"*{strategy}"]
-    section, budgets = (
-        config["response_surface"],
-        plan.success_by_budget(1, 5.0)["pours"],
-    )
+    section = config["response_surface"]
+    budgets = plan.success_by_budget(1, 5.0)["pours"]
     sets = (
         section["screening_runs"]
         + section["steps"]
@@ -131,11 +130,9 @@ def test_the_configured_strategy_is_in_the_table_and_no_pour_is_timed_before_the
     pours = {
         "response_surface": [sets * section["seeds"]],
         "sequential": budgets.to_list(),
-    }
-    pours |= {
         "published": [
             sum(sets * seeds for _, sets, seeds in cost.estimate_work(config)["pours"])
-        ]
+        ],
     }
     assert [int(row[1]) for row in marked] == pours[strategy]
     assert lines[-1].startswith("* as configured")

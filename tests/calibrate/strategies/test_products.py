@@ -41,8 +41,13 @@ BERRY = {
     "n": 20,
     "density_kg_m3": 1000.0,
 }
-FILES = {"dataset": "dataset.csv", "runs": "runs.csv", "feasible": "solutions.csv"}
-FILES |= {"summary": "summary.json", "table4": "table4.csv"}
+FILES = {
+    "dataset": "dataset.csv",
+    "runs": "runs.csv",
+    "feasible": "solutions.csv",
+    "summary": "summary.json",
+    "table4": "table4.csv",
+}
 BERRY |= {
     "elastic_modulus_pa": 1e6,
     "shear_modulus_pa": 4e5,

@@ -45,10 +45,8 @@ CONFIG = {"targets": entries(TARGETS), "parameters": RANGES}
 
 def campaign(folder, noise, section=SECTION, space=SPACE, seed=1):
     """All steps on files, in folders of their names; the table of the check."""
-    steps, study = (
-        [folder / name for name in STEPS],
-        synthetic.study(space=space, response_surface=section),
-    )
+    steps = [folder / name for name in STEPS]
+    study = synthetic.study(space=space, response_surface=section)
     for number, step in enumerate(steps):
         propose("response_surface", study, steps[:number], step)
         synthetic.write_poured(
@@ -119,9 +117,9 @@ def test_the_ascent_begins_at_the_centre_and_the_surface_lies_about_its_best_poi
     assert np.abs(coded.to_numpy()).max() == pytest.approx(1), (
         "the last step is at the edge of a range"
     )
-    assert (path["best"].sum(), path.loc[path["best"], "error_percent"].iloc[0]) == (
-        1,
-        path["error_percent"].min(),
+    assert path["best"].sum() == 1
+    assert (
+        path.loc[path["best"], "error_percent"].iloc[0] == path["error_percent"].min()
     )
     path, table = (
         pd.read_csv(noisy[0] / name) for name in ("path.csv", "surface/samples.csv")
@@ -237,10 +235,8 @@ def test_steps_share_no_sample_and_leave_out_those_that_gave_no_pile():
 
 
 def test_too_few_piles_are_reported_with_their_folder_and_figures(tmp_path, noisy):
-    study, table = (
-        synthetic.study(response_surface=SECTION),
-        screening.design(SPACE, SETTINGS),
-    )
+    study = synthetic.study(response_surface=SECTION)
+    table = screening.design(SPACE, SETTINGS)
     runs = synthetic.runs_of(table, 3, 0.0, 1)
     runs.loc[runs["sample"].isin(table["sample"].iloc[3:12]), "status"] = "failed"
     synthetic.write_tables(tmp_path, table, runs)
@@ -259,13 +255,11 @@ def test_too_few_piles_are_reported_with_their_folder_and_figures(tmp_path, nois
     drawings = [
         *((figures.pareto, given, 2) for given in effects),
         (figures.perturbation, surface_files, 2),
-    ]
-    drawings += [
         (
             figures.contours,
             surface_files | {"optimum": str(folder / "optimum.json")},
             None,
-        )
+        ),
     ]
     for function, inputs, panels in drawings:
         with style.applied():
@@ -278,7 +272,8 @@ def test_too_few_piles_are_reported_with_their_folder_and_figures(tmp_path, nois
 
 
 def test_the_loop_of_a_study_is_that_of_the_files(noisy):
-    study, data = synthetic.study(response_surface=SECTION), pd.DataFrame()
+    study = synthetic.study(response_surface=SECTION)
+    data = pd.DataFrame()
     for number, step in enumerate(STEPS, start=1):
         batch = ResponseSurface().propose(study, data)
         table = pd.read_csv(noisy[0] / step / "samples.csv")[["sample", *PARAMETERS]]

@@ -13,18 +13,32 @@ from repose.calibrate import strategies
 
 FEW_FACTORS = {"strategy": "response_surface", "response_surface": {"most_factors": 2}}
 STUDY = {
-    "parameters": {"friction": (0.2, 0.8), "rolling": (0.01, 0.2), "sliding": (0.0, 1.0)},
-    "targets": {"angle_deg": (30.0, 1.2), "time": (4.0, 0.2, 10)}, "seed": 1,
-    "sequential": {"start_samples": 12, "batch": 4, "most_runs": 40}, "posterior": {"walkers": 32, "steps": 100},
+    "parameters": {
+        "friction": (0.2, 0.8),
+        "rolling": (0.01, 0.2),
+        "sliding": (0.0, 1.0),
+    },
+    "targets": {"angle_deg": (30.0, 1.2), "time": (4.0, 0.2, 10)},
+    "seed": 1,
+    "sequential": {"start_samples": 12, "batch": 4, "most_runs": 40},
+    "posterior": {"walkers": 32, "steps": 100},
     "design": {"samples": 24},
-    "miga": {"islands": 2, "population": 20, "rounds": 10, "generations": 5, "solutions": 10, "replicates": 2},
+    "miga": {
+        "islands": 2,
+        "population": 20,
+        "rounds": 10,
+        "generations": 5,
+        "solutions": 10,
+        "replicates": 2,
+    },
     "refine": {"pours": 6, "design_seeds": 2, "seeds": 4},
     "response_surface": {"seeds": 2, "steps": 3, "checks": 2, "surface": "rotatable"},
-}  # fmt: skip
+}
 
 
 def simulate(samples, noise=0.005):
-    friction, rolling = samples["friction"], samples["rolling"]
+    friction = samples["friction"]
+    rolling = samples["rolling"]
     exact = np.column_stack(
         [
             18 + 18 * friction + 40 * rolling - 6 * friction**2,
@@ -132,15 +146,30 @@ def test_returned_runs_must_be_those_of_ask(tmp_path):
     )
 
 
-@pytest.mark.parametrize(("changes", "words"), [
-    ({"file": "study.json"}, "file is 'study.json'; expected a path that ends in .csv"),
-    ({"strategie": "published"}, "did you mean strategy"),
-    ({"strategy": "brute"}, "published or refined or response_surface or sequential"),
-    ({"design": {"samples": 3}}, "design.samples is 3; expected an integer from 12"),
-    ({"surrogate": "crystal"}, "surrogate is 'crystal'; expected .*gaussian_process"),
-    ({"targets": {"time": 4.0}}, "targets.time is 4.0; expected a section"),
-    (FEW_FACTORS, "most_factors is 2; expected at least 3"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (
+            {"file": "study.json"},
+            "file is 'study.json'; expected a path that ends in .csv",
+        ),
+        ({"strategie": "published"}, "did you mean strategy"),
+        (
+            {"strategy": "brute"},
+            "published or refined or response_surface or sequential",
+        ),
+        (
+            {"design": {"samples": 3}},
+            "design.samples is 3; expected an integer from 12",
+        ),
+        (
+            {"surrogate": "crystal"},
+            "surrogate is 'crystal'; expected .*gaussian_process",
+        ),
+        ({"targets": {"time": 4.0}}, "targets.time is 4.0; expected a section"),
+        (FEW_FACTORS, "most_factors is 2; expected at least 3"),
+    ],
+)
 def test_bad_settings_are_refused_by_name(changes, words):
     input_error(words, repose.Study, **STUDY | changes)
 
@@ -150,12 +179,15 @@ def test_a_study_of_our_bench_tests_is_the_same_loop():
     changes = {
         "strategy": "sequential",
         "sequential": {"start_samples": 16, "most_pours": 48, "seeds": 2},
+        "posterior": {"walkers": 32, "steps": 100},
+        "targets": entries(TARGETS),
     }
-    changes |= {"posterior": {"walkers": 32, "steps": 100}, "targets": entries(TARGETS)}
-    config, k = repose.PipelineConfig.load("config/quick.yaml", overrides=changes), 0
+    config = repose.PipelineConfig.load("config/quick.yaml", overrides=changes)
+    k = 0
     study = config.study()
     while not study.done:
-        asked, k = study.ask(), k + 1
+        asked = study.ask()
+        k = k + 1
         study.tell(
             asked.assign(
                 **dict(zip(TARGETS.names, responses(asked, 0.5, k).T, strict=True))
@@ -184,10 +216,8 @@ def test_the_loop_as_a_user_writes_it():
         angle[random.random(len(samples)) < 0.1] = np.nan  # runs that failed
         return pd.DataFrame({"sample": samples["sample"], "aor_deg": angle})
 
-    ranges, targets = (
-        {"mus_gg": (0.35, 0.75), "mur_gg": (0.02, 0.2)},
-        {"aor_deg": (32.87, 2.20)},
-    )
+    ranges = {"mus_gg": (0.35, 0.75), "mur_gg": (0.02, 0.2)}
+    targets = {"aor_deg": (32.87, 2.20)}
     study = repose.Study(
         parameters=ranges, targets=targets, strategy="sequential", seed=1
     )

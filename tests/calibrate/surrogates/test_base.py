@@ -70,7 +70,8 @@ def test_it_finds_the_function_behind_noisy_samples(name, outputs):
 @each_alone
 def test_error_bars_of_the_mean_cover_the_truth(name):
     """90 % intervals at the same point for 40 data sets: as a whole they cover it about as often as they say."""
-    X, inside = points(30, 1), []
+    X = points(30, 1)
+    inside = []
     for seed in range(40):
         model = make(name, SETTINGS.model_copy(update={"starts": 1, "epochs": 50})).fit(
             *samples(60, seed=seed)
@@ -114,11 +115,9 @@ def test_a_file_gives_the_same_predictions_with_errors(name, uneven, tmp_path):
     )
     model.save(tmp_path / "one.json")
     again = load(tmp_path / "one.json", ("x_deg", "y_mm"))
-    assert (again.name, again.inputs, again.outputs) == (
-        name,
-        INPUTS,
-        ("x_deg", "y_mm"),
-    )
+    assert again.name == name
+    assert again.inputs == INPUTS
+    assert again.outputs == ("x_deg", "y_mm")
     assert again.definitions == {"x_deg": {"a.b": 1}}
     fresh = points(10, 5)
     for one, other in zip(
@@ -136,7 +135,8 @@ def test_a_file_gives_the_same_predictions_with_errors(name, uneven, tmp_path):
 @every
 def test_a_search_gets_the_same_responses(name, fitted):
     unit = np.random.default_rng(4).uniform(-1, 1, (50, 3))
-    low, high = np.array([2.0, 2.5, 3.0]), np.array([3.0, 4.0, 3.5])
+    low = np.array([2.0, 2.5, 3.0])
+    high = np.array([3.0, 4.0, 3.5])
     respond = fitted[name].response_function(low, high)
     assert respond(unit) == pytest.approx(
         fitted[name].predict(low + (unit + 1) / 2 * (high - low)), rel=1e-9
@@ -147,7 +147,8 @@ def test_a_search_gets_the_same_responses(name, fitted):
 def test_a_shift_moves_the_mean_alone_and_an_input_that_does_not_vary_has_no_effect(
     name, fitted, tmp_path
 ):
-    X, offset = points(10, 6), np.array([0.5, -3.0])
+    X = points(10, 6)
+    offset = np.array([0.5, -3.0])
     moved = fitted[name].shifted(offset)
     mean, std = fitted[name].predict(X, return_std=True)
     moved_mean, moved_std = moved.predict(X, return_std=True)
@@ -217,10 +218,8 @@ def test_correlated_noise_is_noticed_and_definitions_of_a_response_do_not_mix():
         .covariance(points(10, 1))
     )
     assert (found[:, 0, 1] / np.sqrt(found[:, 0, 0] * found[:, 1, 1]) > 0.6).all()
-    secant, flank = (
-        {"aor_deg": {"measure.response": "secant"}},
-        {"aor_deg": {"measure.response": "flank"}},
-    )
+    secant = {"aor_deg": {"measure.response": "secant"}}
+    flank = {"aor_deg": {"measure.response": "flank"}}
     require_same_definitions(
         secant, "network.json", secant | {"height_mm": {}}, "dataset.csv"
     )
@@ -239,15 +238,18 @@ def test_wrong_samples_are_refused(name, fitted):
 
 
 def test_surrogates_are_registered_once_and_a_quadratic_one_is_exact():
-    X, fresh = points(11, 0), points(20, 1)
+    X = points(11, 0)
+    fresh = points(20, 1)
     model = make("quadratic", {}).fit(X, truth(X))
     assert model.predict(fresh) == pytest.approx(truth(fresh))
     value_error("10 samples; expected at least 11", model.fit, X[:10], truth(X[:10]))
-    X, fresh = points(25, 0), points(5, 1)
+    X = points(25, 0)
+    fresh = points(5, 1)
     random = np.random.default_rng(2)
     precision = random.uniform(0.2, 3.0, (25, 2))
     root = np.linalg.cholesky([[1.0, 0.8], [0.8, 1.0]])
-    means, claimed = [], []
+    means = []
+    claimed = []
     for _ in range(4000):
         noise = random.normal(size=(25, 2)) @ root.T * NOISE[:2] / np.sqrt(precision)
         model = make("quadratic", {}).fit(X, truth(X) + noise, precision=precision)
@@ -280,11 +282,15 @@ def test_load_names_what_is_wrong(tmp_path, fitted):
     fitted["quadratic"].save(tmp_path / "good.json")
     good = json.loads((tmp_path / "good.json").read_text())
     for change, text in (
-        ({"surrogate": "cubic"}, "surrogate is 'cubic'"), ({"surrogate": "network"}, "input_min"),
-        ({"training": None}, "quadratic"), ({"outputs": 3}, "outputs"), ({"samples": ["a", "b"]}, "samples"),
-        ({"samples": [1, 1]}, "samples"), ({"samples": [1.5]}, "samples"),
+        ({"surrogate": "cubic"}, "surrogate is 'cubic'"),
+        ({"surrogate": "network"}, "input_min"),
+        ({"training": None}, "quadratic"),
+        ({"outputs": 3}, "outputs"),
+        ({"samples": ["a", "b"]}, "samples"),
+        ({"samples": [1, 1]}, "samples"),
+        ({"samples": [1.5]}, "samples"),
         ({"samples": [math.inf]}, "numbers is 'not all finite'"),
-    ):  # fmt: skip
+    ):
         (tmp_path / "bad.json").write_text(json.dumps(good | change))
         input_error(text, load, tmp_path / "bad.json")
     fitted["network"].save(tmp_path / "network.json")

@@ -82,7 +82,8 @@ def test_error_bars_of_the_mean_are_those_of_networks_drawn_from_the_posterior(
     mean, std = model.predict(fresh, return_std=True, noise=False)
     w = np.concatenate([model.W1_.ravel(), model.b1_, model.W2_.ravel(), model.b2_])
     normal = np.random.RandomState(16).normal(size=(4000, w.size))
-    stored, drawn = model.to_dict(), []
+    stored = model.to_dict()
+    drawn = []
     for one in w + 0.01 * normal @ model.posterior_root_.T:
         stored["W1"], stored["b1"], stored["W2"], stored["b2"] = two_layer.unpack(
             one, 6, 4, 2
@@ -107,11 +108,9 @@ def test_independent_outputs_change_nothing_and_shared_noise_is_learned():
     np.testing.assert_allclose(alike.noise_std_, plain.noise_std_, rtol=1e-6)
     assert alike.log_evidence_ == pytest.approx(plain.log_evidence_)
     random = np.random.RandomState(32)
-    x, w, mixing = (
-        random.uniform(size=(9, 3)),
-        random.normal(size=26),
-        random.normal(size=(2, 2)),
-    )
+    x = random.uniform(size=(9, 3))
+    w = random.normal(size=26)
+    mixing = random.normal(size=(2, 2))
     mixed = two_layer.mix_outputs(w, mixing, 4)
     np.testing.assert_allclose(
         two_layer.jacobian(mixed, x, 2)[0], two_layer.jacobian(w, x, 2)[0] @ mixing
@@ -120,7 +119,8 @@ def test_independent_outputs_change_nothing_and_shared_noise_is_learned():
     np.testing.assert_allclose(columns, np.column_stack([mixed, 2 * mixed]))
     root = np.linalg.cholesky(CORRELATED / 4)
     fresh = np.random.RandomState(40).uniform(-1, 1, (500, 6))
-    gain, found = [], []
+    gain = []
+    found = []
     for seed in range(10):
         random = np.random.RandomState(50 + seed)
         X = random.uniform(-1, 1, (95, 6))
@@ -138,7 +138,8 @@ def test_independent_outputs_change_nothing_and_shared_noise_is_learned():
 
 def test_means_of_replicates_are_the_single_runs_and_known_noise_is_kept():
     random = np.random.RandomState(60)
-    x, w = random.uniform(0.1, 0.9, (25, 2)), random.normal(size=17)
+    x = random.uniform(0.1, 0.9, (25, 2))
+    w = random.normal(size=17)
     runs = np.arange(25) % 4 + 1
     owner = np.repeat(np.arange(25), runs)
     t = 0.5 + 0.2 * np.sin(4 * x[owner]) + 0.05 * random.normal(size=(len(owner), 2))
@@ -176,10 +177,14 @@ def test_means_of_replicates_are_the_single_runs_and_known_noise_is_kept():
     )
 
 
-@pytest.mark.parametrize(("covariance", "allowed"), [
-    (np.eye(3), r"symmetric, \(2, 2\)"), ([[1.0, 0.5], [0.4, 1.0]], "symmetric"),
-    ([[1.0, 2.0], [2.0, 1.0]], "positive definite"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("covariance", "allowed"),
+    [
+        (np.eye(3), r"symmetric, \(2, 2\)"),
+        ([[1.0, 0.5], [0.4, 1.0]], "symmetric"),
+        ([[1.0, 2.0], [2.0, 1.0]], "positive definite"),
+    ],
+)
 def test_what_is_no_covariance_is_refused(covariance, allowed):
     X, Y = noisy_data(20, 33)
     value_error(

@@ -40,11 +40,9 @@ def noise_of(request):
 
 def test_moments_are_those_of_the_conditional_distribution(noise_of):
     random = np.random.default_rng(1)
-    x, new, precision = (
-        random.random((9, 2)),
-        random.random((5, 2)),
-        random.uniform(1, 4, 9),
-    )
+    x = random.random((9, 2))
+    new = random.random((5, 2))
+    precision = random.uniform(1, 4, 9)
     values = random.normal(size=9)
     process = Process(KERNEL, x, values, **noise_of(precision))
     gain = covariance(new, x) @ np.linalg.inv(
@@ -55,11 +53,9 @@ def test_moments_are_those_of_the_conditional_distribution(noise_of):
     assert process.mean(new) == pytest.approx(mean)
     assert variance == pytest.approx(2 - (gain * covariance(new, x)).sum(axis=1))
     random = np.random.default_rng(2)
-    x, precision, values = (
-        random.random((9, 2)),
-        random.uniform(1, 4, 9),
-        random.normal(size=9),
-    )
+    x = random.random((9, 2))
+    precision = random.uniform(1, 4, 9)
+    values = random.normal(size=9)
     means, variances = Process(KERNEL, x, values, **noise_of(precision)).left_out()
     for i in range(9):
         rest = np.arange(9) != i
@@ -72,7 +68,8 @@ def test_moments_are_those_of_the_conditional_distribution(noise_of):
 
 def test_a_covariance_is_that_of_the_textbook_and_one_network_is_that_network(fitted):
     random = np.random.default_rng(3)
-    a, b = random.random((4, 2)), random.random((5, 2))
+    a = random.random((4, 2))
+    b = random.random((5, 2))
     r = np.sqrt(5 * (((a[:, None] - b) / [0.4, 0.9]) ** 2).sum(axis=2))
     assert KERNEL(a, b) == pytest.approx(covariance(a, b))
     assert smooth(2.0, [0.4, 0.9], smoothness=2.5)(a, b) == pytest.approx(
@@ -81,10 +78,8 @@ def test_a_covariance_is_that_of_the_textbook_and_one_network_is_that_network(fi
     assert straight(3.0)(a, b) == pytest.approx(1 + 9 * a @ b.T)
     _, _, X, Y = fitted
     settings = SETTINGS.model_copy(update={"starts": 1})
-    one, alone = (
-        NetworkEnsemble.of(settings).fit(X, Y),
-        BayesianBP.of(settings).fit(X, Y),
-    )
+    one = NetworkEnsemble.of(settings).fit(X, Y)
+    alone = BayesianBP.of(settings).fit(X, Y)
     assert one.predict(X) == pytest.approx(alone.predict(X), rel=1e-12)
     assert one.covariance(X) == pytest.approx(alone.covariance(X))
     assert one.predict(X, return_std=True)[1] == pytest.approx(
@@ -113,9 +108,11 @@ def test_the_mixture_is_that_of_loops_over_converged_starts(fitted, monkeypatch)
     fresh = np.random.RandomState(2).uniform(-1, 1, (6, 6))
     networks = [best.of_start(k) for k in model.member_starts_]
     assert len(networks) == len(model.members_) > 1
-    mean, covariance = model.predict(fresh), model.covariance(fresh)
+    mean = model.predict(fresh)
+    covariance = model.covariance(fresh)
     for i in range(len(fresh)):
-        first, second = np.zeros(2), np.zeros((2, 2))
+        first = np.zeros(2)
+        second = np.zeros((2, 2))
         for one in networks:
             m = one.predict(fresh[i : i + 1])[0]
             first += m / len(networks)
@@ -186,7 +183,8 @@ def test_support_of_a_dataset_takes_usable_samples_and_no_fixed_parameter(tmp_pa
     table = pd.DataFrame(
         np.random.default_rng(1).uniform(size=(40, 6)), columns=list(PARAMETERS)
     )
-    table["sample"], table["status"] = np.arange(40), "ok"
+    table["sample"] = np.arange(40)
+    table["status"] = "ok"
     table.loc[0, "status"] = "jammed"
     table.to_csv(tmp_path / "dataset.csv", index=False)
     space = contact_space(dict.fromkeys(PARAMETERS, (0.0, 1.0)))

@@ -68,10 +68,8 @@ def test_a_stated_discrepancy_and_the_spread_of_a_shape_study(tmp_path):
         tmp_path, np.vstack([models, far]), (0.5, 2.0), np.arange(4050) < 4000
     )
     result = discrepancy.shape_study_discrepancy(path, PILE)
-    assert (result.models, result.mean) == (
-        pytest.approx(4000),
-        pytest.approx([-3, 5], abs=0.2),
-    )
+    assert result.models == pytest.approx(4000)
+    assert result.mean == pytest.approx([-3, 5], abs=0.2)
     found = result.covariance
     assert np.sqrt(np.diag(found)) == pytest.approx([3, 5], rel=0.05)
     raw = known + np.diag([0.25, 4.0])
@@ -121,11 +119,18 @@ def test_a_model_counts_by_its_piles_and_a_study_that_says_too_little_is_refused
     )
 
 
-@pytest.mark.parametrize(("column", "value", "allowed"), [
-    ("eligible", "yes", "True or False"), ("eligible", "", "True or False"), ("distance", "far", "a number from 0"),
-    ("distance", -1.0, "a number from 0"), ("aor_se_deg", -1000.0, "a number from 0"),
-    ("aor_difference_deg", "inf", "a finite number"), ("height_difference_mm", "much", "a finite number"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("column", "value", "allowed"),
+    [
+        ("eligible", "yes", "True or False"),
+        ("eligible", "", "True or False"),
+        ("distance", "far", "a number from 0"),
+        ("distance", -1.0, "a number from 0"),
+        ("aor_se_deg", -1000.0, "a number from 0"),
+        ("aor_difference_deg", "inf", "a finite number"),
+        ("height_difference_mm", "much", "a finite number"),
+    ],
+)
 def test_a_cell_that_cannot_be_is_refused_with_its_row(
     tmp_path, column, value, allowed
 ):
@@ -233,7 +238,8 @@ def test_bits_and_interval_by_hand_where_a_correlated_discrepancy_leaves_the_con
         & (table["discrepancy_correlation"] == 0.9)
     ].iloc[0]
     study = table.iloc[-1]
-    assert (study["evidence"], stated["evidence"]) == ("shape study", "stated")
+    assert study["evidence"] == "shape study"
+    assert stated["evidence"] == "stated"
     found, known = (
         row.drop("evidence").astype(float).to_numpy() for row in (study, stated)
     )
@@ -267,7 +273,8 @@ def made_up_runs(seeds=4, samples=30):
             "seed": np.arange(count),
         }
     )
-    runs["status"], runs["apparatus"] = "ok", "funnel"
+    runs["status"] = "ok"
+    runs["apparatus"] = "funnel"
     runs["aor_deg"] = (
         25 + np.repeat(random.normal(size=samples), seeds) + random.normal(size=count)
     )
@@ -289,12 +296,10 @@ def write_runs(folder, seeds=4):
 def test_tables_of_a_study_with_failed_pours_by_function_and_verb(tmp_path, command):
     summary = noise.run(write_runs(tmp_path), TWO, tmp_path / "out")
     row = pd.read_csv(tmp_path / "out/noise.csv").iloc[0]
-    assert (
-        row["samples"],
-        row["runs"],
-        row["failed_runs"],
-        row["samples_without_runs"],
-    ) == (29, 116, 4, 1)
+    assert row["samples"] == 29
+    assert row["runs"] == 116
+    assert row["failed_runs"] == 4
+    assert row["samples_without_runs"] == 1
     seeds = pd.read_csv(tmp_path / "out/seeds.csv")
     assert seeds["seeds"].tolist() == list(range(1, 65))
     assert seeds["aor_se_deg"][3] == pytest.approx(row["sd_within"] / 2)
@@ -431,10 +436,8 @@ def test_bits_by_hand_the_most_informative_first_and_plausible_sets(tmp_path):
     samples = next_measurement.plausible_sets(
         tmp_path / "draws.csv", 3, tmp_path / "samples.csv"
     )
-    assert (list(samples.columns), len(samples)) == (
-        ["sample", *PARAMETERS],
-        next_measurement.SETS_OF_NEXT,
-    )
+    assert list(samples.columns) == ["sample", *PARAMETERS]
+    assert len(samples) == next_measurement.SETS_OF_NEXT
     for values in pd.read_csv(tmp_path / "samples.csv")[list(PARAMETERS)].to_numpy():
         assert np.isclose(draws.to_numpy(), values, rtol=1e-9).all(axis=1).sum() == 1
     draws[:3].to_csv(tmp_path / "draws.csv", index=False)

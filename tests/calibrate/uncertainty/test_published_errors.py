@@ -50,7 +50,8 @@ def test_the_scatter_of_errors_has_an_interval_that_holds_it_as_often_as_is_said
 
 
 def test_the_page_has_the_numbers_of_the_command():
-    errors, scatters = pd.read_csv(OF.HERE / "errors.csv"), OF.scatters()
+    errors = pd.read_csv(OF.HERE / "errors.csv")
+    scatters = OF.scatters()
     page = (OF.HERE / "README.md").read_text()
     assert len(errors) == 8
     for value in OF.by_error(errors, scatters).iloc[0]:

@@ -23,7 +23,8 @@ from repose.calibrate.uncertainty.likelihood import log_likelihood
 from repose.calibrate.uncertainty.settings import SensitivitySettings
 
 CUBE = ParameterSpace.of({name: [0.0, 1.0] for name in "ab"}, names=tuple("ab"))
-LOW, HIGH = np.full(3, -np.pi), np.full(3, np.pi)
+LOW = np.full(3, -np.pi)
+HIGH = np.full(3, np.pi)
 UNIT = {name: [0.0, 1.0] for name in PARAMETERS}
 SETTINGS = SensitivitySettings(samples=256, resamples=20, seed=1)
 SLOPES = [
@@ -36,9 +37,11 @@ SLOPES = [
 
 @pytest.fixture(scope="module")
 def linear():
-    A, c = np.array([[8.0, 3.0], [-2.0, 10.0]]), np.array([20.0, 50.0])
+    A = np.array([[8.0, 3.0], [-2.0, 10.0]])
+    c = np.array([20.0, 50.0])
     truth = np.array([0.45, 0.55])
-    mean, covariance = A @ truth + c, np.array([[0.3, 0.1], [0.1, 0.4]])
+    mean = A @ truth + c
+    covariance = np.array([[0.3, 0.1], [0.1, 0.4]])
     known = np.linalg.inv(A.T @ np.linalg.solve(covariance, A))
 
     def log_density(theta):
@@ -51,10 +54,8 @@ def linear():
 
 def test_the_linear_posterior_has_its_closed_form_with_a_prior_too(linear):
     log_density, chains, truth, known = linear
-    draws, effective = (
-        chains.points.reshape(-1, 2),
-        chains.log_density.size / chains.times.max(),
-    )
+    draws = chains.points.reshape(-1, 2)
+    effective = chains.log_density.size / chains.times.max()
     assert chains.log_density.ravel() == pytest.approx(log_density(draws))
     assert effective > 1000
     error = np.sqrt(np.diag(known) / effective)
@@ -108,7 +109,8 @@ def test_chains_end_at_their_bounds_repeat_and_hold_no_walkers_without_weight():
     chains = sampler.sample(lambda theta: np.zeros(len(theta)), 2, 16, 50, 1)
     assert chains.density_time == 50
     assert np.isfinite(chains.times).all()
-    heights, sds = np.array([0.0, -12.0]), np.array([0.01, 0.05])
+    heights = np.array([0.0, -12.0])
+    sds = np.array([0.01, 0.05])
     centres = np.array([[0.2, 0.3, 0.3], [0.75, 0.7, 0.6]])
 
     def log_density(theta):
@@ -159,7 +161,8 @@ def ishigami(X, a=7.0, b=0.1):
 
 def ishigami_indices(a=7.0, b=0.1):
     """First-order and total (Ishigami & Homma 1990)."""
-    first, second = 0.5 * (1 + b * np.pi**4 / 5) ** 2, a**2 / 8
+    first = 0.5 * (1 + b * np.pi**4 / 5) ** 2
+    second = a**2 / 8
     both = b**2 * np.pi**8 * (1 / 18 - 1 / 50)
     total = first + second + both
     return np.array([first, second, 0]) / total, np.array(
@@ -181,10 +184,8 @@ def test_ishigami_and_sums_have_their_indices_and_main_effects():
 
     found = sensitivity.indices(weigh, np.zeros(3), np.ones(3), 2048, 20, 1)
     known = np.array([[1, 4, 0], [0, 9, 16]]) / np.array([[5], [25]])
-    assert (found["first"], found["total"]) == (
-        pytest.approx(known, abs=0.01),
-        pytest.approx(known, abs=0.01),
-    )
+    assert found["first"] == pytest.approx(known, abs=0.01)
+    assert found["total"] == pytest.approx(known, abs=0.01)
     grid, means = sensitivity.main_effects(ishigami, LOW, HIGH, 3, points=9)
     assert grid.shape == (3, 9)
     assert means[1] == pytest.approx(7 * np.sin(grid[1]) ** 2, abs=0.05)
@@ -235,7 +236,8 @@ def sensitivity_of(surrogate_json, targets, folder, space=None):
     [("drum_slip_deg",), ("aor_deg", "height_mm", "base_radius_mm", "drum_slip_deg")],
 )
 def test_one_target_and_four(names):
-    targets, slopes = targets_of(**dict.fromkeys(names, 30.0)), SLOPES[: len(names)]
+    targets = targets_of(**dict.fromkeys(names, 30.0))
+    slopes = SLOPES[: len(names)]
     table, effects = sensitivity.analyse(
         Linear(names, slopes), ParameterSpace.of(UNIT), targets, SETTINGS
     )
@@ -250,7 +252,8 @@ def test_one_target_and_four(names):
 @pytest.mark.parametrize("name", names())
 def test_tables_of_every_surrogate(name, tmp_path):
     random = np.random.RandomState(1)
-    X, targets = random.uniform(size=(60, 6)), targets_of(aor_deg=30.0, height_mm=60.0)
+    X = random.uniform(size=(60, 6))
+    targets = targets_of(aor_deg=30.0, height_mm=60.0)
     model = make(
         name,
         NetworkSettings.of(
@@ -272,7 +275,8 @@ def test_tables_of_every_surrogate(name, tmp_path):
 
 
 def test_faults_are_reported_with_the_file(tmp_path):
-    path, targets = tmp_path / "network.json", targets_of(aor_deg=30.0)
+    path = tmp_path / "network.json"
+    targets = targets_of(aor_deg=30.0)
     X = np.random.RandomState(1).uniform(size=(20, 6))
     flat = BayesianBP(hidden=2, starts=1, epochs=20).fit(X, X[:, :1])
     flat.W1_ = 0 * flat.W1_

@@ -113,7 +113,8 @@ def test_where_no_set_meets_the_targets_the_nearest_is_the_answer_not_the_least_
 
 
 def test_any_part_of_a_turn_is_told_by_any_process_and_none_is_lost(tmp_path):
-    whole, parts = study(tmp_path / "whole.csv"), study(tmp_path / "parts.csv")
+    whole = study(tmp_path / "whole.csv")
+    parts = study(tmp_path / "parts.csv")
     asked = whole.ask()
     whole.tell(results(asked))
     files = [tmp_path / "parts.csv"] * 4
@@ -147,7 +148,8 @@ def test_each_run_of_a_function_is_kept_and_the_record_goes_on_anywhere(tmp_path
         )
         / "runs.csv"
     )
-    one, other = Study.resume(moved), Study.resume(moved)
+    one = Study.resume(moved)
+    other = Study.resume(moved)
     assert len(one.runs) == 8
     other.tell(results(other.ask()))
     assert len(one.runs) == 16, "what another process told"
@@ -214,7 +216,8 @@ def verbs(tmp_path, command):
         }
     }
     (tmp_path / "own.yaml").write_text(yaml.safe_dump(content))
-    config, record = ["--config", tmp_path / "own.yaml"], tmp_path / "record.csv"
+    config = ["--config", tmp_path / "own.yaml"]
+    record = tmp_path / "record.csv"
 
     def tell(table, status=0):
         table.to_csv(tmp_path / "part.csv", index=False)
@@ -237,7 +240,8 @@ def noisy(asked):
 
 def test_the_verbs_keep_turns_as_python_does(verbs):
     """A turn that is told in parts asks for its other runs, and then for the same as a whole one; twice is refused."""
-    (tell, ask), whole = verbs, study()
+    tell, ask = verbs
+    whole = study()
     for turn in range(2):
         asked = whole.ask()
         pd.testing.assert_frame_equal(ask(), asked)
@@ -257,7 +261,9 @@ def test_numbers_of_runs_may_be_floats_as_where_pandas_joins_tables():
         {"y": (np.float32(1), 0.1, np.int64(5))},
         seed=np.int64(3),
     ).parameters
-    one, other, asked = study(), study(), study().ask()
+    one = study()
+    other = study()
+    asked = study().ask()
     one.tell(noisy(asked))
     other.tell(noisy(asked).astype({"sample": float, "run": float}))
     pd.testing.assert_frame_equal(one.ask(), other.ask())
@@ -285,29 +291,66 @@ def test_runs_made_before_count_at_once_where_no_run_of_the_turn_is_told(verbs):
 def test_what_is_wrong_is_told_by_its_name(tmp_path):
     good = results(study().ask())
     cases = [
-        (lambda: study().answer(), "runs is 0"), (lambda: Study([1], {"y": (1.0, 0.1)}), "parameters is"),
+        (lambda: study().answer(), "runs is 0"),
+        (lambda: Study([1], {"y": (1.0, 0.1)}), "parameters is"),
         (lambda: Study({"a": (0, 1)}, None), "targets is None"),
         (lambda: Study({"a\nb": (0, 1)}, {"y": (1.0, 0.1)}), "one line of text"),
-        (lambda: Study({"turn": (0, 1)}, {"y": (1.0, 0.1)}), "none of sample, run, status, turn"),
-        (lambda: PipelineConfig.of([1]), "a mapping of sections"), (lambda: PipelineConfig.load(None), "the path of a file"),
+        (
+            lambda: Study({"turn": (0, 1)}, {"y": (1.0, 0.1)}),
+            "none of sample, run, status, turn",
+        ),
+        (lambda: PipelineConfig.of([1]), "a mapping of sections"),
+        (lambda: PipelineConfig.load(None), "the path of a file"),
         (lambda: Study.resume(None), "the path of a file"),
         (lambda: study(tmp_path / "none/x.csv"), "a folder that is there"),
         (lambda: study().tell(None), "a pandas.DataFrame"),
         (lambda: study().tell(good.assign(a="x")), "row 1: a is 'x'"),
-        (lambda: study().tell(pd.concat([good, good[["a"]]], axis=1)), "each column once"),
-        (lambda: study().tell(good.assign(sample=good["sample"] + 1000)), "one of the 16 runs"),
+        (
+            lambda: study().tell(pd.concat([good, good[["a"]]], axis=1)),
+            "each column once",
+        ),
+        (
+            lambda: study().tell(good.assign(sample=good["sample"] + 1000)),
+            "one of the 16 runs",
+        ),
         (lambda: study().tell(good[:0]), "a row for each run"),
-        (lambda: study().calibrate(lambda row: {"y": row["a"], "z": 5.0}), "z is 5.0; expected results that differ"),
-        (lambda: study().tell(good.assign(sample=np.nan).drop(columns="run")), "sample is 'missing'"),
-        (lambda: study().tell(good.assign(z="steep")), "row 1: z is 'steep'; expected a finite number, or for a failed"),
-        (lambda: study().calibrate(lambda row: {"y": row["a"], "z": 2 * row["a"]}), "targets is 'y, z'; .* none of"),
+        (
+            lambda: study().calibrate(lambda row: {"y": row["a"], "z": 5.0}),
+            "z is 5.0; expected results that differ",
+        ),
+        (
+            lambda: study().tell(good.assign(sample=np.nan).drop(columns="run")),
+            "sample is 'missing'",
+        ),
+        (
+            lambda: study().tell(good.assign(z="steep")),
+            "row 1: z is 'steep'; expected a finite number, or for a failed",
+        ),
+        (
+            lambda: study().calibrate(lambda row: {"y": row["a"], "z": 2 * row["a"]}),
+            "targets is 'y, z'; .* none of",
+        ),
         (lambda: Study({"y_se": (0, 1)}, {"y": (1.0, 0.1)}), "with _se at its end"),
-        (lambda: (c := Study({"c": (1e-10, 9e-10)}, {"y": (1.0, 0.1)})).tell(c.ask().assign(c=3e-10, y=1)), "'changed"),
+        (
+            lambda: (c := Study({"c": (1e-10, 9e-10)}, {"y": (1.0, 0.1)})).tell(
+                c.ask().assign(c=3e-10, y=1)
+            ),
+            "'changed",
+        ),
         (lambda: study().calibrate(3), "a function of a row"),
-        (lambda: study().calibrate(lambda row: {"y": math.nan, "z": 1.0}), "samples with a good run is 0; .* not fail"),
-        (lambda: study().calibrate(lambda row: 3.0), r"simulate is \[3.0.*a mapping with y, z"),
-        (lambda: study().calibrate(lambda row: None), "samples with a good run is 0; .* not fail"),
-    ]  # fmt: skip
+        (
+            lambda: study().calibrate(lambda row: {"y": math.nan, "z": 1.0}),
+            "samples with a good run is 0; .* not fail",
+        ),
+        (
+            lambda: study().calibrate(lambda row: 3.0),
+            r"simulate is \[3.0.*a mapping with y, z",
+        ),
+        (
+            lambda: study().calibrate(lambda row: None),
+            "samples with a good run is 0; .* not fail",
+        ),
+    ]
     assert not not_refused(lambda case: case(), cases, InputError)
 
 
