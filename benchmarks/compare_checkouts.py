@@ -371,14 +371,14 @@ def start(checkout, folder, names):
     return subprocess.Popen(command, env=environment_of(checkout))
 
 
-def differences(one, two):
+def differences(first, second):
     """Names of the arrays that differ in a bit, with the largest difference of numbers."""
     found = []
-    for name in one.files:
+    for name in first.files:
         if name == "wall_s":
             continue
-        a = one[name]
-        b = two[name]
+        a = first[name]
+        b = second[name]
         if a.shape != b.shape:
             found.append(f"{name} {a.shape} {b.shape}")
         elif a.tobytes() != b.tobytes():
@@ -424,12 +424,12 @@ def main():
             f"{'scene':26} {'bodies':>6} {'pairs':>6} {'old, s':>7} {'new, s':>7}  result"
         )
         for name in arguments.scenes:
-            one, two = (np.load(folder / f"{name}.npz") for folder in folders)
-            apart = differences(one, two)
+            first, second = (np.load(folder / f"{name}.npz") for folder in folders)
+            apart = differences(first, second)
             failed += bool(apart)
             print(
-                f"{name:26} {int(one['present'].sum()):6} {len(one['pairs']):6} {one['wall_s']:7.2f} "
-                f"{two['wall_s']:7.2f}  {'same bits' if not apart else '; '.join(apart)}"
+                f"{name:26} {int(first['present'].sum()):6} {len(first['pairs']):6} {first['wall_s']:7.2f} "
+                f"{second['wall_s']:7.2f}  {'same bits' if not apart else '; '.join(apart)}"
             )
     print(
         f"{len(arguments.scenes) - failed} of {len(arguments.scenes)} scenes have the same bits"

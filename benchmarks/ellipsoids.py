@@ -64,14 +64,14 @@ def theirs(
         "steps": steps,
     }
     call = [python, str(PEER)]
-    one = {**os.environ, "OMP_NUM_THREADS": "1"}
+    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     done = subprocess.run(
         call,
         input=json.dumps(scene | changes),
         capture_output=True,
         text=True,
         check=True,
-        env=one,
+        env=environment,
     )
     return [
         {key: np.array(value) for key, value in state.items()}

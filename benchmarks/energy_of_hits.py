@@ -119,9 +119,9 @@ def main():
             found = []
             contact = dem.Contact(e, given.friction, 0.0)
             while len(found) < given.hits:
-                one = ratio(rng, wall, axes, contact, given.step)
-                if one is not None:
-                    found.append(one)
+                hit_ratio = ratio(rng, wall, axes, contact, given.step)
+                if hit_ratio is not None:
+                    found.append(hit_ratio)
             gain = 100.0 * (np.array(found) - 1.0)
             shares = [
                 100.0 * np.mean(gain > limit) for limit in (100.0 * ROUNDING, 5.0)

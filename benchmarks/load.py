@@ -37,7 +37,7 @@ def made_up(folder: Path) -> None:
     samples.to_csv(folder / "samples.csv", index=False)
     (folder / "config.json").write_text(json.dumps(config))
     (folder / "heaps").mkdir()
-    own = {
+    record = {
         name: 30.0
         for name in dataset.recorded_columns(
             "funnel", Targets.of(config["targets"])
@@ -45,7 +45,9 @@ def made_up(folder: Path) -> None:
     }
     for row in samples.to_dict("records"):
         number = row.pop("sample")
-        runs = [own | {"seed": seed, "status": "ok", "reason": ""} for seed in (1, 2)]
+        runs = [
+            record | {"seed": seed, "status": "ok", "reason": ""} for seed in (1, 2)
+        ]
         job = {
             "sample": number,
             "parameters": row,
@@ -56,11 +58,11 @@ def made_up(folder: Path) -> None:
         (folder / "heaps" / f"{number:03d}.json").write_text(json.dumps(job, indent=1))
 
 
-def measured(name: str, words: list[str], folder: Path) -> bool:
+def measured(name: str, arguments: list[str], folder: Path) -> bool:
     """Run a command, print what it took, and tell whether that is within its limits."""
     began = time.perf_counter()
     with subprocess.Popen(
-        [sys.executable, "-m", *words],
+        [sys.executable, "-m", *arguments],
         cwd=folder,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,

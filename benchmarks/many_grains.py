@@ -303,13 +303,13 @@ def their_step_s(row, command, environment, directory, script, state):
         def say(text):
             program.stdin.write(text + '\nprint "done"\n')
             program.stdin.flush()
-            said = []
+            lines = []
             for line in program.stdout:
                 if line.strip() == "done":
-                    return "".join(said)
-                said.append(line)
-            last = [line for line in said if "ERROR" in line] or [
-                line for line in said if line.strip()
+                    return "".join(lines)
+                lines.append(line)
+            last = [line for line in lines if "ERROR" in line] or [
+                line for line in lines if line.strip()
             ][-1:]
             raise RuntimeError(f"{row.engine}: {''.join(last[:1]).strip()}")
 
@@ -339,13 +339,13 @@ def prepare(arguments, bed, drum, directory):
     (directory / "drum.json").write_text(json.dumps(small))
 
     def script(engine, laws, velocities_too):
-        words = bed | {
+        values = bed | {
             "data": "drum.data",
             "skin_m": SKIN_M[engine],
             "velocities_too": velocities_too,
         }
         return ATOMS.format(
-            **words, laws=laws.format(**words, turning=TURNING.format(**words))
+            **values, laws=laws.format(**values, turning=TURNING.format(**values))
         )
 
     def liggghts(cores):
@@ -421,15 +421,15 @@ def measure(rounds, grains, spheres, rows):
             if row.missing:
                 continue
             own_s = our_step_s(spheres, row.cores)
-            own = ours[row.cores]
-            own.state = own.state or state_of(spheres)
+            reference = ours[row.cores]
+            reference.state = reference.state or state_of(spheres)
             try:
                 seconds = row.seconds()
             except (RuntimeError, OSError) as reason:
                 row.missing = str(reason)
                 continue
-            own.speeds.append(grains / own_s)
-            own.ratios.append(1.0)
+            reference.speeds.append(grains / own_s)
+            reference.ratios.append(1.0)
             row.speeds.append(grains / seconds)
             loads.append(os.getloadavg()[0])
             row.ratios.append(seconds / own_s)

@@ -120,7 +120,7 @@ def theirs(name, job, case, step_s, commands):
     return first[["x", "y", "z"]].to_numpy(), first[["vx", "vy", "vz"]].to_numpy()
 
 
-def words(values):
+def text_of(values):
     """Numbers of a deck."""
     return " ".join(f"{value:.9g}" for value in values)
 
@@ -136,7 +136,7 @@ def edit_liggghts(text, job, case, folder):
             [job.particle.spheres_m[:, :3] @ turned.T, job.particle.spheres_m[:, 3]]
         )
         (folder / f"clump{k}.txt").write_text(
-            "".join(words(row) + "\n" for row in spheres)
+            "".join(text_of(row) + "\n" for row in spheres)
         )
         moments = (turned @ np.diag(job.particle.inertia_kg_m2) @ turned.T)[
             np.triu_indices(3)
@@ -147,11 +147,11 @@ def edit_liggghts(text, job, case, folder):
             f"fix clump{k} all particletemplate/multisphere {(15485863, 15485867)[k - 1]} atom_type 1 "
             f"density constant {job.particle.density_kg_m3} nspheres {len(spheres)} ntry 200000 spheres "
             f"file clump{k}.txt scale 1.0 type {k} mass {job.particle.mass_kg:.9g} "
-            f"inertia_tensor {words(moments)} use_volume",
+            f"inertia_tensor {text_of(moments)} use_volume",
             f"fix grains{k} all particledistribution/discrete {(32452843, 32452867)[k - 1]} 1 clump{k} 1.0",
-            f"region at{k} block {words(np.column_stack([low, high]).ravel())} volume_limit 1e-16 units box",
+            f"region at{k} block {text_of(np.column_stack([low, high]).ravel())} volume_limit 1e-16 units box",
             f"fix put{k} all insert/pack seed {(49979687, 49979693)[k - 1]} distributiontemplate grains{k} "
-            f"insert_every once overlapcheck no vel constant {words(velocity)} orientation template "
+            f"insert_every once overlapcheck no vel constant {text_of(velocity)} orientation template "
             f"particles_in_region 1 region at{k}",
         ]
     end = "fix move all multisphere\n" + text[text.index("compute         rotation") :]
@@ -171,11 +171,11 @@ def edit_lammps(text, job, case, folder):
         inertia = turned @ np.diag(job.particle.inertia_kg_m2) @ turned.T
         moments = (*inertia.diagonal(), inertia[0, 1], inertia[0, 2], inertia[1, 2])
         lines.append(
-            f"create_atoms 0 single {words(place)} mol grain {7000 + k} rotate {words((math.degrees(angle), *axis))} "
+            f"create_atoms 0 single {text_of(place)} mol grain {7000 + k} rotate {text_of((math.degrees(angle), *axis))} "
             "units box"
         )
         bodies.append(
-            f"{k} {words((job.particle.mass_kg, *place, *moments, *velocity, *ZERO))} 0 0 0"
+            f"{k} {text_of((job.particle.mass_kg, *place, *moments, *velocity, *ZERO))} 0 0 0"
         )
     (folder / "bodies.txt").write_text("\n".join(bodies) + "\n")
     lines.append("fix move all rigid/small molecule infile bodies.txt gravity gravity")

@@ -410,8 +410,8 @@ def markdown(rows):
             for mean, error in zip(rows[response], rows[f"{response}_se"], strict=True)
         ]
         told[f"z, {label}"] = [
-            f"{z:.1f} ({own:.1f})"
-            for z, own in zip(
+            f"{z:.1f} ({z_between:.1f})"
+            for z, z_between in zip(
                 rows[f"{response}_z"], rows[f"{response}_z_their_laws"], strict=True
             )
         ]

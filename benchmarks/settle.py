@@ -48,15 +48,15 @@ def main():
     parser.add_argument("--threads", type=int, default=1)
     arguments = parser.parse_args()
     config = PipelineConfig.load("config/config.yaml").config
-    own = config["simulation"]
+    settings = config["simulation"]
     began = time.process_time()
     simulation = bed(
         default_shape(config),
         arguments.berries,
-        own["time_step_s"],
+        settings["time_step_s"],
         0,
         arguments.threads,
-        tension=own["tension"],
+        tension=settings["tension"],
     )
     bounded = Bounded(simulation, LAYERS * SPACING_M)
     weight = 9.81 * simulation.masses_kg.sum()
@@ -65,7 +65,7 @@ def main():
     )
     energy = np.inf
     while energy > REST_J and simulation.time_s < LONGEST_S:
-        bounded.run_to(simulation.steps + round(ROW_S / own["time_step_s"]))
+        bounded.run_to(simulation.steps + round(ROW_S / settings["time_step_s"]))
         bounded.look()
         energy = simulation.kinetic_energies().mean()
         between = deepest(simulation.overlaps()[1], bounded.thickness_m)

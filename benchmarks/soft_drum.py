@@ -291,17 +291,17 @@ def hits():
     places = []
     motion = []
     for k, (a, b) in enumerate(PAIRS):
-        one = ("small", "large").index(a)
+        kind = ("small", "large").index(a)
         x = -0.04 + 0.02 * k
         if b == "steel":
-            depth = DRUM.radius_m - RADII_M[one] - gap
-            kinds = [*kinds, one]
-            places = [*places, (0.0, -0.004 if one else 0.004, -depth)]
+            depth = DRUM.radius_m - RADII_M[kind] - gap
+            kinds = [*kinds, kind]
+            places = [*places, (0.0, -0.004 if kind else 0.004, -depth)]
             motion.append((0.05, 0.0, -0.4, 3.0, 10.0, 1.0))
             continue
         other = ("small", "large").index(b)
-        reach = RADII_M[one] + RADII_M[other] + gap
-        kinds = [*kinds, one, other]
+        reach = RADII_M[kind] + RADII_M[other] + gap
+        kinds = [*kinds, kind, other]
         places = [*places, (x, 0.0, 0.0), (x, 0.0, reach)]
         motion += [(0.1, 0.02, 0.3, 5.0, 20.0, 2.0), (-0.05, 0.0, -0.2, 0.0, 5.0, 0.0)]
     kinds = np.array(kinds)
@@ -373,14 +373,14 @@ def table():
     for k, column in enumerate(COLUMNS):
         here = means["repose"][:, k]
         there = means["lammps"][:, k]
-        off = 100.0 * (here - there) / there.mean()
-        words = [
+        differences = 100.0 * (here - there) / there.mean()
+        cells = [
             f"{values.mean():.0f} ± {values.std(ddof=1) / root:.0f}"
             for values in (there, here)
         ]
-        met = "yes" if abs(off.mean()) <= 100.0 * BOUND else "no"
+        met = "yes" if abs(differences.mean()) <= 100.0 * BOUND else "no"
         print(
-            f"| {column} | {words[0]} | {words[1]} | {off.mean():+.1f} ± {off.std(ddof=1) / root:.1f} | {met} |"
+            f"| {column} | {cells[0]} | {cells[1]} | {differences.mean():+.1f} ± {differences.std(ddof=1) / root:.1f} | {met} |"
         )
 
 

@@ -70,9 +70,9 @@ class Script:
 
         return add
 
-    def run(self, words: list[str] | None = None) -> None:
+    def run(self, arguments: list[str] | None = None) -> None:
         """Run the part that the command line names; a fault of the input ends it with one message."""
-        args = self.parser.parse_args(words)
+        args = self.parser.parse_args(arguments)
         try:
             stage = f"{self.name}_{args.part}"
             folder = join_folder(Path(args.config).parent)

@@ -114,9 +114,9 @@ def _earlier(out: Path) -> set[str]:
     )
     for path in sorted(out.rglob("*")):
         name = path.relative_to(out).as_posix()
-        own = name in {*names, MANIFEST} and ledger.is_own_file(path)
+        is_ours = name in {*names, MANIFEST} and ledger.is_own_file(path)
         if (
-            not own
+            not is_ours
             and path.name != ledger.LEDGER
             and (path.is_symlink() or not path.is_dir())
         ):

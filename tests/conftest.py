@@ -47,9 +47,9 @@ def command(capsys):
     """Runs `repose WORDS`, which must end with a status; what it printed, as capsys has it."""
     from repose.cli import main
 
-    def run(*words, status=0):
+    def run(*arguments, status=0):
         try:
-            ended = main([str(word) for word in words])
+            ended = main([str(word) for word in arguments])
         except SystemExit as end:  # of argparse
             ended = end.code
         printed = capsys.readouterr()

@@ -14,10 +14,12 @@ def is_known(name, text):
     path = Path(__file__).with_suffix("") / name
     if "REPOSE_WRITE_KNOWN" in os.environ:
         path.write_text(text)
-    one, other = (re.sub(r"[ \n]+", " ", each) for each in (text, path.read_text()))
-    assert NUMBER.sub("#", one) == NUMBER.sub("#", other)
+    actual, stored = (re.sub(r"[ \n]+", " ", each) for each in (text, path.read_text()))
+    assert NUMBER.sub("#", actual) == NUMBER.sub("#", stored)
     np.testing.assert_allclose(
-        *(list(map(float, NUMBER.findall(each))) for each in (one, other)), 1e-5, 1e-12
+        *(list(map(float, NUMBER.findall(each))) for each in (actual, stored)),
+        1e-5,
+        1e-12,
     )
 
 

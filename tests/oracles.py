@@ -163,10 +163,10 @@ def epsd(law, circle, n, arms, masses, spin, push, rolled, twisted, dt):
     stiffness = 8.0 * shear * circle * circle**2 / 2.0
     limit = twisting * push * circle
     twisted = np.clip(twisted + stiffness * (spin @ n) * dt, -limit, limit)
-    about = np.clip(
+    twist = np.clip(
         twisted + 0.6 * np.sqrt(0.4 / mobility * stiffness) * (spin @ n), -limit, limit
     )
-    return -torque - about * n, rolled, twisted
+    return -torque - twist * n, rolled, twisted
 
 
 def jkr_force(young, work, radius, overlap):
@@ -307,8 +307,10 @@ def _points_to_ellipsoid(points, axes):
     high = np.linalg.norm(points, axis=1) * axes.max() + 1e-12
     for _ in range(45):
         middle = 0.5 * (low + high)
-        far = np.sum((axes * points / (axes**2 + middle[:, None])) ** 2, axis=1) > 1.0
-        low = np.where(far, middle, low)
-        high = np.where(far, high, middle)
+        is_outside = (
+            np.sum((axes * points / (axes**2 + middle[:, None])) ** 2, axis=1) > 1.0
+        )
+        low = np.where(is_outside, middle, low)
+        high = np.where(is_outside, high, middle)
     feet = axes**2 * points / (axes**2 + low[:, None])
     return np.where(outside, 1.0, -1.0) * np.linalg.norm(points - feet, axis=1), feet

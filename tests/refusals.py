@@ -10,31 +10,31 @@ from repose.common.errors import InputError
 
 
 def input_error(
-    words: str, call: Callable[..., object], *arguments: Any, **keywords: Any
+    message: str, call: Callable[..., object], *arguments: Any, **keywords: Any
 ) -> InputError:
     """Expect an `InputError` whose message has these words, a pattern, from a call with these arguments."""
-    with pytest.raises(InputError, match=words) as caught:
+    with pytest.raises(InputError, match=message) as caught:
         call(*arguments, **keywords)
     return caught.value
 
 
 def raised(
     error: type[BaseException],
-    words: str | None,
+    message: str | None,
     call: Callable[..., Any],
     *given: Any,
     **more: Any,
 ) -> None:
     """Expect an error of this type as `input_error` does; without words whatever its message."""
-    with pytest.raises(error, match=words):
+    with pytest.raises(error, match=message):
         call(*given, **more)
 
 
 def value_error(
-    words: str, call: Callable[..., object], *arguments: Any, **keywords: Any
+    message: str, call: Callable[..., object], *arguments: Any, **keywords: Any
 ) -> None:
     """Expect a `ValueError` as `input_error` does."""
-    raised(ValueError, words, call, *arguments, **keywords)
+    raised(ValueError, message, call, *arguments, **keywords)
 
 
 def not_refused(
@@ -44,12 +44,12 @@ def not_refused(
 ) -> list[str]:
     """Of (case, pattern of the message), those that `call(case)` takes, or refuses with another message."""
     found = []
-    for case, words in cases:
+    for case, message in cases:
         try:
             call(case)
         except error as raised:
-            if not re.search(words, str(raised)):
-                found.append(f"{case}: {raised}; wanted: {words}")
+            if not re.search(message, str(raised)):
+                found.append(f"{case}: {raised}; wanted: {message}")
         else:
-            found.append(f"{case}: no {error.__name__}; wanted: {words}")
+            found.append(f"{case}: no {error.__name__}; wanted: {message}")
     return found

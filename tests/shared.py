@@ -47,13 +47,13 @@ RANGES = {
 
 def target(response, value, sd, low, high, repetitions=10, **more):
     """An entry of a configuration's targets."""
-    own = {
+    entry = {
         "response": response,
         "apparatus": responses.response(response).apparatus,
         "value": value,
         "sd": sd,
     }
-    return own | {"repetitions": repetitions, "range": [low, high]} | more
+    return entry | {"repetitions": repetitions, "range": [low, high]} | more
 
 
 TARGETS = [
@@ -64,8 +64,10 @@ TARGETS = [
 
 def entries(targets):
     return [
-        target(one.name, one.value, one.sd, one.low, one.high, one.repetitions)
-        for one in targets
+        target(
+            entry.name, entry.value, entry.sd, entry.low, entry.high, entry.repetitions
+        )
+        for entry in targets
     ]
 
 
@@ -103,7 +105,7 @@ def settings_of(config):
                 else kind.model_construct(**value)
             )
         if name == "targets":
-            value = [models.TargetSettings.model_construct(**one) for one in value]
+            value = [models.TargetSettings.model_construct(**entry) for entry in value]
         sections[name] = value
     return models.settings_type().model_construct(**sections)
 
@@ -168,12 +170,12 @@ def every_bench_test():
 
 def targets_of(sd_percent=5.0, **values):
     """Targets of these values by the names of their responses, all measured four times."""
-    own = {
+    entry = {
         name: (value, sd_percent / 100 * value, 0.95 * value, 1.05 * value)
         for name, value in values.items()
     }
     return Targets.of(
-        [target(name, *numbers, repetitions=4) for name, numbers in own.items()]
+        [target(name, *numbers, repetitions=4) for name, numbers in entry.items()]
     )
 
 
@@ -218,8 +220,8 @@ def written(path, content):
     return path
 
 
-def says(text, *words):
-    assert [one for one in words if one not in text] == []
+def says(text, *phrases):
+    assert [phrase for phrase in phrases if phrase not in text] == []
 
 
 def at(config, key):
@@ -235,10 +237,10 @@ def put(config, key, value):
     return config
 
 
-def run_python(*words, **how):
+def run_python(*arguments, **how):
     """Run `python WORDS` in a process of its own, which must succeed; what it prints."""
     done = subprocess.run(
-        [sys.executable, *map(str, words)], capture_output=True, text=True, **how
+        [sys.executable, *map(str, arguments)], capture_output=True, text=True, **how
     )
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout

@@ -87,13 +87,13 @@ def cut(design, pool):
     )
     for k in range(4):
         for pair in (slice(0, 2), slice(2, 4)):
-            own = np.zeros(every.values.shape[:2], dtype=bool)
-            own[quarter == k, pair] = True
+            chosen = np.zeros(every.values.shape[:2], dtype=bool)
+            chosen[quarter == k, pair] = True
             yield tuple(
                 Points(
                     every.X, np.where(kept[:, :, None], every.values, np.nan)
                 )._with_runs()
-                for kept in (own, ~own)
+                for kept in (chosen, ~chosen)
             )
 
 
@@ -103,16 +103,16 @@ def data_sets(args, names):
     pool = read(args.folder / "pool", names)
     fresh = read(args.folder / "pool", names, "fresh_")
     if args.sets == "parts":
-        for k, (own, others) in enumerate(cut(design, pool)):
-            yield f"part {k + 1}", own, [others, fresh], fresh
+        for k, (data, others) in enumerate(cut(design, pool)):
+            yield f"part {k + 1}", data, [others, fresh], fresh
         return
     wholes = {"design": design, "pool": pool} | {
         run.name: read(run, names) for run in args.runs
     }
-    for name, own in wholes.items():
+    for name, data in wholes.items():
         yield (
             name,
-            own,
+            data,
             [other for key, other in wholes.items() if key != name] + [fresh],
             fresh,
         )
@@ -166,11 +166,11 @@ def answers(model, judge, names, values, space):
         X = np.array([[found[parameter] for parameter in PARAMETERS]])
         truth = judge.predict(X)
         unsure = judge.covariance(X)
-        off = 100 * (truth[0] / aim - 1)
+        errors = 100 * (truth[0] / aim - 1)
         row = {
             "target": number,
-            "off": off[0],
-            "off_2": off[-1],
+            "off": errors[0],
+            "off_2": errors[-1],
             "judge_se": 100 * np.sqrt(unsure[0, 0, 0]) / aim[0],
         }
         row["judge_se_2"] = 100 * np.sqrt(unsure[0, -1, -1]) / aim[-1]
@@ -183,15 +183,15 @@ def answers(model, judge, names, values, space):
                 f"told_{percent:g}": found["within"][f"{percent:g} %"],
                 f"stated_{percent:g}": chance,
             }
-            row[f"met_{percent:g}"] = bool((np.abs(off) <= percent).all())
+            row[f"met_{percent:g}"] = bool((np.abs(errors) <= percent).all())
         yield row
 
 
 def at_fresh_points(model, fresh):
     """Root mean square of what is predicted less what was poured there, in their standard errors together."""
-    off = model.predict(fresh.X) - fresh.means()
-    own = np.diagonal(model.covariance(fresh.X), axis1=1, axis2=2)
-    return float(np.sqrt(np.mean(off**2 / (own + fresh.errors() ** 2))))
+    errors = model.predict(fresh.X) - fresh.means()
+    variances = np.diagonal(model.covariance(fresh.X), axis1=1, axis2=2)
+    return float(np.sqrt(np.mean(errors**2 / (variances + fresh.errors() ** 2))))
 
 
 def run(args, study):
@@ -204,23 +204,23 @@ def run(args, study):
         names = ["height_mm", "aor_deg"][:responses]
         sets = list(data_sets(args, columns))
         values = aims(process(merged([sets[0][1], *sets[0][2]])), space, args.targets)
-        for set_name, own, others, fresh in sets:
+        for set_name, data, others, fresh in sets:
             judge = process(merged(others))
             for name in args.surrogates:
                 began = time.process_time()
-                model = fit(name, own, space, targets_at(names, values[0]), config)
+                model = fit(name, data, space, targets_at(names, values[0]), config)
                 cost = time.process_time() - began
-                about = {
+                labels = {
                     "surrogate": name,
                     "responses": responses,
                     "set": set_name,
-                    "samples": len(own.X),
-                    "pours": int(own.counts().sum()),
+                    "samples": len(data.X),
+                    "pours": int(data.counts().sum()),
                     "fit_s": cost,
                     "z_fresh": at_fresh_points(model, fresh),
                 }
                 rows += [
-                    about | answer
+                    labels | answer
                     for answer in answers(model, judge, names, values, space)
                 ]
                 pd.DataFrame(rows).to_csv(args.out, index=False, float_format="%.5g")
@@ -253,27 +253,29 @@ def summary(table):
     ]
     yield "| " + " | ".join([*heads, *shares, "fresh z", "fit s"]) + " |"
     yield "|---" * 12 + "|"
-    for (responses, name), own in table.groupby(["responses", "surrogate"], sort=False):
+    for (responses, name), group in table.groupby(
+        ["responses", "surrogate"], sort=False
+    ):
         errors = ["off", "off_2"][:responses]
         mean = "; ".join(
-            "{:+.2f} ± {:.2f}".format(*by_sets(own, own[key])) for key in errors
+            "{:+.2f} ± {:.2f}".format(*by_sets(group, group[key])) for key in errors
         )
         rms = []
         for key in errors:
-            square, error = by_sets(own, own[key] ** 2)
+            square, error = by_sets(group, group[key] ** 2)
             rms.append(f"{square**0.5:.2f} ± {error / 2 / square**0.5:.2f}")
         judge = "; ".join(
-            f"{np.sqrt(np.mean(own[key.replace('off', 'judge_se')] ** 2)):.2f}"
+            f"{np.sqrt(np.mean(group[key.replace('off', 'judge_se')] ** 2)):.2f}"
             for key in errors
         )
         shares = []
         for percent in PERCENT:
-            met, error = by_sets(own, own[f"met_{percent:g}"])
+            met, error = by_sets(group, group[f"met_{percent:g}"])
             shares += [
                 f"{met:.2f} ± {error:.2f}",
-                f"{own[f'stated_{percent:g}'].mean():.2f} ({own[f'told_{percent:g}'].mean():.2f})",
+                f"{group[f'stated_{percent:g}'].mean():.2f} ({group[f'told_{percent:g}'].mean():.2f})",
             ]
-        size = f"{own['set'].nunique()} of {own['samples'].mean():.0f}, {own['pours'].mean():.0f}"
+        size = f"{group['set'].nunique()} of {group['samples'].mean():.0f}, {group['pours'].mean():.0f}"
         cells = [
             responses,
             name,
@@ -282,8 +284,8 @@ def summary(table):
             "; ".join(rms),
             judge,
             *shares,
-            f"{own['z_fresh'].mean():.2f}",
-            f"{own['fit_s'].mean():.1f}",
+            f"{group['z_fresh'].mean():.2f}",
+            f"{group['fit_s'].mean():.1f}",
         ]
         yield "| " + " | ".join(map(str, cells)) + " |"
 
@@ -292,13 +294,13 @@ def reliability(table):
     """Stated probability and achieved share by class, for 1 % and 2 % and both numbers of responses together."""
     yield "| surrogate | class | answers | sets | stated | achieved | difference | agrees |"
     yield "|---" * 8 + "|"
-    for name, own in table.groupby("surrogate", sort=False):
+    for name, group in table.groupby("surrogate", sort=False):
         parts = [
             pd.DataFrame(
                 {
-                    "set": own["set"],
-                    "stated": own[f"stated_{percent:g}"],
-                    "met": own[f"met_{percent:g}"],
+                    "set": group["set"],
+                    "stated": group[f"stated_{percent:g}"],
+                    "met": group[f"met_{percent:g}"],
                 }
             )
             for percent in PERCENT
@@ -345,16 +347,16 @@ def differences(table):
         .mean()
     )
     default = square[square.index.get_level_values("surrogate") == "network_ensemble"]
-    for name, own in square.groupby(level="surrogate", sort=False):
+    for name, group in square.groupby(level="surrogate", sort=False):
         both = pd.concat(
-            [own.droplevel("surrogate"), default.droplevel("surrogate")],
+            [group.droplevel("surrogate"), default.droplevel("surrogate")],
             axis=1,
             join="inner",
         )
         first, second = both.groupby("set").mean().to_numpy().T
         more = (first - second) / (np.sqrt(first.mean()) + np.sqrt(second.mean()))
         beside = f"{more.mean():+.3f} ± {more.std(ddof=1) / np.sqrt(len(more)):.3f} over {len(more)} sets"
-        yield f"{name}: rms {np.sqrt(own.mean()):.3f} %, more than network_ensemble by {beside}"
+        yield f"{name}: rms {np.sqrt(group.mean()):.3f} %, more than network_ensemble by {beside}"
 
 
 def main():
@@ -400,9 +402,9 @@ def main():
     args = parser.parse_args()
     if args.read:
         tables = [pd.read_csv(path) for path in args.read]
-        for path, one in zip(args.read, tables, strict=True):
-            one["set"] = (
-                f"{path.stem}, " + one["set"]
+        for path, answers_table in zip(args.read, tables, strict=True):
+            answers_table["set"] = (
+                f"{path.stem}, " + answers_table["set"]
             )  # equal names in two files are two data sets
         table = pd.concat(tables, ignore_index=True)
     else:

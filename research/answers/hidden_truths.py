@@ -185,9 +185,11 @@ def success(table):
     """
     rows = table[table["method"] == "sequential"]
     found = []
-    for (k, noise), own in rows.groupby(["responses", "noise_percent"]):
+    for (k, noise), group in rows.groupby(["responses", "noise_percent"]):
         for pours in GRID:
-            error = own[own["pours"] <= pours].groupby("truth")["error_percent"].last()
+            error = (
+                group[group["pours"] <= pours].groupby("truth")["error_percent"].last()
+            )
             found.append(
                 (k, noise, pours, len(error), (error < 1).mean(), (error < 2).mean())
             )

@@ -50,9 +50,9 @@ def rosenbrock(x):
 
 @numba.njit(cache=True)
 def ackley(x):
-    far = np.sqrt(np.mean(x * x))
+    radius = np.sqrt(np.mean(x * x))
     waves = np.mean(np.cos(2 * np.pi * x))
-    return 20 + np.e - 20 * np.exp(-0.2 * far) - np.exp(waves)
+    return 20 + np.e - 20 * np.exp(-0.2 * radius) - np.exp(waves)
 
 
 @numba.njit(cache=True)

@@ -78,8 +78,8 @@ def campaign(simulator, names, aim, mean, section, space, random):
     while True:
         pours = 2 * len(data.unit)
         advice = advise(data, goal, section, pours, random, None)
-        own = goal.of_responses(simulator.mean(advice.answer[None]))[1][0]
-        yield pours, advice.reach.probability, advice.stop, own, least
+        answer_loss = goal.of_responses(simulator.mean(advice.answer[None]))[1][0]
+        yield pours, advice.reach.probability, advice.stop, answer_loss, least
         if advice.stop:
             return
         new = simulator.pour(advice.batch, 2, random)

@@ -35,14 +35,14 @@ CHECKS = 96
 CAMPAIGNS = 5
 
 
-def verb(name, *words, **options):
+def verb(name, *arguments, **options):
     """Run a stage of the workflow; its options by name."""
     given = [
         text
         for key, value in options.items()
         for text in (f"--{key.replace('_', '-')}", str(value))
     ]
-    if repose(["stage", name, *map(str, words), *given]):
+    if repose(["stage", name, *map(str, arguments), *given]):
         raise SystemExit(f"{name} failed")
 
 
@@ -60,9 +60,9 @@ class Campaign:
             name: HEIGHT_ALONE / f"berry/{name}.json" for name in ("berry", "particle")
         }
 
-    def verb(self, name, *words, **options):
+    def verb(self, name, *arguments, **options):
         """Run a verb with this configuration."""
-        verb(name, *words, config=self.config, **options)
+        verb(name, *arguments, config=self.config, **options)
 
     def batches(self, strategy, folders=()):
         """Run a strategy to its answer and its check; the last proposal. `folders` hold batches that are poured."""

@@ -73,13 +73,13 @@ def table_of(step):
 
 def runs_depend_on(config, apparatus):
     """Settings of a measured pour."""
-    own = dependencies.settings_of(config, "heap") | dependencies.settings_of(
+    pour_settings = dependencies.settings_of(config, "heap") | dependencies.settings_of(
         config, "berry"
     )
     points = dependencies.sections(
         settings.of(config), "pool.seed", "pool.fresh_samples"
     )
-    return own | points | dependencies.sections(config, "parameters")
+    return pour_settings | points | dependencies.sections(config, "parameters")
 
 
 class Rows:
@@ -180,9 +180,9 @@ def pouring(study, keys, X):
 def poured(args, keys, places, X, seeds):
     """Pour every place, mappings with the keys, with all its seeds: pour by pour over all places."""
     tasks = [
-        place | {"pour": pour, "seed": own[pour], "row": row}
+        place | {"pour": pour, "seed": pour_seeds[pour], "row": row}
         for pour in range(len(seeds[0]))
-        for row, (place, own) in enumerate(zip(places, seeds, strict=True))
+        for row, (place, pour_seeds) in enumerate(zip(places, seeds, strict=True))
     ]
     keys = (*keys, "pour")
     table = Rows(args.out, keys).complete(
@@ -317,8 +317,8 @@ def fitting(args, config, pours):
         }
         own = study.settings
         section, search = (
-            one.model_copy(update={"seed": one.seed + number})
-            for one in (own.network, own.miga)
+            part.model_copy(update={"seed": part.seed + number})
+            for part in (own.network, own.miga)
         )
         tables = dataset.assemble(samples, {BENCH: jobs}, targets)
         learned = train.train(
@@ -334,10 +334,13 @@ def fitting(args, config, pours):
             for k, row in enumerate(learned.model.predict(fresh).tolist(), start=1)
             for name, value in zip(targets.names, row, strict=True)
         }
-        about = {"pool_seeds": args.pool_seeds, "samples": learned.metrics["n_samples"]}
+        counts = {
+            "pool_seeds": args.pool_seeds,
+            "samples": learned.metrics["n_samples"],
+        }
         return (
             task
-            | about
+            | counts
             | found["representative"]
             | {"feasible": found["feasible"]}
             | predicted
@@ -426,7 +429,7 @@ def judge(args, config):
     )
     plain = plain_errors(pours[names], own, found.index, real.noise, targets)
     table = table.merge(plain, how="left", on=["seeds", "quantity", "response"])
-    about = {
+    record = {
         "chosen": chosen,
         "data_sets": len(sets),
         "pool_seeds": int(found["pool_seeds"].iloc[0]),
@@ -438,7 +441,7 @@ def judge(args, config):
         ),
     }
     write_table(f"{args.out}/verdict.csv", table, float_format="%.4g")
-    write_json(f"{args.out}/verdict.json", about)
+    write_json(f"{args.out}/verdict.json", record)
     return f"{table.round(3).to_string(index=False)}\n{len(sets)} data sets: {chosen} seeds of each sample"
 
 
@@ -473,11 +476,14 @@ def r2_of(found, fresh, names):
     )
 
 
-def plain_errors(values, own, answers, noise, targets):
+def plain_errors(values, answer_of, answers, noise, targets):
     """Rms errors by each answer's own pours alone, the mean square less the noise's, and standard errors of these."""
-    counts = np.bincount(own, minlength=len(answers)).astype(float)
+    counts = np.bincount(answer_of, minlength=len(answers)).astype(float)
     means = np.column_stack(
-        [np.bincount(own, column, len(answers)) for column in values.to_numpy(float).T]
+        [
+            np.bincount(answer_of, column, len(answers))
+            for column in values.to_numpy(float).T
+        ]
     )
     with np.errstate(invalid="ignore", divide="ignore"):
         means /= counts[:, None]

@@ -94,14 +94,14 @@ class Judge:
         """Draws (count, m, k) of the mean responses at all parameter sets X (m, d) together."""
         x = self.process._scaled(X)
         columns = []
-        for one in self.process.processes_:
-            between = one.kernel(x, one.x)
-            solved = linalg.solve_triangular(one.root, between.T, lower=True)
-            value, vector = np.linalg.eigh(one.kernel(x) - solved.T @ solved)
+        for process in self.process.processes_:
+            between = process.kernel(x, process.x)
+            solved = linalg.solve_triangular(process.root, between.T, lower=True)
+            value, vector = np.linalg.eigh(process.kernel(x) - solved.T @ solved)
             normal = random.standard_normal((count, len(x))) * np.sqrt(
                 np.maximum(value, 0)
             )
-            columns.append(between @ one.weights + normal @ vector.T)
+            columns.append(between @ process.weights + normal @ vector.T)
         return self.process.unmixed(np.stack(columns, axis=-1)) + self.process.offset_
 
 

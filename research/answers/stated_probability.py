@@ -70,10 +70,10 @@ def classes(table):
         right=table["error_percent"] < TOLERANCE,
         class_=(table["probability"] * CLASSES).astype(int).clip(upper=CLASSES - 1),
     )
-    for key, own in table.groupby(
+    for key, group in table.groupby(
         ["emulator", "responses", "noise_percent", "class_"], sort=False
     ):
-        by_truth = own.groupby("truth")[["probability", "right"]].mean()
+        by_truth = group.groupby("truth")[["probability", "right"]].mean()
         stated, right = by_truth.mean()
         count = len(by_truth)
         sd = (

@@ -81,9 +81,9 @@ class NetworkResampled(Candidate):
         return self._means(X).mean(axis=0)
 
     def covariance(self, X):
-        off = self._means(X)
-        off = off - off.mean(axis=0)
-        return np.einsum("mni,mnj->nij", off, off) / (REFITS - 1)
+        deviations = self._means(X)
+        deviations = deviations - deviations.mean(axis=0)
+        return np.einsum("mni,mnj->nij", deviations, deviations) / (REFITS - 1)
 
 
 @register("network_process")
@@ -187,11 +187,13 @@ class Kriging(Candidate):
             inverse = linalg.cho_solve((root, True), np.eye(len(K)), check_finite=False)
             alpha = inverse @ value
             inner = inverse - np.outer(alpha, alpha)
-            off = (theta - mean) / sd
+            deviations = (theta - mean) / sd
             found = (
-                0.5 * value @ alpha + np.log(np.diagonal(root)).sum() + 0.5 * off @ off
+                0.5 * value @ alpha
+                + np.log(np.diagonal(root)).sum()
+                + 0.5 * deviations @ deviations
             )
-            gradient = off / sd
+            gradient = deviations / sd
             gradient[0] += 0.5 * signal * (inner * correlation).sum()
             gradient[1:-1] += (
                 0.5 * signal * np.einsum("ij,ijk->k", inner * slope, scaled)

@@ -154,14 +154,14 @@ def read(dataset_csv: str | Path, runs_csv: str | Path, names: Sequence[str]) ->
     responses = runs[list(names)].to_numpy(float, copy=True)
     responses[runs["status"].to_numpy() != "ok"] = np.nan
     for test in runs["apparatus"].unique() if "apparatus" in runs else [None]:
-        own = (
+        measured = (
             np.ones(len(runs), bool)
             if test is None
             else (runs["apparatus"] == test).to_numpy()
         )
-        cell = row[own], place[own]
+        cell = row[measured], place[measured]
         values[cell] = np.where(
-            np.isfinite(responses[own]), responses[own], values[cell]
+            np.isfinite(responses[measured]), responses[measured], values[cell]
         )
     found = Points(usable[list(PARAMETERS)].to_numpy(float), values)
     without = usable.loc[found.counts() == 0, "sample"]

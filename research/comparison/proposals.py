@@ -87,8 +87,10 @@ def local_search(
     def deviation(x):
         nonlocal evaluations
         evaluations += 1
-        off = (respond(np.clip(x, 0, 1)[None])[0] - objective.target) / objective.width
-        return float(off @ off)
+        residuals = (
+            respond(np.clip(x, 0, 1)[None])[0] - objective.target
+        ) / objective.width
+        return float(residuals @ residuals)
 
     best: Any = None
     for start in [
@@ -137,10 +139,10 @@ def study_surrogate(
 ) -> Surrogate:
     """Train the surrogate as the study does on these samples; `settings` is the section `network`."""
     kind = settings.get("surrogate", "network")
-    own = NetworkSettings.of(settings)
+    network_settings = NetworkSettings.of(settings)
     dataset, runs = tables_of(samples, space, targets)
     return train.train(
-        dataset, runs, targets, own, names=space.names, surrogate=kind
+        dataset, runs, targets, network_settings, names=space.names, surrogate=kind
     ).model
 
 

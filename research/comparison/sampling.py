@@ -171,15 +171,15 @@ def _trades(case, seeds):
     total = SAMPLES[-1] * seeds
     for each in TRADES:
         samples = total // each
-        about = {"comparison": "points against seeds", "design": "Sobol sequence"}
+        labels = {"comparison": "points against seeds", "design": "Sobol sequence"}
         units = [
             sobol(samples, case.space.dimensions, [case.seed, 9, k])
             for k in range(REPETITIONS)
         ]
-        yield from _emulated(case, about, units, each)
+        yield from _emulated(case, labels, units, each)
 
 
-def _emulated(case, about, units, seeds):
+def _emulated(case, labels, units, seeds):
     """Rows of one emulated case: each fit's R2 on the emulator's mean, over the repetitions."""
     X = case.space.values(sobol(JUDGED_AT, case.space.dimensions, [case.seed, 8]))
     truth = case.stand_in.mean(X)
@@ -200,7 +200,7 @@ def _emulated(case, about, units, seeds):
     for name, scored in found.items():
         if None not in scored:
             yield from _rows(
-                about | {"data": "emulated", "fit": name} | sizes, case.names, scored
+                labels | {"data": "emulated", "fit": name} | sizes, case.names, scored
             )
 
 

@@ -104,8 +104,8 @@ def compared(
     curves = []
     took = []
     bests: dict[str, list] = {}
-    for name, (search, own) in searches(section).items():
-        evaluations = own or settings["evaluations"]
+    for name, (search, budget) in searches(section).items():
+        evaluations = budget or settings["evaluations"]
         at = checkpoints(evaluations)
         courses = []
         bests[name] = []
@@ -116,9 +116,9 @@ def compared(
             row, best = judged(
                 log, region, settings["tolerance"], solutions, distance, seed
             )
-            about = {"method": name, "repetition": k, "evaluations": evaluations}
-            rows.append({**about, **row})
-            took.append({**about, "seconds": seconds})
+            labels = {"method": name, "repetition": k, "evaluations": evaluations}
+            rows.append({**labels, **row})
+            took.append({**labels, "seconds": seconds})
             courses.append(curve(log.fitness, at))
             bests[name].append(best)
         curves.append(_curve_table(name, at, np.array(courses), objective.infeasible))

@@ -194,15 +194,15 @@ def searches(section: Mapping[str, Any]) -> dict[str, tuple[Search, int | None]]
 
     `section` is `miga` of the configuration.
     """
-    own = {key: section[key] for key in OPERATORS}
-    alone = own | {
+    operators = {key: section[key] for key in OPERATORS}
+    alone = operators | {
         "islands": 1,
         "population": section["islands"] * section["population"],
     }
     whole = section["rounds"] * section["generations"] * alone["population"]
     found: dict[str, tuple[Search, int | None]] = {
-        "miga": (partial(miga, **own), None),
-        "miga_whole": (partial(miga, **own), whole),
+        "miga": (partial(miga, **operators), None),
+        "miga_whole": (partial(miga, **operators), whole),
         "one_population": (partial(miga, **alone), None),
     }
     return found | {name: (search, None) for name, search in SEARCHES.items()}

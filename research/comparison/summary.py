@@ -57,10 +57,10 @@ def read(files: Mapping[str, str | Path]) -> dict[str, pd.DataFrame]:
     sampling = read_table(
         files["sampling"], ("comparison", "design", "data", "fit", *sizes)
     )
-    off = _with_errors(
+    error_columns = _with_errors(
         [derived(name, "off") for name in dict.fromkeys(sampling["response"])]
     )
-    whole = ("data", "samples", "method", "simulations", "repetitions", *off)
+    whole = ("data", "samples", "method", "simulations", "repetitions", *error_columns)
     return {
         "sampling": sampling,
         "surrogates": read_table(files["surrogates"], ("model", "training", *sizes)),
@@ -104,10 +104,10 @@ def _search(table: pd.DataFrame) -> Iterator[dict[str, Any]]:
 def _whole(table: pd.DataFrame, responses: tuple[str, ...]) -> Iterator[dict[str, Any]]:
     """Rows of the whole method beside its alternatives, a row for each response."""
     for row in table.to_dict("records"):
-        about = {"part": "whole", "choice": row["method"], "points": row["samples"]}
+        labels = {"part": "whole", "choice": row["method"], "points": row["samples"]}
         for response in responses:
             for found in _measured(
-                row, (derived(response, "off"),), **about, response=response
+                row, (derived(response, "off"),), **labels, response=response
             ):
                 yield found | {"measure": "off"}
 
@@ -117,7 +117,7 @@ def _with_errors(measures):
     return [f"{measure}{end}" for measure in measures for end in ("", "_se")]
 
 
-def _measured(row, measures, **about):
+def _measured(row, measures, **labels):
     """Rows of the joint table from a row of another table: their common columns, then each measure."""
     for measure in measures:
         value = {
@@ -125,4 +125,4 @@ def _measured(row, measures, **about):
             "value": row[measure],
             "standard_error": row[f"{measure}_se"],
         }
-        yield {key: row[key] for key in COLUMNS if key in row} | about | value
+        yield {key: row[key] for key in COLUMNS if key in row} | labels | value

@@ -155,8 +155,8 @@ def compared(
                     )
                 else:
                     data = emulated(samples, truth, count, random)
-                about = {"data": kind, "samples": count, "repetition": repetition}
-                rows += _rows(about, data, truth, space, targets, settings, random)
+                labels = {"data": kind, "samples": count, "repetition": repetition}
+                rows += _rows(labels, data, truth, space, targets, settings, random)
     proposals = pd.DataFrame(rows)
     return _table(proposals, truth, targets, available), proposals
 
@@ -175,14 +175,14 @@ def run(
     return table
 
 
-def _rows(about, data, truth, space, targets, settings, random):
+def _rows(labels, data, truth, space, targets, settings, random):
     """Rows of whole_proposals.csv of one set of data, a row for each method."""
     found = proposed(data, space, targets, settings, random)
     objective = Objective(targets)
     for name, (place, evaluations) in found.items():
-        row = {key: about[key] for key in ("data", "samples")} | {"method": name}
+        row = {key: labels[key] for key in ("data", "samples")} | {"method": name}
         row |= {
-            "repetition": about["repetition"],
+            "repetition": labels["repetition"],
             "simulations": int(data.counts().sum()),
         }
         row |= {"evaluations": evaluations}
@@ -193,12 +193,12 @@ def _rows(about, data, truth, space, targets, settings, random):
 def _judged(responses, objective, targets):
     """Put a proposal's true responses (1, k) beside the targets, by name."""
     F, V = objective(responses)
-    off = np.abs(responses[0] - objective.target)
+    errors = np.abs(responses[0] - objective.target)
     return {
         **dict(zip(targets.names, responses[0], strict=True)),
         **{
             derived(name, "off"): value
-            for name, value in zip(targets.names, off, strict=True)
+            for name, value in zip(targets.names, errors, strict=True)
         },
         "objective": F[0],
         "inside": bool(V[0] == 0),
@@ -239,9 +239,9 @@ def message(table: pd.DataFrame, targets: Targets) -> str:
         for row in last.to_dict("records"):
             parts = []
             for response in targets.responses:
-                off = derived(response.name, "off")
+                column = derived(response.name, "off")
                 parts.append(
-                    f"{response.symbol} {row[off]:.2f} ± {row[f'{off}_se']:.2f} {response.unit}".rstrip()
+                    f"{response.symbol} {row[column]:.2f} ± {row[f'{column}_se']:.2f} {response.unit}".rstrip()
                 )
             lines.append(
                 f"{kind}, {row['samples']} samples, {row['method']}: off by {', '.join(parts)}"

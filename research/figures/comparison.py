@@ -67,10 +67,10 @@ def accuracy(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
             label="most that the noise lets any model reach",
         )
         column[1].set_xlabel("simulations trained on")
-    for panel, words in zip(
+    for panel, label in zip(
         panels[:, 0], ("R²", "share of the explainable\nvariance"), strict=True
     ):
-        panel.set_ylabel(words)
+        panel.set_ylabel(label)
     _legend_below(figure, panels[0, 0])
     return figure
 

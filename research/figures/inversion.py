@@ -53,9 +53,9 @@ def searches(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     _to_tolerance(soon, methods)
     _coverage(spread, methods)
     named = [
-        one
+        entry
         for panel in (course, spread)
-        for one in zip(*panel.get_legend_handles_labels(), strict=True)
+        for entry in zip(*panel.get_legend_handles_labels(), strict=True)
     ]
     figure.legend(*zip(*named, strict=True), loc="outside lower center", ncols=4)
     return figure
@@ -83,13 +83,13 @@ def _course(panel: Axes, curves: pd.DataFrame, tolerance: float) -> None:
         xlabel="evaluations of the network",
         ylabel="best objective F (–)",
     )
-    words = {
+    text_style = {
         "fontsize": 6.3,
         "ha": "right",
         "va": "bottom",
         "transform": panel.get_yaxis_transform(),
     }
-    panel.text(0.99, tolerance * 1.2, f"tolerance {tolerance:g}", **words)
+    panel.text(0.99, tolerance * 1.2, f"tolerance {tolerance:g}", **text_style)
 
 
 def _to_tolerance(panel: Axes, methods: pd.DataFrame) -> None:
@@ -173,15 +173,15 @@ def whole(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     Input: ``whole`` of the script comparison.
     """
     responses = style.targets_of(config).responses
-    off = [derived(response.name, "off") for response in responses]
-    columns = [column for key in off for column in (key, f"{key}_se")]
+    error_columns = [derived(response.name, "off") for response in responses]
+    columns = [column for key in error_columns for column in (key, f"{key}_se")]
     table = read_table(inputs["whole"], ("data", "method", "simulations", *columns))
     kinds = [kind for kind in KINDS if kind in set(table["data"])]
     figure = style.new_figure(style.PAGE, 0.8 + 1.8 * len(responses))
     panels = figure.subplots(
         len(responses), len(kinds), sharex=True, sharey="row", squeeze=False
     )
-    for row, response, key in zip(panels, responses, off, strict=True):
+    for row, response, key in zip(panels, responses, error_columns, strict=True):
         for panel, kind in zip(row, kinds, strict=True):
             _off_the_target(panel, table[table["data"] == kind], key)
         row[0].set_ylabel(_off_label(response))

@@ -32,12 +32,12 @@ SETTINGS: list[dict[str, Any]] = [
 def lines() -> dict[str, dict[str, Any]]:
     """Every line of the table by its words: the definition and the settings that it reads."""
     return {
-        line_of(MeasureSettings.with_defaults(**one), definition): {
+        line_of(MeasureSettings.with_defaults(**changes), definition): {
             "definition": definition
         }
-        | {key: one[key] for key in LINE_KEYS[definition]}
+        | {key: changes[key] for key in LINE_KEYS[definition]}
         for definition in DEFINITIONS
-        for one in SETTINGS
+        for changes in SETTINGS
     }
 
 
@@ -97,8 +97,8 @@ def measured(
     for view in views:
         profile, crest = pile.find_profile(view)
         row: dict[str, float] = {}
-        for one in SETTINGS:
-            line_settings = settings.model_copy(update=one)
+        for changes in SETTINGS:
+            line_settings = settings.model_copy(update=changes)
             sides = measure_sides(profile, crest, line_settings)[0]
             row |= {
                 line_of(line_settings, name): angle

@@ -62,25 +62,25 @@ class Surrogates(NamedTuple):
         count = len(data.X)
         folds = settings["folds"]
         fold = np.random.default_rng(settings["seed"]).permutation(count) % folds
-        off = {}
+        errors_of = {}
         models = {}
         r2 = {}
         for name, known in data.known.items():
             if name not in base and known.row["signal_to_noise"] < NOISY:
                 continue
-            own = []
+            fold_models = []
             predicted = np.full(count, np.nan)
             for k in range(folds):
-                own.append(fitted(data.X, _without(known, fold == k), settings))
-                predicted[fold == k] = own[-1](data.X[fold == k])
+                fold_models.append(fitted(data.X, _without(known, fold == k), settings))
+                predicted[fold == k] = fold_models[-1](data.X[fold == k])
             predicted[~np.isfinite(known.mean)] = np.nan
             r2[name] = cross_validated_r2(known, predicted)
             if name in base or r2[name] >= WORST_R2:
-                off[name] = predicted - known.mean
-                models[name] = own
-        names = tuple(off)
+                errors_of[name] = predicted - known.mean
+                models[name] = fold_models
+        names = tuple(errors_of)
         correlation = noise_correlation(data.runs, names)
-        residuals = np.column_stack([off[name] for name in names])
+        residuals = np.column_stack([errors_of[name] for name in names])
         errors = np.column_stack([data.known[name].error for name in names])
         whole = [fitted(data.X, data.known[name], settings) for name in names]
         return cls(

@@ -20,9 +20,9 @@ def sizes(
     """Compute the standard deviations (k,) of discrepancies: `percent` of the mean, at least `smallest` of the unit."""
     discrepancies = []
     for name, mean in zip(names, means, strict=True):
-        own = percent[name] if isinstance(percent, Mapping) else percent
+        share = percent[name] if isinstance(percent, Mapping) else percent
         least = smallest.get(response(name).unit, 0.0)
-        discrepancies.append(max(own / 100 * abs(mean), least) if own > 0 else 0.0)
+        discrepancies.append(max(share / 100 * abs(mean), least) if share > 0 else 0.0)
     return np.array(discrepancies)
 
 

@@ -26,17 +26,17 @@ def jobs_in(folders: Iterable[str | Path]) -> list[Path]:
     """
     found: list[Path] = []
     for folder in folders:
-        own = sorted(
+        jobs = sorted(
             path for path in Path(folder).glob("*.json") if path.stem.isdigit()
         )
-        if not own:
+        if not jobs:
             raise InputError(
                 folder,
                 "jobs",
                 0,
                 "a folder with NUMBER.json files of the verb measure_runs",
             )
-        found += own
+        found += jobs
     return found
 
 
@@ -63,7 +63,7 @@ def read_jobs(
                 path, "sample", job["sample"], "a usable sample of the design"
             )
         names = [response.name for response in bench(job["apparatus"], path).responses]
-        own = rows.setdefault(job["apparatus"], [])
+        bench_rows = rows.setdefault(job["apparatus"], [])
         for run in job["runs"]:
             try:
                 if run["status"] == "ok":
@@ -72,10 +72,10 @@ def read_jobs(
                         name: math.nan if run[name] is None else float(run[name])
                         for name in names
                     }
-                    own.append({"sample": job["sample"]} | numbers)
+                    bench_rows.append({"sample": job["sample"]} | numbers)
             except (KeyError, TypeError, ValueError) as error:
                 raise InputError(path, "runs", str(error), JOB) from error
-    return {name: pd.DataFrame(own) for name, own in rows.items()}
+    return {name: pd.DataFrame(bench_rows) for name, bench_rows in rows.items()}
 
 
 def with_jobs(

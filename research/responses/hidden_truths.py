@@ -81,7 +81,11 @@ def coverage(
                     )
                 )
     return pd.DataFrame(
-        [row for label, own in held.items() for row in _rows(label, own, space.free)]
+        [
+            row
+            for label, intervals in held.items()
+            for row in _rows(label, intervals, space.free)
+        ]
     )
 
 
@@ -91,13 +95,13 @@ def _drawn(random, samples, count):
     return np.concatenate(whole)[:count]
 
 
-def _rows(label, own, free):
+def _rows(label, intervals, free):
     """Rows of one set."""
     inside, width, effective = (
-        np.array(part, float) for part in zip(*own, strict=True)
+        np.array(part, float) for part in zip(*intervals, strict=True)
     )
     count = len(inside)
-    about = {"truths": count, "median_effective_points": np.median(effective)}
+    facts = {"truths": count, "median_effective_points": np.median(effective)}
     rows = [
         {
             "set": label,
@@ -106,7 +110,7 @@ def _rows(label, own, free):
             "coverage_se": inside[:, k].std(ddof=1) / math.sqrt(count),
             "mean_width": width[:, k].mean(),
         }
-        | about
+        | facts
         for k, name in enumerate(free)
     ]
     each = inside.mean(axis=1)
@@ -118,6 +122,6 @@ def _rows(label, own, free):
             "coverage_se": each.std(ddof=1) / math.sqrt(count),
             "mean_width": width.mean(),
         }
-        | about
+        | facts
     )
     return rows

@@ -129,10 +129,10 @@ class Likelihood:
 
     def weights(self, observed: np.ndarray) -> np.ndarray:
         """Posterior probability (n,) of each point; `observed` (k,) are all responses."""
-        off = (
+        deviations = (
             self.predicted - np.linalg.solve(self.root, observed[self.columns])[:, None]
         )
-        log_weight = -0.5 * np.einsum("kn,kn->n", off, off)
+        log_weight = -0.5 * np.einsum("kn,kn->n", deviations, deviations)
         weight = np.exp(log_weight - log_weight.max())
         return weight / weight.sum()
 

@@ -55,10 +55,10 @@ def tests_of(
     for k, name in enumerate(space.free):
         if name not in settings["direct_tests"]:
             continue
-        own = settings["direct_tests"][name]
+        direct_test = settings["direct_tests"][name]
         columns[direct(name)] = [len(names) + len(variances)]
-        minutes[direct(name)] = float(own["minutes"])
-        variances.append((own["sd"] / (space.high[k] - space.low[k])) ** 2)
+        minutes[direct(name)] = float(direct_test["minutes"])
+        variances.append((direct_test["sd"] / (space.high[k] - space.low[k])) ** 2)
     covariance = np.zeros((len(names) + len(variances),) * 2)
     covariance[: len(names), : len(names)] = of_responses
     covariance[len(names) :, len(names) :] = np.diag(variances)

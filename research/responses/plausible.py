@@ -40,9 +40,9 @@ def measured_covariance(
     repetitions of the one that was measured less often in common, so the larger number divides their covariance.
     `correlation` (k, k) is of the noise from run to run.
     """
-    own = {target.name: target.repetitions for target in targets}
+    counts = {target.name: target.repetitions for target in targets}
     least = min(target.repetitions for target in targets)
-    repetitions = np.array([own.get(name, least) for name in names])
+    repetitions = np.array([counts.get(name, least) for name in names])
     within = np.array([data.known[name].row["sd_within"] for name in names])
     return (
         np.outer(within, within)

@@ -72,26 +72,26 @@ def study(
     ``second_responses`` and ``joint_targets``. InputError if fewer points of the prior than ``truths`` meet the
     targets.
     """
-    own = [
+    numbers = [
         name for name in dict.fromkeys((*TWO_NUMBERS, *targets.names)) if name in runs
     ]
     widths = runs[list(range(levels))].to_numpy(float)
     means = pd.DataFrame(widths).groupby(runs["sample"].to_numpy()).mean().to_numpy()
     centre, directions, share = principal(means)
     values = np.column_stack(
-        [runs[own].to_numpy(float), (widths - centre) @ directions]
+        [runs[numbers].to_numpy(float), (widths - centre) @ directions]
     )
     known = [
         over_design(column, runs["sample"].to_numpy(), samples) for column in values.T
     ]
-    predict, off, r2 = _surrogates(X, known, settings)
+    predict, residuals, r2 = _surrogates(X, known, settings)
     kept = [
         k
         for k, column in enumerate(known)
-        if k < len(own)
+        if k < len(numbers)
         or (column.row["signal_to_noise"] >= NOISY and r2[k] >= WORST_R2)
     ]
-    names = [*own, *(f"component_{k + 1}" for k in range(directions.shape[1]))]
+    names = [*numbers, *(f"component_{k + 1}" for k in range(directions.shape[1]))]
     correlation = _noise(values, runs["sample"])[np.ix_(kept, kept)]
     within = np.array([known[k].row["sd_within"] for k in kept])
     measured = (
@@ -100,15 +100,15 @@ def study(
         / min(target.repetitions for target in targets)
     )
     errors = np.column_stack([known[k].error for k in kept])
-    error = measured + surrogate_covariance(off[:, kept], errors, correlation)
+    error = measured + surrogate_covariance(residuals[:, kept], errors, correlation)
     prior = prior_points(space, settings, lambda points: predict(points)[:, kept])
     truths, normal = plausible_truths(
         prior.predicted, [names[k] for k in kept], targets, settings
     )
     place = {names[k]: row for row, k in enumerate(kept)}
     components = [place[name] for name in place if name.startswith("component")]
-    two = [place[name] for name in own if name in TWO_NUMBERS]
-    sets = {name: [place[name]] for name in own if name in TWO_NUMBERS}
+    two = [place[name] for name in numbers if name in TWO_NUMBERS]
+    sets = {name: [place[name]] for name in numbers if name in TWO_NUMBERS}
     sets |= {"both numbers": two, PROFILE: components, BOTH: [*two, *components]}
     rows = []
     for percent in (0.0, float(settings["discrepancy_percent"])):
@@ -116,7 +116,7 @@ def study(
             (0.0, settings["discrepancy_correlation"]) if percent else (0.0,)
         ):
             spread = _discrepancy(
-                percent, correlated, centre, directions, own, known, settings
+                percent, correlated, centre, directions, numbers, known, settings
             )
             covariance = error + spread[np.ix_(kept, kept)]
             by_set = {
@@ -144,7 +144,7 @@ def study(
         {"number": name, "variance_share": part, "kept": k in kept, "r2": r2[k]}
         | known[k].row
         for k, (name, part) in enumerate(
-            zip(names, [*[np.nan] * len(own), *share], strict=True)
+            zip(names, [*[np.nan] * len(numbers), *share], strict=True)
         )
     ]
     summary = {
@@ -167,7 +167,7 @@ def _surrogates(
         np.random.default_rng(settings["seed"]).permutation(len(X)) % settings["folds"]
     )
     models = []
-    off = []
+    errors = []
     r2 = []
     for column in known:
         predicted = np.full(len(X), np.nan)
@@ -175,12 +175,12 @@ def _surrogates(
             seen = column._replace(mean=np.where(fold == k, np.nan, column.mean))
             predicted[fold == k] = fitted(X, seen, settings)(X[fold == k])
         predicted[~np.isfinite(column.mean)] = np.nan
-        off.append(predicted - column.mean)
+        errors.append(predicted - column.mean)
         r2.append(cross_validated_r2(column, predicted))
         models.append(fitted(X, column, settings))
     return (
         lambda points: np.column_stack([model(points) for model in models]),
-        np.column_stack(off),
+        np.column_stack(errors),
         r2,
     )
 
@@ -188,26 +188,28 @@ def _surrogates(
 def _noise(values, sample):
     """Correlation of columns from run to run within samples."""
     table = pd.DataFrame(values)
-    off = table - table.groupby(sample.to_numpy()).transform("mean")
-    return np.corrcoef(off.to_numpy().T)
+    deviations = table - table.groupby(sample.to_numpy()).transform("mean")
+    return np.corrcoef(deviations.to_numpy().T)
 
 
-def _discrepancy(percent, correlated, centre, directions, own, known, settings):
+def _discrepancy(percent, correlated, centre, directions, numbers, known, settings):
     """S_d of the numbers and of the components."""
     sd = percent / 100 * np.abs(centre)
     if percent > 0:
         sd = np.maximum(sd, settings["smallest_discrepancy"].get("mm", 0.0))
     of_widths = correlated * np.outer(sd, sd)
     np.fill_diagonal(of_widths, sd**2)
-    means = np.array([column.row["mean"] for column in known[: len(own)]])
-    size = discrepancies.sizes(own, means, percent, settings["smallest_discrepancy"])
-    over = np.column_stack([column.mean for column in known[: len(own)]])
-    k = len(own) + directions.shape[1]
-    found = np.zeros((k, k))
-    found[: len(own), : len(own)] = discrepancies.covariance(
-        own, size, over, correlated
+    means = np.array([column.row["mean"] for column in known[: len(numbers)]])
+    size = discrepancies.sizes(
+        numbers, means, percent, settings["smallest_discrepancy"]
     )
-    found[len(own) :, len(own) :] = directions.T @ of_widths @ directions
+    over = np.column_stack([column.mean for column in known[: len(numbers)]])
+    k = len(numbers) + directions.shape[1]
+    found = np.zeros((k, k))
+    found[: len(numbers), : len(numbers)] = discrepancies.covariance(
+        numbers, size, over, correlated
+    )
+    found[len(numbers) :, len(numbers) :] = directions.T @ of_widths @ directions
     return found
 
 

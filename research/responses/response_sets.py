@@ -79,7 +79,7 @@ def ways_of(names: Sequence[str], base: Sequence[str]) -> dict[str, tuple[str, .
                 OF_THE_PILE.get(name, PROFILE) if of_pile else response(name).apparatus
             )
             found.setdefault(way, []).append(name)
-    return {way: tuple(own) for way, own in found.items()}
+    return {way: tuple(members) for way, members in found.items()}
 
 
 def minutes_of(way: str, minutes: Mapping[str, float]) -> float:

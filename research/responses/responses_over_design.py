@@ -122,15 +122,15 @@ def noise_correlation(runs: pd.DataFrame, names: Sequence[str]) -> np.ndarray:
     """
     found = np.eye(len(names))
     for test in dict.fromkeys(response(name).apparatus for name in names):
-        own = [
+        columns = [
             name for name in names if name in runs and response(name).apparatus == test
         ]
-        if not own:
+        if not columns:
             continue
-        table = runs[["sample", *own]].dropna()
-        off = table[own] - table.groupby("sample")[own].transform("mean")
-        rows = [list(names).index(name) for name in own]
-        found[np.ix_(rows, rows)] = np.corrcoef(off.to_numpy().T)
+        table = runs[["sample", *columns]].dropna()
+        deviations = table[columns] - table.groupby("sample")[columns].transform("mean")
+        rows = [list(names).index(name) for name in columns]
+        found[np.ix_(rows, rows)] = np.corrcoef(deviations.to_numpy().T)
     return found
 
 

@@ -47,8 +47,8 @@ def joined(
     """
     keys = runs[["sample", "seed"]].itertuples(index=False, name=None)
     of_run = [
-        found.get(key, {}) if own else {}
-        for key, own in zip(keys, _of_the_pile(runs), strict=True)
+        found.get(key, {}) if of_pile else {}
+        for key, of_pile in zip(keys, _of_the_pile(runs), strict=True)
     ]
     return runs.assign(
         **{name: [run.get(name, math.nan) for run in of_run] for name in MEASURED}

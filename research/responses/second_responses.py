@@ -112,10 +112,10 @@ def study(
     sets = sets_of(model.names, targets.responses)
     base_set = base_label(targets.responses)
     least = math.inf
-    own = dict(settings.get("discrepancies", {}))
+    discrepancy_of = dict(settings.get("discrepancies", {}))
     cases: dict[float, dict[str, float]] = {
         0.0: {},
-        float(settings["discrepancy_percent"]): own,
+        float(settings["discrepancy_percent"]): discrepancy_of,
     }
     for percent, apart in cases.items():
         covariance = observed_covariance(
@@ -151,7 +151,7 @@ def study(
         "left_out": [name for name in data.known if name not in model.names],
         "modelled": model.names,
         "noise_correlation": model.correlation.round(3).tolist(),
-    } | ({"discrepancies": own} if own else {})
+    } | ({"discrepancies": discrepancy_of} if discrepancy_of else {})
     frames = {"responses": pd.DataFrame(rows)} | {
         name: pd.DataFrame(table) for name, table in tables.items()
     }
@@ -211,8 +211,8 @@ def observed_covariance(
     `research.responses.discrepancies.sizes`.
     """
     means = np.array([data.known[name].row["mean"] for name in model.names])
-    own = {name: (apart or {}).get(name, percent) for name in model.names}
-    sd = discrepancies.sizes(model.names, means, own, smallest or {})
+    percents = {name: (apart or {}).get(name, percent) for name in model.names}
+    sd = discrepancies.sizes(model.names, means, percents, smallest or {})
     measured = measured_covariance(data, model.names, model.correlation, targets)
     return measured + model.surrogate + np.diag(sd**2)
 

@@ -212,15 +212,17 @@ def cell_settings(
 
 def dependencies(config: Config, cell: str) -> dict[str, Any]:
     """List the settings on which the pours and measurements of a cell depend."""
-    kind, _, own = cell_settings(config, cell)
+    kind, _, cell_config = cell_settings(config, cell)
     seeds = [
         KINDS.get(kind, SENSITIVITY)[0],
         *(["design_samples"] if kind == "design" else []),
     ]
-    found = {key: own["shape_study"][key] for key in seeds} | {
-        "seed": own["design"]["seed"]
+    found = {key: cell_config["shape_study"][key] for key in seeds} | {
+        "seed": cell_config["design"]["seed"]
     }
     bench_test = CYLINDER if kind == "bulk" else BENCH
-    section = {key: value for key, value in own[bench_test].items() if key != "seeds"}
+    section = {
+        key: value for key, value in cell_config[bench_test].items() if key != "seeds"
+    }
     kept = ("berry", "wall", "simulation", "measure", "targets")
-    return found | {bench_test: section} | {key: own[key] for key in kept}
+    return found | {bench_test: section} | {key: cell_config[key] for key in kept}

@@ -62,7 +62,7 @@ def sha256() -> str:
 
 
 def particle_row(
-    about: Mapping[str, Any], mass_g: float, density_kg_m3: float
+    body: Mapping[str, Any], mass_g: float, density_kg_m3: float
 ) -> dict[str, Any]:
     """Compare a particle with the measured berry, and say whether it is one (1).
 
@@ -77,24 +77,24 @@ def particle_row(
     -------
     dict
     """
-    axes = np.array(about["axes_mm"])
-    measured = np.array(about["measured_axes_mm"])
+    axes = np.array(body["axes_mm"])
+    measured = np.array(body["measured_axes_mm"])
     off_axes = float(np.abs(axes / measured - 1).max())
-    off_mass = abs(about["mass_g"] / mass_g - 1)
-    off_volume = about["volume_mm3"] / (1e6 * mass_g / density_kg_m3) - 1
+    off_mass = abs(body["mass_g"] / mass_g - 1)
+    off_volume = body["volume_mm3"] / (1e6 * mass_g / density_kg_m3) - 1
     near = (
         off_axes <= NEAR_AXES
         and off_mass <= NEAR_MASS
         and abs(off_volume) <= NEAR_VOLUME
     )
     return {
-        "particle": about["particle"],
-        "spheres": about["spheres"],
+        "particle": body["particle"],
+        "spheres": body["spheres"],
         **{f"axis_{k + 1}_mm": value for k, value in enumerate(axes)},
-        "mass_g": about["mass_g"],
-        "volume_mm3": about["volume_mm3"],
-        "deviation_rms_mm": about["deviation_rms_mm"],
-        "deviation_max_mm": about["deviation_max_mm"],
+        "mass_g": body["mass_g"],
+        "volume_mm3": body["volume_mm3"],
+        "deviation_rms_mm": body["deviation_rms_mm"],
+        "deviation_max_mm": body["deviation_max_mm"],
         "largest_axis_deviation": off_axes,
         "mass_deviation": off_mass,
         "volume_deviation": off_volume,
@@ -175,7 +175,9 @@ def meets(row: Mapping[str, Any], targets: Sequence[Target]) -> bool:
     -------
     bool
     """
-    near = all(abs(row[derived(one.name, "difference")]) <= one.sd for one in targets)
+    near = all(
+        abs(row[derived(target.name, "difference")]) <= target.sd for target in targets
+    )
     return near and has_signal(row["signal_to_noise"], row["signal_to_noise_se"])
 
 

@@ -66,18 +66,23 @@ def poured(
     result of the verb berry. `kept` is a folder of kept runs (`repose.stages.kept_runs`), so that none is made
     twice; None keeps none.
     """
-    kind, names, own = cell_settings(config, cell)
+    kind, names, cell_config = cell_settings(config, cell)
     key, purpose = KINDS.get(kind, SENSITIVITY)
     columns = shape_tables.run_columns(compared_targets(config))
     rows = []
     for number, row in enumerate(sets.to_dict("records")):
         for seed in pour_seeds(
-            own["design"]["seed"], STREAMS[purpose], number, own["shape_study"][key]
+            cell_config["design"]["seed"],
+            STREAMS[purpose],
+            number,
+            cell_config["shape_study"][key],
         ):
             name = f"{cell}_{number}"
-            record = _one_pour(own, kind, row, seed, particle, berry, kept, name)
-            about = {"kind": kind, **names, "set": row["set"]}
-            rows.append(about | {key: record[key] for key in columns if key in record})
+            record = _one_pour(
+                cell_config, kind, row, seed, particle, berry, kept, name
+            )
+            labels = {"kind": kind, **names, "set": row["set"]}
+            rows.append(labels | {key: record[key] for key in columns if key in record})
     return pd.DataFrame(rows, columns=list(columns))
 
 
@@ -142,8 +147,8 @@ def run_cell(
     """
     from repose.grain import build
 
-    kind, names, own = cell_settings(config, cell)
-    section = own["berry"]
+    kind, names, cell_config = cell_settings(config, cell)
+    section = cell_config["berry"]
     out = Path(out_dir)
     particle = build.run(
         berry_json,
@@ -156,17 +161,17 @@ def run_cell(
     )
     berry = read_grain(berry_json)
     longest_s = advised_step_s(
-        longest_step(own, particle, berry).time_step_s
+        longest_step(cell_config, particle, berry).time_step_s
     )  # the study's own particle may bear more
     config = changed(
         config,
         "simulation",
-        {"time_step_s": min(own["simulation"]["time_step_s"], longest_s)},
+        {"time_step_s": min(cell_config["simulation"]["time_step_s"], longest_s)},
     )
     provenance.note_config(
         cell_settings(config, cell)[2]
     )  # this cell does not depend on other cells' settings
-    about = {
+    facts = {
         "particle": names["particle"],
         "spheres": len(particle.spheres_m),
         "axes_mm": (1e3 * particle.axes_m).tolist(),
@@ -176,11 +181,11 @@ def run_cell(
         "deviation_max_mm": 1e3 * particle.deviation_max_m,
         "measured_axes_mm": [berry[key] for key in ("long_mm", "major_mm", "minor_mm")],
     }
-    write_json(out / f"{cell}.json", about)
+    write_json(out / f"{cell}.json", facts)
     table = poured(
         config,
         cell,
-        parameter_sets(own, samples_csv, kind),
+        parameter_sets(cell_config, samples_csv, kind),
         particle,
         berry,
         out,
@@ -194,17 +199,17 @@ def read_cells(config: Config, cell_csvs: Iterable[str | Path]) -> shape_tables.
     paths = [Path(path) for path in cell_csvs]
     columns = shape_tables.run_columns(targets)
     runs = pd.concat([read_table(path, columns) for path in paths], ignore_index=True)
-    about = [
+    cells = [
         read_json(path.with_suffix(".json"), ABOUT, "a file of the part cell")
         for path in paths
     ]
     listed = list(config["shape_study"]["particles"])
-    about.sort(key=lambda entry: listed.index(entry["particle"]))
+    cells.sort(key=lambda entry: listed.index(entry["particle"]))
     measured = (
         config["shape_study"]["measured_mass_g"],
         config["berry"]["density_kg_m3"],
     )
-    return shape_tables.Study(runs, about, published_sets(config), targets, *measured)
+    return shape_tables.Study(runs, cells, published_sets(config), targets, *measured)
 
 
 def run_selection(

@@ -31,9 +31,13 @@ NOISE_COLUMNS = (
 
 def run_columns(targets: Iterable[Target]) -> tuple[str, ...]:
     """Columns of a cell's table of pours: the cell, the targets, angles by every definition, densities."""
-    own = (target.name for target in targets if target.name != CALIBRATED_ANGLE)
-    about = ("kind", *CELL, "set", "seed", "status")
-    return tuple(dict.fromkeys((*about, *own, *COLUMNS.values(), DENSITY, *BULK)))
+    target_names = (
+        target.name for target in targets if target.name != CALIBRATED_ANGLE
+    )
+    labels = ("kind", *CELL, "set", "seed", "status")
+    return tuple(
+        dict.fromkeys((*labels, *target_names, *COLUMNS.values(), DENSITY, *BULK))
+    )
 
 
 def measured_as(target: Target, definition: str) -> str:
@@ -61,9 +65,7 @@ class Study:
         self.published = published
         self.targets = list(targets)
         self.density = density_kg_m3
-        rows = [
-            shape_rule.particle_row(about, mass_g, density_kg_m3) for about in abouts
-        ]
+        rows = [shape_rule.particle_row(body, mass_g, density_kg_m3) for body in abouts]
         self.particles = pd.DataFrame(rows).drop_duplicates(
             "particle", ignore_index=True
         )
@@ -131,11 +133,11 @@ class Study:
             found = {"angle_at_height": math.nan, "reached": False}
             if angle is not None and height is not None:
                 design = self.of("design")
-                own = design[
+                pours = design[
                     np.logical_and.reduce([design[key] == row[key] for key in CELL])
                 ]
                 names = {COLUMNS[row["definition"]]: "angle", height.name: "height"}
-                means = own.groupby("set")[list(names)].mean().rename(columns=names)
+                means = pours.groupby("set")[list(names)].mean().rename(columns=names)
                 found = shape_rule.reached(means, angle, height)
             rows.append(row | found)
         return pd.DataFrame(rows, columns=[*COMBINATION, "angle_at_height", "reached"])
@@ -187,16 +189,17 @@ def set_table(
     for key, group in runs[runs["set"].isin(pairs.index)].groupby(
         ["kind", *CELL, "set"], sort=False
     ):
-        about = dict(zip(["kind", *CELL, "set"], key, strict=True))
+        labels = dict(zip(["kind", *CELL, "set"], key, strict=True))
         for definition in COLUMNS:
-            row = about | {"definition": definition}
+            row = labels | {"definition": definition}
             for target in targets:
                 row[target.name], row[target.response.standard_error] = _mean(
                     group[measured_as(target, definition)]
                 )
             for target in targets:
                 difference = (
-                    row[target.name] - pairs.at[about["set"], target.response.simulated]
+                    row[target.name]
+                    - pairs.at[labels["set"], target.response.simulated]
                 )
                 row[derived(target.name, "difference")] = difference
             row |= {"n_ok": int((group["status"] == "ok").sum()), "n": len(group)}
@@ -226,7 +229,7 @@ def combination_table(sets: pd.DataFrame, targets: Sequence[Target]) -> pd.DataF
     rows = []
     for key, group in sets.groupby(COMBINATION, sort=False):
         count = len(group)
-        off = pd.Series(0.0, group.index)
+        distance = pd.Series(0.0, group.index)
         within = pd.Series(True, group.index)
         row: dict[str, Any] = dict(zip(COMBINATION, key, strict=True))
         for target in targets:
@@ -236,12 +239,12 @@ def combination_table(sets: pd.DataFrame, targets: Sequence[Target]) -> pd.DataF
             row[target.response.standard_error] = (
                 math.sqrt(squares.fillna(squares.mean()).sum()) / count
             )
-            off = off + (difference / target.sd) ** 2
+            distance = distance + (difference / target.sd) ** 2
             within = within & (difference.abs() <= target.sd)
         row |= {
             "sets_within": int(within.sum()),
             "sets": count,
-            "distance": math.sqrt(off.mean(skipna=False)),
+            "distance": math.sqrt(distance.mean(skipna=False)),
         }
         rows.append(row)
     numbers = [

@@ -40,10 +40,10 @@ def test_every_module_taken_is_documented_or_listed_with_its_reason():
         (ROOT / "research/README.md").read_text(),
         re.M,
     )
-    taken = dict(modules_taken())
+    imported = dict(modules_taken())
     private = {
         name: path
-        for name, path in taken.items()
+        for name, path in imported.items()
         if name not in {"repose", *documented}
     }
     found = [

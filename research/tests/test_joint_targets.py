@@ -64,8 +64,10 @@ def test_a_small_response_has_the_smallest_discrepancy():
     assert discrepancies.sizes(names, means, 0.0, {"%": 1.0}) == pytest.approx(
         0.0
     )  # an exact simulator
-    own = {"loose_percent": 40.0, "height_mm": 2.0, "radius_90_mm": 0.0}
-    assert discrepancies.sizes(names, means, own, {}) == pytest.approx([2.0, 1.2, 0.0])
+    percents = {"loose_percent": 40.0, "height_mm": 2.0, "radius_90_mm": 0.0}
+    assert discrepancies.sizes(names, means, percents, {}) == pytest.approx(
+        [2.0, 1.2, 0.0]
+    )
 
 
 def test_discrepancies_are_correlated_in_a_bench_test_with_the_signs_of_the_design():
@@ -140,14 +142,16 @@ def data(tmp_path_factory):
     jobs.mkdir()
     for k in range(90):
         flow = 500.0 + 400.0 * table["mus_gg"][k] + random.normal(0, 10.0, 2)
-        own = [
+        discharges = [
             {"status": "ok", "flow_g_s": rate, "emptying_s": random.normal(1, 0.01)}
             for rate in flow
         ]
-        own[0]["emptying_s"] = own[0]["emptying_s"] if k else None  # it is no target
-        own.append({"status": "jammed", "flow_g_s": None, "emptying_s": None})
+        discharges[0]["emptying_s"] = (
+            discharges[0]["emptying_s"] if k else None
+        )  # it is no target
+        discharges.append({"status": "jammed", "flow_g_s": None, "emptying_s": None})
         (jobs / f"{k + 1:03d}.json").write_text(
-            json.dumps({"apparatus": "discharge", "sample": k + 1, "runs": own})
+            json.dumps({"apparatus": "discharge", "sample": k + 1, "runs": discharges})
         )
     (jobs / "001.pours.json").write_text("{}")  # beside every job
     whole = responses_over_design.read(

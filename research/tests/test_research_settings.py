@@ -38,7 +38,7 @@ def test_unknown_keys_and_wrong_types_are_reported_together(tmp_path, monkeypatc
         settings.of(LARGE)
     messages = str(caught.value).splitlines()
     assert len(messages) == 5
-    for words in (
+    for phrase in (
         "research.yaml: poool is",
         "did you mean pool?",
         "pool.seeds is 2.5; expected an integer, such as 4",
@@ -46,7 +46,7 @@ def test_unknown_keys_and_wrong_types_are_reported_together(tmp_path, monkeypatc
         "compare_whole.samples is",
         "compare_search is 3; expected a section",
     ):
-        assert words in str(caught.value), words
+        assert phrase in str(caught.value), phrase
 
 
 def test_the_effective_model_is_the_reference_of_no_berry(monkeypatch):
@@ -73,8 +73,8 @@ def test_named_parts_of_the_shape_study_replace_those_of_the_default(
 
 def test_free_names_have_values_of_the_same_type(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    own = tmp_path / "research.yaml"
-    own.write_text(
+    settings_file = tmp_path / "research.yaml"
+    settings_file.write_text(
         "second_responses: {minutes: {plate: 7.5, drum: ten}}\nshape_study: {fillings: {here: 3}}"
     )
     with pytest.raises(InputError) as caught:

@@ -27,8 +27,8 @@ def project(tmp_path_factory):
 
 
 def test_the_pool_grows_without_pouring_again(project):
-    own = project / "research.yaml"
-    own.write_text("pool: {fresh_samples: 5}")
+    settings_file = project / "research.yaml"
+    settings_file.write_text("pool: {fresh_samples: 5}")
     jobs = planned(project, "pool", *RULES)
     assert jobs["pool_pour"] == 29
     assert jobs["measure_pool_runs"] == 29
@@ -44,7 +44,7 @@ def test_the_pool_grows_without_pouring_again(project):
     (project / "results/quick" / LEDGER).touch()  # the folder of a study
     as_ours(project / "results/quick/pool")
     snakemake(project, "pool", "--touch", "--cores", "1", *RULES, status=0)
-    own.write_text("pool: {fresh_samples: 8}")
+    settings_file.write_text("pool: {fresh_samples: 8}")
     assert planned(project, "pool", *RULES)["pool_pour"] == 3
     (project / "results/quick/pool/dataset.csv").write_text("someone's")
     done = snakemake(project, "pool", "-n", *RULES, status=2)
@@ -65,7 +65,7 @@ def test_a_bad_setting_ends_in_one_message_before_any_work(project):
 
 
 @pytest.mark.parametrize(
-    ("target", "own", "others"),
+    ("target", "expected", "others"),
     [
         (
             "compare",
@@ -96,20 +96,20 @@ def test_a_bad_setting_ends_in_one_message_before_any_work(project):
         ),
     ],
 )
-def test_each_study_plans_its_own_rules(project, target, own, others):
+def test_each_study_plans_its_own_rules(project, target, expected, others):
     jobs = planned(project, target, *RULES)
-    assert set(own) <= set(jobs)
+    assert set(expected) <= set(jobs)
     assert not set(others) & set(jobs)
 
 
 def test_joint_targets_run_every_further_bench_test_on_a_part_of_the_design(project):
-    own = project / "research.yaml"
-    own.write_text("joint_targets: {samples: 12}")
+    settings_file = project / "research.yaml"
+    settings_file.write_text("joint_targets: {samples: 12}")
     for target in ("joint_targets", "second_responses_benches"):
         jobs = planned(project, target, *RULES)
         assert jobs["joint_pour"] == jobs["measure_joint_runs"] == 4 * 12
         assert jobs[target] == 1
-    own.unlink()
+    settings_file.unlink()
 
 
 def test_the_shape_study_is_checked_when_it_is_asked_for(project):
@@ -127,12 +127,12 @@ def test_every_caption_is_used_and_can_be_filled_in():
     )
     config = PipelineConfig.load(ROOT / "config/config.yaml").config
     config |= settings.of(config)
-    words = jinja2.Environment(undefined=jinja2.StrictUndefined, autoescape=False)
+    environment = jinja2.Environment(undefined=jinja2.StrictUndefined, autoescape=False)
     captions = sorted((ROOT / "research/report").glob("*.rst"))
     assert captions
     for path in captions:
         assert re.search(rf"\b{path.stem}\b", rules), path.name
-        text = words.from_string(path.read_text()).render(
+        text = environment.from_string(path.read_text()).render(
             snakemake=SimpleNamespace(config=config)
         )
         assert text.strip(), path.name

@@ -75,8 +75,8 @@ def test_derivatives_are_those_of_the_responses_and_are_counted():
 
 @pytest.mark.parametrize("name", [*searches(SECTION)])
 def test_every_search_uses_its_evaluations_inside_the_box_and_is_repeatable(name):
-    run, own = searches(SECTION)[name]
-    assert own == (2000 if name == "miga_whole" else None)
+    run, budget = searches(SECTION)[name]
+    assert budget == (2000 if name == "miga_whole" else None)
     first, again, other = (
         logged(run, respond, OBJECTIVE, 600, 6, seed)[0] for seed in (1, 1, 2)
     )

@@ -368,7 +368,7 @@ def test_the_script_refuses_a_discrepancy_of_no_response_or_no_share(
     study, entry, allowed, tmp_path, capsys
 ):
     (runs, dataset), _ = study
-    words = [
+    arguments = [
         "second",
         "--config",
         "config/quick.yaml",
@@ -378,7 +378,9 @@ def test_the_script_refuses_a_discrepancy_of_no_response_or_no_share(
         str(dataset),
     ]
     with pytest.raises(SystemExit):
-        script.run([*words, "--discrepancy", entry, "--out", str(tmp_path / "none")])
+        script.run(
+            [*arguments, "--discrepancy", entry, "--out", str(tmp_path / "none")]
+        )
     assert allowed in capsys.readouterr().err
     assert not (tmp_path / "none").exists()
 
@@ -441,6 +443,8 @@ def test_drum_of_another_design_and_a_target_out_of_reach_are_refused(study, tmp
         json.dumps({"apparatus": "drum", "sample": 999, "runs": []})
     )
     input_error("999", further_runs.read, *files, TARGETS, "secant", [tmp_path])
-    far = Targets.of([target("aor_deg", 80, 81), HEIGHT])
-    data = responses_over_design.read(*files, far, "secant")
-    input_error("feasible points", second_responses.study, data, far, SPACE, SETTINGS)
+    unreachable = Targets.of([target("aor_deg", 80, 81), HEIGHT])
+    data = responses_over_design.read(*files, unreachable, "secant")
+    input_error(
+        "feasible points", second_responses.study, data, unreachable, SPACE, SETTINGS
+    )

@@ -37,10 +37,10 @@ def test_the_fewest_seeds_whose_bounds_are_all_within_their_limits(two, three, c
 
 def test_data_sets_of_one_order_share_no_pour_and_each_is_as_it_was():
     first, second, third = (seeds_rule.drawn(number, 50, 16, 1) for number in range(3))
-    for one, other in zip(first, second, strict=True):
-        assert len({*one, *other}) == 12
+    for left, right in zip(first, second, strict=True):
+        assert len({*left, *right}) == 12
     shared_pours = [
-        len({*one} & {*other}) for one, other in zip(first, third, strict=True)
+        len({*left} & {*right}) for left, right in zip(first, third, strict=True)
     ]
     assert 1 < np.mean(shared_pours) < 3.5  # 6 * 6 / 16
     assert np.array_equal(seeds_rule.drawn(1, 50, 16, 1), second)
@@ -48,13 +48,13 @@ def test_data_sets_of_one_order_share_no_pour_and_each_is_as_it_was():
 
 
 def test_the_streams_are_of_no_other_purpose():
-    own = {
+    streams = {
         value
         for name, value in vars(seeds_per_sample).items()
         if name.startswith("OF_")
     }
-    assert len(own) == 4
-    assert not own & {*PURPOSES.values(), *STREAMS.values()}
+    assert len(streams) == 4
+    assert not streams & {*PURPOSES.values(), *STREAMS.values()}
 
 
 def answers_of(error, random, data_sets):
@@ -112,9 +112,10 @@ def test_a_bound_is_below_what_is_true_in_one_study_of_twenty_at_most(common):
         error = np.empty((sets, 3, 2))
         for number in range(sets):
             order = seeds_rule.drawn(number, samples, pool_seeds, study)
-            own = np.take_along_axis(noise, order[:, :, None], axis=1)
+            sample_noise = np.take_along_axis(noise, order[:, :, None], axis=1)
             error[number] = [
-                common + weight @ own[:, :seeds].mean(axis=1) for seeds in SEEDS
+                common + weight @ sample_noise[:, :seeds].mean(axis=1)
+                for seeds in SEEDS
             ]
         _, table = judged(error, random, draws=200)
         upper = (
@@ -193,9 +194,9 @@ def study(tmp_path, monkeypatch):
         for name in ("pool", "fresh", "answers", "answer_pours")
     }
 
-    def run(part, out, *words):
+    def run(part, out, *arguments):
         seeds_per_sample.script.run(
-            [part, "--config", str(config), "--out", str(tmp_path / out), *words]
+            [part, "--config", str(config), "--out", str(tmp_path / out), *arguments]
         )
         path = tmp_path / out
         return (

@@ -86,8 +86,8 @@ def test_definitions_are_those_of_a_measured_pile():
         *shape_piles.COLUMNS.values(),
     }
     for rule, name in shape_piles.FLANKS.items():
-        own = SETTINGS.model_copy(update={"flank": rule})
-        alone = pile.measure_pile(Grains.of(arrays, PARTICLE), own)
+        settings = SETTINGS.model_copy(update={"flank": rule})
+        alone = pile.measure_pile(Grains.of(arrays, PARTICLE), settings)
         assert found[f"aor_{name}_deg"] == pytest.approx(alone.mean_deg("flank"))
         if rule == SETTINGS.flank:
             for definition in ("secant", "steepest", "whole"):

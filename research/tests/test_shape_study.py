@@ -90,23 +90,23 @@ def test_second_cells_are_the_finalists_the_reference_and_sensitivities_of_the_f
 
 
 def test_a_cell_changes_the_sections_it_names_and_nothing_else(config):
-    kind, names, own = shape_cells.cell_settings(
+    kind, names, cell_config = shape_cells.cell_settings(
         config, "published-clump-release-there"
     )
     assert kind == "published"
     assert names == {"particle": "clump", "tension": "release", "filling": "there"}
-    assert own["berry"] == config["berry"] | {"particle": "multisphere"}
-    assert own["funnel"] == config["funnel"] | {"cone_angle_deg": 70.0}
-    assert own["simulation"] == config["simulation"] | {"tension": "release"}
+    assert cell_config["berry"] == config["berry"] | {"particle": "multisphere"}
+    assert cell_config["funnel"] == config["funnel"] | {"cone_angle_deg": 70.0}
+    assert cell_config["simulation"] == config["simulation"] | {"tension": "release"}
     changed = ("berry", "funnel", "simulation")
-    assert {k: v for k, v in own.items() if k not in changed} == {
+    assert {k: v for k, v in cell_config.items() if k not in changed} == {
         k: v for k, v in config.items() if k not in changed
     }
 
 
 def test_a_sensitivity_changes_its_filling(config):
-    *_, own = shape_cells.cell_settings(config, "outlet_150_mm-egg-keep-there")
-    assert own["funnel"] == config["funnel"] | {
+    *_, cell_config = shape_cells.cell_settings(config, "outlet_150_mm-egg-keep-there")
+    assert cell_config["funnel"] == config["funnel"] | {
         "cone_angle_deg": 70.0,
         "outlet_height_mm": 150.0,
     }
@@ -424,15 +424,15 @@ def verdict(selected, first_off, signal=2.0, angle=32.0):
     cells.append("hollow-keep-here")
     files = list(files)
     for cell in cells:
-        about = {"deviation_rms_mm": 0.05} if cell.startswith("fine") else {}
-        about |= {"volume_mm3": 1052.0} if cell.startswith("hollow") else {}
-        off = {cells[0]: first_off, cells[-1]: 0.0}.get(cell, 5.0)
+        facts = {"deviation_rms_mm": 0.05} if cell.startswith("fine") else {}
+        facts |= {"volume_mm3": 1052.0} if cell.startswith("hollow") else {}
+        offset = {cells[0]: first_off, cells[-1]: 0.0}.get(cell, 5.0)
         files.append(
-            write_cell(folder, "fresh", cell, piles(config, off, off), **about)
+            write_cell(folder, "fresh", cell, piles(config, offset, offset), **facts)
         )
         files.append(
             write_cell(
-                folder, "design", cell, a_design(signal, 1.0, angle=angle), **about
+                folder, "design", cell, a_design(signal, 1.0, angle=angle), **facts
             )
         )
     return shape_study.run_verdict(config, files, folder / "finalists.csv", folder)

@@ -113,7 +113,7 @@ def test_what_cannot_be_kept_is_refused(tmp_path, monkeypatch):
 def test_a_study_in_a_folder_of_another_is_no_part_of_its_snapshot(tmp_path):
     results = study(tmp_path)
     out = tmp_path / "published"
-    own = [path.relative_to(out) for path in snapshot.take(results, out)]
+    files = [path.relative_to(out) for path in snapshot.take(results, out)]
     for name in ("fast", "published/fast", "sequential", "paper"):
         for part in (
             "config.json",
@@ -124,4 +124,4 @@ def test_a_study_in_a_folder_of_another_is_no_part_of_its_snapshot(tmp_path):
             write_text(results / name / part, "{}")
     for name in ("published/refined/batch_2/dataset.csv", "copies/batch_1/dataset.csv"):
         write_text(results / name, "in no study")
-    assert [path.relative_to(out) for path in snapshot.take(results, out)] == own
+    assert [path.relative_to(out) for path in snapshot.take(results, out)] == files

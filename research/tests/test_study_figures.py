@@ -251,7 +251,7 @@ def _responses(folder):
     pd.DataFrame(ways).to_csv(folder / "ways.csv", index=False)
 
 
-def words(figure):
+def texts_of(figure):
     return " | ".join(text.get_text() for text in figure.findobj(matplotlib.text.Text))
 
 
@@ -283,7 +283,7 @@ def test_the_whole_method_is_drawn_for_any_number_of_targets(names, tmp_path):
 
 def test_a_search_that_misses_the_tolerance_is_counted(inputs):
     with style.applied():
-        text = words(inversion.searches(inputs, CONFIG))
+        text = texts_of(inversion.searches(inputs, CONFIG))
     assert "5 of 10 runs" in text
     assert "tolerance 0.01" in text
 
@@ -317,7 +317,7 @@ def test_further_responses_are_in_order_of_what_they_add(inputs):
         "drum, slip",
     ]
     assert "S/N 1.5, R² 0.90" in labels[2]
-    assert "AoR and Height alone:\n5.00 ± 0.20 bits" in words(figure)
+    assert "AoR and Height alone:\n5.00 ± 0.20 bits" in texts_of(figure)
     ways = [text.get_text() for text in figure.axes[1].get_yticklabels()]
     assert ways == ["loose grains, counted\n20 min", "drum, its first slip\n20 min"]
     # both cases in every panel
@@ -360,8 +360,8 @@ def test_the_shape_study_is_drawn_for_its_targets(names, tmp_path):
                     | {of_name(name).standard_error: 0.2 for name in names}
                 )
                 rows[-1]["distance"] = math.sqrt(len(names))
-                about = row | {"kind": "published", "set": "a"}
-                sets.append(about | numbers | dict.fromkeys(names, 51.0))
+                labels = row | {"kind": "published", "set": "a"}
+                sets.append(labels | numbers | dict.fromkeys(names, 51.0))
     pd.DataFrame(rows).to_csv(tmp_path / "c.csv", index=False)
     pd.DataFrame(sets).to_csv(tmp_path / "s.csv", index=False)
     with style.applied():

@@ -104,8 +104,8 @@ def test_any_number_of_responses_of_any_names(files, tmp_path, names):
             files[table], index=False
         )
     row = pd.read_csv(files["whole"]).drop(columns=list(WHOLE))
-    off = {derived(name, "off"): 0.1 * k for k, name in enumerate(names)}
-    row.assign(**off, **{f"{key}_se": 0.01 for key in off}).to_csv(
+    errors = {derived(name, "off"): 0.1 * k for k, name in enumerate(names)}
+    row.assign(**errors, **{f"{key}_se": 0.01 for key in errors}).to_csv(
         files["whole"], index=False
     )
     table = summary.run(files, tmp_path)

@@ -132,8 +132,8 @@ def test_truth_is_what_the_samples_came_from(files):
     samples = one_study(files)
     truth = whole.truth_of(samples, 1)
     unit = np.random.default_rng(9).uniform(size=(200, 6))
-    off = np.sqrt(((truth.mean(unit) - responses(unit)) ** 2).mean(axis=0))
-    assert (off < [0.4, 0.8]).all()  # of deviations of 4 and 9 over the design
+    errors = np.sqrt(((truth.mean(unit) - responses(unit)) ** 2).mean(axis=0))
+    assert (errors < [0.4, 0.8]).all()  # of deviations of 4 and 9 over the design
     assert (truth.explainable > 0.95).all()
     data = whole.emulated(samples, truth, 300, np.random.default_rng(1))
     scatter = (data.values - truth.mean(data.X)[:, None]).reshape(-1, 2)
@@ -242,7 +242,7 @@ def test_any_number_of_targets(names):
     table, proposed = whole.compared(
         samples, space, targets, small([40], repetitions=2)
     )
-    off = [derived(name, "off") for name in names]
-    assert (table.loc[table["method"] == "linear", off] < 0.6).all(axis=None)
+    error_columns = [derived(name, "off") for name in names]
+    assert (table.loc[table["method"] == "linear", error_columns] < 0.6).all(axis=None)
     assert (proposed["mur_gp"] == 0.2).all()
     assert set(f"truth_{name}_r2" for name in names) <= set(table.columns)

@@ -21,10 +21,10 @@ def refused(tmp_path, monkeypatch, command):
     """Runs a verb that must end with status 2, a sentence for each fault, and nothing written; gives the sentences."""
     monkeypatch.chdir(tmp_path)
 
-    def run(*words):
+    def run(*arguments):
         before = content(tmp_path)
-        stage = [cli.STAGE] if words[:1] and words[0] in cli.STAGES else []
-        output = command(*stage, *words, status=2).err
+        stage = [cli.STAGE] if arguments[:1] and arguments[0] in cli.STAGES else []
+        output = command(*stage, *arguments, status=2).err
         assert "Traceback" not in output
         lines = [line for line in output.splitlines() if "error: " in line]
         assert lines, output

@@ -47,8 +47,8 @@ BERRY = json.loads(
 PARTICLE = json.loads(
     (ROOT / "results/published/recommended/berry/particle.json").read_text()
 )
-for about in BERRY, PARTICLE:
-    about.pop("provenance")  # where it comes from, not what it is
+for description in BERRY, PARTICLE:
+    description.pop("provenance")  # where it comes from, not what it is
 BAD = ("text", None, [], {}, math.nan, math.inf, -1, 0, True, [1], "1")
 
 
@@ -159,12 +159,12 @@ def test_a_reader_reads_any_bytes_and_text_or_reports_what_is_wrong(tmp_path):
     def check(content, name):
         path = written(tmp_path / name, content)
         for read in readers[name]:
-            said = str(path)
+            message = str(path)
             try:
                 read(path)
             except InputError as error:
-                said = str(error)
-            assert str(path) in said
+                message = str(error)
+            assert str(path) in message
 
     check()
 
@@ -185,8 +185,8 @@ def test_a_reader_reads_any_bytes_and_text_or_reports_what_is_wrong(tmp_path):
 def test_a_wrong_name_has_a_guess_among_the_names_that_are_allowed(
     value, allowed, guess
 ):
-    said = str(InputError("mine.yaml", "key", value, allowed))
+    message = str(InputError("mine.yaml", "key", value, allowed))
     assert (
-        said
+        message
         == f"mine.yaml: key is {value!r}; expected {allowed}{f'; did you mean {guess}?' if guess else ''}"
     )

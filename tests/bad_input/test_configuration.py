@@ -55,9 +55,9 @@ def entries(schema, prefix=""):
 def leaves():
     """Entries with values, so neither sections nor those of the research, which have any keys; and keys of a target."""
     found = {
-        key: one
-        for key, one in entries(faults.schema(settings_type()))
-        if "properties" not in one and one.get("type") != "object"
+        key: field
+        for key, field in entries(faults.schema(settings_type()))
+        if "properties" not in field and field.get("type") != "object"
     }
     of_target = resolved(found["targets"]["items"])["properties"]
     return [
@@ -375,7 +375,7 @@ def test_a_message_shows_a_large_value_in_part_and_a_small_one_as_it_is():
 def test_nothing_to_calibrate_is_reported(refused, tmp_path):
     fixed = "".join(f"  {name}: {{fixed: 0.3}}\n" for name in PARAMETERS)
     (tmp_path / "mine.yaml").write_text(f"parameters:\n{fixed}")
-    for words in (["check"], ["plan"], ["stage", "propose", "sequential"]):
-        message = refused(*words, "--config", "mine.yaml")
+    for arguments in (["check"], ["plan"], ["stage", "propose", "sequential"]):
+        message = refused(*arguments, "--config", "mine.yaml")
         assert len(message.splitlines()) == 1
         says(message, "mine.yaml: parameters is ", "at least one free parameter")

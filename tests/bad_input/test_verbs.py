@@ -67,13 +67,13 @@ def files_of(verb):
 
 def call_of(name, path, every=True):
     """Words of a verb with this path for its files; without `every` for those that it needs."""
-    words = [name, *NEEDED.get(name, [])]
+    arguments = [name, *NEEDED.get(name, [])]
     for option, keywords in files_of(VERBS[name]):
         if not option.startswith("-"):
-            words.append(str(path))
+            arguments.append(str(path))
         elif every or keywords.get("required"):
-            words.append(f"{option}={path}")
-    return words + [
+            arguments.append(f"{option}={path}")
+    return arguments + [
         f"--input={key}={path}" for key in INPUTS_OF_A_FIGURE if name == "figure"
     ]
 
@@ -106,10 +106,10 @@ def test_verbs_refuse_files_and_configurations_that_they_cannot_read(refused, tm
     )  # without a record it gives the start
 
     def check(name, config):
-        words = [
+        arguments = [
             word for word in call_of(name, "some_file", every=False) if word != OWN
         ]
-        message = refused(*words, f"--config={config}")
+        message = refused(*arguments, f"--config={config}")
         assert config.stem in message or "some_file" in message
 
     del garbage["header"]  # a line of text, which YAML takes for a value
@@ -142,7 +142,8 @@ def test_what_options_are_not_there_or_cannot_take(refused):
     check_all(check, [(name, name) for name in sorted(set(VERBS) - {"run"})])
     bad = yaml.safe_load(Path(__file__).with_name("words.yaml").read_text())
     check_all(
-        lambda words: refused(*words), [(" ".join(words), words) for words in bad]
+        lambda arguments: refused(*arguments),
+        [(" ".join(arguments), arguments) for arguments in bad],
     )
 
 

@@ -230,9 +230,9 @@ def test_its_job_pours_and_measures_and_another_job_is_refused(
         input_error(message, measure_job, Scene.of(config, {}, BERRY, PARTICLE), path)
 
 
-@pytest.mark.parametrize("one", ["funnel", "drum"])
-def test_responses_name_keys_that_define_them_and_limits_that_fit(config, one):
-    for response in bench(one).responses:
+@pytest.mark.parametrize("bench_test", ["funnel", "drum"])
+def test_responses_name_keys_that_define_them_and_limits_that_fit(config, bench_test):
+    for response in bench(bench_test).responses:
         for key in response.definition:
             section, name = key.split(".")
             assert name in config[section]

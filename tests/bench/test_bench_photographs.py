@@ -179,20 +179,20 @@ def test_what_cannot_be_measured_is_refused(tmp_path):
         ([*inside[:4], 1000.0, 1190.0], "runs out of the picture"),
         ([730.0, 610.0, 785.0, 610.0, 757.0, 662.0], "pixels wide"),
     ]
-    for points, words in cases:
+    for points, message in cases:
         (seen,) = photographs.measure_all(
             [file], points, SceneSettings(config), "turning", HOW
         )
-        assert words in seen.refused, points
+        assert message in seen.refused, points
     rim = "three points of the drum's inner rim"
     cases = [
         (inside[:4], rim),
         ([*inside[:5], math.nan], rim),
         ([0, 0, 100, 0, 200, 0], "not on a line"),
     ]
-    for points, words in [*cases, ([0, 0, 10, 0, 0, 10], "at least 50 pixels apart")]:
+    for points, message in [*cases, ([0, 0, 10, 0, 0, 10], "at least 50 pixels apart")]:
         input_error(
-            words,
+            message,
             photographs.measure_all,
             [file],
             points,
@@ -214,7 +214,7 @@ def test_the_targets_are_those_of_the_bench_test(tmp_path, monkeypatch, command)
         picture, corners = box_picture(config["drawdown"], angle, 24.0)
         write_image(f"box{k}.png", picture)
     points = [f"{value:.2f}" for value in corners]
-    words = [
+    arguments = [
         "measure",
         *(f"box{k}.png" for k in range(3)),
         "--bench",
@@ -222,8 +222,8 @@ def test_the_targets_are_those_of_the_bench_test(tmp_path, monkeypatch, command)
         "--config",
         "mine.json",
     ]
-    assert "--points" in command(*words, "--out", "measured", status=2).err
-    command(*words, "--points", *points, "--out", "measured")
+    assert "--points" in command(*arguments, "--out", "measured", status=2).err
+    command(*arguments, "--points", *points, "--out", "measured")
     targets = yaml.safe_load((tmp_path / "measured/targets.yaml").read_text())[
         "targets"
     ]
@@ -247,13 +247,19 @@ def test_the_targets_are_those_of_the_bench_test(tmp_path, monkeypatch, command)
         assert re.search(
             allowed,
             command(
-                *words, "--points", *points, "--out", "other", *more.split(), status=2
+                *arguments,
+                "--points",
+                *points,
+                "--out",
+                "other",
+                *more.split(),
+                status=2,
             ).err,
         )
     (tmp_path / "without.json").write_text(
         json.dumps({k: v for k, v in config.items() if k != "drawdown"})
     )
-    without = [word.replace("mine.json", "without.json") for word in words]
+    without = [word.replace("mine.json", "without.json") for word in arguments]
     assert (
         "Traceback"
         not in command(*without, "--points", *points, "--out", "other", status=2).err

@@ -104,10 +104,10 @@ def test_a_berry_beyond_its_bounds_and_energy_beyond_what_was_given_are_reported
     raised(Unstable, r"all grains together have .* J and were given", bounded.look)
 
 
-def check_overlaps(bounded, broken, words):
+def check_overlaps(bounded, broken, message):
     """Half of a ball's diameter, 10 mm, is the bound."""
     if broken:
-        raised(Unstable, words, bounded._check_overlaps)
+        raised(Unstable, message, bounded._check_overlaps)
     else:
         bounded._check_overlaps()
 
@@ -164,8 +164,8 @@ def test_a_run_that_explodes_is_unstable_and_says_what_to_do(name, monkeypatch):
 @pytest.mark.parametrize(("modulus_pa", "is_noted"), [(4.3e4, False), (2e3, True)])
 def test_a_run_whose_grains_overlap_deeply_at_its_end_notes_it(modulus_pa, is_noted):
     soft = BERRY | {"shear_modulus_pa": modulus_pa}
-    one = Scene.of(config(), SET, soft, PARTICLE, 1)
-    run = bench("cylinder").run(one)
+    scene = Scene.of(config(), SET, soft, PARTICLE, 1)
+    run = bench("cylinder").run(scene)
     assert run.record["status"] != "unstable"
     assert ("overlap_share" in run.record) == is_noted
     if is_noted:

@@ -97,8 +97,8 @@ def test_a_filling_is_judged_sizes_count_by_mass_and_a_tap_lifts_a_berry_by_its_
     check_named_time(TEST, reason)
     assert judged(full + np.array([0.02, 0, 0]))[0] == "lost"
     assert judged(full, unstable="why") == ("unstable", "why")
-    own = config(**SMALL)
-    scene = Scene.of(own, SET, BERRY, PARTICLE)
+    settings = config(**SMALL)
+    scene = Scene.of(settings, SET, BERRY, PARTICLE)
     simulation = TEST.build(scene)
     simulation.add("berry", (0.0, 0.0, 0.011))
     simulation.run(1.0, False)
@@ -164,16 +164,18 @@ def test_the_core_counts_the_volume_of_layers_that_its_ends_cut(kind):
 def test_a_tapped_cylinder_holds_more_and_a_filling_that_breaks_a_bound_is_unstable(
     monkeypatch,
 ):
-    own = config(**SMALL, taps=6)
+    settings = config(**SMALL, taps=6)
     records = [
-        run_once(bench("cylinder"), Scene.of(own, SET, BERRY, PARTICLE, seed))[0]
+        run_once(bench("cylinder"), Scene.of(settings, SET, BERRY, PARTICLE, seed))[0]
         for seed in (2, 3, 4)
     ]
-    record, run = run_once(bench("cylinder"), Scene.of(own, SET, BERRY, PARTICLE, 1))
+    record, run = run_once(
+        bench("cylinder"), Scene.of(settings, SET, BERRY, PARTICLE, 1)
+    )
     records.append(record)
-    assert {one["status"] for one in records} == {"ok"}
+    assert {filling["status"] for filling in records} == {"ok"}
     tapped, bulk = (
-        sum(one[f"{name}_density_kg_m3"] for one in records)
+        sum(filling[f"{name}_density_kg_m3"] for filling in records)
         for name in ("tapped", "bulk")
     )
     assert tapped > 1.02 * bulk
@@ -197,18 +199,18 @@ def test_a_tapped_cylinder_holds_more_and_a_filling_that_breaks_a_bound_is_unsta
 
 
 def test_a_study_may_leave_out_taps_and_a_small_filling_has_both_densities():
-    own = config(**SMALL)
+    settings = config(**SMALL)
     tapped = config(**SMALL, taps=100, tap_mm=20.0)
     longer = TEST.duration_s(SceneSettings(tapped)) - TEST.duration_s(
-        SceneSettings(own)
+        SceneSettings(settings)
     )
     assert longer == pytest.approx(100 * (2 * math.sqrt(2 * 0.02 / 9.81) + 0.4))
-    own["targets"] = [
-        own["targets"][0]
+    settings["targets"] = [
+        settings["targets"][0]
         | {"response": "tapped_density_kg_m3", "apparatus": "cylinder"}
     ]
     needed = [("cylinder.taps", "1 or more, for tapped_density_kg_m3 is a target")]
-    assert list(TEST.contradictions(SceneSettings(own))) == needed
+    assert list(TEST.contradictions(SceneSettings(settings))) == needed
     study = PipelineConfig.load(
         ROOT / "config/config.yaml", ROOT / "examples/bench_tests/cylinder.yaml"
     )
@@ -218,16 +220,18 @@ def test_a_study_may_leave_out_taps_and_a_small_filling_has_both_densities():
     input_error(
         r"cylinder\.taps is null; expected 1 or more", PipelineConfig.of, study.config
     )
-    own = config(**SMALL)
-    record, run = run_once(bench("cylinder"), Scene.of(own, SET, BERRY, PARTICLE, 1))
+    settings = config(**SMALL)
+    record, run = run_once(
+        bench("cylinder"), Scene.of(settings, SET, BERRY, PARTICLE, 1)
+    )
     assert record["status"] == "ok"
     assert record["berries_poured"] == 90
-    vessel = cylinder.Vessel.of(TEST.section(SceneSettings(own)))
+    vessel = cylinder.Vessel.of(TEST.section(SceneSettings(settings)))
     assert (np.hypot(*run.arrays["position"][:, :2].T) < vessel.radius_m).all()
     assert 0.45 < record["bulk_density_kg_m3"] / 840.47 < 0.72
-    again, _ = run_once(bench("cylinder"), Scene.of(own, SET, BERRY, PARTICLE, 1))
+    again, _ = run_once(bench("cylinder"), Scene.of(settings, SET, BERRY, PARTICLE, 1))
     assert again["bulk_density_kg_m3"] == record["bulk_density_kg_m3"]
-    few = copy.deepcopy(own)
+    few = copy.deepcopy(settings)
     few["cylinder"]["berries"] = 30
     short, _ = run_once(bench("cylinder"), Scene.of(few, SET, BERRY, PARTICLE, 1))
     assert short["status"] == "not_full"

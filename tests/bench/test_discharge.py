@@ -82,7 +82,7 @@ def test_the_rate_is_that_of_the_middle_a_run_is_judged_and_what_is_filled_in_co
 
 
 def flow_g_s(seed=1, **keys):
-    own = {
+    defaults = {
         "berries": 700,
         "inlet_diameter_mm": 130.0,
         "cone_angle_deg": 20.0,
@@ -92,7 +92,8 @@ def flow_g_s(seed=1, **keys):
         "longest_s": 4.0,
     }
     record, _ = run_once(
-        bench("discharge"), Scene.of(config(**own | keys), SPHERES, BERRY, SPHERE, seed)
+        bench("discharge"),
+        Scene.of(config(**defaults | keys), SPHERES, BERRY, SPHERE, seed),
     )
     assert record["status"] == "ok", record["reason"]
     return record["flow_g_s"]

@@ -21,11 +21,13 @@ config = partial(example, "drop_test", time_step_s=2.5e-4)
 def dropped(
     e_wall, e_berry=0.5, particle=SPHERE, berry=STIFF, step_share=0.25, seed=1, **keys
 ):
-    own = config(**keys)
+    settings = config(**keys)
     values = named((e_berry, 0.5, 0.1, e_wall, 0.5, 0.1))
-    longest = longest_time_step(Scene.of(own, values, berry, particle))
-    own["simulation"]["time_step_s"] = step_share * longest.time_step_s
-    return run_once(bench("drop_test"), Scene.of(own, values, berry, particle, seed))
+    longest = longest_time_step(Scene.of(settings, values, berry, particle))
+    settings["simulation"]["time_step_s"] = step_share * longest.time_step_s
+    return run_once(
+        bench("drop_test"), Scene.of(settings, values, berry, particle, seed)
+    )
 
 
 @pytest.mark.parametrize(
@@ -111,12 +113,12 @@ def test_a_berry_that_sticks_is_no_rebound_and_is_not_looked_at_in_every_step(
         lambda self: looks.append(1) or is_touching(self),
     )
     monkeypatch.setattr(drop_test, "DENSE_STEPS", 100)
-    own = config(height_mm=20.0)
-    own["simulation"] |= {"contact_law": "jkr", "time_step_s": 1e-5}
+    settings = config(height_mm=20.0)
+    settings["simulation"] |= {"contact_law": "jkr", "time_step_s": 1e-5}
     values = named((0.5, 0.5, 0.1, 0.05, 0.5, 0.1)) | {"gamma_gg": 0.0, "gamma_gp": 5.0}
     record, _ = run_once(
         bench("drop_test"),
-        Scene.of(own, values, STIFF | {"shear_modulus_pa": 1e6}, SPHERE, 1),
+        Scene.of(settings, values, STIFF | {"shear_modulus_pa": 1e6}, SPHERE, 1),
     )
     assert record["status"] == "no_rebound"
     assert record["height_restitution"] is None

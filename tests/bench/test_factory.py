@@ -78,9 +78,11 @@ def test_a_blocked_factory_looks_at_all_places_and_random_berries_draw_as_ever()
     )
     assert Counting.single == 1
     assert Counting.at_once == 1
-    one = np.random.default_rng(7)
-    two = np.random.default_rng(7)
-    assert np.array_equal(random_orientation("random", one), random_quaternion(two))
+    rng = np.random.default_rng(7)
+    same_rng = np.random.default_rng(7)
+    assert np.array_equal(
+        random_orientation("random", rng), random_quaternion(same_rng)
+    )
 
 
 @pytest.mark.parametrize(("orientation", "level"), [("lying", 0.0), ("upright", 1.0)])

@@ -18,11 +18,12 @@ ROLLS = target("roll_deg", 10.0, 1.0, 9.0, 11.0)
 config = partial(example, "inclined_plane", steepest_deg=45.0)
 
 
-def on_plane(friction, rolling, particle=SPHERE, own=None, wall=None):
+def on_plane(friction, rolling, particle=SPHERE, settings=None, wall=None):
     """A sled and a body on a wall with these coefficients, or on a plate of their own material."""
     values = named((0.3, friction, rolling, 0.3, *(wall or (friction, rolling))))
     return run_once(
-        bench("inclined_plane"), Scene.of(own or config(), values, BEAD, particle, 1)
+        bench("inclined_plane"),
+        Scene.of(settings or config(), values, BEAD, particle, 1),
     )[0]
 
 
@@ -49,15 +50,15 @@ def test_a_sled_of_another_shape_slides_at_the_same_angle_and_a_sphere_that_cann
     # the angle of rolling is no target
     assert slides["status"] == "ok"
     assert slides["roll_deg"] is None
-    own = config()
-    own["targets"].append(ROLLS)
-    slides = on_plane(0.3, 0.5, own=own)
+    settings = config()
+    settings["targets"].append(ROLLS)
+    slides = on_plane(0.3, 0.5, settings=settings)
     assert slides["status"] == "no_roll"
     assert slides["slip_deg"] == pytest.approx(16.70, abs=0.1)
     assert "slides at 1" in slides["reason"]
-    own = config(steepest_deg=20.0, tilting_deg_s=4.0)
-    own["targets"].append(ROLLS)
-    stays = on_plane(0.5, 0.5, own=own)
+    settings = config(steepest_deg=20.0, tilting_deg_s=4.0)
+    settings["targets"].append(ROLLS)
+    stays = on_plane(0.5, 0.5, settings=settings)
     assert stays["status"] == "no_slip"
     assert stays["slip_deg"] is None
     assert stays["roll_deg"] is None
@@ -67,7 +68,10 @@ def test_a_sled_of_another_shape_slides_at_the_same_angle_and_a_sphere_that_cann
 def test_the_other_surface_is_of_the_berries_own_material():
     check_angles(
         on_plane(
-            0.3, 0.1, own=config(surface="berry", tilting_deg_s=2.0), wall=(0.6, 0.3)
+            0.3,
+            0.1,
+            settings=config(surface="berry", tilting_deg_s=2.0),
+            wall=(0.6, 0.3),
         ),
         0.3,
         0.1,
@@ -82,8 +86,10 @@ def test_a_sphere_leaves_its_pocket_in_a_glued_layer_over_the_saddle(
     """A sphere on three: over the saddle between two of them at 19.471 degrees + atan(2 mu / sqrt 3)."""
     monkeypatch.setattr(inclined_plane, "azimuth_of", lambda seed: math.radians(90.0))
     values = named((0.2, friction, 0.0, 0.2, 0.9, 0.9))
-    own = config(surface="glued", tilting_deg_s=2.0)
-    found = run_once(bench("inclined_plane"), Scene.of(own, values, BEAD, SPHERE, 1))[0]
+    settings = config(surface="glued", tilting_deg_s=2.0)
+    found = run_once(
+        bench("inclined_plane"), Scene.of(settings, values, BEAD, SPHERE, 1)
+    )[0]
     known = 19.4712 + math.degrees(math.atan(2.0 * friction / math.sqrt(3.0)))
     assert found["slip_deg"] == pytest.approx(known, abs=0.3)
 
@@ -100,9 +106,11 @@ def test_a_glued_layer_touches_and_does_not_overlap():
         assert apart[0] == pytest.approx(
             wide * 1.0001 if particle is SPHERE else apart[0]
         )
-        own = config(surface="glued")
+        settings = config(surface="glued")
         values = named((0.2, 0.3, 0.0, 0.2, 0.9, 0.9))
-        simulation = TEST.build(Scene.of(own, values, BEAD, particle), 1.0, azimuth=0.4)
+        simulation = TEST.build(
+            Scene.of(settings, values, BEAD, particle), 1.0, azimuth=0.4
+        )
         simulation.run_steps(50)
         assert len(simulation.contacts()) == 0
         assert (
@@ -115,9 +123,9 @@ def test_a_glued_layer_touches_and_does_not_overlap():
 
 @pytest.mark.slow
 def test_the_resistance_against_the_other_body_rolls_at_the_same_angle():
-    own = config()
-    own["simulation"]["rolling_law"] = "epsd"
-    check_angles(on_plane(0.5, 0.2, own=own), 0.5, 0.2)
+    settings = config()
+    settings["simulation"]["rolling_law"] = "epsd"
+    check_angles(on_plane(0.5, 0.2, settings=settings), 0.5, 0.2)
 
 
 def test_the_beginning_is_where_the_root_of_the_speed_meets_zero_inside_the_bounds():
@@ -168,12 +176,12 @@ def test_a_berry_that_tips_and_stops_has_no_angle(speed):
         f"{inclined_plane.SLED}_speed_m_s": slides,
         f"{inclined_plane.SLED}_slide_m_s": slides,
     }
-    own = config()
-    own["targets"].append(ROLLS)
+    settings = config()
+    settings["targets"].append(ROLLS)
     found = TEST.measure(
         {"seed": 1, "status": "ok", "reason": ""},
         arrays,
-        Scene.of(own, {}, BEAD, SPHERE),
+        Scene.of(settings, {}, BEAD, SPHERE),
     )
     assert found["status"] == "no_roll"
     assert found["roll_deg"] is None
@@ -183,10 +191,10 @@ def test_a_berry_that_tips_and_stops_has_no_angle(speed):
 
 def test_a_film_shows_the_plane_tilting_and_the_berry_on_it_and_a_plane_that_tilts_too_fast_or_creeps_is_refused():
     values = named((0.3, 0.5, 0.3, 0.3, 0.5, 0.3))
-    own = config(tilting_deg_s=10.0, steepest_deg=45.0)
+    settings = config(tilting_deg_s=10.0, steepest_deg=45.0)
     frames = (
         bench("inclined_plane")
-        .run(Scene.of(own, values, BEAD, SPHERE, 1), interval_s=0.05)
+        .run(Scene.of(settings, values, BEAD, SPHERE, 1), interval_s=0.05)
         .frames
     )
     normal = -frames["planes"][:, 0, 3:6]

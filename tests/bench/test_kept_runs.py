@@ -51,7 +51,7 @@ def pours():
         stage = provenance.stage(
             "pour",
             (),
-            lambda one, _: dependencies.settings_of(one, "pour"),
+            lambda configuration, _: dependencies.settings_of(configuration, "pour"),
             "funnel",
             "made",
         )

@@ -31,7 +31,9 @@ G = 9.81
 RHO = BEAD["density_kg_m3"]
 FRICTIONS = ((STATIC, ROLLING), (0.3, 0.05), (0.0, 0.0))
 ROUGH, MILD, SMOOTH = (named((0.3, mus, mur, HIT, mus, mur)) for mus, mur in FRICTIONS)
-SLIPS, ROLLS = (math.degrees(math.atan(one)) for one in (STATIC, ROLLING))
+SLIPS, ROLLS = (
+    math.degrees(math.atan(coefficient)) for coefficient in (STATIC, ROLLING)
+)
 
 
 @cache
@@ -70,14 +72,14 @@ def grain(kind):
 
 
 def configured(name, law):
-    own = own_example(name)
-    own["simulation"] |= {
+    settings = own_example(name)
+    settings["simulation"] |= {
         "rolling_law": law,
         "time_step_s": 1.5e-4,
         "rest_energy_j": 1e-8,
     }
-    own["measure"] |= {"views": 4}
-    return own
+    settings["measure"] |= {"views": 4}
+    return settings
 
 
 def ran(name, law, kind, values):
@@ -149,7 +151,7 @@ def emptied(kind, *runs):
         rate = rates[0]
         assert run["flow_g_s"] in (
             None,
-            *(pytest.approx(1e3 * one, rel=1e-9) for one in rates),
+            *(pytest.approx(1e3 * possible_rate, rel=1e-9) for possible_rate in rates),
         )
         beverloo = 0.58 * 0.6 * RHO * math.sqrt(G) * (0.06 - 1.4 * 0.01) ** 2.5
         assert (

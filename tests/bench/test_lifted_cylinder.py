@@ -44,11 +44,12 @@ def config(**keys):
 
 
 def lifted(seed, values=SET, **keys):
-    own = TUBE | keys
-    if "filling_height_mm" in own:
-        del own["berries"]
+    settings = TUBE | keys
+    if "filling_height_mm" in settings:
+        del settings["berries"]
     return run_once(
-        bench("lifted_cylinder"), Scene.of(config(**own), values, BEAD, SPHERE, seed)
+        bench("lifted_cylinder"),
+        Scene.of(config(**settings), values, BEAD, SPHERE, seed),
     )
 
 
@@ -137,19 +138,19 @@ def test_either_a_number_or_a_filling_height_is_asked_for_and_fits_the_tube():
 
 
 def test_the_card_and_the_definitions_say_how_much_is_filled_in():
-    for keys, said, other in (
+    for keys, key, other in (
         ({}, "filling_height_mm", "berries"),
         ({"berries": 300}, "berries", "filling_height_mm"),
     ):
         study = PipelineConfig.of(config(**keys))
         for response in bench("lifted_cylinder").responses:
-            assert f"lifted_cylinder.{said}" in study.definitions[response.name]
+            assert f"lifted_cylinder.{key}" in study.definitions[response.name]
             assert f"lifted_cylinder.{other}" not in study.definitions[response.name]
         described = card_study.describe_response(
             study, bench("lifted_cylinder").responses[0], study.grain
         )
-        assert said in described["bench"]
-        assert said in described["definition"]["settings"]
+        assert key in described["bench"]
+        assert key in described["definition"]["settings"]
         assert other not in described["bench"]
 
 
@@ -196,8 +197,8 @@ def test_a_bed_that_cannot_come_to_rest_in_time_is_not_filled():
 
 
 def test_a_small_pile_is_measured_as_that_of_the_funnel_and_as_a_picture_of_it():
-    own = TUBE | {"berries": 60, "lifting_mm_s": 200.0}
-    record, run = lifted(1, **own)
+    section = TUBE | {"berries": 60, "lifting_mm_s": 200.0}
+    record, run = lifted(1, **section)
     assert record["status"] == "ok"
     assert record["berries_off_plate"] == 0
     assert record["lifted_mm"] > record["lifted_height_mm"] - 10.0
@@ -217,7 +218,7 @@ def test_a_small_pile_is_measured_as_that_of_the_funnel_and_as_a_picture_of_it()
     assert record["lifted_loose_percent"] == pytest.approx(
         100.0 * (1.0 - run.arrays["in_pile"].mean())
     )
-    again, _ = lifted(1, **own)
+    again, _ = lifted(1, **section)
     assert again == record
 
 
@@ -237,7 +238,9 @@ def test_a_tube_that_is_short_is_not_filled_and_fast_lifting_flattens_the_pile()
         [lifted(seed, lifting_mm_s=speed)[0] for seed in range(1, 7)]
         for speed in speeds
     ]
-    found = np.array([[[run[name] for name in names] for run in own] for own in runs])
+    found = np.array(
+        [[[run[name] for name in names] for run in group] for group in runs]
+    )
     mean = found.mean(axis=1)
     error = found.std(axis=1, ddof=1) / np.sqrt(6)
     assert (np.diff(mean, axis=0) < 0.0).all()

@@ -167,8 +167,8 @@ def test_the_band_of_other_numbers_and_grains_says_so(config):
 @pytest.mark.parametrize("crop", ["maize", "rapeseed", "soybean", "wheat"])
 def test_the_band_holds_for_grains_that_the_table_has_not(crop):
     folder = ROOT / "results/published/crops" / crop
-    own = json.loads((ROOT / f"crops/cards/{crop}.json").read_text())["grain"]
-    body = grain(own["mean_axes_mm"], 1e-9 * own["volume_mm3"])
+    crop_grain = json.loads((ROOT / f"crops/cards/{crop}.json").read_text())["grain"]
+    body = grain(crop_grain["mean_axes_mm"], 1e-9 * crop_grain["volume_mm3"])
     config = json.loads((folder / "config.json").read_text())
     table = pd.read_csv(folder / "dataset.csv").query("status == 'ok'")
     height = table["height_mm"].mean()

@@ -22,15 +22,15 @@ def with_grains(config, grains, response="secant"):
 
 
 def test_a_change_is_that_of_the_table_and_a_scaled_scene_keeps_its_proportions(config):
-    own = pd.read_csv(scene_size.TABLE).set_index(["grains", "label"])
+    table = pd.read_csv(scene_size.TABLE).set_index(["grains", "label"])
     for name in ("whole", "secant"):
         found = scene_size.change(500, 125, name)
-        column = own[f"aor_{name}_deg"]
+        column = table[f"aor_{name}_deg"]
         assert found.angle_deg == pytest.approx((column[125] - column[500]).mean())
         assert scene_size.change(125, 500, name).angle_deg == pytest.approx(
             -found.angle_deg
         )
-    heights = own["height_scaled_mm"]
+    heights = table["height_scaled_mm"]
     assert found.height == pytest.approx((heights[125] / heights[500]).mean())
     assert scene_size.change(300, 300, "flank") == (0.0, 1.0)
     for name in ("whole", "flank", "secant", "steepest"):
@@ -43,19 +43,22 @@ def test_a_change_is_that_of_the_table_and_a_scaled_scene_keeps_its_proportions(
         )
         below = [n for n in scene_size.numbers() if n < (found or 1000)]
         assert not below or abs(scene_size.change(1000, max(below), name).angle_deg) > 1
-    own = config["funnel"]
-    section = funnel.FunnelSettings(**own)
+    section = funnel.FunnelSettings(**config["funnel"])
     smaller = scene_size.scaled(section, 4, 13.34)
-    assert smaller["plate_diameter_mm"] == pytest.approx(own["plate_diameter_mm"] / 5)
+    assert smaller["plate_diameter_mm"] == pytest.approx(
+        config["funnel"]["plate_diameter_mm"] / 5
+    )
     # a fifth would be narrower than the outlet
     assert smaller["inlet_diameter_mm"] == 2 * smaller["outlet_diameter_mm"]
-    assert smaller["rate_per_s"] == pytest.approx(own["rate_per_s"] * 5**-2.5)
+    assert smaller["rate_per_s"] == pytest.approx(
+        config["funnel"]["rate_per_s"] * 5**-2.5
+    )
     assert smaller["outlet_diameter_mm"] == pytest.approx(
-        min(own["outlet_diameter_mm"], 2.4 * 13.34)
+        min(config["funnel"]["outlet_diameter_mm"], 2.4 * 13.34)
     )
-    assert scene_size.scaled(section, own["berries"], 13.34) == own | dict.fromkeys(
-        scene_size.COMPUTED_KEYS, "auto"
-    )
+    assert scene_size.scaled(section, config["funnel"]["berries"], 13.34) == config[
+        "funnel"
+    ] | dict.fromkeys(scene_size.COMPUTED_KEYS, "auto")
 
 
 def test_a_large_scene_gets_a_smaller_one_inside_the_table(config):
@@ -151,9 +154,9 @@ def test_fine_seeds_get_a_smaller_scene_that_the_check_calls_good(
     seeds, tmp_path, response
 ):
     seeds["measure"] = {"response": response}
-    *said, scene, targets = lines_of(seeds, tmp_path / "config.yaml")
-    assert "smaller scene: 1000 grains" in said[-1] or "time of 179" in said[-1]
-    assert "Pour such a pile by hand" in said[-1]
+    *messages, scene, targets = lines_of(seeds, tmp_path / "config.yaml")
+    assert "smaller scene: 1000 grains" in messages[-1] or "time of 179" in messages[-1]
+    assert "Pour such a pile by hand" in messages[-1]
     pasted = yaml.safe_load(f"{scene}\n{targets}")
     assert 62 <= pasted["funnel"]["berries"] <= 1000
     again = lines_of(
@@ -179,8 +182,10 @@ def test_more_grains_than_a_study_takes_are_refused_with_a_smaller_scene(
 
 def test_a_pile_that_reaches_the_outlet_is_told(seeds, tmp_path):
     seeds["funnel"]["outlet_height_mm"] = 55.0
-    said = lines_of(seeds, tmp_path / "config.yaml")
-    assert any("a pile of 60 mm reaches the outlet at 55 mm" in line for line in said)
+    messages = lines_of(seeds, tmp_path / "config.yaml")
+    assert any(
+        "a pile of 60 mm reaches the outlet at 55 mm" in line for line in messages
+    )
 
 
 def test_a_process_that_pours_and_measures_does_not_wait_for_what_it_does_not_use():

@@ -39,9 +39,9 @@ def bed(angle_deg, count=400):
     return places[below & inside][:count], rng.normal(size=(count, 4))
 
 
-def measured(arrays, status="ok", own=None):
+def measured(arrays, status="ok", settings=None):
     return TEST.measure(
-        {"status": status}, arrays, Scene.of(own or config(), {}, BERRY, PARTICLE)
+        {"status": status}, arrays, Scene.of(settings or config(), {}, BERRY, PARTICLE)
     )
 
 
@@ -57,7 +57,7 @@ def test_what_the_angle_and_the_profile_of_a_turning_drum_are():
     assert measured(arrays)["turning_deg"] == pytest.approx(np.mean(single), abs=1e-12)
     assert measured(arrays, "lost")["turning_deg"] is None
     assert TEST.response_of_name("turning_2_deg").label == "drum, turning, speed 2"
-    coarse = measured(arrays, own=config() | {"measure": {"mm_per_pixel": 60.0}})
+    coarse = measured(arrays, settings=config() | {"measure": {"mm_per_pixel": 60.0}})
     assert coarse["status"] == "no_surface"
     assert coarse["turning_deg"] is None
     assert "60 mm a pixel" in coarse["reason"]
@@ -101,7 +101,7 @@ def profile_target(name, slope):
     kept = {
         "name": name,
         "x": x,
-        "z": [slope * one for one in x],
+        "z": [slope * distance for distance in x],
         "functions": 2,
         "covered": 0.5,
     }
@@ -118,7 +118,7 @@ def test_speeds_have_their_times_angles_and_profiles_and_a_run_is_judged():
     both = config(angular_velocity_rad_s=[0.8, 1.6]) | {
         "targets": [profile_target(name, 0.5) for name in names]
     }
-    found = measured(arrays | {"speed": np.array([0, 1, 1])}, own=both)
+    found = measured(arrays | {"speed": np.array([0, 1, 1])}, settings=both)
     for drum_name, k in (("turning", slice(0, 1)), ("turning_2", slice(1, 3))):
         name = f"{drum_name}_deg"
         score = f"{drum_name}_profile_2_mm"
@@ -129,7 +129,8 @@ def test_speeds_have_their_times_angles_and_profiles_and_a_run_is_judged():
         }
         once = measured(
             part,
-            own=config() | {"targets": [profile_target("turning_profile_mm", 0.5)]},
+            settings=config()
+            | {"targets": [profile_target("turning_profile_mm", 0.5)]},
         )
         assert found[name] == once["turning_deg"]
         assert found[score] == once["turning_profile_2_mm"]
@@ -137,8 +138,8 @@ def test_speeds_have_their_times_angles_and_profiles_and_a_run_is_judged():
     assert {
         lost[name] for name in ("turning_deg", "turning_2_deg", "turning_profile_2_mm")
     } == {None}
-    one = config(measure_from_s=2.5)
-    assert TEST.section(SceneSettings(one)).speeds() == [(0.8, 2.5, 8.5)]
+    configuration = config(measure_from_s=2.5)
+    assert TEST.section(SceneSettings(configuration)).speeds() == [(0.8, 2.5, 8.5)]
     two = config(
         angular_velocity_rad_s=[0.8, 1.6],
         measure_from_s=[2.0, 1.0],
@@ -153,12 +154,12 @@ def test_speeds_have_their_times_angles_and_profiles_and_a_run_is_judged():
     assert [key for key, _ in TEST.contradictions(SceneSettings(three))] == [
         "turning.measure_from_s"
     ]
-    settings = SceneSettings(one)
+    settings = SceneSettings(configuration)
     held = drum.DrumOutcome(holds_all=True)
     assert TEST.status_of(held, settings) == ("ok", "")
     check_statuses(
         TEST,
-        one,
+        configuration,
         held,
         [
             ("unstable", {"unstable": "why"}),
@@ -178,8 +179,8 @@ def test_speeds_have_their_times_angles_and_profiles_and_a_run_is_judged():
 def test_a_drum_goes_on_from_its_first_speed_friction_lifts_its_bed_and_tilting_lowers_an_end():
     short = SMALL | {"measure_from_s": 0.2, "measure_until_s": 0.4, "record_s": 0.1}
 
-    def ran(own, values):
-        return TEST.run(Scene.of(own, values, BERRY, PARTICLE, 1))
+    def ran(settings, values):
+        return TEST.run(Scene.of(settings, values, BERRY, PARTICLE, 1))
 
     once = ran(config(**short), ROUGH)
     twice = ran(config(**short, angular_velocity_rad_s=[0.8, 3.2]), ROUGH)

@@ -34,7 +34,7 @@ FAILURES = {
 GOOD = {"y": 2.0, "z": 1.0}
 
 
-def study(file=None):
+def make_study(file=None):
     return Study(
         {"a": (0.0, 1.0)},
         {"y": (1.0, 0.05), "z": (0.5, 0.05)},
@@ -60,23 +60,23 @@ def test_a_failed_run_is_the_same_for_a_table_for_tell_and_for_a_function(
     name, tmp_path
 ):
     result, status = FAILURES[name]
-    asked = study().ask()
+    asked = make_study().ask()
     table = results(asked).astype({"y": object, "z": object})
     table["status"] = None
     for key, value in result.items():
         table.loc[2, key] = value
     expected = ["ok", "ok", status] + ["ok"] * 5
 
-    told = study()
+    told = make_study()
     told.tell(table)
     assert statuses(told.runs) == expected
 
     table.to_csv(tmp_path / "new.csv", index=False)
-    record = Record(study(), tmp_path / "record.csv")
+    record = Record(make_study(), tmp_path / "record.csv")
     record.add_file(tmp_path / "new.csv")
     assert statuses(record.data) == expected
     # What is written says the same when it is read again.
-    assert statuses(Record(study(), tmp_path / "record.csv").data) == expected
+    assert statuses(Record(make_study(), tmp_path / "record.csv").data) == expected
 
     rows = iter(results(asked).to_dict("records"))
     results_of_function = [result if k == 2 else next(rows) for k in range(8)]
@@ -85,17 +85,17 @@ def test_a_failed_run_is_the_same_for_a_table_for_tell_and_for_a_function(
 
 def campaign(results_of_function):
     """The runs of the start, with these results of the function that simulates."""
-    one = study()
+    study = make_study()
     given = iter(results_of_function)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Study, "done", property(lambda self: len(self.runs) >= 8))
         patch.setattr(Study, "answer", lambda self: self.runs)
-        return one.calibrate(lambda row: next(given))
+        return study.calibrate(lambda row: next(given))
 
 
 def test_a_function_may_leave_out_numbers_and_the_campaign_goes_on():
     """What a table is refused for, as it can be mended, does not end a campaign."""
-    rows = results(study().ask())[["y", "z"]].to_dict("records")
+    rows = results(make_study().ask())[["y", "z"]].to_dict("records")
     rows[1] = None
     rows[2] = {"status": "diverged"}
     rows[3] = {"status": 139}
@@ -123,28 +123,28 @@ def test_a_function_may_leave_out_numbers_and_the_campaign_goes_on():
 
 
 def test_a_table_of_failed_runs_needs_no_responses(tmp_path):
-    asked = study().ask()
-    told = study()
+    asked = make_study().ask()
+    told = make_study()
     told.tell(asked[["sample", "run"]].assign(status="diverged"))
     assert statuses(told.runs) == ["diverged"] * 8
     (tmp_path / "new.csv").write_text("a,status\n0.1,lost\n0.2,lost\n")
-    record = Record(study(), tmp_path / "record.csv")
+    record = Record(make_study(), tmp_path / "record.csv")
     record.add_file(tmp_path / "new.csv")
     (tmp_path / "new.csv").write_text("a,y,z\n0.3,2,1\n")
     record.add_file(tmp_path / "new.csv")
     assert statuses(record.data) == ["lost", "lost", "ok"]
     input_error(
         "column z is 'missing'; expected columns y, z; found: sample, run, y",
-        study().tell,
+        make_study().tell,
         asked[["sample", "run"]].assign(y=1.0),
     )
 
 
 def test_no_failed_run_enters_a_mean():
-    table = results(study().ask())
+    table = results(make_study().ask())
     table.loc[0, "status"] = "jammed"
     table.loc[0, ["y", "z"]] = 1e6
-    runs = checked_runs(study(), table.fillna({"status": "ok"}))
+    runs = checked_runs(make_study(), table.fillna({"status": "ok"}))
     assert runs["y"].max() < 3.0
     outcomes = judge_runs({"y": ["1", "2"], "status": ["OK ", "No"]}, ["y"])
     assert outcomes.statuses == ["ok", "No"]
@@ -160,10 +160,10 @@ UNREAD = {
 
 @pytest.mark.parametrize("name", UNREAD)
 def test_a_column_that_may_be_an_outcome_is_named_with_its_values(name, tmp_path):
-    table = results(study().ask()).assign(**{name: UNREAD[name]}, solver="X")
-    one = study()
+    table = results(make_study().ask()).assign(**{name: UNREAD[name]}, solver="X")
+    study = make_study()
     with pytest.warns(UserWarning, match="is not read") as caught:
-        one.tell(table)
+        study.tell(table)
     (sentence,) = (str(warning.message) for warning in caught)
     often, seldom = (str(UNREAD[name][k]) for k in (1, 0))
     assert sentence.startswith(
@@ -171,27 +171,27 @@ def test_a_column_that_may_be_an_outcome_is_named_with_its_values(name, tmp_path
     )
     assert "name it status, with ok for a good run" in sentence
     # Once is enough, and a constant column says nothing.
-    assert one._record.new_unread_columns() == []
+    assert study._record.new_unread_columns() == []
 
 
 def test_a_column_that_varies_from_run_to_run_is_named_by_some_values():
-    table = results(study().ask())
-    one = study()
+    table = results(make_study().ask())
+    study = make_study()
     for k, row in enumerate(table.to_dict("records")):
         cells = pd.DataFrame([row]).assign(wall_s=1.5 * k)
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            one.tell(cells)
+            study.tell(cells)
         # One value alone is constant.
         assert len(caught) == (1 if k == 1 else 0)
-    many = unread_columns(one, table.assign(wall_s=table.index).to_dict("records"))
+    many = unread_columns(study, table.assign(wall_s=table.index).to_dict("records"))
     assert many == {
         "wall_s": "column wall_s is not read; it has '0' once, '1' once, '2' once, "
         "'3' once, '4' once and 3 other values"
     }
     wide = [{f"c{k}": row for k in range(40)} for row in range(3)]
-    assert len(unread_columns(one, wide)) == 31
-    assert unread_columns(one, wide)[""] == "10 further columns are not read"
+    assert len(unread_columns(study, wide)) == 31
+    assert unread_columns(study, wide)[""] == "10 further columns are not read"
 
 
 def test_the_verbs_name_columns_that_are_not_read(tmp_path, command):
@@ -200,10 +200,11 @@ def test_the_verbs_name_columns_that_are_not_read(tmp_path, command):
         "targets: {y: {value: 1, sd: 0.1, repetitions: 2}}\n"
     )
     (tmp_path / "new.csv").write_text("a,y,state\n0.1,1,OK\n0.2,2,FAILED\n0.3,3,OK\n")
-    words = ["tell", tmp_path / "new.csv", "--config", tmp_path / "own.yaml"]
-    told = command(*words, "--out", tmp_path / "runs.csv").err
+    arguments = ["tell", tmp_path / "new.csv", "--config", tmp_path / "own.yaml"]
+    message = command(*arguments, "--out", tmp_path / "runs.csv").err
     assert (
-        "new.csv: column state is not read; it has 'OK' 2 times, 'FAILED' once" in told
+        "new.csv: column state is not read; it has 'OK' 2 times, 'FAILED' once"
+        in message
     )
 
 
@@ -213,7 +214,7 @@ def test_a_run_of_our_engine_without_a_finite_response_failed(value, monkeypatch
     measured = {"status": "ok", "seed": 1, "aor_deg": value}
     monkeypatch.setattr(test, "measure", lambda *_: measured)
     monkeypatch.setattr(test, "target_responses", lambda _: ())
-    angle = next(one for one in test.responses if one.name == "aor_deg")
+    angle = next(response for response in test.responses if response.name == "aor_deg")
     monkeypatch.setattr(test, "responses", (angle,))
     scene = SimpleNamespace(settings=SimpleNamespace(config={}))
     assert test.result({}, {}, scene)["status"] == "out_of_bounds"

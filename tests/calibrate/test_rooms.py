@@ -46,8 +46,8 @@ def test_a_mistyped_section_is_an_error_of_mypy(tmp_path):
         "def of_card(study: CardStudy) -> int:\n"
         "    return study.settings.measure.views + study.settings.meassure.views\n"
     )
-    words = ["--config-file", str(ROOT / "pyproject.toml"), str(snippet)]
-    printed, _, _ = api.run(words)
+    arguments = ["--config-file", str(ROOT / "pyproject.toml"), str(snippet)]
+    printed, _, _ = api.run(arguments)
     errors = [line for line in printed.splitlines() if "snippet.py" in line]
     assert [line.split(":")[1] for line in errors] == ["6", "8", "10", "12", "14", "16"]
     assert all("has no attribute" in line for line in errors)

@@ -115,7 +115,7 @@ def test_in_a_crops_folder_it_is_that_of_the_sizes_which_need_a_grain(
 def test_files_are_those_of_inputs_by_name_and_none_that_a_step_writes(tmp_path):
     for name in ("a.csv", "b=1.json", "dataset.csv"):
         (tmp_path / name).write_text("")
-    words = [
+    arguments = [
         [
             "figure",
             "figure05",
@@ -127,13 +127,13 @@ def test_files_are_those_of_inputs_by_name_and_none_that_a_step_writes(tmp_path)
     ]
     named = [
         [path.name for path in stages.files_of(parser().parse_args(given))]
-        for given in words
+        for given in arguments
     ]
     assert named == [["a.csv"], ["b=1.json"], ["dataset.csv"]]
     # the samples of the next step, from an earlier run, were once an input of the step that writes them
     (tmp_path / "samples.csv").write_text("")
-    words = ["stage", "propose", "sequential", f"--out={tmp_path}"]
-    assert not list(stages.files_of(parser().parse_args(words)))
+    arguments = ["stage", "propose", "sequential", f"--out={tmp_path}"]
+    assert not list(stages.files_of(parser().parse_args(arguments)))
 
 
 @pytest.mark.parametrize("name", ["config", "out"])
@@ -179,8 +179,8 @@ def test_the_pages_are_listed_printed_and_guessed_and_messages_name_pages_that_a
     assert {"configuration", "library", "own_crop", "crops", "start"} <= set(listed)
     for name, title in listed.items():
         assert f"# {title}\n" in command("docs", name).out
-    said = "docs is 'fotographs'; expected a page that `repose docs` lists; did you mean photographs?"
-    assert said in command("docs", "fotographs", status=2).err
+    message = "docs is 'fotographs'; expected a page that `repose docs` lists; did you mean photographs?"
+    assert message in command("docs", "fotographs", status=2).err
     files = [*(places.PACKAGE / "config" / "new_crop").rglob("*.*")]
     files += [
         path

@@ -36,8 +36,8 @@ def short_config(tmp_path):
     return str(written(tmp_path / "short.json", json.dumps(config)))
 
 
-def error_of(command, *words):
-    (line,) = command(*words, status=2).err.splitlines()
+def error_of(command, *arguments):
+    (line,) = command(*arguments, status=2).err.splitlines()
     assert line.startswith("repose: error: ")
     return line
 
@@ -48,8 +48,8 @@ def test_every_verb_explains_itself_with_an_example_that_parses(command):
         call = ["stage", verb] if verb in STAGES else [verb]
         text = " ".join(command(*call, "--help").out.split())
         example = text.split(f"example: repose {' '.join(call)}")[1]
-        words = example.replace("'", "").split()
-        args, rest = parser().parse_known_args([*call, *words])
+        arguments = example.replace("'", "").split()
+        args, rest = parser().parse_known_args([*call, *arguments])
         if args.verb != verb or (rest and not VERBS[verb].passes_on):
             silent.append(verb)
     assert not silent
@@ -57,12 +57,12 @@ def test_every_verb_explains_itself_with_an_example_that_parses(command):
 
 def test_help_fits_a_screen_and_guesses_what_was_mistyped(command):
     first = ["new", "check", "measure", "run", "card", "export", "marker"]
-    for words, names in {
+    for arguments, names in {
         ("--help",): first,
         ("help",): first,
         ("help", "all"): list(TYPED),
     }.items():
-        lines = command(*words).out.splitlines()
+        lines = command(*arguments).out.splitlines()
         listed = [line.split()[0] for line in lines if re.match(" {2}[a-z]", line)]
         assert listed == names
         assert max(map(len, lines)) <= 80
@@ -117,8 +117,8 @@ def test_help_loads_no_slow_library_and_the_module_ends_with_2_on_bad_input():
         [*program, "check", "--config", "nowhere.yaml"], capture_output=True, text=True
     )
     assert done.returncode == 2
-    said = "file is 'No such file or directory'; expected an existing YAML or JSON file that may be read"
-    assert done.stderr == f"repose: error: nowhere.yaml: {said}\n"
+    message = "file is 'No such file or directory'; expected an existing YAML or JSON file that may be read"
+    assert done.stderr == f"repose: error: nowhere.yaml: {message}\n"
     read, write = os.pipe()
     os.close(read)
     done = subprocess.run(
@@ -131,9 +131,9 @@ def test_help_loads_no_slow_library_and_the_module_ends_with_2_on_bad_input():
 
 def test_a_closed_stderr_does_not_change_the_end_of_a_call():
     program = shlex.join([sys.executable, "-m", "repose"])
-    for words, status in {"docs": 0, "docs nowhere": 2}.items():
-        done = subprocess.run(["sh", "-c", f"{program} {words} 2>&-"])
-        assert done.returncode == status, words
+    for arguments, status in {"docs": 0, "docs nowhere": 2}.items():
+        done = subprocess.run(["sh", "-c", f"{program} {arguments} 2>&-"])
+        assert done.returncode == status, arguments
 
 
 @pytest.mark.slow
@@ -161,17 +161,19 @@ def test_check_prints_the_number_of_pours(command, tmp_path):
 
 
 def test_heap_refuses_bad_options_before_it_pours(command, tmp_path):
-    def refused(words, parts):
-        line = error_of(command, "heap", "--out", tmp_path / "heap", *words)
+    def refused(arguments, parts):
+        line = error_of(command, "heap", "--out", tmp_path / "heap", *arguments)
         assert all(part in line for part in parts), line
         assert not (tmp_path / "heap").exists()
 
     cases = yaml.safe_load(Path(__file__).with_name("heap.yaml").read_text())
-    check_all(refused, [(" ".join(words), words, parts) for words, parts in cases])
+    check_all(
+        refused, [(" ".join(arguments), arguments, parts) for arguments, parts in cases]
+    )
 
 
 def test_heap_pours_and_prints_its_record(short_config, tmp_path, command):
-    words = [
+    arguments = [
         "heap",
         "--config",
         short_config,
@@ -182,7 +184,7 @@ def test_heap_pours_and_prints_its_record(short_config, tmp_path, command):
         "--json",
     ]
     record = json.loads(
-        command(*words, "--trajectory", "0.1", "--out", tmp_path / "heap").out
+        command(*arguments, "--trajectory", "0.1", "--out", tmp_path / "heap").out
     )
     assert set(record["parameters"]) == set(PARAMETERS)
     assert record["parameters"]["e_gg"] == 0.203
@@ -205,23 +207,23 @@ def test_heap_pours_and_prints_its_record(short_config, tmp_path, command):
 
 
 def test_warm_up_compiles_what_a_pour_needs(short_config, tmp_path, command):
-    words = ["--config", short_config]
-    output = command("stage", "warm_up", *words).out
+    arguments = ["--config", short_config]
+    output = command("stage", "warm_up", *arguments).out
     assert re.match(
         r"the engine was ready after [0-9.]+ s; its compiled code is in \S+/dem-\w{16}$",
         output.strip(),
     )
     compiled = list(advance.signatures)
-    command("stage", "pour", *words, "--seed", "7", "--out", tmp_path)
+    command("stage", "pour", *arguments, "--seed", "7", "--out", tmp_path)
     assert advance.signatures == compiled
 
 
 def test_pour_and_measure_runs_are_heap_in_two_steps(short_config, tmp_path, command):
-    words = ["--config", short_config, "--seed", "7"]
+    arguments = ["--config", short_config, "--seed", "7"]
     out = tmp_path / "measured"
     pours = tmp_path / "steps" / "heap.pours.json"
-    command("heap", *words, "--out", tmp_path / "whole")
-    assert command("stage", "pour", *words, "--out", pours.parent).out.splitlines()[
+    command("heap", *arguments, "--out", tmp_path / "whole")
+    assert command("stage", "pour", *arguments, "--out", pours.parent).out.splitlines()[
         -1
     ] == str(pours)
     assert not (tmp_path / "steps" / "heap.json").exists()
@@ -244,7 +246,7 @@ def samples(tmp_path):
 def test_a_pour_that_measures_leaves_its_measurement_to_measure_runs(
     short_config, samples, tmp_path, monkeypatch, command
 ):
-    words = [
+    arguments = [
         "--config",
         short_config,
         "--out",
@@ -252,7 +254,7 @@ def test_a_pour_that_measures_leaves_its_measurement_to_measure_runs(
         "--keep-runs",
         "--measure",
     ]
-    command("stage", "pour", *samples, "--sample", "4", "--seed", "7", *words)
+    command("stage", "pour", *samples, "--sample", "4", "--seed", "7", *arguments)
     result = tmp_path / "heaps/004.json"
     kept = tmp_path / "heaps/runs/004.json"
     assert not result.exists()
@@ -262,7 +264,7 @@ def test_a_pour_that_measures_leaves_its_measurement_to_measure_runs(
         job, "measured", lambda *given: anew.append(given) or measured(*given)
     )
 
-    def measure(*words, config=short_config):
+    def measure(*arguments, config=short_config):
         anew.clear()
         command(
             "stage",
@@ -271,7 +273,7 @@ def test_a_pour_that_measures_leaves_its_measurement_to_measure_runs(
             *samples,
             "--config",
             config,
-            *words,
+            *arguments,
         )
         return len(anew), result.read_bytes()
 
@@ -295,17 +297,26 @@ def test_heap_takes_a_row_of_a_table_and_the_studys_seeds(
     short_config, samples, tmp_path, command
 ):
     out = tmp_path / "heaps"
-    words = ["heap", "--config", short_config, *samples, "--seeds", "2", "--out", out]
-    record = json.loads(command(*words, "--sample", "4", "--json").out)
+    arguments = [
+        "heap",
+        "--config",
+        short_config,
+        *samples,
+        "--seeds",
+        "2",
+        "--out",
+        out,
+    ]
+    record = json.loads(command(*arguments, "--sample", "4", "--json").out)
     assert record["sample"] == 4
     assert record["parameters"]["mus_gg"] == 0.5
     assert len({run["seed"] for run in record["runs"]}) == 2
     assert (out / "004.json").is_file()
-    assert "sample is 5" in error_of(command, *words, "--sample", "5")
+    assert "sample is 5" in error_of(command, *arguments, "--sample", "5")
     header, row = samples[1].read_text().splitlines()
     samples[1].write_text(f"{header},gamma_gg\n{row},0.2\n")
     assert "gamma_gg is 0.2; expected no such column" in error_of(
-        command, *words, "--sample", "4"
+        command, *arguments, "--sample", "4"
     )
 
 
@@ -322,7 +333,7 @@ def test_measure_prints_the_angles_of_a_drawn_pile_and_writes_the_overlay(
     )
     path = tmp_path / "pile.png"
     cv2.imwrite(str(path), picture)
-    words = [
+    arguments = [
         "measure",
         path,
         "--mm-per-pixel",
@@ -331,7 +342,7 @@ def test_measure_prints_the_angles_of_a_drawn_pile_and_writes_the_overlay(
         tmp_path / "out",
         "--json",
     ]
-    record = json.loads(command(*words).out)
+    record = json.loads(command(*arguments).out)
     assert {"photographs", "summary", "provenance"} == set(record)
     (values,) = record["photographs"]
     assert {"left_deg", "right_deg", "aor_deg", "height_mm", *MEAN_KEYS.values()} < set(
@@ -342,7 +353,7 @@ def test_measure_prints_the_angles_of_a_drawn_pile_and_writes_the_overlay(
     assert values["aor_secant_deg"] is None, "the height of a grain is not known"
     assert values["height_mm"] == pytest.approx(20, abs=0.3)
     assert (tmp_path / "out/pile.png").is_file()
-    (values,) = json.loads(command(*words, "--config", "config/config.yaml").out)[
+    (values,) = json.loads(command(*arguments, "--config", "config/config.yaml").out)[
         "photographs"
     ]
     # a study has its own definition and grain, 13.34 mm: tan(secant) = tan(30 deg) 20 / (20 - 13.34)
@@ -355,9 +366,9 @@ def test_measure_refuses_no_pile_and_a_locale_without_a_letter_does_no_harm(
 ):
     path = tmp_path / "empty.png"
     cv2.imwrite(str(path), np.full((200, 300), 200, np.uint8))
-    words = ("--mm-per-pixel", "0.1", "--out", tmp_path / "out")
-    assert "a pile with two flanks" in error_of(command, "measure", path, *words)
-    assert "nowhere.png" in error_of(command, "measure", "nowhere.png", *words)
+    arguments = ("--mm-per-pixel", "0.1", "--out", tmp_path / "out")
+    assert "a pile with two flanks" in error_of(command, "measure", path, *arguments)
+    assert "nowhere.png" in error_of(command, "measure", "nowhere.png", *arguments)
 
     def provenance(_args):
         print("1 ± 0.1 µm")
@@ -395,7 +406,7 @@ def test_check_warns_of_piles_that_tell_no_scatter(sd, piles, warned):
 
 
 @pytest.mark.parametrize(
-    ("words", "own", "warned"),
+    ("arguments", "config_file", "warned"),
     [
         (["design"], None, True),
         (["design", "--config=small.yaml"], None, True),
@@ -405,18 +416,18 @@ def test_check_warns_of_piles_that_tell_no_scatter(sd, piles, warned):
     ],
 )
 def test_the_built_in_crop_is_reported_in_a_folder_without_a_configuration(
-    words, own, warned, tmp_path, monkeypatch, command
+    arguments, config_file, warned, tmp_path, monkeypatch, command
 ):
     monkeypatch.chdir(tmp_path)
     Path("small.yaml").write_text("design: {samples: 20, method: lhsdesign}")
     Path("own.yaml").write_text((ROOT / "tests/bad_input/own.yaml").read_text())
-    if own:
-        Path(own).write_text((ROOT / "crops/wheat/config.yaml").read_text())
+    if config_file:
+        Path(config_file).write_text((ROOT / "crops/wheat/config.yaml").read_text())
         Path("sizes.csv").write_text((ROOT / "crops/wheat/sizes.csv").read_text())
         Path("published").symlink_to(ROOT / "crops/wheat/published")
-        words = [*words, f"--config={own}"]
+        arguments = [*arguments, f"--config={config_file}"]
     monkeypatch.setattr("repose.stages.design.run", lambda *_: None)
-    assert ("built-in goji example" in command(*words).err) is warned
+    assert ("built-in goji example" in command(*arguments).err) is warned
 
 
 def test_codes_of_a_terminal_in_texts_of_users_are_not_obeyed(tmp_path, command):
@@ -440,7 +451,8 @@ def test_codes_of_a_terminal_in_texts_of_users_are_not_obeyed(tmp_path, command)
 
 @pytest.mark.parametrize("out", ["", "/", "/tmp/.."])
 def test_a_verb_does_not_write_to_the_root(out, command):
-    said = command("marker", "--out", out, status=2).err
+    message = command("marker", "--out", out, status=2).err
     assert (
-        f"command line: --out is {out!r}; expected the path of a file or folder" in said
+        f"command line: --out is {out!r}; expected the path of a file or folder"
+        in message
     )

@@ -28,9 +28,9 @@ QUICK, SLURM = (
 
 @pytest.fixture
 def given(monkeypatch):
-    words = []
-    monkeypatch.setattr("snakemake.cli.main", words.extend)
-    return words
+    arguments = []
+    monkeypatch.setattr("snakemake.cli.main", arguments.extend)
+    return arguments
 
 
 def test_words_become_those_of_snakemake(tmp_path, monkeypatch, given, command):
@@ -41,12 +41,12 @@ def test_words_become_those_of_snakemake(tmp_path, monkeypatch, given, command):
     cases = {
         "": [*ALL, *SNAKEFILE],
         **{
-            words: ["--cores", "2", *SNAKEFILE]
-            for words in ("--cores 2", "--cores=2", "-c2")
+            arguments: ["--cores", "2", *SNAKEFILE]
+            for arguments in ("--cores 2", "--cores=2", "-c2")
         },
         **{
-            words: ["--cores", "2", *SNAKEFILE, "refined"]
-            for words in ("refined -c 2", "--cores 2 refined")
+            arguments: ["--cores", "2", *SNAKEFILE, "refined"]
+            for arguments in ("refined -c 2", "--cores 2 refined")
         },
         "-j 3": ["--jobs", "3", *SNAKEFILE],
         "--profile mine": ["--profile", "mine", *SNAKEFILE],
@@ -96,10 +96,10 @@ def test_words_become_those_of_snakemake(tmp_path, monkeypatch, given, command):
     ]
     cases |= {"uncertainty -c2 --configfile mine.yaml more.yaml -np": layers}
     cases |= {"-n --config label=mine --configfile mine.yaml -- berry": labelled}
-    for words, expected in cases.items():
+    for arguments, expected in cases.items():
         given.clear()
-        command("run", *words.split())
-        assert given == expected, words
+        command("run", *arguments.split())
+        assert given == expected, arguments
 
 
 def test_a_target_that_no_rule_makes_is_named_with_the_nearest(tmp_path):
@@ -149,8 +149,8 @@ def test_a_dotted_key_is_answered_with_the_form_that_snakemake_takes(given, comm
 
 def test_what_a_call_of_run_may_hold(given, command, tmp_path, monkeypatch):
     """A file after --config is pointed to --configfile, and a dry run may read a folder of others."""
-    said = command("run", "--config", "mine.yaml", status=2).err
-    assert "a file is given by --configfile mine.yaml" in said
+    message = command("run", "--config", "mine.yaml", status=2).err
+    assert "a file is given by --configfile mine.yaml" in message
     missing = command("run", "--directory", str(tmp_path / "new"), status=2).err
     assert "expected a folder that is there" in missing
     assert not (tmp_path / "new").exists()
@@ -205,12 +205,12 @@ def test_ctrl_c_ends_with_the_sentence_that_says_how_to_go_on_and_another_end_ke
 
     monkeypatch.setattr("snakemake.cli.main", ended)
     before = signal.getsignal(signal.SIGINT)
-    said = command(
+    message = command(
         "run", "uncertainty", "--cores", "2", status=130 if interrupted else 1
     ).err
     assert (
-        ("the same command goes on: repose run uncertainty --cores 2" in said)
-        is ("Stopped" in said)
+        ("the same command goes on: repose run uncertainty --cores 2" in message)
+        is ("Stopped" in message)
         is interrupted
     )
     assert signal.getsignal(signal.SIGINT) is before
@@ -241,7 +241,7 @@ def test_the_list_names_targets_with_their_cost_and_strategies_that_cannot_be(
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
+    ("arguments", "message"),
     [
         (
             ["--configfile", "no_such.yaml"],
@@ -259,14 +259,14 @@ def test_the_list_names_targets_with_their_cost_and_strategies_that_cannot_be(
     ],
 )
 def test_words_that_snakemake_would_answer_with_a_traceback_are_refused(
-    words, message, tmp_path, monkeypatch, command
+    arguments, message, tmp_path, monkeypatch, command
 ):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "bad.yaml").write_text("a: [")
     monkeypatch.setattr(
         "snakemake.cli.main", lambda _words: pytest.fail("snakemake was called")
     )
-    assert f"repose: error: {message}" in command("run", *words, status=2).err
+    assert f"repose: error: {message}" in command("run", *arguments, status=2).err
 
 
 def test_help_shows_the_options_and_other_verbs_refuse_words_that_they_do_not_know(
@@ -308,7 +308,7 @@ rule pour:
 class Terminal:
     """`repose run` of a workflow of naps, in a pseudo terminal."""
 
-    def __init__(self, folder, *words):
+    def __init__(self, folder, *arguments):
         self.shown = ""
         self.process, self.screen = pty.fork()
         if self.process == 0:
@@ -326,7 +326,7 @@ class Terminal:
                 "Snakefile",
                 "--cores",
                 "2",
-                *words,
+                *arguments,
             ]
             os.execv(sys.executable, program)
 

@@ -46,34 +46,34 @@ def measured_s(folder):
 
 
 def main():
-    words = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    words.add_argument("--samples", type=int, default=10_000)
-    words.add_argument("--cores", type=int, default=1000)
-    words.add_argument(
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--samples", type=int, default=10_000)
+    parser.add_argument("--cores", type=int, default=1000)
+    parser.add_argument(
         "--benchmarks", help="folder benchmarks/heaps of a run, whose times are drawn"
     )
-    words.add_argument(
+    parser.add_argument(
         "--sample-s",
         type=float,
         default=11.0,
         help="time of a sample, where no run is given (11)",
     )
-    words.add_argument(
+    parser.add_argument(
         "--start-s", type=float, default=2.7, help="start of a cluster job (2.7)"
     )
-    words.add_argument(
+    parser.add_argument(
         "--inner-s",
         type=float,
         default=2.7,
         help="start of one job of the workflow in it (2.7)",
     )
-    words.add_argument(
+    parser.add_argument(
         "--submitted-per-s",
         type=float,
         default=2.0,
         help="jobs submitted in a second (2)",
     )
-    args = words.parse_args()
+    args = parser.parse_args()
     known_s = measured_s(args.benchmarks) if args.benchmarks else [args.sample_s]
     samples_s = np.random.default_rng(1).choice(known_s, args.samples)
     print(

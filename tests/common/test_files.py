@@ -162,8 +162,8 @@ def test_missing_parts_and_half_an_archive_are_reported_with_what_there_should_b
 
 def started_job(folder, lasts_s):
     """A job of the folder's workflow that holds it."""
-    words = [sys.executable, "-c", A_JOB, folder, str(lasts_s)]
-    job = subprocess.Popen(words, stdout=subprocess.PIPE)
+    command = [sys.executable, "-c", A_JOB, folder, str(lasts_s)]
+    job = subprocess.Popen(command, stdout=subprocess.PIPE)
     assert job.stdout.readline() == b"holds it\n"
     return job
 
@@ -214,8 +214,8 @@ def test_jobs_share_the_folder_and_a_second_workflow_is_refused_until_the_first_
     with take_folder(tmp_path):
         with join_folder(tmp_path), join_folder(tmp_path):
             pass
-        words = r"workflow is 'process \d+ on .*'; expected one at a time"
-        input_error(words, take_folder, tmp_path)
+        pattern = r"workflow is 'process \d+ on .*'; expected one at a time"
+        input_error(pattern, take_folder, tmp_path)
     with take_folder(tmp_path):
         pass
 
@@ -289,8 +289,8 @@ def test_a_lock_is_open_to_the_group_or_the_message_says_what_to_set(
         raise PermissionError(errno.EACCES, "Permission denied")
 
     monkeypatch.setattr("filelock.FileLock.acquire", denied)
-    words = r"\.lock: access is 'for others'; expected write access for you; .*umask 002.*chmod -R g\+rwX"
-    input_error(words, take_folder, tmp_path)
+    message = r"\.lock: access is 'for others'; expected write access for you; .*umask 002.*chmod -R g\+rwX"
+    input_error(message, take_folder, tmp_path)
 
 
 @pytest.fixture
@@ -409,9 +409,10 @@ def test_no_other_code_of_the_program_writes_or_removes_a_file():
             )
             owner = getattr(getattr(function, "value", None), "id", "")
             texts = [
-                one.value
-                for one in node.args
-                if isinstance(one, ast.Constant) and isinstance(one.value, str)
+                argument.value
+                for argument in node.args
+                if isinstance(argument, ast.Constant)
+                and isinstance(argument.value, str)
             ]
             opens = called == "open" and any(
                 set(text) <= set("rwabx+t") and set(text) & set("wax+")

@@ -55,16 +55,16 @@ def test_a_study_of_a_crop_lies_over_the_programs_which_it_replaces(folder):
     ):
         assert Path(path).is_absolute()
         assert Path(path).is_file()
-    own = folder / "config/config.yaml"
-    own.parent.mkdir()
-    own.write_text("label: mine\n")
+    config_file = folder / "config/config.yaml"
+    config_file.parent.mkdir()
+    config_file.write_text("label: mine\n")
     assert places.configs() == [METHOD, CONFIG, Path("config/config.yaml")]
     assert PipelineConfig.load(inputs=True).config["label"] == "mine"
-    own.write_text(
+    config_file.write_text(
         "berry: {sizes: sizes.csv}\n"
     )  # of another crop nothing of the program's lies under it
     assert loader.layers([]) == [METHOD, Path("config/config.yaml")]
-    own.unlink()
+    config_file.unlink()
     (folder / "config.yaml").write_text("label: mine\n")
     assert places.configs() == [METHOD, Path("config.yaml")]
     assert {"berry.sizes", "parameters", "targets", "funnel.berries"} <= faulty(

@@ -50,8 +50,8 @@ def run(
     strategy=None,
     check=None,
 ):
-    def settings_of(one, bench_test):
-        return dependencies.settings_of(one, verb, bench_test, name=strategy)
+    def settings_of(configuration, bench_test):
+        return dependencies.settings_of(configuration, verb, bench_test, name=strategy)
 
     runs = {"pour": "made", "measure_runs": "measured"}.get(verb, "")
     with provenance.stage(verb, paths, settings_of, apparatus, runs, strategy, check):
@@ -183,9 +183,9 @@ def test_runs_and_results_of_two_settings_or_engines_are_refused_and_named(
 
 def test_results_of_other_settings_or_another_engine_are_found(tmp_path, monkeypatch):
     path = pour(tmp_path / "a.json")
-    own = tmp_path / "own.json"
-    own.write_text("{}")
-    paths = [path, own, tmp_path / "missing.json"]
+    empty_file = tmp_path / "own.json"
+    empty_file.write_text("{}")
+    paths = [path, empty_file, tmp_path / "missing.json"]
     assert dependencies.find_outdated(CONFIG, paths) == []
     assert dependencies.find_outdated(changed(network={"hidden": 3}), paths) == []
     assert dependencies.find_outdated(
@@ -254,7 +254,7 @@ INPUTS = {
 def test_an_input_of_another_study_is_refused_with_the_key_and_both_values(
     tmp_path, name
 ):
-    made_by, read_by, sections, words = INPUTS[name]
+    made_by, read_by, sections, message = INPUTS[name]
     path = tmp_path / "result.csv"
     run(
         made_by,
@@ -273,7 +273,7 @@ def test_an_input_of_another_study_is_refused_with_the_key_and_both_values(
         out = tmp_path / "out.json"
         run(read_by, [path], lambda: files.write_json(out, {}), config, check=checked)
 
-    fault = input_error(f"result.csv: {words}", read_it, other)
+    fault = input_error(f"result.csv: {message}", read_it, other)
     assert "as in other.json: results of one study" in str(fault)
     assert not (tmp_path / "out.json").exists()
     read_it(CONFIG | {"label": "other", "results_dir": "other"})
@@ -300,12 +300,12 @@ def test_the_datasets_piles_are_a_studys_own_while_its_settings_and_files_are_th
     run("berry", (), lambda: files.write_json(tmp_path / "berry/berry.json", {}))
     poured = pour(tmp_path / "heaps/001.pours.json")
 
-    def measured(one=CONFIG):
+    def measured(configuration=CONFIG):
         run(
             "measure_runs",
             [poured],
             lambda: files.write_json(piles, {"runs": []}),
-            one,
+            configuration,
             "funnel",
         )
         run(

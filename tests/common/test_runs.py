@@ -39,12 +39,17 @@ def test_the_mean_its_error_and_the_targets_in_front():
     assert single["aor_se_deg"] is None
     value_error("at least one run", summarise_runs, [], RECORDED)
     ours = RECORDED.beginning_with(("discharge_s", "base_radius_mm"))
-    own = ("discharge_s", "discharge_se_s", "base_radius_mm", "base_radius_se_mm")
+    further_columns = (
+        "discharge_s",
+        "discharge_se_s",
+        "base_radius_mm",
+        "base_radius_se_mm",
+    )
     assert ours.summary == (
         "status",
         "reason",
         "n_seeds",
-        *own,
+        *further_columns,
         "aor_deg",
         "aor_se_deg",
         "height_mm",
@@ -90,24 +95,24 @@ def normal_model(random, sizes, tau, sigma, mean=30.0):
 
 def test_components_are_those_by_hand_unbiased_and_covered_by_their_intervals():
     values = [1, 3, 5, 7, 3, 5, 7]
-    one = variance.variance_components(values, list("aabbccc"))
+    result = variance.variance_components(values, list("aabbccc"))
     between_square = (
         2 * (2 - 31 / 7) ** 2 + 2 * (6 - 31 / 7) ** 2 + 3 * (5 - 31 / 7) ** 2
     ) / 2
     n0 = (7 - (4 + 4 + 9) / 7) / 2
-    assert one.within == pytest.approx(3)
-    assert one.between == pytest.approx((between_square - 3) / n0)
-    assert one.harmonic_seeds == pytest.approx(3 / (1 / 2 + 1 / 2 + 1 / 3))
-    assert one.groups == 3
-    assert one.values == 7
+    assert result.within == pytest.approx(3)
+    assert result.between == pytest.approx((between_square - 3) / n0)
+    assert result.harmonic_seeds == pytest.approx(3 / (1 / 2 + 1 / 2 + 1 / 3))
+    assert result.groups == 3
+    assert result.values == 7
     # the means' variance is 13 / 3; F quantiles with 2 and 4 degrees of freedom (TH78)
-    h = one.harmonic_seeds
+    h = result.harmonic_seeds
     least, most = (
         (h * (13 / 3) / (3 * stats.f.ppf(q, 2, 4)) - 1) / h for q in (0.975, 0.025)
     )
-    assert least < one.icc_low == 0
-    assert one.icc_high == pytest.approx(most / (1 + most))
-    assert (one.within_low, one.within_high) == pytest.approx(
+    assert least < result.icc_low == 0
+    assert result.icc_high == pytest.approx(most / (1 + most))
+    assert (result.within_low, result.within_high) == pytest.approx(
         [12 / stats.chi2.ppf(q, 4) for q in (0.975, 0.025)]
     )
     random = np.random.default_rng(5)
@@ -121,8 +126,8 @@ def test_components_are_those_by_hand_unbiased_and_covered_by_their_intervals():
         assert values.mean() == pytest.approx(true, abs=4 * values.std() / 20)
     for name, true in (("icc", 0.64), ("within", 2.25)):
         inside = [
-            getattr(one, f"{name}_low") <= true <= getattr(one, f"{name}_high")
-            for one in found
+            getattr(result, f"{name}_low") <= true <= getattr(result, f"{name}_high")
+            for result in found
         ]
         assert 0.91 < np.mean(inside) < 0.985  # 0.95 +- 3.3 standard errors of 400
 
@@ -130,21 +135,23 @@ def test_components_are_those_by_hand_unbiased_and_covered_by_their_intervals():
 def test_variance_between_samples_seeds_for_an_error_and_residual_correlation():
     random = np.random.default_rng(2)
     values, groups = normal_model(random, [6] * 30, 0.0, 1.0)
-    one = variance.variance_components(values, groups)
-    assert one.icc_low == 0
-    assert one.icc < 0.15
+    components = variance.variance_components(values, groups)
+    assert components.icc_low == 0
+    assert components.icc < 0.15
     # The true means of 4000 samples as predictions of means of k noisy seeds.
     random = np.random.default_rng(3)
     true = 2.0 * random.normal(size=4000)
-    one = variance.Components(1, 1, 0.0, 2.25, 2.25, 2.25, 4.0, 0.64, 0.6, 0.7, 8.0)
+    components = variance.Components(
+        1, 1, 0.0, 2.25, 2.25, 2.25, 4.0, 0.64, 0.6, 0.7, 8.0
+    )
     for seeds in (1, 4, 16):
         seen = true + 1.5 / np.sqrt(seeds) * random.normal(size=4000)
         reached = 1 - np.sum((seen - true) ** 2) / np.sum((seen - seen.mean()) ** 2)
-        assert one.reachable_r2(seeds) == pytest.approx(reached, abs=0.02)
-    assert one.seeds_for(0.5) == 9  # 1.5 / sqrt(9) exactly
-    assert one.seeds_for(0.499) == 10
-    assert one.seeds_for(5.0) == 1
-    value_error("standard_error is 0", one.seeds_for, 0)
+        assert components.reachable_r2(seeds) == pytest.approx(reached, abs=0.02)
+    assert components.seeds_for(0.5) == 9  # 1.5 / sqrt(9) exactly
+    assert components.seeds_for(0.499) == 10
+    assert components.seeds_for(5.0) == 1
+    value_error("standard_error is 0", components.seeds_for, 0)
     random = np.random.default_rng(4)
     groups = np.repeat(np.arange(200), 6)
     shift = 10 * random.normal(size=200)

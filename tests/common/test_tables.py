@@ -79,14 +79,14 @@ def shape(path):
 def sets(path):
     """The published sets, once the table is checked."""
     check_published(path)
-    return [list(one.values()) for one in published_sets(path)]
+    return [list(parameters.values()) for parameters in published_sets(path)]
 
 
 def profile(path):
     found = expand_own_profiles(
         {"surface_mm": {"file": str(path), "sd": 0.3, "repetitions": 3}}, "own.yaml"
     )
-    return [one["value"] for one in found.values()]
+    return [cell["value"] for cell in found.values()]
 
 
 @functools.cache
@@ -507,7 +507,7 @@ def test_many_rows_with_decimal_commas_take_seconds(tmp_path):
 
 
 def test_a_number_that_is_repeated_is_refused_with_both_rows(tmp_path):
-    for reader, words in (
+    for reader, message in (
         ("compression", "row 3: test is '1'; expected each test once; row 1 has it"),
         ("samples", "row 3: sample is 1; expected each sample once; row 1 has it"),
         ("sample", "row 3: sample is 1; expected each sample once; row 1 has it"),
@@ -519,7 +519,7 @@ def test_a_number_that_is_repeated_is_refused_with_both_rows(tmp_path):
     ):
         rows = cells(READERS[reader][0])
         rows[3] = [rows[1][0], *rows[3][1:]] if reader != "runs" else rows[1]
-        assert words in fault(reader, tmp_path / "a.csv", joined(rows))
+        assert message in fault(reader, tmp_path / "a.csv", joined(rows))
 
 
 def test_all_faults_of_a_table_are_told_at_once_up_to_thirty(tmp_path):
@@ -591,23 +591,23 @@ def test_a_column_is_what_it_is_declared_to_be(tmp_path):
         "words": (Column("b", words="this"), "this", ["1"], ["x"]),
     }
 
-    def check(column, words, cell, good):
+    def check(column, expected, cell, good):
         path = written(tmp_path / "a.csv", f"a,b\n1,{cell}\n")
         if good:
             assert len(tables.read(path, [column]).values["b"]) == 1
         else:
             input_error(
-                re.escape("row 1: b is ") + f".*expected {re.escape(words)}$",
+                re.escape("row 1: b is ") + f".*expected {re.escape(expected)}$",
                 tables.read,
                 path,
                 [column],
             )
 
     cases = []
-    for name, (column, words, good, bad) in declared.items():
+    for name, (column, expected, good, bad) in declared.items():
         cells_of = [(cell, True) for cell in good] + [(cell, False) for cell in bad]
         cases += [
-            (f"{name} {cell!r}", column, words, cell, is_good)
+            (f"{name} {cell!r}", column, expected, cell, is_good)
             for cell, is_good in cells_of
         ]
     check_all(check, cases)
@@ -636,28 +636,31 @@ def test_a_column_in_another_unit_is_told_with_its_file(tmp_path):
 
     def scaled(text, factor, *columns):
         header, *rows = cells(text)
-        own = [header.index(column) for column in columns]
+        scaled_columns = [header.index(column) for column in columns]
         changed = (
-            [repr(float(x) * factor) if k in own else x for k, x in enumerate(row)]
+            [
+                repr(float(x) * factor) if k in scaled_columns else x
+                for k, x in enumerate(row)
+            ]
             for row in rows
         )
         return joined([header, *changed])
 
     of_files(sizes, written(tmp_path / "tests.csv", TESTS), None, 840.0)
     for factor in (0.1, 1e-3, 1e3):
-        words = (
+        pattern = (
             r"tests\.csv: breadth_mm is .*near that of major_mm .*: are both in mm\?"
         )
-        assert re.search(words, message(scaled(TESTS, factor, "breadth_mm")))
+        assert re.search(pattern, message(scaled(TESTS, factor, "breadth_mm")))
     for factor in (1e-3, 1e8):
-        words = r"tests\.csv: force_n is .*: are they in N\?"
-        assert re.search(words, message(scaled(TESTS, factor, "force_n")))
+        pattern = r"tests\.csv: force_n is .*: are they in N\?"
+        assert re.search(pattern, message(scaled(TESTS, factor, "force_n")))
     for column, factor in (("force_n", 1e3), ("force_n", 1e-3), ("breadth_mm", 0.1)):
         lines = TESTS.splitlines()
         one_test = f"{lines[0]}\n{lines[2]}\n"
         lines[2] = scaled(one_test, factor, column).splitlines()[1]
-        words = rf"tests\.csv, row 2: {column} is .*of the median, "
-        assert re.search(words, message("\n".join(lines)))
+        pattern = rf"tests\.csv, row 2: {column} is .*of the median, "
+        assert re.search(pattern, message("\n".join(lines)))
     in_half = message(scaled(TESTS, 0.1, "width_2_mm"))
     assert re.search("row 1: width_2_mm is .* at least half of it", in_half)
     shorter = message(scaled(TESTS, 0.9, "length_2_mm"))
@@ -684,11 +687,11 @@ def test_random_changes_of_good_tables_end_in_numbers_or_in_a_sentence(tmp_path)
         try:
             found = READERS[reader][2](written(path, text))
         except InputError as error:
-            said = str(error)
+            printed = str(error)
         else:
-            said = str(path)
-            assert np.isfinite(np.concatenate([np.ravel(one) for one in found])).all()
-        assert str(path) in said
+            printed = str(path)
+            assert np.isfinite(np.concatenate([np.ravel(part) for part in found])).all()
+        assert str(path) in printed
 
     check_all(
         check,

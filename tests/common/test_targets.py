@@ -66,10 +66,14 @@ def of(heights, functions=5):
 def test_distances_of_profiles_are_those_of_scores_named_with_their_unit():
     profile = of(X)
     random = np.random.default_rng(2)
-    one, other = random.normal(size=(2, 5))
-    off = profile.heights(one) - profile.heights(other)
-    assert np.mean(off**2) == pytest.approx(np.sum((one - other) ** 2), rel=1e-12)
-    np.testing.assert_allclose(profile.scores(profile.heights(one)), one, atol=1e-12)
+    first, second = random.normal(size=(2, 5))
+    difference = profile.heights(first) - profile.heights(second)
+    assert np.mean(difference**2) == pytest.approx(
+        np.sum((first - second) ** 2), rel=1e-12
+    )
+    np.testing.assert_allclose(
+        profile.scores(profile.heights(first)), first, atol=1e-12
+    )
     # Parseval with the residual: mean square of all heights, of the scores, of the rest.
     heights = 20 * np.cos(X / 8)
     profile = of(heights)
@@ -87,8 +91,8 @@ def test_distances_of_profiles_are_those_of_scores_named_with_their_unit():
     assert slope == pytest.approx(-0.8 * np.std(X))
     np.testing.assert_allclose(others, 0.0, atol=1e-12)
     profile = of(2.0 - 0.8 * X)
-    off = profile.heights(0.01 * profile.whole * np.array([1, -1, 1, 1, -1]))
-    assert np.sqrt(np.mean(off**2)) == pytest.approx(0.01 * profile.height)
+    difference = profile.heights(0.01 * profile.whole * np.array([1, -1, 1, 1, -1]))
+    assert np.sqrt(np.mean(difference**2)) == pytest.approx(0.01 * profile.height)
     assert tuple(of(X, functions=3).columns(X)) == (
         "surface_1_mm",
         "surface_2_mm",

@@ -33,20 +33,20 @@ def test_processes_note_their_time_and_those_outside_jobs_none(tmp_path, monkeyp
     for name in ("logs/heaps", "benchmarks/heaps"):
         (tmp_path / "results" / name).mkdir(parents=True)
     used_s = job("results", tmp_path / "results/logs/heaps/001.log")
-    (one,) = usage.since("results", 0)
-    assert one.cpu_s == pytest.approx(used_s, abs=0.1)
-    assert 0.8 < one.cpu_s <= used_s
-    assert str(os.getpid()) in one.ancestors.split()
-    assert usage.since("results", one.ended_s + 1) == []
+    (entry,) = usage.since("results", 0)
+    assert entry.cpu_s == pytest.approx(used_s, abs=0.1)
+    assert 0.8 < entry.cpu_s <= used_s
+    assert str(os.getpid()) in entry.ancestors.split()
+    assert usage.since("results", entry.ended_s + 1) == []
     benchmark = written(
         tmp_path / "results/benchmarks/heaps/001.tsv",
         "s\tmax_rss\tcpu_time\n1.5\t80.0\t0.2\n",
     )
     usage.correct_benchmarks(
-        "results", [one, one._replace(ended_s=one.ended_s - 60)]
+        "results", [entry, entry._replace(ended_s=entry.ended_s - 60)]
     )  # of an earlier attempt
     assert (
-        benchmark.read_text() == f"s\tmax_rss\tcpu_time\n1.5\t80.0\t{one.cpu_s:.2f}\n"
+        benchmark.read_text() == f"s\tmax_rss\tcpu_time\n1.5\t80.0\t{entry.cpu_s:.2f}\n"
     )
     (tmp_path / "benchmarks").mkdir()
     usage.note(tmp_path)

@@ -88,7 +88,7 @@ def test_a_pile_of_particles_has_a_section_measure():
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("changes", "message"),
     [
         (simulator(command="python toy.py"), r"simulator\.command .* a list of texts"),
         (simulator(command=[]), r"simulator\.command"),
@@ -101,8 +101,8 @@ def test_a_pile_of_particles_has_a_section_measure():
         ({"validation": {"published": "sets.csv"}}, r"validation\.published .* null"),
     ],
 )
-def test_bad_sections_are_refused(changes, words):
-    with pytest.raises(InputError, match=words):
+def test_bad_sections_are_refused(changes, message):
+    with pytest.raises(InputError, match=message):
         loaded(**changes)
 
 

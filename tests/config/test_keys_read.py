@@ -108,13 +108,13 @@ def keys_read(plain, tmp_path_factory):
     loader.write_resolved(plain.config, resolved)
     found = {}
 
-    def run(verb, *words, **options):
+    def run(verb, *positional, **options):
         """Run a stage as its rule does, without its record of provenance."""
-        keys = found.setdefault(words[0] if verb == "propose" else verb, set())
+        keys = found.setdefault(positional[0] if verb == "propose" else verb, set())
         given = [f"--{key}={value}" for key, value in options.items()]
         name = [verb] if verb in TYPED else ["stage", verb]
         arguments = parser().parse_args(
-            [*name, *map(str, words), *given, f"--config={resolved}"]
+            [*name, *map(str, positional), *given, f"--config={resolved}"]
         )
         VERBS[verb].run(arguments, RecordingConfig(plain, keys))
 
@@ -160,9 +160,12 @@ def chain(run, at):
     jobs = measured(
         pd.read_csv(at / "validation/solutions.csv"), at / "validation/heaps"
     )
-    own = {"solutions": at / "validation/solutions.csv", "dataset": at / "dataset.csv"}
-    own["optimism"] = at / "miga/optimism.csv"
-    run("validate", *jobs, **own, out=at / "validation")
+    inputs = {
+        "solutions": at / "validation/solutions.csv",
+        "dataset": at / "dataset.csv",
+    }
+    inputs["optimism"] = at / "miga/optimism.csv"
+    run("validate", *jobs, **inputs, out=at / "validation")
     run("noise", runs=at / "runs.csv", out=at / "noise")
     found = {
         "predictions": at / "network/predictions.csv",
@@ -184,8 +187,8 @@ def strategies(run, poured, at):
     batch = at / "sequential/batch_0"
     poured(batch / "samples.csv", at / "far")  # whose piles are out of reach
     for table in ("dataset", "runs"):
-        far = pd.read_csv(at / f"far/{table}.csv")
-        far.assign(height_mm=far["height_mm"] + 40.0).to_csv(
+        rows = pd.read_csv(at / f"far/{table}.csv")
+        rows.assign(height_mm=rows["height_mm"] + 40.0).to_csv(
             at / f"far/{table}.csv", index=False
         )
     run("propose", "sequential", at / "far", out=at / "far/batch_1")

@@ -49,20 +49,20 @@ def test_the_configuration_knows_the_laws_the_card_their_convention_and_twisting
         before = hash_of(dependencies.settings_of(config, "pour"))
         config["simulation"][key] = "linear_spring" if key == "contact_law" else "epsd"
         assert hash_of(dependencies.settings_of(config, "pour")) != before
-    words = described_laws(study("jkr", **COHESION).settings.simulation)
-    says(words["normal"], "w = 2 gamma", "3 pi gamma R*")
+    described = described_laws(study("jkr", **COHESION).settings.simulation)
+    says(described["normal"], "w = 2 gamma", "3 pi gamma R*")
     for direction in ("tangential", "rolling"):
         assert (
             "times the sum of the damped normal force and twice the pull-off force"
-            in words[direction]
+            in described[direction]
         )
-    assert "by more than the pull-off force" in words["end of an impact"]
-    words = described_laws(study("sjkr", **OF_SJKR).settings.simulation)
+    assert "by more than the pull-off force" in described["end of an impact"]
+    described = described_laws(study("sjkr", **OF_SJKR).settings.simulation)
     assert (
         "mu_s times the size of the damped normal force without cohesion"
-        in words["tangential"]
+        in described["tangential"]
     )
-    assert words["end of an impact"].startswith(
+    assert described["end of an impact"].startswith(
         "the force without cohesion never pulls"
     )
     space = study("hertz_mindlin", "epsd", mut_gp=[0.0, 0.5]).parameters

@@ -127,9 +127,9 @@ def test_a_complete_file_and_the_built_in_crop_stand_in_for_the_folders_own(
     assert PipelineConfig.load(path).config["funnel"] == config["funnel"]
     (tmp_path / "config.yaml").unlink()
     (tmp_path / "mine.yaml").write_text("label: mine\n")
-    own = places.root() / places.DEFAULT_CONFIG
-    assert find_substitute_crop("mine.yaml") == own
-    assert find_substitute_crop(str(own.parent / "quick.yaml")) is None
+    default_config = places.root() / places.DEFAULT_CONFIG
+    assert find_substitute_crop("mine.yaml") == default_config
+    assert find_substitute_crop(str(default_config.parent / "quick.yaml")) is None
 
 
 def test_a_fault_names_the_file_it_came_from(tmp_path):
@@ -182,8 +182,8 @@ def test_a_study_stands_beside_the_package_has_its_parts_and_stays_as_it_is(quic
     assert quick.parameters.dimensions == 6
     assert quick.targets.names == ("aor_deg", "height_mm")
     assert quick.folder.as_posix() == "results/quick"
-    words = "e_gg, mus_gg, mur_gg, e_gp, mus_gp, mur_gp by aor_deg, height_mm, strategy published"
-    assert repr(quick) == f"<PipelineConfig quick: {words}>"
+    description = "e_gg, mus_gg, mur_gg, e_gp, mus_gp, mur_gp by aor_deg, height_mm, strategy published"
+    assert repr(quick) == f"<PipelineConfig quick: {description}>"
     assert quick.grain is quick.grain
     assert quick.particle is quick.particle
     assert quick.grain["density_kg_m3"] == 840.47

@@ -134,7 +134,7 @@ def test_scores_are_defined_by_abscissae_and_share_and_percents_are_of_the_heigh
 
 
 @pytest.mark.parametrize(
-    ("change", "words"),
+    ("change", "message"),
     [
         (
             {"z": "height_mm"},
@@ -162,12 +162,12 @@ def test_scores_are_defined_by_abscissae_and_share_and_percents_are_of_the_heigh
         ),
     ],
 )
-def test_a_wrong_entry_is_refused(quick, entry, change, words):
-    input_error(words, study_of, quick, entry | change)
+def test_a_wrong_entry_is_refused(quick, entry, change, message):
+    input_error(message, study_of, quick, entry | change)
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "words"),
+    ("old", "new", "message"),
     [
         (
             "0.5,1",
@@ -191,9 +191,9 @@ def test_a_wrong_entry_is_refused(quick, entry, change, words):
         ),
     ],
 )
-def test_a_wrong_table_is_refused(quick, entry, table, old, new, words):
+def test_a_wrong_table_is_refused(quick, entry, table, old, new, message):
     table.write_text(TABLE.replace(old, new))
-    input_error(words, study_of, quick, entry)
+    input_error(message, study_of, quick, entry)
 
 
 @pytest.mark.slow

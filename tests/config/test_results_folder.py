@@ -214,12 +214,12 @@ def test_a_changed_result_and_somebodys_file_in_the_place_of_a_result_are_report
 
     def reported():
         files = str(study), [f"{study}/{name}" for name in results]
-        said = str(
+        message = str(
             input_error("expected", results_folder.check_no_foreign_files, *files)
         )
         return [
             line.removeprefix(f"{study}/").partition(" is ")[0]
-            for line in said.splitlines()
+            for line in message.splitlines()
         ]
 
     assert reported() == ["network/network.json: file", "report.html: file"]
@@ -271,8 +271,10 @@ def test_a_run_stands_on_its_scene_and_not_on_its_measurement(config):
                 key,
             )
             for select in (
-                lambda one: dependencies.measurement_settings(one, name),
-                lambda one: dependencies.settings_of(one, "next"),
+                lambda configuration: dependencies.measurement_settings(
+                    configuration, name
+                ),
+                lambda configuration: dependencies.settings_of(configuration, "next"),
             ):
                 assert select(changed) != select(config), (section, key)
 

@@ -99,40 +99,34 @@ def test_a_section_without_a_table_on_the_page_is_named(tmp_path, monkeypatch, c
 
 
 def test_what_every_key_takes_is_known():
-    own = (
-        StudyFile,
-        {
-            "sequential": OwnSequential.model_fields,
-            "posterior": OwnPosterior.model_fields,
-        },
-    )
-    parts = [
-        (model, one, part)
-        for model, whole in ((settings_type(), every_bench_test()), own)
-        for one, part in whole.items()
-        if one not in ADDED
-    ]
-    keys = [
-        (model, [one, key])
-        for model, one, part in parts
-        if isinstance(part, dict)
-        for key in part
-    ]
-    told = [
-        f"{'.'.join(key)}: {faults.allowed_by(faults.subschema(key, model))}"
-        for model, key in keys
-    ]
-    is_known("keys.txt", without_names("\n".join(told)))
+    sections_of_a_study = {
+        "sequential": OwnSequential.model_fields,
+        "posterior": OwnPosterior.model_fields,
+    }
+    lines = []
+    for model, sections in (
+        (settings_type(), every_bench_test()),
+        (StudyFile, sections_of_a_study),
+    ):
+        for section, keys in sections.items():
+            if section in ADDED or not isinstance(keys, dict):
+                continue
+            for key in keys:
+                allowed = faults.allowed_by(faults.subschema([section, key], model))
+                lines.append(f"{section}.{key}: {allowed}")
+    is_known("keys.txt", without_names("\n".join(lines)))
 
 
 def below(kind):
-    return [one for each in kind.__subclasses__() for one in (each, *below(each))]
+    return [
+        subclass for each in kind.__subclasses__() for subclass in (each, *below(each))
+    ]
 
 
 def test_the_limits_and_defaults_of_all_that_is_read_are_known():
     modules = {
-        one.name: importlib.import_module(one.name)
-        for one in pkgutil.walk_packages(repose.__path__, "repose.")
+        section.name: importlib.import_module(section.name)
+        for section in pkgutil.walk_packages(repose.__path__, "repose.")
     }
     models = [
         each
@@ -144,8 +138,8 @@ def test_the_limits_and_defaults_of_all_that_is_read_are_known():
         each.__name__: each.model_json_schema().get("properties", {}) for each in models
     }
     told = sorted(
-        f"{one}.{key}: {json.dumps(without_words(field))}"
-        for one, part in parts.items()
+        f"{section}.{key}: {json.dumps(without_words(field))}"
+        for section, part in parts.items()
         for key, field in part.items()
     )
     is_known("limits.txt", without_names("\n".join(told)))
@@ -154,12 +148,12 @@ def test_the_limits_and_defaults_of_all_that_is_read_are_known():
 def without_words(schema):
     """A schema without the texts of the page."""
     if isinstance(schema, list):
-        return [without_words(one) for one in schema]
+        return [without_words(part) for part in schema]
     if not isinstance(schema, dict):
         return schema
     return {
-        key: without_words(one)
-        for key, one in schema.items()
+        key: without_words(part)
+        for key, part in schema.items()
         if key not in ("title", "description", "source", "allowed")
     }
 
@@ -240,7 +234,9 @@ def test_every_key_is_explained_known_and_computed_where_it_may_be_auto():
     for name in faults.schema(settings_type())["properties"]:
         keys = faults.subschema([name], settings_type()).get("properties", {})
         found |= {
-            f"{name}.{key}" for key, one in keys.items() if one.get("default") == "auto"
+            f"{name}.{key}"
+            for key, field in keys.items()
+            if field.get("default") == "auto"
         }
     assert found == {setting.key for setting in COMPUTED}
 
@@ -570,7 +566,7 @@ def test_inputs_are_checked_against_the_berry_and_the_disc(config):
 def test_the_named_tables_and_pictures_are_read_before_any_work(config):
     sizes = "resources/berries.csv"
     forces = "resources/compression.csv"
-    for section, changed, words in (
+    for section, changed, message in (
         ("berry", {"sizes": forces}, r"compression\.csv: column long_mm is 'missing'"),
         (
             "validation",
@@ -585,7 +581,9 @@ def test_the_named_tables_and_pictures_are_read_before_any_work(config):
         ("photograph", sizes, r"berries\.csv: picture is 'not a picture'"),
     ):
         changed = config[section] | changed if isinstance(changed, dict) else changed
-        input_error(words, PipelineConfig.of(config | {section: changed}).check_inputs)
+        input_error(
+            message, PipelineConfig.of(config | {section: changed}).check_inputs
+        )
 
 
 def test_resolved_configuration_is_rewritten_only_when_it_changed(config, tmp_path):
@@ -606,29 +604,29 @@ def test_a_study_and_a_configuration_can_be_handed_to_another_process():
     label = config.settings.label
     study = Study({"mus": (0.1, 0.9), "mur": (0.01, 0.2)}, {"aor_deg": (30.0, 1.0)})
     assert pickle.loads(pickle.dumps(config)).settings.label == label
-    for one in (study, config.study()):
-        again = pickle.loads(pickle.dumps(one))
-        assert again.ask().equals(one.ask())
+    for study_object in (study, config.study()):
+        again = pickle.loads(pickle.dumps(study_object))
+        assert again.ask().equals(study_object.ask())
 
 
 def test_a_study_of_another_simulator_is_told_as_such_and_nothing_else_of_it():
-    own = {"simulator": "EDEM", "parameters": {"mus": [0.1, 0.9]}}
-    words = r"^own.yaml: simulator is 'EDEM'; expected a study of our own simulator"
-    input_error(words, PipelineConfig.of, own, "own.yaml")
+    foreign = {"simulator": "EDEM", "parameters": {"mus": [0.1, 0.9]}}
+    message = r"^own.yaml: simulator is 'EDEM'; expected a study of our own simulator"
+    input_error(message, PipelineConfig.of, foreign, "own.yaml")
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "message"),
     [
         (r'sizes: "C:\Users\x.csv"', "line 1 is .*expected a path in single quotes"),
         ("small_run: \ttrue", "line 1 is .*; expected blanks in place of the tab"),
     ],
 )
-def test_a_path_in_double_quotes_and_a_tab_are_told_with_what_to_write(text, words):
-    input_error(words, reading.parse, text, "a.yaml")
+def test_a_path_in_double_quotes_and_a_tab_are_told_with_what_to_write(text, message):
+    input_error(message, reading.parse, text, "a.yaml")
 
 
 def test_a_parameter_that_begins_a_comment_is_refused():
     targets = {"aor_deg": (30.0, 1.0)}
-    words = "parameters is '#f'; expected names that do not begin with #"
-    input_error(words, Study, {"#f": (0.1, 0.9)}, targets)
+    message = "parameters is '#f'; expected names that do not begin with #"
+    input_error(message, Study, {"#f": (0.1, 0.9)}, targets)

@@ -202,8 +202,8 @@ def rewritten(path, target, **changes):
     """A copy of a checkpoint with other entries in its description."""
     with np.load(path) as store:
         arrays = dict(store)
-    about = json.loads(arrays["about"].tobytes()) | changes
-    arrays["about"] = np.frombuffer(json.dumps(about).encode(), np.uint8)
+    description = json.loads(arrays["about"].tobytes()) | changes
+    arrays["about"] = np.frombuffer(json.dumps(description).encode(), np.uint8)
     with open(target, "wb") as handle:
         np.savez(handle, **arrays)
     return target
@@ -213,10 +213,10 @@ def test_the_file_holds_no_pickle_a_readable_description_and_no_flipped_bit(
     saved, tmp_path
 ):
     with np.load(saved[0], allow_pickle=False) as store:
-        about = json.loads(store["about"].tobytes())
+        description = json.loads(store["about"].tobytes())
         assert all(store[name].dtype != object for name in store.files)
-    assert about["shapes"]["ball"]["semi_axes_m"] == [[0.006, 0.006, 0.006]]
-    assert about["walls"]["floor"][1]["motion"]["velocity_m_s"] == [0.0, 0.0, 0.5]
+    assert description["shapes"]["ball"]["semi_axes_m"] == [[0.006, 0.006, 0.006]]
+    assert description["walls"]["floor"][1]["motion"]["velocity_m_s"] == [0.0, 0.0, 0.5]
     content = bytearray(saved[0].read_bytes())
     with zipfile.ZipFile(saved[0]) as store:
         largest = max(store.infolist(), key=lambda member: member.compress_size)
@@ -251,7 +251,7 @@ def test_a_file_that_cannot_be_gone_on_from_is_named(saved, tmp_path):
         (lambda path, to: rewritten(path, to, walls={}), "content is .*a whole file"),
     ]
     wrong = [
-        ((k, damage), rf"bad_{k}\.npz.*{words}")
-        for k, (damage, words) in enumerate(cases)
+        ((k, damage), rf"bad_{k}\.npz.*{message}")
+        for k, (damage, message) in enumerate(cases)
     ]
     assert not not_refused(load, wrong, InputError)

@@ -103,10 +103,10 @@ def test_jkr_on_a_path_to_and_fro_agrees_with_a_search_for_the_circle(gamma):
     assert gamma < 1e-6 or strongest == pytest.approx(-1.0, abs=2e-3)
 
 
-def compare_with_the_dry_law(name, own, deep, atol):
+def compare_with_the_dry_law(name, cohesive, deep, atol):
     forces = []
     for law, contact in (
-        (name, own),
+        (name, cohesive),
         ("hertz_mindlin_rescaled", Contact(0.4, 0.5, 0.0)),
     ):
         law = CONTACT_LAWS[law]

@@ -328,13 +328,13 @@ def test_a_sphere_that_spins_on_a_floor_is_stopped_by_the_friction_of_its_circle
     mass = shape().mass_kg
     circle = math.sqrt(RADIUS * sunk(shape().mass_kg))
     by_default = 3.0 * math.pi / 16.0 * friction
-    for own, coefficient, law in (
+    for twisting, coefficient, law in (
         (None, by_default, "epsd"),
         (0.1, 0.1, OTHERS[0]),
         (0.1, 0.1, "epsd"),
         (0, 0, "epsd"),
     ):
-        contact = Contact(0.3, friction, 0.1, own)
+        contact = Contact(0.3, friction, 0.1, twisting)
         options = {"material": GOJI, "dt": 5e-5, "rolling_law": law}
         s = on_floor(shape(), contact, spin=(0.0, 0.0, spin), **options)
         moment = 0.4 * mass * RADIUS**2
@@ -398,7 +398,7 @@ def warned(rolling=0.1, motion=TURNING, frame=False, **laws):
         warnings.simplefilter("default")
         for _ in range(2):
             s.run_steps(1)
-    return [str(one.message) for one in found]
+    return [str(warning.message) for warning in found]
 
 
 def test_a_wall_that_turns_where_rolling_is_resisted_in_space_is_reported_once():

@@ -125,9 +125,9 @@ SMALL = {
 )
 def test_a_scene_of_the_examples_runs(path, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    arguments, said = SMALL[path.stem]
+    arguments, expected = SMALL[path.stem]
     runpy.run_path(str(path))["main"](**arguments)
-    assert re.fullmatch(said, capsys.readouterr().out.strip())
+    assert re.fullmatch(expected, capsys.readouterr().out.strip())
     folder = tmp_path / "results" / "examples" / path.stem
     with Image.open(folder / f"{path.stem}.png") as picture:
         assert np.ptp(np.asarray(picture)) > 100
@@ -136,7 +136,7 @@ def test_a_scene_of_the_examples_runs(path, tmp_path, monkeypatch, capsys):
 
 
 def test_the_example_of_a_bench_test_runs():
-    arguments, said = SMALL[
+    arguments, expected = SMALL[
         "bench_test"
     ]  # in a process of its own: it registers the bench test
     call = f"import runpy; runpy.run_path('examples/bench_test.py')['main'](**{arguments!r})"
@@ -144,4 +144,4 @@ def test_the_example_of_a_bench_test_runs():
         [sys.executable, "-c", call], cwd=ROOT, capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
-    assert re.fullmatch(said, done.stdout.strip())
+    assert re.fullmatch(expected, done.stdout.strip())

@@ -15,10 +15,10 @@ def test_modules_with_kernels_of_their_own_load_the_settings_first():
         for path in HOME.rglob("*.py")
         if HOME / "dem" not in path.parents
     }
-    own = {path.name: text for path, text in texts.items() if "@numba.njit" in text}
-    assert "speed.py" in own
+    sources = {path.name: text for path, text in texts.items() if "@numba.njit" in text}
+    assert "speed.py" in sources
     assert not [
         name
-        for name, text in own.items()
+        for name, text in sources.items()
         if "from repose.dem.kernels import jit" not in text
     ]

@@ -287,8 +287,8 @@ def test_equal_engines_have_the_chi_squared_of_their_number_of_rows():
     both["difference"] = both["angle_deg"] - both["aor"]
     both["seeds_sd_theirs"] = compare.seed_scatter(both["aor_std"], both["n_ok"])
     assert compare.scatters("row", both) == pytest.approx((0.9, 0.75), rel=0.04)
-    words = compare.judged("row", both)
-    chi_squared = float(re.search(r"chi squared (\d+) on 4000", words).group(1))
+    judgement = compare.judged("row", both)
+    chi_squared = float(re.search(r"chi squared (\d+) on 4000", judgement).group(1))
     # The standard deviation of chi squared is 89, and the scatters are estimates, too.
     assert chi_squared == pytest.approx(n_rows, abs=600)
 

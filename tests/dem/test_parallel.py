@@ -63,7 +63,8 @@ def test_neither_threads_nor_cuts_change_a_bit_and_shares_move_bodies_as_one_doe
     assert len(found[0][2]) > 100
     for other in found[1:]:
         assert all(
-            np.array_equal(one, two) for one, two in zip(found[0], other, strict=True)
+            np.array_equal(first, second)
+            for first, second in zip(found[0], other, strict=True)
         )
     shared = falling(1)  # over so few steps that rounding has not grown yet
     monkeypatch.setattr(parallel, "FEWEST_BODIES", 1000)
@@ -110,7 +111,9 @@ def test_pairs_that_are_left_alone_still_meet_in_time(small_is_shared, monkeypat
         assert (left_alone > 50) == (fewest == 1)
     assert len(met[0][0]) == 0
     assert max(len(contacts) for contacts in met[0]) > 20
-    assert all(np.array_equal(one, two) for one, two in zip(*met, strict=True))
+    assert all(
+        np.array_equal(first, second) for first, second in zip(*met, strict=True)
+    )
 
 
 @pytest.mark.slow
@@ -140,8 +143,8 @@ def test_new_numbers_change_nothing_that_users_see(small_is_shared):
     numbers = s._engine_numbers.copy()
     s._renumber()
     assert not np.array_equal(numbers, s._engine_numbers)
-    for one, two in zip(before, seen(), strict=True):
-        assert np.array_equal(one, two)
+    for first, second in zip(before, seen(), strict=True):
+        assert np.array_equal(first, second)
 
 
 def test_morton_numbers_of_a_small_grid_and_wrong_numbers_of_threads():

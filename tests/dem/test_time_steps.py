@@ -146,12 +146,12 @@ def test_low_restitution_hard_walls_scale_and_flat_places_shorten_the_step():
     assert apart.acting_together(0.05) == pytest.approx(
         2.0, rel=0.02
     )  # seen from the side both touch
-    one, many = (
+    single, many = (
         time_steps.pressed(study(0.9, shape=s), s, "wall", overlap_m=5e-4)
         for s in (row(1), row(15))
     )
     assert many.time_step_s == pytest.approx(
-        one.time_step_s / math.sqrt(15.0), rel=0.02
+        single.time_step_s / math.sqrt(15.0), rel=0.02
     )
     assert "15.0 spheres" in many.reason
     many = row(40)

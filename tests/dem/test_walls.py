@@ -461,13 +461,13 @@ def test_a_resting_pile_weighs_on_its_walls_what_it_weighs():
         name: np.array(getattr(s, name))
         for name in ("positions", "velocities", "quaternions")
     }
-    about = np.array([0.1, -0.2, 0.3])
-    loads = s.wall_loads(about)
+    point = np.array([0.1, -0.2, 0.3])
+    loads = s.wall_loads(point)
     assert list(loads) == list(STEEP)
     weight = s.n_bodies * s.mass_kg * GRAVITY
     force = sum(load.force_n for load in loads.values())
     assert np.allclose(force, (0.0, 0.0, -weight), rtol=0.0, atol=1e-6 * weight)
-    moment = np.cross(s.positions - about, (0.0, 0.0, -s.mass_kg * GRAVITY)).sum(axis=0)
+    moment = np.cross(s.positions - point, (0.0, 0.0, -s.mass_kg * GRAVITY)).sum(axis=0)
     # rolling resistance holds bodies without a load on the walls: mu_r times the force times a berry's half length
     assert np.allclose(
         sum(load.torque_n_m for load in loads.values()),
@@ -597,11 +597,11 @@ def farthest(kind, turn, beyond, place):
 @pytest.mark.parametrize("name", WALLS)
 def test_the_deepest_overlap_is_that_of_the_farthest_point(name, kind):
     wall, beyond, place, into = WALLS[name]
-    far = Plane(
+    far_plane = Plane(
         (0.0, 0.0, -9.0), (0.0, 0.0, 1.0), "wall"
     )  # the numbers of curved walls begin after it
     options = {
-        "walls": {name: wall} if name == "plane" else {"far": far, name: wall},
+        "walls": {name: wall} if name == "plane" else {"far": far_plane, name: wall},
         "dt": 1e-9,
     }
     rng = np.random.default_rng(1)

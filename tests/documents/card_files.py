@@ -24,23 +24,23 @@ def type_of(schema):
         name = schema["$ref"].rpartition("/")[2]
         return "any" if name == "JsonValue" else f"[{name}](#{name.lower()})"
     if "anyOf" in schema:
-        return " or ".join(type_of(one) for one in schema["anyOf"])
+        return " or ".join(type_of(option) for option in schema["anyOf"])
     if "const" in schema:
         return f"`{json.dumps(schema['const'])}`"
     if "enum" in schema:
-        return ", ".join(f"`{json.dumps(one)}`" for one in schema["enum"])
+        return ", ".join(f"`{json.dumps(option)}`" for option in schema["enum"])
     kind = schema.get("type", "any")
     if kind == "array":
         return f"list of {type_of(schema['items'])}{bounds_of(schema)}"
     if kind == "object":
         return f"mapping to {type_of(schema.get('additionalProperties', {}))}"
-    words = {"number": "number", "integer": "whole number", "string": "text"}
-    return f"{words.get(kind, kind)}{bounds_of(schema)}"
+    names = {"number": "number", "integer": "whole number", "string": "text"}
+    return f"{names.get(kind, kind)}{bounds_of(schema)}"
 
 
 def bounds_of(schema):
     """The bounds of a number or of the length of a list."""
-    words = {
+    phrases = {
         "minimum": "from",
         "exclusiveMinimum": "above",
         "maximum": "to",
@@ -50,7 +50,7 @@ def bounds_of(schema):
     if "minItems" in schema and schema["minItems"] == schema.get("maxItems"):
         return f" of {schema['minItems']}"
     return "".join(
-        f" {word} {schema[key]:g}" for key, word in words.items() if key in schema
+        f" {word} {schema[key]:g}" for key, word in phrases.items() if key in schema
     )
 
 
@@ -64,16 +64,18 @@ def section(name, schema):
         "| key | type | meaning |",
         "|---|---|---|",
     ]
-    for key, one in schema["properties"].items():
+    for key, field in schema["properties"].items():
         shown = f"`{key}`" if key in schema["required"] else f"*`{key}`*"
-        lines.append(f"| {shown} | {type_of(one)} | {one.get('description', '')} |")
+        lines.append(f"| {shown} | {type_of(field)} | {field.get('description', '')} |")
     return "\n".join(lines) + "\n"
 
 
 def texts():
     """The text of each file."""
     schema = card.schema()
-    models = {name: one for name, one in schema["$defs"].items() if "properties" in one}
+    models = {
+        name: model for name, model in schema["$defs"].items() if "properties" in model
+    }
     first = ("Card", "OtherCard")
     order = [*first, *(name for name in models if name not in first)]
     page = "\n".join([HEAD, *(section(name, models[name]) for name in order)])

@@ -180,22 +180,22 @@ def run(page: str, text: str, folder: Path) -> float:
 
 
 def main() -> None:
-    words = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    words.add_argument(
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument(
         "pages",
         nargs="*",
         metavar="PAGE",
         help="such as docs/howto.md (all of the table)",
     )
-    words.add_argument(
+    parser.add_argument(
         "--all", action="store_true", help="not the quick commands alone"
     )
-    words.add_argument(
+    parser.add_argument(
         "--draw",
         action="store_true",
         help="with --all: put the pictures of a page where it shows them",
     )
-    args = words.parse_args()
+    args = parser.parse_args()
     table = yaml.safe_load(TABLE.read_text())
     with tempfile.TemporaryDirectory() as place:
         shared = None

@@ -40,11 +40,11 @@ class Checkout:
 
     folder: Path
 
-    def python(self, *words, **environment):
+    def python(self, *arguments, **environment):
         """Run Python in the copy and return what it prints."""
         paths = [self.folder / path for path in PATHS]
         here = {"PYTHONPATH": os.pathsep.join(map(str, paths))} | environment
-        return run_python(*words, cwd=self.folder, env=os.environ | here)
+        return run_python(*arguments, cwd=self.folder, env=os.environ | here)
 
     def add_module(self, thing):
         """Write the module of the guide and the line that registers it."""
@@ -110,8 +110,8 @@ def checkout(tmp_path):
             (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, tmp_path / name)
     # A test asks git for the files of the checkout.
-    for words in (["init", "-q"], ["add", "-A"]):
-        subprocess.run(["git", *words], cwd=tmp_path, check=True)
+    for arguments in (["init", "-q"], ["add", "-A"]):
+        subprocess.run(["git", *arguments], cwd=tmp_path, check=True)
     return Checkout(tmp_path)
 
 

@@ -47,16 +47,16 @@ def test_pours_of_two_draws_are_pooled_like_one_sample(monkeypatch, tmp_path):
     pours = {"a": [30.0, 31.0, 32.5], "b": [29.0, 33.0]}
     rows = []
     for draw, values in pours.items():
-        own = pd.Series(values)
-        error = own.std() / len(own) ** 0.5
+        sample = pd.Series(values)
+        error = sample.std() / len(sample) ** 0.5
         rows.append(
             {
                 "processor": draw,
                 "solution": 22,
-                "n_seeds": len(own),
-                "aor_flank_deg": own.mean(),
+                "n_seeds": len(sample),
+                "aor_flank_deg": sample.mean(),
                 "aor_flank_se_deg": error,
-                "height_mm": own.mean(),
+                "height_mm": sample.mean(),
                 "height_se_mm": error,
             }
         )

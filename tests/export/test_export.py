@@ -79,14 +79,14 @@ def test_each_program_gets_the_numbers(job):
     step = float(re.search(r"timestep +(\S+)", deck).group(1))
     assert steps * step == pytest.approx(job.funnel.duration_s, rel=1e-3)
     # two surfaces of this E and nu have the pair's E*; the tangential stiffness is 8 G*
-    words = contact_keywords(job, job.on_wall).split()
-    young = float(words[1])
-    poisson = float(words[3])
+    keywords = contact_keywords(job, job.on_wall).split()
+    young = float(keywords[1])
+    poisson = float(keywords[3])
     assert young / (2 * (1 - poisson**2)) == pytest.approx(
         job.on_wall.effective_young_pa
     )
-    assert float(words[6]) == pytest.approx(8 * job.on_wall.effective_shear_pa)
-    spring, dashpot = map(float, words[words.index("sds") + 1 :][:2])
+    assert float(keywords[6]) == pytest.approx(8 * job.on_wall.effective_shear_pa)
+    spring, dashpot = map(float, keywords[keywords.index("sds") + 1 :][:2])
     assert dashpot == pytest.approx(
         0.5 * math.sqrt(spring * job.particle.mass_kg)
     )  # half of the critical one
@@ -252,16 +252,16 @@ def test_the_members_of_a_yade_clump_have_mass_centre_and_moments_of_the_body(
     config, particle
 ):
     job = job_of(config, particle)
-    weights, own = yade.member_masses(job)
+    weights, member_masses = yade.member_masses(job)
     masses = weights * job.particle.mass_kg
     places = job.particle.spheres_m[:, :3]
     assert masses.sum() == pytest.approx(job.particle.mass_kg)
     assert masses @ places == pytest.approx(np.zeros(3), abs=1e-12)
-    tensor = np.diag(own * len(places))
+    tensor = np.diag(member_masses * len(places))
     for mass, x in zip(masses, places, strict=True):
         tensor += mass * (x @ x * np.eye(3) - np.outer(x, x))
     assert tensor == pytest.approx(np.diag(job.particle.inertia_kg_m2), abs=1e-14)
-    assert np.all(own > 0)
+    assert np.all(member_masses > 0)
 
 
 def rebound(ratio, limited):
@@ -528,9 +528,11 @@ ASKED = {
 }
 
 
-@pytest.mark.parametrize(("words", "spherical", "is_clump"), ASKED.values(), ids=ASKED)
+@pytest.mark.parametrize(
+    ("arguments", "spherical", "is_clump"), ASKED.values(), ids=ASKED
+)
 def test_the_verb_writes_a_deck_of_clumps_or_spheres(
-    monkeypatch, tmp_path, command, words, spherical, is_clump
+    monkeypatch, tmp_path, command, arguments, spherical, is_clump
 ):
     asked = {}
 
@@ -551,7 +553,7 @@ def test_the_verb_writes_a_deck_of_clumps_or_spheres(
             CONFIG,
             "--set",
             "mus_gg=0.41",
-            *words,
+            *arguments,
             "--out",
             tmp_path,
         ]
@@ -562,7 +564,7 @@ def test_the_verb_writes_a_deck_of_clumps_or_spheres(
     ) is not is_clump
     assert (tmp_path / "clump.txt").exists() is is_clump
     assert (asked["particle"] == "multisphere") is is_clump
-    assert not is_clump or asked["spheres"] == int(words[1])
+    assert not is_clump or asked["spheres"] == int(arguments[1])
 
 
 def test_a_card_brings_the_configuration_beside_it(monkeypatch, tmp_path, command):
@@ -588,7 +590,7 @@ def test_a_card_brings_the_configuration_beside_it(monkeypatch, tmp_path, comman
     monkeypatch.setattr(
         "repose.cli.berries.berry_and_particle", lambda *_: (berry, THREE)
     )
-    words = [
+    arguments = [
         "export",
         "--to",
         "edem",
@@ -597,20 +599,21 @@ def test_a_card_brings_the_configuration_beside_it(monkeypatch, tmp_path, comman
         "--out",
         tmp_path / "deck",
     ]
-    command(*words)
+    command(*arguments)
     value = shown["parameters"]["mus_gg"]["value"]
     assert f"{value:.6g}" in (tmp_path / "deck" / "edem.md").read_text()
     shown["simulation"] = {"time_step_s": 1e-6, "gravity_m_s2": 1.62}
     (tmp_path / "card.json").write_text(json.dumps(shown))
     assert (
         "simulation.gravity_m_s2 is 1.62; expected 9.81"
-        in command(*words, status=2).err
+        in command(*arguments, status=2).err
     )
     shown["simulation"]["gravity_m_s2"] = 9.81
     (tmp_path / "card.json").write_text(json.dumps(shown))
     berry["density_kg_m3"] = 841.0
     assert (
-        "grain.density_kg_m3 is 1250.0; expected 841.0" in command(*words, status=2).err
+        "grain.density_kg_m3 is 1250.0; expected 841.0"
+        in command(*arguments, status=2).err
     )
 
 
@@ -638,7 +641,7 @@ def test_a_card_alone_is_enough_in_any_folder(tmp_path, monkeypatch, command, sp
     """Its own laws, wall, grain and bench test; the time step is at most that of the study where the card has it."""
     monkeypatch.chdir(tmp_path)
     shown = json.loads((ROOT / "crops/cards/wheat.json").read_text())
-    words = [
+    arguments = [
         "export",
         "--to",
         "liggghts",
@@ -655,7 +658,7 @@ def test_a_card_alone_is_enough_in_any_folder(tmp_path, monkeypatch, command, sp
             else {"simulation": {"time_step_s": step, "gravity_m_s2": 9.0}}
         )
         Path("card.json").write_text(json.dumps(shown))
-        assert "built-in goji" not in command(*words, "--out", f"deck {step}").err
+        assert "built-in goji" not in command(*arguments, "--out", f"deck {step}").err
         text = Path(f"deck {step}/in.pour").read_text()
         steps[step] = float(re.search(r"timestep +(\S+)", text)[1])
         assert f"nparticles {shown['tests'][0]['bench']['berries']} " in text
@@ -685,9 +688,9 @@ def test_a_card_alone_is_enough_in_any_folder(tmp_path, monkeypatch, command, sp
             assert moments == pytest.approx(solid, rel=0.01)
     assert steps[1e-6] == pytest.approx(0.5e-6)
     goji = [
-        *words[:4],
+        *arguments[:4],
         ROOT / "results/published/recommended/card.json",
-        *words[5:],
+        *arguments[5:],
     ]  # whose files lie elsewhere
     assert (
         "berry.compression is 'resources/compression.csv'"
@@ -702,10 +705,10 @@ def test_a_card_alone_is_enough_in_any_folder(tmp_path, monkeypatch, command, sp
         "drum",
         "expected the card of a study with piles of the funnel",
     )
-    for entry, key, value, said in (
+    for entry, key, value, message in (
         (shown["laws"], "normal", "another law", law),
         drum,
     ):
         entry[key] = value
         Path("card.json").write_text(json.dumps(shown))
-        assert said in command(*words, "--out", "deck", status=2).err
+        assert message in command(*arguments, "--out", "deck", status=2).err

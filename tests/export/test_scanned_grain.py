@@ -47,13 +47,13 @@ def test_a_scan_of_a_bumpy_body_is_poured_and_exported_with_its_mass_volume_and_
         "spheres": 24,
         "density_kg_m3": 900.0,
     }
-    own = {
+    configuration = {
         "berry": berry,
         "cylinder": VESSEL,
         "simulation": {"time_step_s": "auto"},
         "validation": {"published": None},
     }
-    (tmp_path / "own.yaml").write_text(yaml.safe_dump(own))
+    (tmp_path / "own.yaml").write_text(yaml.safe_dump(configuration))
     study = PipelineConfig.load("config/config.yaml", tmp_path / "own.yaml")
     record, run = run_once(bench("cylinder"), study.scene(study.parameters.centre, 1))
     lie = (run.arrays["position"][:, 2] < 0.03).sum()
@@ -62,8 +62,8 @@ def test_a_scan_of_a_bumpy_body_is_poured_and_exported_with_its_mass_volume_and_
         lie * 900.0 * volume / vessel, rel=1e-4
     ), record["reason"]
     (tmp_path / "own.yaml").write_text(yaml.safe_dump(study.config))
-    words = f"export --to lammps --set mus_gg=0.5 --config {tmp_path / 'own.yaml'} --out {tmp_path}"
-    main(words.split())
+    arguments = f"export --to lammps --set mus_gg=0.5 --config {tmp_path / 'own.yaml'} --out {tmp_path}"
+    main(arguments.split())
     text = (tmp_path / "grain.mol").read_text()
     mass, inertia = (
         np.fromstring(re.search(f"(.*) {name}", text)[1], sep=" ")

@@ -87,9 +87,13 @@ def kills(place, finished, wanted, table, count, seed):
             forced = (FORCED[rng.randrange(len(FORCED))],) if rng.random() < 0.3 else ()
             main = study.start(*forced)
             whom = rng.choice(VICTIMS)
-            one = SIGNALS[done % 3]
+            signal_number = SIGNALS[done % 3]
             moment = rng.randrange(MORE_FILES), rng.uniform(0.0, 1.0)
-            killed = _kill(study, main, one, whom, *moment) if done < count else False
+            killed = (
+                _kill(study, main, signal_number, whom, *moment)
+                if done < count
+                else False
+            )
             status = forked.ended(main)
             now = study.finished()
             loose = loose or bool(
@@ -106,7 +110,9 @@ def kills(place, finished, wanted, table, count, seed):
                 where = f"{whom}, {len(now)} files finished" + (
                     f", --forcerun {forced[0]}" if forced else ""
                 )
-                rows.append((signal.Signals(one).name, where, str(status), again))
+                rows.append(
+                    (signal.Signals(signal_number).name, where, str(status), again)
+                )
                 status = 1
             elif again:
                 rows.append(("none", "the resumed run", str(status), again))
@@ -121,7 +127,7 @@ def kills(place, finished, wanted, table, count, seed):
             shutil.rmtree(study.folder)
 
 
-def _kill(study, main, one, whom, more, after_s):
+def _kill(study, main, number, whom, more, after_s):
     """Whether these were killed before the study ended."""
     records = study.folder / ".snakemake/metadata"
     end = math.inf
@@ -140,7 +146,7 @@ def _kill(study, main, one, whom, more, after_s):
         whom
     ]:
         with suppress(ProcessLookupError):  # it has ended just now
-            os.kill(process, one)
+            os.kill(process, number)
             hit = True
     return hit
 
@@ -268,10 +274,10 @@ def no_room(place, finished, wanted, table):
             if number == 1:
                 _mount("-o", "remount,ro", results)
                 status = study.run("network")
-                said = study.last_words()
+                message = study.last_words()
                 _mount("-o", "remount,rw", results)
                 _again(study, wanted, table, "read-only", "results", status, {})
-                print(f"    {said}")
+                print(f"    {message}")
         finally:
             subprocess.run(["umount", results], check=True)
     study = Study(place / "memory", jobs, targets).prepared()
@@ -291,8 +297,8 @@ def no_room(place, finished, wanted, table):
     _again(study, wanted, table, "4 MB of memory left", "jobs", status, before)
 
 
-def _mount(*words):
-    subprocess.run(["mount", *words], check=True)
+def _mount(*arguments):
+    subprocess.run(["mount", *arguments], check=True)
 
 
 def _again(study, wanted, table, fault, place, status, before):
@@ -307,21 +313,21 @@ def _again(study, wanted, table, fault, place, status, before):
 
 
 def main():
-    words = argparse.ArgumentParser(description=__doc__)
-    words.add_argument("--kills", type=int, default=40)
-    words.add_argument("--seed", type=int, default=1)
-    words.add_argument("--only", choices=("kills", "damages", "changes", "no_room"))
-    words.add_argument(
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--kills", type=int, default=40)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--only", choices=("kills", "damages", "changes", "no_room"))
+    parser.add_argument(
         "--out",
         default=Path(__file__).with_name("table.md"),
         help="table of what happened",
     )
-    words.add_argument(
+    parser.add_argument(
         "--real-pours",
         action="store_true",
         help="with the engine, which costs minutes more",
     )
-    given = words.parse_args()
+    given = parser.parse_args()
     table = Table()
     signal.signal(
         signal.SIGINT, signal.default_int_handler

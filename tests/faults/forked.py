@@ -167,17 +167,17 @@ def _serve(listener):
 
 def _job(caller):
     message, files, _, _ = socket.recv_fds(caller, 1 << 20, 3)
-    folder, words = json.loads(message)
+    folder, arguments = json.loads(message)
     _become(folder, *files)
-    assert words[:2] == ["-m", "repose"], words
+    assert arguments[:2] == ["-m", "repose"], arguments
     from repose.cli import main
 
-    status = main(words[2:])
+    status = main(arguments[2:])
     sys.stdout.flush()
     return status
 
 
-def start(folder, words, out, err, python=sys.executable):
+def start(folder, arguments, out, err, python=sys.executable):
     """Start `snakemake WORDS` in a folder, printing to two open files; its process number. `python` runs its jobs."""
     child = os.fork()
     if child:
@@ -190,7 +190,7 @@ def start(folder, words, out, err, python=sys.executable):
             filter(None, [str(ROOT / "src"), os.environ.get("PYTHONPATH")])
         )
         sys.executable = str(python)
-        sys.argv = ["snakemake", "--nocolor", *words]
+        sys.argv = ["snakemake", "--nocolor", *arguments]
         importlib.import_module("snakemake.cli").main(sys.argv[1:])
         status = 0
     except SystemExit as end:
@@ -249,11 +249,15 @@ class Study:
         return Study(folder, self.jobs, self.targets)
 
     def start(self, *forced):
-        words = ("--forcerun", *forced) if forced else ()
-        words = (*words, *COMMAND, *self.more, "--", *self.targets)
+        arguments = ("--forcerun", *forced) if forced else ()
+        arguments = (*arguments, *COMMAND, *self.more, "--", *self.targets)
         with self.log.open("wb") as log:
             return start(
-                self.folder, words, log.fileno(), log.fileno(), self.jobs.bin / "python"
+                self.folder,
+                arguments,
+                log.fileno(),
+                log.fileno(),
+                self.jobs.bin / "python",
             )
 
     def run(self, *forced):

@@ -157,27 +157,27 @@ def calls(draw):
     """A verb with good inputs and any place to write to, or with any paths at all."""
     verb = VERBS[draw(st.sampled_from(sorted(set(VERBS) - LEFT_OUT)))]
     good = draw(st.booleans())
-    words = ["stage", verb.name] if verb.name in STAGES else [verb.name]
+    arguments = ["stage", verb.name] if verb.name in STAGES else [verb.name]
     for option in verb.options:
         name = option.names[0]
         keywords = option.keywords
         key = name.lstrip("-").replace("-", "_")
         if key in ("out", "overlay", "stl") and not (key == "stl" and not good):
-            words += [f"{name}={draw(OUT)}"] if draw(st.booleans()) else []
+            arguments += [f"{name}={draw(OUT)}"] if draw(st.booleans()) else []
         elif keywords.get("action") == "store_true":
-            words += [name] if draw(st.booleans()) else []
+            arguments += [name] if draw(st.booleans()) else []
         elif key == "mm_per_pixel":
-            words += ["--mm-per-pixel=0.3"] if good else []
+            arguments += ["--mm-per-pixel=0.3"] if good else []
         elif key == "axes":
-            words += (
+            arguments += (
                 ["--axes", "17", "11", "9", "--mass-g", "1.0"]
                 if draw(st.booleans())
                 else []
             )
         elif not name.startswith("-") or keywords.get("required") or key in READ:
             value = GOOD.get(key, "in/berries.csv") if good else draw(OUT)
-            words += [f"{name}={value}"] if name.startswith("-") else [value]
-    return words
+            arguments += [f"{name}={value}"] if name.startswith("-") else [value]
+    return arguments
 
 
 @settings(
@@ -186,25 +186,25 @@ def calls(draw):
     suppress_health_check=list(HealthCheck),
     derandomize=True,
 )
-@given(words=calls())
-def test_a_verb_leaves_the_files_of_others(sandbox, monkeypatch, words):
+@given(arguments=calls())
+def test_a_verb_leaves_the_files_of_others(sandbox, monkeypatch, arguments):
     before = tree(sandbox)
     monkeypatch.setattr(
         "sys.stdin", io.TextIOWrapper(io.BytesIO(b"what another program prints"))
     )
     try:
-        status = main(words)
+        status = main(arguments)
     except SystemExit as end:
         status = end.code
-    assert status in (0, 2), words
+    assert status in (0, 2), arguments
     after = tree(sandbox)
-    assert {path: after.get(path) for path in before} == before, words
+    assert {path: after.get(path) for path in before} == before, arguments
     for path in set(after) - set(before):
         path.unlink()
 
 
 @pytest.mark.parametrize(
-    "words",
+    "arguments",
     [
         ["drum", "--seed=1"],
         ["heap", "--seed=1"],
@@ -212,28 +212,28 @@ def test_a_verb_leaves_the_files_of_others(sandbox, monkeypatch, words):
     ],
 )
 def test_what_is_made_up_ends_well_and_somebodys_file_in_its_place_stays(
-    sandbox, words
+    sandbox, arguments
 ):
-    name = words[0]
+    name = arguments[0]
     before = tree(sandbox)
     read = {option.names[0][2:] for option in VERBS[name].options} & {*READ} - {
         "config"
     }
-    words = [
-        *words,
+    arguments = [
+        *arguments,
         *(f"--{key}={GOOD[key]}" for key in sorted(read)),
         "--config=in/config.json",
     ]
     place = "made_up/a.gif" if name == "film" else "made_up"
-    words = ["stage", *words] if name in STAGES else words
-    assert main([*words, f"--out={place}"]) == 0
+    arguments = ["stage", *arguments] if name in STAGES else arguments
+    assert main([*arguments, f"--out={place}"]) == 0
     made = set(tree(sandbox)) - set(before)
     assert made
     for path in made:
         path.unlink()
         path.write_text("mine")
     theirs = tree(sandbox)
-    assert main([*words, f"--out={place}"]) == 2
+    assert main([*arguments, f"--out={place}"]) == 2
     assert {path: tree(sandbox).get(path) for path in theirs} == theirs
     for path in set(tree(sandbox)) - set(before):
         path.unlink()
@@ -265,7 +265,7 @@ def test_a_label_and_a_folder_of_results_lead_nowhere_else(sandbox, label, folde
         place = Path(folder).resolve()
         assert not Path.cwd().is_relative_to(place)
         assert not any(
-            place.is_relative_to(Path(own).resolve())
-            for own in (".git", ".snakemake", "src")
+            place.is_relative_to(Path(forbidden).resolve())
+            for forbidden in (".git", ".snakemake", "src")
         )
     assert tree(sandbox) == before

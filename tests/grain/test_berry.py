@@ -138,8 +138,8 @@ def test_measured_sizes_are_not_marked_as_a_reconstruction(tmp_path):
 )
 def test_bad_sizes_are_named(tmp_path, text, parts):
     path = written(tmp_path / "sizes.csv", text)
-    said = str(input_error("expected", berry.read_sizes, path))
-    assert [part for part in (str(path), *parts) if part not in said] == []
+    message = str(input_error("expected", berry.read_sizes, path))
+    assert [part for part in (str(path), *parts) if part not in message] == []
 
 
 def test_a_load_that_does_not_shorten_is_refused(tmp_path):
@@ -212,9 +212,9 @@ def test_a_pour_draws_from_its_seed_up_to_the_largest_scale():
     np.testing.assert_array_equal(first, again)
     assert np.abs(first - other).max() > 0.05
     assert first.max() <= largest
-    alike, one = size_distribution.draw_scales("none", {}, 7, 3)
+    alike, scale = size_distribution.draw_scales("none", {}, 7, 3)
     assert alike.tolist() == [1, 1, 1]
-    assert one == 1
+    assert scale == 1
     input_error("scale_sd", size_distribution.draw_scales, "measured", {}, 7, 3)
     berry = {"scale_sd": 0.4, "scale_low": 0.3, "scale_high": 1.2}
     scales, most = size_distribution.draw_scales("measured", berry, 1, 20_000)
@@ -252,7 +252,7 @@ def test_the_mesh_has_the_axes_the_mass_and_the_exponent_it_was_made_from(number
 
 
 def test_a_grain_of_axes_and_mass_is_written_and_said(tmp_path, capsys):
-    words = [
+    arguments = [
         "--axes",
         "20",
         "12",
@@ -263,7 +263,7 @@ def test_a_grain_of_axes_and_mass_is_written_and_said(tmp_path, capsys):
         "1000",
         f"--stl={tmp_path / 'a.stl'}",
     ]
-    main(["stage", "berry", *words])
+    main(["stage", "berry", *arguments])
     assert f"1200.0 mm3, {1200 / 20 / 12 / 9:.3f} of the box" in capsys.readouterr().out
 
 
@@ -284,7 +284,7 @@ def test_taper_and_wrinkles_keep_mass_and_axes():
 
 
 @pytest.mark.parametrize(
-    ("keys", "words"),
+    ("keys", "message"),
     [
         ({"mass_g": 2.0}, "to 1.56 for these axes"),
         ({"mass_g": 0.5}, "0.42 to 0.78 of the box"),
@@ -295,9 +295,9 @@ def test_taper_and_wrinkles_keep_mass_and_axes():
         ({"density_kg_m3": -1.0}, "positive"),
     ],
 )
-def test_impossible_berries_are_refused_with_what_is_allowed(keys, words):
+def test_impossible_berries_are_refused_with_what_is_allowed(keys, message):
     arguments = {"axes_mm": GOJI_MM, "mass_g": GOJI_G, "density_kg_m3": DENSITY} | keys
-    input_error(words, mesh_from_axes.grain_mesh, **arguments)
+    input_error(message, mesh_from_axes.grain_mesh, **arguments)
 
 
 def test_the_goji_berry_is_two_ellipsoids():

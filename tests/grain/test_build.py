@@ -87,11 +87,11 @@ def test_volume_integrals_of_split_ellipsoids(split):
 def test_volume_of_spheroid_plus_ball(a, b, radius):
     """Steiner's formula for a spheroid plus a ball: V + r S + r^2 int h dOmega + 4/3 pi r^3."""
     e = math.sqrt(a**2 - b**2)
-    own = 4 / 3 * math.pi * a * b**2
+    spheroid = 4 / 3 * math.pi * a * b**2
     surface = 2 * math.pi * b**2 * (1 + a**2 / (b * e) * math.asin(e / a))
     mean_support = (a + b**2 / e * math.asinh(e / b)) / 2
     exact = (
-        own
+        spheroid
         + radius * surface
         + radius**2 * 4 * math.pi * mean_support
         + 4 / 3 * math.pi * radius**3
@@ -143,9 +143,11 @@ def test_support_is_what_the_mesh_says_and_the_support_of_unequal_spheres_is_the
     radii = np.array([2.0, 5.0, 3.0]) * 1e-3
     clump = replace(THREE, spheres_m=np.column_stack([centres, radii]))
     n = sphere_directions(200)
-    own = (centres[None] * n[:, None]).sum(axis=-1) + radii
-    np.testing.assert_allclose(clump.support(n), own.max(axis=1), rtol=1e-12)
-    farthest = centres[own.argmax(axis=1)] + radii[own.argmax(axis=1), None] * n
+    supports = (centres[None] * n[:, None]).sum(axis=-1) + radii
+    np.testing.assert_allclose(clump.support(n), supports.max(axis=1), rtol=1e-12)
+    farthest = (
+        centres[supports.argmax(axis=1)] + radii[supports.argmax(axis=1), None] * n
+    )
     np.testing.assert_allclose(clump.support_point(n), farthest, rtol=1e-12)
 
 
@@ -210,7 +212,7 @@ def two(shift=0.0, scale=1.0):
 
 
 @pytest.mark.parametrize(
-    ("mesh", "words"),
+    ("mesh", "message"),
     [
         (holed, "watertight"),
         (inside_out, "outwards"),
@@ -225,9 +227,9 @@ def two(shift=0.0, scale=1.0):
         (lambda: build.ellipsoid_mesh([9, 8, 1e-6]), "shortest side in mm is"),
     ],
 )
-def test_bad_meshes_are_refused_with_a_reason(tmp_path, mesh, words):
+def test_bad_meshes_are_refused_with_a_reason(tmp_path, mesh, message):
     path = saved(mesh(), tmp_path)
-    assert str(path) in str(input_error(words, build.load_mesh, path))
+    assert str(path) in str(input_error(message, build.load_mesh, path))
 
 
 def test_files_with_a_fault_are_mended_where_that_is_safe_else_the_cause_is_named(
@@ -306,19 +308,19 @@ def test_files_with_a_fault_are_mended_where_that_is_safe_else_the_cause_is_name
             "numbers is 'vertex 1,5'; expected numbers with a",
         )
     ]
-    for name, words in (
+    for name, message in (
         ("scan.step", "not read here.* save it as STL"),
         ("scan.ply", "Not a ply file"),
     ):
         (tmp_path / name).write_text("ISO-10303-21;")
-        input_error(words, build.load_mesh, tmp_path / name)
-    for content, words in (
+        input_error(message, build.load_mesh, tmp_path / name)
+    for content, message in (
         *bad,
         (binary[:80] + count + binary[84:100], "facets is 0"),
         (b"", "facets is 0|no STL|faces is 0"),
     ):
         path.write_bytes(content)
-        input_error(words, build.load_mesh, path)
+        input_error(message, build.load_mesh, path)
 
 
 def test_a_scan_in_another_unit_than_the_sizes_is_told(tmp_path):
@@ -336,11 +338,11 @@ def test_a_scan_in_another_unit_than_the_sizes_is_told(tmp_path):
             grain, GrainSettings.model_construct(stl=str(scan), **how)
         )
 
-    for scale, words in (
+    for scale, message in (
         (10.0, "shortest side in mm is 90.0; expected near 9,"),
         (0.5, "is 4.5; expected near 9,"),
     ):
-        input_error(words, made, 20 * scale, 12 * scale, 9 * scale)
+        input_error(message, made, 20 * scale, 12 * scale, 9 * scale)
     input_error("middle side in mm is 6.5; expected near 12,", made, 20, 6.5, 6)
     assert made(25.0, 12.0, 9.0).kind == "ellipsoid"
 

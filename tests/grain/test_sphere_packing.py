@@ -147,10 +147,10 @@ def test_outlines_and_top_of_clumps_against_a_cloud_of_points_and_scales_move_co
         tops.append(cloud[:, 2].max())
         for view, azimuth in enumerate(np.radians([0.0, 70.0])):
             u = cloud @ [np.cos(azimuth), np.sin(azimuth), 0.0]
-            own = polygons[view, 14 * k : 14 * (k + 1)]
-            assert own[..., 0].min() == pytest.approx(u.min(), abs=3e-5)
-            assert own[..., 0].max() == pytest.approx(u.max(), abs=3e-5)
-            assert own[..., 1].max() == pytest.approx(cloud[:, 2].max(), abs=3e-5)
+            outline = polygons[view, 14 * k : 14 * (k + 1)]
+            assert outline[..., 0].min() == pytest.approx(u.min(), abs=3e-5)
+            assert outline[..., 0].max() == pytest.approx(u.max(), abs=3e-5)
+            assert outline[..., 1].max() == pytest.approx(cloud[:, 2].max(), abs=3e-5)
     assert silhouette.find_top(grains) == pytest.approx(max(tops), abs=1e-5)
     ball = Particle(
         "ellipsoid", np.full((1, 3), 5e-3), 1.0, 0.0, 0.0, np.zeros(3), 5e-3, 0.0, 0.0

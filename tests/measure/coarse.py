@@ -20,12 +20,12 @@ COUNT = 24  # heaps
 
 
 def scene(number: int, high_px: float) -> Scene:
-    one = sixty.scene(number)
-    high = one.heaps[0].height
+    fine = sixty.scene(number)
+    high = fine.heaps[0].height
     focal = high_px * AWAY / high
-    width = 8 * round(one.size[0] * focal / one.focal * -one.eye[1] / AWAY / 8)
+    width = 8 * round(fine.size[0] * focal / fine.focal * -fine.eye[1] / AWAY / 8)
     return replace(
-        one, eye=(0.0, -AWAY, 0.9 * high), focal=focal, size=(width, 3 * width // 4)
+        fine, eye=(0.0, -AWAY, 0.9 * high), focal=focal, size=(width, 3 * width // 4)
     )
 
 
@@ -45,7 +45,9 @@ def rows(numbers: list[int], folder: Path) -> list[str]:
     for high in HIGH[:-1]:
         found = {number: measured(number, high, folder) for number in numbers}
         seen = {
-            number: one.measurement for number, one in found.items() if one.measurement
+            number: seen_coarse.measurement
+            for number, seen_coarse in found.items()
+            if seen_coarse.measurement
         }
         colours = [
             number
@@ -57,16 +59,19 @@ def rows(numbers: list[int], folder: Path) -> list[str]:
             for k, fine in finest.items()
             if fine and k in seen and k not in colours
         ]
-        off = np.array(
+        errors = np.array(
             [
-                (one.aor_deg - fine.aor_deg, one.height_mm - fine.height_mm)
-                for one, fine in both
+                (
+                    seen_coarse.aor_deg - fine.aor_deg,
+                    seen_coarse.height_mm - fine.height_mm,
+                )
+                for seen_coarse, fine in both
             ]
         )
-        most = np.abs(off).max(axis=0)
+        most = np.abs(errors).max(axis=0)
         lines.append(
-            f"| {high} | {len(seen)} | {len(colours)} | {off[:, 0].mean():+.2f} | {most[0]:.2f} | "
-            f"{off[:, 1].mean():+.2f} | {most[1]:.2f} |"
+            f"| {high} | {len(seen)} | {len(colours)} | {errors[:, 0].mean():+.2f} | {most[0]:.2f} | "
+            f"{errors[:, 1].mean():+.2f} | {most[1]:.2f} |"
         )
     return lines
 

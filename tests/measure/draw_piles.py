@@ -45,8 +45,8 @@ def pour(config: str, count: int) -> tuple[dict, np.lib.npyio.NpzFile]:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "hidden.yaml"
         path.write_text(yaml.safe_dump(crop))
-        words = [f"--set={name}={value}" for name, value in HIDDEN.items()]
-        words += [f"--seed={seed}" for seed in range(FIRST_SEED, FIRST_SEED + count)]
+        options = [f"--set={name}={value}" for name, value in HIDDEN.items()]
+        options += [f"--seed={seed}" for seed in range(FIRST_SEED, FIRST_SEED + count)]
         status = repose(
             [
                 "stage",
@@ -55,7 +55,7 @@ def pour(config: str, count: int) -> tuple[dict, np.lib.npyio.NpzFile]:
                 "funnel",
                 "--config",
                 str(path),
-                *words,
+                *options,
                 "--out",
                 folder,
             ]
@@ -105,14 +105,14 @@ def scene(crop: str, arrays: dict, number: int) -> Scene:
 
 
 def main() -> None:
-    words = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    words.add_argument(
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument(
         "--crop", choices=CROPS, default="pea", help="its colour and axes (pea)"
     )
-    words.add_argument("--config", default="config.yaml")
-    words.add_argument("--count", type=int, default=5)
-    words.add_argument("--out", default="photographs")
-    args = words.parse_args()
+    parser.add_argument("--config", default="config.yaml")
+    parser.add_argument("--count", type=int, default=5)
+    parser.add_argument("--out", default="photographs")
+    args = parser.parse_args()
     _, arrays = pour(args.config, args.count)
     out = Path(args.out)
     out.mkdir(parents=True, exist_ok=True)

@@ -214,9 +214,13 @@ class Scene:
             )
             at[:, 2] = np.maximum(at[:, 2], 0.9 * radius)
         turn = rng.uniform(0, 2 * np.pi, self.strays)
-        far = rng.uniform(1.2, 1.6, self.strays) * self.half + self.d
+        distances = rng.uniform(1.2, 1.6, self.strays) * self.half + self.d
         loose = np.column_stack(
-            [far * np.cos(turn), far * np.sin(turn), np.full(self.strays, 0.9 * radius)]
+            [
+                distances * np.cos(turn),
+                distances * np.sin(turn),
+                np.full(self.strays, 0.9 * radius),
+            ]
         )
         at = np.concatenate([at, loose])
         axes = np.column_stack(
@@ -284,8 +288,8 @@ class Scene:
         for lamps, share in ((middle + spread, 1 - self.sky), (sky, self.sky)):
             lamps /= np.linalg.norm(lamps, axis=1, keepdims=True)
             seen = [self.parallel(-lamp, MAP_MM, len(self.grains[0])) for lamp in lamps]
-            maps = np.stack([-one[0] for one in seen])
-            frames = np.stack([one[1] for one in seen])
+            maps = np.stack([-picture[0] for picture in seen])
+            frames = np.stack([picture[1] for picture in seen])
             total = (
                 total
                 + share
@@ -347,15 +351,15 @@ def truth(
     crest = int(tops.argmax())
     at = np.arange(len(tops))
     sides = [np.flatnonzero((tops > 0) & part) for part in (at <= crest, at >= crest)]
-    own = float(
+    refitted = float(
         np.degrees(
             np.arctan([abs(np.polyfit(side, tops[side], 1)[0]) for side in sides])
         ).mean()
     )
-    one = measure_image(
+    measurement = measure_image(
         np.where(seen, 40, 255).astype(np.uint8), step, how, base_row=plate - 0.5
     )
-    return one.aor_deg, own, one.height_mm
+    return measurement.aor_deg, refitted, measurement.height_mm
 
 
 def surface(
@@ -413,9 +417,9 @@ def traced(
     depth = np.minimum(to_plate, to_wall)
     which = np.where(to_plate < to_wall, -1, -2)
     centres, to_unit, _ = scene.grains
-    place, far = scene.seen(centres)
+    place, distances = scene.seen(centres)
     parts = boxes(
-        (place - first) / step, 0.9 * scene.d * scene.focal / far / step, depth
+        (place - first) / step, 0.9 * scene.d * scene.focal / distances / step, depth
     )
     cast(np.array([eye, still, still]), way, parts, centres, to_unit, depth, which)
     at = (eye + depth[..., None] * rays).reshape(-1, 3)
@@ -428,12 +432,12 @@ def traced(
         )
     rng = np.random.default_rng([scene.seed, 6])
     on = which >= 0
-    own = (
+    tints = (
         light_of(GRAINS[scene.grain])
         * rng.normal(1, (0.09,) + 3 * (0.03,), (len(centres), 4))[:, 1:]
     )
     local = np.einsum("nij,nj->ni", to_unit[which[on]], at[on] - centres[which[on]])
-    colour[on] = own[which[on]] * (
+    colour[on] = tints[which[on]] * (
         1 + 0.08 * np.sin(5 * local[:, :1] + 4 * local[:, 1:2])
     )
     normal[on] = np.einsum("nij,ni->nj", to_unit[which[on]], local)

@@ -82,7 +82,7 @@ class Scene:
                     axis.ravel() + middle + rng.uniform(-0.3, 0.3, axis.size) * d
                     for axis, middle in zip(np.meshgrid(at, at), heap[:2], strict=True)
                 )
-                surface = np.max([one.top(x, y) for one in self.heaps], axis=0)
+                surface = np.max([cone.top(x, y) for cone in self.heaps], axis=0)
                 z = surface - (0.5 + 0.8 * layer) * d - rng.uniform(0, 0.5, x.size) * d
                 lowest = (surface > 0.3 * d) & (z < 0.45 * d) & (layer == 0)
                 z = np.where(lowest, 0.45 * d, z)
@@ -137,12 +137,12 @@ def truth(scene: Scene, step: float = 0.1) -> Truth:
         column = np.rint((u[part] - first) / step).astype(int)[:, None] + across.astype(
             int
         )
-        off = first + step * column - u[part, None]
-        inside = np.abs(off) < reach[part, None]
+        offset = first + step * column - u[part, None]
+        inside = np.abs(offset) < reach[part, None]
         root = np.sqrt(
-            np.maximum((c - b * b / a)[part, None] * (1 - off**2 / a[part, None]), 0)
+            np.maximum((c - b * b / a)[part, None] * (1 - offset**2 / a[part, None]), 0)
         )
-        top = z[part, None] + (b / a)[part, None] * off + root
+        top = z[part, None] + (b / a)[part, None] * offset + root
         np.maximum.at(heights, column[inside], top[inside])
     crest = int(heights.argmax())
     high = heights[crest]
@@ -313,7 +313,7 @@ def _grains(scene, rng, eye, turn, focal, middle, colour):
         ],
         axis=0,
     )
-    own = (
+    tints = (
         rng.normal(1, 0.09, (len(centres), 1))
         * rng.normal(1, 0.03, (len(centres), 3))
         * scene.colour
@@ -321,7 +321,7 @@ def _grains(scene, rng, eye, turn, focal, middle, colour):
     seen = (centres[:, 1] < 0) | (line - centres[:, 2] < 3 * scene.grain_mm)
     centres = centres[seen]
     shapes = shapes[seen]
-    own = own[seen]
+    tints = tints[seen]
     surface = surface[seen]
     to_unit = np.linalg.inv(shapes)
     ahead = (centres - eye) @ turn.T
@@ -381,7 +381,7 @@ def _grains(scene, rng, eye, turn, focal, middle, colour):
             * (0.8 + 0.2 * normal[:, 2])
         )
         flat[pixel] = (
-            own[part][which] * tone[:, None]
+            tints[part][which] * tone[:, None]
             + 14 * sky[:, None] * (normal @ LIGHT > 0.97)[:, None]
         )
         depth[pixel] = t

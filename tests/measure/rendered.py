@@ -179,7 +179,7 @@ def _apart(points, distance):
     for i, point in enumerate(points):
         cell = tuple((point // distance).astype(int))
         around = itertools.product(*(range(place - 1, place + 2) for place in cell))
-        near = [j for one in around for j in cells.get(one, ())]
+        near = [j for neighbour in around for j in cells.get(neighbour, ())]
         if not near or ((points[near] - point) ** 2).sum(1).min() > distance**2:
             kept.append(i)
             cells.setdefault(cell, []).append(i)
@@ -193,11 +193,11 @@ def _camera_rotation(scene):
     right = np.cross(ahead, [0, 0, 1.0])
     right /= np.linalg.norm(right)
     level = np.array([right, np.cross(ahead, right), ahead])
-    about = [
+    turns = [
         cv2.Rodrigues(np.array(v, float))[0]
         for v in ([pitch, 0, 0], [0, yaw, 0], [0, 0, roll])
     ]
-    return about[2] @ about[0] @ about[1] @ level
+    return turns[2] @ turns[0] @ turns[1] @ level
 
 
 def _noise(rng, shape, scale):
@@ -372,7 +372,7 @@ def _cast(scene, grains, inside, eye, rays, camera, colour, depth):
     rotations = rotation_matrices(quaternions)
     steep = np.tan(np.radians(scene.angle))
     for centre, rotation, size in zip(centres, rotations, sizes, strict=True):
-        own = albedo * rng.normal(1, 0.10) * rng.normal(1, 0.03, 3)
+        grain_colour = albedo * rng.normal(1, 0.10) * rng.normal(1, 0.03, 3)
         axes = scene.axes * size
         ahead = turn @ (centre - eye)
         place = cv2.projectPoints(ahead[None], np.zeros(3), np.zeros(3), matrix, lens)[
@@ -415,7 +415,7 @@ def _cast(scene, grains, inside, eye, rays, camera, colour, depth):
         grain_texture = 1 + waves - 0.25 * (np.abs(at[:, 1]) < 0.08)
         shine = 40 * np.maximum(normal @ ((LIGHT - np.array([0, 1, 0])) / 1.8), 0) ** 20
         tone = (0.45 + 0.75 * lit) * open_sky * grain_texture
-        colour[window][hit] = own * tone[:, None] + (shine * open_sky)[:, None]
+        colour[window][hit] = grain_colour * tone[:, None] + (shine * open_sky)[:, None]
         depth[window][hit] = t[hit]
 
 

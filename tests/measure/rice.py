@@ -54,8 +54,11 @@ def measured(seed: int, folder: Path) -> photographs.Photograph:
     return sixty.measured(scene(seed), folder / f"{seed}.png")
 
 
-def off(seed: int, one: photographs.Photograph) -> tuple[float, float]:
+def errors(seed: int, photograph: photographs.Photograph) -> tuple[float, float]:
     """Measured minus true angle [deg] and Height [mm]."""
     true = truth(scene(seed))
-    assert one.measurement is not None
-    return one.measurement.aor_deg - true.angle, one.measurement.height_mm - true.height
+    assert photograph.measurement is not None
+    return (
+        photograph.measurement.aor_deg - true.angle,
+        photograph.measurement.height_mm - true.height,
+    )

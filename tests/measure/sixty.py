@@ -58,8 +58,8 @@ class Outcome(NamedTuple):
     @property
     def wrong(self) -> bool:
         """Whether the numbers are off, or belong to no heap."""
-        off = abs(self.angle) > WRONG[0] or abs(self.height) > WRONG[1]
-        return not self.refused and (off or self.trouble in TROUBLE[2:])
+        inaccurate = abs(self.angle) > WRONG[0] or abs(self.height) > WRONG[1]
+        return not self.refused and (inaccurate or self.trouble in TROUBLE[2:])
 
 
 def scene(number: int) -> Scene:
@@ -122,10 +122,11 @@ def trouble(number: int) -> str:
     return TROUBLE[number // 5 % len(TROUBLE)] if number % 5 == 4 else ""
 
 
-def plain(one: Scene) -> bool:
+def plain(drawn: Scene) -> bool:
     """Whether an eye sees the outline of the pile: grains differ from wall and table."""
     colours = (
-        np.array([[0.8 * np.array(one.colour), one.wall, one.plate]], np.float32) / 255
+        np.array([[0.8 * np.array(drawn.colour), drawn.wall, drawn.plate]], np.float32)
+        / 255
     )
     grain, *behind = cv2.cvtColor(colours, cv2.COLOR_BGR2Lab)[0]
     return bool(min(np.linalg.norm(grain - other) for other in behind) > SEEN)
@@ -136,10 +137,10 @@ def saved(
 ) -> Path:
     """The file of a photograph, drawn if it is not there; its EXIF entry may state the focal length (in its width)."""
     if not path.exists():
-        about = Image.Exif()
+        exif = Image.Exif()
         if focal:
-            about[0x8769] = {0xA405: round(36 * focal)}
-        Image.fromarray(make()[..., ::-1]).save(path, exif=about, **how)
+            exif[0x8769] = {0xA405: round(36 * focal)}
+        Image.fromarray(make()[..., ::-1]).save(path, exif=exif, **how)
     return path
 
 
@@ -155,29 +156,33 @@ def show(found: photographs.Photograph, path: Path) -> None:
 
 
 def measured(
-    one: Scene, path: Path, focal_stated: bool = False
+    drawn: Scene, path: Path, focal_stated: bool = False
 ) -> photographs.Photograph:
     """The photograph, drawn if it is not there, and measured."""
-    how = MeasureSettings.with_defaults(berry_height_mm=one.grain_mm)
-    focal = one.focal / max(one.size) if focal_stated else None
-    path = saved(path, lambda: photograph(one, sheet.draw()[0], sheet.size_mm()), focal)
+    how = MeasureSettings.with_defaults(berry_height_mm=drawn.grain_mm)
+    focal = drawn.focal / max(drawn.size) if focal_stated else None
+    path = saved(
+        path, lambda: photograph(drawn, sheet.draw()[0], sheet.size_mm()), focal
+    )
     return photographs.measure_all([path], how, photographs.Scale())[0]
 
 
 def outcome(number: int, folder: Path) -> Outcome:
     """Draw a photograph into a folder and measure it; what was found in it lies beside it."""
-    one = scene(number)
-    found = measured(one, folder / f"{number}.png")
+    drawn = scene(number)
+    found = measured(drawn, folder / f"{number}.png")
     seen = found.measurement
     missed = (np.nan, np.nan)
     if seen is not None:
         true = (
-            truth(one) if trouble(number) not in TROUBLE[2:] else Truth(np.nan, np.nan)
+            truth(drawn)
+            if trouble(number) not in TROUBLE[2:]
+            else Truth(np.nan, np.nan)
         )
         missed = seen.aor_deg - true.angle, seen.height_mm - true.height
     show(found, folder / f"{number}.png")
     return Outcome(
-        number, trouble(number), plain(one), found.refused, found.remarks, *missed
+        number, trouble(number), plain(drawn), found.refused, found.remarks, *missed
     )
 
 
@@ -196,20 +201,32 @@ def from_a_distance(away: float, eye: float = 25.0, seed: int = 1) -> Scene:
 
 def silent(made: list[Outcome]) -> list[int]:
     return [
-        one.number for one in made if one.wrong and photographs.DOUBT not in one.note
+        outcome.number
+        for outcome in made
+        if outcome.wrong and photographs.DOUBT not in outcome.note
     ]
 
 
 def lost(made: list[Outcome]) -> list[int]:
     """Numbers of the photographs that are refused though an eye would measure them."""
-    return [one.number for one in made if one.refused and one.plain and not one.trouble]
+    return [
+        outcome.number
+        for outcome in made
+        if outcome.refused and outcome.plain and not outcome.trouble
+    ]
 
 
 def report(made: list[Outcome]) -> str:
-    good = np.array([one[-2:] for one in made if not one.refused and not one.trouble])
+    good = np.array(
+        [
+            outcome[-2:]
+            for outcome in made
+            if not outcome.refused and not outcome.trouble
+        ]
+    )
     mean = good.mean(0)
     most = np.abs(good).max(0)
-    measured = sum(not one.refused for one in made)
+    measured = sum(not outcome.refused for outcome in made)
     return (
         f"{measured} of {len(made)} measured; wrong in silence {silent(made)}; refused though an eye would measure "
         f"{lost(made)}; heaps: {mean[0]:+.2f} deg, {mean[1]:+.2f} mm, largest {most[0]:.2f}, {most[1]:.2f}"

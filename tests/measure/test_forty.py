@@ -15,8 +15,8 @@ def errors(seeds, folder):
     """Measured minus true angle [deg] and Height [mm] by seed, of what is measured without a doubt."""
     missed = {}
     for seed in seeds:
-        found, (true, own, high) = forty.outcome(forty.Scene(seed), folder)
-        assert own == pytest.approx(true, abs=0.1), "a fit of our own"
+        found, (true, refitted, high) = forty.outcome(forty.Scene(seed), folder)
+        assert refitted == pytest.approx(true, abs=0.1), "a fit of our own"
         if found.measurement is not None and not found.doubts:
             missed[seed] = (
                 found.measurement.aor_deg - true,
@@ -36,11 +36,18 @@ def test_few_of_the_forty(tmp_path):
 @pytest.mark.slow
 def test_all_forty(tmp_path):
     missed = errors(forty.JUDGED, tmp_path)
-    off = np.array(list(missed.values()))
-    error = off.std(axis=0, ddof=1) / len(off) ** 0.5
-    print(missed, len(off), off.mean(axis=0), error, np.abs(off).max(axis=0), sep="\n")
+    deviations = np.array(list(missed.values()))
+    error = deviations.std(axis=0, ddof=1) / len(deviations) ** 0.5
+    print(
+        missed,
+        len(deviations),
+        deviations.mean(axis=0),
+        error,
+        np.abs(deviations).max(axis=0),
+        sep="\n",
+    )
     assert len(missed) >= 20
-    assert abs(off[:, 0].mean()) < 0.2
+    assert abs(deviations[:, 0].mean()) < 0.2
     assert [seed for seed, (angle, _) in missed.items() if abs(angle) >= 1.0] == [
         HORIZON
     ]
@@ -54,8 +61,8 @@ def test_the_truth_of_a_drawing_is_its_side_view_without_perspective():
     reach = np.linalg.norm(
         np.linalg.inv(to_unit)[:, 2], axis=1
     )  # of an ellipsoid along z
-    angle, own, high = forty.truth(
+    angle, refitted, high = forty.truth(
         scene, MeasureSettings.with_defaults(berry_height_mm=scene.d)
     )
     assert high == pytest.approx((centres[:number, 2] + reach[:number]).max(), abs=0.3)
-    assert own == pytest.approx(angle, abs=0.1)
+    assert refitted == pytest.approx(angle, abs=0.1)

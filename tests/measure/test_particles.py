@@ -175,10 +175,10 @@ def test_ellipsoids_of_their_own_axes_have_their_exact_outline():
 def test_files_that_are_no_pile_of_particles_are_refused(tmp_path):
     centres = cone()
 
-    def refused(words, name, text):
+    def refused(message, name, text):
         path = tmp_path / name
         path.write_text(text)
-        with pytest.raises(InputError, match=words) as fault:
+        with pytest.raises(InputError, match=message) as fault:
             measure_particles(particle_files.read(path), SETTINGS, source=path)
         assert str(path) in str(fault.value)
 

@@ -41,9 +41,11 @@ def photograph(path, corners=PILE, background=220):
 def measure(command):
     """Runs `repose measure`, which prints a record; overlays and tables go to the folder out beside the picture."""
 
-    def run(*words, status=0):
-        own = () if "--out" in words else ("--out", words[0].parent / "out")
-        return command("measure", *words, *own, "--json", status=status)
+    def run(*arguments, status=0):
+        out_option = (
+            () if "--out" in arguments else ("--out", arguments[0].parent / "out")
+        )
+        return command("measure", *arguments, *out_option, "--json", status=status)
 
     return run
 
@@ -71,9 +73,10 @@ def test_a_photograph_is_measured_stays_and_is_not_replaced_by_its_overlay(
     assert "base_row is 210.0; expected above 0, at most 200" in low["refused"]
     photograph(tmp_path / "raw.png")
     files.write_image(tmp_path / "own.png", cv2.imread(str(tmp_path / "raw.png")))
-    words = (tmp_path / "own.png", "--mm-per-pixel", 0.3, "--out", tmp_path)
+    arguments = (tmp_path / "own.png", "--mm-per-pixel", 0.3, "--out", tmp_path)
     assert (
-        "another folder than that of the photographs" in measure(*words, status=2).err
+        "another folder than that of the photographs"
+        in measure(*arguments, status=2).err
     )
     assert (
         "raw.png'; expected each picture once"
@@ -188,9 +191,9 @@ SHADOWS += [
 ]
 
 
-@pytest.mark.parametrize(("colour", "inset", "tone", "deep", "said"), SHADOWS)
+@pytest.mark.parametrize(("colour", "inset", "tone", "deep", "message"), SHADOWS)
 def test_a_shadow_below_the_pile_is_refused_unless_the_plate_is_known(
-    tmp_path, measure, colour, inset, tone, deep, said
+    tmp_path, measure, colour, inset, tone, deep, message
 ):
     picture = np.full((340, 600, 3), 220, np.uint8)
     cv2.rectangle(
@@ -198,9 +201,9 @@ def test_a_shadow_below_the_pile_is_refused_unless_the_plate_is_known(
     )
     cv2.fillPoly(picture, [np.array(PILE)], np.broadcast_to(colour, 3).tolist())
     (tmp_path / "pile.png").write_bytes(cv2.imencode(".png", picture)[1].tobytes())
-    words = (tmp_path / "pile.png", "--mm-per-pixel", "0.5")
-    assert said in measure(*words, status=2).err
-    assert first_of(measure(*words, "--base-row", "299.5"))[
+    arguments = (tmp_path / "pile.png", "--mm-per-pixel", "0.5")
+    assert message in measure(*arguments, status=2).err
+    assert first_of(measure(*arguments, "--base-row", "299.5"))[
         "height_mm"
     ] == pytest.approx(80, abs=0.5)
 
@@ -210,15 +213,24 @@ def test_a_picture_without_a_length_has_angles_and_targets_without_height(
 ):
     """Its angles are those that any scale gives; what needs a length is left out."""
     photograph(tmp_path / "a.png")
-    words = ["measure", tmp_path / "a.png", "--grain-mm", 6, "--out", tmp_path / "out"]
-    with_length = first_of(command(*words, "--mm-per-pixel", 0.3, "--json"))
+    arguments = [
+        "measure",
+        tmp_path / "a.png",
+        "--grain-mm",
+        6,
+        "--out",
+        tmp_path / "out",
+    ]
+    with_length = first_of(command(*arguments, "--mm-per-pixel", 0.3, "--json"))
     needs_length = {"height_mm", "aor_secant_deg"}
     assert not needs_length & {k for k, v in with_length.items() if v is None}
 
-    said = command(*words)
-    assert "no length is known, so there are angles alone, without Height" in said.out
-    assert " mm" not in said.out.splitlines()[0]
-    row = first_of(command(*words, "--json"))
+    printed = command(*arguments)
+    assert (
+        "no length is known, so there are angles alone, without Height" in printed.out
+    )
+    assert " mm" not in printed.out.splitlines()[0]
+    row = first_of(command(*arguments, "--json"))
     assert {key for key in row if row[key] is None} == needs_length
     angles = [key for key in row if key.endswith("_deg") and key not in needs_length]
     assert len(angles) == 7
@@ -227,7 +239,7 @@ def test_a_picture_without_a_length_has_angles_and_targets_without_height(
 
     targets = yaml.safe_load((tmp_path / "out/targets.yaml").read_text())["targets"]
     assert [target["response"] for target in targets] == ["aor_deg"]
-    low = command(*words, "--base-row", 200, "--json")
+    low = command(*arguments, "--base-row", 200, "--json")
     assert first_of(low)["aor_deg"] != row["aor_deg"]
 
 
@@ -268,8 +280,10 @@ def test_the_mean_of_several_is_a_target_that_a_study_reads(tmp_path, measure):
     for k, crest in enumerate(heights):
         photograph(tmp_path / f"p{k}.png", [(60, 299), (300, crest), (540, 299)])
     photograph(tmp_path / "p9.png", [(60, 20), (300, 180), (540, 20)])
-    words = [tmp_path / f"p{k}.png" for k in (0, 1, 2, 9)]
-    record = json.loads(measure(*words, "--mm-per-pixel", "0.4", "--grain-mm", "8").out)
+    arguments = [tmp_path / f"p{k}.png" for k in (0, 1, 2, 9)]
+    record = json.loads(
+        measure(*arguments, "--mm-per-pixel", "0.4", "--grain-mm", "8").out
+    )
     summary = {row["response"]: row for row in record["summary"]}
     truth = [0.4 * (299.5 - crest) for crest in heights]
     assert summary["height_mm"]["value"] == pytest.approx(np.mean(truth), abs=0.3)
@@ -334,8 +348,8 @@ def test_one_bad_picture_is_named_and_does_not_stop_the_others(tmp_path, measure
     files.write_image(tiny, np.zeros((3, 3, 3), np.uint8))
     heic.write_bytes(b"\0\0\0\x18ftypheic" + bytes(40))
     text.write_text("no picture")
-    words = ("--mm-per-pixel", 0.3, "--out", tmp_path / "out")
-    message = measure(tmp_path / "raw.png", tiny, heic, text, *words).err
+    arguments = ("--mm-per-pixel", 0.3, "--out", tmp_path / "out")
+    message = measure(tmp_path / "raw.png", tiny, heic, text, *arguments).err
     for name, words_of in (
         ("tiny.png", "3 x 3 pixels"),
         ("phone.heic", "PNG or JPEG"),
@@ -344,7 +358,7 @@ def test_one_bad_picture_is_named_and_does_not_stop_the_others(tmp_path, measure
         assert any(
             name in line and words_of in line for line in message.splitlines()
         ), name
-    message = measure(tiny, heic, *words, status=2).err
+    message = measure(tiny, heic, *arguments, status=2).err
     says(message, "tiny.png", "phone.heic")
 
 
@@ -373,13 +387,15 @@ def test_a_doubtful_picture_counts_only_if_it_is_asked_for(tmp_path, measure, co
     for k, crest in enumerate((140, 130)):
         photograph(tmp_path / f"p{k}.png", [(60, 299), (300, crest), (540, 299)])
     photograph(tmp_path / "p2.png", [(60, 299), (170, 200), (430, 200), (540, 299)])
-    words = [tmp_path / f"p{k}.png" for k in range(3)]
+    photographs = [tmp_path / f"p{k}.png" for k in range(3)]
     options = ("--mm-per-pixel", "0.5", "--grain-mm", "6")
     for more, number in (((), 2), (("--doubtful",), 3)):
-        record = json.loads(measure(*words, *options, *more).out)
+        record = json.loads(measure(*photographs, *options, *more).out)
         assert "doubtful" in record["photographs"][2]["note"]
         assert {row["repetitions"] for row in record["summary"]} == {number}
         assert f"repetitions: {number}\n" in (tmp_path / "out/targets.yaml").read_text()
-    printed = command("measure", words[2], *options, "--out", tmp_path / "out").out
+    printed = command(
+        "measure", photographs[2], *options, "--out", tmp_path / "out"
+    ).out
     assert "doubtful photographs: 1, not in the mean; --doubtful counts them" in printed
     assert not (tmp_path / "out/targets.yaml").exists()

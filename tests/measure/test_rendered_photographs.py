@@ -112,23 +112,23 @@ def test_a_cone_seen_from_above_or_below_gets_its_angle_and_its_foot_back(above,
     pile = Segmentation(
         255 * mask, mask.astype(np.float32), 0.5, mask, base, "brighter"
     )
-    one = photographs.Photograph(Path(), mask, pile, facts={"mm_per_pixel": px})
+    photograph = photographs.Photograph(Path(), mask, pile, facts={"mm_per_pixel": px})
     how = MeasureSettings.with_defaults(berry_height_mm=6.0)
-    flat = photographs._measure_view(one, how)
+    flat = photographs._measure_view(photograph, how)
     assert (flat.aor_deg < 30.9) == (above != 0)
-    one.view, one.pile = remove_perspective(
-        one.view,
+    photograph.view, photograph.pile = remove_perspective(
+        photograph.view,
         pile,
         Viewpoint(axis, 500 / px, eye[2] / px),
         (flat.angle.left_deg, flat.angle.right_deg),
         height / px,
     )
-    level = photographs._measure_view(one, how)
+    level = photographs._measure_view(photograph, how)
     assert [level.angle.left_deg, level.angle.right_deg] == pytest.approx(
         [31.0, 31.0], abs=0.1
     )
     assert level.height_mm == pytest.approx(height, abs=px)
-    columns = np.flatnonzero(one.pile.mask.any(axis=0)) - axis
+    columns = np.flatnonzero(photograph.pile.mask.any(axis=0)) - axis
     assert [-columns[0] * px, columns[-1] * px] == pytest.approx(
         [radius, radius], abs=lost
     )
@@ -145,9 +145,9 @@ def test_a_cone_seen_from_above_or_below_gets_its_angle_and_its_foot_back(above,
     ],
 )
 def test_what_cannot_be_measured_is_refused_with_its_reason(tmp_path, change, reason):
-    one = measured(tmp_path, Scene(**SMALL | change))
-    assert one.measurement is None
-    assert reason in one.refused
+    photograph = measured(tmp_path, Scene(**SMALL | change))
+    assert photograph.measurement is None
+    assert reason in photograph.refused
 
 
 def test_what_floats_over_the_plate_or_in_a_deep_shadow_is_left_out(tmp_path):

@@ -343,8 +343,8 @@ def test_impossible_records_and_grains_are_refused_and_those_of_a_spoiled_run_ar
     )  # the run that jammed
     measure_job(Scene.of(config(), {}, AXES, PARTICLE), saved)
 
-    def check(change, words):
+    def check(change, message):
         np.savez(path, **change(whole))
-        input_error(words, measure_job, Scene.of(config(), {}, AXES, PARTICLE), saved)
+        input_error(message, measure_job, Scene.of(config(), {}, AXES, PARTICLE), saved)
 
     check_all(check, IMPOSSIBLE)

@@ -198,12 +198,12 @@ def test_slopes_widths_and_scatter_are_those_of_cones():
     wide = cone(31.0)
     low = cone(31.0, height_mm=20.0)
     level = np.array([10.0, 40.0])
-    one = further_responses.mean_half_width([wide], MM_PER_PIXEL, level)
+    half_width = further_responses.mean_half_width([wide], MM_PER_PIXEL, level)
     both = further_responses.mean_half_width([wide, low], MM_PER_PIXEL, level)
-    assert one == pytest.approx(
+    assert half_width == pytest.approx(
         [50 / math.tan(math.radians(31)), 20 / math.tan(math.radians(31))], abs=0.3
     )
-    assert both[1] == pytest.approx(one[1] / 2)
+    assert both[1] == pytest.approx(half_width[1] / 2)
     with pytest.raises(
         NoFlankError, match=r"half of 20.0 mm is not above a grain, 12.0 mm"
     ):

@@ -36,7 +36,9 @@ def test_all_sixty(tmp_path):
     assert len(sixty.lost(made)) <= 5
     few = [made[number] for number in FEW]
     assert sixty.lost(few) == []
-    assert [one.number for one in few if not one.refused and not one.trouble] == [
+    assert [
+        outcome.number for outcome in few if not outcome.refused and not outcome.trouble
+    ] == [
         1,
         10,
         15,
@@ -46,9 +48,9 @@ def test_all_sixty(tmp_path):
 @pytest.mark.slow
 @pytest.mark.essential
 def test_white_rice_before_grey_is_measured_by_its_roughness(tmp_path, monkeypatch):
-    one = rice.measured(8103, tmp_path)
-    assert (np.abs(rice.off(8103, one)) < sixty.WRONG).all()
-    assert not one.doubts
+    photograph = rice.measured(8103, tmp_path)
+    assert (np.abs(rice.errors(8103, photograph)) < sixty.WRONG).all()
+    assert not photograph.doubts
     find = finding.find
     monkeypatch.setattr(finding, "find", lambda view, _: find(view))  # by colour alone
     assert "or the background is not plain" in rice.measured(8103, tmp_path).refused
@@ -57,27 +59,31 @@ def test_white_rice_before_grey_is_measured_by_its_roughness(tmp_path, monkeypat
 @pytest.mark.slow
 def test_all_twelve_of_rice(tmp_path):
     made = {seed: rice.measured(seed, tmp_path) for seed in rice.SEEDS}
-    sure = [seed for seed, one in made.items() if one.measurement and not one.doubts]
+    sure = [
+        seed
+        for seed, photograph in made.items()
+        if photograph.measurement and not photograph.doubts
+    ]
     assert len(sure) >= 10
-    off = {seed: rice.off(seed, made[seed]) for seed in sure}
-    print(off)
-    assert (np.abs(list(off.values())) < sixty.WRONG).all()
+    errors = {seed: rice.errors(seed, made[seed]) for seed in sure}
+    print(errors)
+    assert (np.abs(list(errors.values())) < sixty.WRONG).all()
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_distance_changes_neither_angle_nor_height(tmp_path, seed):
     """Height: the highest grain lies up to 5 mm beside the axis, which moves it by 0.2 mm; a pixel has 0.33 mm."""
-    off = []
+    errors = []
     for away in (400.0, 1000.0, 5000.0):
-        one = sixty.from_a_distance(away, seed=seed)
+        scene = sixty.from_a_distance(away, seed=seed)
         seen = sixty.measured(
-            one, tmp_path / f"{away:g}.png", focal_stated=True
+            scene, tmp_path / f"{away:g}.png", focal_stated=True
         ).measurement
-        true = sixty.truth(one)
-        off.append((seen.aor_deg - true.angle, seen.height_mm - true.height))
-    assert (np.abs(off).max(axis=0) < [0.3, 0.53]).all()
-    turned, raised = np.ptp(off, axis=0)
+        true = sixty.truth(scene)
+        errors.append((seen.aor_deg - true.angle, seen.height_mm - true.height))
+    assert (np.abs(errors).max(axis=0) < [0.3, 0.53]).all()
+    turned, raised = np.ptp(errors, axis=0)
     assert raised < 0.53
     if turned >= 0.3:
         pytest.xfail(
@@ -143,7 +149,7 @@ def test_what_is_found_is_asked_whether_it_is_a_heap(tops, doubt):
     pile = outlined(*tops)
     doubts = doubts_of_pile(pile, measure_segmented(pile, how), 6.0, 0.5)
     assert bool(doubts) == bool(doubt)
-    assert any(doubt in one for one in doubts) or not doubt
+    assert any(doubt in line for line in doubts) or not doubt
 
 
 def test_a_second_heap_beside_it_is_doubtful(tmp_path):
@@ -172,7 +178,7 @@ def test_a_doubt_is_printed_beside_its_photograph_and_a_layer_is_refused(tmp_pat
     how = MeasureSettings.with_defaults(mm_per_pixel=0.5)
     pile = outlined((150, 60), (450, 62))
     doubt = doubts_of_pile(pile, seen := measure_segmented(pile, how), 6.0, 0.5)[0]
-    one = photographs.Photograph(
+    photograph = photographs.Photograph(
         tmp_path / "a.png",
         pile.grey,
         pile,
@@ -180,7 +186,7 @@ def test_a_doubt_is_printed_beside_its_photograph_and_a_layer_is_refused(tmp_pat
         note="lens not corrected",
         doubts=[doubt],
     )
-    text = describe([one], tables([one], how), how, tmp_path)
+    text = describe([photograph], tables([photograph], how), how, tmp_path)
     assert doubt in next(line for line in text.splitlines() if line.startswith("a.png"))
     assert "note: lens not corrected\n" in text
     how = MeasureSettings.with_defaults(mm_per_pixel=0.5, berry_height_mm=6.0)

@@ -126,19 +126,22 @@ def errors(folder, kept=range(30), of_the_sheet=8, draw=0):
         for crop in sorted({scene.crop for scene in chosen}):
             same = [scene for scene in chosen if scene.crop == crop]
             how = MeasureSettings.with_defaults(berry_height_mm=same[0].berry_mm)
-            own, of_sheet = (
-                [paths[one.seed] for one in some] for some in (same, alone)
+            found = photographs.measure_all(
+                [paths[scene.seed] for scene in same],
+                how,
+                photographs.Scale(),
+                [paths[scene.seed] for scene in alone],
             )
-            found = photographs.measure_all(own, how, photographs.Scale(), of_sheet)
-            for scene, one in zip(same, found, strict=True):
+            for scene, photograph_ in zip(same, found, strict=True):
+                seen = photograph_.measurement
+                if seen is None:
+                    missed[scene.seed % 1000] = photograph_.refused
+                    continue
                 true = truth(scene, how)
-                seen = one.measurement
-                off = (
-                    (seen.aor_deg - true.aor_deg, seen.height_mm - true.height_mm)
-                    if seen
-                    else one.refused
+                missed[scene.seed % 1000] = (
+                    seen.aor_deg - true.aor_deg,
+                    seen.height_mm - true.height_mm,
                 )
-                missed[scene.seed % 1000] = off
     return missed
 
 
@@ -212,20 +215,22 @@ def picture(path):
     )
     with tempfile.TemporaryDirectory() as folder:
         for column, (change, title) in enumerate(GOOD):
-            one = measured(folder, Scene(**SMALL | change))
-            axes[0, column].imshow(cv2.imread(str(one.path))[..., ::-1])
+            photograph = measured(folder, Scene(**SMALL | change))
+            axes[0, column].imshow(cv2.imread(str(photograph.path))[..., ::-1])
             axes[0, column].set_title(title, fontsize=8)
-            axes[1, column].imshow(overlay(one.view, one.measurement)[..., ::-1])
-            found = one.measurement
+            axes[1, column].imshow(
+                overlay(photograph.view, photograph.measurement)[..., ::-1]
+            )
+            found = photograph.measurement
             axes[1, column].set_title(
                 f"{found.aor_deg:.1f}°, Height {found.height_mm:.1f} mm", fontsize=8
             )
         for column, (change, reason) in enumerate(BAD):
-            one = measured(folder, Scene(**SMALL | change))
-            axes[2, column].imshow(cv2.imread(str(one.path))[..., ::-1])
+            photograph = measured(folder, Scene(**SMALL | change))
+            axes[2, column].imshow(cv2.imread(str(photograph.path))[..., ::-1])
             axes[2, column].set_title(f"refused:\n{reason}", fontsize=7.5)
-            if reason not in one.refused:
-                raise AssertionError(f"{reason}: {one.refused}")
+            if reason not in photograph.refused:
+                raise AssertionError(f"{reason}: {photograph.refused}")
     for axis in axes.flat:
         axis.set_axis_off()
     canvas.savefig(path, dpi=144)
@@ -233,10 +238,12 @@ def picture(path):
 
 def report(draw, missed):
     """Print what was refused and the row of a table; returns the errors of the others."""
-    for number, one in sorted(missed.items()):
-        if isinstance(one, str):
-            print(f"  {number}: {one}")
-    found = np.array([one for one in missed.values() if not isinstance(one, str)])
+    for number, outcome in sorted(missed.items()):
+        if isinstance(outcome, str):
+            print(f"  {number}: {outcome}")
+    found = np.array(
+        [outcome for outcome in missed.values() if not isinstance(outcome, str)]
+    )
     mean = found.mean(0)
     sd = found.std(0, ddof=1)
     most = np.abs(found).max(0)

@@ -90,7 +90,7 @@ class Source:
             yield from self._swapped_arguments(node)
         elif isinstance(node, ast.BoolOp):
             for left_out in node.values:
-                rest = [one for one in node.values if one is not left_out]
+                rest = [part for part in node.values if part is not left_out]
                 kept = rest[0] if len(rest) == 1 else ast.BoolOp(node.op, rest)
                 yield (*self.span(node), f"({ast.unparse(kept)})")
         elif isinstance(node, ast.If | ast.IfExp):
@@ -114,7 +114,7 @@ class Source:
 
     def _swapped_arguments(self, node: ast.Call) -> Iterator[tuple]:
         if len(node.args) < 2 or any(
-            isinstance(one, ast.Starred) for one in node.args[:2]
+            isinstance(part, ast.Starred) for part in node.args[:2]
         ):
             return
         first, second = node.args[:2]

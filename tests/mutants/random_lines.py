@@ -87,13 +87,13 @@ def tests_of(path):
     imported = rf"from repose\.{re.escape(parent)} import [^\n]*\b{stem}\b"
     named = re.compile(rf"repose\.{re.escape(dotted)}\b|{imported}|\b{stem}\.")
     files = sorted((ROOT / "tests").rglob("test_*.py"))
-    own = [file for file in files if file.name == f"test_{stem}.py"]
+    direct = [file for file in files if file.name == f"test_{stem}.py"]
     others = [
-        file for file in files if file not in own and named.search(file.read_text())
+        file for file in files if file not in direct and named.search(file.read_text())
     ]
     others.sort(key=lambda file: file.relative_to(ROOT / "tests").parts[0] != room)
-    chosen = own + others or [ROOT / "tests" / room]
-    return [str(file.relative_to(ROOT)) for file in chosen], len(own)
+    chosen = direct + others or [ROOT / "tests" / room]
+    return [str(file.relative_to(ROOT)) for file in chosen], len(direct)
 
 
 def cloned(name):
@@ -133,17 +133,17 @@ def found(folder, path, wrong):
     where = folder / path.relative_to(ROOT)
     text = path.read_bytes()
     room = path.relative_to(SOURCE).parts[0]
-    tests, own = tests_of(path)
+    tests, n_direct = tests_of(path)
     compiled = room != "dem"
 
     def fails(tests, most_s):
         where.write_bytes(wrong)
-        status, said = tested(folder, tests, compiled, most_s)
+        status, output = tested(folder, tests, compiled, most_s)
         where.write_bytes(text)
         if status in (0, NO_TEST):
             return False
         guilty = (
-            re.findall(r"^(?:FAILED|ERROR) (.*?)(?: - .*)?$", said, re.MULTILINE)[:1]
+            re.findall(r"^(?:FAILED|ERROR) (.*?)(?: - .*)?$", output, re.MULTILINE)[:1]
             or tests
         )
         clean, _ = tested(folder, guilty, compiled, most_s)
@@ -153,7 +153,7 @@ def found(folder, path, wrong):
 
     caught = fails(tests, LONGEST_S)
     if caught is None:  # they take too long without a mutant, too
-        caught = fails(tests[: max(own, 1)], MOST_S)
+        caught = fails(tests[: max(n_direct, 1)], MOST_S)
     return bool(caught) or (compiled and bool(fails([f"tests/{room}"], MOST_S)))
 
 

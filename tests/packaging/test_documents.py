@@ -70,11 +70,11 @@ def file_to_add(what):
 @pytest.mark.parametrize("what", PLACES)
 def test_the_file_to_add_passes_the_checks_of_style(what):
     file = file_to_add(what)
-    for words in (["check"], ["format", "--check"]):
+    for arguments in (["check"], ["format", "--check"]):
         run_python(
             "-m",
             "ruff",
-            *words,
+            *arguments,
             "--stdin-filename",
             PLACES[what],
             "-",

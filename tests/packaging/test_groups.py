@@ -30,7 +30,7 @@ def test_tests_of_the_same_kernels_run_on_one_worker(tmp_path):
             + "".join(f"def test_{k}(): time.sleep(0.05)\n" for k in range(6))
         )
     shutil.copy(TESTS / "conftest.py", tmp_path / "tests")
-    words = [
+    arguments = [
         "-v",
         "-n",
         "2",
@@ -41,7 +41,7 @@ def test_tests_of_the_same_kernels_run_on_one_worker(tmp_path):
         "--rootdir",
         ".",
     ]
-    printed = run_python("-m", "pytest", *words, cwd=tmp_path)
+    printed = run_python("-m", "pytest", *arguments, cwd=tmp_path)
     workers = {}
     for worker, name in re.findall(
         r"^\[(gw\d)\].* tests/(\S+)\.py::", printed, re.MULTILINE

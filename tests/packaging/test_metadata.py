@@ -169,7 +169,10 @@ def test_the_conda_recipe_needs_what_the_package_needs_and_the_pins_lie_in_the_r
 
     def ranges(lines):
         found = [Requirement(line) for line in lines if not line.startswith("__")]
-        return {others.get(one.name, one.name).lower(): one.specifier for one in found}
+        return {
+            others.get(entry.name, entry.name).lower(): entry.specifier
+            for entry in found
+        }
 
     python = f"python {PROJECT['project']['requires-python']}"
     assert ranges(recipe["requirements"]["run"]) == ranges(
@@ -180,12 +183,12 @@ def test_the_conda_recipe_needs_what_the_package_needs_and_the_pins_lie_in_the_r
     )
     of_run = [line for line in EXTRAS["workflow"] if not line.startswith("repose-dem")]
     assert ranges(recipe["requirements"]["run_constraints"]) == ranges(of_run)
-    about = recipe["about"]
+    section = recipe["about"]
     project = PROJECT["project"]
     scripts = [f"{name} = {place}" for name, place in project["scripts"].items()]
     assert recipe["build"]["python"]["entry_points"] == scripts
-    assert about["summary"] == project["description"]
-    assert about["license"] == project["license"]
+    assert section["summary"] == project["description"]
+    assert section["license"] == project["license"]
     for line in (line for line in TESTED if not line.startswith("repose-dem")):
         requirement = Requirement(line)
         assert metadata.version(requirement.name) in requirement.specifier
@@ -266,7 +269,7 @@ def test_the_paper_has_the_form_of_its_journal_with_references_and_pictures_that
 
 def test_what_the_owner_has_to_fill_in_is_where_the_page_on_releases_says():
     """No other file that git knows has the words of something that is still to come."""
-    words = (
+    pattern = (
         "To fill in once they exist|OWNER/REPOSITORY|TO"
         + "DO|FIX"
         + "ME|example"
@@ -286,7 +289,7 @@ def test_what_the_owner_has_to_fill_in_is_where_the_page_on_releases_says():
     found = {
         path
         for path in listed.splitlines()
-        if re.search(words, (ROOT / path).read_text(encoding="utf-8"))
+        if re.search(pattern, (ROOT / path).read_text(encoding="utf-8"))
     }
     told = set(
         re.findall(

@@ -22,9 +22,11 @@ WITHOUT = (
 )
 
 
-def without_extras(code, *words):
+def without_extras(code, *arguments):
     return subprocess.run(
-        [sys.executable, "-c", WITHOUT + code, *words], capture_output=True, text=True
+        [sys.executable, "-c", WITHOUT + code, *arguments],
+        capture_output=True,
+        text=True,
     )
 
 

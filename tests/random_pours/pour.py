@@ -421,12 +421,14 @@ def poured(number, default, mean, particles, seen):
     )
     axes = [berry[key] for key in ("long_mm", "major_mm", "minor_mm")]
     faults = [*test.contradictions(scene.settings), *test.misfits(scene.settings, axes)]
-    one = {"parameters": {name: {"fixed": value} for name, value in parameters.items()}}
+    entries = {
+        "parameters": {name: {"fixed": value} for name, value in parameters.items()}
+    }
     # a study has a free parameter
     mus_gp = parameters["mus_gp"]
-    one["parameters"]["mus_gp"] = [mus_gp, mus_gp + 0.01]
-    one["validation"] = config["validation"] | {"published": None}
-    faults += making.time_step_faults(config | one, particle, berry)
+    entries["parameters"]["mus_gp"] = [mus_gp, mus_gp + 0.01]
+    entries["validation"] = config["validation"] | {"published": None}
+    faults += making.time_step_faults(config | entries, particle, berry)
     if faults:
         return row | {
             "status": "refused",
@@ -507,11 +509,11 @@ def study():
     ball = mean | dict.fromkeys(("major_mm", "minor_mm"), mean["long_mm"])
     means = {name: ball if name == "sphere" else mean for name in PARTICLES}
     settings = {
-        name: GrainSettings.model_construct(**section | own)
-        for name, own in PARTICLES.items()
+        name: GrainSettings.model_construct(**section | entry)
+        for name, entry in PARTICLES.items()
     }
     particles = {
-        name: build.of_settings(means[name], own) for name, own in settings.items()
+        name: build.of_settings(means[name], entry) for name, entry in settings.items()
     }
     return config, mean, particles
 

@@ -246,5 +246,5 @@ def inputs_of(name, inputs):
     }
 
 
-def words(figure):
+def texts_of(figure):
     return " | ".join(text.get_text() for text in figure.findobj(matplotlib.text.Text))

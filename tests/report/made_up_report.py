@@ -76,9 +76,9 @@ def made_up_study(folder, targets, surrogate="network", fixed=(), runs=12):
     )
     table4[list(found.predicted)] = model.predict(sets[list(PARAMETERS)].to_numpy())
     simulated = found.value + 0.3 * rng.normal(size=(runs, len(found)))
-    for one, values in zip(found, simulated.T, strict=True):
-        table4[one.response.simulated] = values.mean()
-        table4[one.response.standard_error] = values.std() / runs**0.5
+    for target, values in zip(found, simulated.T, strict=True):
+        table4[target.response.simulated] = values.mean()
+        table4[target.response.standard_error] = values.std() / runs**0.5
     posterior = pd.DataFrame(
         {
             "parameter": space.free,
@@ -103,8 +103,10 @@ def made_up_study(folder, targets, surrogate="network", fixed=(), runs=12):
     }
     files = {name: folder / f"{name}.csv" for name in frames}
     files |= {name: folder / f"{name}.json" for name in ("network", *texts, "particle")}
-    for bench, own in found.benches.items():
-        rows = pd.DataFrame(simulated[:, own], columns=[found.names[k] for k in own])
+    for bench, columns in found.benches.items():
+        rows = pd.DataFrame(
+            simulated[:, columns], columns=[found.names[k] for k in columns]
+        )
         runs_of = rows.assign(status="ok", seed=range(runs)).to_dict("records")
         texts[f"job_{bench}"] = {
             "sample": 1,

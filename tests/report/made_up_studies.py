@@ -26,8 +26,8 @@ def _noise(folder, rng, targets):
         {"sample": np.repeat(np.arange(20), 4), "seed": np.tile(np.arange(4), 20)}
     )
     runs["status"] = np.where(rng.random(80) < 0.05, "jammed", "ok")
-    for one in targets:
-        runs[one.name] = one.value + one.sd * (
+    for target in targets:
+        runs[target.name] = target.value + target.sd * (
             np.sin(runs["sample"]) + rng.normal(0, 0.7, 80)
         )
     runs.to_csv(folder / "noise_runs.csv", index=False)
@@ -93,8 +93,8 @@ def _uncertainty(folder, rng, space, targets):
         pd.DataFrame({"parameter": name, "value": np.linspace(*ends, 5)})
         for name, *ends in ranges
     )
-    for one in targets:
-        effects[one.name] = one.value + effects["value"]
+    for target in targets:
+        effects[target.name] = target.value + effects["value"]
     effects.to_csv(folder / "effects.csv", index=False)
 
 

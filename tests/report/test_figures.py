@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 import pandas as pd
 import pytest
-from made_up import CONFIG, inputs_of, made_up_inputs, words, write_network
+from made_up import CONFIG, inputs_of, made_up_inputs, texts_of, write_network
 from matplotlib.colors import to_rgb
 from PIL import Image
 from refusals import input_error, not_refused
@@ -141,9 +141,9 @@ def test_every_figure_is_drawn_the_same_twice(inputs, drawn, tmp_path):
 def test_figures_have_titles_captions_with_numbers_formats_and_their_fonts(
     inputs, tmp_path
 ):
-    for name, one in figures.FIGURES.items():
-        caption = one.caption_of(CONFIG)
-        assert one.title, name
+    for name, figure in figures.FIGURES.items():
+        caption = figure.caption_of(CONFIG)
+        assert figure.title, name
         assert len(caption.split()) > 5, name
         assert not {"{", "}"} & set(caption), name
     network = figures.FIGURES["figure10"].caption_of(CONFIG)
@@ -266,11 +266,11 @@ def test_figures_say_what_a_reader_has_to_know(inputs, drawn, tmp_path, monkeypa
         (checks.validation, {"table4": changed["table4"]}, ("| 10.0 % |",)),
     ]
     with style.applied():
-        texts = [words(draw(files, CONFIG)) for draw, files, _ in cases]
-    for text, (draw, _, said) in zip(texts, cases, strict=True):
-        assert [part for part in said if part not in text] == [], draw
-    assert [part for part in corner if part not in words(drawn("corner")[0])] == []
-    assert "slipped first when the drum had turned by 51.0°, after 10.2 s" in words(
+        texts = [texts_of(draw(files, CONFIG)) for draw, files, _ in cases]
+    for text, (draw, _, parts) in zip(texts, cases, strict=True):
+        assert [part for part in parts if part not in text] == [], draw
+    assert [part for part in corner if part not in texts_of(drawn("corner")[0])] == []
+    assert "slipped first when the drum had turned by 51.0°, after 10.2 s" in texts_of(
         drawn("figure15")[0]
     )
     assert berries.RECONSTRUCTED not in texts[1]
@@ -299,7 +299,7 @@ def test_bad_names_are_named_and_the_pile_shows_its_definitions(
     settings = MeasureSettings.with_defaults(**CONFIG["measure"])
     figure, _ = drawn("definitions")
     figure.canvas.draw()  # at the resolution of its texts' places
-    text = words(figure)
+    text = texts_of(figure)
     assert "80 % of the height" in text
     assert "fit_" not in text
     assert (
@@ -311,7 +311,7 @@ def test_bad_names_are_named_and_the_pile_shows_its_definitions(
         f"{name}: {style.line_in_words(settings, name)}" for name in DEFINITIONS[1:]
     ]
     for panel in figure.axes:
-        boxes = [one.get_window_extent() for one in panel.texts]
+        boxes = [label.get_window_extent() for label in panel.texts]
         assert not any(a.overlaps(b) for a, b in combinations(boxes, 2))
 
 
@@ -331,7 +331,7 @@ def test_bad_names_are_named_and_the_pile_shows_its_definitions(
 def test_a_figure_with_the_calibrated_angle_names_its_line(
     name, inputs, drawn, tmp_path, monkeypatch
 ):
-    assert LINE in words(drawn(name)[0]).replace("\n", " ")
+    assert LINE in texts_of(drawn(name)[0]).replace("\n", " ")
     if name in (
         "figure10",
         "plane",
@@ -341,7 +341,9 @@ def test_a_figure_with_the_calibrated_angle_names_its_line(
     monkeypatch.setattr(
         style,
         "save",
-        lambda figure, *_, **options: without.append(words(figure).replace("\n", " ")),
+        lambda figure, *_, **options: without.append(
+            texts_of(figure).replace("\n", " ")
+        ),
     )
     figures.draw(
         name,
@@ -406,7 +408,7 @@ def test_predicted_and_simulated_responses_have_equal_axes(fresh, inputs, drawn)
         assert panel.get_xlim() == panel.get_ylim()
         assert panel.get_aspect() == 1
         assert panel.get_xticks().tolist() == panel.get_yticks().tolist()
-    text = words(figure)
+    text = texts_of(figure)
     assert ("new points: R²" in text) is fresh
     assert text.count("perfect model, ") == (1 + fresh) * len(figure.axes)
 
@@ -421,7 +423,7 @@ def test_the_error_of_the_surrogate_is_drawn_in_units_of_the_objective(
     with style.applied():
         figure = search.convergence(files, CONFIG)
     line = next(line for line in figure.axes[0].lines if line.get_ls() == "--")
-    targets = {one["response"]: one for one in CONFIG["targets"]}
+    targets = {entry["response"]: entry for entry in CONFIG["targets"]}
     expected = sum(
         targets[name].get("weight", 1.0) * error / np.diff(targets[name]["range"])[0]
         for name, error in errors.items()
@@ -455,7 +457,7 @@ def test_large_weights_draw_no_long_bars_and_a_scale_bar_has_its_length(
     assert np.argsort(lengths)[::-1][:2].tolist() == [2, 0]
     # mus_gg is as an input without any weight
     assert lengths[1] == pytest.approx(lengths[4], abs=0.5)
-    assert {"90 % ↗", "10 % ↘"} <= set(words(figure).split(" | "))
+    assert {"90 % ↗", "10 % ↘"} <= set(texts_of(figure).split(" | "))
     camera = look_at(
         np.array([[-0.1, 0.0, 0.0], [0.1, 0.0, 0.05]]), 600, 300, 0.0, -90.0
     )
@@ -475,7 +477,7 @@ def test_the_outline_has_the_measured_height_and_slope_at_one_scale(drawn):
     figure, _ = drawn("outline")
     (panel,) = figure.axes
     assert panel.get_aspect() == 1
-    targets = {one["response"]: one for one in CONFIG["targets"]}
+    targets = {entry["response"]: entry for entry in CONFIG["targets"]}
     height = targets["height_mm"]
     angle = targets["aor_deg"]
     lines = {line.get_label(): line for line in panel.lines}

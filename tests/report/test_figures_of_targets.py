@@ -7,7 +7,7 @@ import made_up_studies
 import numpy as np
 import pandas as pd
 import pytest
-from made_up import inputs_of, made_up_tables, words
+from made_up import inputs_of, made_up_tables, texts_of
 from matplotlib.collections import PathCollection
 from matplotlib.colors import to_hex
 from refusals import raised
@@ -32,8 +32,8 @@ CHOICES = {1: TARGETS[:1], 2: TARGETS, 4: [*TARGETS, *FURTHER]}
 
 
 def config_of(count, **changes):
-    own = {"targets": CHOICES[count], "parameters": RANGES, "small_run": False}
-    return own | {"design": {"method": "optimal", "seed": 1}} | changes
+    base = {"targets": CHOICES[count], "parameters": RANGES, "small_run": False}
+    return base | {"design": {"method": "optimal", "seed": 1}} | changes
 
 
 def draw(name, inputs, config):
@@ -41,7 +41,7 @@ def draw(name, inputs, config):
     with style.applied():
         figure = figures.FIGURES[name].draw(inputs, config)
         figure.canvas.draw()
-    return figure, words(figure).split(" | ")
+    return figure, texts_of(figure).split(" | ")
 
 
 def made_up(folder, count, feasible=True):
@@ -176,9 +176,10 @@ def test_a_figure_names_each_target_by_its_symbol_and_unit(name, count, tmp_path
             name: {"fixed": 0.3} for name in PARAMETERS[2:]
         }
     _, result = draw(name, {key: files[key] for key in DRAWN[name]}, config)
-    for one in Targets.of(CHOICES[count]).responses:
-        label = one.symbol if name == "figure10" else f"({one.unit})"
-        assert any(one.symbol in text and label in text for text in result), one.name
+    for drawn in Targets.of(CHOICES[count]).responses:
+        label = drawn.symbol if name == "figure10" else f"({drawn.unit})"
+        has_label = [drawn.symbol in text and label in text for text in result]
+        assert any(has_label), drawn.name
     assert any("slip" in text for text in result) == (count == 4)
 
 

@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from made_up import words
+from made_up import texts_of
 from matplotlib.patches import Rectangle
 from refusals import input_error
 
@@ -61,7 +61,7 @@ def test_the_points_are_the_runs_and_the_box_is_the_range(answer, tmp_path):
         if line.get_label() == f"{len(means)} parameter sets, simulated"
     ]
     np.testing.assert_allclose(np.transpose(samples.get_data()), means)
-    (box,) = (one for one in plane.patches if isinstance(one, Rectangle))
+    (box,) = (patch for patch in plane.patches if isinstance(patch, Rectangle))
     assert (box.get_x(), box.get_width()) == pytest.approx((0.9, 0.3))
     assert (box.get_y(), box.get_height()) == pytest.approx(
         # two standard errors of 0.05 to each side of 0.5
@@ -71,12 +71,12 @@ def test_the_points_are_the_runs_and_the_box_is_the_range(answer, tmp_path):
         line for line in plane.lines if line.get_label() == "the answer, predicted"
     ]
     assert np.ravel(square.get_data()).tolist() == answer.answer.mean.tolist()
-    assert "the answer, simulated" not in words(figure)
+    assert "the answer, simulated" not in texts_of(figure)
     for panel, name, value, mean in zip(
         (off_y, off_z), "yz", (1.0, 0.5), answer.answer.mean, strict=True
     ):
-        place, off = points(panel, "simulated ± standard error")
-        np.testing.assert_allclose(off, 100 * (means[name] / value - 1))
+        place, deviation = points(panel, "simulated ± standard error")
+        np.testing.assert_allclose(deviation, 100 * (means[name] / value - 1))
         assert (np.round(place)[:8] == 1).all(), "the start is the first batch"
         assert (np.diff(place) > 0).all()
         predicted = [np.round(place[-1]) + 1, 100 * (mean / value - 1)]
@@ -100,7 +100,7 @@ def test_the_report_has_the_figures_and_says_that_the_targets_are_predicted_to_b
     assert text.count('src="data:image/png;base64,') == 4
     assert "<b>Targets predicted to be met.</b>" in text
     absent = ("not checked", "no result", ">unknown<", "Blue: the new simulations")
-    assert not any(words in text for words in absent)
+    assert not any(phrase in text for phrase in absent)
     # parameters of the user's own have no other name than this
     assert '"name":"a","label":""' in text
     assert re.search(r"^a: [\d.e-]+$", copied_text(text), re.MULTILINE)
@@ -116,7 +116,7 @@ def test_one_parameter_and_one_target_have_no_planes(tmp_path):
     answer = calibrated({"a": (0.0, 1.0)}, {"z": (0.5, 0.05)})
     drawn = own.plot(answer)
     assert set(own.parts(answer)) <= {"history", "intervals"}
-    (label,) = [one.get_text() for one in drawn.axes[-1].get_yticklabels()]
+    (label,) = [tick.get_text() for tick in drawn.axes[-1].get_yticklabels()]
     assert label == "a"
     answer = answer._replace(runs=answer.runs.copy())
     answer.runs.attrs.clear()  # a table of the user's own knows no batches

@@ -136,9 +136,9 @@ def test_javascript_predicts_what_python_predicts_with_one_network_and_several(
 
     def compare(found, model, X):
         mean, std = model.predict(X, return_std=True, noise=False)
-        np.testing.assert_allclose([one["mean"] for one in found], mean, rtol=1e-6)
+        np.testing.assert_allclose([row["mean"] for row in found], mean, rtol=1e-6)
         np.testing.assert_allclose(
-            [one["std"] for one in found], std, rtol=1e-4
+            [row["std"] for row in found], std, rtol=1e-4
         )  # the page has single precision
 
     X = np.random.default_rng(2).uniform(
@@ -289,11 +289,13 @@ def test_a_figure_opens_large_on_a_click_and_on_a_key_and_keys_turn_and_zoom_the
         before = pixels(opened)
         opened.keyboard.press(key)
         assert (pixels(opened) != before).any(axis=1).mean() > 0.01, key
-    far = reddish(pixels(opened))
+    distant = reddish(pixels(opened))
     opened.keyboard.press("+")
     near = reddish(pixels(opened))
     opened.keyboard.press("-")
-    assert near > 1.1 * reddish(pixels(opened)) == pytest.approx(1.1 * far, rel=0.02)
+    assert (
+        near > 1.1 * reddish(pixels(opened)) == pytest.approx(1.1 * distant, rel=0.02)
+    )
     opened.keyboard.press("0")
     np.testing.assert_array_equal(pixels(opened), start)
     button = opened.locator(".pictures button.enlarge")

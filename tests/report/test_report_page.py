@@ -109,7 +109,7 @@ def test_any_number_of_targets_and_fixed_parameters(targets, fixed, tmp_path):
     )
     table4 = text[text.index("Table 4") :]
     assert all(
-        f"simulated ({one.response.unit})" in table4 for one in Targets.of(targets)
+        f"simulated ({entry.response.unit})" in table4 for entry in Targets.of(targets)
     )
     assert table4.count('data-head="role">spread') == 5
     says(text, "The intervals are not settled", "made &lt;up&gt; &amp; small")
@@ -193,9 +193,9 @@ VERDICTS = [
 ]
 
 
-@pytest.mark.parametrize(("change", "kind", "words"), VERDICTS)
+@pytest.mark.parametrize(("change", "kind", "pattern"), VERDICTS)
 def test_the_page_begins_with_whether_the_targets_are_met(
-    change, kind, words, tmp_path
+    change, kind, pattern, tmp_path
 ):
     study = made_up_study(tmp_path, TARGETS)
     for name, content in change.items():
@@ -203,7 +203,7 @@ def test_the_page_begins_with_whether_the_targets_are_met(
     text = written(study, tmp_path)
     found = re.search(r'class="verdict (\w+)">(.*?)</p>', text)
     assert found.group(1) == kind
-    assert re.search(words, found.group(2))
+    assert re.search(pattern, found.group(2))
     assert (
         text.index("</h1>") < text.index('class="verdict') < text.index('id="origin"')
     ), "the verdict stands first"
@@ -255,11 +255,11 @@ def test_faults_name_the_input(tmp_path):
         (files | {"photo": "x"}, r"photo.*one of dataset"),
         (lacking, "a report needs"),
     ]
-    for given, said in [
+    for given, message in [
         *cases,
         (files | {"photograph": tmp_path / "photo.jpg"}, r"photo.jpg.*a PNG or JPEG"),
     ]:
-        input_error(said, written, (config, jobs, given), tmp_path)
+        input_error(message, written, (config, jobs, given), tmp_path)
 
 
 def test_the_page_says_when_and_by_what_its_results_were_made_and_is_the_same_twice(
@@ -275,13 +275,13 @@ def test_the_page_says_when_and_by_what_its_results_were_made_and_is_the_same_tw
         "repose": "9.8.7",
         "processor": "a <type>",
     }
-    for commit, words in (("abc123", ", commit abc123"), (None, "")):
+    for commit, origin in (("abc123", ", commit abc123"), (None, "")):
         (tmp_path / "table4.csv.provenance.json").write_text(
             json.dumps(record | {"commit": commit})
         )
         first = written(study, tmp_path)
         assert (
-            f"Results of 2023-11-14, by repose 9.8.7{words}, on a &lt;type&gt;."
+            f"Results of 2023-11-14, by repose 9.8.7{origin}, on a &lt;type&gt;."
             in first
         )
         assert written(study, tmp_path) == first
@@ -416,17 +416,17 @@ def test_the_page_says_what_the_measurements_do_not_determine(tmp_path):
     table = pd.read_csv(files["posterior"])
     samples = pd.read_csv(files["dataset"])
     inside = np.ones(len(samples), bool)
-    for one in BOTH:
-        inside &= samples[one.name].between(one.low, one.high)
+    for entry in BOTH:
+        inside &= samples[entry.name].between(entry.low, entry.high)
     assert inside.sum() > 1
-    for width, words in (
+    for width, phrase in (
         (1.012, "determine none of the 6 parameters: each 95 % interval covers 100 %"),
         (0.5, "narrow 6 of the 6 parameters: the narrowest 95 % interval covers 50 %"),
     ):
         table["width_ratio"] = width
         table.to_csv(files["posterior"], index=False)
         text = written((config, jobs, files), tmp_path)
-        assert words in text
+        assert phrase in text
         assert "101 %" not in text
         assert f"{inside.sum()} of the 60 simulated samples already lie inside" in text
     assert ("50 %: not determined" in text) is False
@@ -462,5 +462,7 @@ def test_a_prediction_comes_with_its_expected_optimism(tmp_path):
     table4[derived("aor_deg", "optimism")] = 0.376
     table4[derived("aor_deg", "optimism_se")] = 0.07
     table4.to_csv(tmp_path / "table4.csv", index=False)
-    words = "does not count the expected optimism (angle of repose: expected optimism"
-    assert f"{words} +0.38 ± 0.07 deg)" in written(study, tmp_path)
+    sentence = (
+        "does not count the expected optimism (angle of repose: expected optimism"
+    )
+    assert f"{sentence} +0.38 ± 0.07 deg)" in written(study, tmp_path)

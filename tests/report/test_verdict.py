@@ -8,7 +8,7 @@ from repose.report.page.verdict import probability_text
 
 
 @pytest.mark.parametrize(
-    ("n_targets", "words"),
+    ("n_targets", "beginning"),
     [
         (1, "With a probability of 83 % the response lies inside the target range"),
         (2, "With a probability of 83 % both responses lie inside the target range"),
@@ -16,7 +16,7 @@ from repose.report.page.verdict import probability_text
         (4, "With a probability of 83 % all 4 responses lie inside the target range"),
     ],
 )
-def test_the_probability_is_that_of_all_targets(n_targets, words):
+def test_the_probability_is_that_of_all_targets(n_targets, beginning):
     study = SimpleNamespace(
         probability={"all": 0.83},
         probability_within={},
@@ -24,5 +24,5 @@ def test_the_probability_is_that_of_all_targets(n_targets, words):
         number=lambda _name: 12.0,
     )
     text = probability_text(study)
-    assert text.startswith(words)
+    assert text.startswith(beginning)
     assert "judged by 12 new simulations" in text

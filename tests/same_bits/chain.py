@@ -41,7 +41,7 @@ def verbs(samples):
     yield f"{measured} --overlay results/measure/overlay.png --out results/measure/measured.json"
 
 
-def words(line):
+def arguments_of(line):
     split = line.split()
     return [cli.STAGE, *split] if split[0] in cli.STAGES else split
 
@@ -60,7 +60,7 @@ def main():
     ).config
     write_json("results/config.json", config)
     for line in verbs(config["design"]["samples"]):
-        status = cli.main([*words(line), "--config", "results/config.json"])
+        status = cli.main([*arguments_of(line), "--config", "results/config.json"])
         if status:
             print(line, file=sys.stderr)
             return status

@@ -90,21 +90,23 @@ ENVIRONMENTS = {
 
 
 def run(name, work, pythons):
-    own = ENVIRONMENTS[name]
-    folder = work / name / own.folder
+    environment = ENVIRONMENTS[name]
+    folder = work / name / environment.folder
     done = work / name / "status"
     if done.is_file():
         return int(done.read_text())
-    python = pythons.get(own.python) if own.python else sys.executable
-    if python is None or (own.read_only and os.geteuid() != 0):
+    python = pythons.get(environment.python) if environment.python else sys.executable
+    if python is None or (environment.read_only and os.geteuid() != 0):
         return None
     shutil.rmtree(work / name, ignore_errors=True)
     folder.mkdir(parents=True)
-    variables = os.environ | USUAL | own.variables | {"PYTHONPATH": str(ROOT / "src")}
-    if own.cold:
+    variables = (
+        os.environ | USUAL | environment.variables | {"PYTHONPATH": str(ROOT / "src")}
+    )
+    if environment.cold:
         variables["NUMBA_CACHE_DIR"] = str(work / name / "kernels")
     command = [python, str(HERE / "chain.py")]
-    if own.read_only:
+    if environment.read_only:
         command = [
             "unshare",
             "-m",
@@ -183,11 +185,11 @@ def ensembles(folder, plain):
 
 
 def row(name, work, status):
-    own = ENVIRONMENTS[name]
+    environment = ENVIRONMENTS[name]
     if status != 0:
-        return f"| {own.what} | {'not run' if status is None else f'**ended with {status}**'} | | |"
+        return f"| {environment.what} | {'not run' if status is None else f'**ended with {status}**'} | | |"
     plain = work / PLAIN / ENVIRONMENTS[PLAIN].folder
-    folder = work / name / own.folder
+    folder = work / name / environment.folder
     wanted = results(plain)
     found = results(folder)
     other = sorted(
@@ -195,24 +197,24 @@ def row(name, work, status):
     )
     same = f"{len(wanted) - len(other)} of {len(wanted)}"
     if not other:
-        return f"| {own.what} | {same} | | |"
-    if not own.type:
-        return f"| {own.what} | **{same}** | {', '.join(other[:8])} | |"
+        return f"| {environment.what} | {same} | | |"
+    if not environment.type:
+        return f"| {environment.what} | **{same}** | {', '.join(other[:8])} | |"
     if any(
         file.endswith(".npz") for file in other
     ):  # the pours themselves: two draws of one ensemble
         means = ensembles(folder, plain)
-        words = ", ".join(
+        listed = ", ".join(
             f"{name} {mean:+.2f} ± {error:.2f}" for name, (mean, error) in means.items()
         )
         good = all(abs(mean) <= LARGEST_SCORE * error for mean, error in means.values())
-        return f"| {own.what} | {same if good else f'**{same}**'} | pours, and what stands on them | {words} |"
+        return f"| {environment.what} | {same if good else f'**{same}**'} | pours, and what stands on them | {listed} |"
     apart = {
         file: share for file, share in spread_of(folder, plain).items() if share > 0.0
     }
-    words = ", ".join(f"{file} {share:.1e}" for file, share in apart.items())
+    listed = ", ".join(f"{file} {share:.1e}" for file, share in apart.items())
     good = max(apart.values(), default=0.0) <= LARGEST_APART
-    return f"| {own.what} | {same if good else f'**{same}**'} | {words} | |"
+    return f"| {environment.what} | {same if good else f'**{same}**'} | {listed} | |"
 
 
 def main():

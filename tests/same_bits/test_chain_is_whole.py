@@ -14,4 +14,6 @@ def test_every_verb_of_the_chain_knows_its_options(tmp_path, monkeypatch):
     lines = list(chain.verbs(1))
     assert len(lines) > 10
     for line in lines:
-        parser.parse_args([*chain.words(line), "--config", "results/config.json"])
+        parser.parse_args(
+            [*chain.arguments_of(line), "--config", "results/config.json"]
+        )

@@ -162,10 +162,10 @@ def test_failed_runs_have_no_number_and_a_study_that_has_not_run_is_reported(tmp
 
 def test_a_small_run_says_so_first(tmp_path):
     first = str(read(study(tmp_path, 32.0) | {"small_run": True})).splitlines()[0]
-    said = "Angle of repose 32 +- 0.25 deg (measured 32, +0.0 %)."
+    sentence = "Angle of repose 32 +- 0.25 deg (measured 32, +0.0 %)."
     assert (
         first
-        == f"wheat: a small run, its numbers are no calibration: targets met. {said}"
+        == f"wheat: a small run, its numbers are no calibration: targets met. {sentence}"
     )
 
 
@@ -314,8 +314,8 @@ def test_two_runs_do_not_show_how_two_responses_are_correlated():
 
 
 def test_one_run_decides_nothing_and_runs_without_scatter_decide_at_once():
-    one = answer.Check("a", "own", "", 5.0, 1.0, 5, 4.0, 6.0, 5.0, None, 1, "ok")
-    found = answer.Result("one", {}, True, "", (one,), "", {})
+    check = answer.Check("a", "own", "", 5.0, 1.0, 5, 4.0, 6.0, 5.0, None, 1, "ok")
+    found = answer.Result("one", {}, True, "", (check,), "", {})
     assert found.verdict is answer.Verdict.UNDECIDED
     says(found.reason, "Fewer than two runs gave a number")
     exact = answer.Check("a", "own", "", 5.0, 1.0, 5, 4.0, 6.0, 6.0, 0.0, 2, "ok")
@@ -326,8 +326,8 @@ def test_one_run_decides_nothing_and_runs_without_scatter_decide_at_once():
 
 def test_an_answer_that_was_not_simulated_has_its_prediction_in_the_first_line():
     found = of_two(angle=None, height=None, status=answer.NOT_AGAIN)
-    said = "Angle of repose predicted 32.5 deg (measured 32, +1.6 %), my_mm without a number (measured 66). "
-    assert found.headline.startswith(f"two: targets not checked yet. {said}")
+    sentence = "Angle of repose predicted 32.5 deg (measured 32, +1.6 %), my_mm without a number (measured 66). "
+    assert found.headline.startswith(f"two: targets not checked yet. {sentence}")
 
 
 @pytest.mark.parametrize(

@@ -164,7 +164,7 @@ def test_a_card_has_the_intervals_of_the_sets_or_of_the_posterior(config, soluti
 
 
 @pytest.mark.parametrize(
-    ("value", "expected", "words"),
+    ("value", "expected", "remark"),
     [
         (0.5, {"low": 0.4, "high": 0.6}, "friction"),
         (0.4, {"low": 0.4, "high": 0.6}, "friction"),
@@ -205,11 +205,11 @@ def test_a_card_has_the_intervals_of_the_sets_or_of_the_posterior(config, soluti
         ),
     ],
 )
-def test_an_interval_holds_the_answer_or_tells_the_bound(value, expected, words):
+def test_an_interval_holds_the_answer_or_tells_the_bound(value, expected, remark):
     """The range 0.2 to 0.7 has the width 0.5, so 0.0005 from a bound is at it; the interval is 0.4 to 0.6."""
     found = widen_to_value(SPACE, "mus_gg", value, 0.4, 0.6)
     assert found == expected
-    assert with_remark("friction", found) == words
+    assert with_remark("friction", found) == remark
 
 
 def test_an_interval_that_begins_at_a_bound_tells_it_on_card_and_in_words(
@@ -247,12 +247,12 @@ def test_an_interval_that_begins_at_a_bound_tells_it_on_card_and_in_words(
         for line in card_text.describe(found).splitlines()
         if line.startswith("  m") or "e_gg" in line
     )
-    words = {line.split()[0]: line for line in lines}
-    assert words["e_gg"].endswith(
+    line_of = {line.split()[0]: line for line in lines}
+    assert line_of["e_gg"].endswith(
         "restitution, grain-grain; at the lower bound of the range"
     )
-    assert words["mus_gp"].endswith("; interval widened to hold the answer")
-    assert words["mus_gg"].endswith("static friction, grain-grain")
+    assert line_of["mus_gp"].endswith("; interval widened to hold the answer")
+    assert line_of["mus_gg"].endswith("static friction, grain-grain")
 
 
 @pytest.mark.parametrize(
@@ -293,11 +293,11 @@ def test_a_script_asks_the_card_whether_the_targets_are_met(
 
 def test_a_card_of_before_the_reason_is_read_and_judged(tmp_path, command):
     status = {True: 0, False: 3, None: 4}
-    said = [
+    lines = [
         command("card", "check", path, status=status[card.read(path)["met"]]).out
         for path in CARDS
     ]
-    assert "which gave no reason" in "".join(said)
+    assert "which gave no reason" in "".join(lines)
     (tmp_path / "bad.json").write_text("{}")
     for path in (tmp_path / "bad.json", tmp_path / "none.json"):
         assert str(path) in command("card", "check", path, status=2).err
@@ -426,8 +426,8 @@ def test_an_invalid_card_is_refused_with_every_fault(config, solutions):
     bad = made(config, solutions)
     bad["grain"]["density_kg_m3"] = -1
     del bad["laws"]
-    words = "laws is None; expected a material card: the key is missing"
-    fault = input_error(words, card.check, bad, "mine.json")
+    message = "laws is None; expected a material card: the key is missing"
+    fault = input_error(message, card.check, bad, "mine.json")
     assert "grain.density_kg_m3 is -1" in str(fault)
     whole = made(config, solutions)
 
@@ -506,25 +506,27 @@ def test_a_check_of_before_is_refused(tmp_path):
 
 
 def test_two_cards_side_by_side_tell_what_differs(config, solutions, tmp_path, command):
-    one = made(config, solutions)
+    first = made(config, solutions)
     config["simulation"]["tension"] = "keep"
     config["funnel"]["outlet_diameter_mm"] = 40.0
     config["measure"]["views"] = 6
-    other = made(config, solutions.assign(e_gg=solutions["e_gg"] + 0.5), simulated=None)
-    for name, content in (("one", one), ("other", other)):
+    second = made(
+        config, solutions.assign(e_gg=solutions["e_gg"] + 0.5), simulated=None
+    )
+    for name, content in (("one", first), ("other", second)):
         (tmp_path / f"{name}.json").write_text(json.dumps(content))
     lines = command(
         "card", "compare", tmp_path / "one.json", tmp_path / "other.json"
     ).out.splitlines()
     is_known("cards.txt", "\n".join(lines))
-    assert "Another simulator" not in card_text.compare(one, other)
+    assert "Another simulator" not in card_text.compare(first, second)
     assert "Another simulator: repose | theirs." in card_text.compare(
-        one, other | {"simulator": "theirs"}
+        first, second | {"simulator": "theirs"}
     )
-    other["tests"][0]["definition"]["name"] = "angle, secant"
+    second["tests"][0]["definition"]["name"] = "angle, secant"
     assert any(
         "Another definition of height_mm" in line
-        for line in card_text.compare(one, other).splitlines()
+        for line in card_text.compare(first, second).splitlines()
     )
 
 
@@ -533,7 +535,7 @@ def test_a_card_in_words_gives_answer_and_tests(config, solutions, tmp_path, com
         json.dumps(made(config, solutions, simulated=80.0, runs=1, within=None))
     )
     text = command("card", "show", tmp_path / "card.json").out
-    words = (
+    phrases = (
         "wheat; targets undecided",
         "mus_gg, mur_gg -1.00",
         "Simulated less measured: height_mm ",
@@ -544,7 +546,7 @@ def test_a_card_in_words_gives_answer_and_tests(config, solutions, tmp_path, com
         "all within 2 %: probability unknown; it requires two good runs of each bench test",
         "definition: Height; views 18, mm_per_pixel 0.25, largest_pile_only yes",
     )
-    assert [one for one in words if one not in text] == []
+    assert [phrase for phrase in phrases if phrase not in text] == []
 
 
 def test_the_verb_writes_a_card_that_can_be_read(tmp_path, command):
@@ -558,8 +560,10 @@ def test_the_verb_writes_a_card_that_can_be_read(tmp_path, command):
         "summary": "miga/summary.json",
         "representative": "validation/representative.csv",
     }
-    words = [f"--{name}={STUDY / path}" for name, path in files.items()]
-    command("stage", "material_card", *words, f"--particle={particle}", f"--out={out}")
+    arguments = [f"--{name}={STUDY / path}" for name, path in files.items()]
+    command(
+        "stage", "material_card", *arguments, f"--particle={particle}", f"--out={out}"
+    )
     found = card.read(out)
     summary = json.loads((STUDY / "miga/summary.json").read_text())
     assert all(
@@ -580,11 +584,11 @@ def test_a_card_holds_the_parameters_of_every_contact_law(config, solutions):
     }:
         names = parameters_of_law(law)
         config["simulation"]["contact_law"] = law
-        own = config | {
+        law_config = config | {
             "parameters": config["parameters"] | {name: [0.0, 0.5] for name in names}
         }
         result = made(
-            own, solutions.assign(**{name: solutions["e_gg"] for name in names})
+            law_config, solutions.assign(**{name: solutions["e_gg"] for name in names})
         )
         card.check(result, "card")
         assert tuple(result["parameters"]) == (*PARAMETERS, *names)

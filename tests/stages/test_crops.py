@@ -112,13 +112,13 @@ def test_it_runs_from_sizes_to_card_at_small_size(name, tmp_path, monkeypatch, c
     PipelineConfig.of(config, name).check_inputs()
     loader.write_resolved(config, "results/config.json")
 
-    def do(verb, *words):
+    def do(verb, *arguments):
         stage = ["stage"] if verb in STAGES else []
-        command(*stage, verb, *words, "--config", "results/config.json")
+        command(*stage, verb, *arguments, "--config", "results/config.json")
 
     def pour(samples, numbers, purpose, folder):
         for number in numbers:
-            words = [
+            arguments = [
                 "--samples",
                 samples,
                 "--sample",
@@ -128,7 +128,7 @@ def test_it_runs_from_sizes_to_card_at_small_size(name, tmp_path, monkeypatch, c
                 "--purpose",
                 purpose,
             ]
-            do("pour", "--apparatus", "funnel", *words, "--out", folder)
+            do("pour", "--apparatus", "funnel", *arguments, "--out", folder)
             do("measure_runs", f"{folder}/{number:03}.pours.json", "--out", folder)
 
     for stage in ("berry", "shape", "design"):
@@ -139,11 +139,16 @@ def test_it_runs_from_sizes_to_card_at_small_size(name, tmp_path, monkeypatch, c
         "design",
         "results/heaps",
     )
-    for words in (["dataset", "results/heaps"], ["network"], ["miga"], ["solutions"]):
-        do(*words)
-    own = "results/validation/solutions.csv"
+    for arguments in (
+        ["dataset", "results/heaps"],
+        ["network"],
+        ["miga"],
+        ["solutions"],
+    ):
+        do(*arguments)
+    answer_file = "results/validation/solutions.csv"
     published = "results/validation/published_solutions.csv"
-    poured = {own: list(read_table(own)["sample"]), published: []}
+    poured = {answer_file: list(read_table(answer_file)["sample"]), published: []}
     if config["validation"]["published"]:
         do("published_solutions")
         poured[published] = [101]
@@ -151,7 +156,10 @@ def test_it_runs_from_sizes_to_card_at_small_size(name, tmp_path, monkeypatch, c
         pour(table, numbers, "validation", "results/validation/heaps")
     do(
         "validate",
-        *(f"results/validation/heaps/{number:03}.json" for number in poured[own]),
+        *(
+            f"results/validation/heaps/{number:03}.json"
+            for number in poured[answer_file]
+        ),
     )
     if poured[published]:
         do("published_sets", "results/validation/heaps/101.json")
@@ -178,13 +186,15 @@ def test_it_runs_from_sizes_to_card_at_small_size(name, tmp_path, monkeypatch, c
 
 
 @pytest.mark.parametrize(
-    "words",
+    "arguments",
     ["drum --seed 1", "pour --apparatus drum --samples s.csv --sample 1 --seeds 1"],
     ids=["drum", "pour"],
 )
 def test_what_a_crop_has_no_section_for_is_refused_in_one_line(
-    words, monkeypatch, command
+    arguments, monkeypatch, command
 ):
     monkeypatch.chdir(CROPS / "wheat")
-    said = command("stage", *words.split(), "--config", "config.yaml", status=2).err
-    assert "configuration: drum is None; expected a section of this name" in said
+    message = command(
+        "stage", *arguments.split(), "--config", "config.yaml", status=2
+    ).err
+    assert "configuration: drum is None; expected a section of this name" in message

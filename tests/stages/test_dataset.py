@@ -237,17 +237,23 @@ def test_bench_tests_of_one_sample_are_merged_and_a_job_that_is_missing_or_twice
             r"apparatus is 'drum'; expected a bench test of the targets, funnel",
         ),
     ]
-    for jobs, wanted, words in wrong:
+    for jobs, wanted, message in wrong:
         input_error(
-            words, dataset.run, folder / "samples.csv", jobs, wanted, {}, folder / "out"
+            message,
+            dataset.run,
+            folder / "samples.csv",
+            jobs,
+            wanted,
+            {},
+            folder / "out",
         )
 
 
 def test_a_folder_stands_for_the_file_of_every_sample_in_it(tmp_path):
     (tmp_path / "heaps").mkdir()
     (tmp_path / "samples.csv").write_text("sample,e_gg\n1,0.3\n10000,0.3\n")
-    words = [str(tmp_path / "heaps"), "other/001.json"]
-    names = [str(path) for path in job_files(words, tmp_path / "samples.csv")]
+    arguments = [str(tmp_path / "heaps"), "other/001.json"]
+    names = [str(path) for path in job_files(arguments, tmp_path / "samples.csv")]
     assert names == [
         f"{tmp_path}/heaps/001.json",
         f"{tmp_path}/heaps/10000.json",

@@ -241,13 +241,16 @@ def test_bad_tables_are_refused_and_a_study_without_published_intervals_has_its_
         )
     )
     secant = study(definitions={"aor_deg": {"measure.response": "secant"}})
-    one = study(Targets(TARGETS[:1])), "outputs is .*; expected the targets aor_deg"
-    for other, words in (
+    single_target = (
+        study(Targets(TARGETS[:1])),
+        "outputs is .*; expected the targets aor_deg",
+    )
+    for other, message in (
         (secant, "definition of aor_deg is .*flank.*secant.*my.yaml"),
-        one,
+        single_target,
     ):
         input_error(
-            f"network.json: {words}",
+            f"network.json: {message}",
             searched,
             network_json,
             other,

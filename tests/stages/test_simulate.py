@@ -161,9 +161,9 @@ def test_a_run_with_a_damaged_mark_is_made_again(tmp_path, text):
 
 
 def test_values_never_reach_a_shell(tmp_path):
-    words = ["python", "program.py", "$HOME; touch x {{ friction }}", "{{ seed }}"]
+    command = ["python", "program.py", "$HOME; touch x {{ friction }}", "{{ seed }}"]
     code = "import json, sys; json.dump(sys.argv[1:], open('out.json', 'w'))"
-    section = settings(tmp_path, code, command=words)
+    section = settings(tmp_path, code, command=command)
     run(tmp_path, section)
     told = json.loads((tmp_path / "001" / "1" / "out.json").read_text())
     assert told == ["$HOME; touch x 0.5", "5"]
@@ -203,8 +203,8 @@ def test_all_faults_are_found_before_any_run(tmp_path):
     with pytest.raises(InputError) as caught:
         simulate.check(section, names, ("angle", "aor_deg"), "own.yaml")
     faults = str(caught.value)
-    for words in ("no_such_program", "fricton", "name is 'x'", "none.stl", "rolling"):
-        assert words in faults, words
+    for fault in ("no_such_program", "fricton", "name is 'x'", "none.stl", "rolling"):
+        assert fault in faults, fault
     assert "targets.angle" in faults
     assert "targets.aor_deg" not in faults
 

@@ -284,9 +284,12 @@ def test_the_split_is_reported_and_the_saved_model_knows_all_samples(tmp_path, n
 @pytest.mark.parametrize("name", ["aor_deg", "height_mm"])
 def test_one_target_is_trained_alone(tmp_path, name):
     dataset_csv, runs_csv = write_tables(tmp_path)
-    one = Targets([target for target in TARGETS if target.name == name])
+    single_target = Targets([target for target in TARGETS if target.name == name])
     metrics = trained(
-        dataset_csv, runs_csv, study(but(replicates=True), one), tmp_path / "out"
+        dataset_csv,
+        runs_csv,
+        study(but(replicates=True), single_target),
+        tmp_path / "out",
     )
     assert set(metrics["test"]) == set(metrics["r2_three_ways"]) == {name}
     assert np.shape(metrics["noise_covariance"]) == (1, 1)

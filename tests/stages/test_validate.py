@@ -197,8 +197,8 @@ def test_table4_has_errors_as_published_and_every_definition_of_the_angle(study)
         for a, c in (("aor", "deg"), ("height", "mm"))
         for b in ("predicted", "simulated", "se")
     )
-    far = dict.fromkeys(columns, 40.0) | {"n_seeds": 3, "status": "ok"}
-    assert not validate.against_physical(far, TARGETS)["within_one_sd"].any()
+    distant = dict.fromkeys(columns, 40.0) | {"n_seeds": 3, "status": "ok"}
+    assert not validate.against_physical(distant, TARGETS)["within_one_sd"].any()
 
 
 def test_definitions_that_are_targets_keep_their_column_and_stored_sets_may_be_stale(
@@ -317,16 +317,18 @@ def test_validation_takes_the_farthest_feasible_and_the_stored_sets_are_those_of
 
 
 def test_a_study_of_height_alone_and_one_without_a_stored_table(study):
-    one = Targets([target for target in TARGETS if target.name == "height_mm"])
+    height_alone = Targets([target for target in TARGETS if target.name == "height_mm"])
     table = validate.write_solutions(
-        study / "feasible.csv", SPACE, one, 3, study / "v/solutions.csv"
+        study / "feasible.csv", SPACE, height_alone, 3, study / "v/solutions.csv"
     )
     paths = write_heaps(study, table)
-    theirs = published(stored(study), one)
+    theirs = published(stored(study), height_alone)
     assert "aor_simulated_deg" not in theirs
     assert theirs["height_simulated_mm"].tolist() == [66.0, 66.0]
-    for table in (theirs, published(None, one)):
-        found = compared(study / "v/solutions.csv", paths, of(one), table, study / "v")
+    for table in (theirs, published(None, height_alone)):
+        found = compared(
+            study / "v/solutions.csv", paths, of(height_alone), table, study / "v"
+        )
         assert found["representative"]["response"].tolist() == ["height_mm"]
         assert len(pd.read_csv(study / "v/published.csv")) == len(table)
     assert {"sample", "solution", "stale"} < set(pd.read_csv(study / "v/published.csv"))
@@ -359,8 +361,13 @@ def test_a_law_of_further_parameters_keeps_them_and_leaves_the_published_sets_ou
 
 def test_the_stage_lists_the_sets_of_a_kept_study(command, tmp_path):
     kept = shared.ROOT / "results/published/recommended"
-    words = ("--config", kept / "config.json", "--feasible", kept / "miga/feasible.csv")
-    command("stage", "solutions", *words, "--out", tmp_path)
+    arguments = (
+        "--config",
+        kept / "config.json",
+        "--feasible",
+        kept / "miga/feasible.csv",
+    )
+    command("stage", "solutions", *arguments, "--out", tmp_path)
     made, known = (
         pd.read_csv(folder / "solutions.csv")
         for folder in (tmp_path, kept / "validation")

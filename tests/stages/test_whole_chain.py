@@ -74,12 +74,12 @@ def targets_of(*names):
 
 
 def runs_of(targets, name, row, seeds=4):
-    own = [target.name for target in targets if target.response.apparatus == name]
+    names = [target.name for target in targets if target.response.apparatus == name]
     for seed in range(seeds):
         random = np.random.default_rng([seed, row["sample"], len(name)])
         yield good_run(
             seed,
-            **{key: means(row)[key] + LAW[key][3] * random.normal() for key in own},
+            **{key: means(row)[key] + LAW[key][3] * random.normal() for key in names},
         )
 
 

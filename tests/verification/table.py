@@ -44,7 +44,7 @@ def main():
     os.chdir(ROOT)
     sys.path[:0] = [str(ROOT / "src"), str(ROOT / "tests")]
     # In one process, with the slow cases and without the tests of the page itself.
-    words = [
+    arguments = [
         "tests/verification",
         "-n",
         "0",
@@ -52,7 +52,7 @@ def main():
         "slow or not slow",
         "--ignore=tests/verification/test_page.py",
     ]
-    return pytest.main(words, plugins=[Registration()])
+    return pytest.main(arguments, plugins=[Registration()])
 
 
 if __name__ == "__main__":

@@ -15,10 +15,15 @@ def project(tmp_path_factory):
 @pytest.fixture(scope="module")
 def finished(project):
     """The small study with twelve samples as if it were finished: every file is there, empty."""
-    words = ("--configfile", "config/quick.yaml", "--config", "design={samples: 12}")
+    arguments = (
+        "--configfile",
+        "config/quick.yaml",
+        "--config",
+        "design={samples: 12}",
+    )
     shutil.rmtree(project / "results", ignore_errors=True)  # of other settings
     for line in snakemake(
-        project, "-n", "--summary", *words, "--", "everything", "films"
+        project, "-n", "--summary", *arguments, "--", "everything", "films"
     ).stdout.splitlines()[1:]:
         path = project / line.split("\t")[0]
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -30,10 +35,10 @@ def finished(project):
         "--forceall",
         "--cores",
         "1",
-        *words,
+        *arguments,
         "--",
         "everything",
         "films",
         status=0,
     )
-    return project, words
+    return project, arguments

@@ -52,14 +52,14 @@ def as_ours(folder):
             os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
 
 
-def snakemake(project, *words, status=None):
+def snakemake(project, *arguments, status=None):
     """Run snakemake in a fork, so that its imports are loaded once for all calls; `status` is what it must end with."""
     for module in ("snakemake.cli", "repose.calibrate.strategies.refined.strategy"):
         importlib.import_module(module)
     began_s = time.perf_counter()
     with TemporaryFile() as out, TemporaryFile() as err:
         _, ended, used = os.wait4(
-            forked.start(project, words, out.fileno(), err.fileno()), 0
+            forked.start(project, arguments, out.fileno(), err.fileno()), 0
         )
         took_s = time.perf_counter() - began_s
         texts = []
@@ -73,8 +73,8 @@ def snakemake(project, *words, status=None):
     return done
 
 
-def planned(project, *words):
-    done = snakemake(project, "--quiet", "rules", "-n", *words, status=0)
+def planned(project, *arguments):
+    done = snakemake(project, "--quiet", "rules", "-n", *arguments, status=0)
     counts = re.findall(r"^(\w+)\s+(\d+)$", done.stdout + done.stderr, re.MULTILINE)
     return {rule: int(count) for rule, count in counts}
 

@@ -46,18 +46,23 @@ def poured(folder, seed):
 def test_batches_follow_until_the_answer_and_a_kill_between_them_loses_nothing(
     strategy, finished
 ):
-    project, words = finished
+    project, arguments = finished
     folder = project / "results/quick" / strategy
     config = PipelineConfig.load(project / "config/quick.yaml").config
     config |= {strategy: config[strategy] | SECTIONS[strategy]}
     study = Given(SPACE, Targets.of(config["targets"]), config)
-    words = (*words, f"{strategy}={json.dumps(SECTIONS[strategy])}", "--", strategy)
+    arguments = (
+        *arguments,
+        f"{strategy}={json.dumps(SECTIONS[strategy])}",
+        "--",
+        strategy,
+    )
     folders = []
     sizes = []
     found = {"answer": False}
     while not found["answer"]:
         jobs = planned(
-            project, *words
+            project, *arguments
         )  # everything before is kept: all that is planned is to read what was poured
         assert not {"pour", "batch_pour"} & set(jobs), (
             "none of the published method either"
@@ -65,7 +70,7 @@ def test_batches_follow_until_the_answer_and_a_kill_between_them_loses_nothing(
         assert jobs["propose"] == 1
         folders.append(folder / f"batch_{len(folders)}")
         found = propose(strategy, study, folders[:-1], folders[-1])
-        jobs = planned(project, *words)
+        jobs = planned(project, *arguments)
         assert jobs[f"conclude_{strategy}"] == 1
         if found.get("simulated"):
             break
@@ -73,11 +78,11 @@ def test_batches_follow_until_the_answer_and_a_kill_between_them_loses_nothing(
         assert jobs["batch_pour"] == jobs["measure_batch_runs"] == sizes[-1]
         poured(folders[-1], [1, len(folders)])
     assert sizes == SAMPLES[strategy]
-    jobs = planned(project, *words)
+    jobs = planned(project, *arguments)
     assert not {"propose", "batch_pour", "batch_dataset"} & set(jobs)
     assert f"conclude_{strategy}" in jobs
     next((folders[0] / "heaps").glob("*.npz")).unlink()
-    lost = planned(project, *words)["batch_pour"]
+    lost = planned(project, *arguments)["batch_pour"]
     assert lost == 1 + sum(sizes[1:]), (
         "a lost file is made again, then what follows from it"
     )
@@ -87,9 +92,14 @@ def test_batches_follow_until_the_answer_and_a_kill_between_them_loses_nothing(
 @pytest.mark.essential
 @pytest.mark.parametrize("strategy", list(SAMPLES))
 def test_the_strategy_chooses_what_a_study_makes(strategy, project):
-    words = ("--configfile", "config/quick.yaml", "--config", f"strategy={strategy}")
+    arguments = (
+        "--configfile",
+        "config/quick.yaml",
+        "--config",
+        f"strategy={strategy}",
+    )
     first = project / f"results/quick/{strategy}/batch_0"
-    jobs = planned(project, *words)
+    jobs = planned(project, *arguments)
     assert jobs["propose"] == 1
     assert not {"pour", "network", "miga", "drum_run"} & set(jobs)
     assert {"page", "card", "strategy_trajectory"} <= set(jobs), (
@@ -99,12 +109,12 @@ def test_the_strategy_chooses_what_a_study_makes(strategy, project):
         project,
         "--cores",
         "1",
-        *words,
+        *arguments,
         "--",
         str((first / "samples.csv").relative_to(project)),
         status=0,
     )
-    assert planned(project, *words)["batch_pour"] == SAMPLES[strategy][0]
+    assert planned(project, *arguments)["batch_pour"] == SAMPLES[strategy][0]
     # the times of a job are no output: snakemake never has a record of them
     made_by = {
         "verb": "pour",
@@ -115,9 +125,9 @@ def test_the_strategy_chooses_what_a_study_makes(strategy, project):
         "engine": "",
     }
     write_text(first / "heaps/timings/001.json", json.dumps({"provenance": made_by}))
-    assert planned(project, *words)["batch_pour"] == SAMPLES[strategy][0]
+    assert planned(project, *arguments)["batch_pour"] == SAMPLES[strategy][0]
     records = (project / ".snakemake").rename(project / "lost")
-    other = snakemake(project, "-n", *words, f"{strategy}={{checks: 3}}", status=2)
+    other = snakemake(project, "-n", *arguments, f"{strategy}={{checks: 3}}", status=2)
     assert f"{strategy}/batch_0/proposal.json: {strategy}.checks is " in other.stderr
     shutil.rmtree(project / ".snakemake", ignore_errors=True)
     records.rename(project / ".snakemake")
@@ -143,14 +153,14 @@ def test_the_strategy_chooses_what_a_study_makes(strategy, project):
 
 
 def test_a_misfit_is_reported_before_any_work(project):
-    words = (
+    arguments = (
         "--configfile",
         "config/quick.yaml",
         "--config",
         "strategy=response_surface",
     )
     done = snakemake(
-        project, "-n", "--quiet", "all", *words, "response_surface={centres: 2}"
+        project, "-n", "--quiet", "all", *arguments, "response_surface={centres: 2}"
     )
     assert done.returncode != 0
     assert (
@@ -168,14 +178,14 @@ def proposed(folder, answer=False):
 
 
 def test_bench_tests_of_the_targets_are_run_by_stages_until_the_answer(finished):
-    project, words = finished
+    project, arguments = finished
     (project / "mine.yaml").write_text(
         json.dumps({"targets": MIXED, "posterior": {"shape_study": None}})
     )
-    words = (
-        *words[:2],
+    arguments = (
+        *arguments[:2],
         "mine.yaml",
-        *words[2:],
+        *arguments[2:],
         "--rerun-triggers",
         "mtime",
         "--",
@@ -183,11 +193,11 @@ def test_bench_tests_of_the_targets_are_run_by_stages_until_the_answer(finished)
     )
     folder = project / "results/quick/refined"
     proposed(folder / "batch_1")
-    jobs = planned(project, *words)
+    jobs = planned(project, *arguments)
     assert (jobs["batch_pour"], jobs["measure_batch_runs"]) == (8, 8), (
         "four jobs in each bench test"
     )
-    shown = snakemake(project, "-n", "-p", *words).stdout
+    shown = snakemake(project, "-n", "-p", *arguments).stdout
     for runs, name in (("heaps", "funnel"), ("drum_runs", "drum")):
         out = f"results/quick/refined/batch_1/{runs}"
         poured = [
@@ -202,15 +212,17 @@ def test_bench_tests_of_the_targets_are_run_by_stages_until_the_answer(finished)
         )
         assert all("--seeds 1 " in line for line in poured)
     shutil.rmtree(folder)
-    project, words = finished
-    words = (*words, "--", "refined")
-    assert set(planned(project, *words)) == {"propose", *END}, (
+    project, arguments = finished
+    arguments = (*arguments, "--", "refined")
+    assert set(planned(project, *arguments)) == {"propose", *END}, (
         "until the second stage is proposed no answer is planned"
     )
-    assert not (ROUND - {"total"}) & set(planned(project, *words[:-2], "--forceall"))
+    assert not (ROUND - {"total"}) & set(
+        planned(project, *arguments[:-2], "--forceall")
+    )
     folder = project / "results/quick/refined/batch_1"
     proposed(folder)
-    jobs = planned(project, *words)
+    jobs = planned(project, *arguments)
     assert set(jobs) == ROUND
     assert jobs["batch_pour"] == jobs["measure_batch_runs"] == 4
     (folder / "heaps").mkdir()
@@ -220,11 +232,11 @@ def test_bench_tests_of_the_targets_are_run_by_stages_until_the_answer(finished)
     for name in (*heaps, "dataset.csv", "runs.csv", "dataset_summary.json"):
         (folder / name).touch()
     as_ours(folder)
-    assert set(planned(project, *words)) == {"propose", *END}
+    assert set(planned(project, *arguments)) == {"propose", *END}
     proposed(folder.with_name("batch_2"))
-    assert set(planned(project, *words)) == ROUND
+    assert set(planned(project, *arguments)) == ROUND
     proposed(folder.with_name("batch_2"), answer=True)
-    assert set(planned(project, *words)) == END
+    assert set(planned(project, *arguments)) == END
     shutil.rmtree(folder.parent)
 
 
@@ -243,16 +255,17 @@ def test_a_strategy_of_a_file_of_its_own_is_run_by_the_same_rules(
     finished, monkeypatch
 ):
     monkeypatch.setitem(base._REGISTRY, "probe", Probe())
-    project, words = finished
-    words = (*words, "strategy=probe")
-    jobs = planned(project, *words)
+    project, arguments = finished
+    arguments = (*arguments, "strategy=probe")
+    jobs = planned(project, *arguments)
     assert {"propose", "conclude_probe", "page", "card"} <= set(jobs)
     assert not {"pour", "network"} & set(jobs)
     folder = project / "results/quick/probe/batch_0"
     config = PipelineConfig.load(project / "config/quick.yaml").config
     propose("probe", Given(SPACE, Targets.of(config["targets"]), config), [], folder)
-    assert planned(project, *words)["batch_pour"] == 3
+    assert planned(project, *arguments)["batch_pour"] == 3
     assert (
-        "--seeds 2 --purpose batches " in snakemake(project, "-n", "-p", *words).stdout
+        "--seeds 2 --purpose batches "
+        in snakemake(project, "-n", "-p", *arguments).stdout
     )
     shutil.rmtree(folder.parent)

@@ -173,7 +173,7 @@ def test_the_real_snakedeploy_brings_a_workflow_that_plans_the_whole_study(
     monkeypatch.setenv("GIT_CONFIG_KEY_0", f"url.file://{tmp_path}/hosted/.insteadOf")
     monkeypatch.setenv("GIT_CONFIG_VALUE_0", "https://github.com/")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    words = [
+    arguments = [
         "snakedeploy",
         "deploy-workflow",
         "https://github.com/owner/repose",
@@ -181,7 +181,7 @@ def test_the_real_snakedeploy_brings_a_workflow_that_plans_the_whole_study(
         "--tag",
         "tested",
     ]
-    subprocess.run(words, cwd=tmp_path, check=True)
+    subprocess.run(arguments, cwd=tmp_path, check=True)
     study = tmp_path / "study"
     assert (study / "config/config.yaml").read_bytes() == (
         ROOT / "config/config.yaml"

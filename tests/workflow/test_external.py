@@ -60,8 +60,8 @@ def written(folder, study):
     return folder
 
 
-def repose(folder, *words, status=0):
-    command = [sys.executable, "-m", "repose", *words, "--configfile", "toy.yaml"]
+def repose(folder, *arguments, status=0):
+    command = [sys.executable, "-m", "repose", *arguments, "--configfile", "toy.yaml"]
     source = Path(__file__).parents[2] / "src"
     done = subprocess.run(
         command,

@@ -36,23 +36,23 @@ def test_a_finished_study_is_reported_archived_planned_anew_and_forced(project):
     assert {"dataset.csv", "table4.csv", "feasible.csv"} <= {
         path.name for path in before
     }
-    for words in (
+    for arguments in (
         ("--rerun-triggers", "mtime"),
         ("--profile", "profiles/default"),
         ("--cores", "64"),
     ):
-        done = snakemake(project, *WORDS, *words, status=0)
-        assert NOTHING in done.stdout + done.stderr, words
+        done = snakemake(project, *WORDS, *arguments, status=0)
+        assert NOTHING in done.stdout + done.stderr, arguments
     done = snakemake(project, *WORDS, "--report", "report.html", status=0)
     assert "figure13" in (project / "report.html").read_text()
     assert "Traceback" not in done.stderr
     # an archive has what git knows
-    for words in (
+    for arguments in (
         ("init", "-q"),
         ("add", "-A"),
         ("-c", "user.name=a", "-c", "user.email=a@b.c", "commit", "-q", "-m", "a"),
     ):
-        subprocess.run(["git", *words], cwd=project, check=True)
+        subprocess.run(["git", *arguments], cwd=project, check=True)
     snakemake(project, *WORDS, "--archive", "study.tar.gz", status=0)
     with tarfile.open(project / "study.tar.gz") as archive:
         wanted = {

@@ -34,8 +34,8 @@ def made(project):
 def test_results_that_a_run_would_keep_are_those_of_its_study(made, name):
     config = made / "results/quick/config.json"
     before = config.read_text()
-    words = (TARGET, *QUICK, *KEEPING[name])
-    done = snakemake(made, *words, *OTHER, status=2)
+    arguments = (TARGET, *QUICK, *KEEPING[name])
+    done = snakemake(made, *arguments, *OTHER, status=2)
     seed = json.loads(before)["design"]["seed"]
     faults = [line for line in done.stderr.splitlines() if "repose: error" in line]
     assert len(faults) == 1
@@ -49,18 +49,18 @@ def test_results_that_a_run_would_keep_are_those_of_its_study(made, name):
 
 @pytest.mark.essential
 def test_a_changed_setting_plans_the_stages_that_depend_on_it(made):
-    words = (TARGET, *QUICK)
-    assert planned(made, *words, *OTHER)["design"] == 1
-    assert planned(made, *words, "--config", "funnel={seeds: 3}") == {}
+    arguments = (TARGET, *QUICK)
+    assert planned(made, *arguments, *OTHER)["design"] == 1
+    assert planned(made, *arguments, "--config", "funnel={seeds: 3}") == {}
 
 
 def test_results_of_a_run_without_records_of_snakemake_are_those_of_its_study(made):
-    words = (TARGET, *QUICK)
+    arguments = (TARGET, *QUICK)
     shutil.rmtree(made / ".snakemake")
-    assert planned(made, *words) == {}
-    snakemake(made, *words, *OTHER, status=2)
+    assert planned(made, *arguments) == {}
+    snakemake(made, *arguments, *OTHER, status=2)
     before = (made / TARGET).read_text()
-    snakemake(made, *words, *OTHER, "--forceall", status=0)
-    assert planned(made, *words, *OTHER) == {}
+    snakemake(made, *arguments, *OTHER, "--forceall", status=0)
+    assert planned(made, *arguments, *OTHER) == {}
     assert attached.read(made / TARGET)["settings"]["design"]["seed"] == 5
     assert (made / TARGET).read_text() != before

@@ -72,37 +72,37 @@ def test_a_call_that_pours_says_once_what_its_piles_cannot_be(project):
     options = (*QUICK, "--config", "measure={response: whole}")
     design = snakemake(project, TARGET, *options, status=0)
     assert "reach: " not in design.stderr
-    words = ("results/quick/heaps/001.pours.json", *options)
-    assert "reach: " not in snakemake(project, "-n", *words).stderr
-    done = snakemake(project, *words, status=0)
-    said = [text for text in done.stderr.splitlines() if text.startswith("reach: ")]
-    assert len(said) == 1
-    assert said[0].startswith(line)
+    arguments = ("results/quick/heaps/001.pours.json", *options)
+    assert "reach: " not in snakemake(project, "-n", *arguments).stderr
+    done = snakemake(project, *arguments, status=0)
+    messages = [text for text in done.stderr.splitlines() if text.startswith("reach: ")]
+    assert len(messages) == 1
+    assert messages[0].startswith(line)
     drum = {
         "targets": [target("drum_slip_deg", 44, 2, 40, 48, 5)],
         "posterior": {"shape_study": None},
     }
     (project / "mine.json").write_text(json.dumps(drum))
-    words = ("results/quick/drum_runs/001.pours.json", *QUICK, "mine.json")
-    done = snakemake(project, *words, "--forceall", status=0)
+    arguments = ("results/quick/drum_runs/001.pours.json", *QUICK, "mine.json")
+    done = snakemake(project, *arguments, "--forceall", status=0)
     assert "reach: " not in done.stderr
 
 
 @pytest.mark.essential
 def test_a_result_that_was_damaged_and_somebodys_file_stop_the_workflow(project):
-    words = (TARGET, *QUICK)
-    snakemake(project, *words, status=0)
+    arguments = (TARGET, *QUICK)
+    snakemake(project, *arguments, status=0)
     path = project / TARGET
     good = path.read_text()
     path.write_text(good.replace("1", "2", 1))
     for more in ((), ("-n",)):
-        done = snakemake(project, *words, *more, status=2)
+        done = snakemake(project, *arguments, *more, status=2)
         assert (
             f"repose: error: {TARGET}: content is 'something else'; expected "
             in done.stderr
         )
     path.unlink()
-    snakemake(project, *words, status=0)
+    snakemake(project, *arguments, status=0)
     assert path.read_text() == good
     path = project / "results/quick/network/network.json"
     path.parent.mkdir(parents=True)
@@ -117,8 +117,8 @@ def test_a_result_that_was_damaged_and_somebodys_file_stop_the_workflow(project)
 @pytest.mark.essential
 @pytest.mark.parametrize("stage", STAGES)
 def test_each_stage_can_be_forced_to_run_again(finished, stage):
-    project, words = finished
-    counts = planned(project, *words, "--forcerun", stage)
+    project, arguments = finished
+    counts = planned(project, *arguments, "--forcerun", stage)
     forced, next_rule = STAGES[stage]
     assert counts[forced] == {"pour": 12}.get(stage, 1)
     assert counts[next_rule] >= 1
@@ -167,11 +167,11 @@ def package(tmp_path, monkeypatch):
 @pytest.mark.essential
 @pytest.mark.parametrize("name", EDITED)
 def test_an_edit_plans_the_stages_that_use_the_module(finished, package, name):
-    project, words = finished
+    project, arguments = finished
     planned_rules, other_rules = EDITED[name]
     statement = b"\nEDITED = 1\n" if name.endswith(".py") else b"\n"
     (package / name).write_bytes((package / name).read_bytes() + statement)
-    jobs = planned(project, *words)
+    jobs = planned(project, *arguments)
     assert planned_rules <= set(jobs)
     assert not other_rules & set(jobs)
     if not planned_rules:
@@ -181,27 +181,33 @@ def test_an_edit_plans_the_stages_that_use_the_module(finished, package, name):
 
 
 def test_an_edit_of_comments_or_format_plans_nothing(finished, package):
-    project, words = finished
+    project, arguments = finished
     for path in package.rglob("*.py"):
         path.write_bytes(path.read_bytes() + b"\n\n# a comment\n")
-    assert planned(project, *words) == {}
+    assert planned(project, *arguments) == {}
 
 
 def test_a_changed_target_pours_the_new_solutions_alone_and_another_label_nothing(
     finished,
 ):
-    project, words = finished
+    project, arguments = finished
     config = json.loads((project / "results/quick/config.json").read_text())
     config["targets"][0]["value"] += 1
     (project / "target.json").write_text(json.dumps({"targets": config["targets"]}))
     jobs = planned(
-        project, *words[:2], "target.json", *words[2:], "--", "calibration", "films"
+        project,
+        *arguments[:2],
+        "target.json",
+        *arguments[2:],
+        "--",
+        "calibration",
+        "films",
     )
     assert "pour" not in jobs
     assert jobs["validation_pour"] == 3
     assert jobs["trajectory"] == 1
     assert jobs["drum_run"] == 2
-    assert planned(project, *words, "label=other", "--", "calibration") == {}
+    assert planned(project, *arguments, "label=other", "--", "calibration") == {}
 
 
 @pytest.mark.parametrize(
@@ -214,22 +220,30 @@ def test_a_changed_target_pours_the_new_solutions_alone_and_another_label_nothin
     ],
 )
 def test_a_file_that_a_killed_job_left_out_is_made_again(finished, lost, rule):
-    project, words = finished
+    project, arguments = finished
     path = project / "results/quick" / lost
     content = path.read_bytes()
     path.unlink()
-    jobs = planned(project, *words)
+    jobs = planned(project, *arguments)
     path.write_bytes(content)
     assert jobs[rule] == 1
 
 
 def test_a_job_that_refuses_its_input_ends_the_workflow_as_the_verb_ends(finished):
     """Last in this file: the results of the finished study are empty, and the job's own are removed."""
-    project, words = finished
+    project, arguments = finished
     made = "results/quick/validation/solutions.csv"
     # of snakemake; `repose run` ends as the verb
     done = snakemake(
-        project, "--cores", "1", *words, "--forcerun", "solutions", "--", made, status=1
+        project,
+        "--cores",
+        "1",
+        *arguments,
+        "--forcerun",
+        "solutions",
+        "--",
+        made,
+        status=1,
     )
     last, times = (
         line.strip() for line in done.stderr.splitlines()[-2:]

@@ -64,17 +64,19 @@ def test_every_placeholder_is_quoted_and_no_caption_left_over():
         for command in SHELL.finditer(path.read_text())
     ]
     placeholders = [
-        (name, one) for name, text in commands for one in re.findall(r"\{[^}]*\}", text)
+        (name, match)
+        for name, text in commands
+        for match in re.findall(r"\{[^}]*\}", text)
     ]
     assert len(placeholders) > 200
-    assert [one for one in placeholders if not one[1].endswith(":q}")] == []
+    assert [match for match in placeholders if not match[1].endswith(":q}")] == []
     redirected = {
-        (name, one)
+        (name, match)
         for name, text in commands
-        for one in re.findall(r">+ *([^\s\")&]+)", text)
+        for match in re.findall(r">+ *([^\s\")&]+)", text)
     }
     assert len(redirected) > 20
-    assert {one for _, one in redirected} == {"{log:q}"}, redirected
+    assert {match for _, match in redirected} == {"{log:q}"}, redirected
     text = "".join(
         path.read_text() for path in (ROOT / "workflow" / "rules").rglob("*.smk")
     )
@@ -120,9 +122,9 @@ def test_a_program_in_a_folder_with_braces_is_refused_before_any_work(tmp_path):
 def test_every_caption_can_be_filled_in(name, monkeypatch):
     monkeypatch.chdir(ROOT)
     config = PipelineConfig.load(f"config/{name}.yaml").config
-    words = jinja2.Environment(undefined=jinja2.StrictUndefined, autoescape=False)
+    environment = jinja2.Environment(undefined=jinja2.StrictUndefined, autoescape=False)
     for path in CAPTIONS:
-        text = words.from_string(path.read_text()).render(
+        text = environment.from_string(path.read_text()).render(
             snakemake=SimpleNamespace(config=config, params=PARAMS)
         )
         assert text.strip(), path.name
@@ -152,9 +154,11 @@ def test_no_inside_is_used_and_functions_are_fewer_than_rules():
         imported |= set(re.findall(r"(?:from|import) (snakemake[\w.]*)", text))
     assert used - DOCUMENTED == KEPT
     assert imported == {"snakemake.utils"}
-    own = "\n".join(path.read_text() for path in FILES if "research" not in path.parts)
-    rules = re.findall(r"^ *(?:rule|checkpoint|use rule)\b.*:$", own, re.MULTILINE)
-    assert len(re.findall(r"^ *def ", own, re.MULTILINE)) <= 25 < len(rules)
+    source = "\n".join(
+        path.read_text() for path in FILES if "research" not in path.parts
+    )
+    rules = re.findall(r"^ *(?:rule|checkpoint|use rule)\b.*:$", source, re.MULTILINE)
+    assert len(re.findall(r"^ *def ", source, re.MULTILINE)) <= 25 < len(rules)
 
 
 @pytest.mark.slow
@@ -168,9 +172,9 @@ def test_the_profile_looks_seldom_and_a_benchmark_has_the_time_of_the_whole_job(
     )
     (tmp_path / "Snakefile").write_text(NAPS)
     looks = []
-    for words in ((), ("--max-jobs-per-timespan", line.split()[0])):
+    for arguments in ((), ("--max-jobs-per-timespan", line.split()[0])):
         done = snakemake(
-            tmp_path, "--cores", "1", "--verbose", "--forceall", *words, status=0
+            tmp_path, "--cores", "1", "--verbose", "--forceall", *arguments, status=0
         )
         looks.append(done.stderr.count("Resources before job selection"))
     assert 9 <= looks[1] < 0.7 * looks[0]

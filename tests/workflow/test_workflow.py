@@ -75,11 +75,11 @@ def test_the_workflow_runs_from_either_file_and_the_small_run_has_the_same_rules
 def test_samples_run_in_every_bench_test_of_the_targets(project, targets, folders):
     mine = {"targets": targets, "posterior": {"shape_study": None}}
     (project / "mine.yaml").write_text(json.dumps(mine))
-    words = (*QUICK, "mine.yaml", "--", "dataset")
-    jobs = planned(project, *words)
+    arguments = (*QUICK, "mine.yaml", "--", "dataset")
+    jobs = planned(project, *arguments)
     assert jobs["pour"] == 14 * len(folders)
     assert jobs["measure_runs"] == len(folders)
-    shown = snakemake(project, "-n", "-p", *words).stdout
+    shown = snakemake(project, "-n", "-p", *arguments).stdout
     for folder in folders:
         assert f"results/quick/{folder}/014.json" in shown
         assert shown.count(f"measure_runs results/quick/{folder} --samples ") == 1
@@ -124,7 +124,7 @@ STABLE += "; the modulus of resources/compression.csv is 1.1e+05 Pa"
 
 @pytest.mark.essential
 @pytest.mark.parametrize(
-    ("words", "message"),
+    ("arguments", "message"),
     [
         (
             ["--config", "funnel={seeds: 0}"],
@@ -140,9 +140,9 @@ STABLE += "; the modulus of resources/compression.csv is 1.1e+05 Pa"
         ),
     ],
 )
-def test_a_bad_value_ends_in_one_message_before_any_work(project, words, message):
+def test_a_bad_value_ends_in_one_message_before_any_work(project, arguments, message):
     (project / "mine.yaml").write_text("funnel: {seads: 3}\n")
-    done = snakemake(project, "--cores", "1", *words)
+    done = snakemake(project, "--cores", "1", *arguments)
     assert done.returncode != 0
     assert done.stdout == ""
     assert [line for line in done.stderr.splitlines() if "profile" not in line] == [
@@ -162,11 +162,16 @@ def test_a_changed_key_reruns_what_depends_on_it_and_nothing_before(project):
         ]
         == 14
     )
-    words = ("results/quick/heaps/001.json", "--configfile", "config/quick.yaml")
-    assert set(planned(project, *words)) == {"warm_up", "pour", "measure_runs", "total"}
-    fewer = planned(project, *words, "--config", "design={samples: 25}")
+    arguments = ("results/quick/heaps/001.json", "--configfile", "config/quick.yaml")
+    assert set(planned(project, *arguments)) == {
+        "warm_up",
+        "pour",
+        "measure_runs",
+        "total",
+    }
+    fewer = planned(project, *arguments, "--config", "design={samples: 25}")
     assert set(fewer) == {"design", "warm_up", "pour", "measure_runs", "total"}
-    heavier = planned(project, *words, "--config", "berry={density_kg_m3: 900}")
+    heavier = planned(project, *arguments, "--config", "berry={density_kg_m3: 900}")
     assert set(heavier) == {
         "berry",
         "shape",
@@ -193,14 +198,14 @@ def test_the_figures_have_the_configured_formats_and_are_drawn_again_for_others(
             ]
             == 1
         )
-    words = (
+    arguments = (
         "figures",
         "posterior",
         "response_surface",
         "--config",
         "figures={format: [png, svg, pdf]}",
     )
-    listed = snakemake(project, "-n", "--summary", *words).stdout
+    listed = snakemake(project, "-n", "--summary", *arguments).stdout
     files = {
         suffix: set(re.findall(rf"^(\S+)\.{suffix}\t.*draw_", listed, re.M))
         for suffix in FORMATS
@@ -236,13 +241,13 @@ def test_the_figures_have_the_configured_formats_and_are_drawn_again_for_others(
 def test_a_changed_measurement_measures_again_and_pours_nothing(
     finished, change, measured, poured
 ):
-    project, words = finished
-    before = planned(project, *words, change, "--", "dataset")
+    project, arguments = finished
+    before = planned(project, *arguments, change, "--", "dataset")
     # what the study would pour again because its solution has moved is left out here
     alone = (*POURS[1:], "measure_validation_runs", "validate", "drum", "film")
     targets = ("validate", "results/quick/drum/runs.csv", "film")
     jobs = before | planned(
-        project, *words, change, "--allowed-rules", *alone, "--", *targets
+        project, *arguments, change, "--allowed-rules", *alone, "--", *targets
     )
     made = {"dataset", "validate", "film", "total"} | (
         {"drum"} if "drum_run" in poured else set()
@@ -259,13 +264,15 @@ def test_a_changed_measurement_measures_again_and_pours_nothing(
 def test_an_engine_compiled_again_is_no_reason_to_pour_again_and_uncertainty_is_a_target_of_its_own(
     finished,
 ):
-    project, words = finished
+    project, arguments = finished
     for targets in (("calibration",), ("drum", "film")):
         assert (
-            planned(project, *words, "--forcerun", "warm_up", "--", *targets)["total"]
+            planned(project, *arguments, "--forcerun", "warm_up", "--", *targets)[
+                "total"
+            ]
             == 1
         )
-    own = (
+    results = (
         "noise_tables",
         "sensitivity_tables",
     )  # the posterior's tables belong to every study
@@ -278,13 +285,13 @@ def test_an_engine_compiled_again_is_no_reason_to_pour_again_and_uncertainty_is_
     )
     drawn = (*drawn, "draw_main_effects", "draw_region")
     # of the finished study only empty files are there, so nothing before the tables has to run
-    assert set(planned(project, *words, "--", "uncertainty")) == {
-        *own,
+    assert set(planned(project, *arguments, "--", "uncertainty")) == {
+        *results,
         *drawn,
         "uncertainty",
         "total",
     }
-    assert not {*own, *drawn} & set(planned(project, *words, "--forceall"))
+    assert not {*results, *drawn} & set(planned(project, *arguments, "--forceall"))
 
 
 @pytest.mark.essential
@@ -292,13 +299,13 @@ def test_the_published_sets_are_poured_on_request_and_shown_from_a_stored_table(
     project,
 ):
     none = ("validation={published_simulated: null}",)
-    words = (
+    arguments = (
         "--configfile",
         "config/quick.yaml",
         "--config",
         "results_dir=results/other",
     )
-    jobs = planned(project, *words, *none, "--", "published_sets")
+    jobs = planned(project, *arguments, *none, "--", "published_sets")
     made = {
         "validation_pour": 7,
         "measure_published_runs": 1,
@@ -307,11 +314,11 @@ def test_the_published_sets_are_poured_on_request_and_shown_from_a_stored_table(
     }
     assert made.items() <= jobs.items()
     assert "pour" not in jobs
-    jobs = planned(project, *words, *none)
+    jobs = planned(project, *arguments, *none)
     assert jobs["validation_pour"] == 3
     assert not {"published_solutions", "published_sets", "draw_published"} & set(jobs)
     columns = [
-        *(getattr(one, "name", one) for one in STORED),
+        *(getattr(entry, "name", entry) for entry in STORED),
         "aor_flank_deg",
         "height_mm",
     ]
@@ -321,7 +328,7 @@ def test_the_published_sets_are_poured_on_request_and_shown_from_a_stored_table(
         "validation={published_simulated: stored.csv}",
         "measure={response: flank}",
     )
-    shown = planned(project, *words, *stored)
+    shown = planned(project, *arguments, *stored)
     assert set(shown) - set(jobs) == {"draw_published"}
     assert shown["validation_pour"] == 3
 

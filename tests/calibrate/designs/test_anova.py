@@ -72,7 +72,7 @@ def test_every_printed_digit_of_the_table(name):
     if "block" in table.index:  # printed by itself, before any term
         alone = fit(model.coded, model.response, model.factors, [(0,)])
         table.loc["block"] = anova(alone).set_index("source").loc["block"]
-    off = []
+    wrong = []
     cells = 0
     with open(PRINTED / f"{name}_anova.csv", newline="") as file:
         for row in csv.DictReader(file):
@@ -80,10 +80,10 @@ def test_every_printed_digit_of_the_table(name):
             for column, printed in row.items():
                 cells += bool(printed)
                 if printed and not agrees(table.loc[source, column], printed):
-                    off.append((name, source, column))
+                    wrong.append((name, source, column))
     assert cells > 15
-    assert set(off) == {cell for cell in MISPRINTS if cell[0] == name}
-    for _, source, column in off:
+    assert set(wrong) == {cell for cell in MISPRINTS if cell[0] == name}
+    for _, source, column in wrong:
         assert agrees(table.loc[source, column], MISPRINTS[name, source, column])
 
 
@@ -146,7 +146,7 @@ def test_the_constant_and_pure_error_of_a_blocked_design_and_what_leaves_out_a_t
             model.coded,
             model.response,
             model.factors,
-            [one for one in model.terms if one != term],
+            [other_term for other_term in model.terms if other_term != term],
         )
         assert table.loc[name, "sum_of_squares"] == pytest.approx(
             without.residual_squares - model.residual_squares, rel=1e-9

@@ -136,10 +136,10 @@ def test_islands_keep_apart_and_bad_settings_are_named():
         assert (np.ptp(search.ask().reshape(3, 10), axis=1) <= 0.1 + 1e-12).all() == (
             generation < 10
         )
-    one = minimise(rastrigin, 4, 50)[0]
-    two = minimise(rastrigin, 4, 50)[0]
-    np.testing.assert_array_equal(one.ask(), two.ask())
-    assert not np.array_equal(one.ask(), minimise(rastrigin, 4, 50, seed=1)[0].ask())
+    run = minimise(rastrigin, 4, 50)[0]
+    same_search = minimise(rastrigin, 4, 50)[0]
+    np.testing.assert_array_equal(run.ask(), same_search.ask())
+    assert not np.array_equal(run.ask(), minimise(rastrigin, 4, 50, seed=1)[0].ask())
     wrong = [
         ("population", 1, "an integer from 4 to 10000"),
         ("tournament", 0, "an integer from 1 to 1000"),

@@ -61,7 +61,7 @@ def configuration(targets, space, **sections):
         if name in space.prior:
             mean, sd = space.prior[name]
             parameters[name] = {"range": [low, high], "prior": {"mean": mean, "sd": sd}}
-    own = {
+    base = {
         "label": "made_up",
         "results_dir": "results",
         "small_run": False,
@@ -70,7 +70,7 @@ def configuration(targets, space, **sections):
         "parameters": parameters,
         "miga": {"solutions": 20, "distance": 0.02},
     }
-    return own | sections
+    return base | sections
 
 
 def responses(table, noise=0.0, seed=1):
@@ -118,10 +118,12 @@ def write_tables(folder, table, runs, targets=TARGETS):
     data = table[["sample", *PARAMETERS]].assign(reason="")
     data["n_seeds"] = grouped.size().reindex(table["sample"], fill_value=0).to_numpy()
     data["status"] = np.where(data["n_seeds"] > 0, "ok", "jammed")
-    for one in targets:
-        data[one.name] = grouped[one.name].mean().reindex(table["sample"]).to_numpy()
-        data[one.response.standard_error] = (
-            grouped[one.name].sem().reindex(table["sample"]).to_numpy()
+    for entry in targets:
+        data[entry.name] = (
+            grouped[entry.name].mean().reindex(table["sample"]).to_numpy()
+        )
+        data[entry.response.standard_error] = (
+            grouped[entry.name].sem().reindex(table["sample"]).to_numpy()
         )
     data.to_csv(folder / "dataset.csv", index=False)
     runs.to_csv(folder / "runs.csv", index=False)

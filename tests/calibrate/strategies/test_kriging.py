@@ -45,7 +45,7 @@ def test_probability_of_a_box(k):
     integral = partial(
         multivariate_normal.cdf, high, abseps=1e-6, lower_limit=low, rng=random
     )
-    slow = [integral(one, c) for one, c in zip(mean, covariance, strict=True)]
+    slow = [integral(m, c) for m, c in zip(mean, covariance, strict=True)]
     assert probability_in_box(mean, covariance, low, high) == pytest.approx(
         slow, abs=1e-12 if k == 1 else 2e-3
     )
@@ -57,10 +57,11 @@ def test_errors_are_those_of_all_the_responses_processes_and_of_the_others():
     model = Kriging(observed)
     points = np.random.default_rng(2).random((5, 2))
     slow = [
-        one_process(model, observed, points, [process.kernel for process in one])
-        for one in model.sets
+        one_process(model, observed, points, [process.kernel for process in processes])
+        for processes in model.sets
     ]
-    means, covariances = (np.array(one) for one in zip(*slow, strict=True))
+    means = np.array([mean for mean, _ in slow])
+    covariances = np.array([covariance for _, covariance in slow])
     found = model.predict(points)
     assert len(slow) == DRAWS
     assert found[0] == pytest.approx(means.mean(axis=0), rel=1e-8)
@@ -71,28 +72,20 @@ def test_errors_are_those_of_all_the_responses_processes_and_of_the_others():
         assert found[1][i] == pytest.approx(mixture, rel=1e-6)
     model = Kriging(poured(n=12))
     residuals, variances, others = model._left_out()
-    columns = np.array([model.values.T, model.errors.T]).transpose(
-        1, 0, 2
-    )  # values and errors of each combination
+    # values and errors of each combination of the responses
+    columns = np.array([model.values.T, model.errors.T]).transpose(1, 0, 2)
     for i in range(12):
         rest = np.arange(12) != i
-        kept = []
-        for one in model.sets:
-            pairs = zip(one, columns, strict=True)
-            kept.append(
-                [
-                    Process(
-                        p.kernel, model.unit[rest], *column[:, rest], optimizer=None
-                    )
-                    for p, column in pairs
-                ]
-            )
-        moments = np.array(
-            [
-                [process.moments(model.unit[i : i + 1]) for process in one]
-                for one in kept
+        moments = []
+        for processes in model.sets:
+            without_i = [
+                Process(
+                    process.kernel, model.unit[rest], *column[:, rest], optimizer=None
+                )
+                for process, column in zip(processes, columns, strict=True)
             ]
-        )
+            moments.append([p.moments(model.unit[i : i + 1]) for p in without_i])
+        moments = np.array(moments)
         means, probability_in_box = moments[..., 0].transpose(2, 0, 1)
         assert residuals[i] == pytest.approx(
             model.values[i] - means.mean(axis=0), rel=1e-6
@@ -154,11 +147,13 @@ def test_bearings_of_a_factor_and_the_noise_of_samples():
     assert observed.freedom == 3000
     observed = poured(n=40, seeds=4)
     mixed = observed.residuals @ Kriging(observed)._mixing
-    own = (mixed**2).sum(axis=1) / 3
+    sample_variances = (mixed**2).sum(axis=1) / 3
     moderated = Kriging(observed).errors * Kriging(observed)._scale ** 2 * 4
-    assert moderated == pytest.approx((PRIOR_FREEDOM + 3 * own) / (PRIOR_FREEDOM + 3))
-    assert (np.minimum(own, 1) <= moderated + 1e-9).all()
-    assert (moderated <= np.maximum(own, 1) + 1e-9).all()
+    assert moderated == pytest.approx(
+        (PRIOR_FREEDOM + 3 * sample_variances) / (PRIOR_FREEDOM + 3)
+    )
+    assert (np.minimum(sample_variances, 1) <= moderated + 1e-9).all()
+    assert (moderated <= np.maximum(sample_variances, 1) + 1e-9).all()
     observed = poured(n=40, seeds=3)
     observed.values[7, 1:] = np.nan
     model = Kriging(observed)

@@ -57,17 +57,17 @@ def test_the_noise_of_the_runs_and_chances_between_scatters_by_hand():
     input_error(few, plan.measured_noise, runs, TARGETS, "a.csv")
     table = pd.read_csv(plan.SUCCESS).query("responses == 1")
     low, high = sorted(table["noise_percent"].unique())[:2]
-    own = [
-        table[table["noise_percent"] == one]["within_1_percent"].to_numpy()
-        for one in (low, high)
+    measured = [
+        table[table["noise_percent"] == level]["within_1_percent"].to_numpy()
+        for level in (low, high)
     ]
     assert plan.success_by_budget(1, low)[
         "within_1_percent"
-    ].to_numpy() == pytest.approx(own[0])
+    ].to_numpy() == pytest.approx(measured[0])
     middle = plan.success_by_budget(1, float(np.sqrt(low * high)))[
         "within_1_percent"
     ].to_numpy()
-    assert middle == pytest.approx((own[0] + own[1]) / 2)
+    assert middle == pytest.approx((measured[0] + measured[1]) / 2)
     shares = pd.Series([0.0, 0.6, 1.0])
     trials = pd.Series([40, 40, 80])
     by_hand = [beta(1, 41).std(), beta(25, 17).std(), beta(81, 1).std()]

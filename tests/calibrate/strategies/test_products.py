@@ -65,17 +65,17 @@ def apart(solutions):
 def study(tmp_path_factory):
     folder = tmp_path_factory.mktemp("answer")
     campaign(folder)
-    own = {
+    sections = {
         "wall": {"shear_modulus_pa": 1e9, "poisson_ratio": 0.3},
         "berry": {"size_distribution": "none"},
     }
     whole = PipelineConfig.load(ROOT / "config/config.yaml").config
     # The line is set here, as a study may change it.
-    own |= {
+    sections |= {
         "measure": whole["measure"] | {"response": "flank"},
         "funnel": whole["funnel"],
     }
-    config = configuration(TARGETS, SPACE, sequential=SECTION, **own)
+    config = configuration(TARGETS, SPACE, sequential=SECTION, **sections)
     step = {"time_step_s": 1e-4, "gravity_m_s2": 9.81, "rest_energy_j": 1e-9}
     return folder, config | {
         "simulation": step
@@ -116,8 +116,8 @@ def test_the_message_the_sets_and_the_card_report_the_answer_of_the_strategy(stu
     ]
     assert table["representative"].tolist() == [True] + [False] * (len(table) - 1)
     assert len(table) > 5
-    for one in TARGETS:
-        assert table[one.response.predicted].between(one.low, one.high).all()
+    for entry in TARGETS:
+        assert table[entry.response.predicted].between(entry.low, entry.high).all()
     # and so does the simulator, within what a prediction of a few pours can be off: the ranges are 12 and 9 % wide
     assert abs(responses(table) / TARGETS.aim - 1).max() < 0.12
     unit = SPACE.unit(table[list(PARAMETERS)].to_numpy())
@@ -160,8 +160,8 @@ def test_the_report_of_a_strategy_has_the_answer_sliders_and_how_it_went(study):
     (folder / "job.json").write_text(json.dumps(job))
     page.write(config, [folder / "job.json"], files, {}, folder / "report.html")
     shown = (folder / "report.html").read_text()
-    for words in ("Batches:", "kriging", "Other parameters", "With a probability of "):
-        assert words in shown
+    for phrase in ("Batches:", "kriging", "Other parameters", "With a probability of "):
+        assert phrase in shown
     study = read(config, [folder / "job.json"], files)
     predicted = page.content(study)["model"]["curves"]["mus_gg"]["mean"]
     assert predicted[-1][1] > predicted[0][1], "more friction, a higher pile"
@@ -186,8 +186,8 @@ def test_the_verbs_that_the_rules_call_write_card_and_report(
     config["sequential"] = SECTION
     Path("config.json").write_text(json.dumps(config))
     batches = map(str, sorted(tmp_path.glob("batch_*"), key=number))
-    own = ["--config=config.json"]
-    command("stage", "conclude", "sequential", *batches, *own, "--out=.")
+    options = ["--config=config.json"]
+    command("stage", "conclude", "sequential", *batches, *options, "--out=.")
     answered = [
         "--feasible=solutions.csv",
         "--summary=summary.json",
@@ -197,14 +197,14 @@ def test_the_verbs_that_the_rules_call_write_card_and_report(
         f"--{name}={ROOT / 'results/published/recommended/berry' / name}.json"
         for name in ("berry", "particle")
     ]
-    command("stage", "material_card", *own, *grain, *answered, "--out=card.json")
+    command("stage", "material_card", *options, *grain, *answered, "--out=card.json")
     assert card.read("card.json")["met"] is True
-    words = [f"--input={name}={path}" for name, path in FILES.items()]
+    inputs = [f"--input={name}={path}" for name, path in FILES.items()]
     command(
         "stage",
         "report",
-        *own,
-        *words,
+        *options,
+        *inputs,
         "--table=Batches=batches.csv",
         "--out=report.html",
     )

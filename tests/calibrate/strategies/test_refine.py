@@ -76,7 +76,7 @@ def test_places_are_drawn_by_the_probability_to_meet_the_targets(monkeypatch):
 
 
 def test_a_target_out_of_reach_takes_the_nearest_places():
-    far = Targets.of([target("aor_deg", 300.0, 2.0, 280, 320)])
+    unreachable = Targets.of([target("aor_deg", 300.0, 2.0, 280, 320)])
 
     class Angle(Plane):
         def predict(self, X, return_std=False, noise=True):
@@ -88,7 +88,7 @@ def test_a_target_out_of_reach_takes_the_nearest_places():
     found = places_near_targets(
         Angle(),
         SPACE,
-        far,
+        unreachable,
         count=40,
         tolerance_percent=2.0,
         random=np.random.default_rng(1),
@@ -139,13 +139,13 @@ def test_the_second_stage_is_near_the_targets_and_the_answer_has_all_runs(walked
     targets = study.targets
     names = list(study.parameters.names)
 
-    def far(samples):
+    def distance(samples):
         mean = simulate(samples.assign(run=1), noise=0.0)[list(targets.names)]
         return (abs(mean - targets.aim) / targets.whole).sum(axis=1).mean()
 
-    assert far(second.samples) < 0.2 * far(design.samples)
+    assert distance(second.samples) < 0.2 * distance(design.samples)
     assert answer.notes["fit"]["n_fitted"] == 30
-    found = far(
+    found = distance(
         pd.DataFrame([dict(zip(names, answer.values, strict=True))]).assign(sample=1)
     )
     assert found < 0.02

@@ -198,8 +198,13 @@ def test_axial_runs_of_a_central_composite_lie_at_the_reach(name):
 
 def bent(table):
     """A dataset of a response that the corners of the ranges underrate: 60 mm in their mean, 68 mm at the centre."""
-    off = SPACE.unit(table[list(PARAMETERS)].to_numpy(float)) - 0.5
-    height = 68 + 8 * off[:, 1] + 4 * off[:, 2] - 16 * (off[:, 4] ** 2 + off[:, 0] ** 2)
+    offset = SPACE.unit(table[list(PARAMETERS)].to_numpy(float)) - 0.5
+    height = (
+        68
+        + 8 * offset[:, 1]
+        + 4 * offset[:, 2]
+        - 16 * (offset[:, 4] ** 2 + offset[:, 0] ** 2)
+    )
     found = table[["sample", *PARAMETERS]].assign(status="ok", reason="", n_seeds=3)
     return found.assign(height_mm=height, aor_deg=30.0)
 

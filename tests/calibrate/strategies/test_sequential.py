@@ -60,20 +60,20 @@ def campaign(folder, targets=TARGETS, space=SPACE, section=SECTION, noise=1.0, s
     folders = []
     found = {"answer": False}
     while not found["answer"]:
-        own = folder / f"batch_{len(folders)}"
-        found = propose("sequential", known, folders, own)
-        table = pd.read_csv(own / "samples.csv")
+        batch_folder = folder / f"batch_{len(folders)}"
+        found = propose("sequential", known, folders, batch_folder)
+        table = pd.read_csv(batch_folder / "samples.csv")
         assert set(table["seeds"]) == {
             section["checks" if found["answer"] else "seeds"]
         }
         stream = [seed, 999 if found["answer"] else len(folders)]
         write_tables(
-            own,
+            batch_folder,
             table,
             runs_of(table, table["seeds"], noise, stream, targets.names),
             targets,
         )
-        folders.append(own)
+        folders.append(batch_folder)
     conclude("sequential", known, folders, folder)
     return json.loads((folder / "summary.json").read_text())
 
@@ -106,13 +106,15 @@ def advised(data, targets=TARGETS, failed=None, **changes):
 
 def test_the_answer_of_a_campaign_meets_the_targets_after_one_batch_and_another(done):
     folder, summary = done
-    off = 100 * np.abs(
+    deviations = 100 * np.abs(
         responses(pd.DataFrame([summary["answer"]]))[0] / TARGETS.aim - 1
     )
     table = pd.read_csv(folder / "batches.csv")
     # within four of the errors of the last batch
-    errors = [100 * table[f"{one.name}_error"].iloc[-1] / one.aim for one in TARGETS]
-    assert (off < 4 * np.array(errors)).all()
+    errors = [
+        100 * table[f"{entry.name}_error"].iloc[-1] / entry.aim for entry in TARGETS
+    ]
+    assert (deviations < 4 * np.array(errors)).all()
     assert summary["stop"] == "probability"
     assert summary["probability"] >= 0.8
     assert summary["pours"] < SECTION["most_pours"]
@@ -175,23 +177,27 @@ def test_it_stops_where_the_budget_is_used_up_no_pour_helps_or_no_set_meets_the_
     found = advised(observed(noise=40.0), probability=0.99, most_pours=122)
     assert found.stop == "noise"
     assert found.reachable < found.probability + LEAST_GAIN
-    far = Targets.of([BOTH[0], BOTH[1] | {"value": 140.0, "range": [130, 150]}])
-    found = advised(observed(noise=0.2), far, most_pours=999)
+    unreachable = Targets.of([BOTH[0], BOTH[1] | {"value": 140.0, "range": [130, 150]}])
+    found = advised(observed(noise=0.2), unreachable, most_pours=999)
     assert found.stop == "out_of_reach"
     assert found.reach.probability < OUT_OF_REACH
     # no point of 20,000 comes nearer by more than the error that the draws tell, and a tenth of the range for the angle
-    goal = Goal.of(far, 1.0, SPACE)
+    goal = Goal.of(unreachable, 1.0, SPACE)
     table = pd.DataFrame(
         SPACE.values(np.random.default_rng(2).random((20000, 6))),
         columns=list(PARAMETERS),
     )
     least = goal.of_responses(responses(table))[1].min()
-    own = pd.DataFrame(SPACE.values(found.answer[None]), columns=list(PARAMETERS))
-    assert goal.of_responses(responses(own))[1][0] < least + 0.1
+    answer_table = pd.DataFrame(
+        SPACE.values(found.answer[None]), columns=list(PARAMETERS)
+    )
+    assert goal.of_responses(responses(answer_table))[1][0] < least + 0.1
     assert found.reach.nearest == pytest.approx(
         least, abs=max(0.1, 3 * found.reach.error)
     )
-    found = advised(observed(n=12, noise=0.2), far, most_pours=999, start_samples=18)
+    found = advised(
+        observed(n=12, noise=0.2), unreachable, most_pours=999, start_samples=18
+    )
     assert found.stop is None
     assert len(found.batch) == SECTION["batch"] / 2, (
         "half a batch, where the draws come nearest"
@@ -255,8 +261,8 @@ def test_further_pours_may_move_a_mean_by_three_standard_deviations_of_what_they
     )
     aim = np.array([60.0])
     goal = Goal(aim, np.ones(1), SPACE, np.ones(1), low=aim - 1, high=aim + 1)
-    off = 5 - 3 * np.sqrt(2)
-    expected = norm.cdf((1 - off) / np.sqrt(2)) - norm.cdf((-1 - off) / np.sqrt(2))
+    shift = 5 - 3 * np.sqrt(2)
+    expected = norm.cdf((1 - shift) / np.sqrt(2)) - norm.cdf((-1 - shift) / np.sqrt(2))
     assert goal.reachable(model, np.zeros((1, 6)), 1) == pytest.approx(
         expected, abs=1e-6
     )
@@ -331,14 +337,14 @@ def test_a_budget_counts_failed_runs_and_bench_tests_are_independent(tmp_path):
     assert seen.counts.tolist() == [2, 1]
     section = {"start_samples": 8, "seeds": 1, "batch": 4, "most_runs": 20}
     target = {"value": 20.0, "sd": 0.1, "repetitions": 1, "noise_sd": 0.01}
-    own = Study(
+    budget_study = Study(
         {"a": (0.0, 1.0), "b": (0.0, 1.0)}, {"sum_mm": target}, sequential=section
     )
-    own.tell(own.ask().eval("sum_mm = 10 + a + b"))
-    asked = own.ask()
+    budget_study.tell(budget_study.ask().eval("sum_mm = 10 + a + b"))
+    asked = budget_study.ask()
     assert not asked.duplicated(["a", "b"]).any()
-    own.tell(asked.eval("sum_mm = 10 + a + b"))
-    assert not own.runs.duplicated(["a", "b"]).any()
+    budget_study.tell(asked.eval("sum_mm = 10 + a + b"))
+    assert not budget_study.runs.duplicated(["a", "b"]).any()
 
 
 @pytest.mark.parametrize("targets", [TARGETS, HEIGHT])

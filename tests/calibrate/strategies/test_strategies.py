@@ -101,8 +101,10 @@ def test_the_answer_is_right_and_a_killed_study_goes_on_with_the_same_bytes(
     study, _, _ = walked
     found = study.answer()
     answer = pd.DataFrame([found.parameters | {"sample": 1, "run": 1}])
-    off = simulate(answer, noise=0.0)[["angle_deg", "time"]].iloc[0] / [30.0, 4.0] - 1
-    assert abs(off).max() < 0.03
+    relative_error = (
+        simulate(answer, noise=0.0)[["angle_deg", "time"]].iloc[0] / [30.0, 4.0] - 1
+    )
+    assert abs(relative_error).max() < 0.03
     assert (
         0
         <= found.probability["within_1_percent"]
@@ -147,7 +149,7 @@ def test_returned_runs_must_be_those_of_ask(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("changes", "message"),
     [
         (
             {"file": "study.json"},
@@ -170,8 +172,8 @@ def test_returned_runs_must_be_those_of_ask(tmp_path):
         (FEW_FACTORS, "most_factors is 2; expected at least 3"),
     ],
 )
-def test_bad_settings_are_refused_by_name(changes, words):
-    input_error(words, repose.Study, **STUDY | changes)
+def test_bad_settings_are_refused_by_name(changes, message):
+    input_error(message, repose.Study, **STUDY | changes)
 
 
 @pytest.mark.slow

@@ -359,8 +359,8 @@ def test_classes_of_weights_and_a_prior_for_each_input():
     )
     assert model.alpha_.shape == (8,)
     assert model.alpha_[2:6].min() > 30 * model.alpha_[:2].max()
-    one = BayesianBP(hidden=5, starts=4, epochs=300, goal=0.0).fit(X, y)
-    assert 1 - score(model, fresh, truth) < 0.7 * (1 - score(one, fresh, truth))
+    plain = BayesianBP(hidden=5, starts=4, epochs=300, goal=0.0).fit(X, y)
+    assert 1 - score(model, fresh, truth) < 0.7 * (1 - score(plain, fresh, truth))
 
 
 @pytest.mark.slow

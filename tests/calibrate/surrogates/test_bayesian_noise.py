@@ -84,9 +84,9 @@ def test_error_bars_of_the_mean_are_those_of_networks_drawn_from_the_posterior(
     normal = np.random.RandomState(16).normal(size=(4000, w.size))
     stored = model.to_dict()
     drawn = []
-    for one in w + 0.01 * normal @ model.posterior_root_.T:
+    for weights in w + 0.01 * normal @ model.posterior_root_.T:
         stored["W1"], stored["b1"], stored["W2"], stored["b2"] = two_layer.unpack(
-            one, 6, 4, 2
+            weights, 6, 4, 2
         )
         drawn.append(two_layer.evaluate(stored, fresh))
     ratio = np.std(drawn, axis=0) / (0.01 * std)

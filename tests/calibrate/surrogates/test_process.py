@@ -78,11 +78,11 @@ def test_a_covariance_is_that_of_the_textbook_and_one_network_is_that_network(fi
     assert straight(3.0)(a, b) == pytest.approx(1 + 9 * a @ b.T)
     _, _, X, Y = fitted
     settings = SETTINGS.model_copy(update={"starts": 1})
-    one = NetworkEnsemble.of(settings).fit(X, Y)
+    ensemble = NetworkEnsemble.of(settings).fit(X, Y)
     alone = BayesianBP.of(settings).fit(X, Y)
-    assert one.predict(X) == pytest.approx(alone.predict(X), rel=1e-12)
-    assert one.covariance(X) == pytest.approx(alone.covariance(X))
-    assert one.predict(X, return_std=True)[1] == pytest.approx(
+    assert ensemble.predict(X) == pytest.approx(alone.predict(X), rel=1e-12)
+    assert ensemble.covariance(X) == pytest.approx(alone.covariance(X))
+    assert ensemble.predict(X, return_std=True)[1] == pytest.approx(
         alone.predict(X, return_std=True)[1]
     )
 
@@ -113,22 +113,22 @@ def test_the_mixture_is_that_of_loops_over_converged_starts(fitted, monkeypatch)
     for i in range(len(fresh)):
         first = np.zeros(2)
         second = np.zeros((2, 2))
-        for one in networks:
-            m = one.predict(fresh[i : i + 1])[0]
+        for member in networks:
+            m = member.predict(fresh[i : i + 1])[0]
             first += m / len(networks)
-            second += (one.covariance(fresh[i : i + 1])[0] + np.outer(m, m)) / len(
+            second += (member.covariance(fresh[i : i + 1])[0] + np.outer(m, m)) / len(
                 networks
             )
         assert mean[i] == pytest.approx(first)
         assert covariance[i] == pytest.approx(second - np.outer(first, first), rel=1e-5)
-    own = np.mean(
+    within = np.mean(
         [
             np.diagonal(network.covariance(fresh), axis1=1, axis2=2)
             for network in networks
         ],
         axis=0,
     )
-    assert (model.predict(fresh, return_std=True, noise=False)[1] ** 2 > own).all()
+    assert (model.predict(fresh, return_std=True, noise=False)[1] ** 2 > within).all()
     model, best, X, Y = fitted
     assert model.members_[0].best_start_ == best.best_start_
     monkeypatch.setattr(network_ensemble, "NATS", 3.0)
@@ -156,13 +156,13 @@ def test_distances_and_leverage_tell_what_few_samples_do_not_bear():
     assert support.farthest == pytest.approx(0.1)
     assert support.distance([[0.2, 0.25], [0.7, 0.85]]) == pytest.approx([0.05, 0.15])
     assert support.is_thin([[0.45, 0.45], [0.7, 0.85]]).tolist() == [False, True]
-    inside, bound, near, far = support.warnings(
+    inside, bound, near, distant = support.warnings(
         [[0.45, 0.5], [0.005, 0.995], [0.012, 0.5], [0.45, 0.9]]
     )
     assert inside == ""
     assert bound.startswith("at a bound: a low, b high; nearest sample")
     assert "bound" not in near
-    says(far, "nearest sample 0.21 of a range away, usual up to 0.10", "leverage")
+    says(distant, "nearest sample 0.21 of a range away, usual up to 0.10", "leverage")
     support = Support(grid() * [1, 10], [0, 0], [1, 10], NAMES)
     assert support.distance([[0.2, 2.5]]) == pytest.approx([0.05])
     points = np.random.default_rng(1).uniform(size=(40, 2))

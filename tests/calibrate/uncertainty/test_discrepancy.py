@@ -63,9 +63,9 @@ def test_a_stated_discrepancy_and_the_spread_of_a_shape_study(tmp_path):
     models = random.multivariate_normal([-3, 5], known, 4000) + random.normal(
         size=(4000, 2)
     ) * [0.5, 2.0]
-    far = random.normal(100, 50, (50, 2))
+    outliers = random.normal(100, 50, (50, 2))
     path = combinations(
-        tmp_path, np.vstack([models, far]), (0.5, 2.0), np.arange(4050) < 4000
+        tmp_path, np.vstack([models, outliers]), (0.5, 2.0), np.arange(4050) < 4000
     )
     result = discrepancy.shape_study_discrepancy(path, PILE)
     assert result.models == pytest.approx(4000)
@@ -161,11 +161,11 @@ def test_the_published_study_has_a_discrepancy_and_so_have_responses_of_a_users_
         name: {"value": value, "sd": 1.0, "repetitions": 5}
         for name, value in OWN.items()
     }
-    own = Study.own(content).targets
+    study_targets = Study.own(content).targets
     runs = pd.DataFrame(
         {"sample": [1, 2, 3], "slope": [29.0, 30.0, 31.0], "time": [3.0, 4.0, 5.0]}
     )
-    found = discrepancy.of_targets(own, runs, 10.0, 0.5)
+    found = discrepancy.of_targets(study_targets, runs, 10.0, 0.5)
     assert found == pytest.approx(
         np.array([[9.0, 0.5 * 3.0 * 0.4], [0.5 * 3.0 * 0.4, 0.16]])
     )
@@ -256,10 +256,10 @@ def test_the_region_is_where_the_response_is_within_three_standard_deviations():
     half = 3 * math.sqrt(covariance[0, 0]) / 40
     assert share == pytest.approx(2 * half, abs=0.002)
     assert len(table) == 15 * implausibility.CELLS**2
-    own = table[(table["x"] == PARAMETERS[0]) & (table["y"] == PARAMETERS[1])]
-    far = (own["x_quantile"] - 0.5).abs() > half + 1 / implausibility.CELLS
-    assert (own.loc[far, "share"] == 0).all()
-    assert (own.loc[far, "least_implausibility"] > 3).all()
+    pair = table[(table["x"] == PARAMETERS[0]) & (table["y"] == PARAMETERS[1])]
+    outside = (pair["x_quantile"] - 0.5).abs() > half + 1 / implausibility.CELLS
+    assert (pair.loc[outside, "share"] == 0).all()
+    assert (pair.loc[outside, "least_implausibility"] > 3).all()
     others = table[(table["x"] == PARAMETERS[2]) & (table["y"] == PARAMETERS[3])]
     assert others["share"].to_numpy() == pytest.approx(share, abs=0.15)
 
@@ -317,7 +317,7 @@ def test_tables_of_a_study_with_failed_pours_by_function_and_verb(tmp_path, comm
     assert (
         summary["correlation"]["low"] < 2 / np.sqrt(5) < summary["correlation"]["high"]
     )
-    words = [
+    arguments = [
         "--runs",
         write_runs(tmp_path),
         "--config",
@@ -325,7 +325,7 @@ def test_tables_of_a_study_with_failed_pours_by_function_and_verb(tmp_path, comm
         "--out",
         tmp_path / "verb",
     ]
-    assert "height_mm: sd 2." in command("noise", *words).out
+    assert "height_mm: sd 2." in command("noise", *arguments).out
     assert len(pd.read_csv(tmp_path / "verb/seeds.csv")) == 64
 
 
@@ -399,7 +399,7 @@ def made_up(
 def test_bits_of_known_variances(between, within, percent):
     known = 0.5 * np.log2(1 + between**2 / (within**2 / 10 + (percent / 100 * 40) ** 2))
     runs = [made_up(between, within, sets=64, seed=k) for k in range(100)]
-    rows = [next_measurement.information(one, 10, percent).iloc[0] for one in runs]
+    rows = [next_measurement.information(pours, 10, percent).iloc[0] for pours in runs]
     bits = np.array([row.bits for row in rows])
     assert bits.mean() == pytest.approx(known, abs=3 * bits.std() / 10 + 0.02 * known)
     if not percent:  # the interval is exact without a discrepancy

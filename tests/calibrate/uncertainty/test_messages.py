@@ -25,8 +25,8 @@ def test_messages_are_known():
         )
 
     cases = yaml.safe_load((ROOT / "tests/known/messages.yaml").read_text())
-    said = [
+    messages = [
         import_module(case["module"]).message(*map(given, case["arguments"]))
         for case in cases
     ]
-    is_known("messages.txt", "\n\n".join(said) + "\n")
+    is_known("messages.txt", "\n\n".join(messages) + "\n")

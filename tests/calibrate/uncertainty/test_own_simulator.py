@@ -84,11 +84,11 @@ def test_the_start_repeats_its_samples_and_answers_in_the_products_of_a_run(
     )
     assert made["out_of_reach"] is False
     assert made["made_by"]["seed"] == study.settings.design.seed
-    for said in (
+    for text in (
         str(found),
         command("card", "check", tmp_path / "card.json", status=4).out,
     ):
-        assert said.startswith(
+        assert text.startswith(
             "rape_seed: targets not checked yet. angle_deg predicted "
         )
     assert {test["bench"] for test in made["tests"]} == {None}
@@ -104,8 +104,8 @@ def test_the_start_repeats_its_samples_and_answers_in_the_products_of_a_run(
 @pytest.mark.slow
 def test_the_answer_meets_the_targets_inside_ranges_and_intervals_that_hold_it(found):
     exact = simulate(pd.DataFrame([found.summary["representative"]]), noise=0.0).iloc[0]
-    for k, one in enumerate(found.study.targets):
-        assert abs(exact[one.name] - one.aim) < 4 * found.answer.error[k]
+    for k, entry in enumerate(found.study.targets):
+        assert abs(exact[entry.name] - entry.aim) < 4 * found.answer.error[k]
     assert found.summary["feasible"]
     assert found.summary["steps"][2].startswith(
         "Answer: the set that lies within 1 % of all targets most probably; "
@@ -121,8 +121,12 @@ def test_the_answer_meets_the_targets_inside_ranges_and_intervals_that_hold_it(f
     for name, value in zip(FREE, (friction, friction - 0.5), strict=True):
         assert rows.loc[name, "credible_low"] < value < rows.loc[name, "credible_high"]
     assert len(found.solutions) > 5
-    for one in found.study.targets:
-        assert found.solutions[one.response.predicted].between(one.low, one.high).all()
+    for entry in found.study.targets:
+        assert (
+            found.solutions[entry.response.predicted]
+            .between(entry.low, entry.high)
+            .all()
+        )
     table = found.posterior.parameters.assign(credible_low=0.0, credible_high=0.001)
     moved = found._replace(posterior=found.posterior._replace(parameters=table))
     for name in FREE:
@@ -176,11 +180,11 @@ def test_ask_and_tell_stop_with_an_answer_that_meets_the_targets(study, tmp_path
     assert now.proposal.notes["stop"] == "probability"
     assert len(runs) == 32 + 16 * (k - 1)
     assert (following["sample"] == runs["sample"].max() + 1).all()
-    off = (
+    relative_error = (
         simulate(following, noise=0.0)[["angle_deg", "time_s"]].iloc[0] / [30.0, 4.0]
         - 1
     )
-    assert abs(off).max() < 0.02
+    assert abs(relative_error).max() < 0.02
 
 
 def test_runs_are_told_by_rows_fixed_parameters_and_replicates(study, table, tmp_path):
@@ -377,8 +381,8 @@ BAD = {
 
 @pytest.mark.parametrize("case", BAD)
 def test_bad_runs_are_refused_by_name(case, study, table):
-    change, words = BAD[case]
-    input_error(words, checked_runs, study, change(table))
+    change, message = BAD[case]
+    input_error(message, checked_runs, study, change(table))
 
 
 def changed(key, value):
@@ -403,11 +407,11 @@ def test_the_runs_of_a_sample_stand_at_the_top_or_in_the_section(strategy, n):
 
 
 @pytest.mark.parametrize(
-    ("key", "value", "words"),
+    ("key", "value", "message"),
     yaml.safe_load((ROOT / "tests/calibrate/uncertainty/refused.yaml").read_text()),
 )
-def test_a_bad_configuration_is_refused_by_name(key, value, words):
-    input_error(words, Study.own, changed(key, value))
+def test_a_bad_configuration_is_refused_by_name(key, value, message):
+    input_error(message, Study.own, changed(key, value))
 
 
 @pytest.mark.parametrize("name", ["sequential", "posterior"])

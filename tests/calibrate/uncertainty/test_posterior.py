@@ -231,10 +231,10 @@ def test_a_prior_narrows_its_parameter_and_fixed_ones_are_not_sampled():
     )
     assert alone.summary["correlations"] == [[1.0]]
     ends = [
-        [one.summary[key] for key in ("largest_r_hat", "least_effective_draws")]
-        for one in (found, alone)
+        [result.summary[key] for key in ("largest_r_hat", "least_effective_draws")]
+        for result in (found, alone)
     ]
-    assert [one.summary["converged"] for one in (found, alone)] == [
+    assert [result.summary["converged"] for result in (found, alone)] == [
         r <= 1.01 and n >= 400 for r, n in ends
     ], ends
     space = contact_space(UNIT | {"gamma_gg": [0.0, 0.1], "gamma_gp": {"fixed": 0.0}})

@@ -17,9 +17,9 @@ RNG = np.random.default_rng(5)
     ("error", "scatter", "bias"), [(0.5, 2.1, 0.0), (1.0, 4.7, 0.0), (1.0, 2.0, 1.5)]
 )
 def test_the_probability_is_the_share_of_drawn_pours(error, scatter, bias):
-    off = np.abs(RNG.normal(bias, scatter, 400_000))
+    deviation = np.abs(RNG.normal(bias, scatter, 400_000))
     assert OF.within(error, scatter, bias) == pytest.approx(
-        (off <= error).mean(), abs=0.003
+        (deviation <= error).mean(), abs=0.003
     )
 
 

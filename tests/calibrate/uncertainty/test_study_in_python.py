@@ -24,7 +24,7 @@ QUICK = {
 }
 
 
-def study(file=None, **keys):
+def make_study(file=None, **keys):
     return Study(
         {"a": (0.0, 1.0), "b": (0.0, 1.0)},
         {"y": (1.0, 0.05), "z": (0.5, 0.05)},
@@ -48,7 +48,7 @@ def results(asked):
 
 @pytest.fixture(scope="module")
 def answer():
-    return study().calibrate(simulate)
+    return make_study().calibrate(simulate)
 
 
 def test_a_function_is_calibrated_and_a_start_that_fails_does_not_end_a_study(
@@ -75,15 +75,15 @@ def test_a_function_is_calibrated_and_a_start_that_fails_does_not_end_a_study(
         made.append(row)
         return dict.fromkeys("yz", np.nan) if len(made) <= 16 else simulate(row)
 
-    assert study().calibrate(fails_first).parameters["b"] == pytest.approx(
+    assert make_study().calibrate(fails_first).parameters["b"] == pytest.approx(
         0.5, abs=0.06
     )
-    input_error("a mapping with y, z", study().calibrate, lambda row: 3.0)
+    input_error("a mapping with y, z", make_study().calibrate, lambda row: 3.0)
     one_fails = [{"y": np.nan}, {}]
     says_why = "z is 0.0; expected results that differ; all [123]. good runs"
     input_error(
         says_why,
-        study().calibrate,
+        make_study().calibrate,
         lambda row: simulate(row) | {"z": 0.0} | one_fails[row["sample"] > 1],
     )
 
@@ -95,26 +95,26 @@ def test_where_no_set_meets_the_targets_the_nearest_is_the_answer_not_the_least_
         "m": {"value": 50, "sd": 2, "repetitions": 3, "range": [49, 51]},
         "t": {"value": 3, "sd": 0.2, "repetitions": 10, "range": [2.94, 3.06]},
     }
-    far = Study(
+    unreachable = Study(
         {"mu": (0.1, 0.9)},
         targets,
         seed=3,
         sequential={"seeds": 1},
         posterior={"walkers": 32, "steps": 100},
     )
-    x = far.ask()["mu"].where(lambda mu: mu <= 0.8)
-    table = far.ask().assign(
+    x = unreachable.ask()["mu"].where(lambda mu: mu <= 0.8)
+    table = unreachable.ask().assign(
         a=(20 + 15 * x).round(1),
         m=(60 - 20 * x).round(),
         t=(2 + 2 * x**2 + 0.3 * x).round(2),
     )
-    far.tell(table)
-    assert far.answer().parameters["mu"] == pytest.approx(0.636, abs=0.02)
+    unreachable.tell(table)
+    assert unreachable.answer().parameters["mu"] == pytest.approx(0.636, abs=0.02)
 
 
 def test_any_part_of_a_turn_is_told_by_any_process_and_none_is_lost(tmp_path):
-    whole = study(tmp_path / "whole.csv")
-    parts = study(tmp_path / "parts.csv")
+    whole = make_study(tmp_path / "whole.csv")
+    parts = make_study(tmp_path / "parts.csv")
     asked = whole.ask()
     whole.tell(results(asked))
     files = [tmp_path / "parts.csv"] * 4
@@ -122,15 +122,15 @@ def test_any_part_of_a_turn_is_told_by_any_process_and_none_is_lost(tmp_path):
         list(pool.map(tell_part, files, np.array_split(np.arange(len(asked)), 4)))
     parts = Study.resume(tmp_path / "parts.csv")
     both = [
-        one.runs.sort_values(["sample", "y"], ignore_index=True)
-        for one in (whole, parts)
+        study.runs.sort_values(["sample", "y"], ignore_index=True)
+        for study in (whole, parts)
     ]
     pd.testing.assert_frame_equal(*both)
     pd.testing.assert_frame_equal(whole.ask(), parts.ask())
 
 
 def tell_part(file, rows):
-    asked = study().ask().iloc[rows]
+    asked = make_study().ask().iloc[rows]
     Study.resume(file).tell(results(asked))
 
 
@@ -141,49 +141,49 @@ def test_each_run_of_a_function_is_kept_and_the_record_goes_on_anywhere(tmp_path
         return simulate(row)
 
     with pytest.raises(KeyboardInterrupt):
-        study(tmp_path / "runs.csv").calibrate(breaks)
+        make_study(tmp_path / "runs.csv").calibrate(breaks)
     moved = (
         shutil.copytree(
             tmp_path, tmp_path / "moved", ignore=shutil.ignore_patterns(".repose")
         )
         / "runs.csv"
     )
-    one = Study.resume(moved)
+    study = Study.resume(moved)
     other = Study.resume(moved)
-    assert len(one.runs) == 8
+    assert len(study.runs) == 8
     other.tell(results(other.ask()))
-    assert len(one.runs) == 16, "what another process told"
+    assert len(study.runs) == 16, "what another process told"
     (tmp_path / "mine.csv").write_text("sample,a,b,y,z\n1,0.1,0.1,0.2,0.1\n")
-    mine = study(tmp_path / "mine.csv")
+    mine = make_study(tmp_path / "mine.csv")
     input_error("file is 'there already'", mine.tell, results(mine.ask()))
 
 
 def test_a_record_that_cannot_be_written_keeps_nothing(tmp_path, monkeypatch):
-    one = study(tmp_path / "runs.csv")
-    asked = one.ask()
+    study = make_study(tmp_path / "runs.csv")
+    asked = study.ask()
     monkeypatch.setattr("repose.calibrate.record.write_table", lambda *_: int("full"))
-    value_error("invalid literal", one.tell, results(asked))
+    value_error("invalid literal", study.tell, results(asked))
     monkeypatch.undo()
-    one.tell(results(asked).assign(status=None).drop(columns="run")[::2])
-    assert one.runs["status"].tolist() == ["ok"] * 8
-    input_error("there twice", one.tell, results(asked).drop(columns="run")[::2])
-    other = study()
+    study.tell(results(asked).assign(status=None).drop(columns="run")[::2])
+    assert study.runs["status"].tolist() == ["ok"] * 8
+    input_error("there twice", study.tell, results(asked).drop(columns="run")[::2])
+    other = make_study()
     other.tell(results(asked).assign(Status="diverged"))
     assert other.runs["status"].tolist() == ["diverged"] * 16
 
 
 def test_what_is_left_of_a_turn_is_asked_for_also_after_runs_made_before(tmp_path):
-    one = study(tmp_path / "runs.csv")
-    asked = one.ask()
-    one.tell(results(asked[:5]))
-    for again in (one, Study.resume(tmp_path / "runs.csv")):
+    study = make_study(tmp_path / "runs.csv")
+    asked = study.ask()
+    study.tell(results(asked[:5]))
+    for again in (study, Study.resume(tmp_path / "runs.csv")):
         pd.testing.assert_frame_equal(again.ask(), asked[5:].reset_index(drop=True))
-    one = study()
-    asked = one.ask()
-    one.tell(results(pd.DataFrame({"a": [0.1, 0.9, 0.9], "b": [0.2, 0.3, 0.3]})))
-    assert one.runs["sample"].nunique() == 2
-    assert not set(one.runs["sample"]) & set(asked["sample"])
-    pd.testing.assert_frame_equal(one.ask(), asked)
+    study = make_study()
+    asked = study.ask()
+    study.tell(results(pd.DataFrame({"a": [0.1, 0.9, 0.9], "b": [0.2, 0.3, 0.3]})))
+    assert study.runs["sample"].nunique() == 2
+    assert not set(study.runs["sample"]) & set(asked["sample"])
+    pd.testing.assert_frame_equal(study.ask(), asked)
 
 
 def test_the_verb_adds_rows_of_several_processes(tmp_path):
@@ -201,7 +201,7 @@ def test_the_verb_adds_rows_of_several_processes(tmp_path):
 
 
 def add_part(part, record):
-    Record(study(), record).add_file(part)
+    Record(make_study(), record).add_file(part)
 
 
 @pytest.fixture
@@ -241,7 +241,7 @@ def noisy(asked):
 def test_the_verbs_keep_turns_as_python_does(verbs):
     """A turn that is told in parts asks for its other runs, and then for the same as a whole one; twice is refused."""
     tell, ask = verbs
-    whole = study()
+    whole = make_study()
     for turn in range(2):
         asked = whole.ask()
         pd.testing.assert_frame_equal(ask(), asked)
@@ -261,12 +261,12 @@ def test_numbers_of_runs_may_be_floats_as_where_pandas_joins_tables():
         {"y": (np.float32(1), 0.1, np.int64(5))},
         seed=np.int64(3),
     ).parameters
-    one = study()
-    other = study()
-    asked = study().ask()
-    one.tell(noisy(asked))
+    study = make_study()
+    other = make_study()
+    asked = make_study().ask()
+    study.tell(noisy(asked))
     other.tell(noisy(asked).astype({"sample": float, "run": float}))
-    pd.testing.assert_frame_equal(one.ask(), other.ask())
+    pd.testing.assert_frame_equal(study.ask(), other.ask())
 
 
 def test_runs_made_before_count_at_once_where_no_run_of_the_turn_is_told(verbs):
@@ -280,7 +280,7 @@ def test_runs_made_before_count_at_once_where_no_run_of_the_turn_is_told(verbs):
     assert not set(asked["a"]) & set(start["a"]), (
         "a batch after these runs, not the start"
     )
-    before = study()
+    before = make_study()
     before.tell(made)
     input_error("there twice", before.tell, made[3:5])
     tell(noisy(asked)[:2])
@@ -289,9 +289,9 @@ def test_runs_made_before_count_at_once_where_no_run_of_the_turn_is_told(verbs):
 
 
 def test_what_is_wrong_is_told_by_its_name(tmp_path):
-    good = results(study().ask())
+    good = results(make_study().ask())
     cases = [
-        (lambda: study().answer(), "runs is 0"),
+        (lambda: make_study().answer(), "runs is 0"),
         (lambda: Study([1], {"y": (1.0, 0.1)}), "parameters is"),
         (lambda: Study({"a": (0, 1)}, None), "targets is None"),
         (lambda: Study({"a\nb": (0, 1)}, {"y": (1.0, 0.1)}), "one line of text"),
@@ -302,32 +302,34 @@ def test_what_is_wrong_is_told_by_its_name(tmp_path):
         (lambda: PipelineConfig.of([1]), "a mapping of sections"),
         (lambda: PipelineConfig.load(None), "the path of a file"),
         (lambda: Study.resume(None), "the path of a file"),
-        (lambda: study(tmp_path / "none/x.csv"), "a folder that is there"),
-        (lambda: study().tell(None), "a pandas.DataFrame"),
-        (lambda: study().tell(good.assign(a="x")), "row 1: a is 'x'"),
+        (lambda: make_study(tmp_path / "none/x.csv"), "a folder that is there"),
+        (lambda: make_study().tell(None), "a pandas.DataFrame"),
+        (lambda: make_study().tell(good.assign(a="x")), "row 1: a is 'x'"),
         (
-            lambda: study().tell(pd.concat([good, good[["a"]]], axis=1)),
+            lambda: make_study().tell(pd.concat([good, good[["a"]]], axis=1)),
             "each column once",
         ),
         (
-            lambda: study().tell(good.assign(sample=good["sample"] + 1000)),
+            lambda: make_study().tell(good.assign(sample=good["sample"] + 1000)),
             "one of the 16 runs",
         ),
-        (lambda: study().tell(good[:0]), "a row for each run"),
+        (lambda: make_study().tell(good[:0]), "a row for each run"),
         (
-            lambda: study().calibrate(lambda row: {"y": row["a"], "z": 5.0}),
+            lambda: make_study().calibrate(lambda row: {"y": row["a"], "z": 5.0}),
             "z is 5.0; expected results that differ",
         ),
         (
-            lambda: study().tell(good.assign(sample=np.nan).drop(columns="run")),
+            lambda: make_study().tell(good.assign(sample=np.nan).drop(columns="run")),
             "sample is 'missing'",
         ),
         (
-            lambda: study().tell(good.assign(z="steep")),
+            lambda: make_study().tell(good.assign(z="steep")),
             "row 1: z is 'steep'; expected a finite number, or for a failed",
         ),
         (
-            lambda: study().calibrate(lambda row: {"y": row["a"], "z": 2 * row["a"]}),
+            lambda: make_study().calibrate(
+                lambda row: {"y": row["a"], "z": 2 * row["a"]}
+            ),
             "targets is 'y, z'; .* none of",
         ),
         (lambda: Study({"y_se": (0, 1)}, {"y": (1.0, 0.1)}), "with _se at its end"),
@@ -337,17 +339,17 @@ def test_what_is_wrong_is_told_by_its_name(tmp_path):
             ),
             "'changed",
         ),
-        (lambda: study().calibrate(3), "a function of a row"),
+        (lambda: make_study().calibrate(3), "a function of a row"),
         (
-            lambda: study().calibrate(lambda row: {"y": math.nan, "z": 1.0}),
+            lambda: make_study().calibrate(lambda row: {"y": math.nan, "z": 1.0}),
             "samples with a good run is 0; .* not fail",
         ),
         (
-            lambda: study().calibrate(lambda row: 3.0),
+            lambda: make_study().calibrate(lambda row: 3.0),
             r"simulate is \[3.0.*a mapping with y, z",
         ),
         (
-            lambda: study().calibrate(lambda row: None),
+            lambda: make_study().calibrate(lambda row: None),
             "samples with a good run is 0; .* not fail",
         ),
     ]
@@ -371,18 +373,20 @@ def test_a_study_needs_no_locks_of_the_system(tmp_path):
 
 
 def test_parameters_may_be_rounded_where_sample_and_run_tell_which_run_it_is():
-    asked = study().ask()
+    asked = make_study().ask()
     for digits in (2, 3, 6):
-        one = study()
-        one.tell(results(asked).round({"a": digits, "b": digits}))
+        study = make_study()
+        study.tell(results(asked).round({"a": digits, "b": digits}))
         # The record has what was asked for.
-        assert one.runs["a"].tolist() == asked["a"].tolist()
-    one = study()
+        assert study.runs["a"].tolist() == asked["a"].tolist()
+    study = make_study()
     swapped = results(asked)
     swapped["a"] = swapped["a"].to_numpy()[::-1]
-    input_error("a is 'changed'", one.tell, swapped.round({"a": 3}))
-    input_error("a is 'changed'", one.tell, results(asked).assign(a=asked["a"] + 1e-4))
-    input_error("a is 'changed'", one.tell, results(asked).round({"a": 0}))
+    input_error("a is 'changed'", study.tell, swapped.round({"a": 3}))
+    input_error(
+        "a is 'changed'", study.tell, results(asked).assign(a=asked["a"] + 1e-4)
+    )
+    input_error("a is 'changed'", study.tell, results(asked).round({"a": 0}))
 
 
 def test_whole_floats_are_integers_where_a_key_is_one():
@@ -396,6 +400,6 @@ def test_whole_floats_are_integers_where_a_key_is_one():
 
     assert settings(float) == settings(int)
     assert isinstance(settings(float)["sequential"]["start_samples"], int)
-    input_error("seed is 3.5; expected an integer", study, seed=3.5)
-    input_error("seed is true; expected an integer", study, seed=True)
-    input_error("seed is inf", study, seed=math.inf)
+    input_error("seed is 3.5; expected an integer", make_study, seed=3.5)
+    input_error("seed is true; expected an integer", make_study, seed=True)
+    input_error("seed is inf", make_study, seed=math.inf)
