@@ -268,9 +268,8 @@ def write_triangles(path, triangles):
 
 def step_s(advance, steps, cores, process):
     """Time of a step in the fastest block: processor time of all threads on one core, by the clock on several [s]."""
-    clock = (
-        time.CLOCK_MONOTONIC if cores > 1 else (~process << 3) | 2
-    )  # clock_getcpuclockid of Linux
+    # clock_getcpuclockid of Linux
+    clock = time.CLOCK_MONOTONIC if cores > 1 else (~process << 3) | 2
     times = []
     for _ in range(BLOCKS):
         began = time.clock_gettime(clock)

@@ -20,6 +20,7 @@ from repose.config.computed import diameter_mm as diameter_mm_of
 from repose.config.pipeline import PipelineConfig
 from repose.stages.job import run_once
 
+# number of grains: number of pours
 GRAINS = {
     62: 32,
     125: 32,
@@ -29,10 +30,9 @@ GRAINS = {
     2000: 8,
     4000: 6,
     8000: 4,
-}  # and pours of each
-AFTER_S = (
-    4.0  # longest time from the last grain to rest; a pour ends when its pile rests
-)
+}
+# longest time from the last grain to rest; a pour ends when its pile rests
+AFTER_S = 4.0
 ANGLES = ("whole", "flank", "secant", "steepest")
 
 

@@ -38,9 +38,8 @@ ANGLES_DEG = (5, 20, 30, 50, 70)  # from the normal
 PHASES = 12  # number of places within a step at which the impact begins
 RESTITUTION = 0.2
 SPHERE_M = 0.00667  # radius of a sphere of the berry's volume
-SOFT = Solid(
-    "berry", 1.1352e5, 0.32, 840.47
-)  # Young's modulus: 2 (1 + nu) times the shear modulus of 4.3e4 Pa
+# Young's modulus: 2 (1 + nu) times the shear modulus of 4.3e4 Pa
+SOFT = Solid("berry", 1.1352e5, 0.32, 840.47)
 
 
 def restitutions(step_s, **laws):

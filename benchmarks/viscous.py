@@ -42,9 +42,8 @@ def kernel(law, t, c, at, dt):
         z = r_a * t[a + 2 * L + k] - r_b * t[b + 2 * L + k]
         along = x * nx + y * ny + z * nz
         held = t[FRICTION + k] * t[tl.PUSH + k] / inverse_arm
-        held = min(
-            held, SPHERE_ABOUT_CENTRE / (dt * mobility * min(r_a, r_b) + TINY)
-        )  # no more than stops two spheres
+        # the torque may at most stop two spheres
+        held = min(held, SPHERE_ABOUT_CENTRE / (dt * mobility * min(r_a, r_b) + TINY))
         oppose(
             t,
             k,

@@ -14,6 +14,7 @@ from repose.config.pipeline import PipelineConfig
 from research import settings
 
 Option = tuple[tuple[str, ...], dict[str, Any]]
+# options that name no input
 NOT_READ = (
     "config",
     "out",
@@ -22,7 +23,7 @@ NOT_READ = (
     "work",
     "depends_on",
     "simulates",
-)  # options that name no input
+)
 
 
 def option(*names: str, **keywords: Any) -> Option:

@@ -38,23 +38,22 @@ FOLDERS = (
     "seeds_per_sample",
     "shape",
 )
-OWN = {*FOLDERS, *strategies.names()} - {
-    "published"
-}  # whose results have the names of the method
+# whose results have the names of the method
+OWN = {*FOLDERS, *strategies.names()} - {"published"}
+# tables and pictures, without positions and meshes
 SUFFIXES = (
     ".csv",
     ".json",
     ".png",
     ".gif",
     ".html",
-)  # tables and pictures, without positions and meshes
+)
 LARGEST_FILE = 5_000_000  # bytes
 # what a study begins and ends with
 CONFIG = "config.json"
 CARD = "card.json"
-OTHERS = re.compile(
-    r"drum_\d+\.json|.*\.provenance\.json"
-)  # runs of the drum; records follow their results
+# runs of the drum; records follow their results
+OTHERS = re.compile(r"drum_\d+\.json|.*\.provenance\.json")
 MANIFEST = "snapshot.txt"  # in a snapshot: its files, one a line
 
 

@@ -175,9 +175,8 @@ def jkr_force(young, work, radius, overlap):
     def overlap_of(a):
         return a**2 / radius - np.sqrt(2.0 * np.pi * work * a / young)
 
-    least = (np.pi * work * radius**2 / (8.0 * young)) ** (
-        1.0 / 3.0
-    )  # where d overlap / da = 0
+    # where d overlap / da = 0
+    least = (np.pi * work * radius**2 / (8.0 * young)) ** (1.0 / 3.0)
     if overlap < overlap_of(least):
         return None
     a = brentq(

@@ -403,9 +403,8 @@ def main():
     if args.read:
         tables = [pd.read_csv(path) for path in args.read]
         for path, answers_table in zip(args.read, tables, strict=True):
-            answers_table["set"] = (
-                f"{path.stem}, " + answers_table["set"]
-            )  # equal names in two files are two data sets
+            # equal names in two files are two data sets
+            answers_table["set"] = f"{path.stem}, " + answers_table["set"]
         table = pd.concat(tables, ignore_index=True)
     else:
         table = run(args, PipelineConfig.load(args.config))

@@ -39,6 +39,7 @@ from research.comparison.models import configured_network
 from research.comparison.proposals import local_search
 
 BUDGETS = (80, 120)
+# pours after which `repose plan` prints the probabilities
 GRID = (
     32,
     48,
@@ -47,7 +48,7 @@ GRID = (
     96,
     112,
     120,
-)  # pours after which `repose plan` prints the probabilities
+)
 TABLE = Path("research/answers/hidden_truths.csv")
 TOLERANCE = 1.0  # percent
 NETWORK = {"starts": 5, "epochs": 300}  # fewer than config.yaml's, for time

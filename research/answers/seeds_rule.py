@@ -31,11 +31,12 @@ from repose.calibrate.surrogates import make
 from repose.calibrate.variance import within_covariance
 
 SEEDS = (6, 3, 2)  # of each sample; the others are compared with the first
+# limits of the worsening of the answers, see `choose`
 LIMITS = {
     "eq11": 0.15,
     "r2": 0.02,
     "rms_percent": 0.2,
-}  # of the worsening of the answers, see `choose`
+}
 LEVEL = 0.95
 RESAMPLINGS = 4000
 SECOND_ORDER = 0.14  # see `in_common`
@@ -167,7 +168,6 @@ def verdict(
         ]
     )
     fewer = table[table["seeds"] != SEEDS[0]].groupby(["seeds", "quantity"])["upper"]
-    largest = fewer.agg(
-        lambda bounds: bounds.max(skipna=False)
-    )  # what is unknown is not within its limit
+    # what is unknown is not within its limit
+    largest = fewer.agg(lambda bounds: bounds.max(skipna=False))
     return choose({seeds: largest[seeds].to_dict() for seeds in SEEDS[1:]}), table

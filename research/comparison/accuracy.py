@@ -12,10 +12,11 @@ from repose.common.files import write_table
 from research.comparison import models, scores
 from research.comparison.points import Points, joined
 
+# a network below them is no surrogate to search on
 BARS = {
     "r2": 0.94,
     "explainable": 0.95,
-}  # a network below them is no surrogate to search on
+}
 SHARES = (0.25, 0.5, 1.0)  # of the pool's points
 
 

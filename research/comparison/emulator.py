@@ -49,9 +49,8 @@ class EvenNoise(NamedTuple):
 class ScalingNoise(NamedTuple):
     """Normal noise with the same correlation everywhere and a size that varies with the parameters."""
 
-    log_variance: (
-        np.ndarray
-    )  # (1 + d, k), log of a run's variance, linear in x: constant and slopes
+    # (1 + d, k), log of a run's variance, linear in x: constant and slopes
+    log_variance: np.ndarray
     correlation: np.ndarray  # (k, k), of the responses of a run
     low: np.ndarray  # (d,), lower end of the box that scales x
     width: np.ndarray  # (d,), of this box

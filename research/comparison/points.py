@@ -18,9 +18,8 @@ class Points(NamedTuple):
     """Points of a design with their runs."""
 
     X: np.ndarray  # (points, d), parameters or places in their ranges
-    values: (
-        np.ndarray
-    )  # (points, seeds, k), NaN where a run failed; a good run at every point
+    # (points, seeds, k), NaN where a run failed; a good run at every point
+    values: np.ndarray
 
     @property
     def responses(self) -> int:

@@ -91,9 +91,8 @@ class Case(NamedTuple):
     stand_in: emulator.Emulator
     space: ParameterSpace
     names: Sequence[str]  # responses, (k,)
-    settings: Mapping[
-        str, Any
-    ]  # section `network`, with at most `REPETITION_STARTS` starts
+    # section `network`, with at most `REPETITION_STARTS` starts
+    settings: Mapping[str, Any]
     seed: int  # of the repetitions
 
 

@@ -12,12 +12,13 @@ from research.comparison import scores
 from research.comparison.models import MODELS
 from research.comparison.points import Points
 
+# points drawn from the pool, which must have at least twice as many
 BUDGETS = (
     30,
     60,
     110,
     220,
-)  # points drawn from the pool, which must have at least twice as many
+)
 REPETITIONS = 12
 REPETITION_STARTS = 8  # of the networks, at most: there are hundreds of fits
 MEASURES = (

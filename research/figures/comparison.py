@@ -83,9 +83,8 @@ def _with_intervals(panel, rows, key):
         bars = np.abs(
             of[[f"{key}_low", f"{key}_high"]].to_numpy().T - of[key].to_numpy()
         )
-        place = of["simulations"] * 1.04 ** (
-            k - len(sources) / 2
-        )  # so that no bar hides another
+        # so that no bar hides another
+        place = of["simulations"] * 1.04 ** (k - len(sources) / 2)
         look = {
             "color": COLOURS[k],
             "marker": MARKERS[k],
@@ -235,9 +234,8 @@ def _legend_below(figure, panel):
 def _plain_ticks(panel, values):
     """Plain numbers on a logarithmic axis, at most six of them."""
     ticks = np.unique(values)
-    ticks = ticks[
-        np.append(True, ticks[1:] > 1.15 * ticks[:-1])
-    ]  # their numbers would overlap
+    # their numbers would overlap
+    ticks = ticks[np.append(True, ticks[1:] > 1.15 * ticks[:-1])]
     ticks = ticks[
         np.linspace(0, len(ticks) - 1, min(6, len(ticks))).round().astype(int)
     ]

@@ -148,9 +148,8 @@ def _legend(
     handles = []
     for group, members in groups.items():
         looks = [(f"{group}:", {"marker": ""}), *members]
-        looks += [("", {"marker": ""})] * (
-            -len(looks) % rows
-        )  # a column for each group
+        # a column for each group
+        looks += [("", {"marker": ""})] * (-len(looks) % rows)
         handles += [
             Line2D([], [], label=name.replace("_", " "), **grey | look)
             for name, look in looks

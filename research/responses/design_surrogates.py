@@ -39,16 +39,13 @@ class Surrogates(NamedTuple):
     names: tuple[str, ...]
     predict: Predict  # parameter sets (n, 6) to all responses (n, k)
     fold: np.ndarray  # (samples,), the fold that leaves each sample out
-    without: list[
-        Predict
-    ]  # for each fold `predict` by surrogates that have not seen its samples
+    # one `predict` for each fold, by surrogates that have not seen its samples
+    without: list[Predict]
     correlation: np.ndarray  # (k, k), of the noise from run to run
-    covariance: (
-        np.ndarray
-    )  # (k, k), S_s of the surrogates' own errors, by cross-validation
-    r2: dict[
-        str, float
-    ]  # of each response that was tried, by cross-validation on the means
+    # (k, k), S_s of the surrogates' own errors, by cross-validation
+    covariance: np.ndarray
+    # R2 of each response that was tried, by cross-validation on the means
+    r2: dict[str, float]
     left_out: list[str]  # responses with too little signal, or too bad a surrogate
 
     @classmethod

@@ -40,9 +40,8 @@ from research.responses.plausible import (
 from research.responses.responses_over_design import Data
 
 VERIFIED = 12  # sets for importance sampling, beside single tests and pairs
-NORMAL_WIDTH = float(
-    np.diff(stats.norm.interval(information.CREDIBLE))[0]
-)  # in standard deviations
+# width of the credible interval of a normal distribution, in standard deviations
+NORMAL_WIDTH = float(np.diff(stats.norm.interval(information.CREDIBLE))[0])
 
 
 def approximate_widths(

@@ -27,9 +27,8 @@ class Known(NamedTuple):
 
     mean: np.ndarray  # (samples,), NaN where the sample has no run
     error: np.ndarray  # (samples,), standard error of the mean
-    row: dict[
-        str, Any
-    ]  # mean, sd_within, sd_between, signal_to_noise, icc, samples, runs
+    # mean, sd_within, sd_between, signal_to_noise, icc, samples, runs
+    row: dict[str, Any]
 
 
 class Data(NamedTuple):

@@ -83,9 +83,8 @@ class Modelled(NamedTuple):
     """The responses that have a surrogate; k is their number."""
 
     names: list[str]
-    predicted: dict[
-        str, np.ndarray
-    ]  # cross-validated (samples,), of every response that was tried
+    # cross-validated (samples,), of every response that was tried
+    predicted: dict[str, np.ndarray]
     correlation: np.ndarray  # (k, k), of the noise from run to run
     surrogate: np.ndarray  # (k, k), S_s
 

@@ -160,17 +160,15 @@ def run_cell(
         surface=section["surface"],
     )
     berry = read_grain(berry_json)
-    longest_s = advised_step_s(
-        longest_step(cell_config, particle, berry).time_step_s
-    )  # the study's own particle may bear more
+    # the study's own particle may bear more
+    longest_s = advised_step_s(longest_step(cell_config, particle, berry).time_step_s)
     config = changed(
         config,
         "simulation",
         {"time_step_s": min(cell_config["simulation"]["time_step_s"], longest_s)},
     )
-    provenance.note_config(
-        cell_settings(config, cell)[2]
-    )  # this cell does not depend on other cells' settings
+    # this cell does not depend on other cells' settings
+    provenance.note_config(cell_settings(config, cell)[2])
     facts = {
         "particle": names["particle"],
         "spheres": len(particle.spheres_m),

@@ -406,9 +406,8 @@ def test_comparisons_take_any_number_of_responses(k, monkeypatch, tmp_path):
 @pytest.mark.parametrize("k", [1, 3])
 def test_noise_that_scales_has_its_correlation_and_size(k):
     correlation = 0.6 + 0.4 * np.eye(k)
-    slopes = np.log(4) * np.eye(
-        7, k, -1
-    )  # each response's variance grows with a parameter of its own
+    # each response's variance grows with a parameter of its own
+    slopes = np.log(4) * np.eye(7, k, -1)
     noise = emulator.ScalingNoise(slopes, correlation, np.zeros(6), np.ones(6))
     X = np.zeros((1, 6))
     X[0, 0] = 1.0

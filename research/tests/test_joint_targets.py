@@ -58,12 +58,10 @@ def test_a_small_response_has_the_smallest_discrepancy():
     names = ("loose_percent", "height_mm", "radius_90_mm")
     means = np.array([5.0, 60.0, -100.0])
     found = discrepancies.sizes(names, means, 2.0, {"%": 1.0, "mm": 1.5})
-    assert found == pytest.approx(
-        [1.0, 1.5, 2.0]
-    )  # 0.1 % points and 1.2 mm would be less
-    assert discrepancies.sizes(names, means, 0.0, {"%": 1.0}) == pytest.approx(
-        0.0
-    )  # an exact simulator
+    # 0.1 % points and 1.2 mm would be less
+    assert found == pytest.approx([1.0, 1.5, 2.0])
+    # an exact simulator
+    assert discrepancies.sizes(names, means, 0.0, {"%": 1.0}) == pytest.approx(0.0)
     percents = {"loose_percent": 40.0, "height_mm": 2.0, "radius_90_mm": 0.0}
     assert discrepancies.sizes(names, means, percents, {}) == pytest.approx(
         [2.0, 1.2, 0.0]
@@ -89,9 +87,8 @@ def test_discrepancies_are_correlated_in_a_bench_test_with_the_signs_of_the_desi
 def test_a_direct_test_has_the_information_of_a_normal_posterior():
     tests = observables.tests_of(["height_mm"], np.eye(1), SPACE, SETTINGS)
     assert tests.columns == {"pile": [0], "direct e_gp": [1], "direct mus_gp": [2]}
-    assert np.diag(tests.covariance) == pytest.approx(
-        [1.0, 0.05**2, 0.05**2]
-    )  # places in a range of 2
+    # places in a range of 2
+    assert np.diag(tests.covariance) == pytest.approx([1.0, 0.05**2, 0.05**2])
     unit = stats.qmc.Sobol(6, rng=1).random(2**15)
     prior = information.Prior(unit, np.zeros((len(unit), 1)))
     observables.with_parameters(prior, [3, 4])
@@ -146,9 +143,8 @@ def data(tmp_path_factory):
             {"status": "ok", "flow_g_s": rate, "emptying_s": random.normal(1, 0.01)}
             for rate in flow
         ]
-        discharges[0]["emptying_s"] = (
-            discharges[0]["emptying_s"] if k else None
-        )  # it is no target
+        # it is no target
+        discharges[0]["emptying_s"] = discharges[0]["emptying_s"] if k else None
         discharges.append({"status": "jammed", "flow_g_s": None, "emptying_s": None})
         (jobs / f"{k + 1:03d}.json").write_text(
             json.dumps({"apparatus": "discharge", "sample": k + 1, "runs": discharges})
@@ -188,9 +184,8 @@ def test_the_study_finds_which_tests_narrow_which_parameters(data, tmp_path):
     assert tests.loc["direct e_gp", "bits"] == pytest.approx(
         tests.loc["direct mus_gp", "bits"], abs=0.3
     )
-    assert tests.loc["pile", "gain_bits"] == pytest.approx(
-        0.0, abs=1e-9
-    )  # it is the target
+    # it is the target
+    assert tests.loc["pile", "gain_bits"] == pytest.approx(0.0, abs=1e-9)
     # half the work for the same bits
     ratio = (
         tests.loc["direct e_gp", "bits_a_minute"]

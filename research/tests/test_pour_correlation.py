@@ -12,9 +12,8 @@ def test_the_scatter_within_samples_counts_and_not_their_means():
     """All views see a shared noise of correlation 0.8, one view that and as much again of its own: 0.8 / sqrt 2."""
     random = np.random.default_rng(1)
     shared = random.multivariate_normal([0, 0], [[1, 0.8], [0.8, 1]], 4000)
-    means = np.repeat(
-        random.normal(0, 20, 1000), 4
-    )  # with the opposite sign: means go against each other
+    # the opposite sign lets the means go against each other
+    means = np.repeat(random.normal(0, 20, 1000), 4)
     table = pd.DataFrame(
         {"sample": np.repeat(np.arange(1000), 4), "Height": shared[:, 1] - means}
     )

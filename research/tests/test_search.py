@@ -65,9 +65,8 @@ def test_log_counts_every_point_and_ends_when_they_are_used_up():
 def test_derivatives_are_those_of_the_responses_and_are_counted():
     log = Log(respond, OBJECTIVE, 100, 6)
     x = np.array([1.0, -1.0, 0.2, 0.3, 0, 0])
-    known = (
-        np.array([[3, 1, 0, 0, 0, 0], [0, 0, 3, -1, 0, 0]]) / 2
-    )  # over the box's width
+    # over the box's width
+    known = np.array([[3, 1, 0, 0, 0, 0], [0, 0, 3, -1, 0, 0]]) / 2
     assert log.jacobian(x) == pytest.approx(known, abs=1e-6)
     assert log.used == 6
     assert (np.abs(log.points) <= 1).all()
@@ -106,9 +105,8 @@ def test_region_has_its_share_and_random_points_cover_half_of_it():
         region.points[0] + np.random.default_rng(1).normal(0, 0.01, (90, 6))
     )
     assert bunched["coverage"] < 0.02
-    assert bunched["pairwise_distance"] == pytest.approx(
-        0.0332, rel=0.15
-    )  # sqrt(2) times the mean of chi_6
+    # sqrt(2) times the mean of chi_6
+    assert bunched["pairwise_distance"] == pytest.approx(0.0332, rel=0.15)
     assert bunched["volume"] < 1e-6
     value_error(
         "0 of 1024 points are feasible",

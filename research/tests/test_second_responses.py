@@ -72,9 +72,8 @@ def test_means_have_the_error_of_their_number_of_runs():
     assert known.mean[:3] == pytest.approx([10, 20, 30], abs=0.6)
     assert known.error[:3] == pytest.approx(2 / np.sqrt([130, 130, 129]), rel=0.1)
     assert np.isnan([known.mean[3], known.error[3]]).all()
-    assert known.row["signal_to_noise"] == pytest.approx(
-        5, rel=0.1
-    )  # sd 10 of 10, 20, 30, over 2
+    # sd 10 of 10, 20, 30, over 2
+    assert known.row["signal_to_noise"] == pytest.approx(5, rel=0.1)
 
 
 def test_noise_correlation_is_about_the_samples_means_and_none_with_the_drum():

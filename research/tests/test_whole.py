@@ -156,9 +156,8 @@ def test_surfaces_are_exact_on_their_own_kind_and_local_search_inverts_them():
     nearest, _ = proposals.local_search(
         responses, OBJECTIVE, 6, 3, np.random.default_rng(1)
     )
-    assert nearest == pytest.approx(
-        np.full(6, 0.5), abs=1e-6
-    )  # the centre meets its target and is kept
+    # the centre meets its target and is kept
+    assert nearest == pytest.approx(np.full(6, 0.5), abs=1e-6)
 
 
 def target(name, value, half):

@@ -101,9 +101,8 @@ def test_verbs_refuse_files_and_configurations_that_they_cannot_read(refused, tm
         for name in READING
         for kind, path in garbage.items()
     ]
-    check_all(
-        check, [case for case in cases if case[0] != "ask missing"]
-    )  # without a record it gives the start
+    # without a record it gives the start
+    check_all(check, [case for case in cases if case[0] != "ask missing"])
 
     def check(name, config):
         arguments = [

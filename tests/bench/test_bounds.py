@@ -133,9 +133,8 @@ def test_berries_that_pass_through_each_other_are_named(apart_mm, broken):
 def test_a_berry_that_passes_through_a_wall_is_named(height_mm, broken):
     bounded = three_berries(position_m=(0.05, 0.0, 5e-4))
     bounded.simulation.run_steps(1)
-    bounded.simulation.positions[1, 2] = (
-        1e-3 * height_mm
-    )  # pressed on, in contact as before
+    # pressed on, in contact as before
+    bounded.simulation.positions[1, 2] = 1e-3 * height_mm
     check_overlaps(
         bounded,
         broken,

@@ -50,9 +50,8 @@ def test_a_run_of_a_box_is_judged_and_both_of_its_slopes_are_measured():
     assert found["drawdown_above_deg"] == pytest.approx(33.0, abs=0.5)
     assert found["drawdown_below_deg"] == pytest.approx(24.0, abs=0.5)
     below = int(arrays["in_pile"].sum())
-    assert found["drawdown_mass_g"] == pytest.approx(
-        below * SPHERE.mass_kg
-    )  # 0.1^3 kg are g
+    # 0.1^3 kg are g
+    assert found["drawdown_mass_g"] == pytest.approx(below * SPHERE.mass_kg)
     few = SMALL | {
         "berries": 12,
         "rate_per_s": 200.0,

@@ -195,9 +195,8 @@ def test_a_slip_without_a_surface_is_no_result(small_rotation, monkeypatch):
     _, profile = TEST.measured_run(
         run.record, run.arrays, Scene.of(scenes[0], {}, BERRY, PARTICLE)
     )
-    np.testing.assert_allclose(
-        profile[:2, 0], [2.5, 7.5]
-    )  # mm, middles of drum.depth_bin_mm
+    # mm, middles of drum.depth_bin_mm
+    np.testing.assert_allclose(profile[:2, 0], [2.5, 7.5])
     np.testing.assert_allclose(profile[0, 1], measured[0]["surface_moved_mm"])
     assert measured[1]["drum_slip_deg"] is None
     assert "before_surface_deg" not in measured[1]
@@ -210,9 +209,8 @@ def test_a_small_bed_turns_with_the_drum_whose_walls_hold_every_point(small_rota
         TEST.status_of(small_rotation, SceneSettings(config(**SMALL)))[0] == "no_slip"
     )
     assert small_rotation.rest_energy_j < 1e-9
-    assert record["time_s"][-1] == pytest.approx(
-        1.0, abs=2e-3
-    )  # ten intervals of whole steps
+    # ten intervals of whole steps
+    assert record["time_s"][-1] == pytest.approx(1.0, abs=2e-3)
     assert record["turned_deg"][-1] == pytest.approx(
         math.degrees(0.0873 * record["time_s"][-1]), rel=1e-6
     )

@@ -58,9 +58,8 @@ def grain(kind):
             [[0.0, 0.0, 0.0, 4.4], [-3.5, 0.0, 0.0, 4.0], [3.5, 0.0, 0.0, 4.0]]
         )
         volume = 6.395e-7
-        inertia = (
-            0.2e-6 * RHO * volume * np.array([32.0, 71.0, 71.0])
-        )  # about that of an ellipsoid of its axes
+        # about that of an ellipsoid of its axes
+        inertia = 0.2e-6 * RHO * volume * np.array([32.0, 71.0, 71.0])
         return replace(
             body,
             density_kg_m3=RHO,
@@ -195,9 +194,8 @@ def drained(kind, mild, smooth):
 def turned(response, _kind, mild, smooth):
     """Friction lifts the bed above the slope on which a grain rolls; without it the surface is level."""
     assert mild["status"] != "ok" or math.degrees(0.05) < mild[response] < 60.0
-    assert smooth["status"] in ("ok", "no_slip", "not_at_rest"), smooth[
-        "reason"
-    ]  # nothing damps its swing
+    # nothing damps its swing
+    assert smooth["status"] in ("ok", "no_slip", "not_at_rest"), smooth["reason"]
     assert abs(smooth[response] or 0.0) < 8.0
 
 

@@ -14,9 +14,8 @@ from repose.grain.particle import Particle
 from repose.measure.angles import DEFINITIONS
 from repose.measure.settings import MeasureSettings
 
-BERRY_M3 = (
-    1.25e-3 / 840.47
-)  # 500 of these are 744 ml; the cone of 65.57 mm and 32.87 degrees holds 707 ml.
+# 500 of these are 744 ml; the cone of 65.57 mm and 32.87 degrees holds 707 ml.
+BERRY_M3 = 1.25e-3 / 840.47
 STRAIGHT_PART = {"response": "flank", "fit_from": 0.3, "fit_to": 0.8, "flank": "levels"}
 MEASURED = {
     f"aor_{name}_deg": name for name in ("flank", "secant", "steepest", "whole")

@@ -48,9 +48,8 @@ def test_the_cost_is_that_of_the_least_disturbed_pour(monkeypatch):
         return SimpleNamespace(us_per_step=next(took))
 
     monkeypatch.setattr("repose.bench.funnel.FunnelTest.pour", pour)
-    monkeypatch.setattr(
-        time, "process_time", time.perf_counter
-    )  # all of the time is its own
+    # all of the time is its own
+    monkeypatch.setattr(time, "process_time", time.perf_counter)
     grains = cost.FEWEST_TIMED
     ranges: dict = dict.fromkeys(("e_gg", "e_gp"), (0.1, 0.5))
     ranges |= dict.fromkeys(("mus_gg", "mur_gg", "mus_gp", "mur_gp"), (0.1, 0.3))

@@ -201,9 +201,8 @@ def test_heap_pours_and_prints_its_record(short_config, tmp_path, command):
         assert arrays["position_7"].shape == (12, 3)
     with np.load(tmp_path / "heap" / "heap_trajectory_7.npz") as frames:
         assert frames["position"].shape[1:] == (12, 3)
-        assert (
-            5 < len(frames["position"]) <= 15
-        )  # 1.5 s at most; a pour ends when its pile rests
+        # 1.5 s at most; a pour ends when its pile rests
+        assert 5 < len(frames["position"]) <= 15
 
 
 def test_warm_up_compiles_what_a_pour_needs(short_config, tmp_path, command):

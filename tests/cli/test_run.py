@@ -313,9 +313,8 @@ class Terminal:
         self.process, self.screen = pty.fork()
         if self.process == 0:
             os.chdir(folder)
-            signal.signal(
-                signal.SIGHUP, signal.SIG_DFL
-            )  # the tests may run under nohup
+            # the tests may run under nohup
+            signal.signal(signal.SIGHUP, signal.SIG_DFL)
             os.environ.update(TERM="xterm", COLUMNS="100", LINES="30")
             program = [
                 sys.executable,

@@ -385,6 +385,7 @@ BARE |= {
 
 
 def test_no_other_code_of_the_program_writes_or_removes_a_file():
+    # np.copy copies an array, not a file
     modules = (
         "os",
         "shutil",
@@ -392,7 +393,7 @@ def test_no_other_code_of_the_program_writes_or_removes_a_file():
         "np",
         "path",
         "Path",
-    )  # np.copy copies an array, not a file
+    )
     found = []
     for path in places.PACKAGE.rglob("*.py"):
         name = path.relative_to(places.PACKAGE).as_posix()

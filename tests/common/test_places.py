@@ -60,9 +60,8 @@ def test_a_study_of_a_crop_lies_over_the_programs_which_it_replaces(folder):
     config_file.write_text("label: mine\n")
     assert places.configs() == [METHOD, CONFIG, Path("config/config.yaml")]
     assert PipelineConfig.load(inputs=True).config["label"] == "mine"
-    config_file.write_text(
-        "berry: {sizes: sizes.csv}\n"
-    )  # of another crop nothing of the program's lies under it
+    # another crop: no layer of the program's lies under it
+    config_file.write_text("berry: {sizes: sizes.csv}\n")
     assert loader.layers([]) == [METHOD, Path("config/config.yaml")]
     config_file.unlink()
     (folder / "config.yaml").write_text("label: mine\n")
@@ -92,11 +91,12 @@ def test_a_given_file_lies_over_what_every_crop_or_the_folders_crop_shares(folde
     )
     assert loader.layers([mine]) == [METHOD, CONFIG, mine]
     mine.write_text("berry: {density_kg_m3: 900}\n")
+    # the program's crop, asked for by name
     assert loader.layers([CONFIG, mine]) == [
         METHOD,
         CONFIG,
         mine,
-    ]  # the program's crop, asked for by name
+    ]
     (folder / "config.yaml").write_text("berry: {sizes: sizes.csv}\n")
     assert loader.layers([mine]) == [METHOD, Path("config.yaml"), mine]
 

@@ -501,9 +501,8 @@ def test_many_rows_with_decimal_commas_take_seconds(tmp_path):
     )
     began = time.process_time()
     assert len(read_sizes(path)) == 50_000
-    assert (
-        time.process_time() - began < 10.0
-    )  # a copy of the column for each cell took minutes
+    # a copy of the column for each cell took minutes
+    assert time.process_time() - began < 10.0
 
 
 def test_a_number_that_is_repeated_is_refused_with_both_rows(tmp_path):

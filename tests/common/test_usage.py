@@ -42,9 +42,10 @@ def test_processes_note_their_time_and_those_outside_jobs_none(tmp_path, monkeyp
         tmp_path / "results/benchmarks/heaps/001.tsv",
         "s\tmax_rss\tcpu_time\n1.5\t80.0\t0.2\n",
     )
+    # the second entry is an earlier attempt
     usage.correct_benchmarks(
         "results", [entry, entry._replace(ended_s=entry.ended_s - 60)]
-    )  # of an earlier attempt
+    )
     assert (
         benchmark.read_text() == f"s\tmax_rss\tcpu_time\n1.5\t80.0\t{entry.cpu_s:.2f}\n"
     )

@@ -177,9 +177,8 @@ def test_time_goes_with_the_slowest_bench_test_and_each_strategy_has_its_own_pou
     solutions = (("representative", 1, 32), ("validation", 5, 12))
     assert work["pours"] == (("design", 150, 6), *solutions)
     config["simulation"]["time_step_s"] /= 2
-    assert cost.describe_costs(config)["published_sets"].startswith(
-        "84 pours"
-    )  # seven sets
+    # seven sets
+    assert cost.describe_costs(config)["published_sets"].startswith("84 pours")
     assert cost.estimate_work(config)["total_s"] > 1.65 * work["total_s"]
     config["simulation"]["time_step_s"] *= 2
     config["targets"].append(shared.target("drum_slip_deg", 40, 1, 35, 45))

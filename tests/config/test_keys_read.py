@@ -23,11 +23,12 @@ pytestmark = [pytest.mark.slow, pytest.mark.essential]  # every stage is run onc
 
 # `next` needs runs of four sets in a further bench test, `simulate` a study with a program of the user's own.
 NOT_RUN = {"next", "simulate"}
+# strategies; here each proposes by a stage of its name
 SEVERAL = (
     "sequential",
     "response_surface",
     "refined",
-)  # strategies; here each proposes by a stage of its name
+)
 LISTED = dependencies.KEYS | {name: strategy(name).reads for name in SEVERAL}
 SMALL = {
     "surrogate": "gaussian_process",

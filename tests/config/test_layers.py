@@ -194,9 +194,8 @@ def test_a_job_reads_what_was_checked_and_checks_it_only_if_somebody_changed_it(
 ):
     path = tmp_path / "config.json"
     wrong = quick.config | {"surrogate": "cubic"}
-    loader.write_resolved(
-        wrong, path
-    )  # no study writes that: it shows that nothing is checked
+    # no study writes such a file: it loads, so nothing is checked
+    loader.write_resolved(wrong, path)
     assert PipelineConfig.load(path).config == wrong
     path.write_text(json.dumps(wrong))
     input_error(r"config\.json: surrogate is 'cubic'", PipelineConfig.load, path)

@@ -119,9 +119,8 @@ def test_going_on_from_a_checkpoint_gives_the_same_bits_also_in_a_fresh_process(
     assert all(array.ctypes.data % 64 == 0 for array in aligned)
     simulation.run_steps(500)
     assert bits(simulation) == expected
-    simulation.add(
-        "ball", (0.0, 0.0, 0.4)
-    )  # and bodies can still be added, each with its shape
+    # bodies can still be added, each with its shape
+    simulation.add("ball", (0.0, 0.0, 0.4))
     assert simulation.shape_ids[-1] == 1
     code = "import sys; sys.path[:0] = [sys.argv[2]]; from dem.common import bits; from repose.dem import Simulation\n"
     code += "one = Simulation.load(sys.argv[1]); one.run_steps(500); sys.stdout.buffer.write(bits(one))\n"

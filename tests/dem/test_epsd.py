@@ -391,9 +391,8 @@ def warned(rolling=0.1, motion=TURNING, frame=False, **laws):
         s.rolling_frame_rad_s[:] = 0.0, 0.0, 1.0
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        s.run_steps(
-            1
-        )  # may compile, after which Python no longer knows what it has warned of
+        # may compile, after which Python no longer knows what it has warned of
+        s.run_steps(1)
     with warnings.catch_warnings(record=True) as found:
         warnings.simplefilter("default")
         for _ in range(2):

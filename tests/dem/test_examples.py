@@ -72,9 +72,8 @@ def test_the_readme_the_picture_and_its_scale_are_those_of_the_box(box):
         picture = render_simulation(
             simulation, width=120, height=120, frame_m=frame
         ).astype(int)
-        sandy = (
-            picture[..., 0] > picture[..., 2] + 60
-        )  # the first shape; the second is blue
+        # the first shape; the second is blue
+        sandy = picture[..., 0] > picture[..., 2] + 60
         sizes.append((picture.max(axis=-1) - picture.min(axis=-1) > 20).sum())
         assert sandy.any() == (shape == "berry")
     assert sizes[1] / sizes[0] == pytest.approx(4.0, rel=0.15)
@@ -136,9 +135,8 @@ def test_a_scene_of_the_examples_runs(path, tmp_path, monkeypatch, capsys):
 
 
 def test_the_example_of_a_bench_test_runs():
-    arguments, expected = SMALL[
-        "bench_test"
-    ]  # in a process of its own: it registers the bench test
+    # it registers the bench test, so it runs in another process
+    arguments, expected = SMALL["bench_test"]
     call = f"import runpy; runpy.run_path('examples/bench_test.py')['main'](**{arguments!r})"
     done = subprocess.run(
         [sys.executable, "-c", call], cwd=ROOT, capture_output=True, text=True

@@ -204,9 +204,8 @@ def test_an_oblique_hit_leaves_as_in_the_unit_test_of_lammps():
     assert np.linalg.norm(s.angular_velocities[0]) == pytest.approx(544.22, rel=3e-3)
 
 
-STEEL = material(
-    210e9, 0.2
-)  # of the plate (Dosta et al., Comput. Phys. Commun. 296 (2024) 109066)
+# the plate of Dosta et al., Comput. Phys. Commun. 296 (2024) 109066
+STEEL = material(210e9, 0.2)
 
 
 def test_two_benchmarks_of_dosta_and_others_on_a_steel_plate():

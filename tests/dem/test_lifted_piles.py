@@ -24,9 +24,8 @@ from repose.dem.rotations import rotation_matrix
 spec = importlib.util.spec_from_file_location(
     "campaign_of_piles", Path(drums.__file__).with_name("campaign.py")
 )
-campaign = importlib.util.module_from_spec(
-    spec
-)  # tests/faults has a module `campaign`, too
+# tests/faults has a module `campaign`, too
+campaign = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(campaign)
 RADIUS_M = 0.00185
 
@@ -182,9 +181,8 @@ def test_the_angle_of_a_bed_in_the_drum_is_found(tilted):
     slope = -np.tan(np.radians(35.0))
     x, z = rng.uniform(-0.07, 0.07, (2, 60_000))
     y = rng.uniform(-0.012, 0.012, x.size)
-    rises = (
-        0.5 * y if tilted else 0.0
-    )  # the bed of a tilted drum is not level along its axis
+    # the bed of a tilted drum is not level along its axis
+    rises = 0.5 * y if tilted else 0.0
     inside = (z < slope * x + rises) & (np.hypot(x, z) < 0.072)
     bed = grains(np.column_stack([x, y, z - RADIUS_M])[inside])
     assert drums.frame_angle(bed, tilted) == pytest.approx(35.0, abs=0.6)
@@ -235,9 +233,8 @@ def test_a_grain_is_thrown_where_it_overlaps_no_other():
 
 
 def test_the_rate_is_the_slope_of_the_mass_that_left_in_the_middle():
-    left_s = np.concatenate(
-        [0.5 + np.arange(1000) / 2000.0, np.full(50, np.inf)]
-    )  # 2,000 a second
+    # 2,000 a second
+    left_s = np.concatenate([0.5 + np.arange(1000) / 2000.0, np.full(50, np.inf)])
     masses_g = np.full(1050, 0.04)
     assert discharges.rate_g_s(left_s, masses_g, 1.8) == pytest.approx(80.0, rel=0.005)
     slow_end = np.concatenate([left_s[:900], left_s[899] + 0.01 * np.arange(1, 151)])

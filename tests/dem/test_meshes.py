@@ -80,11 +80,12 @@ def test_features_are_faces_convex_edges_and_corners_tangent_to_the_faces():
     cells = 7
     vertices, faces = sheet(cells, 0.2, slope=0.3, seed=5)
     mesh = Mesh(vertices, faces, "wall", RADIUS)
+    # edges of the border and its four corners
     assert counts(mesh) == [
         2 * cells * cells,
         4 * cells,
         4,
-    ]  # edges of the border and its four corners
+    ]
     normals = mesh.part.data[mesh.part.kind == FACE, :4]
     assert np.all(normals == normals[0])
     part = box(0.02, 0.02, 0.02).part
@@ -169,9 +170,8 @@ def test_a_bowl_and_a_plane_of_faces_move_a_berry_as_smooth_ones():
                 np.concatenate([s.positions[0], s.quaternions[0], s.velocities[0]])
             )
         tracks.append(np.array(track))
-    assert (
-        np.ptp(tracks[0][:, 0]) > 0.03
-    )  # it crosses many triangles, with its tangential spring
+    # it crosses many triangles, with its tangential spring
+    assert np.ptp(tracks[0][:, 0]) > 0.03
     assert np.abs(tracks[1] - tracks[0]).max() < 1e-9
     solid = trimesh.creation.icosphere(subdivisions=3, radius=0.06)
     solid.invert()

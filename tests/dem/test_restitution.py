@@ -99,9 +99,8 @@ def test_contacts_of_one_pair_share_the_damping(on):
     most = 0
     for _ in range(40):
         s = scene({"bent": bent()}, contact, walls, dt=1e-6)
-        tilt = np.array(
-            [1.0, *0.02 * rng.normal(size=3)]
-        )  # nearly parallel bodies, so that several spheres touch
+        # nearly parallel bodies, so that several spheres touch
+        tilt = np.array([1.0, *0.02 * rng.normal(size=3)])
         place = (0.0, 0.0, 0.0065) if on == "clump" else (0.01, 0.02, 0.0034)
         s.add("bent", place, tilt, rng.normal(size=3), 30.0 * rng.normal(size=3))
         if on == "clump":

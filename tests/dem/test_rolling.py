@@ -15,11 +15,12 @@ from repose.dem.rotations import rotation_matrix
 
 LANES = st.LANES
 RADIUS = 0.006
+# kg m2, principal, of the default berry of 1.25 g
 MOMENTS = (
     1.545e-8,
     4.088e-8,
     4.304e-8,
-)  # kg m2, principal, of the default berry of 1.25 g
+)
 STIFF = Material(1e3 * GOJI.shear_modulus_pa, GOJI.poisson_ratio)
 
 
@@ -140,7 +141,6 @@ def test_a_body_with_a_berrys_moments_lets_go_at_the_rolling_friction_in_any_ori
             np.array([math.cos(azimuth), math.sin(azimuth)]),
         )
         tilt(0.99 * mur, 8000)
-        assert (
-            tilt(0.991 * mur, 4000) == 0.0
-        )  # torque m g R sin(angle) against mu_r m g R cos(angle)
+        # torque m g R sin(angle) against mu_r m g R cos(angle)
+        assert tilt(0.991 * mur, 4000) == 0.0
         assert tilt(1.01 * mur, 8000) > 1e-4

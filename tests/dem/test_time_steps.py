@@ -143,9 +143,8 @@ def test_low_restitution_hard_walls_scale_and_flat_places_shorten_the_step():
     assert BALL.acting_together(1e-4 * RADIUS_M) == pytest.approx(1.0)
     assert row(15).acting_together(0.1 * RADIUS_M) == pytest.approx(15.0, rel=0.01)
     apart = Clump([[-1.0, 0, 0, 0.1], [1.0, 0, 0, 0.1]], 1.0, [1.0, 1.0, 1.0], "body")
-    assert apart.acting_together(0.05) == pytest.approx(
-        2.0, rel=0.02
-    )  # seen from the side both touch
+    # seen from the side both touch
+    assert apart.acting_together(0.05) == pytest.approx(2.0, rel=0.02)
     single, many = (
         time_steps.pressed(study(0.9, shape=s), s, "wall", overlap_m=5e-4)
         for s in (row(1), row(15))

@@ -317,9 +317,8 @@ def test_a_berry_past_a_disc_stays_past_it_also_from_a_file_and_in_a_new_order(
     s = simulation(BERRY, Contact(0.4, 0.5, 0.0), walls=DISC, dt=1e-4, capacity=1)
     s.add((DISC_M + 0.02, 0.0, 0.001), velocity_m_s=(-0.5, 0.0, 0.0))
     s.run_steps(1000)
-    assert s.velocities[0] == pytest.approx(
-        (-0.5, 0.0, 0.0), abs=1e-9
-    )  # through, level with the disc
+    # through, level with the disc
+    assert s.velocities[0] == pytest.approx((-0.5, 0.0, 0.0), abs=1e-9)
     s.bodies.rows[0, st.VELOCITY : st.VELOCITY + 3] = 0.0, 0.0, 0.5
     s.run_steps(400)
     s.bodies.rows[0, st.VELOCITY : st.VELOCITY + 3] = 0.0, 0.0, -0.5
@@ -597,9 +596,8 @@ def farthest(kind, turn, beyond, place):
 @pytest.mark.parametrize("name", WALLS)
 def test_the_deepest_overlap_is_that_of_the_farthest_point(name, kind):
     wall, beyond, place, into = WALLS[name]
-    far_plane = Plane(
-        (0.0, 0.0, -9.0), (0.0, 0.0, 1.0), "wall"
-    )  # the numbers of curved walls begin after it
+    # the numbers of curved walls begin after it
+    far_plane = Plane((0.0, 0.0, -9.0), (0.0, 0.0, 1.0), "wall")
     options = {
         "walls": {name: wall} if name == "plane" else {"far": far_plane, name: wall},
         "dt": 1e-9,

@@ -154,9 +154,8 @@ def checkout(folder: Path) -> Path:
     small = yaml.safe_load((ROOT / ".test/config/config.yaml").read_text())
     content = {name: quick[name] for name in STUDIES} | small
     content["funnel"]["seeds"] = 2  # the studies take the noise from runs of one sample
-    content["validation"]["published"] = quick["validation"][
-        "published"
-    ]  # and pour the published solutions
+    # so that the published solutions are poured
+    content["validation"]["published"] = quick["validation"]["published"]
     (folder / "config/config.yaml").write_text(yaml.safe_dump(content))
     return folder
 

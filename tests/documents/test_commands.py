@@ -94,9 +94,8 @@ def long_cells(page, text):
 
 
 def test_no_cell_of_a_table_has_more_than_20_words():
-    pages = [
-        page for page in commands.pages() if not page.startswith("tests/")
-    ]  # those tables are results
+    # those tables are results
+    pages = [page for page in commands.pages() if not page.startswith("tests/")]
     found = [
         cell
         for page in pages

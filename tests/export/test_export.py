@@ -87,9 +87,8 @@ def test_each_program_gets_the_numbers(job):
     )
     assert float(keywords[6]) == pytest.approx(8 * job.on_wall.effective_shear_pa)
     spring, dashpot = map(float, keywords[keywords.index("sds") + 1 :][:2])
-    assert dashpot == pytest.approx(
-        0.5 * math.sqrt(spring * job.particle.mass_kg)
-    )  # half of the critical one
+    # half of the critical one
+    assert dashpot == pytest.approx(0.5 * math.sqrt(spring * job.particle.mass_kg))
     tree = ast.parse(export.PROGRAMS["yade"](job)["pour.py"])
     named = {
         ast.unparse(node.targets[0]): node.value
@@ -319,9 +318,8 @@ def test_a_sphere_rolls_with_the_calibrated_coefficient_on_a_wall(job):
     assert laws.rolling_coefficient(sphere, sphere.on_wall) == pytest.approx(
         job.on_wall.rolling_friction
     )
-    longer = replace(
-        sphere, lever_m=2 * lever
-    )  # the same torque needs twice the coefficient
+    # the same torque needs twice the coefficient
+    longer = replace(sphere, lever_m=2 * lever)
     assert laws.rolling_coefficient(longer, longer.on_wall) == pytest.approx(
         2 * job.on_wall.rolling_friction
     )
@@ -332,9 +330,8 @@ def test_free_surface_of_two_spheres_that_overlap():
     radius, lever = surface_means(
         np.array([[-0.5, 0.0, 0.0, 1.0], [0.5, 0.0, 0.0, 1.0]]), 20000
     )
-    outwards = np.linspace(
-        -0.5, 1.0, 200001
-    )  # places on a sphere are even along its axis
+    # places on a sphere are even along its axis
+    outwards = np.linspace(-0.5, 1.0, 200001)
     assert radius == pytest.approx(1.0)
     assert lever == pytest.approx(np.sqrt(1.25 + outwards).mean(), rel=1e-3)
 
@@ -356,9 +353,8 @@ def test_the_funnel_is_the_simulated_one_and_the_lammps_cone_ends_where_it_does(
     assert areas.min() > 0.0
     lengths = np.linalg.norm(np.diff(line, axis=0), axis=1)
     middles = 0.5 * (line[1:, 0] + line[:-1, 0])
-    around = (
-        2 * surface.AROUND * math.sin(math.pi / surface.AROUND)
-    )  # of the polygon whose corners lie on a circle
+    # circumference of the polygon whose corners lie on the unit circle
+    around = 2 * surface.AROUND * math.sin(math.pi / surface.AROUND)
     assert areas.sum() == pytest.approx(around * (lengths * middles).sum(), rel=1e-3)
     deck = export.PROGRAMS["lammps"](job)["in.pour"]
     line = surface.profile(job.surfaces)
@@ -379,9 +375,8 @@ def test_a_tube_stands_in_surface_and_deck(config):
     ) == pytest.approx(0.02)
     deck = export.PROGRAMS["lammps"](job)["in.pour"]
     assert "region          tube cylinder" in deck
-    half = float(
-        re.search(r"domain block \S+ (\S+)", deck).group(1)
-    )  # the inlet is wider than the plate
+    # the inlet is wider than the plate
+    half = float(re.search(r"domain block \S+ (\S+)", deck).group(1))
     assert half == pytest.approx(
         0.5 * job.surfaces.inlet_diameter_m + 4 * job.particle.bounding_radius_m,
         rel=1e-6,
@@ -687,11 +682,12 @@ def test_a_card_alone_is_enough_in_any_folder(tmp_path, monkeypatch, command, sp
             )
             assert moments == pytest.approx(solid, rel=0.01)
     assert steps[1e-6] == pytest.approx(0.5e-6)
+    # whose files lie elsewhere
     goji = [
         *arguments[:4],
         ROOT / "results/published/recommended/card.json",
         *arguments[5:],
-    ]  # whose files lie elsewhere
+    ]
     assert (
         "berry.compression is 'resources/compression.csv'"
         in command(*goji, "--out", "goji").err

@@ -30,9 +30,10 @@ def test_a_scan_of_a_bumpy_body_is_poured_and_exported_with_its_mass_volume_and_
     tmp_path,
 ):
     scan = trimesh.creation.icosphere(subdivisions=4, radius=0.5)
+    # bumps
     scan.vertices *= 1.0 + 0.06 * np.sin(9.0 * scan.vertices).prod(
         axis=1, keepdims=True
-    )  # bumps
+    )
     scan.apply_scale([21.0, 13.0, 10.0])
     moments, axes = np.linalg.eigh(scan.moment_inertia)
     volume = scan.volume

@@ -23,9 +23,8 @@ from forked import TARGETS, Study, compared
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
 VICTIMS = ("the workflow", "a job", "all")
-MORE_FILES = (
-    25  # a kill comes after fewer: kills fall on all stages, on a busy machine, too
-)
+# a kill comes after fewer: kills fall on all stages, on a busy machine, too
+MORE_FILES = 25
 FORCED = ("design", "pour", "measure_runs", "network", "solutions")
 # A file of each kind for truncation and flipped bits; the last three are the program's and snakemake's own.
 DAMAGED = (
@@ -96,9 +95,8 @@ def kills(place, finished, wanted, table, count, seed):
             )
             status = forked.ended(main)
             now = study.finished()
-            loose = loose or bool(
-                forced
-            )  # once a rule was forced, what stands on it is made anew, but no pour
+            # once a rule was forced, what stands on it is made anew, but no pour
+            loose = loose or bool(forced)
             kept = {
                 path: when
                 for path, when in before.items()
@@ -329,9 +327,8 @@ def main():
     )
     given = parser.parse_args()
     table = Table()
-    signal.signal(
-        signal.SIGINT, signal.default_int_handler
-    )  # a shell lets what runs in the background ignore it
+    # a shell lets what runs in the background ignore it
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     forked.load_all()
     if not given.real_pours:
         forked.make_up_pours()

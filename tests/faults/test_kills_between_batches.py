@@ -48,11 +48,12 @@ def test_a_kill_within_or_between_batches_loses_nothing(tmp_path, monkeypatch):
             proposed.append(killed_at(killed, moment))
             assert killed.made_again(before) == []
             before = killed.finished()
+        # each kill came where it was meant to: batches that were proposed by then
         assert proposed == [
             1,
             2,
             2,
-        ]  # each kill came where it was meant to: batches that were proposed by then
+        ]
         assert killed.run() == 0, killed.last_words()
         assert killed.made_again(before) == []
         assert len(list((killed.folder / "results/sequential").glob("batch_*"))) == 4, (

@@ -117,9 +117,8 @@ def sandbox(tmp_path_factory):
     inputs = work / "in"
     inputs.mkdir()
     picture = np.full((120, 300), 230, np.uint8)
-    cv2.fillPoly(
-        picture, [np.array([[40, 119], [150, 40], [260, 119]])], 40
-    )  # a triangle on a plain background
+    # a triangle on a plain background
+    cv2.fillPoly(picture, [np.array([[40, 119], [150, 40], [260, 119]])], 40)
     cv2.imwrite(str(inputs / "pile.png"), picture)
     shutil.copy(ROOT / "resources/berries.csv", inputs)
     for name in ("validation/table4.csv", "dataset.csv"):

@@ -55,9 +55,8 @@ def test_ellipsoids_are_recognised_through_the_file_whatever_their_pose(tmp_path
     )
     np.testing.assert_allclose(particle.inertia_kg_m2, expected)
     assert particle.bounding_radius_m == pytest.approx(a)
-    assert (
-        0.99 < particle.mesh_volume_m3 / particle.volume_m3 < 1
-    )  # The facets lie inside the ellipsoid.
+    # The facets lie inside the ellipsoid.
+    assert 0.99 < particle.mesh_volume_m3 / particle.volume_m3 < 1
     assert 0 < particle.deviation_rms_m < particle.deviation_max_m < 2e-5
     path = saved(turned(build.ellipsoid_mesh([12.0, 12.0, 12.0])), tmp_path)
     particle = build.fit_particle(build.load_mesh(path), 1000.0)

@@ -77,9 +77,8 @@ LEAST_DIFFERENCE = 18.0  # CIE 1976, of the lit and of the shaded grain from a s
 LAMPS = 16
 SKIES = 16
 MAP_MM = 0.5
-TONE_CURVE = (
-    2.2  # colours here are those of a picture; light is mixed before a camera bends it
-)
+# colours here are those of a picture; light is mixed before a camera bends it
+TONE_CURVE = 2.2
 
 
 @numba.njit(cache=True)
@@ -145,9 +144,8 @@ class Scene:
             setattr(self, name, float(rng.uniform(*ends)))
         self.d = self.grain_px * self.away / self.focal  # height of a grain
         slope = np.tan(np.radians(self.angle))
-        lowest = (
-            (LEAST_HIGH_PX / self.grain_px) ** 3 * 2 * PACKED / slope**2
-        )  # number of grains of such a cone
+        # number of grains of such a cone
+        lowest = (LEAST_HIGH_PX / self.grain_px) ** 3 * 2 * PACKED / slope**2
         self.number = int(
             np.exp(rng.uniform(np.log(np.clip(lowest, LEAST, MOST)), np.log(MOST)))
         )
@@ -495,9 +493,8 @@ def outcome(
 ) -> tuple[photographs.Photograph, tuple[float, float, float]]:
     """The photograph of a scene, measured, and the truth; what was found in it lies beside it."""
     how = MeasureSettings.with_defaults(berry_height_mm=scene.d)
-    focal = (
-        scene.focal / SIZE[0] if scene.stated else None
-    )  # half of the cameras state their focal length
+    # half of the cameras state their focal length
+    focal = scene.focal / SIZE[0] if scene.stated else None
     path = sixty.saved(
         folder / f"{scene.seed}.jpg", lambda: photograph(scene)[0], focal, quality=92
     )

@@ -361,9 +361,8 @@ def _grains(scene, rng, eye, turn, focal, middle, colour):
         t = middle_at[hit] - back
         which = np.nonzero(hit)[0]
         pixel = at[hit][:, 1] * columns + at[hit][:, 0]
-        near = np.argsort(
-            -t, kind="stable"
-        )  # the last of several that are written to one pixel stays
+        # the last of several that are written to one pixel stays
+        near = np.argsort(-t, kind="stable")
         near = near[t[near] < depth[pixel[near]]]
         t = t[near]
         which = which[near]

@@ -58,9 +58,8 @@ def test_the_truth_of_a_drawing_is_its_side_view_without_perspective():
     """The highest point of ellipsoids is known without a picture."""
     scene = forty.Scene(1, number=200)
     centres, to_unit, number = scene.grains
-    reach = np.linalg.norm(
-        np.linalg.inv(to_unit)[:, 2], axis=1
-    )  # of an ellipsoid along z
+    # half the extent of an ellipsoid along z
+    reach = np.linalg.norm(np.linalg.inv(to_unit)[:, 2], axis=1)
     angle, refitted, high = forty.truth(
         scene, MeasureSettings.with_defaults(berry_height_mm=scene.d)
     )

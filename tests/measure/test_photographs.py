@@ -181,9 +181,8 @@ def test_a_scale_that_no_camera_has_is_refused(tmp_path, measure, scale):
 
 
 COLOURED = "below its grains, with the colour of the background: a shadow"
-SHADOWS = [
-    (40, 20, 60, 25, "a shadow at the foot")
-]  # the first of a grey pile, narrower than it
+# the first of a grey pile, narrower than it
+SHADOWS = [(40, 20, 60, 25, "a shadow at the foot")]
 SHADOWS += [
     ((40, 40, 110), -beyond, tone, 18, COLOURED)
     for tone in (60, 130)

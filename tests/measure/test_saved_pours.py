@@ -108,9 +108,8 @@ def test_another_response_measures_the_same_piles_again(saved, name):
 
 
 def test_a_definition_may_fail_as_the_response_or_a_target_and_only_then(saved):
-    tall = {
-        "berry_height_mm": 30.0
-    }  # the cone is some 55 mm high: berry to 60 % is too thin a band for half
+    # the cone is some 55 mm high: berry to 60 % is too thin a band for half
+    tall = {"berry_height_mm": 30.0}
     keys = {"fit_from": "berry", "fit_to": 0.6, **tall}
     kept = measure_job(
         Scene.of(config(response="secant", **keys), {}, AXES, PARTICLE), saved
@@ -338,9 +337,8 @@ def test_impossible_records_and_grains_are_refused_and_those_of_a_spoiled_run_ar
     measure({})
     path = saved.with_name("007.npz")
     whole = dict(np.load(path))
-    np.savez(
-        path, **whole | {"position_3": np.nan * whole["position_3"]}
-    )  # the run that jammed
+    # the run that jammed
+    np.savez(path, **whole | {"position_3": np.nan * whole["position_3"]})
     measure_job(Scene.of(config(), {}, AXES, PARTICLE), saved)
 
     def check(change, message):

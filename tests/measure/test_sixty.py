@@ -18,6 +18,7 @@ from repose.measure.photographs.tables import describe, tables
 from repose.measure.pile import measure_segmented
 from repose.measure.settings import MeasureSettings
 
+# A heap, two that touch, black grains, a layer, white grains, a heap that is cut off.
 FEW = (
     1,
     9,
@@ -25,7 +26,7 @@ FEW = (
     14,
     15,
     24,
-)  # A heap, two that touch, black grains, a layer, white grains, a heap that is cut off.
+)
 
 
 @pytest.mark.slow

@@ -102,10 +102,11 @@ def test_lock_file_wheel_and_source_distribution_hold_what_they_should():
     targets = PROJECT["tool"]["hatch"]["build"]["targets"]
     wheel = targets["wheel"]
     sdist = targets["sdist"]
+    # `repose docs` reads them
     assert wheel["sources"] == {
         "src": "",
         "docs": "repose/data/docs",
-    }  # `repose docs` reads them
+    }
     included = wheel["force-include"]
     cards = {
         "crops/cards",
@@ -120,10 +121,11 @@ def test_lock_file_wheel_and_source_distribution_hold_what_they_should():
         assert place == f"repose/data/{source}"
     assert (ROOT / "src" / "repose" / "py.typed").is_file()
     needed = {*included, "src", *PROJECT["project"]["license-files"]}
+    # pages of `repose docs`, and the commit of `repose --version`
     needed |= {
         "docs",
         "hatch_build.py",
-    }  # pages of `repose docs`, and the commit of `repose --version`
+    }
     assert set(sdist["only-include"]) == needed | {
         "CHANGELOG.md",
         "CITATION.cff",

@@ -19,9 +19,8 @@ MEASURE = every_bench_test()["measure"] | {
     "mm_per_pixel": 0.5,
     "response": "flank",
 }
-BERRY = every_bench_test()["berry"] | {
-    "spheres": 14
-}  # the fewest are searched for long
+# the fewest are searched for long
+BERRY = every_bench_test()["berry"] | {"spheres": 14}
 CONFIG = every_bench_test() | {"measure": MEASURE, "berry": BERRY, "small_run": False}
 PUBLISHED = ("aor_deg", "height_mm")
 

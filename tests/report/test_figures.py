@@ -209,9 +209,8 @@ def test_figures_say_what_a_reader_has_to_know(inputs, drawn, tmp_path, monkeypa
             key: file[key] for key in file if key.split("_")[1] in ("start", "report")
         }
     np.savez(changed["states"], **kept)
-    value = np.array(
-        [-3.0, -1.0, 1.0, 3.0]
-    )  # residuals of 1 about values -3, -1, 1, 3: R2 = 1 - 4 / 20 and RMSE 1
+    # residuals of 1 about values -3, -1, 1, 3: R2 = 1 - 4 / 20 and RMSE 1
+    value = np.array([-3.0, -1.0, 1.0, 3.0])
     table = pd.DataFrame(
         {"sample": range(4), "split": "test", "aor_deg": value, "height_mm": value}
     )
@@ -465,9 +464,8 @@ def test_large_weights_draw_no_long_bars_and_a_scale_bar_has_its_length(
         panel = style.new_figure(4, 2).subplots()
         style.scale_bar(panel, camera, np.array([0.02, 0.0, 0.0]), 0.2)
     (bar,) = panel.lines
-    assert [text.get_text() for text in panel.texts] == [
-        "50 mm"
-    ]  # at most 0.3 of 200 mm, and round
+    # the bar has a round length of at most 0.3 of 200 mm
+    assert [text.get_text() for text in panel.texts] == ["50 mm"]
     x, _, _ = camera.project(np.array([[0.02, 0.0, 0.0], [0.07, 0.0, 0.0]]))
     assert np.ptp(bar.get_xdata()) == pytest.approx(x[1] - x[0])
     assert max(bar.get_xdata()) < 600

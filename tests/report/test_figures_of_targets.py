@@ -124,9 +124,8 @@ def test_solutions_have_a_strip_for_each_target(names, tmp_path, monkeypatch):
     for name in names:
         assert f"Predicted {response(name).symbol}: " in text
         assert f"{response(name).unit}, the answer" in text
-    assert (
-        len(figure.axes[0].get_yticklabels()) == 5
-    )  # the fixed parameter has no strip
+    # the fixed parameter has no strip
+    assert len(figure.axes[0].get_yticklabels()) == 5
     assert "90 feasible solutions" in result
 
 
@@ -197,9 +196,8 @@ def test_every_mark_of_the_published_solutions_has_its_words_and_stale_numbers_a
 
     result = result_of(table.assign(**{column: [table[column][0], *5 * [np.nan]]}))
     assert result.count("not\npublished") == 5
-    names = dict.fromkeys(
-        text for text in result if text.startswith("P")
-    )  # of two panels
+    # both panels name the sets
+    names = dict.fromkeys(text for text in result if text.startswith("P"))
     assert list(names) == ["P\n(answer)", "P2", "P15", "P22", "P56", "P84"]
     assert {
         "target range",
@@ -216,9 +214,8 @@ def test_every_mark_of_the_published_solutions_has_its_words_and_stale_numbers_a
         assert "published measurement" in result
         assert "not\npublished" not in result
         assert (STALE in result) == stale
-    result = result_of(
-        table.drop(columns="height_simulated_mm")
-    )  # as where the stored table lacks a response
+    # the stored table may lack a response
+    result = result_of(table.drop(columns="height_simulated_mm"))
     assert any("AoR" in text for text in result)
     assert not any("Height" in text for text in result)
 
@@ -247,9 +244,8 @@ def test_a_target_that_was_not_published_and_a_profile_are_drawn(tmp_path, monke
     # the made-up prediction is the target, a parabola that three scores describe
     np.testing.assert_allclose(predicted.get_ydata(), HEIGHTS, atol=1e-9)
     inputs = {key: files[key] for key in ("dataset", "table4", "feasible")}
-    assert (
-        len(draw("plane", inputs, config_of(5))[0].axes) == 2
-    )  # scores have no planes
+    # scores have no planes
+    assert len(draw("plane", inputs, config_of(5))[0].axes) == 2
 
 
 def test_fixed_parameters_have_no_panel_priors_are_the_axis_and_unknown_outputs_are_named(

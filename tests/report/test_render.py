@@ -208,9 +208,8 @@ def test_a_large_picture_takes_few_bytes_for_each_ray():
     centres = rng.uniform(-0.03, 0.03, (200, 3))
     turns = rng.normal(size=(200, 4))
     frame = np.array([[-0.015, -0.015, -0.01], [0.015, 0.015, 0.02]])
-    render_pile(
-        centres, turns, BERRY, 14, 0, 60, 60, frame_m=frame
-    )  # compiles, which takes memory of its own
+    # compiles, which takes memory of its own
+    render_pile(centres, turns, BERRY, 14, 0, 60, 60, frame_m=frame)
     tracemalloc.start()
     walls = [Frustum(-0.01, 0.01, 0.02, 0.012)]
     picture = render_pile(

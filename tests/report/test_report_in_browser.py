@@ -137,13 +137,11 @@ def test_javascript_predicts_what_python_predicts_with_one_network_and_several(
     def compare(found, model, X):
         mean, std = model.predict(X, return_std=True, noise=False)
         np.testing.assert_allclose([row["mean"] for row in found], mean, rtol=1e-6)
-        np.testing.assert_allclose(
-            [row["std"] for row in found], std, rtol=1e-4
-        )  # the page has single precision
+        # the page has single precision
+        np.testing.assert_allclose([row["std"] for row in found], std, rtol=1e-4)
 
-    X = np.random.default_rng(2).uniform(
-        0.02, 0.8, (40, len(PARAMETERS))
-    )  # within and beyond the samples
+    # within and beyond the samples
+    X = np.random.default_rng(2).uniform(0.02, 0.8, (40, len(PARAMETERS)))
     compare(
         opened.evaluate("X => X.map(networkPredictor(content.model))", X.tolist()),
         model,
@@ -259,9 +257,8 @@ def test_print_is_one_page_with_the_answer_targets_table_4_and_the_pile(opened):
 def test_many_targets_and_sets_are_printed_on_one_page(browser, tmp_path):
     config, jobs, files = made_up_study(tmp_path, MORE)
     table4 = pd.read_csv(files["table4"])
-    pd.concat([table4, table4[1:]]).to_csv(
-        files["table4"], index=False
-    )  # the most that `validation` allows
+    # the most that `validation` allows
+    pd.concat([table4, table4[1:]]).to_csv(files["table4"], index=False)
     message = {
         "feasible": False,
         "message": 5 * "Nothing met in these ranges, and something else, too. ",

@@ -148,9 +148,8 @@ def test_a_surrogate_that_is_no_network_is_shown_along_each_parameter(tmp_path):
     )["model"]
     assert model["kind"] == "curves"
     assert "mur_gp" not in model["curves"]
-    point = np.array(
-        [[0.4, 0.5, 0.04, 0.3, 0.6, 0.2]]
-    )  # the answer with e_gg at its upper end
+    # the answer with e_gg at its upper end
+    point = np.array([[0.4, 0.5, 0.04, 0.3, 0.6, 0.2]])
     mean, std = load(tmp_path / "network.json").predict(
         point, return_std=True, noise=False
     )
@@ -213,10 +212,11 @@ def test_the_page_begins_with_whether_the_targets_are_met(
 def test_a_row_of_the_answer_tells_bounds(tmp_path):
     config, jobs, files = made_up_study(tmp_path, TARGETS)
     table = pd.read_csv(files["posterior"]).set_index("parameter")
+    # the answer is 0.2
     table.loc["e_gg", ["credible_low", "credible_high"]] = (
         0.3,
         0.35,
-    )  # the answer is 0.2
+    )
     table.to_csv(files["posterior"])
     low = RANGES["mur_gp"][0]
     sets = pd.read_csv(files["table4"])

@@ -407,9 +407,8 @@ def test_an_angle_of_a_pile_has_its_line_and_the_same_piles_by_every_other(
         assert ("definitions" in made_card["tests"][0]) == (given is not None)
     (tmp_path / "card.json").write_text(json.dumps(made_card))
     text = command("card", "show", tmp_path / "card.json").out
-    is_known(
-        "card.txt", text.rpartition("\n")[0].rpartition("\n")[0]
-    )  # without the versions
+    # without the versions
+    is_known("card.txt", text.rpartition("\n")[0].rpartition("\n")[0])
     assert (
         "definitions" not in made(config | {"targets": [HEIGHT]}, solutions)["tests"][0]
     )

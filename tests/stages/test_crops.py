@@ -102,9 +102,8 @@ def test_it_runs_from_sizes_to_card_at_small_size(name, tmp_path, monkeypatch, c
         ignore=shutil.ignore_patterns("results", ".*"),
     )
     monkeypatch.chdir(tmp_path)
-    berries = {"rapeseed": 400}.get(
-        name, 120
-    )  # fewer seeds of 2 mm are no pile on this plate
+    # fewer seeds of 2 mm are no pile on this plate
+    berries = {"rapeseed": 400}.get(name, 120)
     config = PipelineConfig.load(
         overrides=SMALL | {"funnel": SMALL["funnel"] | {"berries": berries}},
         inputs=True,

@@ -111,9 +111,8 @@ def test_run_says_whether_the_box_was_reached_with_solutions_and_tables_beside_t
             solutions["height_predicted_mm"] - 65
         ).abs() / 5
         np.testing.assert_allclose(solutions["objective"], F, atol=1e-12)
-    gaps = np.linalg.norm(X[:, None] - X, axis=2) + 9 * np.eye(
-        len(X)
-    )  # ranges of width 2: already normalised
+    # ranges of width 2: already normalised
+    gaps = np.linalg.norm(X[:, None] - X, axis=2) + 9 * np.eye(len(X))
     assert gaps.min() >= 0.05 - 1e-12
     intervals = pd.read_csv(out / "intervals.csv")
     assert intervals["variable"].tolist() == list(PARAMETERS)

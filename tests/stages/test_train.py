@@ -260,9 +260,8 @@ def test_the_split_is_reported_and_the_saved_model_knows_all_samples(tmp_path, n
         .to_numpy()
     )
     as_reported = np.allclose(saved.predict(X)[:, 1], test["height_predicted_mm"])
-    assert as_reported == (
-        name == "network"
-    )  # the article's network is the one that was reported
+    # the article's network is the one that was reported
+    assert as_reported == (name == "network")
     assert (
         metrics["n_fitted"]
         == len(saved.samples)
@@ -347,9 +346,8 @@ def test_a_parameter_of_the_law_is_an_input_and_noise_of_bench_tests_is_independ
     assert covariance[::2, ::2] == pytest.approx(
         np.array([[1.0, 1.0], [1.0, 4.0]]), rel=0.15
     )
-    assert covariance[1, 1] == pytest.approx(
-        2 * 9.0, rel=0.15
-    )  # means of two runs beside means of four
+    # means of two runs beside means of four
+    assert covariance[1, 1] == pytest.approx(2 * 9.0, rel=0.15)
     assert (
         train.Replicates.of(
             pd.concat([pours, turns.drop_duplicates("sample")]), samples, targets

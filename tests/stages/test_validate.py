@@ -27,10 +27,11 @@ TARGETS = Targets.of(shared.TARGETS)
 MEASURE = MeasureSettings.with_defaults(
     **shared.every_bench_test()["measure"] | {"response": "secant"}
 )
+# such a hash must stay a text
 NOW = {
     "engine": "0123456789012345",
     "scene": "12e4567890123456",
-}  # such a hash must stay a text
+}
 PUBLISHED = (
     "solution,e_gg,mus_gg,mur_gg,e_gp,mus_gp,mur_gp,"
     "aor_predicted_deg,height_predicted_mm,aor_simulated_deg,height_simulated_mm\n"
@@ -160,9 +161,8 @@ def test_table4_has_errors_as_published_and_every_definition_of_the_angle(study)
     row = table.iloc[0]
     assert row["aor_simulated_deg"] == pytest.approx(32.0)
     assert row["aor_se_deg"] == pytest.approx(2 / np.sqrt(3))
-    assert row["aor_error_percent"] == pytest.approx(
-        100 * 0.5 / 32.0
-    )  # 1.56, as theirs for 32.50 and 32.00
+    # 1.56, as theirs for 32.50 and 32.00
+    assert row["aor_error_percent"] == pytest.approx(100 * 0.5 / 32.0)
     assert row["height_error_percent"] == pytest.approx(0.0)
     assert row["n_seeds"] == 3
     pd.testing.assert_frame_equal(

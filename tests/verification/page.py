@@ -5,9 +5,8 @@ from pathlib import Path
 
 PAGE = Path(__file__).parents[2] / "docs" / "verification.md"
 CASES = "cases"  # the table with a line for each case
-NEGLIGIBLE = (
-    1e-9  # deviations below this are rounding, which differs between processors
-)
+# deviations below this are rounding, which differs between processors
+NEGLIGIBLE = 1e-9
 
 
 def percent(deviation):

@@ -14,9 +14,8 @@ from shared import ROOT, target
 
 from repose.common import ledger
 
-MIXED = [
-    target(name, 40, 2, 38, 42, 5) for name in ("height_mm", "drum_slip_deg")
-]  # Targets from two bench tests.
+# Targets from two bench tests.
+MIXED = [target(name, 40, 2, 38, 42, 5) for name in ("height_mm", "drum_slip_deg")]
 PROBE = """
 include: {snakefile!r}
 import json
@@ -34,9 +33,8 @@ class Done(NamedTuple):
     stdout: str
     stderr: str
     took_s: float
-    used_s: (
-        float  # processor time of snakemake and all its children, which it waits for
-    )
+    # processor time of snakemake and all its children, which it waits for
+    used_s: float
 
 
 def as_ours(folder):

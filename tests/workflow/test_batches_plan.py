@@ -61,9 +61,8 @@ def test_batches_follow_until_the_answer_and_a_kill_between_them_loses_nothing(
     sizes = []
     found = {"answer": False}
     while not found["answer"]:
-        jobs = planned(
-            project, *arguments
-        )  # everything before is kept: all that is planned is to read what was poured
+        # everything before is kept: all that is planned is to read what was poured
+        jobs = planned(project, *arguments)
         assert not {"pour", "batch_pour"} & set(jobs), (
             "none of the published method either"
         )

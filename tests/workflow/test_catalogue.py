@@ -139,9 +139,8 @@ def test_a_module_computes_the_study_of_its_config_and_leaves_the_handlers_to_th
         "Nothing to be done"
         in snakemake(tmp_path, "--cores", "1", "wheat/berry/berry.json").stderr
     )
-    crop["funnel"] = {
-        "seads": 3
-    }  # a fault names the configuration, as no file of the command line has it
+    # a fault names the configuration, as no file of the command line has it
+    crop["funnel"] = {"seads": 3}
     (tmp_path / "config/config.yaml").write_text(yaml.safe_dump(crops))
     wrong = snakemake(tmp_path, "-n", "wheat_all", status=2)
     assert (

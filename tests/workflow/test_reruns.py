@@ -245,8 +245,7 @@ def test_a_job_that_refuses_its_input_ends_the_workflow_as_the_verb_ends(finishe
         made,
         status=1,
     )
-    last, times = (
-        line.strip() for line in done.stderr.splitlines()[-2:]
-    )  # of the job's log, indented
+    # the last lines are those of the job's log, indented
+    last, times = (line.strip() for line in done.stderr.splitlines()[-2:])
     assert times.startswith("time: ")
     assert last.startswith("repose: error: results/quick/miga/feasible.csv: ")

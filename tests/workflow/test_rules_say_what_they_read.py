@@ -21,9 +21,8 @@ RULES = [
 ]
 ODD = """my "bérries"; touch PWNED; 'x' $(touch PWNED) -rf #"""
 FIGURE = ("results/figures/figure02.png", "--cores", "1", "--snakefile")
-PARAMS = SimpleNamespace(
-    caption="A caption."
-)  # of a figure: `@figure` says it, and tests/report hold it
+# the caption of a figure is set by `@figure`; tests/report check it
+PARAMS = SimpleNamespace(caption="A caption.")
 CAPTIONS = sorted((ROOT / "workflow" / "report").glob("*.rst"))
 FILES = [
     *RULES,
@@ -32,9 +31,8 @@ FILES = [
         for name in ("Snakefile", "workflow/Snakefile", "research/Snakefile")
     ),
 ]
-DOCUMENTED = {
-    "basedir"
-}  # Names that Snakemake documents: https://snakemake.readthedocs.io, Writing Workflows.
+# Names that Snakemake documents: https://snakemake.readthedocs.io, Writing Workflows.
+DOCUMENTED = {"basedir"}
 # All rules: no user's file is taken for a result and removed. Snakemake documents no list
 # of them (its issues 13 and 792); one by hand would need each name again. The others say
 # what the command line gives and whether this process runs one job of another one.

@@ -272,10 +272,11 @@ def test_an_engine_compiled_again_is_no_reason_to_pour_again_and_uncertainty_is_
             ]
             == 1
         )
+    # the posterior's tables belong to every study
     results = (
         "noise_tables",
         "sensitivity_tables",
-    )  # the posterior's tables belong to every study
+    )
     drawn = (
         "draw_noise",
         "draw_corner",

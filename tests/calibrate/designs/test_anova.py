@@ -129,9 +129,8 @@ def test_the_misprint_statistics_and_coefficients_as_printed():
 
 
 def test_the_constant_and_pure_error_of_a_blocked_design_and_what_leaves_out_a_term_or_a_run():
-    model = model_of(
-        "chemical_reaction"
-    )  # the vignette has 84.095427 for the first block and -4.457530 for the second
+    # the vignette has 84.095427 for the first block and -4.457530 for the second
+    model = model_of("chemical_reaction")
     assert model.constant == pytest.approx(84.095427 - 4.457530 / 2, abs=1e-6)
     assert model.predict(np.zeros((1, 3)))[0] == pytest.approx(model.constant)
     assert pure_error(model_of("chemical_reaction"))[1] == 4, "two and two centre runs"
@@ -189,13 +188,11 @@ def test_four_runs_have_no_lack_of_fit_test_nothing_when_saturated_and_share_r2(
 
 
 def test_pareto_limits_the_error_of_a_mean_and_runs_that_determine_no_model():
-    found = limits(
-        model_of("chemical_process")
-    )  # t distribution with 7 degrees of freedom: 2.365 at 5 % in any table
+    # t distribution with 7 degrees of freedom: 2.365 at 5 % in any table
+    found = limits(model_of("chemical_process"))
     assert found["t"] == pytest.approx(2.3646, abs=1e-4)
-    assert found["bonferroni"] == pytest.approx(
-        3.4995, abs=1e-4
-    )  # 5 terms: 1 % for each, 3.499 in any table
+    # 5 terms: 1 % for each, 3.499 in any table
+    assert found["bonferroni"] == pytest.approx(3.4995, abs=1e-4)
     # the mean of n runs has the standard error s / sqrt(n)
     model = fit(
         np.array([[-1.0], [1.0], [-1.0], [1.0]]), [1.0, 2.0, 1.4, 2.2], ["A"], "linear"

@@ -30,7 +30,6 @@ SECTION = {
     "reach": 0.25,
     "checks": 8,
 }
-REFINE = {"pours": 20, "tolerance_percent": 2.0, "design_seeds": 3, "seeds": 8}
 SETTINGS = ResponseSurfaceSettings(**SECTION)
 MATTER = {"mus_gg", "mur_gg", "mus_gp"}
 

@@ -225,9 +225,8 @@ def test_the_loop_as_a_user_writes_it():
     )
     while not study.done:
         samples = study.ask()  # DataFrame: sample, parameters
-        study.tell(
-            simulate(samples)
-        )  # DataFrame: sample, responses; NaN is a run that failed
+        # DataFrame: sample, responses; NaN is a run that failed
+        study.tell(simulate(samples))
     answer = study.answer()
     assert 20 + 12 * answer.parameters["mus_gg"] + 60 * answer.parameters[
         "mur_gg"

@@ -296,8 +296,7 @@ def test_load_names_what_is_wrong(tmp_path, fitted):
         "output_max": [math.nan, 1.0]
     }
     (tmp_path / "bad.json").write_text(json.dumps(damaged))
-    input_error(
-        "not all finite", load, tmp_path / "bad.json"
-    )  # the mean of a network holds without it
+    # the mean of a network holds without it
+    input_error("not all finite", load, tmp_path / "bad.json")
     wanted = r"outputs is \['x_deg', 'y_mm'\]; expected the targets y_mm, x_deg"
     input_error(wanted, load, tmp_path / "good.json", ("y_mm", "x_deg"))

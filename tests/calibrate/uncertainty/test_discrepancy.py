@@ -424,10 +424,11 @@ def test_bits_by_hand_the_most_informative_first_and_plausible_sets(tmp_path):
         made_up(0, 0, response="emptying_s"),
     ]
     table = next_measurement.information(pd.concat(runs), 10, 0.0)
+    # a constant response is left out
     assert list(table["response"]) == [
         "turning_deg",
         "flow_g_s",
-    ]  # a constant response is left out
+    ]
     assert table["bits_low"].iloc[1] == 0.0
     draws = pd.DataFrame(
         np.random.default_rng(1).random((50, 6)), columns=list(PARAMETERS)

@@ -202,9 +202,8 @@ def test_runs_are_told_by_rows_fixed_parameters_and_replicates(study, table, tmp
     assert len(known.failed) == 1
     assert known.counts.tolist() == [1] + [2] * 14
     numbers = table.assign(status=np.where(table["run"] == 2, "unstable", "Success"))
-    numbers.loc[numbers["run"] == 2, "angle_deg"] = (
-        0.0  # what the simulator wrote for a run that failed
-    )
+    # what the simulator wrote for a run that failed
+    numbers.loc[numbers["run"] == 2, "angle_deg"] = 0.0
     runs = checked_runs(study, numbers)
     assert runs.loc[runs["status"] != "ok", "angle_deg"].isna().all()
     assert observed(study, runs).counts.tolist() == [1] * 16
@@ -224,9 +223,8 @@ def test_runs_are_told_by_rows_fixed_parameters_and_replicates(study, table, tmp
         runs = added(study, new, record)
     assert (runs["restitution"] == 0.4).all()
     assert len(runs) == len(table)
-    alike = simulate(
-        study.ask(), noise=0.0
-    )  # runs with numbers may have the same results
+    # runs with numbers may have the same results
+    alike = simulate(study.ask(), noise=0.0)
     for run in (1, 2):
         alike[alike["run"] == run].to_csv(new, index=False)
         runs = added(study, new, tmp_path / "alike.csv")
@@ -298,9 +296,8 @@ def test_too_few_single_runs_are_refused_with_the_ways_out(study, table):
         angle_deg=table.groupby("sample")["angle_deg"].transform("first")
     )
     alike["time_s"] += np.linspace(0, 1e-7, len(alike))  # no row twice
-    found = noise_of(
-        study, alike
-    )  # as of a simulator without random numbers: each set counts once
+    # a simulator without random numbers repeats itself: each set counts once
+    found = noise_of(study, alike)
     assert set(found.sources.values()) == {noise.ESTIMATED}
 
 

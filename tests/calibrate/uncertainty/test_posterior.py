@@ -23,9 +23,8 @@ from repose.calibrate.uncertainty import implausibility, likelihood, posterior
 from repose.calibrate.uncertainty.likelihood import observation
 from repose.calibrate.uncertainty.settings import PosteriorSettings
 
-TARGETS = targets_of(
-    sd_percent=20 / 3, aor_deg=30.0, height_mm=60.0
-)  # standard errors of the means 1 deg and 2 mm
+# standard errors of the means 1 deg and 2 mm
+TARGETS = targets_of(sd_percent=20 / 3, aor_deg=30.0, height_mm=60.0)
 UNIT = {name: [0.0, 1.0] for name in PARAMETERS}
 SETTINGS = {
     "shape_study": None,

@@ -215,9 +215,8 @@ def test_bad_indices_are_refused_and_a_fixed_parameter_has_none():
         1, abs=0.02
     )
     middle = effects[(effects["parameter"] == "mus_gp") & (effects["value"] == 0.5)]
-    assert middle["drum_slip_deg"].item() == pytest.approx(
-        30.4
-    )  # e_gg is 0.4 above its middle
+    # e_gg is 0.4 above its middle
+    assert middle["drum_slip_deg"].item() == pytest.approx(30.4)
 
 
 def sensitivity_of(surrogate_json, targets, folder, space=None):
