@@ -276,12 +276,10 @@ def _finest(triangle, u, v, axes, width):
     a, b, c = triangle
     for _ in range(14):
         n = np.linspace(-width, width, 11)
-        du, dv = (
-            w.ravel()
-            for w in np.meshgrid(n / np.linalg.norm(b - a), n / np.linalg.norm(c - a))
-        )
-        us = np.clip(u + du, 0.0, 1.0)
-        vs = np.clip(v + dv, 0.0, 1.0)
+        du, dv = np.meshgrid(n / np.linalg.norm(b - a), n / np.linalg.norm(c - a))
+        us = np.clip(u + du.ravel(), 0.0, 1.0)
+        vs = np.clip(v + dv.ravel(), 0.0, 1.0)
+        # places beyond the third side move back onto it
         over = np.maximum(us + vs - 1.0, 0.0)
         us = np.maximum(us - 0.5 * over, 0.0)
         vs = np.minimum(np.maximum(vs - 0.5 * over, 0.0), 1.0 - us)

@@ -56,35 +56,28 @@ def test_every_key_of_a_berry_and_a_particle_is_checked(tmp_path):
     def check(read, record, key):
         assert raises(read, tmp_path / "a.json", json.dumps(record)).key == key
 
-    keys = (*berry_files.SIZE_COLUMNS, "density_kg_m3", "shear_modulus_pa")
-    berry = [
-        (berry_files.read_grain, BERRY | {key: value}, key)
-        for key in keys
-        for value in BAD
-    ]
-    others = [
-        (key, value) for key in berry_files.FROM_ZERO for value in BAD if value != 0
-    ]
-    berry += [
-        (berry_files.read_grain, BERRY | {key: value}, key) for key, value in others
-    ]
-    numbers = [key for key in PARTICLE if key not in ("kind", "stl")]
-    bad = ("text", {}, math.nan, -1, [1, "a"], [[1]], [math.inf] * 3, True)
-    particle = [
-        (Particle.load, PARTICLE | {key: value}, key)
-        for key in numbers
-        for value in bad
-    ]
-    without = [
-        (Particle.load, {name: PARTICLE[name] for name in PARTICLE if name != key}, key)
-        for key in PARTICLE
-    ]
-    cases = berry + particle + without
-    named = [
-        (f"{case[0].__name__} {case[2]} {case[1].get(case[2], 'missing')!r}", *case)
-        for case in cases
-    ]
-    check_all(check, named)
+    cases = []
+
+    def add(read, record, key):
+        value = record.get(key, "missing")
+        cases.append((f"{read.__name__} {key} {value!r}", read, record, key))
+
+    for key in (*berry_files.SIZE_COLUMNS, "density_kg_m3", "shear_modulus_pa"):
+        for value in BAD:
+            add(berry_files.read_grain, BERRY | {key: value}, key)
+    for key in berry_files.FROM_ZERO:
+        for value in BAD:
+            if value != 0:
+                add(berry_files.read_grain, BERRY | {key: value}, key)
+    for key in PARTICLE:
+        if key in ("kind", "stl"):
+            continue
+        for value in ("text", {}, math.nan, -1, [1, "a"], [[1]], [math.inf] * 3, True):
+            add(Particle.load, PARTICLE | {key: value}, key)
+    for key in PARTICLE:
+        without_key = {name: PARTICLE[name] for name in PARTICLE if name != key}
+        add(Particle.load, without_key, key)
+    check_all(check, cases)
 
 
 @pytest.mark.parametrize("key", berry_files.MODULI)

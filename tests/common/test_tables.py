@@ -291,8 +291,9 @@ def test_a_row_of_a_design_is_no_summary(tmp_path):
     rng = np.random.default_rng(1)
     low = np.full(6, 0.11)
     high = np.full(6, 0.97)
-    signs = np.array([[1 if k & 1 << n else -1 for n in range(6)] for k in range(8)])
-    corners = (low + high) / 2 + signs * (high - low) / 2
+    # eight corners: the bits of a corner's number say which of the first three columns are high
+    is_high = (np.arange(8)[:, None] >> np.arange(6)) & 1
+    corners = np.where(is_high, high, low)
     points = [*rng.uniform(low, high, (9, 6))]
     designs = {
         "centre": [*corners, -corners[1] + low + high, (low + high) / 2],
@@ -421,10 +422,9 @@ def test_tables_of_savetxt_are_read(tmp_path):
 
 def test_an_empty_cell_where_all_others_number_the_rows_is_refused(tmp_path):
     """In the first column it tells the row of a mean, also one that was rounded otherwise."""
-    rows = [
-        ["no", *row[1:]] if not k else [str(k), *row[1:]]
-        for k, row in enumerate(cells(MEASURED["sizes"]))
-    ]
+    header, *measured = cells(MEASURED["sizes"])
+    rows = [["no", *header[1:]]]
+    rows += [[str(k), *row[1:]] for k, row in enumerate(measured, 1)]
     path = tmp_path / "a.csv"
     assert len(read_sizes(written(path, joined(rows)))) == 5
     message = fault("sizes", path, joined([*rows, ["", "21.8", "11.64", "10.31"]]))
@@ -436,11 +436,9 @@ def test_an_empty_cell_where_all_others_number_the_rows_is_refused(tmp_path):
         table[-1][-1] = "24.5"
         message = fault("runs", path, joined(table))
         assert f"row 9: {key} is ''; expected a number, as in the other rows" in message
-    # A count that was taken of some rows only numbers none.
-    counted = [
-        [*row, "broken"] if not k else [*row, "" if k == 5 else "3"]
-        for k, row in enumerate(rows)
-    ]
+    # A count that was made for some rows only numbers none.
+    counts = ["broken", "3", "3", "3", "3", ""]
+    counted = [[*row, count] for row, count in zip(rows, counts, strict=True)]
     assert len(read_sizes(written(path, joined(counted)))) == 5
 
 

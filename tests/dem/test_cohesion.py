@@ -131,46 +131,35 @@ def sticking_energy(work, radius, young):
 @pytest.mark.parametrize("radii", [(2e-3, 5e-3), (4e-3, 4e-3), (3e-3, math.inf)])
 @pytest.mark.parametrize("of_spheres", [0, 1])
 def test_area_of_sjkr_is_that_of_liggghts(radii, of_spheres):
+    """The area is that of the disc in which two spheres, or a sphere and a plane (radius b infinite), cut each other."""
     law = CONTACT_LAWS["sjkr"]
     density = 2e4
     a, b = radii
+    on_plane = b == math.inf
     contact = Contact(1.0, 0.0, 0.0, constants={COHESION_ENERGY_DENSITY.name: density})
-    reduced = a if b == math.inf else a * b / (a + b)
+    reduced = a if on_plane else a * b / (a + b)
     tile, kept = tile_of(law, GOJI, contact, reduced)
-    for row, radius in ((tl.AREA_A, a), (tl.AREA_B, b)):
-        tile[row // LANES] = radius**2
+    tile[tl.AREA_A // LANES] = a**2
+    tile[tl.AREA_B // LANES] = b**2
     kept[ct.REACH // LANES] = a + b
     young, _ = effective_moduli(GOJI, GOJI)
     for overlap in (1e-5, 2e-4, 1e-3):
         law.geometry(
-            law.make_options(),
-            tile.ravel(),
-            kept.ravel(),
-            of_spheres,
-            int(b == math.inf),
+            law.make_options(), tile.ravel(), kept.ravel(), of_spheres, int(on_plane)
         )
         force = normal_force(law, tile, kept, overlap, ct.PAIR_STATE)
-        r = a - overlap if b == math.inf else a + b - overlap
-        area = math.pi * (a**2 - r**2)
-        if b != math.inf:
-            area = (
-                -math.pi
-                / 4.0
-                * (r - a - b)
-                * (r + a - b)
-                * (r - a + b)
-                * (r + a + b)
-                / r**2
-            )
+        if on_plane:
+            area = math.pi * (a**2 - (a - overlap) ** 2)
+        else:
+            r = a + b - overlap  # distance of the centres
+            factors = (r - a - b) * (r + a - b) * (r - a + b) * (r + a + b)
+            area = -math.pi / 4.0 * factors / r**2
         hertz = 4.0 / 3.0 * young * math.sqrt(reduced) * overlap**1.5
         np.testing.assert_allclose(force, hertz - density * area, rtol=1e-9)
     assert normal_force(law, tile, kept, -1e-9, ct.PAIR_STATE)[0] == 0.0
     # unused lanes hold a body that lies on itself
-    assert np.isfinite(
-        normal_force(
-            law, tile, kept, 2.0 * a if b == math.inf else a + b, ct.PAIR_STATE
-        )
-    ).all()
+    deepest = 2.0 * a if on_plane else a + b
+    assert np.isfinite(normal_force(law, tile, kept, deepest, ct.PAIR_STATE)).all()
 
 
 @pytest.mark.slow

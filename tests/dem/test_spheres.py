@@ -73,41 +73,39 @@ def test_spheres_fall_rest_hit_and_turn_again_when_pushed():
     )
 
 
-@pytest.mark.parametrize(
-    "kind", ["disc", "cone", "tilted tube", "edge", "mesh", "moving"]
-)
+WALLS = {
+    "disc": {"floor": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", 0.03)},
+    "cone": {"cone": CONE, "floor": FLOOR},
+    "tilted tube": {
+        "tube": Cylinder((0.0, 0.0, 0.02), (0.1, 0.05, 1.0), 0.1, 0.03, "wall"),
+        "floor": FLOOR,
+    },
+    "edge": {
+        "edge": RingEdge(0.014, 0.002, "wall", ((0.0, -1.0), (0.0, -1.0)), 0.02),
+        "floor": FLOOR,
+    },
+    "mesh": {"block": mesh_of(trimesh.creation.box((0.08, 0.08, 0.02)), 1e-3)},
+    "moving": {
+        "floor": Plane(
+            (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", motion=Motion((0.05, 0.0, 0.1))
+        ),
+        "drum": Cylinder(
+            (0, 0, -0.1),
+            (0, 0, 1),
+            0.4,
+            0.04,
+            "wall",
+            motion=Motion((0, 0, 0), (0, 0, 5)),
+        ),
+    },
+}
+
+
+@pytest.mark.parametrize("kind", WALLS)
 def test_they_pile_up_among_walls(kind):
-    walls = {
-        "disc": {"floor": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", 0.03)},
-        "cone": {"cone": CONE, "floor": FLOOR},
-        "tilted tube": {
-            "tube": Cylinder((0.0, 0.0, 0.02), (0.1, 0.05, 1.0), 0.1, 0.03, "wall"),
-            "floor": FLOOR,
-        },
-        "edge": {
-            "edge": RingEdge(0.014, 0.002, "wall", ((0.0, -1.0), (0.0, -1.0)), 0.02),
-            "floor": FLOOR,
-        },
-        "mesh": {"block": mesh_of(trimesh.creation.box((0.08, 0.08, 0.02)), 1e-3)},
-        "moving": {
-            "floor": Plane(
-                (0.0, 0.0, 0.0),
-                (0.0, 0.0, 1.0),
-                "wall",
-                motion=Motion((0.05, 0.0, 0.1)),
-            ),
-            "drum": Cylinder(
-                (0, 0, -0.1),
-                (0, 0, 1),
-                0.4,
-                0.04,
-                "wall",
-                motion=Motion((0, 0, 0), (0, 0, 5)),
-            ),
-        },
-    }[kind]
+    """Spheres, ellipsoids and clumps of one sphere move alike, from three layers of four in free fall to a pile."""
     scenes = three(
-        walls=walls, gravity=DOWN, dt=5e-6, capacity=12, floor_height_m=-0.05
+        walls=WALLS[kind], gravity=DOWN, dt=5e-6, capacity=12, floor_height_m=-0.05
     )
     rng = np.random.default_rng(4)
     for k in range(12):

@@ -43,35 +43,27 @@ def rows(numbers: list[int], folder: Path) -> list[str]:
         number: measured(number, HIGH[-1], folder).measurement for number in numbers
     }
     for high in HIGH[:-1]:
-        found = {number: measured(number, high, folder) for number in numbers}
-        seen = {
-            number: seen_coarse.measurement
-            for number, seen_coarse in found.items()
-            if seen_coarse.measurement
-        }
-        colours = [
-            number
-            for number in seen
-            if any("hardly differs" in doubt for doubt in found[number].doubts)
-        ]
-        both = [
-            (seen[k], fine)
-            for k, fine in finest.items()
-            if fine and k in seen and k not in colours
-        ]
-        errors = np.array(
-            [
-                (
-                    seen_coarse.aor_deg - fine.aor_deg,
-                    seen_coarse.height_mm - fine.height_mm,
-                )
-                for seen_coarse, fine in both
-            ]
-        )
-        most = np.abs(errors).max(axis=0)
+        n_measured = 0
+        n_pale = 0
+        differences = []
+        for number in numbers:
+            photograph = measured(number, high, folder)
+            coarse = photograph.measurement
+            fine = finest[number]
+            if coarse is None:
+                continue
+            n_measured += 1
+            if any("hardly differs" in doubt for doubt in photograph.doubts):
+                n_pale += 1
+            elif fine is not None:
+                angle = coarse.aor_deg - fine.aor_deg
+                height = coarse.height_mm - fine.height_mm
+                differences.append((angle, height))
+        mean_angle, mean_height = np.mean(differences, axis=0)
+        largest_angle, largest_height = np.abs(differences).max(axis=0)
         lines.append(
-            f"| {high} | {len(seen)} | {len(colours)} | {errors[:, 0].mean():+.2f} | {most[0]:.2f} | "
-            f"{errors[:, 1].mean():+.2f} | {most[1]:.2f} |"
+            f"| {high} | {n_measured} | {n_pale} | {mean_angle:+.2f} | {largest_angle:.2f} | "
+            f"{mean_height:+.2f} | {largest_height:.2f} |"
         )
     return lines
 

@@ -195,32 +195,89 @@ def test_a_small_run_has_a_band_across_the_top(name, inputs, drawn, tmp_path):
     assert banded > 5000 > plain
 
 
-def test_figures_say_what_a_reader_has_to_know(inputs, drawn, tmp_path, monkeypatch):
-    monkeypatch.setattr(rotation, "PIXELS", 120)
-    changed = {name: tmp_path / path.name for name, path in inputs.items()}
-    changed["sizes"].write_text(
-        inputs["sizes"].read_text().replace("# reconstruction\n", "")
-    )
-    changed["summary"].write_text(
+def drawn_texts(draw, files):
+    """The texts of a figure that is drawn from `files`."""
+    with style.applied():
+        return texts_of(draw(files, CONFIG))
+
+
+def test_a_figure_of_sizes_says_where_they_are_a_reconstruction(inputs, tmp_path):
+    text = drawn_texts(berries.sizes_and_sphericity, {"sizes": inputs["sizes"]})
+    assert berries.RECONSTRUCTED in text
+    measured = tmp_path / "sizes.csv"
+    measured.write_text(inputs["sizes"].read_text().replace("# reconstruction\n", ""))
+    text = drawn_texts(berries.sizes_and_sphericity, {"sizes": measured})
+    assert berries.RECONSTRUCTED not in text
+
+
+def test_a_search_without_a_feasible_set_says_how_near_it_came(inputs, tmp_path):
+    summary = tmp_path / "summary.json"
+    summary.write_text(
         json.dumps({"feasible": False, "message": "nearest: 3.1 deg short"})
     )
+    files = {"feasible": inputs["feasible"], "summary": summary}
+    says(
+        drawn_texts(search.feasible_solutions, files),
+        "no set is predicted inside all ranges: the ",
+        "nearest: 3.1 deg short",
+    )
+
+
+def test_failed_samples_are_counted(inputs):
+    files = {"dataset": inputs["dataset"]}
+    says(
+        drawn_texts(samples.responses_over_parameters, files),
+        "3 of 150 samples gave no result",
+        "3 jammed",
+    )
+
+
+def test_a_drum_that_never_slips_is_shown_at_the_report(inputs, tmp_path, monkeypatch):
+    monkeypatch.setattr(rotation, "PIXELS", 120)
+    states = tmp_path / "states.npz"
     with np.load(inputs["states"]) as file:
-        kept = {
+        arrays = {
             key: file[key] for key in file if key.split("_")[1] in ("start", "report")
         }
-    np.savez(changed["states"], **kept)
-    # residuals of 1 about values -3, -1, 1, 3: R2 = 1 - 4 / 20 and RMSE 1
+    np.savez(states, **arrays)
+    files = {"states": states, "particle": inputs["particle"]}
+    says(drawn_texts(rotation.states, files), "NO SLIP", "at the report")
+
+
+def test_a_drum_that_slips_says_when(drawn):
+    assert "slipped first when the drum had turned by 51.0°, after 10.2 s" in texts_of(
+        drawn("figure15")[0]
+    )
+
+
+def test_the_accuracy_of_a_surrogate_stands_beside_that_of_a_perfect_model(tmp_path):
+    """R2 is 1 minus the sum of squared errors over that of the values about their mean, which is 20 here."""
     value = np.array([-3.0, -1.0, 1.0, 3.0])
-    table = pd.DataFrame(
-        {"sample": range(4), "split": "test", "aor_deg": value, "height_mm": value}
+    predicted = value + np.array([1, -1, 1, -1])
+    predictions = pd.DataFrame(
+        {
+            "sample": range(4),
+            "split": "test",
+            "aor_deg": value,
+            "height_mm": value,
+            "aor_predicted_deg": predicted,
+            "height_predicted_mm": predicted,
+        }
     )
-    table["aor_predicted_deg"] = table["height_predicted_mm"] = value + np.array(
-        [1, -1, 1, -1]
+    dataset = pd.DataFrame({"sample": range(4), "aor_se_deg": 0.5, "height_se_mm": 1.5})
+    files = {name: tmp_path / f"{name}.csv" for name in ("predictions", "dataset")}
+    predictions.to_csv(files["predictions"], index=False)
+    dataset.to_csv(files["dataset"])
+    # errors of the network: R2 = 1 - 4 * 1 / 20. A perfect model is off by the standard
+    # errors: R2 = 1 - 4 * 0.25 / 20, and for the height 1 - 4 * 2.25 / 20
+    says(
+        drawn_texts(surrogate.predicted_against_simulated, files),
+        "test: R² 0.80, RMSE 1.00 deg\nperfect model, 4 sets: R² 0.95, RMSE 0.50 deg",
+        "test: R² 0.80, RMSE 1.00 mm\nperfect model, 4 sets: R² 0.55, RMSE 1.50 mm",
     )
-    table.to_csv(changed["predictions"], index=False)
-    pd.DataFrame({"sample": range(4), "aor_se_deg": 0.5, "height_se_mm": 1.5}).to_csv(
-        changed["dataset"]
-    )
+
+
+def test_errors_of_the_validation_are_percent_of_the_simulated_value(tmp_path):
     row = {
         "solution": 5,
         "aor_predicted_deg": 33.0,
@@ -228,57 +285,23 @@ def test_figures_say_what_a_reader_has_to_know(inputs, drawn, tmp_path, monkeypa
         "aor_simulated_deg": 30.0,
         "height_simulated_mm": 70.0,
     }
-    pd.DataFrame([row]).to_csv(changed["table4"], index=False)
-    corner = ("NOT CONVERGED", "EXTRAPOLATED", "best draw 2.00 standard deviations")
-    failed = ("3 of 150 samples gave no result", "3 jammed")
-    nothing = ("no set is predicted inside all ranges: the ", "nearest: 3.1 deg short")
-    # a perfect model is off by the standard errors: R2 = 1 - 4 * 0.25 / 20, and for the
-    # height 1 - 4 * 2.25 / 20
-    accuracy = (
-        "test: R² 0.80, RMSE 1.00 deg\nperfect model, 4 sets: R² 0.95, RMSE 0.50 deg",
-        "test: R² 0.80, RMSE 1.00 mm\nperfect model, 4 sets: R² 0.55, RMSE 1.50 mm",
-    )
-    cases = [
-        (
-            berries.sizes_and_sphericity,
-            {"sizes": inputs["sizes"]},
-            (berries.RECONSTRUCTED,),
-        ),
-        (berries.sizes_and_sphericity, {"sizes": changed["sizes"]}, ()),
-        (
-            search.feasible_solutions,
-            {"feasible": inputs["feasible"], "summary": changed["summary"]},
-            nothing,
-        ),
-        (samples.responses_over_parameters, {"dataset": inputs["dataset"]}, failed),
-        (
-            rotation.states,
-            {"states": changed["states"], "particle": inputs["particle"]},
-            ("NO SLIP", "at the report"),
-        ),
-        (
-            surrogate.predicted_against_simulated,
-            {key: changed[key] for key in ("predictions", "dataset")},
-            accuracy,
-        ),
-        # errors are percent of the simulated value
-        (checks.validation, {"table4": changed["table4"]}, ("| 10.0 % |",)),
-    ]
-    with style.applied():
-        texts = [texts_of(draw(files, CONFIG)) for draw, files, _ in cases]
-    for text, (draw, _, parts) in zip(texts, cases, strict=True):
-        assert [part for part in parts if part not in text] == [], draw
-    assert [part for part in corner if part not in texts_of(drawn("corner")[0])] == []
-    assert "slipped first when the drum had turned by 51.0°, after 10.2 s" in texts_of(
-        drawn("figure15")[0]
-    )
-    assert berries.RECONSTRUCTED not in texts[1]
-    assert "published" not in texts[-1]
+    table4 = tmp_path / "table4.csv"
+    pd.DataFrame([row]).to_csv(table4, index=False)
+    text = drawn_texts(checks.validation, {"table4": table4})
+    assert "| 10.0 % |" in text
+    assert "published" not in text
 
 
-def test_bad_names_are_named_and_the_pile_shows_its_definitions(
-    inputs, tmp_path, drawn
-):
+def test_a_posterior_says_what_is_wrong_with_it(drawn):
+    says(
+        texts_of(drawn("corner")[0]),
+        "NOT CONVERGED",
+        "EXTRAPOLATED",
+        "best draw 2.00 standard deviations",
+    )
+
+
+def test_bad_names_of_figures_and_inputs_are_named(inputs, tmp_path):
     cases = [
         (("figure99", {}), "figure99"),
         (("figure02", {}), "sizes"),
@@ -290,21 +313,31 @@ def test_bad_names_are_named_and_the_pile_shows_its_definitions(
     )
     np.savez(tmp_path / "x.npz", other=np.zeros(3))
     input_error("position_SEED", saved_pours.first_pour, tmp_path / "x.npz")
+
+
+def test_sizes_have_an_axis_of_whole_numbers(drawn):
     ticks = [tick.get_text() for tick in drawn("figure02")[0].axes[0].get_yticklabels()]
-    assert len([tick for tick in ticks if tick.isdigit()]) == len(ticks) > 2
+    assert all(tick.isdigit() for tick in ticks)
+    assert len(ticks) > 2
+
+
+def test_the_legend_of_the_plane_says_what_bars_and_line_are(drawn):
     title = drawn("plane")[0].legends[0].get_title().get_text()
     assert title.startswith(plane.BARS)
     assert LINE in title.replace("\n", " ")
+
+
+def test_the_pile_shows_the_definitions_of_its_angle(drawn):
     settings = MeasureSettings.with_defaults(**CONFIG["measure"])
     figure, _ = drawn("definitions")
-    figure.canvas.draw()  # at the resolution of its texts' places
+    # texts have their places only after drawing
+    figure.canvas.draw()
     text = texts_of(figure)
     assert "80 % of the height" in text
     assert "fit_" not in text
-    assert (
-        figure.legends[0].get_window_extent().y1 < figure.axes[1].get_window_extent().y0
-    )
-    labels = [text.get_text().split("°  ")[1] for text in figure.legends[0].get_texts()]
+    (legend,) = figure.legends
+    assert legend.get_window_extent().y1 < figure.axes[1].get_window_extent().y0
+    labels = [text.get_text().split("°  ")[1] for text in legend.get_texts()]
     assert labels[0] == f"flank: {LINE}, used"
     assert labels[1:] == [
         f"{name}: {style.line_in_words(settings, name)}" for name in DEFINITIONS[1:]
@@ -431,25 +464,18 @@ def test_the_error_of_the_surrogate_is_drawn_in_units_of_the_objective(
     assert "0.3 deg, 0.5 mm" in line.get_label()
 
 
-def test_large_weights_draw_no_long_bars_and_a_scale_bar_has_its_length(
-    inputs, tmp_path
-):
-    # Two hidden neurons take mus_gg with opposite weights; mur_gg acts by weak ones, which remain.
+def test_weights_that_cancel_draw_no_long_bars(tmp_path):
+    """Two hidden neurons take mus_gg (1) with opposite weights; e_gg (0) and mur_gg (2) act by weak ones, which remain."""
     W1 = np.zeros((3, 6))
     W1[0, 1] = 2.0
     W1[1, 1] = -2.0
     W1[2, 2] = 0.3
     W1[2, 0] = -0.1
-    write_network(
-        tmp_path / "network.json",
-        ["aor_deg", "height_mm"],
-        W1,
-        [[1.0, 1.0, 1.0], [1.0, 1.0, 0.5]],
-    )
+    W2 = [[1.0, 1.0, 1.0], [1.0, 1.0, 0.5]]
+    path = tmp_path / "network.json"
+    write_network(path, ["aor_deg", "height_mm"], W1, W2)
     with style.applied():
-        figure = surrogate.network_structure(
-            {"network": tmp_path / "network.json"}, CONFIG
-        )
+        figure = surrogate.network_structure({"network": path}, CONFIG)
     network, bars = figure.axes
     assert len({line.get_linewidth() for line in network.lines}) == 1
     lengths = np.array([bar.get_width() for bar in bars.containers[0]])
@@ -457,9 +483,11 @@ def test_large_weights_draw_no_long_bars_and_a_scale_bar_has_its_length(
     # mus_gg is as an input without any weight
     assert lengths[1] == pytest.approx(lengths[4], abs=0.5)
     assert {"90 % ↗", "10 % ↘"} <= set(texts_of(figure).split(" | "))
-    camera = look_at(
-        np.array([[-0.1, 0.0, 0.0], [0.1, 0.0, 0.05]]), 600, 300, 0.0, -90.0
-    )
+
+
+def test_a_scale_bar_has_its_length():
+    corners = np.array([[-0.1, 0.0, 0.0], [0.1, 0.0, 0.05]])
+    camera = look_at(corners, 600, 300, 0.0, -90.0)
     with style.applied():
         panel = style.new_figure(4, 2).subplots()
         style.scale_bar(panel, camera, np.array([0.02, 0.0, 0.0]), 0.2)
@@ -475,20 +503,19 @@ def test_the_outline_has_the_measured_height_and_slope_at_one_scale(drawn):
     figure, _ = drawn("outline")
     (panel,) = figure.axes
     assert panel.get_aspect() == 1
-    targets = {entry["response"]: entry for entry in CONFIG["targets"]}
-    height = targets["height_mm"]
-    angle = targets["aor_deg"]
+    measured = {entry["response"]: entry["value"] for entry in CONFIG["targets"]}
     lines = {line.get_label(): line for line in panel.lines}
-    (measured,) = [
+    (height,) = [
         line for label, line in lines.items() if label.startswith("measured height")
     ]
-    np.testing.assert_allclose(measured.get_ydata(), height["value"])
+    np.testing.assert_allclose(height.get_ydata(), measured["height_mm"])
     slopes = [line for line in panel.lines if "measured slope" in line.get_label()]
+    # one line for each flank
     assert len(slopes) == 2
     for line in slopes:
         (x0, x1), (z0, z1) = line.get_data()
         slope = (z1 - z0) / abs(x1 - x0)
-        assert np.degrees(np.arctan(slope)) == pytest.approx(angle["value"])
+        assert np.degrees(np.arctan(slope)) == pytest.approx(measured["aor_deg"])
     # The cone of made-up grains is as high as its outlines.
     mean = lines["simulated pile, mean of the views"]
     views = [line for line in panel.lines if line.get_color() == style.SKY]

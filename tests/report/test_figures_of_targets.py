@@ -338,22 +338,23 @@ def test_published_sets_are_marked_in_the_posterior_and_those_of_another_wall_by
         "A",
         "B (wall: steel)",
     ]
-    shown = {}
+    # marks of published sets have the size 22; by the number of sets in a panel
+    marks = {1: [], 2: []}
     for panel in figure.axes:
         for points in panel.findobj(PathCollection):
             if points.get_sizes().tolist() == [22]:
-                shown.setdefault(len(points.get_offsets()), []).append(
-                    np.asarray(points.get_offsets())
-                )
+                places = np.asarray(points.get_offsets())
+                marks[len(places)].append(places)
+    # A has both sets in each pair of parameters
+    assert len(marks[2]) == len(FREE) * (len(FREE) - 1) / 2
+    values = [sets[name][:2].tolist() for name in FREE]
+    for places in marks[2]:
+        assert any(np.allclose(places[:, 0], value) for value in values)
+    # B shares only the parameters between grains
     grains = [name for name in FREE if name.endswith("_gg")]
-    assert len(shown[2]) == len(FREE) * (len(FREE) - 1) / 2
-    assert len(shown[1]) == len(grains) * (len(grains) - 1) / 2
-    values = {name: sets[name][:2].tolist() for name in FREE}
-    assert all(
-        any(np.allclose(part[:, 0], value) for value in values.values())
-        for part in shown[2]
-    )
-    assert all(np.allclose(part, 0.3) for part in shown[1])
+    assert len(marks[1]) == len(grains) * (len(grains) - 1) / 2
+    for places in marks[1]:
+        assert np.allclose(places, 0.3)
 
 
 def test_the_curve_over_the_discrepancy(tmp_path):
@@ -399,14 +400,17 @@ def test_the_region_has_its_parameters_on_the_right_axes(tmp_path):
     d = len(FREE)
     panels = np.array(figure.axes[: d * d]).reshape(d, d)
     assert sum(panel.axison for panel in panels.flat) == d * (d - 1)
-    depth, least = (panels[place].collections[0] for place in ((0, 1), (1, 0)))
+    # the first parameter is on the vertical axis above the diagonal, on the horizontal one below it
+    depth = panels[0, 1].collections[0]
+    least = panels[1, 0].collections[0]
+    cells = (implausibility.CELLS, implausibility.CELLS)
     half = implausibility.CELLS // 2
     below = np.arange(implausibility.CELLS) < half
     np.testing.assert_array_equal(
-        depth.get_array(), np.where(below, 0, 1)[:, None] + 0 * below
+        depth.get_array(), np.broadcast_to(np.where(below, 0, 1)[:, None], cells)
     )
     np.testing.assert_array_equal(
-        least.get_array(), np.where(below, 4, 1) + 0 * below[:, None]
+        least.get_array(), np.broadcast_to(np.where(below, 4, 1), cells)
     )
     colours = [
         to_hex(colour).upper()

@@ -185,36 +185,41 @@ def ensembles(folder, plain):
 
 
 def row(name, work, status):
+    """The row of an environment: equal files, those that differ, and by how much; bold where that is too much."""
     environment = ENVIRONMENTS[name]
+    if status is None:
+        return f"| {environment.what} | not run | | |"
     if status != 0:
-        return f"| {environment.what} | {'not run' if status is None else f'**ended with {status}**'} | | |"
+        return f"| {environment.what} | **ended with {status}** | | |"
     plain = work / PLAIN / ENVIRONMENTS[PLAIN].folder
     folder = work / name / environment.folder
-    wanted = results(plain)
+    expected = results(plain)
     found = results(folder)
-    other = sorted(
-        file for file in set(wanted) | set(found) if wanted.get(file) != found.get(file)
+    different = sorted(
+        file for file in {*expected, *found} if expected.get(file) != found.get(file)
     )
-    same = f"{len(wanted) - len(other)} of {len(wanted)}"
-    if not other:
+    same = f"{len(expected) - len(different)} of {len(expected)}"
+    if not different:
         return f"| {environment.what} | {same} | | |"
+    # on the same type of processor all bits have to agree
     if not environment.type:
-        return f"| {environment.what} | **{same}** | {', '.join(other[:8])} | |"
-    if any(
-        file.endswith(".npz") for file in other
-    ):  # the pours themselves: two draws of one ensemble
+        return f"| {environment.what} | **{same}** | {', '.join(different[:8])} | |"
+    # where the pours themselves differ, these are two draws of one ensemble
+    if any(file.endswith(".npz") for file in different):
         means = ensembles(folder, plain)
         listed = ", ".join(
             f"{name} {mean:+.2f} ± {error:.2f}" for name, (mean, error) in means.items()
         )
-        good = all(abs(mean) <= LARGEST_SCORE * error for mean, error in means.values())
-        return f"| {environment.what} | {same if good else f'**{same}**'} | pours, and what stands on them | {listed} |"
+        if any(abs(mean) > LARGEST_SCORE * error for mean, error in means.values()):
+            same = f"**{same}**"
+        return f"| {environment.what} | {same} | pours, and what stands on them | {listed} |"
     apart = {
         file: share for file, share in spread_of(folder, plain).items() if share > 0.0
     }
     listed = ", ".join(f"{file} {share:.1e}" for file, share in apart.items())
-    good = max(apart.values(), default=0.0) <= LARGEST_APART
-    return f"| {environment.what} | {same if good else f'**{same}**'} | {listed} | |"
+    if max(apart.values(), default=0.0) > LARGEST_APART:
+        same = f"**{same}**"
+    return f"| {environment.what} | {same} | {listed} | |"
 
 
 def main():

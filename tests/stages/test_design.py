@@ -30,24 +30,27 @@ def slow_minimum_distance(points):
     )
 
 
-def test_designs_are_latin_hypercubes_and_an_exchange_gains_what_it_says():
+def test_designs_are_latin_hypercubes():
     rng = np.random.default_rng(1)
     assert strata_are_filled_once(design.random_lhs(150, 6, rng))
     assert strata_are_filled_once(design.lhsdesign(150, 6, rng=rng))
     for n, d in ((2, 1), (2, 6), (3, 2), (7, 1)):
         assert strata_are_filled_once(design.optimal_lhs(n, d, seed=1))
+
+
+def test_an_exchange_gains_what_it_says():
+    """The criterion is the sum over all pairs of their distance to the power of -16, here by a slow loop."""
     rng = np.random.default_rng(4)
     points = design.random_lhs(25, 4, rng)
     doublings = 3
     pairs = exchange_search.Pairs(points, doublings)
     points = pairs.points
 
-    def total(p):
-        return sum(
-            np.sum((a - b) ** 2) ** -(2.0**doublings)
-            for i, a in enumerate(p)
-            for b in p[:i]
-        )
+    def total(points):
+        squares = [
+            np.sum((a - b) ** 2) for i, a in enumerate(points) for b in points[:i]
+        ]
+        return sum(square ** -(2.0**doublings) for square in squares)
 
     assert pairs.total() == pytest.approx(total(points))
     assert pairs.squared.min() == pytest.approx(design.minimum_distance(points) ** 2)
@@ -58,9 +61,8 @@ def test_designs_are_latin_hypercubes_and_an_exchange_gains_what_it_says():
         before = total(points)
         pairs.exchange(column, i, j)
         after = total(points)
-        assert gain == pytest.approx(
-            after - before, rel=1e-6, abs=1e-9 * max(before, after)
-        )
+        rounding = 1e-9 * max(before, after)
+        assert gain == pytest.approx(after - before, rel=1e-6, abs=rounding)
         assert pairs.total() == pytest.approx(after)
 
 
@@ -75,13 +77,16 @@ def test_optimal_is_a_latin_hypercube_far_better_than_best_of_20():
     assert design.phi_p(optimal) < design.phi_p(best_of_20)
 
 
-def test_best_of_20_and_criteria_are_those_of_slow_twins_and_five_points_have_their_optimum():
+def test_the_best_of_20_designs_is_chosen():
     rng = np.random.default_rng(5)
     distances = [
         slow_minimum_distance(design.random_lhs(30, 3, rng)) for _ in range(20)
     ]
     chosen = design.lhsdesign(30, 3, rng=np.random.default_rng(5))
     assert slow_minimum_distance(chosen) == pytest.approx(max(distances))
+
+
+def test_criteria_are_those_of_slow_twins():
     points = design.random_lhs(12, 3, np.random.default_rng(2))
     assert design.minimum_distance(points) == pytest.approx(
         slow_minimum_distance(points)
@@ -90,16 +95,21 @@ def test_best_of_20_and_criteria_are_those_of_slow_twins_and_five_points_have_th
     assert design.phi_p(points) == pytest.approx(
         sum(np.linalg.norm(a - b) ** -16.0 for a, b in pairs) ** (1 / 16)
     )
-    assert slow_minimum_distance(
-        np.floor(design.optimal_lhs(5, 2, seed=3) * 5)
-    ) == pytest.approx(np.sqrt(5))
-    first, again, other = (design.optimal_lhs(8, 3, seed=seed) for seed in (7, 7, 8))
-    np.testing.assert_array_equal(first, again)
-    assert not np.array_equal(first, other)
+
+
+def test_five_points_have_their_optimum():
+    """In a square of 5 x 5 cells the best five points are a knight's move apart, sqrt(5) cells."""
+    cells = np.floor(design.optimal_lhs(5, 2, seed=3) * 5)
+    assert slow_minimum_distance(cells) == pytest.approx(np.sqrt(5))
+
+
+def test_a_design_follows_from_its_seed():
+    first = design.optimal_lhs(8, 3, seed=7)
+    np.testing.assert_array_equal(first, design.optimal_lhs(8, 3, seed=7))
+    assert not np.array_equal(first, design.optimal_lhs(8, 3, seed=8))
     # as published designs were made: a rounding that differs leads to another design
-    assert (
-        design.minimum_distance(design.optimal_lhs(16, 2, seed=1)) == 0.2312518711027318
-    )
+    published = design.optimal_lhs(16, 2, seed=1)
+    assert design.minimum_distance(published) == 0.2312518711027318
 
 
 @pytest.mark.parametrize("method", ["lhsdesign", "optimal"])

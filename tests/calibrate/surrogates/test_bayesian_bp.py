@@ -31,7 +31,7 @@ def score(model, X, Y):
     return np.mean([r2(y, predicted) for y, predicted in pairs])
 
 
-def test_jacobian_and_forward_pass_are_those_of_differences_and_loops(fitted):
+def test_a_jacobian_is_that_of_central_differences():
     random = np.random.RandomState(1)
     x = random.uniform(0.1, 0.9, (7, 3))
     w = random.normal(size=4 * 3 + 4 + 2 * 4 + 2)
@@ -40,11 +40,13 @@ def test_jacobian_and_forward_pass_are_those_of_differences_and_loops(fitted):
     for k in range(w.size):
         shift = np.zeros(w.size)
         shift[k] = step
-        difference = (
-            two_layer.jacobian(w + shift, x, 2)[0]
-            - two_layer.jacobian(w - shift, x, 2)[0]
-        ) / (2 * step)
-        np.testing.assert_allclose(J[:, :, k], difference, atol=1e-8)
+        above, _ = two_layer.jacobian(w + shift, x, 2)
+        below, _ = two_layer.jacobian(w - shift, x, 2)
+        np.testing.assert_allclose(J[:, :, k], (above - below) / (2 * step), atol=1e-8)
+
+
+def test_a_forward_pass_is_that_of_loops(fitted):
+    """Inputs and outputs are scaled to 0.1 to 0.9; the hidden layer has tansig, the last none."""
     model, X, _ = fitted
     slow = np.zeros(2)
     x = 0.1 + 0.8 * (X[5] - model.input_min_) / (model.input_max_ - model.input_min_)
@@ -52,10 +54,10 @@ def test_jacobian_and_forward_pass_are_those_of_differences_and_loops(fitted):
         total = model.b2_[k]
         for j in range(12):
             z = sum(model.W1_[j, i] * x[i] for i in range(6)) + model.b1_[j]
-            total += model.W2_[k, j] * (2 / (1 + np.exp(-2 * z)) - 1)  # tansig
-        slow[k] = model.output_min_[k] + (total - 0.1) / 0.8 * (
-            model.output_max_[k] - model.output_min_[k]
-        )
+            tansig = 2 / (1 + np.exp(-2 * z)) - 1
+            total += model.W2_[k, j] * tansig
+        width = model.output_max_[k] - model.output_min_[k]
+        slow[k] = model.output_min_[k] + (total - 0.1) / 0.8 * width
     np.testing.assert_allclose(model.predict(X[5:6])[0], slow, rtol=1e-12)
 
 
@@ -97,13 +99,17 @@ def test_hyperparameters_are_at_their_fixed_point_on_known_functions(fitted):
     assert np.linalg.norm(gradient) < 1e-3
 
 
-def test_a_covariances_root_first_slopes_and_the_best_start(monkeypatch):
+def test_the_root_of_a_posterior_covariance_is_that_of_the_inverse_hessian():
     J = np.random.RandomState(5).normal(size=(8, 3))
     alpha = np.array([0.3, 0.7, 5.0])
     beta = 2.0
     root = evidence.posterior_root(alpha, beta, J.T @ J)
     hessian = 2 * beta * J.T @ J + 2 * np.diag(alpha)
     np.testing.assert_allclose(root @ root.T, np.linalg.inv(hessian), rtol=1e-12)
+
+
+def test_first_weights_are_those_of_nguyen_and_widrow():
+    """Rows of W1 have the length 0.7 H^(1 / d), over half the interval of 0.8, for H = 12 neurons and d = 6 inputs."""
     W1, b1, W2, b2 = two_layer.unpack(
         two_layer.nguyen_widrow(6, 12, 2, (0.1, 0.9), 3), 6, 12, 2
     )
@@ -112,10 +118,14 @@ def test_a_covariances_root_first_slopes_and_the_best_start(monkeypatch):
     assert (np.abs(W1 @ np.full(6, 0.5) + b1) <= length).all()  # at the inputs' middle
     assert (np.abs(W2) <= 0.5).all()
     assert b2.shape == (2,)
-    honest = two_layer.nguyen_widrow
+
+
+def test_the_best_of_several_starts_is_kept(monkeypatch):
+    nguyen_widrow = two_layer.nguyen_widrow
 
     def dead(inputs, hidden, outputs, interval, seed):
-        w = honest(inputs, hidden, outputs, interval, seed)
+        """First weights of which only start 1 can learn anything."""
+        w = nguyen_widrow(inputs, hidden, outputs, interval, seed)
         if seed[1] != 1:
             w[:-outputs] = 0.0
         return w
@@ -124,9 +134,8 @@ def test_a_covariances_root_first_slopes_and_the_best_start(monkeypatch):
     X, Y = noisy_data(95, 2, noise=(0.2, 0.4))
     model = BayesianBP(starts=3).fit(X, Y)
     assert model.best_start_ == 1
-    assert model.starts_[1]["mse"] < 0.1 * min(
-        model.starts_[0]["mse"], model.starts_[2]["mse"]
-    )
+    others = min(model.starts_[0]["mse"], model.starts_[2]["mse"])
+    assert model.starts_[1]["mse"] < 0.1 * others
 
 
 def test_a_start_keeps_its_largest_evidence_and_is_at_the_minimum_there(monkeypatch):
@@ -339,7 +348,7 @@ def test_predict_refuses_other_inputs_and_error_bars_hold_what_they_promise(fitt
     assert mean.shape == std.shape == (200,)
 
 
-def test_classes_of_weights_and_a_prior_for_each_input():
+def test_each_weight_is_in_one_class():
     w = np.arange(3 * 4 + 4 + 2 * 5)
     for prior, count in (("one", 1), ("layers", 3), ("inputs", 5)):
         classes = two_layer.weight_classes(prior, 3, 4, 2)
@@ -349,17 +358,20 @@ def test_classes_of_weights_and_a_prior_for_each_input():
     np.testing.assert_array_equal(classes[1], W1[:, 1])
     np.testing.assert_array_equal(classes[3], b1)
     np.testing.assert_array_equal(classes[4], np.concatenate([W2.ravel(), b2]))
+
+
+def test_a_prior_for_each_input_finds_the_inputs_without_effect():
+    """Two of six inputs have an effect; the weights of the others shrink, which helps the prediction."""
     random = np.random.RandomState(19)
     X = random.uniform(-1, 1, (95, 6))
     y = np.sin(2 * X[:, 0]) + X[:, 1] ** 2 + 0.1 * random.normal(size=95)
     fresh = random.uniform(-1, 1, (500, 6))
     truth = np.sin(2 * fresh[:, 0]) + fresh[:, 1] ** 2
-    model = BayesianBP(hidden=5, starts=4, epochs=300, goal=0.0, prior="inputs").fit(
-        X, y
-    )
+    settings = {"hidden": 5, "starts": 4, "epochs": 300, "goal": 0.0}
+    model = BayesianBP(**settings, prior="inputs").fit(X, y)
     assert model.alpha_.shape == (8,)
     assert model.alpha_[2:6].min() > 30 * model.alpha_[:2].max()
-    plain = BayesianBP(hidden=5, starts=4, epochs=300, goal=0.0).fit(X, y)
+    plain = BayesianBP(**settings).fit(X, y)
     assert 1 - score(model, fresh, truth) < 0.7 * (1 - score(plain, fresh, truth))
 
 

@@ -66,7 +66,8 @@ def test_moments_are_those_of_the_conditional_distribution(noise_of):
         assert variances[i] == pytest.approx(variance[0], rel=1e-6)
 
 
-def test_a_covariance_is_that_of_the_textbook_and_one_network_is_that_network(fitted):
+def test_a_covariance_is_that_of_the_textbook():
+    """Matérn's covariance of smoothness 5/2 is s^2 (1 + r + r^2 / 3) exp(-r), r: sqrt(5) times the scaled distance."""
     random = np.random.default_rng(3)
     a = random.random((4, 2))
     b = random.random((5, 2))
@@ -76,6 +77,9 @@ def test_a_covariance_is_that_of_the_textbook_and_one_network_is_that_network(fi
         2 * (1 + r + r**2 / 3) * np.exp(-r)
     )
     assert straight(3.0)(a, b) == pytest.approx(1 + 9 * a @ b.T)
+
+
+def test_an_ensemble_of_one_network_is_that_network(fitted):
     _, _, X, Y = fitted
     settings = SETTINGS.model_copy(update={"starts": 1})
     ensemble = NetworkEnsemble.of(settings).fit(X, Y)
@@ -103,7 +107,8 @@ def fitted():
     )
 
 
-def test_the_mixture_is_that_of_loops_over_converged_starts(fitted, monkeypatch):
+def test_the_mixture_is_that_of_loops_over_converged_starts(fitted):
+    """Mean E[m] and covariance E[C + m m'] - E[m] E[m]' over the networks, each with the same weight."""
     model, best, _, _ = fitted
     fresh = np.random.RandomState(2).uniform(-1, 1, (6, 6))
     networks = [best.of_start(k) for k in model.member_starts_]
@@ -116,11 +121,11 @@ def test_the_mixture_is_that_of_loops_over_converged_starts(fitted, monkeypatch)
         for member in networks:
             m = member.predict(fresh[i : i + 1])[0]
             first += m / len(networks)
-            second += (member.covariance(fresh[i : i + 1])[0] + np.outer(m, m)) / len(
-                networks
-            )
+            C = member.covariance(fresh[i : i + 1])[0]
+            second += (C + np.outer(m, m)) / len(networks)
         assert mean[i] == pytest.approx(first)
         assert covariance[i] == pytest.approx(second - np.outer(first, first), rel=1e-5)
+    # the networks differ, so the mixture varies more than one of them does on average
     within = np.mean(
         [
             np.diagonal(network.covariance(fresh), axis1=1, axis2=2)
@@ -128,7 +133,13 @@ def test_the_mixture_is_that_of_loops_over_converged_starts(fitted, monkeypatch)
         ],
         axis=0,
     )
-    assert (model.predict(fresh, return_std=True, noise=False)[1] ** 2 > within).all()
+    _, error = model.predict(fresh, return_std=True, noise=False)
+    assert (error**2 > within).all()
+
+
+def test_members_are_the_converged_starts_near_the_largest_evidence(
+    fitted, monkeypatch
+):
     model, best, X, Y = fitted
     assert model.members_[0].best_start_ == best.best_start_
     monkeypatch.setattr(network_ensemble, "NATS", 3.0)

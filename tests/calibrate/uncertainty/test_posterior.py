@@ -186,7 +186,7 @@ def test_four_targets_of_two_bench_tests_determine_four_parameters():
     assert len(found.summary["correlation"]) == 3
 
 
-def test_a_prior_narrows_its_parameter_and_fixed_ones_are_not_sampled():
+def test_a_prior_narrows_its_parameter():
     space = UNIT | {"e_gg": {"prior": {"mean": 0.3, "sd": 0.05}, "range": [0.0, 1.0]}}
     space["mus_gp"] = {"prior": {"mean": 0.4, "sd": 0.1}, "range": [0.0, 1.0]}
     found = inferred(
@@ -207,6 +207,9 @@ def test_a_prior_narrows_its_parameter_and_fixed_ones_are_not_sampled():
         precision @ [0.4, 0.5] / precision.sum(), abs=0.01
     )
     assert table.loc["mus_gp", "sd"] == pytest.approx(precision.sum() ** -0.5, rel=0.1)
+
+
+def test_fixed_parameters_are_not_sampled():
     space = UNIT | {
         name: {"fixed": 0.5} for name in PARAMETERS if name not in ("mus_gp", "e_gg")
     }
@@ -229,13 +232,13 @@ def test_a_prior_narrows_its_parameter_and_fixed_ones_are_not_sampled():
         steps=200,
     )
     assert alone.summary["correlations"] == [[1.0]]
-    ends = [
-        [result.summary[key] for key in ("largest_r_hat", "least_effective_draws")]
-        for result in (found, alone)
-    ]
-    assert [result.summary["converged"] for result in (found, alone)] == [
-        r <= 1.01 and n >= 400 for r, n in ends
-    ], ends
+    for summary in (found.summary, alone.summary):
+        r_hat = summary["largest_r_hat"]
+        draws = summary["least_effective_draws"]
+        assert summary["converged"] == (r_hat <= 1.01 and draws >= 400), summary
+
+
+def test_a_published_range_is_shown_for_the_parameters_that_have_one():
     space = contact_space(UNIT | {"gamma_gg": [0.0, 0.1], "gamma_gp": {"fixed": 0.0}})
     published = pd.DataFrame({"low": 0.4, "high": 0.6}, index=PARAMETERS)
     unit = np.random.default_rng(1).uniform(size=(500, 7))
