@@ -165,13 +165,12 @@ def main():
         ("diameter", 0, ("10 mm", "14 mm", "20 mm"), -0.2),
         ("friction", 1, ("14 mm, mu 0.1", "14 mm", "14 mm, mu 0.4"), 0.49),
     ):
-        of = [
-            (np.log(CASES[job_name][k]), value)
-            for job_name in names
-            for (case, *_), value in zip(jobs, found, strict=True)
-            if case == CASES[job_name]
-        ]
-        x, y = np.array(of).T
+        points = []
+        for name in names:
+            for (case, *_), value in zip(jobs, found, strict=True):
+                if case == CASES[name]:
+                    points.append((np.log(case[k]), value))
+        x, y = np.array(points).T
         (slope, _), covariance = np.polyfit(x, np.log(y), 1, cov=True)
         print(
             f"exponent of the {what}: {slope:.3f} ± {np.sqrt(covariance[0, 0]):.3f}; formula {expected:g}"

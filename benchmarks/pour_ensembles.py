@@ -116,16 +116,7 @@ def compare(before, after):
     sum_of_sets = 0.0
     degrees = 0
     largest = 0.0
-    print(
-        "set",
-        "response",
-        "before",
-        "after",
-        "difference",
-        "standard error",
-        "ratio",
-        sep="\t",
-    )
+    print("set\tresponse\tbefore\tafter\tdifference\tstandard error\tratio")
     for name in dict.fromkeys(sides[0][0].tolist()):
         good = [
             table[(sets == name) & np.isfinite(table).all(axis=1)]
@@ -141,13 +132,11 @@ def compare(before, after):
         for k, response in enumerate(RESPONSES):
             row = (means[0][k], means[1][k], shift[k], error[k], shift[k] / error[k])
             print(name, response, *(f"{value:.3f}" for value in row), sep="\t")
-        for side, (sets, status, cpu_s, _) in zip(
-            ("before", "after"), sides, strict=True
-        ):
+        for side, table in zip(("before", "after"), sides, strict=True):
+            sets, status, cpu_s, _ = table
             here = sets == name
-            counts = dict(
-                zip(*np.unique(status[here], return_counts=True), strict=True)
-            )
+            kinds, numbers = np.unique(status[here], return_counts=True)
+            counts = dict(zip(kinds, numbers, strict=True))
             print(
                 f"{name}, {side}: {counts}, {np.median(cpu_s[here]):.2f} s of processor time, the median"
             )

@@ -27,7 +27,7 @@ def constants(_a, _b, contact, _tension="keep"):
 
 
 def kernel(law, t, c, at, dt):
-    """The torques of each lane on both bodies."""
+    """The torques of each lane on both bodies: against the velocity of rolling, without its part along the normal."""
     a = tl.A + st.ANGULAR_VELOCITY * L
     b = tl.B + st.ANGULAR_VELOCITY * L
     for k in range(L):

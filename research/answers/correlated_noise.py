@@ -67,9 +67,8 @@ def main():
     parser.add_argument("--out", help="markdown file to write the table to")
     args = parser.parse_args()
     targets = PipelineConfig.load(args.config).targets
-    table, runs = (
-        pd.read_csv(path).query("status == 'ok'") for path in (args.dataset, args.runs)
-    )
+    table = pd.read_csv(args.dataset).query("status == 'ok'")
+    runs = pd.read_csv(args.runs).query("status == 'ok'")
     X = table[list(PARAMETERS)].to_numpy()
     Y = table[list(targets.names)].to_numpy()
     errors = table[list(targets.errors)].to_numpy()
@@ -85,30 +84,17 @@ def main():
     lines = ["| " + " | ".join(titles) + " |", "|" + "---|" * len(titles)]
     for prior in ("one", "inputs"):
         for used in (False, True):
-            rows = [
-                trial(
-                    prior,
-                    used,
-                    X,
-                    Y,
-                    errors,
-                    covariance,
-                    np.random.RandomState(k).permutation(len(X)),
-                )
-                for k in range(args.splits)
-            ]
+            rows = []
+            for k in range(args.splits):
+                order = np.random.RandomState(k).permutation(len(X))
+                rows.append(trial(prior, used, X, Y, errors, covariance, order))
             mean = np.mean(rows, axis=0)
             error = np.std(rows, axis=0, ddof=1) / np.sqrt(args.splits)
-            cells = [
-                f"{m:.3f} ± {e:.3f}" for m, e in zip(mean[:-1], error[:-1], strict=True)
-            ]
-            lines.append(
-                "| "
-                + " | ".join(
-                    [prior, "used" if used else "not used", *cells, f"{mean[-1]:.0f}"]
-                )
-                + " |"
-            )
+            cells = [prior, "used" if used else "not used"]
+            for m, e in zip(mean[:-1], error[:-1], strict=True):
+                cells.append(f"{m:.3f} ± {e:.3f}")
+            cells.append(f"{mean[-1]:.0f}")
+            lines.append("| " + " | ".join(cells) + " |")
     print("\n".join(lines))
     if args.out:
         Path(args.out).write_text("\n".join(lines) + "\n")

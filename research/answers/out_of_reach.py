@@ -130,13 +130,13 @@ def main():
         pd.read_csv(args.out) if args.out.exists() else pd.DataFrame(columns=columns)
     )
     k = len(args.responses)
+    kinds = (*KINDS, "default") if k > 1 else KINDS
     for number in range(*args.campaigns):
-        for kind in (*KINDS, "default") if k > 1 else KINDS:
-            aim = (
-                np.array([DEFAULT[name] for name in args.responses])
-                if kind == "default"
-                else aims(kind, mean, np.random.default_rng([77, number, k]))
-            )
+        for kind in kinds:
+            if kind == "default":
+                aim = np.array([DEFAULT[name] for name in args.responses])
+            else:
+                aim = aims(kind, mean, np.random.default_rng([77, number, k]))
             random = np.random.default_rng([5, number, k])
             rows = campaign(
                 simulator, args.responses, aim, mean, section, space, random

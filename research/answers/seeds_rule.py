@@ -126,9 +126,10 @@ def verdict(
     """
     draws, sets = means.shape[:2]
     objective, error = of_answers(means, targets)
+    # the data sets drawn again, for each draw of the judge
     again = random.integers(sets, size=(draws, sets))
     row = np.arange(draws)[:, None]
-    # each (3, quantities) and (draws, 3, quantities), all the worse the larger
+    # (3, quantities): the larger, the worse
     value = np.column_stack(
         [
             objective.mean(axis=(0, 1)),
@@ -136,6 +137,7 @@ def verdict(
             np.sqrt((error**2).mean(axis=(0, 1))),
         ]
     )
+    # (draws, 3, quantities)
     resampled = np.concatenate(
         [
             objective[row, again].mean(axis=1)[:, :, None],
@@ -150,23 +152,24 @@ def verdict(
     upper = worse + factor * reach
     quantities = [
         ("eq11", "all"),
-        *((name, of) for name in ("r2", "rms_percent") for of in targets.names),
+        *(("r2", response) for response in targets.names),
+        *(("rms_percent", response) for response in targets.names),
     ]
-    table = pd.DataFrame(
-        [
-            {
-                "seeds": seeds,
-                "quantity": name,
-                "response": of,
-                "value": 1 - value[i, j] if name == "r2" else value[i, j],
-                "worse": worse[i, j],
-                "upper": upper[i, j],
-                "limit": LIMITS[name],
-            }
-            for i, seeds in enumerate(SEEDS)
-            for j, (name, of) in enumerate(quantities)
-        ]
-    )
+    rows = []
+    for i, seeds in enumerate(SEEDS):
+        for j, (name, response) in enumerate(quantities):
+            rows.append(
+                {
+                    "seeds": seeds,
+                    "quantity": name,
+                    "response": response,
+                    "value": 1 - value[i, j] if name == "r2" else value[i, j],
+                    "worse": worse[i, j],
+                    "upper": upper[i, j],
+                    "limit": LIMITS[name],
+                }
+            )
+    table = pd.DataFrame(rows)
     fewer = table[table["seeds"] != SEEDS[0]].groupby(["seeds", "quantity"])["upper"]
     # what is unknown is not within its limit
     largest = fewer.agg(lambda bounds: bounds.max(skipna=False))

@@ -1,5 +1,6 @@
 """The shape study: piles of every particle, tension, filling and definition beside the published ones."""
 
+import itertools
 from collections.abc import Mapping
 from typing import Any
 
@@ -37,18 +38,21 @@ def study(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     ][:2]
     published = _published(sets, shown)
     study = config["shape_study"]
-    particles, tensions, fillings = (
-        list(study[key]) for key in ("particles", "tensions", "fillings")
-    )
+    particles = list(study["particles"])
+    tensions = list(study["tensions"])
+    fillings = list(study["fillings"])
+    colours = dict(zip(particles, itertools.cycle(COLOURS), strict=False))
+    fills = dict(zip(tensions, itertools.cycle(FILLS), strict=False))
+    markers = dict(zip(fillings, itertools.cycle(MARKERS), strict=False))
     looks = {
         (particle, tension, filling): {
-            "color": COLOURS[i % len(COLOURS)],
-            "fillstyle": FILLS[j % len(FILLS)],
-            "marker": MARKERS[k % len(MARKERS)],
+            "color": colours[particle],
+            "fillstyle": fills[tension],
+            "marker": markers[filling],
         }
-        for i, particle in enumerate(particles)
-        for j, tension in enumerate(tensions)
-        for k, filling in enumerate(fillings)
+        for particle, tension, filling in itertools.product(
+            particles, tensions, fillings
+        )
     }
     figure = style.new_figure(style.PAGE, style.PAGE * 1.09)
     panels = figure.subplots(3, 2, sharex=True, sharey=True)
@@ -56,9 +60,8 @@ def study(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
         rows = combinations[combinations["definition"] == definition]
         _one_definition(panel, rows, shown, published, looks)
         panel.set_title(definition.replace("_", ", by "), fontsize=9)
-    labels = [
-        f"{target.response.label} ({target.response.unit})" for target in shown
-    ] + ["distance (–)"]
+    labels = [f"{target.response.label} ({target.response.unit})" for target in shown]
+    labels.append("distance (–)")
     for panel in panels[-1]:
         panel.set_xlabel(labels[0])
     for panel in panels[:, 0]:
@@ -148,7 +151,7 @@ def _legend(
     handles = []
     for group, members in groups.items():
         looks = [(f"{group}:", {"marker": ""}), *members]
-        # a column for each group
+        # empty entries fill the last of the group's columns
         looks += [("", {"marker": ""})] * (-len(looks) % rows)
         handles += [
             Line2D([], [], label=name.replace("_", " "), **grey | look)

@@ -70,45 +70,40 @@ def facts(
     near = (means["Height"] / height.value - 1).abs() <= NEAR
     rows = []
     for name in VARIANTS:
-        at = convert_to_height(means[name], means["Height"], height.value)
-        mean = float(np.nanmean(at))
-        sd = float(np.nanstd(at, ddof=1))
-        others = [
-            row["aor_simulated_deg"]
-            - np.nanmean(
-                convert_to_height(
-                    means[name], means["Height"], row["height_simulated_mm"]
-                )
-            )
-            for row in published
-        ]
+        # the band of the design: its angles at the measured height
+        band = convert_to_height(means[name], means["Height"], height.value)
+        mean = float(np.nanmean(band))
+        sd = float(np.nanstd(band, ddof=1))
+        others = []
+        for row in published:
+            theirs = row["height_simulated_mm"]
+            band_there = convert_to_height(means[name], means["Height"], theirs)
+            others.append(row["aor_simulated_deg"] - np.nanmean(band_there))
         within = float(noise.loc[name, "within_view"])
+        filled_bias = bias.loc[name, "filled_bias"]
+        strewn_bias = bias.loc[name, "strewn_bias"]
+        in_range = means[name].between(angle.low, angle.high)
+        near_angle = (means[name] / angle.value - 1).abs() <= NEAR
         rows.append(
             {
                 "line": name,
                 "mean": means[name].mean(),
                 "carried": mean,
                 "carried_sd": sd,
-                "carried_largest": float(np.nanmax(at)),
+                "carried_largest": float(np.nanmax(band)),
                 "off_sd": (angle.value - mean) / float(np.hypot(sd, error)),
                 "scatter_view": within,
                 "scatter_p": scatter_p(angle.sd, angle.repetitions, within),
-                "bias_filled": bias.loc[name, "filled_bias"],
-                "bias_strewn": bias.loc[name, "strewn_bias"],
-                "bias": (
-                    abs(bias.loc[name, "filled_bias"])
-                    + abs(bias.loc[name, "strewn_bias"])
-                )
-                / 2,
+                "bias_filled": filled_bias,
+                "bias_strewn": strewn_bias,
+                "bias": (abs(filled_bias) + abs(strewn_bias)) / 2,
                 "ratio": noise.loc[name, "ratio"],
                 "ratio_view": noise.loc[name, "ratio_view"],
-                "other_simulator_less_band": float(np.mean(others))
-                if others
-                else np.nan,
-                "in_box": int((box & means[name].between(angle.low, angle.high)).sum()),
-                "within_5_percent": int(
-                    (near & ((means[name] / angle.value - 1).abs() <= NEAR)).sum()
+                "other_simulator_less_band": (
+                    float(np.mean(others)) if others else np.nan
                 ),
+                "in_box": int((box & in_range).sum()),
+                "within_5_percent": int((near & near_angle).sum()),
             }
         )
     return pd.DataFrame(rows)

@@ -217,7 +217,7 @@ def _sorted(rows, column, ascending):
 
 
 def message(tables: Mapping[str, pd.DataFrame], summary: Mapping[str, Any]) -> str:
-    """Put the study in words."""
+    """Tell the bits of each test and pair, whether so few tests suffice, and how often intervals hold hidden truths."""
     lines = [
         f"{row.set}: {row.bits:.2f} ± {row.bits_se:.2f} bits, {row.gain_bits:.2f} beside the targets"
         for row in tables["tests"].itertuples()
@@ -233,9 +233,11 @@ def message(tables: Mapping[str, pd.DataFrame], summary: Mapping[str, Any]) -> s
         if f"width_{name}" in best.index
     )
     goal = f"{summary['parameters']} intervals below {summary['width_percent']:g} % of their ranges"
-    outcome = "brings" if summary["met"] else "no set of so few tests brings"
-    first = f"{summary['best']} {outcome}" if summary["met"] else f"{outcome}"
-    lines.append(f"{first} {goal}; nearest is {summary['best']}: {widths}")
+    if summary["met"]:
+        outcome = f"{summary['best']} brings {goal}"
+    else:
+        outcome = f"no set of so few tests brings {goal}"
+    lines.append(f"{outcome}; nearest is {summary['best']}: {widths}")
     lines += [
         f"hidden truths, {row.set}: {100 * row.coverage:.1f} ± {100 * row.coverage_se:.1f} % of the intervals hold"
         for row in tables["coverage"].query("parameter == 'all'").itertuples()

@@ -310,22 +310,22 @@ def noise_table(runs: pd.DataFrame, targets: Sequence[Target]) -> pd.DataFrame:
     others = [target for target in targets if target.name != CALIBRATED_ANGLE]
     columns = COLUMNS | {target.response.quantity: target.name for target in others}
     rows = []
-    for key, group in runs.groupby(CELL, sort=False):
+    for cell, group in runs.groupby(CELL, sort=False):
         for response, column in columns.items():
-            by_set = [
-                rows[column].dropna().to_numpy() for _, rows in group.groupby("set")
-            ]
-            moments = [
-                (values.var(ddof=1), values.mean(), len(values))
-                for values in by_set
-                if len(values) > 1
-            ]
+            # variance, mean and number of the runs of each set that has two or more
+            moments = []
+            for _, set_runs in group.groupby("set"):
+                values = set_runs[column].dropna().to_numpy()
+                if len(values) > 1:
+                    moments.append((values.var(ddof=1), values.mean(), len(values)))
             sets = np.array(moments).reshape(-1, 3)
             signal, noise = _signal_and_noise(sets)
             left_out = [_ratio(np.delete(sets, k, axis=0)) for k in range(len(sets))]
             spread = (len(sets) - 1) * np.var(left_out) if moments else math.nan
-            found = (signal, noise, _ratio(sets), math.sqrt(spread), len(sets))
-            rows.append((*key, response, *found))
+            ratio_se = math.sqrt(spread)
+            rows.append(
+                (*cell, response, signal, noise, _ratio(sets), ratio_se, len(sets))
+            )
     return pd.DataFrame(rows, columns=list(NOISE_COLUMNS))
 
 

@@ -73,9 +73,8 @@ def slopes(above_deg, below_deg):
     )
     x = x.ravel()
     z = z.ravel()
-    wedge = (np.abs(x) > box.half_slot) & (
-        z < math.tan(math.radians(above_deg)) * (np.abs(x) - box.half_slot)
-    )
+    beyond_slot = np.abs(x) - box.half_slot
+    wedge = (beyond_slot > 0) & (z < math.tan(math.radians(above_deg)) * beyond_slot)
     pile = z < 0.04 - math.tan(math.radians(below_deg)) * np.abs(x)
     xs = np.concatenate([x[wedge], x[pile]])
     zs = np.concatenate([z[wedge] + box.floor, z[pile]])

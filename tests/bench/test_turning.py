@@ -45,22 +45,28 @@ def measured(arrays, status="ok", settings=None):
     )
 
 
-def test_what_the_angle_and_the_profile_of_a_turning_drum_are():
-    frames = [bed(angle) for angle in (20.0, 30.0)]
-    position, quaternion = (
-        np.array([frame[k] for frame in frames], np.float32) for k in (0, 1)
-    )
+def test_the_angle_of_a_turning_drum_is_the_mean_of_its_frames():
+    position, quaternion = zip(bed(20.0), bed(30.0), strict=True)
+    position = np.array(position, np.float32)
+    quaternion = np.array(quaternion, np.float32)
     arrays = {"position": position, "quaternion": quaternion, "scale": np.ones(400)}
-    parts = ({"position": position[[k]], "quaternion": quaternion[[k]]} for k in (0, 1))
-    single = [measured(arrays | part)["turning_deg"] for part in parts]
+    single = []
+    for k in (0, 1):
+        frame = {"position": position[[k]], "quaternion": quaternion[[k]]}
+        single.append(measured(arrays | frame)["turning_deg"])
     assert single == pytest.approx([20.0, 30.0], abs=3.0)
     assert measured(arrays)["turning_deg"] == pytest.approx(np.mean(single), abs=1e-12)
     assert measured(arrays, "lost")["turning_deg"] is None
     assert TEST.response_of_name("turning_2_deg").label == "drum, turning, speed 2"
+    # the surface of so coarse a picture is not found
     coarse = measured(arrays, settings=config() | {"measure": {"mm_per_pixel": 60.0}})
     assert coarse["status"] == "no_surface"
     assert coarse["turning_deg"] is None
     assert "60 mm a pixel" in coarse["reason"]
+
+
+def test_a_profile_lies_where_a_bed_covers_enough_of_a_column():
+    """Rows 80 to 90 of 1 mm are covered by a third, those below wholly; the third column is empty."""
     occupied = np.zeros((100, 100))
     occupied[80:] = 1 / 3
     occupied[90:] = 1.0

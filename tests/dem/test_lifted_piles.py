@@ -55,17 +55,19 @@ def test_the_angle_of_a_cone_is_found(degrees):
     assert found["height_mm"] == pytest.approx(40.0, abs=4.0)
 
 
-def test_a_pile_that_is_low_is_measured_and_its_rings_are_those_of_a_slow_twin():
+def test_a_low_pile_is_measured_without_the_grains_that_fly():
     low = cone(8.0, height_m=0.012)
     found = lifted_piles.angle(low)
     assert found["flat"]
     assert found["angle_deg"] == pytest.approx(8.0, abs=1.0)
-    flying = grains(
-        np.column_stack([low.centres_m[:50, :2], np.full(50, 0.05)])
-    )._replace(speeds_m_s=np.ones(50))
-    assert lifted_piles.angle(
-        Grains(*map(np.concatenate, zip(low, flying, strict=True)))
-    ) == {**found, "moving": 50}
+    above = np.column_stack([low.centres_m[:50, :2], np.full(50, 0.05)])
+    flying = grains(above)._replace(speeds_m_s=np.ones(50))
+    together = Grains(*map(np.concatenate, zip(low, flying, strict=True)))
+    assert lifted_piles.angle(together) == {**found, "moving": 50}
+
+
+def test_rings_are_those_of_a_slow_twin():
+    """A ring's height is its highest top with three others in the 1.5 widths below it; without one, the median."""
     rng = np.random.default_rng(1)
     out = 0.05 * np.sqrt(rng.random(900))
     tops = 0.03 * rng.random(900)
@@ -83,27 +85,26 @@ def test_a_pile_that_is_low_is_measured_and_its_rings_are_those_of_a_slow_twin()
             if sum(top - 1.5 * width < other <= top for other in here) >= 4
         ]
         if len(here) >= 4:
-            expected.append(
-                ((number + 0.5) * width, max(held, default=np.median(here)))
-            )
+            middle = (number + 0.5) * width
+            expected.append((middle, max(held, default=np.median(here))))
     np.testing.assert_allclose(
         np.transpose(lifted_piles.rings(out, tops, width)), expected
     )
+
+
+def test_the_density_of_a_bed_is_its_solid_share_of_that_of_the_grains():
+    """Centres at random in 60 mm of the tube; the level is a radius above the highest of them."""
     rng = np.random.default_rng(2)
     share = 0.6
     volume = np.pi * lifted_piles.TUBE_RADIUS_M**2 * 0.06
     count = round(share * volume / (4.0 / 3.0 * np.pi * RADIUS_M**3))
     out = lifted_piles.TUBE_RADIUS_M * np.sqrt(rng.random(count))
     turn = 2.0 * np.pi * rng.random(count)
-    bed = grains(
-        np.column_stack(
-            [out * np.cos(turn), out * np.sin(turn), rng.uniform(0.0, 0.06, count)]
-        )
-    )
+    height = rng.uniform(0.0, 0.06, count)
+    bed = grains(np.column_stack([out * np.cos(turn), out * np.sin(turn), height]))
     found = lifted_piles.density(bed)
-    assert found["density_kg_m3"] == pytest.approx(
-        share * lifted_piles.DENSITY_KG_M3, rel=0.03
-    )
+    expected = share * lifted_piles.DENSITY_KG_M3
+    assert found["density_kg_m3"] == pytest.approx(expected, rel=0.03)
     assert found["level_mm"] == pytest.approx(60.0 + 1e3 * RADIUS_M, abs=1.0)
 
 

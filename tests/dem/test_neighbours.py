@@ -62,7 +62,7 @@ def test_the_contact_list_is_that_of_all_pairs_at_every_moment(seed):
 
 
 def test_memory_goes_with_the_grains_alone():
-    # 10 um grains in a box of 2 m: cells all over the box would take 3 PiB
+    """Grains of 10 um in a box of 2 m: cells all over the box would take 3 PiB."""
     n = 40
     radius = 1e-5
     s = simulation(
@@ -75,17 +75,17 @@ def test_memory_goes_with_the_grains_alone():
     )
     assert s.grid.head.nbytes < 1e5
     rng = np.random.default_rng(3)
+    # four clusters far apart, one of them outside of the box
     for k in range(n):
-        # in clusters far apart, some of them outside of the box
-        s.add(
-            (-0.9, 0.0, 0.9, 3.0)[k % 4] + 1.5 * radius * rng.uniform(-1.0, 1.0, 3),
-            (1, 0, 0, 0),
-        )
+        centre = (-0.9, 0.0, 0.9, 3.0)[k % 4]
+        s.add(centre + 1.5 * radius * rng.uniform(-1.0, 1.0, 3), (1, 0, 0, 0))
     s.run_steps(1)
     assert len({(i, j) for i, j, _gap in slow_contacts(s)}) > 40
-    assert {tuple(pair) for pair in s.contacts()} >= {
-        (i, j) for i, j, gap in slow_contacts(s) if gap < -1e-9
-    }
+    found = {tuple(pair) for pair in s.contacts()}
+    assert found >= {(i, j) for i, j, gap in slow_contacts(s) if gap < -1e-9}
+
+
+def test_a_dense_lattice_has_room_for_its_pairs():
     axes = np.array([0.004, 0.004, 0.01])
     s = simulation_of(
         Shape.ellipsoid(axes, 800.0, "grain"),
@@ -121,23 +121,14 @@ def entries(s):
             continue
         a = np.flatnonzero(bodies == i)
         b = np.flatnonzero(bodies == j)
-        gaps = (
-            np.linalg.norm(centres[a][:, None] - centres[b], axis=2)
-            - radii[a][:, None]
-            - radii[b]
-        )
-        contacts = s.pairs.entry[: s.counts[st.N_PAIRS]] == k
-        touching = [
-            tuple(pair) for pair in s.pairs.spheres[: s.counts[st.N_PAIRS]][contacts]
-        ]
+        distances = np.linalg.norm(centres[a][:, None] - centres[b], axis=2)
+        gaps = distances - radii[a][:, None] - radii[b]
+        n_pairs = s.counts[st.N_PAIRS]
+        is_of_entry = s.pairs.entry[:n_pairs] == k
+        touching = [tuple(pair) for pair in s.pairs.spheres[:n_pairs][is_of_entry]]
         watched = [tuple(pair) for pair in s.pairs.watched[k, : s.pairs.n_watched[k]]]
-        yield (
-            k,
-            s.bodies.displacement[i] + s.bodies.displacement[j],
-            gaps,
-            touching,
-            watched,
-        )
+        displacement = s.bodies.displacement[i] + s.bodies.displacement[j]
+        yield k, displacement, gaps, touching, watched
 
 
 def check_limits(s):

@@ -113,31 +113,32 @@ def test_vtk_points_surfaces_and_walls_and_wrong_names(tmp_path):
     )
 
 
-def test_surfaces_have_the_volume_of_the_bodies_and_walls_are_where_they_are_now(
-    tmp_path,
-):
+def test_surfaces_have_the_volume_of_the_bodies(tmp_path):
+    """A surface of triangles encloses a little less than its body, by the sum of a . (b x c) / 6 over triangles."""
     write_vtk(tmp_path / "a.vtp", scene(), "surfaces")
     found = arrays(tmp_path / "a.vtp")
     faces = found["connectivity"].reshape(-1, 3)
     np.testing.assert_array_equal(found["offsets"], 3 * np.arange(1, len(faces) + 1))
-    for body, volume in (
-        (0, 1.5**3 * 4 / 3 * np.pi * 3e-7),
-        (2, 4 / 3 * np.pi * 0.006**3),
-    ):
+    volumes = {0: 1.5**3 * 4 / 3 * np.pi * 3e-7, 2: 4 / 3 * np.pi * 0.006**3}
+    for body, volume in volumes.items():
         a, b, c = found["position"][faces[found["id"] == body]].transpose(1, 0, 2)
-        assert np.einsum("ij,ij->", a, np.cross(b, c)) / 6 == pytest.approx(
-            volume, rel=0.12
-        )
-        assert np.einsum("ij,ij->", a, np.cross(b, c)) / 6 < volume
+        enclosed = np.einsum("ij,ij->", a, np.cross(b, c)) / 6
+        assert enclosed == pytest.approx(volume, rel=0.12)
+        assert enclosed < volume
+
+
+def test_walls_are_where_they_are_now(tmp_path):
     write_vtk(tmp_path / "a.vtp", scene(), "walls")
     found = arrays(tmp_path / "a.vtp")
     assert found["wall_names"] == ["tube", "floor", "lid"]
     faces = found["connectivity"].reshape(-1, 3)
-    points = [found["position"][np.unique(faces[found["wall"] == k])] for k in range(3)]
-    np.testing.assert_allclose(np.hypot(points[0][:, 0], points[0][:, 1]), 0.04)
-    np.testing.assert_allclose(points[1][:, 2], 0.02 + 3e-4 * 0.5)
-    np.testing.assert_allclose(np.abs(points[1][:, :2]), 0.05, atol=1e-12)
-    np.testing.assert_allclose(np.hypot(points[2][:, 0], points[2][:, 1]), 0.03)
+    tube, floor, lid = (
+        found["position"][np.unique(faces[found["wall"] == k])] for k in range(3)
+    )
+    np.testing.assert_allclose(np.hypot(tube[:, 0], tube[:, 1]), 0.04)
+    np.testing.assert_allclose(floor[:, 2], 0.02 + 3e-4 * 0.5)
+    np.testing.assert_allclose(np.abs(floor[:, :2]), 0.05, atol=1e-12)
+    np.testing.assert_allclose(np.hypot(lid[:, 0], lid[:, 1]), 0.03)
 
 
 def normals_of(points, triangles):

@@ -215,16 +215,13 @@ def test_what_is_made_up_ends_well_and_somebodys_file_in_its_place_stays(
 ):
     name = arguments[0]
     before = tree(sandbox)
-    read = {option.names[0][2:] for option in VERBS[name].options} & {*READ} - {
-        "config"
-    }
-    arguments = [
-        *arguments,
-        *(f"--{key}={GOOD[key]}" for key in sorted(read)),
-        "--config=in/config.json",
-    ]
+    options = {option.names[0][2:] for option in VERBS[name].options}
+    inputs = sorted(options & {*READ} - {"config"})
+    arguments = [*arguments, *(f"--{key}={GOOD[key]}" for key in inputs)]
+    arguments.append("--config=in/config.json")
+    if name in STAGES:
+        arguments.insert(0, "stage")
     place = "made_up/a.gif" if name == "film" else "made_up"
-    arguments = ["stage", *arguments] if name in STAGES else arguments
     assert main([*arguments, f"--out={place}"]) == 0
     made = set(tree(sandbox)) - set(before)
     assert made

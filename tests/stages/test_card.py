@@ -212,18 +212,23 @@ def test_an_interval_holds_the_answer_or_tells_the_bound(value, expected, remark
     assert with_remark("friction", found) == remark
 
 
-def test_an_interval_that_begins_at_a_bound_tells_it_on_card_and_in_words(
-    config, solutions
-):
+def test_an_interval_that_begins_at_a_bound_says_so():
     assert widen_to_value(SPACE, "mus_gg", 0.2, 0.2, 0.6) == {
         "low": 0.2,
         "high": 0.6,
         "at_bound": "lower",
     }
-    fixed = contact_space(
-        {name: {"fixed": 0.3} if name == "e_gp" else [0.1, 0.5] for name in PARAMETERS}
-    )
-    assert widen_to_value(fixed, "e_gp", 0.3, None, None) == {"low": None, "high": None}
+
+
+def test_a_fixed_parameter_has_no_interval():
+    ranges = dict.fromkeys(PARAMETERS, [0.1, 0.5]) | {"e_gp": {"fixed": 0.3}}
+    space = contact_space(ranges)
+    assert widen_to_value(space, "e_gp", 0.3, None, None) == {"low": None, "high": None}
+
+
+def test_bounds_and_widened_intervals_are_on_the_card_and_in_its_text(
+    config, solutions
+):
     free = [name for name in PARAMETERS if name not in FIXED]
     intervals = pd.DataFrame(
         {"parameter": free, "credible_low": 0.45, "credible_high": 0.5}
@@ -242,12 +247,11 @@ def test_an_interval_that_begins_at_a_bound_tells_it_on_card_and_in_words(
     assert rows["e_gg"] == {"low": 0.45, "high": 0.5, "at_bound": "lower"}
     assert rows["mus_gg"] == {"low": 0.45, "high": 0.5}
     assert rows["mus_gp"] == {"low": 0.44, "high": 0.5, "widened": True}
-    lines = (
-        line
+    line_of = {
+        line.split()[0]: line
         for line in card_text.describe(found).splitlines()
         if line.startswith("  m") or "e_gg" in line
-    )
-    line_of = {line.split()[0]: line for line in lines}
+    }
     assert line_of["e_gg"].endswith(
         "restitution, grain-grain; at the lower bound of the range"
     )
@@ -428,26 +432,29 @@ def test_an_invalid_card_is_refused_with_every_fault(config, solutions):
     message = "laws is None; expected a material card: the key is missing"
     fault = input_error(message, card.check, bad, "mine.json")
     assert "grain.density_kg_m3 is -1" in str(fault)
-    whole = made(config, solutions)
+
+
+def test_each_wrong_value_of_a_card_is_refused(config, solutions):
+    good = made(config, solutions)
 
     def check(change):
-        card.check(over(whole, change), "mine.json")
+        card.check(over(good, change), "mine.json")
 
-    def of(name, **keys):
+    def parameter(name, **keys):
         return {"parameters": {name: keys}}
 
     bad = [
-        (of("e_gg", value=value), r"e_gg\.value is .*; expected .* 0\.01 to 1")
+        (parameter("e_gg", value=value), r"e_gg\.value is .*; expected .* 0\.01 to 1")
         for value in (0.0, -0.5, 5)
     ]
     bad += [
-        (of("mus_gg", value=value), r"mus_gg\.value is .* a finite number")
+        (parameter("mus_gg", value=value), r"mus_gg\.value is .* a finite number")
         for value in (math.nan, math.inf)
     ]
     bad += [
-        (of("mus_gg", high=10.5), r"mus_gg\.high is 10\.5; .* 0 to 10"),
-        (of("mus_gg", given="guessed"), r"mus_gg\.given is 'guessed'"),
-        (of("mus_gg", unit="1"), r"mus_gg\.unit is '1'; .* a known key"),
+        (parameter("mus_gg", high=10.5), r"mus_gg\.high is 10\.5; .* 0 to 10"),
+        (parameter("mus_gg", given="guessed"), r"mus_gg\.given is 'guessed'"),
+        (parameter("mus_gg", unit="1"), r"mus_gg\.unit is '1'; .* a known key"),
         (
             {"correlations": {"mus_gg": {"mur_gg": -1.1}}},
             r"correlations\.mus_gg\.mur_gg is -1\.1",
@@ -464,8 +471,12 @@ def test_an_invalid_card_is_refused_with_every_fault(config, solutions):
         ({"wall": {"shear_modulus_pa": 1.0}}, "greater than or equal to 1000"),
     ]
     assert not_refused(check, bad, InputError) == []
-    del whole["parameters"]["mur_gp"]
-    input_error(r"parameters\.mur_gp is None; .* missing", card.check, whole, "mine")
+
+
+def test_a_card_without_a_parameter_is_refused(config, solutions):
+    bad = made(config, solutions)
+    del bad["parameters"]["mur_gp"]
+    input_error(r"parameters\.mur_gp is None; .* missing", card.check, bad, "mine")
 
 
 @pytest.mark.parametrize(

@@ -91,17 +91,18 @@ def test_box_behnken_has_the_printed_number_of_runs(factors, runs, blocks):
 def test_box_behnken_is_balanced(factors):
     design, blocks = blocks_of(factors)
     sets = [block for part in BLOCKS[factors] for block in part]
-    assert (
-        len({sum(k in block for block in sets) for k in range(1, factors + 1)}) == 1
-    ), "each factor equally often"
+    # each factor is in equally many sets
+    counts = {sum(k in block for block in sets) for k in range(1, factors + 1)}
+    assert len(counts) == 1
+    # up to five factors each pair is in one set
     if factors < 6:
         pairs = {pair for block in sets for pair in combinations(block, 2)}
-        assert len(pairs) == len(sets) == factors * (factors - 1) // 2, "each pair once"
+        assert len(sets) == factors * (factors - 1) // 2
+        assert len(pairs) == len(sets)
+    # the quadratic model is determined
     values = columns(design, terms_of(factors, "quadratic"))
     matrix = np.column_stack([np.ones(len(design)), values])
-    assert np.linalg.matrix_rank(matrix) == matrix.shape[1], (
-        "the quadratic model is determined"
-    )
+    assert np.linalg.matrix_rank(matrix) == matrix.shape[1]
     # orthogonal blocks (Box and Hunter 1957): every term has the same mean in each of them
     means = np.array(
         [values[blocks == number].mean(axis=0) for number in np.unique(blocks)]

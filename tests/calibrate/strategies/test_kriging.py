@@ -95,26 +95,28 @@ def test_errors_are_those_of_all_the_responses_processes_and_of_the_others():
 
 
 def one_process(model, observed, points, kernels):
-    mixing = model._mixing
-    scale = model._scale
+    """Means (m, 2) and covariances (m, 2, 2) of two responses at points, by one Gaussian process of all values.
+
+    Its matrices have two rows for each of n samples and then of m points; A: known values, B: those to predict.
+    """
     n = len(observed.unit)
     m = len(points)
-    everywhere = np.vstack([observed.unit, points])
-    # covariance of the combinations, turned into that of the responses
-    back = np.kron(np.eye(n + m), np.linalg.inv(mixing).T @ np.diag(scale))
-    prior = np.zeros((2 * (n + m), 2 * (n + m)))
+    known = slice(0, 2 * n)
+    unknown = slice(2 * n, 2 * (n + m))
+    # the kernels are of combinations of the responses; `back` turns these into responses
+    to_responses = np.linalg.inv(model._mixing).T @ np.diag(model._scale)
+    back = np.kron(np.eye(n + m), to_responses)
+    of_combinations = np.zeros((2 * (n + m), 2 * (n + m)))
+    everywhere = np.vstack([observed.unit, points]) - 0.5
     for j, kernel in enumerate(kernels):
-        prior[j::2, j::2] = kernel(everywhere - 0.5)
-    prior = back @ prior @ back.T
-    errors = (
-        back[: 2 * n, : 2 * n]
-        @ np.diag(model.errors.ravel())
-        @ back[: 2 * n, : 2 * n].T
-    )
-    middle = model._middle @ np.linalg.inv(mixing)
-    gain = prior[2 * n :, : 2 * n] @ np.linalg.inv(prior[: 2 * n, : 2 * n] + errors)
+        of_combinations[j::2, j::2] = kernel(everywhere)
+    prior = back @ of_combinations @ back.T
+    errors = back[known, known] @ np.diag(model.errors.ravel()) @ back[known, known].T
+    # mean and covariance of B given A: K_BA (K_AA + errors)^-1
+    gain = prior[unknown, known] @ np.linalg.inv(prior[known, known] + errors)
+    middle = model._middle @ np.linalg.inv(model._mixing)
     mean = middle + (gain @ (observed.means - middle).ravel()).reshape(m, 2)
-    covariance = prior[2 * n :, 2 * n :] - gain @ prior[: 2 * n, 2 * n :]
+    covariance = prior[unknown, unknown] - gain @ prior[known, unknown]
     return mean, [covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] for i in range(m)]
 
 

@@ -136,31 +136,30 @@ def test_independent_outputs_change_nothing_and_shared_noise_is_learned():
     np.testing.assert_allclose(np.mean(found, axis=0), (0.25, 0.5), rtol=0.2)
 
 
-def test_means_of_replicates_are_the_single_runs_and_known_noise_is_kept():
+def test_means_with_the_scatter_of_replicates_train_as_the_single_runs_do():
+    """A sample with n runs counts by sqrt(n); what its runs scatter about their mean enters the noise alone."""
     random = np.random.RandomState(60)
     x = random.uniform(0.1, 0.9, (25, 2))
     w = random.normal(size=17)
     runs = np.arange(25) % 4 + 1
-    owner = np.repeat(np.arange(25), runs)
-    t = 0.5 + 0.2 * np.sin(4 * x[owner]) + 0.05 * random.normal(size=(len(owner), 2))
-    means = np.array([t[owner == i].mean(axis=0) for i in range(25)])
+    sample = np.repeat(np.arange(25), runs)
+    noise = 0.05 * random.normal(size=(len(sample), 2))
+    t = 0.5 + 0.2 * np.sin(4 * x[sample]) + noise
+    means = np.array([t[sample == i].mean(axis=0) for i in range(25)])
     settings = levenberg_marquardt.TrainingSettings(
         80, 0.0, 0.005, 0.1, 10.0, 1e10, 1e-7, "inputs"
     )
-    single = train_start(w, x[owner], t, np.ones(t.shape), t.size, settings)
-    scatter = float(np.sum((t - means[owner]) ** 2)), float(t.size - means.size)
-    pooled = train_start(
-        w,
-        x,
-        means,
-        np.sqrt(np.column_stack([runs, runs])),
-        means.size,
-        settings,
-        scatter,
-    )
+    single = train_start(w, x[sample], t, np.ones(t.shape), t.size, settings)
+    weights = np.sqrt(np.column_stack([runs, runs]))
+    # sum of squares within the samples, and its degrees of freedom
+    scatter = float(np.sum((t - means[sample]) ** 2)), float(t.size - means.size)
+    pooled = train_start(w, x, means, weights, means.size, settings, scatter)
     for key in ("w", "alpha", "beta", "gamma", "log_evidence"):
         np.testing.assert_allclose(pooled[key], single[key], rtol=1e-5)
     assert pooled["epochs"] == single["epochs"]
+
+
+def test_a_known_noise_is_kept():
     X, Y = noisy_data(20, 61, noise=(0.5, 1.0))
     covariance = np.diag([0.25, 1.0]) + 0.25
     model = BayesianBP(hidden=4, starts=2, goal=0.0, prior="inputs", epochs=200)

@@ -204,16 +204,15 @@ def curve_of(model, targets, study=None):
     return points, implausibility.curve(points, targets, observed(targets), study)
 
 
-def test_bits_and_interval_by_hand_where_a_correlated_discrepancy_leaves_the_contrast():
+def test_bits_and_interval_by_hand():
+    """One response with slope 40 in one parameter: its sd is that of the response over 40, the bits those of a normal."""
     targets = targets_of(height_mm=60.0)
     _, table = curve_of(Linear(40.0), targets)
     assert table["discrepancy_percent"].tolist() == list(implausibility.PERCENT)
     assert (np.diff(table["information_bits"]) < 0).all()
     for row in table.iloc[:3].itertuples():
-        sd = (
-            math.hypot(targets.standard_error[0], row.discrepancy_percent / 100 * 60)
-            / 40
-        )
+        discrepancy = row.discrepancy_percent / 100 * 60
+        sd = math.hypot(targets.standard_error[0], discrepancy) / 40
         bits = -math.log2(sd * math.sqrt(2 * math.pi * math.e))
         assert row.information_bits == pytest.approx(bits, abs=0.01)
         first = PARAMETERS[0]
@@ -223,6 +222,10 @@ def test_bits_and_interval_by_hand_where_a_correlated_discrepancy_leaves_the_con
         )
         assert getattr(row, f"{first}_bits") == pytest.approx(bits, abs=0.1)
         assert getattr(row, f"{PARAMETERS[1]}_bits") < 0.02
+
+
+def test_a_correlated_discrepancy_leaves_the_contrast():
+    """Where two responses are wrong together, their difference still tells something."""
     targets = targets_of(aor_deg=30.0, height_mm=60.0)
     _, table = curve_of(Linear(20.0, 40.0), targets)
     bits = table.pivot(
@@ -233,17 +236,15 @@ def test_bits_and_interval_by_hand_where_a_correlated_discrepancy_leaves_the_con
     assert bits.loc[0.0, 0.0] == pytest.approx(bits.loc[0.0, 0.9])
     assert bits.loc[10.0, 0.9] > bits.loc[10.0, 0.0] + 0.5
     _, table = curve_of(Linear(20.0, 40.0), targets, observed(targets)(5.0, 0.9))
-    stated = table[
-        (table["discrepancy_percent"] == 5.0)
-        & (table["discrepancy_correlation"] == 0.9)
-    ].iloc[0]
+    is_stated = table["discrepancy_percent"] == 5.0
+    is_stated &= table["discrepancy_correlation"] == 0.9
+    stated = table[is_stated].iloc[0]
     study = table.iloc[-1]
     assert study["evidence"] == "shape study"
     assert stated["evidence"] == "stated"
-    found, known = (
-        row.drop("evidence").astype(float).to_numpy() for row in (study, stated)
-    )
-    assert found == pytest.approx(known)
+    # the shape study found what is stated in the other row
+    known = stated.drop("evidence").astype(float).to_numpy()
+    assert study.drop("evidence").astype(float).to_numpy() == pytest.approx(known)
 
 
 def test_the_region_is_where_the_response_is_within_three_standard_deviations():
@@ -397,27 +398,29 @@ def made_up(
     [(1.0, 0.5, 0.0), (0.3, 1.0, 0.0), (1.0, 0.5, 2.0)],
 )
 def test_bits_of_known_variances(between, within, percent):
-    known = 0.5 * np.log2(1 + between**2 / (within**2 / 10 + (percent / 100 * 40) ** 2))
+    """A measurement of 10 runs brings 0.5 log2(1 + signal / noise) bits; the mean response is 40."""
+    noise = within**2 / 10 + (percent / 100 * 40) ** 2
+    known = 0.5 * np.log2(1 + between**2 / noise)
     runs = [made_up(between, within, sets=64, seed=k) for k in range(100)]
     rows = [next_measurement.information(pours, 10, percent).iloc[0] for pours in runs]
     bits = np.array([row.bits for row in rows])
     assert bits.mean() == pytest.approx(known, abs=3 * bits.std() / 10 + 0.02 * known)
-    if not percent:  # the interval is exact without a discrepancy
+    # the interval is exact without a discrepancy
+    if percent == 0.0:
         covered = np.mean([row.bits_low <= known <= row.bits_high for row in rows])
         assert covered == pytest.approx(0.95, abs=3 * np.sqrt(0.95 * 0.05 / 100))
 
 
-def test_bits_by_hand_the_most_informative_first_and_plausible_sets(tmp_path):
+def test_bits_of_the_next_measurement_by_hand():
     runs = made_up(1.0, 0.5)
     parts = variance_components(runs["value"], runs["sample"])
-    ratio = (
-        parts.within
-        * parts.icc
-        / (1 - parts.icc)
-        / (parts.within / 10 + (0.2 * parts.mean) ** 2)
-    )
+    signal = parts.within * parts.icc / (1 - parts.icc)
+    noise = parts.within / 10 + (0.2 * parts.mean) ** 2
     bits = next_measurement.information(runs, 10, 20.0)["bits"].iloc[0]
-    assert bits == pytest.approx(0.5 * np.log2(1 + ratio), rel=1e-9)
+    assert bits == pytest.approx(0.5 * np.log2(1 + signal / noise), rel=1e-9)
+
+
+def test_the_most_informative_measurement_is_first():
     runs = [
         made_up(0.0, 1.0, response="flow_g_s"),
         made_up(2.0, 0.5),
@@ -430,6 +433,9 @@ def test_bits_by_hand_the_most_informative_first_and_plausible_sets(tmp_path):
         "flow_g_s",
     ]
     assert table["bits_low"].iloc[1] == 0.0
+
+
+def test_plausible_sets_are_draws_of_the_posterior(tmp_path):
     draws = pd.DataFrame(
         np.random.default_rng(1).random((50, 6)), columns=list(PARAMETERS)
     )
