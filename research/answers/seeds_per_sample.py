@@ -400,7 +400,8 @@ def judge(args, config):
         .set_index(keys)
         .sort_index()
     )
-    sets = [k for k, own in found.groupby(level=0) if len(own) == len(SEEDS)]
+    # data sets with an answer for each number of seeds
+    sets = [k for k, answers in found.groupby(level=0) if len(answers) == len(SEEDS)]
     if len(sets) < seeds_rule.FEWEST_SETS:
         allowed = (
             f"at least {seeds_rule.FEWEST_SETS} with an answer of each of {SEEDS} seeds"
@@ -413,9 +414,10 @@ def judge(args, config):
     _, points = fresh_of(study, config)
 
     X = found[parameters].to_numpy(float)
-    own = found.index.get_indexer(pours.index)
+    # the row of X of each pour; the fresh points follow the answers
+    answer_of = found.index.get_indexer(pours.index)
     values = np.vstack([pours[names].to_numpy(float), fresh[names].to_numpy(float)])
-    group = np.concatenate([own, len(X) + fresh["sample"].to_numpy(int) - 1])
+    group = np.concatenate([answer_of, len(X) + fresh["sample"].to_numpy(int) - 1])
     real = Judge(np.vstack([X, points]), values, group)
     random = np.random.default_rng(OF_JUDGE)
     means = real.draw(X, seeds_rule.RESAMPLINGS, random)
@@ -427,7 +429,7 @@ def judge(args, config):
         int(found["pool_seeds"].iloc[0]),
         random,
     )
-    plain = plain_errors(pours[names], own, found.index, real.noise, targets)
+    plain = plain_errors(pours[names], answer_of, found.index, real.noise, targets)
     table = table.merge(plain, how="left", on=["seeds", "quantity", "response"])
     record = {
         "chosen": chosen,

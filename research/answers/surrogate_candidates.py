@@ -146,13 +146,12 @@ class Kriging(Candidate):
         k = Y.shape[1]
         mixing = np.eye(k)
         if noise_covariance is not None:
-            mixing = np.linalg.inv(np.linalg.cholesky(noise_covariance)).T
-            mixing = (
-                mixing
-                @ np.linalg.eigh(
-                    np.atleast_2d(np.cov((Y @ mixing).T, aweights=precision[:, 0]))
-                )[1]
-            )
+            # combinations of the responses with independent noise of variance 1 ...
+            whitening = np.linalg.inv(np.linalg.cholesky(noise_covariance)).T
+            # ... turned so that they are uncorrelated over the samples, too
+            covariance = np.cov((Y @ whitening).T, aweights=precision[:, 0])
+            _, axes = np.linalg.eigh(np.atleast_2d(covariance))
+            mixing = whitening @ axes
         values = Y @ mixing
         self.middle = values.mean(axis=0)
         self.scale = np.maximum(values.std(axis=0), 1e-12)
@@ -207,11 +206,8 @@ class Kriging(Candidate):
 
         ends = []
         for length in FIRST_LENGTHS:
-            start = np.array(
-                [0.0]
-                + [np.log(length)] * d
-                + [np.log(known[0]) if known else NOISE_LOG_MEAN]
-            )
+            noise = np.log(known[0]) if known else NOISE_LOG_MEAN
+            start = np.array([0.0] + [np.log(length)] * d + [noise])
             ends.append(
                 optimize.minimize(
                     loss,
@@ -259,14 +255,8 @@ class Kriging(Candidate):
             for theta, alpha, inverse_root in draws:
                 between = self.between(theta, x, self.x)
                 m.append(between @ alpha)
-                v.append(
-                    np.maximum(
-                        1.0
-                        + np.exp(theta[0])
-                        - ((between @ inverse_root.T) ** 2).sum(axis=1),
-                        1e-12,
-                    )
-                )
+                explained = ((between @ inverse_root.T) ** 2).sum(axis=1)
+                v.append(np.maximum(1.0 + np.exp(theta[0]) - explained, 1e-12))
             means.append(np.mean(m, axis=0) * self.scale[k] + self.middle[k])
             variances.append(
                 (np.mean(v, axis=0) + np.var(m, axis=0)) * self.scale[k] ** 2

@@ -102,9 +102,10 @@ def _to_tolerance(panel: Axes, methods: pd.DataFrame) -> None:
         row = methods.loc[name]
         _, colour = SEARCHES[name]
         reached = int(row["reached"])
+        repetitions = int(row["repetitions"])
         if reached:
             # if some runs failed, the mean over the others is too low
-            alpha = 1.0 if reached == int(row["repetitions"]) else 0.4
+            alpha = 1.0 if reached == repetitions else 0.4
             panel.barh(
                 y,
                 row["evaluations_to_tolerance"],
@@ -120,16 +121,13 @@ def _to_tolerance(panel: Axes, methods: pd.DataFrame) -> None:
                 lw=0.8,
                 capsize=2,
             )
-        of = int(row["repetitions"])
-        if reached < of:
-            panel.text(
-                12, y, f"{reached} of {of} runs", fontsize=6, va="center", ha="left"
-            )
+        if reached < repetitions:
+            text = f"{reached} of {repetitions} runs"
+            panel.text(12, y, text, fontsize=6, va="center", ha="left")
     panel.set_yticks(place, [SEARCHES[name][0] for name in names], fontsize=6.3)
     panel.set(xscale="log", xlim=(10, None), xlabel="evaluations to tolerance")
-    if not (
-        methods.loc[names, "reached"] > 0
-    ).any():  # without a bar the axes have no ends of their own
+    # without a bar the axes have no limits
+    if not (methods.loc[names, "reached"] > 0).any():
         panel.set(xlim=(10, 1e5), ylim=(-0.6, len(names) - 0.4))
     panel.set_title("b", fontweight="bold")
 

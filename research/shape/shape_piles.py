@@ -43,20 +43,20 @@ def measured(
     profiles = []
     for view in views:
         profiles.append(pile.find_profile(view)[0])
-        seen = {
+        by_rule = {
             rule: pile.measure_segmented(
                 view, settings.model_copy(update={"flank": rule})
             ).angles
             for rule in FLANKS
         }
         for name in COLUMNS:
+            # "flank_RULE" is the flank by another rule; other definitions do not depend on the rule
             rule = name.removeprefix("flank_")
-            of_rule, definition = (
-                (seen[rule], "flank") if rule in seen else (seen[settings.flank], name)
-            )
-            angles[name].append(
-                of_rule[definition].aor_deg if definition in of_rule else math.nan
-            )
+            if rule in by_rule:
+                angle = by_rule[rule].get("flank")
+            else:
+                angle = by_rule[settings.flank].get(name)
+            angles[name].append(math.nan if angle is None else angle.aor_deg)
     found: dict[str, float | None] = {
         COLUMNS[name]: _mean(values) for name, values in angles.items()
     }

@@ -354,12 +354,9 @@ def test_the_shape_study_is_drawn_for_its_targets(names, tmp_path):
                     "definition": definition,
                 }
                 numbers = {derived(name, "difference"): 1.0 for name in names}
-                rows.append(
-                    row
-                    | numbers
-                    | {of_name(name).standard_error: 0.2 for name in names}
-                )
-                rows[-1]["distance"] = math.sqrt(len(names))
+                errors = {of_name(name).standard_error: 0.2 for name in names}
+                distance = {"distance": math.sqrt(len(names))}
+                rows.append(row | numbers | errors | distance)
                 labels = row | {"kind": "published", "set": "a"}
                 sets.append(labels | numbers | dict.fromkeys(names, 51.0))
     pd.DataFrame(rows).to_csv(tmp_path / "c.csv", index=False)
@@ -369,12 +366,11 @@ def test_the_shape_study_is_drawn_for_its_targets(names, tmp_path):
             {"combinations": tmp_path / "c.csv", "sets": tmp_path / "s.csv"}, config
         )
         style.save(figure, tmp_path / "a.png", small_run=False)
-    assert (
-        figure.axes[4].get_xlabel()
-        == f"{of_name(names[0]).label} ({of_name(names[0]).unit})"
-    )
-    up = "distance (–)" if len(names) == 1 else "Height (mm)"
-    assert figure.axes[0].get_ylabel() == up
+    first = of_name(names[0])
+    assert figure.axes[4].get_xlabel() == f"{first.label} ({first.unit})"
+    # with one target the distance is on the vertical axis
+    vertical = "distance (–)" if len(names) == 1 else "Height (mm)"
+    assert figure.axes[0].get_ylabel() == vertical
     titles = [
         panel.get_title(loc="left").replace(", by ", "_") for panel in figure.axes
     ]

@@ -223,7 +223,7 @@ def test_a_small_pile_is_measured_as_that_of_the_funnel_and_as_a_picture_of_it()
 
 
 @pytest.mark.slow
-def test_a_tube_that_is_short_is_not_filled_and_fast_lifting_flattens_the_pile():
+def test_a_short_tube_is_not_filled_and_a_narrow_one_is_jammed():
     record, _ = lifted(1, berries=60, length_mm=20.0, diameter_mm=40.0)
     assert record["status"] == "not_filled"
     assert record["lifted_aor_deg"] is None
@@ -232,19 +232,20 @@ def test_a_tube_that_is_short_is_not_filled_and_fast_lifting_flattens_the_pile()
         1, rough, berries=40, diameter_mm=14.0, length_mm=400.0, lifting_mm_s=400.0
     )
     assert record["status"] == "jammed"
-    speeds = (10.0, 50.0, 200.0)
-    names = ("lifted_aor_deg", "lifted_height_mm")
-    runs = [
-        [lifted(seed, lifting_mm_s=speed)[0] for seed in range(1, 7)]
-        for speed in speeds
-    ]
-    found = np.array(
-        [[[run[name] for name in names] for run in group] for group in runs]
-    )
-    mean = found.mean(axis=1)
-    error = found.std(axis=1, ddof=1) / np.sqrt(6)
-    assert (np.diff(mean, axis=0) < 0.0).all()
-    assert (mean[0] - mean[2] > 3.0 * np.hypot(error[0], error[2])).all()
+
+
+@pytest.mark.slow
+def test_fast_lifting_flattens_the_pile():
+    """Angle and height fall with the speed, and from 10 to 200 mm/s by more than three standard errors of six runs."""
+    means = []
+    errors = []
+    for speed in (10.0, 50.0, 200.0):
+        runs = [lifted(seed, lifting_mm_s=speed)[0] for seed in range(1, 7)]
+        values = [(run["lifted_aor_deg"], run["lifted_height_mm"]) for run in runs]
+        means.append(np.mean(values, axis=0))
+        errors.append(np.std(values, axis=0, ddof=1) / np.sqrt(6))
+    assert (np.diff(means, axis=0) < 0.0).all()
+    assert (means[0] - means[2] > 3.0 * np.hypot(errors[0], errors[2])).all()
 
 
 @pytest.mark.slow

@@ -227,16 +227,13 @@ def test_a_study_with_a_simulator_of_the_users_own_calibrates_a_profile(
     profile = study.targets.profiles["surface_mm"]
     random = np.random.default_rng(4)
     while not study.done:
-        lines = (
-            row.slope * np.array(profile.x) + row.height
-            for row in study.ask().itertuples()
-        )
-        rows = [profile.columns(line + 0.1 * random.normal(size=5)) for line in lines]
-        study.tell(
-            study.ask().assign(
-                **{name: [row[name] for row in rows] for name in profile.names}
-            )
-        )
+        runs = study.ask()
+        rows = []
+        for run in runs.itertuples():
+            line = run.slope * np.array(profile.x) + run.height
+            rows.append(profile.columns(line + 0.1 * random.normal(size=5)))
+        columns = {name: [row[name] for row in rows] for name in profile.names}
+        study.tell(runs.assign(**columns))
     slope, height = np.polyfit(profile.x, profile.z, 1)
     answer = study.answer()
     assert answer.parameters == {

@@ -249,34 +249,23 @@ def test_a_run_stands_on_its_scene_and_not_on_its_measurement(config):
         scene = [("design", "seed")]
         scene += [("wall", key) for key in config["wall"]]
         scene += [("simulation", key) for key in config["simulation"]]
-        scene += [
-            (name, key)
-            for key in config[name]
-            if key != "seeds" and key not in measured_by
-        ]
-        before = dependencies.simulation_settings(config, name)
+        scene += [(name, key) for key in {*config[name]} - {"seeds", *measured_by}]
+        run = dependencies.simulation_settings(config, name)
         for section, key in scene:
             changed = changed_key(config, section, key)
-            assert dependencies.simulation_settings(changed, name) != before, (
-                section,
-                key,
-            )
+            where = f"{section}.{key}"
+            assert dependencies.simulation_settings(changed, name) != run, where
 
         measurement = [("measure", key) for key in config["measure"]]
         measurement += [(name, key) for key in measured_by]
+        measured = dependencies.measurement_settings(config, name)
+        following = dependencies.settings_of(config, "next")
         for section, key in measurement:
             changed = changed_key(config, section, key)
-            assert dependencies.simulation_settings(changed, name) == before, (
-                section,
-                key,
-            )
-            for select in (
-                lambda configuration: dependencies.measurement_settings(
-                    configuration, name
-                ),
-                lambda configuration: dependencies.settings_of(configuration, "next"),
-            ):
-                assert select(changed) != select(config), (section, key)
+            where = f"{section}.{key}"
+            assert dependencies.simulation_settings(changed, name) == run, where
+            assert dependencies.measurement_settings(changed, name) != measured, where
+            assert dependencies.settings_of(changed, "next") != following, where
 
     check_all(check, [(name, name) for name in names() if name in config])
 

@@ -46,27 +46,30 @@ def small_is_shared(monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.essential
-def test_neither_threads_nor_cuts_change_a_bit_and_shares_move_bodies_as_one_does(
-    small_is_shared, monkeypatch
-):
-    found = []
+def test_neither_threads_nor_cuts_change_a_bit(small_is_shared):
+    def state_after(threads, parts):
+        s = falling(threads)
+        for steps in parts:
+            s.run_steps(steps)
+        return s.positions.copy(), s.quaternions, s.contacts()
+
+    one_thread = state_after(1, [STEPS])
+    assert len(one_thread[2]) > 100
     for threads, parts in (
-        (1, [STEPS]),
         (2, [STEPS]),
         (3, [STEPS]),
         (2, [1, 499, 500, 7, STEPS - 1007]),
     ):
-        s = falling(threads)
-        for steps in parts:
-            s.run_steps(steps)
-        found.append((s.positions.copy(), s.quaternions, s.contacts()))
-    assert len(found[0][2]) > 100
-    for other in found[1:]:
-        assert all(
-            np.array_equal(first, second)
-            for first, second in zip(found[0], other, strict=True)
-        )
-    shared = falling(1)  # over so few steps that rounding has not grown yet
+        state = state_after(threads, parts)
+        for array, expected in zip(state, one_thread, strict=True):
+            assert np.array_equal(array, expected), (threads, parts)
+
+
+@pytest.mark.slow
+@pytest.mark.essential
+def test_shares_of_bodies_move_them_as_one_does(small_is_shared, monkeypatch):
+    """Compared after so few steps that rounding has not grown yet."""
+    shared = falling(1)
     monkeypatch.setattr(parallel, "FEWEST_BODIES", 1000)
     plain = falling(1)
     for s in (shared, plain):
@@ -78,7 +81,8 @@ def test_neither_threads_nor_cuts_change_a_bit_and_shares_move_bodies_as_one_doe
 @pytest.mark.slow
 @pytest.mark.essential
 def test_pairs_that_are_left_alone_still_meet_in_time(small_is_shared, monkeypatch):
-    # a lattice that creeps together so slowly that its pairs are left alone for most of the steps
+    """A lattice creeps together so slowly that its pairs are left alone for most of the steps."""
+
     def creeping():
         s = simulation(
             BERRY,
@@ -88,10 +92,9 @@ def test_pairs_that_are_left_alone_still_meet_in_time(small_is_shared, monkeypat
             lower=(-0.2,) * 3,
             upper=(0.2,) * 3,
         )
-        for x, y, z in itertools.product((-0.033, -0.011, 0.011, 0.033), repeat=3):
-            s.add(
-                (x, 0.55 * y, 0.5 * z), velocity_m_s=(-0.08 * x, -0.08 * y, -0.08 * z)
-            )
+        for place in itertools.product((-0.033, -0.011, 0.011, 0.033), repeat=3):
+            x, y, z = place
+            s.add((x, 0.55 * y, 0.5 * z), velocity_m_s=-0.08 * np.array(place))
         return s
 
     met = []
@@ -122,14 +125,11 @@ def test_new_numbers_change_nothing_that_users_see(small_is_shared):
     s = falling(1)
     s.run_steps(STEPS - 1)
 
-    def seen():
+    def state():
+        # contacts have another order after bodies have other numbers
         rows = st.contact_rows(s.pairs.data, len(s.contacts()))
-        springs = sorted(
-            map(
-                tuple,
-                np.column_stack([s.bodies.rows[s.pairs.first[: len(rows)], :3], rows]),
-            )
-        )
+        places = s.bodies.rows[s.pairs.first[: len(rows)], :3]
+        springs = sorted(map(tuple, np.column_stack([places, rows])))
         return (
             s.positions,
             s.quaternions,
@@ -139,11 +139,11 @@ def test_new_numbers_change_nothing_that_users_see(small_is_shared):
             np.array(springs),
         )
 
-    before = seen()
+    before = state()
     numbers = s._engine_numbers.copy()
     s._renumber()
     assert not np.array_equal(numbers, s._engine_numbers)
-    for first, second in zip(before, seen(), strict=True):
+    for first, second in zip(before, state(), strict=True):
         assert np.array_equal(first, second)
 
 

@@ -18,7 +18,6 @@ from shared import ROOT, says
 from repose import export
 from repose.bench.scene import materials_of
 from repose.bench.space import contact_space
-from repose.common.errors import InputError
 from repose.config import dependencies
 from repose.config.pipeline import PipelineConfig
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
@@ -68,16 +67,17 @@ def test_the_decks_of_a_clump_and_a_ball_are_known(config, program):
     is_known(f"{program}.txt", re.sub(r".*(version|commit).*", "", "\n".join(texts)))
 
 
-def test_each_program_gets_the_numbers(job):
+def test_liggghts_gets_the_frictions_and_the_duration(job):
     deck = export.PROGRAMS["liggghts"](job)["in.pour"]
-    friction = (
-        re.search(r"coefficientFriction peratomtypepair 2 (.*)", deck).group(1).split()
-    )
+    written = re.search(r"coefficientFriction peratomtypepair 2 (.*)", deck)[1].split()
     frictions = [job.grains.static_friction, job.on_wall.static_friction]
-    assert [float(word) for word in friction[:2]] == pytest.approx(frictions)
+    assert [float(word) for word in written[:2]] == pytest.approx(frictions)
     steps = int(re.search(r"\nrun +(\d+)", deck).group(1))
     step = float(re.search(r"timestep +(\S+)", deck).group(1))
     assert steps * step == pytest.approx(job.funnel.duration_s, rel=1e-3)
+
+
+def test_lammps_gets_the_moduli_of_the_pair_and_half_the_critical_dashpot(job):
     # two surfaces of this E and nu have the pair's E*; the tangential stiffness is 8 G*
     keywords = contact_keywords(job, job.on_wall).split()
     young = float(keywords[1])
@@ -87,20 +87,22 @@ def test_each_program_gets_the_numbers(job):
     )
     assert float(keywords[6]) == pytest.approx(8 * job.on_wall.effective_shear_pa)
     spring, dashpot = map(float, keywords[keywords.index("sds") + 1 :][:2])
-    # half of the critical one
     assert dashpot == pytest.approx(0.5 * math.sqrt(spring * job.particle.mass_kg))
+
+
+def test_yade_gets_the_spheres_the_mass_and_the_funnel(job):
     tree = ast.parse(export.PROGRAMS["yade"](job)["pour.py"])
-    named = {
+    assigned = {
         ast.unparse(node.targets[0]): node.value
         for node in tree.body
         if isinstance(node, ast.Assign)
     }
-    values = {
-        name: ast.literal_eval(named[name]) for name in ("SPHERES", "MASS", "RINGS")
-    }
-    assert np.array(values["SPHERES"]) == pytest.approx(job.particle.spheres_m)
-    assert values["MASS"] == pytest.approx(job.particle.mass_kg)
-    assert np.array(values["RINGS"]) == pytest.approx(surface.profile(job.surfaces))
+    spheres = ast.literal_eval(assigned["SPHERES"])
+    mass = ast.literal_eval(assigned["MASS"])
+    rings = ast.literal_eval(assigned["RINGS"])
+    assert np.array(spheres) == pytest.approx(job.particle.spheres_m)
+    assert mass == pytest.approx(job.particle.mass_kg)
+    assert np.array(rings) == pytest.approx(surface.profile(job.surfaces))
 
 
 def test_the_table_of_edem_has_values_with_units(config):
@@ -491,27 +493,21 @@ def test_each_law_is_written_as_the_program_has_it_or_refused(
         "plas_gg": 0.5,
         "plas_gp": 0.5,
     }
-    laws_of = [(("contact_law", law, CONTACT), (law, "budget")) for law in CONTACT_LAWS]
-    laws_of += [
-        (("rolling_law", law, ROLLING), ("hertz_mindlin", law)) for law in ROLLING_LAWS
+    # key, law, what the programs have for it, and the pair of laws of the job
+    cases = [("contact_law", law, CONTACT, (law, "budget")) for law in CONTACT_LAWS]
+    cases += [
+        ("rolling_law", law, ROLLING, ("hertz_mindlin", law)) for law in ROLLING_LAWS
     ]
-    for (key, law, written), pair in laws_of:
+    for key, law, written, pair in cases:
+        job = job_of(config, particle, *pair, **constants)
         if (program, law) in written:
-            deck = export.write(
-                job_of(config, particle, *pair, **constants), program, tmp_path
-            )[0]
+            deck = export.write(job, program, tmp_path)[0]
             assert written[program, law] in deck.read_text()
-        else:
-            with pytest.raises(
-                InputError,
-                match=rf"simulation.{key} is '{law}'; expected .*hertz|budget",
-            ) as no:
-                export.write(
-                    job_of(config, particle, *pair, **constants), program, tmp_path
-                )
-            assert ("refuses cohesion" in str(no.value)) == (
-                (program, law) == ("lammps", "jkr")
-            )
+            continue
+        message = rf"simulation.{key} is '{law}'; expected .*hertz|budget"
+        refusal = input_error(message, export.write, job, program, tmp_path)
+        is_lammps_jkr = (program, law) == ("lammps", "jkr")
+        assert ("refuses cohesion" in str(refusal)) == is_lammps_jkr
 
 
 # Words about the particle, whether the study's berry is a sphere, and what the deck holds.

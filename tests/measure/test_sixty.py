@@ -92,17 +92,17 @@ def test_distance_changes_neither_angle_nor_height(tmp_path, seed):
         )
 
 
-def test_a_coarse_photograph_is_doubtful_and_one_sheet_gives_the_camera_of_a_zoom(
-    tmp_path,
-):
-    coarse_one, fine_one = (coarse.measured(7, high, tmp_path) for high in (50, 100))
-    assert "too coarse" in coarse_one.remarks
-    # A pixel at either end of a side of 34 degrees: sin(2 * 34) / 50.
-    assert "the angle may be off by 1.1 degrees" in coarse_one.remarks
-    assert coarse_one.measurement.aor_deg == pytest.approx(
-        sixty.truth(coarse.scene(7, 50)).angle, abs=1.5
-    )
-    assert "too coarse" not in fine_one.remarks
+def test_a_coarse_photograph_is_doubtful(tmp_path):
+    """A pixel at either end of a side of 34 degrees turns it by sin(2 * 34) / 50."""
+    photograph = coarse.measured(7, 50, tmp_path)
+    assert "too coarse" in photograph.remarks
+    assert "the angle may be off by 1.1 degrees" in photograph.remarks
+    true = sixty.truth(coarse.scene(7, 50))
+    assert photograph.measurement.aor_deg == pytest.approx(true.angle, abs=1.5)
+    assert "too coarse" not in coarse.measured(7, 100, tmp_path).remarks
+
+
+def test_one_sheet_gives_the_camera_of_a_zoom():
     focal = 9000.0
     places = np.array(
         [(x, z) for x in np.arange(20, 130, 20.0) for z in np.arange(20, 180, 20.0)]

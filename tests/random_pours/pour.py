@@ -77,39 +77,46 @@ class TooLong(Exception):
     """A pour took more than `LONGEST_S` of CPU time."""
 
 
-class Seen:
-    energy = speed = overlap = wall_overlap = 0.0
+class Largest:
+    """The largest energy, speed and overlaps of a pour, each over what the laws of physics or the bounds allow."""
+
+    energy = 0.0
+    speed = 0.0
+    overlap = 0.0
+    wall_overlap = 0.0
     steps = 0
     began_s = None  # the first look: what is compiled before is no time of a pour
 
     def note(self, bounded):
         now_s = time.process_time()
-        self.began_s = now_s if self.began_s is None else self.began_s
+        if self.began_s is None:
+            self.began_s = now_s
         if now_s - self.began_s > LONGEST_S:
             raise TooLong
         s = bounded.simulation
         self.steps = s.steps
         if not s.n_bodies:
             return
+        # kinetic and potential energy, over what the grains got by falling and by their first speed
         masses = s.masses_kg
-        there = s.present
-        heights = s.positions[there, 2] - bounded.lowest_m
-        energy = s.kinetic_energies().sum() + bounded.gravity * np.sum(
-            masses[there] * heights
-        )
+        heights = s.positions[s.present, 2] - bounded.lowest_m
+        potential = bounded.gravity * np.sum(masses[s.present] * heights)
+        energy = s.kinetic_energies().sum() + potential
         given = masses.sum() * (
             bounded.gravity * bounded.fall_m + 0.5 * bounded.speed_m_s**2
         )
+        if given > 0.0:
+            self.energy = max(self.energy, float(energy / given))
+        # the speed of the fastest grain, over that of a free fall
         fall = math.sqrt(2.0 * bounded.gravity * bounded.fall_m) + bounded.speed_m_s
+        fastest = float(np.sqrt(np.square(s.velocities).sum(axis=1).max()))
+        self.speed = max(self.speed, fastest / fall)
+        # overlaps over the thickness of the smaller grain
         pairs, overlaps = s.overlaps()
         shares = overlaps / s.scales[pairs].min(axis=1) / bounded.thickness_m
+        self.overlap = max(self.overlap, float(shares.max(initial=0.0)))
         bodies, _, overlaps = s.wall_overlaps()
         of_walls = overlaps / s.scales[bodies] / bounded.thickness_m
-        self.energy = max(self.energy, float(energy / given) if given > 0.0 else 0.0)
-        self.speed = max(
-            self.speed, float(np.sqrt(np.square(s.velocities).sum(axis=1).max())) / fall
-        )
-        self.overlap = max(self.overlap, float(shares.max(initial=0.0)))
         self.wall_overlap = max(self.wall_overlap, float(of_walls.max(initial=0.0)))
 
 
@@ -171,7 +178,8 @@ def drawn(number, default, mean, particles):
     )
     limit = longest_time_step(Scene.of(config, parameters, berry, particle))
     share = float(rng.choice([1.0, rng.uniform(0.3, 1.0)]))
-    config["simulation"]["time_step_s"] = step_s = share * limit.time_step_s
+    step_s = share * limit.time_step_s
+    config["simulation"]["time_step_s"] = step_s
     many = bool(rng.random() < MANY_SHARE)
     # of a fall by a berry's length; gravity may rise to 100 m/s2, so that a pour ends within MOST_STEPS
     falls = 120 if many else FALLS
@@ -180,11 +188,11 @@ def drawn(number, default, mean, particles):
     gravity = 9.81 * min(10.0, max(1.0, (falls * tau_s / room_s) ** 2))
     tau_s *= math.sqrt(9.81 / gravity)
     span_s = falls * tau_s if many else min(falls * tau_s, room_s)
-    number_of = (
-        MANY
-        if many
-        else min(int(rng.integers(20, 61)), max(20, round(1.5 * span_s / tau_s)))
-    )
+    if many:
+        number_of = MANY
+    else:
+        # at most 1.5 grains for each fall by a berry's length
+        number_of = min(int(rng.integers(20, 61)), max(20, round(1.5 * span_s / tau_s)))
     config["simulation"]["gravity_m_s2"] = gravity
     # the energy of a berry that falls by a ten thousandth of its length
     config["simulation"]["rest_energy_j"] = min(
@@ -434,7 +442,7 @@ def poured(number, default, mean, particles, seen):
             "status": "refused",
             "reason": "; ".join(f"{key}: {allowed}" for key, allowed in faults),
         }
-    seen.append(Seen())
+    seen.append(Largest())
     began = time.process_time()
     try:
         run = test.run(scene)
@@ -529,7 +537,7 @@ def main():
     done = set(pd.read_csv(args.out)["number"]) if args.out.is_file() else set()
     config, mean, particles = study()
     warnings.simplefilter("ignore", RuntimeWarning)  # what overflows in an explosion
-    seen = [Seen()]
+    seen = [Largest()]
     Bounded.look = noting(seen)
     with (
         args.out.open("a", newline="") as table,

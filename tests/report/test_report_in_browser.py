@@ -129,41 +129,36 @@ def move(tab, slider, value):
     tab.evaluate(f"([id, value]) => {{ const {code} }}", [slider, value])
 
 
-def test_javascript_predicts_what_python_predicts_with_one_network_and_several(
-    opened, folder
-):
-    model = load(folder / "network.json")
+def check_predictions(found, model, X):
+    """Compare what the page predicted at points (n, d) with the model; the page has single precision."""
+    mean, std = model.predict(X, return_std=True, noise=False)
+    np.testing.assert_allclose([row["mean"] for row in found], mean, rtol=1e-6)
+    np.testing.assert_allclose([row["std"] for row in found], std, rtol=1e-4)
 
-    def compare(found, model, X):
-        mean, std = model.predict(X, return_std=True, noise=False)
-        np.testing.assert_allclose([row["mean"] for row in found], mean, rtol=1e-6)
-        # the page has single precision
-        np.testing.assert_allclose([row["std"] for row in found], std, rtol=1e-4)
 
+def test_javascript_predicts_what_python_predicts_with_one_network(opened, folder):
     # within and beyond the samples
     X = np.random.default_rng(2).uniform(0.02, 0.8, (40, len(PARAMETERS)))
-    compare(
-        opened.evaluate("X => X.map(networkPredictor(content.model))", X.tolist()),
-        model,
-        X,
-    )
+    code = "X => X.map(networkPredictor(content.model))"
+    found = opened.evaluate(code, X.tolist())
+    check_predictions(found, load(folder / "network.json"), X)
+
+
+def test_javascript_predicts_what_python_predicts_with_several_networks(opened):
     random = np.random.default_rng(3)
     X = random.uniform(size=(40, len(PARAMETERS)))
-    Y = np.column_stack([X[:, 0] + X[:, 1] ** 2, X[:, 2]]) + random.normal(
-        0, 0.1, (40, 2)
-    )
+    means = np.column_stack([X[:, 0] + X[:, 1] ** 2, X[:, 2]])
+    Y = means + random.normal(0, 0.1, (40, 2))
     settings = NetworkSettings.of(
         {"hidden": 3, "starts": 4, "epochs": 100, "goal": 0.0}
     )
     model = make("network_ensemble", settings).fit(X, Y)
     assert len(model.members_) > 1
-    content = prediction.for_page(
-        model, contact_space({name: [0.0, 1.0] for name in PARAMETERS}), X[0]
-    )
-    found = opened.evaluate(
-        "([model, X]) => X.map(networkPredictor(model))", [content, X[:10].tolist()]
-    )
-    compare(found, model, X[:10])
+    space = contact_space({name: [0.0, 1.0] for name in PARAMETERS})
+    content = prediction.for_page(model, space, X[0])
+    code = "([model, X]) => X.map(networkPredictor(model))"
+    found = opened.evaluate(code, [content, X[:10].tolist()])
+    check_predictions(found, model, X[:10])
 
 
 def test_the_pile_is_drawn_turns_and_falls(opened):

@@ -31,36 +31,36 @@ BOTH = Targets.of(TARGETS)
 MORE = [*TARGETS, target("drum_slip_deg", 44, 2, 40, 48, 5)]
 
 
-def test_sources_are_kept_within_half_a_step_and_spheres_lack_what_others_hide():
+def test_positions_are_kept_within_half_a_step():
     positions = np.random.default_rng(1).uniform(-300, 300, (4, 50, 3))
     positions[0, :20] = np.nan
     whole, low, step = scene.quantised(positions)
     assert (whole[0, :20] == scene.ABSENT).all()
     there = np.isfinite(positions).all(axis=2)
     assert (whole[there] <= scene.STEPS).all()
-    assert (
-        np.abs(low + step * whole[there] - positions[there]).max()
-        <= 0.5001 * step.max()
-        < 0.005
-    )
+    error = np.abs(low + step * whole[there] - positions[there]).max()
+    assert error <= 0.5001 * step.max()
+    assert 0.5001 * step.max() < 0.005
+
+
+def test_the_surface_of_a_clump_lacks_what_its_spheres_hide():
+    """Two large spheres overlap, and hide a small one in the middle."""
     spheres = np.array([[-3e-3, 0, 0, 5e-3], [3e-3, 0, 0, 5e-3], [0, 0, 0, 1e-3]])
     points, normals, triangles = scene.grain_surface(
         SimpleNamespace(is_clump=True, spheres_m=spheres), 10_000
     )
-    distance = (
-        np.linalg.norm(points[:, None] - 1e3 * spheres[:, :3], axis=2)
-        - 1e3 * spheres[:, 3]
-    )
+    from_centres = np.linalg.norm(points[:, None] - 1e3 * spheres[:, :3], axis=2)
+    distance = from_centres - 1e3 * spheres[:, 3]
     np.testing.assert_allclose(np.abs(distance).min(axis=1), 0, atol=1e-9)
     np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1)
     # Each triangle has a corner that no sphere holds: the small sphere is gone, the others are cut.
     outside = (distance > -1e-9).all(axis=1)
     assert outside[triangles].any(axis=1).all()
     assert np.abs(points[outside, 0]).max() == pytest.approx(8.0, abs=0.1)
+    # triangles are ordered so that they face outwards
     a, b, c = points[triangles].transpose(1, 0, 2)
-    assert (
-        np.einsum("ij,ij->i", np.cross(b - a, c - a), normals[triangles[:, 0]]) > 0
-    ).all()
+    outward = np.einsum("ij,ij->i", np.cross(b - a, c - a), normals[triangles[:, 0]])
+    assert (outward > 0).all()
 
 
 @pytest.mark.parametrize(("frames", "count"), [(181, 500), (181, 20_000), (3, 10)])

@@ -221,7 +221,7 @@ def test_an_interval_that_begins_at_a_bound_says_so():
 
 
 def test_a_fixed_parameter_has_no_interval():
-    ranges = dict.fromkeys(PARAMETERS, [0.1, 0.5]) | {"e_gp": {"fixed": 0.3}}
+    ranges = {name: [0.1, 0.5] for name in PARAMETERS} | {"e_gp": {"fixed": 0.3}}
     space = contact_space(ranges)
     assert widen_to_value(space, "e_gp", 0.3, None, None) == {"low": None, "high": None}
 

@@ -103,27 +103,23 @@ def test_the_screening_finds_the_parameters_that_matter(noisy):
         )
 
 
-def test_the_ascent_begins_at_the_centre_and_the_surface_lies_about_its_best_point(
-    noisy,
-):
+def test_the_ascent_goes_from_the_centre_to_the_edge_of_a_range(noisy):
     path = pd.read_csv(noisy[0] / "path.csv")
-    kept = factors_of(path)
-    assert path.loc[0, list(PARAMETERS)].to_numpy(float) == pytest.approx(
-        list(SPACE.centre.values())
-    )
-    still = [name for name in PARAMETERS if name not in kept]
-    assert (path[still] == path.loc[0, still]).all(axis=None)
-    coded = path[[f"coded_{name}" for name in kept]]
-    assert np.abs(coded.to_numpy()).max() == pytest.approx(1), (
-        "the last step is at the edge of a range"
-    )
-    assert path["best"].sum() == 1
-    assert (
-        path.loc[path["best"], "error_percent"].iloc[0] == path["error_percent"].min()
-    )
-    path, table = (
-        pd.read_csv(noisy[0] / name) for name in ("path.csv", "surface/samples.csv")
-    )
+    factors = factors_of(path)
+    first = path.loc[0, list(PARAMETERS)].to_numpy(float)
+    assert first == pytest.approx(list(SPACE.centre.values()))
+    others = [name for name in PARAMETERS if name not in factors]
+    assert (path[others] == path.loc[0, others]).all(axis=None)
+    coded = path[[f"coded_{name}" for name in factors]].to_numpy()
+    assert np.abs(coded).max() == pytest.approx(1)
+    # the best step is that of the least error
+    (least,) = path.loc[path["best"], "error_percent"]
+    assert least == path["error_percent"].min()
+
+
+def test_the_surface_lies_about_the_best_point_of_the_ascent(noisy):
+    path = pd.read_csv(noisy[0] / "path.csv")
+    table = pd.read_csv(noisy[0] / "surface/samples.csv")
     unit = SPACE.unit(table[list(PARAMETERS)].to_numpy(float))
     assert unit.min() > -1e-12
     assert unit.max() < 1 + 1e-12
@@ -239,7 +235,7 @@ def test_steps_share_no_sample_and_leave_out_those_that_gave_no_pile():
     assert len(set().union(*steps)) == 2000
 
 
-def test_too_few_piles_are_reported_with_their_folder_and_figures(tmp_path, noisy):
+def test_too_few_piles_are_reported_with_their_folder(tmp_path):
     study = synthetic.study(response_surface=SECTION)
     table = screening.design(SPACE, SETTINGS)
     runs = synthetic.runs_of(table, 3, 0.0, 1)
@@ -249,29 +245,28 @@ def test_too_few_piles_are_reported_with_their_folder_and_figures(tmp_path, nois
     input_error(f"{tmp_path}: .*enough for the model", propose, *step)
     synthetic.write_poured(tmp_path, table.iloc[:5])
     input_error("all samples of the step", propose, *step)
+
+
+def test_the_figures_of_the_strategy_have_their_panels_and_targets(noisy):
     folder = noisy[0]
-    surface_files = {
+    surface = {
         name: str(folder / f"surface/{name}.csv") for name in ("samples", "dataset")
     }
-    effects = (
-        {"effects": str(folder / f"{name}_effects.csv")}
-        for name in ("screening", "surface")
-    )
+    optimum = {"optimum": str(folder / "optimum.json")}
+    factors = factors_of(pd.read_csv(folder / "surface/samples.csv"))
+    # for each pair of factors a panel of either target
+    pairs = len(factors) * (len(factors) - 1)
     drawings = [
-        *((figures.pareto, given, 2) for given in effects),
-        (figures.perturbation, surface_files, 2),
-        (
-            figures.contours,
-            surface_files | {"optimum": str(folder / "optimum.json")},
-            None,
-        ),
+        (figures.pareto, {"effects": str(folder / "screening_effects.csv")}, 2),
+        (figures.pareto, {"effects": str(folder / "surface_effects.csv")}, 2),
+        (figures.perturbation, surface, 2),
+        (figures.contours, surface | optimum, pairs),
     ]
     for function, inputs, panels in drawings:
         with style.applied():
             figure = function(inputs, CONFIG)
             figure.canvas.draw()
-        count = len(factors_of(pd.read_csv(folder / "surface/samples.csv")))
-        assert len(figure.axes) == (panels or count * (count - 1))
+        assert len(figure.axes) == panels
         texts = " ".join(text.get_text() for text in figure.findobj(Text))
         assert "angle" in texts.lower() or "θ" in texts or "Height" in texts
 
