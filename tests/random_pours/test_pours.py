@@ -13,7 +13,7 @@ NUMBERS = (2, 5, 7)
 @pytest.mark.essential
 @pytest.mark.parametrize("number", NUMBERS)
 def test_a_random_pour_keeps_its_bounds(number, monkeypatch):
-    seen = [pour.Seen()]
+    seen = [pour.Largest()]
     monkeypatch.setattr(Bounded, "look", pour.noting(seen))
     row = pour.poured(number, *pour.study(), seen)
     assert row["status"] != "refused"
