@@ -14,7 +14,8 @@ def is_known(name, text):
     path = Path(__file__).with_suffix("") / name
     if "REPOSE_WRITE_KNOWN" in os.environ:
         path.write_text(text)
-    actual, stored = (re.sub(r"[ \n]+", " ", each) for each in (text, path.read_text()))
+    actual = re.sub(r"[ \n]+", " ", text)
+    stored = re.sub(r"[ \n]+", " ", path.read_text())
     assert NUMBER.sub("#", actual) == NUMBER.sub("#", stored)
     np.testing.assert_allclose(
         *(list(map(float, NUMBER.findall(each))) for each in (actual, stored)),

@@ -246,7 +246,9 @@ def mesh_distance(semi_axes, centre, q, vertices, faces, spacing):
         u.append(i[keep])
         v.append(j[keep])
     which, u, v = (np.concatenate(parts) for parts in (which, u, v))
-    a, b, c = (triangles[which, k] for k in range(3))
+    a = triangles[which, 0]
+    b = triangles[which, 1]
+    c = triangles[which, 2]
     points = a + u[:, None] * (b - a) + v[:, None] * (c - a)
     level = np.linalg.norm(points / axes, axis=1)
     if level.min() <= 1.0:

@@ -94,18 +94,13 @@ def settings_of(config):
     sections = {}
     for name, value in config.items():
         kind = fields[name].annotation if name in fields else None
-        if (
-            isinstance(value, dict)
-            and isinstance(kind, type)
-            and issubclass(kind, Section)
-        ):
-            value = (
-                NetworkSettings.of(value)
-                if name == "network"
-                else kind.model_construct(**value)
-            )
+        is_section = isinstance(kind, type) and issubclass(kind, Section)
         if name == "targets":
             value = [models.TargetSettings.model_construct(**entry) for entry in value]
+        elif name == "network":
+            value = NetworkSettings.of(value)
+        elif is_section and isinstance(value, dict):
+            value = kind.model_construct(**value)
         sections[name] = value
     return models.settings_type().model_construct(**sections)
 

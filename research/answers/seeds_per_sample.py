@@ -316,10 +316,8 @@ def fitting(args, config, pours):
             )
         }
         own = study.settings
-        section, search = (
-            part.model_copy(update={"seed": part.seed + number})
-            for part in (own.network, own.miga)
-        )
+        section = own.network.model_copy(update={"seed": own.network.seed + number})
+        search = own.miga.model_copy(update={"seed": own.miga.seed + number})
         tables = dataset.assemble(samples, {BENCH: jobs}, targets)
         learned = train.train(
             *tables,

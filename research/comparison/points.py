@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from repose.bench.parameters import PARAMETERS
 from repose.calibrate.variance import within_covariance
@@ -143,22 +144,21 @@ def read(dataset_csv: str | Path, runs_csv: str | Path, names: Sequence[str]) ->
         raise InputError(
             dataset_csv, "usable samples", 0, "some with status ok, with their runs"
         )
-    place = (
-        runs.groupby(["sample", *(["apparatus"] if "apparatus" in runs else [])])
-        .cumcount()
-        .to_numpy()
-    )
+    # the number of each run among those of its sample and bench test
+    keys = ["sample", "apparatus"] if "apparatus" in runs else ["sample"]
+    place = runs.groupby(keys).cumcount().to_numpy()
     row = usable.set_index("sample").index.get_indexer(runs["sample"])
     values = np.full((len(usable), place.max() + 1, len(names)), np.nan)
     responses = runs[list(names)].to_numpy(float, copy=True)
     responses[runs["status"].to_numpy() != "ok"] = np.nan
-    for test in runs["apparatus"].unique() if "apparatus" in runs else [None]:
-        measured = (
-            np.ones(len(runs), bool)
-            if test is None
-            else (runs["apparatus"] == test).to_numpy()
-        )
+    if "apparatus" in runs:
+        bench_tests = runs["apparatus"]
+    else:
+        bench_tests = pd.Series("", index=runs.index)
+    for test in bench_tests.unique():
+        measured = (bench_tests == test).to_numpy()
         cell = row[measured], place[measured]
+        # a bench test does not replace what another one measured
         values[cell] = np.where(
             np.isfinite(responses[measured]), responses[measured], values[cell]
         )

@@ -46,10 +46,9 @@ def what_to_measure_next(
     )
     figure = style.new_figure(style.PAGE, 1.6 + 0.45 * (len(order) + 1))
     places = figure.add_gridspec(2, 2, height_ratios=(1.2, 1))
-    bars, work, widths = (
-        figure.add_subplot(place)
-        for place in (places[0, 0], places[0, 1], places[1, :])
-    )
+    bars = figure.add_subplot(places[0, 0])
+    work = figure.add_subplot(places[0, 1])
+    widths = figure.add_subplot(places[1, :])
     _bars(bars, information, order, percents, known)
     bars.set_xlabel(f"bits gained beside {base_name}")
     _work(work, ways, percents)

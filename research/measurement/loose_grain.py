@@ -52,9 +52,8 @@ def grains_beside(
 ) -> Iterator[tuple[str, str, dict[str, np.ndarray]]]:
     """Yield the pile with one grain more: place, attitude and arrays, for each direction at foot and crest."""
     members = np.asarray(poured["in_pile"], bool)
-    centres, quaternions = (
-        np.asarray(poured[key], float)[members] for key in ("position", "quaternion")
-    )
+    centres = np.asarray(poured["position"], float)[members]
+    quaternions = np.asarray(poured["quaternion"], float)[members]
     top = int(centres[:, 2].argmax())
     for attitude, quaternion in ATTITUDES.items():
         turned = np.array([quaternion])

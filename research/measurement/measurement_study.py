@@ -274,11 +274,12 @@ def filled_cone(
     half = [height / math.tan(a)] * 2 + [height]
     centres = np.empty((0, 3))
     while len(centres) < berries:
-        point = rng.uniform([-1, -1, reach / height], 1, (4000, 3)) * half
-        over = np.hypot(point[:, 0], point[:, 1]) * math.sin(a) + point[
-            :, 2
-        ] * math.cos(a)
-        centres = np.concatenate([centres, point[over < height * math.cos(a) - reach]])
+        points = rng.uniform([-1, -1, reach / height], 1, (4000, 3)) * half
+        # distance along the normal of the slope, which is at height cos(a)
+        radius = np.hypot(points[:, 0], points[:, 1])
+        along_normal = radius * math.sin(a) + points[:, 2] * math.cos(a)
+        inside = along_normal < height * math.cos(a) - reach
+        centres = np.concatenate([centres, points[inside]])
     return centres[:berries], rng.normal(size=(berries, 4))
 
 

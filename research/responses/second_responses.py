@@ -162,16 +162,15 @@ def study(
 def modelled(data: Data, base: Sequence[str], settings: Mapping[str, Any]) -> Modelled:
     """Responses with enough signal and a good enough surrogate; those of `base`, the targets, are always kept."""
     known = data.known
+    predicted = {
+        name: left_out(data.X, response, settings)
+        for name, response in known.items()
+        if name in base or response.row["signal_to_noise"] >= NOISY
+    }
     names = [
         name
-        for name in known
-        if name in base or known[name].row["signal_to_noise"] >= NOISY
-    ]
-    predicted = {name: left_out(data.X, known[name], settings) for name in names}
-    names = [
-        name
-        for name in names
-        if name in base or cross_validated_r2(known[name], predicted[name]) >= WORST_R2
+        for name, values in predicted.items()
+        if name in base or cross_validated_r2(known[name], values) >= WORST_R2
     ]
     correlation = noise_correlation(data.runs, names)
     residuals = np.column_stack([predicted[name] - known[name].mean for name in names])

@@ -39,9 +39,8 @@ def test_a_larger_pool_begins_with_the_smaller_one(tables, tmp_path):
 
 
 def test_no_fresh_point_is_one_of_the_pool(tables):
-    pool_points, other = (
-        tables[1][name][list(PARAMETERS)].to_numpy() for name in ("pool", "fresh")
-    )
+    pool_points = tables[1]["pool"][list(PARAMETERS)].to_numpy()
+    other = tables[1]["fresh"][list(PARAMETERS)].to_numpy()
     assert np.abs(pool_points[:, None] - other).max(axis=2).min() > 1e-3
 
 

@@ -179,11 +179,11 @@ def test_shared_noise_is_separated():
     """Two responses of one parameter each, noises of correlation 0.99: their difference is exact."""
     unit = stats.qmc.Sobol(6, rng=1).random(2**15)
     prior = information.Prior(unit, np.column_stack([unit[:, 0], np.zeros(len(unit))]))
-    alone, shared = (0.01 * np.array([[1, r], [r, 1]]) for r in (0.0, 0.99))
+    alone = 0.01 * np.array([[1, 0.0], [0.0, 1]])
+    shared = 0.01 * np.array([[1, 0.99], [0.99, 1]])
     observed = np.array([0.5, 0.0])
-    first, second = (
-        prior.posterior(observed, [0, 1], noise)[0] for noise in (alone, shared)
-    )
+    first = prior.posterior(observed, [0, 1], alone)[0]
+    second = prior.posterior(observed, [0, 1], shared)[0]
     assert second - first == pytest.approx(-0.5 * math.log2(1 - 0.99**2), abs=0.2)
 
 

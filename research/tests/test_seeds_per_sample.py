@@ -36,7 +36,9 @@ def test_the_fewest_seeds_whose_bounds_are_all_within_their_limits(two, three, c
 
 
 def test_data_sets_of_one_order_share_no_pour_and_each_is_as_it_was():
-    first, second, third = (seeds_rule.drawn(number, 50, 16, 1) for number in range(3))
+    first = seeds_rule.drawn(0, 50, 16, 1)
+    second = seeds_rule.drawn(1, 50, 16, 1)
+    third = seeds_rule.drawn(2, 50, 16, 1)
     for left, right in zip(first, second, strict=True):
         assert len({*left, *right}) == 12
     shared_pours = [

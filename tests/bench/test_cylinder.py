@@ -174,10 +174,8 @@ def test_a_tapped_cylinder_holds_more_and_a_filling_that_breaks_a_bound_is_unsta
     )
     records.append(record)
     assert {filling["status"] for filling in records} == {"ok"}
-    tapped, bulk = (
-        sum(filling[f"{name}_density_kg_m3"] for filling in records)
-        for name in ("tapped", "bulk")
-    )
+    tapped = sum(filling["tapped_density_kg_m3"] for filling in records)
+    bulk = sum(filling["bulk_density_kg_m3"] for filling in records)
     assert tapped > 1.02 * bulk
     poured, _ = run_once(
         bench("cylinder"), Scene.of(config(**SMALL), SET, BERRY, PARTICLE, 1)

@@ -343,10 +343,8 @@ def test_means_have_errors_and_a_changed_definition_measures_the_kept_frames(tmp
         tmp_path,
     )
     path = saved(tmp_path, 1, 30.0)
-    wide, narrow = (
-        drum_tables.run([path], config(fit_share=share), PARTICLE, tmp_path)
-        for share in (0.9, 0.5)
-    )
+    wide = drum_tables.run([path], config(fit_share=0.9), PARTICLE, tmp_path)
+    narrow = drum_tables.run([path], config(fit_share=0.5), PARTICLE, tmp_path)
     for tables in (wide, narrow):
         angle = tables["runs"].loc[0, "start_surface_deg"]
         assert angle == pytest.approx(30.0, abs=3.0)

@@ -134,7 +134,8 @@ def test_a_damaged_run_never_reaches_a_result(pours, tmp_path):
 
 def test_a_run_that_somebody_changed_or_copied_is_made_again(pours, tmp_path):
     pours(tmp_path, [1, 2])
-    first, second = (tmp_path / f"runs/001_{seed}.npz" for seed in (1, 2))
+    first = tmp_path / "runs/001_1.npz"
+    second = tmp_path / "runs/001_2.npz"
     right = (tmp_path / "001.npz").read_bytes()
     arrays = dict(np.load(second))
     second.write_bytes(first.read_bytes())

@@ -31,9 +31,8 @@ G = 9.81
 RHO = BEAD["density_kg_m3"]
 FRICTIONS = ((STATIC, ROLLING), (0.3, 0.05), (0.0, 0.0))
 ROUGH, MILD, SMOOTH = (named((0.3, mus, mur, HIT, mus, mur)) for mus, mur in FRICTIONS)
-SLIPS, ROLLS = (
-    math.degrees(math.atan(coefficient)) for coefficient in (STATIC, ROLLING)
-)
+SLIPS = math.degrees(math.atan(STATIC))
+ROLLS = math.degrees(math.atan(ROLLING))
 
 
 @cache

@@ -116,9 +116,8 @@ def profile_target(name, slope):
 
 def test_speeds_have_their_times_angles_and_profiles_and_a_run_is_judged():
     frames = [bed(angle) for angle in (20.0, 30.0, 40.0)]
-    position, quaternion = (
-        np.array([frame[k] for frame in frames], np.float32) for k in (0, 1)
-    )
+    position = np.array([frame[0] for frame in frames], np.float32)
+    quaternion = np.array([frame[1] for frame in frames], np.float32)
     arrays = {"position": position, "quaternion": quaternion, "scale": np.ones(400)}
     names = ("turning_profile_mm", "turning_2_profile_mm")
     both = config(angular_velocity_rad_s=[0.8, 1.6]) | {

@@ -165,7 +165,8 @@ def test_a_column_that_may_be_an_outcome_is_named_with_its_values(name, tmp_path
     with pytest.warns(UserWarning, match="is not read") as caught:
         study.tell(table)
     (sentence,) = (str(warning.message) for warning in caught)
-    often, seldom = (str(UNREAD[name][k]) for k in (1, 0))
+    often = str(UNREAD[name][1])
+    seldom = str(UNREAD[name][0])
     assert sentence.startswith(
         f"column {name} is not read; it has {often!r} 6 times, {seldom!r} 2 times; "
     )

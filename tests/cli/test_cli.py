@@ -227,10 +227,8 @@ def test_pour_and_measure_runs_are_heap_in_two_steps(short_config, tmp_path, com
     ] == str(pours)
     assert not (tmp_path / "steps" / "heap.json").exists()
     command("stage", "measure_runs", pours, "--config", short_config, "--out", out)
-    whole, steps = (
-        json.loads((folder / "heap.json").read_text())
-        for folder in (tmp_path / "whole", out)
-    )
+    whole = json.loads((tmp_path / "whole" / "heap.json").read_text())
+    steps = json.loads((out / "heap.json").read_text())
     settings = [job.pop("provenance")["settings"] for job in (whole, steps)]
     assert settings[0] == settings[1], "of the pours, too"
     assert steps == whole

@@ -21,9 +21,8 @@ from repose.common import places
 SNAKEFILE = ["--snakefile", str(places.root() / "Snakefile")]
 ALL = ["--cores", "all"]
 WRONG = "command line: --config is"
-QUICK, SLURM = (
-    str(places.root() / name) for name in ("config/quick.yaml", "profiles/slurm")
-)
+QUICK = str(places.root() / "config/quick.yaml")
+SLURM = str(places.root() / "profiles/slurm")
 
 
 @pytest.fixture

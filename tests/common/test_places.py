@@ -10,9 +10,8 @@ from repose.common import places
 from repose.config import loader
 from repose.config.pipeline import PipelineConfig
 
-METHOD, CONFIG = (
-    places.root() / "config" / name for name in ("method.yaml", "config.yaml")
-)
+METHOD = places.root() / "config" / "method.yaml"
+CONFIG = places.root() / "config" / "config.yaml"
 
 
 @pytest.fixture

@@ -129,7 +129,8 @@ def keys_read(plain, tmp_path_factory):
 
 
 def measured(table, folder):
-    first, second = (iter(responses(table, 2.0, seed).tolist()) for seed in range(2))
+    first = iter(responses(table, 2.0, 0).tolist())
+    second = iter(responses(table, 2.0, 1).tolist())
 
     def runs_of(_row):
         return [

@@ -154,7 +154,8 @@ def test_nothing_waits_for_a_process_that_failed_to_compile(copied, tmp_path):
     package = copied("package")
     script = tmp_path / "failing.py"
     script.write_text(FAILING)
-    first, second = (start(script, package, tmp_path) for _ in range(2))
+    first = start(script, package, tmp_path)
+    second = start(script, package, tmp_path)
     assert first.stdout.readline() == second.stdout.readline() == "failed\n"
     for process in (first, second):
         process.communicate()

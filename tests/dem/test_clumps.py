@@ -274,7 +274,9 @@ def test_files_and_frames_of_clumps(tmp_path):
         write_vtk(tmp_path / f"{content}.vtp", s, content)
     corners, faces, body = triangulated_bodies(s)
     # the triangles of a body enclose the volumes of its spheres, a little less
-    a, b, c = (corners[faces[body == 1][:, k]] - s.positions[1] for k in range(3))
+    a = corners[faces[body == 1][:, 0]] - s.positions[1]
+    b = corners[faces[body == 1][:, 1]] - s.positions[1]
+    c = corners[faces[body == 1][:, 2]] - s.positions[1]
     volume = np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0
     whole = 4.0 / 3.0 * math.pi * np.sum((s.scales[1] * BENT[:, 3]) ** 3)
     assert 0.85 * whole < volume < whole

@@ -145,19 +145,21 @@ def test_low_restitution_hard_walls_scale_and_flat_places_shorten_the_step():
     apart = Clump([[-1.0, 0, 0, 0.1], [1.0, 0, 0, 0.1]], 1.0, [1.0, 1.0, 1.0], "body")
     # seen from the side both touch
     assert apart.acting_together(0.05) == pytest.approx(2.0, rel=0.02)
-    single, many = (
-        time_steps.pressed(study(0.9, shape=s), s, "wall", overlap_m=5e-4)
-        for s in (row(1), row(15))
+    sphere = row(1)
+    spheres = row(15)
+    single = time_steps.pressed(
+        study(0.9, shape=sphere), sphere, "wall", overlap_m=5e-4
+    )
+    many = time_steps.pressed(
+        study(0.9, shape=spheres), spheres, "wall", overlap_m=5e-4
     )
     assert many.time_step_s == pytest.approx(
         single.time_step_s / math.sqrt(15.0), rel=0.02
     )
     assert "15.0 spheres" in many.reason
     many = row(40)
-    free, damped = (
-        time_steps.longest(study(e, "release", shape=many)).time_step_s
-        for e in (0.9, 0.05)
-    )
+    free = time_steps.longest(study(0.9, "release", shape=many)).time_step_s
+    damped = time_steps.longest(study(0.05, "release", shape=many)).time_step_s
     assert damped < 0.5 * free
     between = time_steps.pressed(study(0.3), BALL, "body", of_body=True).time_step_s
     assert time_steps.pressed(study(0.3), BALL, "wall").time_step_s < between
@@ -169,9 +171,8 @@ def test_low_restitution_hard_walls_scale_and_flat_places_shorten_the_step():
             243.0 * shape.inertia_kg_m2,
             "body",
         )
-        small, large = (
-            time_steps.longest(study(0.05, "release", shape=s)) for s in (shape, grown)
-        )
+        small = time_steps.longest(study(0.05, "release", shape=shape))
+        large = time_steps.longest(study(0.05, "release", shape=grown))
         assert large.time_step_s == pytest.approx(3.0 * small.time_step_s, rel=1e-9)
         scaled = time_steps.longest(
             study(0.05, "release", shape=grown), smallest_scale=1.0 / 3.0

@@ -132,9 +132,9 @@ def test_walls_are_where_they_are_now(tmp_path):
     found = arrays(tmp_path / "a.vtp")
     assert found["wall_names"] == ["tube", "floor", "lid"]
     faces = found["connectivity"].reshape(-1, 3)
-    tube, floor, lid = (
-        found["position"][np.unique(faces[found["wall"] == k])] for k in range(3)
-    )
+    tube = found["position"][np.unique(faces[found["wall"] == 0])]
+    floor = found["position"][np.unique(faces[found["wall"] == 1])]
+    lid = found["position"][np.unique(faces[found["wall"] == 2])]
     np.testing.assert_allclose(np.hypot(tube[:, 0], tube[:, 1]), 0.04)
     np.testing.assert_allclose(floor[:, 2], 0.02 + 3e-4 * 0.5)
     np.testing.assert_allclose(np.abs(floor[:, :2]), 0.05, atol=1e-12)

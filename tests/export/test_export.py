@@ -164,9 +164,9 @@ def test_no_deck_has_a_dashpot_along_the_tangent_and_the_plate_is_the_configured
 
 def test_the_deck_of_a_sphere_has_spheres_of_its_volume_and_step(config):
     round_grain = replace(SMOOTH, kind="ellipsoid", semi_axes_m=np.full((1, 3), 5 * MM))
-    of_clump, of_sphere, of_ellipsoid = (
-        job_of(config, body) for body in (THREE, BALL, round_grain)
-    )
+    of_clump = job_of(config, THREE)
+    of_sphere = job_of(config, BALL)
+    of_ellipsoid = job_of(config, round_grain)
     step = config["simulation"]["time_step_s"]
     half = float(f"{0.5 * step:.2g}")
     assert of_clump.time_step_s == half

@@ -278,10 +278,8 @@ class Study:
     def finished(self):
         """Files of jobs that snakemake recorded as finished, single kept runs, and the times of new pours."""
         records = self.folder / ".snakemake"
-        done, begun = (
-            {path.name for path in (records / kind).glob("*")}
-            for kind in ("metadata", "incomplete")
-        )
+        done = {path.name for path in (records / "metadata").glob("*")}
+        begun = {path.name for path in (records / "incomplete").glob("*")}
         paths = {
             self.folder / base64.urlsafe_b64decode(name).decode()
             for name in done - begun

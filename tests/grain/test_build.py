@@ -204,7 +204,8 @@ def inside_out():
 
 
 def two(shift=0.0, scale=1.0):
-    mesh, other = (build.ellipsoid_mesh([20, 12, 9], 3) for _ in range(2))
+    mesh = build.ellipsoid_mesh([20, 12, 9], 3)
+    other = build.ellipsoid_mesh([20, 12, 9], 3)
     return trimesh.util.concatenate(
         [mesh, other.apply_scale(scale).apply_translation([shift, 0, 0])]
     )

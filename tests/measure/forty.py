@@ -467,10 +467,9 @@ def photograph(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     page, there = pinhole.warped(page, scene.seen(corners)[0], SIZE)
     picture = (1 - there) * picture + page + 6 * there
     place, _ = scene.seen(scene.grains[0][: scene.number])
-    first, end = (
-        (ends + edge * scene.grain_px).astype(int)
-        for ends, edge in ((place.min(0), -2), (place.max(0), 2))
-    )
+    # the part of the photograph with the heap, which is traced finer
+    first = (place.min(0) - 2 * scene.grain_px).astype(int)
+    end = (place.max(0) + 2 * scene.grain_px).astype(int)
     fine, which = traced(
         scene, first - 0.5 + 0.5 / FINER, 1 / FINER, FINER * (end - first)
     )

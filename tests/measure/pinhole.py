@@ -121,10 +121,9 @@ def truth(scene: Scene, step: float = 0.1) -> Truth:
     away = np.array([-scene.eye[0], -scene.eye[1], 0.0]) / np.hypot(*scene.eye[:2])
     side = np.array([away[1], -away[0], 0.0])
     seen = np.stack([side @ shapes[:kept], shapes[:kept, 2]], axis=1)
-    a, b, c = (
-        np.einsum("ni,ni->n", seen[:, i], seen[:, j])
-        for i, j in ((0, 0), (0, 1), (1, 1))
-    )
+    a = np.einsum("ni,ni->n", seen[:, 0], seen[:, 0])
+    b = np.einsum("ni,ni->n", seen[:, 0], seen[:, 1])
+    c = np.einsum("ni,ni->n", seen[:, 1], seen[:, 1])
     u = centres[:kept] @ side
     z = centres[:kept, 2]
     first = u.min() - scene.grain_mm
@@ -276,7 +275,8 @@ def _room(scene, rng, eye, rays):
     to_wall = np.where(to_wall > 0, to_wall, 1e6)
     shown = []
     for way, other, texture in ((to_wall, 2, maps[0]), (to_plate, 1, maps[1])):
-        u, v = (((eye[k] + way * rays[..., k]) + PLATE) / 2 for k in (0, other))
+        u = (eye[0] + way * rays[..., 0] + PLATE) / 2
+        v = (eye[other] + way * rays[..., other] + PLATE) / 2
         u, v = (np.clip(axis, -1e5, 1e5).astype(np.float32) for axis in (u, v))
         shown.append(
             cv2.remap(

@@ -84,7 +84,8 @@ def test_the_secant_of_a_cone_is_steeper_by_the_height_over_what_stands_above_th
 
 
 def test_the_secant_takes_the_whole_width_and_a_trapezoid_is_a_cone_to_the_flank():
-    left, right = (angles.fit_secant(cone(slope, 240.0), 48.0) for slope in (0.4, 0.8))
+    left = angles.fit_secant(cone(0.4, 240.0), 48.0)
+    right = angles.fit_secant(cone(0.8, 240.0), 48.0)
     width = 192.0 / 0.4 + 192.0 / 0.8
     assert angles.secant_of_pile(left, right) == pytest.approx(
         degrees(2 * 240.0 / width)
@@ -152,10 +153,8 @@ def test_no_flank_is_steeper_than_its_steepest_stretch(rule, band):
     for _ in range(40):
         profile = lumpy(rng.uniform(0.3, 0.9), 120.0, rng)
         low, high = (share * profile[-1] for share in band)
-        steep, line = (
-            definition(profile, low, high, rule)
-            for definition in (angles.fit_steepest, angles.fit_flank)
-        )
+        steep = angles.fit_steepest(profile, low, high, rule)
+        line = angles.fit_flank(profile, low, high, rule)
         assert steep.angle_deg >= line.angle_deg - 1e-9
 
 

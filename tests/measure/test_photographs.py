@@ -280,29 +280,22 @@ def test_the_mean_of_several_is_a_target_that_a_study_reads(tmp_path, measure):
         photograph(tmp_path / f"p{k}.png", [(60, 299), (300, crest), (540, 299)])
     photograph(tmp_path / "p9.png", [(60, 20), (300, 180), (540, 20)])
     arguments = [tmp_path / f"p{k}.png" for k in (0, 1, 2, 9)]
-    record = json.loads(
-        measure(*arguments, "--mm-per-pixel", "0.4", "--grain-mm", "8").out
-    )
+    options = ("--mm-per-pixel", "0.4", "--grain-mm", "8")
+    record = json.loads(measure(*arguments, *options).out)
     summary = {row["response"]: row for row in record["summary"]}
     truth = [0.4 * (299.5 - crest) for crest in heights]
     assert summary["height_mm"]["value"] == pytest.approx(np.mean(truth), abs=0.3)
     assert summary["height_mm"]["sd"] == pytest.approx(np.std(truth, ddof=1), abs=0.05)
     assert summary["height_mm"]["repetitions"] == 3
     assert "upside down" in record["photographs"][3]["refused"]
-    config = PipelineConfig.load(
-        ROOT / "config/quick.yaml", tmp_path / "out/targets.yaml"
-    ).config
-    assert [target["response"] for target in config["targets"]] == [
-        "aor_deg",
-        "height_mm",
-    ]
+    targets_file = tmp_path / "out/targets.yaml"
+    config = PipelineConfig.load(ROOT / "config/quick.yaml", targets_file).config
+    responses = [target["response"] for target in config["targets"]]
+    assert responses == ["aor_deg", "height_mm"]
     assert config["targets"][1]["value"] == summary["height_mm"]["value"]
     assert config["measure"]["response"] == "whole"
     assert config["measure"]["berry_height_mm"] == 8
-    assert (
-        "# the line: whole side, columns\n"
-        in (tmp_path / "out/targets.yaml").read_text()
-    )
+    assert "# the line: whole side, columns\n" in targets_file.read_text()
 
 
 def test_one_photograph_gives_no_scatter(tmp_path, measure, command):
@@ -341,9 +334,9 @@ def test_a_photograph_of_many_pixels_is_reduced(tmp_path, measure):
 
 def test_one_bad_picture_is_named_and_does_not_stop_the_others(tmp_path, measure):
     photograph(tmp_path / "raw.png")
-    tiny, heic, text = (
-        tmp_path / name for name in ("tiny.png", "phone.heic", "notes.jpg")
-    )
+    tiny = tmp_path / "tiny.png"
+    heic = tmp_path / "phone.heic"
+    text = tmp_path / "notes.jpg"
     files.write_image(tiny, np.zeros((3, 3, 3), np.uint8))
     heic.write_bytes(b"\0\0\0\x18ftypheic" + bytes(40))
     text.write_text("no picture")

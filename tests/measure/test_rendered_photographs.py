@@ -151,10 +151,8 @@ def test_what_cannot_be_measured_is_refused_with_its_reason(tmp_path, change, re
 
 
 def test_what_floats_over_the_plate_or_in_a_deep_shadow_is_left_out(tmp_path):
-    light, deep = (
-        measured(tmp_path, Scene(**SMALL | {"shadow": shadow})).measurement
-        for shadow in (0.0, 0.7)
-    )
+    light = measured(tmp_path, Scene(**SMALL | {"shadow": 0.0})).measurement
+    deep = measured(tmp_path, Scene(**SMALL | {"shadow": 0.7})).measurement
     assert deep.height_mm == pytest.approx(light.height_mm, abs=0.1)
     assert deep.aor_deg == pytest.approx(light.aor_deg, abs=0.5)
     mask = np.zeros((100, 400), np.uint8)

@@ -80,9 +80,8 @@ def test_silhouettes_and_height_of_the_members_and_what_is_no_pile():
     centres = np.array([[0.03, 0.0, 0.01], [0.0, 0.0, 0.02]])
     q = np.array([[0.5, 0.5, 0.1, 0.7], [1.0, 0, 0, 0]])
     extent = (-0.06, 0.06, 0.04)
-    front, back = (
-        silhouette(Grains(centres, q, BERRY), a, MM, extent) for a in (0.0, 180.0)
-    )
+    front = silhouette(Grains(centres, q, BERRY), 0.0, MM, extent)
+    back = silhouette(Grains(centres, q, BERRY), 180.0, MM, extent)
     assert (front < 128).any(axis=0).nonzero()[0].max() > 300
     assert np.mean(front[:, ::-1] != back) < 2e-3
     rng = np.random.default_rng(2)
@@ -185,9 +184,9 @@ def test_slopes_widths_and_scatter_are_those_of_cones():
         [hollow], MM_PER_PIXEL, 60.0, 12.0, 1e5
     )
     # z = H (1 - r / R)^2
-    base, half, upper = (
-        60 / math.tan(math.radians(31)) * (1 - math.sqrt(z)) for z in (0.2, 0.5, 0.8)
-    )
+    base = 60 / math.tan(math.radians(31)) * (1 - math.sqrt(0.2))
+    half = 60 / math.tan(math.radians(31)) * (1 - math.sqrt(0.5))
+    upper = 60 / math.tan(math.radians(31)) * (1 - math.sqrt(0.8))
     assert found["lower_deg"] == pytest.approx(
         math.degrees(math.atan(18 / (base - half))), abs=0.4
     )

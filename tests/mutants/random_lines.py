@@ -189,10 +189,8 @@ def main():
         for path, start, wrong in mutants[len(rows) :]:
             text = path.read_bytes()
             number = text[:start].count(b"\n")
-            before, after = (
-                content.splitlines()[number].decode().strip()
-                for content in (text, wrong)
-            )
+            before = text.splitlines()[number].decode().strip()
+            after = wrong.splitlines()[number].decode().strip()
             how = "caught" if found(folder, path, wrong) else "**survived**"
             row = f"| {path.relative_to(SOURCE)} {number + 1} | `{before}` | `{after}` | {how} |"
             rows.append(row)

@@ -204,9 +204,8 @@ def test_every_mark_of_the_published_solutions_has_its_words_and_stale_numbers_a
         "measured mean ± standard error",
         "published simulation",
     } <= set(result)
-    simulated, measured = (
-        derived("aor_deg", f"published_{word}") for word in ("simulated", "measured")
-    )
+    simulated = derived("aor_deg", "published_simulated")
+    measured = derived("aor_deg", "published_measured")
     table[simulated] = [*5 * [32.0], np.nan]
     table[measured] = [*5 * [np.nan], 31.27]
     for stale in (False, True):

@@ -137,7 +137,8 @@ def test_balls_and_long_axes_are_seen_in_perspective_and_the_nearer_hides_the_fa
             300,
             frame_m=frame,
         )
-        width, height = (reddish(picture).any(axis=axis).sum() for axis in (0, 1))
+        width = reddish(picture).any(axis=0).sum()
+        height = reddish(picture).any(axis=1).sum()
         assert width / height == pytest.approx(width_mm / 4.94, rel=0.05)
     centres = np.array([[0.03, 0.0, 0.006], [-0.03, 0.0, 0.006]])
     turns = np.repeat(UPRIGHT, 2, axis=0)

@@ -327,9 +327,8 @@ def test_dark_is_dark_and_figures_stay_on_white(opened):
 def test_the_pile_is_beside_the_photograph_and_below_it_on_a_phone(browser, folder):
     for width, beside in ((1400, True), (800, True), (400, False)):
         with page_in(browser, folder, width, 740) as tab:
-            pile, photograph = (
-                tab.locator(it).bounding_box() for it in ("#pile", ".pair img")
-            )
+            pile = tab.locator("#pile").bounding_box()
+            photograph = tab.locator(".pair img").bounding_box()
             assert (photograph["x"] >= pile["x"] + pile["width"]) is beside
             assert (photograph["y"] >= pile["y"] + pile["height"]) is not beside
 

@@ -160,7 +160,8 @@ def spread_of(folder, plain):
     found = {}
     for path in sorted((plain / "results").rglob("*.csv")):
         name = str(path.relative_to(plain / "results"))
-        first, second = (pd.read_csv(top / "results" / name) for top in (plain, folder))
+        first = pd.read_csv(plain / "results" / name)
+        second = pd.read_csv(folder / "results" / name)
         if first.shape != second.shape:
             found[name] = np.inf
             continue
@@ -176,10 +177,8 @@ def spread_of(folder, plain):
 
 def ensembles(folder, plain):
     """Mean difference of all runs and its standard error, for each response."""
-    first, second = (
-        pd.read_csv(top / "results/runs.csv")[["aor_deg", "height_mm"]]
-        for top in (plain, folder)
-    )
+    first = pd.read_csv(plain / "results/runs.csv")[["aor_deg", "height_mm"]]
+    second = pd.read_csv(folder / "results/runs.csv")[["aor_deg", "height_mm"]]
     apart = second - first
     return {name: (apart[name].mean(), apart[name].sem()) for name in apart}
 

@@ -210,9 +210,8 @@ def test_the_covariance_of_errors_and_too_few_samples(tmp_path):
 
 def test_definitions_are_kept_and_others_are_refused(tmp_path):
     dataset_csv, runs_csv = write_tables(tmp_path)
-    flank, secant = (
-        {"aor_deg": {"measure.response": kind}} for kind in ("flank", "secant")
-    )
+    flank = {"aor_deg": {"measure.response": "flank"}}
+    secant = {"aor_deg": {"measure.response": "secant"}}
     arguments = (
         dataset_csv,
         runs_csv,

@@ -368,10 +368,8 @@ def test_the_stage_lists_the_sets_of_a_kept_study(command, tmp_path):
         kept / "miga/feasible.csv",
     )
     command("stage", "solutions", *arguments, "--out", tmp_path)
-    made, known = (
-        pd.read_csv(folder / "solutions.csv")
-        for folder in (tmp_path, kept / "validation")
-    )
+    made = pd.read_csv(tmp_path / "solutions.csv")
+    known = pd.read_csv(kept / "validation" / "solutions.csv")
     pd.testing.assert_frame_equal(made, known)
 
 

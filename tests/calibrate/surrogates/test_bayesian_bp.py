@@ -239,18 +239,20 @@ def test_training_stops_as_it_says_and_equal_weights_change_no_start(fitted):
     assert again.starts_ == model.starts_[:2]
 
 
-def test_weights_draw_the_fit_and_count_by_their_ratios():
+def test_samples_of_large_errors_count_little_by_their_weights():
     X, Y = noisy_data(95, 7, noise=(0.05, 0.1))
     Y[::2] += np.random.RandomState(8).normal(size=Y[::2].shape) * (2.0, 4.0)
     errors = np.full(Y.shape, 0.05)
     errors[::2] = 2.0
     weight = np.where(errors > 1, 0.01, 1.0)
     fresh = np.random.RandomState(9).uniform(-1, 1, (300, 6))
-    plain = score(BayesianBP(starts=3).fit(X, Y), fresh, known_function(fresh))
-    weighted = score(
-        BayesianBP(starts=3).fit(X, Y, precision=weight), fresh, known_function(fresh)
-    )
+    truth = known_function(fresh)
+    plain = score(BayesianBP(starts=3).fit(X, Y), fresh, truth)
+    weighted = score(BayesianBP(starts=3).fit(X, Y, precision=weight), fresh, truth)
     assert 1 - weighted < 0.5 * (1 - plain)
+
+
+def test_a_weight_of_n_is_that_of_n_equal_samples():
     X, Y = noisy_data(30, 12)
     count = np.random.RandomState(1).randint(0, 3, 30)
     settings = {"hidden": 2, "starts": 2, "epochs": 100}
@@ -258,19 +260,20 @@ def test_weights_draw_the_fit_and_count_by_their_ratios():
     repeated = BayesianBP(**settings).fit(
         np.repeat(X, count, axis=0), np.repeat(Y, count, axis=0)
     )
-    for a, b in zip(
-        weighted.predict(X, return_std=True),
-        repeated.predict(X, return_std=True),
-        strict=True,
-    ):
-        np.testing.assert_allclose(a, b, rtol=1e-5)
+    mean, error = weighted.predict(X, return_std=True)
+    expected_mean, expected_error = repeated.predict(X, return_std=True)
+    np.testing.assert_allclose(mean, expected_mean, rtol=1e-5)
+    np.testing.assert_allclose(error, expected_error, rtol=1e-5)
+
+
+def test_weights_count_by_their_ratios():
     X, Y = noisy_data(40, 13)
     precision = np.random.RandomState(2).uniform(0.5, 2, Y.shape)
-    one = BayesianBP(hidden=3, starts=1).fit(X, Y, precision=precision)
-    other = BayesianBP(hidden=3, starts=1).fit(X, Y, precision=7 * precision)
-    np.testing.assert_allclose(one.predict(X), other.predict(X), rtol=1e-4)
-    assert one.gamma_ == pytest.approx(other.gamma_, rel=1e-2)
-    assert one.beta_ == pytest.approx(7 * other.beta_, rel=1e-2)
+    model = BayesianBP(hidden=3, starts=1).fit(X, Y, precision=precision)
+    scaled = BayesianBP(hidden=3, starts=1).fit(X, Y, precision=7 * precision)
+    np.testing.assert_allclose(model.predict(X), scaled.predict(X), rtol=1e-4)
+    assert model.gamma_ == pytest.approx(scaled.gamma_, rel=1e-2)
+    assert model.beta_ == pytest.approx(7 * scaled.beta_, rel=1e-2)
 
 
 @pytest.mark.parametrize(

@@ -241,10 +241,8 @@ def noise_of(study, table):
 
 def test_single_runs_give_a_rough_noise_and_correlations_need_more(study):
     single = Study.own(SINGLE).ask()
-    exact, noisy = (
-        simulate(single, noise=noise, seed=3)[["angle_deg", "time_s"]]
-        for noise in (0.0, 0.02)
-    )
+    exact = simulate(single, noise=0.0, seed=3)[["angle_deg", "time_s"]]
+    noisy = simulate(single, noise=0.02, seed=3)[["angle_deg", "time_s"]]
     found = noise_of(study, single.join(noisy))
     true = 0.02 * np.sqrt((exact**2).mean().to_numpy())
     assert np.sqrt(np.diagonal(found.covariance)) == pytest.approx(true, rel=0.35)

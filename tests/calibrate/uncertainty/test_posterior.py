@@ -439,9 +439,8 @@ def test_other_responses_are_refused_and_a_restored_network_has_its_error_bars(
         *(study[key] for key in ("network", "predictions", "dataset"))
     )
     for noise in (True, False):
-        expected, found = (
-            model.predict(X, return_std=True, noise=noise) for model in (trained, again)
-        )
+        expected = trained.predict(X, return_std=True, noise=noise)
+        found = again.predict(X, return_std=True, noise=noise)
         assert found[0] == pytest.approx(expected[0], rel=1e-9)
         assert found[1] == pytest.approx(expected[1], rel=1e-5)
     covariance = again.covariance(X)
