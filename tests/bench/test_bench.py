@@ -65,7 +65,7 @@ def config(spread):
     return quick | {"spread": dict(SECTION), "targets": [*quick["targets"], TARGET]}
 
 
-def test_a_bench_test_is_found_by_name_with_its_responses_and_own_seeds(spread):
+def test_a_bench_test_is_found_by_name_with_its_responses(spread):
     assert bench("spread") is spread
     assert names()[-1] == "spread"
     assert responses.response("spread_mm").apparatus == "spread"
@@ -75,6 +75,9 @@ def test_a_bench_test_is_found_by_name_with_its_responses_and_own_seeds(spread):
     for test in bench_tests():
         assert test.statuses[0] == "ok"
         assert test.settings.model_fields["seeds"].is_required()
+
+
+def test_seeds_of_bench_tests_purposes_and_samples_differ(spread):
     found = [
         seed
         for name in names()
@@ -191,9 +194,7 @@ def test_a_berry_has_to_fit(name, keys):
     assert too_small == [f"{name}.{key}" for key in keys]
 
 
-def test_its_job_pours_and_measures_and_another_job_is_refused(
-    spread, config, tmp_path
-):
+def test_its_job_pours_and_measures(spread, config, tmp_path):
     pours = run_job(
         spread,
         Scene.of(config, SET, BERRY, PARTICLE),
@@ -218,6 +219,9 @@ def test_its_job_pours_and_measures_and_another_job_is_refused(
     assert result["summary"]["spread_se_mm"] == pytest.approx(
         abs(spread[0] - spread[1]) / 2
     )
+
+
+def test_a_job_of_another_bench_test_or_status_is_refused(spread, config, tmp_path):
     path = tmp_path / "001.pours.json"
     wrong = [
         ("shaker", "ok", "apparatus is 'shaker'"),

@@ -55,7 +55,8 @@ def test_density_of_a_lattice_is_mass_over_cell(margin_m):
     assert np.hypot(*centres[counted, :2].T).max() < 0.0835 - margin_m
 
 
-def test_a_filling_is_judged_sizes_count_by_mass_and_a_tap_lifts_a_berry_by_its_height():
+def test_a_grain_counts_by_its_mass_in_the_density():
+    """The third grain lies outside of the core, the last one above the rim."""
     scales = np.array([1.0, 1.2, 0.8, 1.0])
     arrays = {
         "position": np.array(
@@ -79,6 +80,8 @@ def test_a_filling_is_judged_sizes_count_by_mass_and_a_tap_lifts_a_berry_by_its_
     )
     assert nothing["bulk_density_kg_m3"] is None
 
+
+def test_a_filling_is_judged():
     def judged(centres, energy_j=1e-12, unstable=""):
         filling = cylinder.Filling(
             centres_m=centres, energy_j=energy_j, length_m=0.021, unstable=unstable
@@ -97,6 +100,9 @@ def test_a_filling_is_judged_sizes_count_by_mass_and_a_tap_lifts_a_berry_by_its_
     check_named_time(TEST, reason)
     assert judged(full + np.array([0.02, 0, 0]))[0] == "lost"
     assert judged(full, unstable="why") == ("unstable", "why")
+
+
+def test_a_tap_lifts_a_berry_by_its_height():
     settings = config(**SMALL)
     scene = Scene.of(settings, SET, BERRY, PARTICLE)
     simulation = TEST.build(scene)
@@ -161,9 +167,7 @@ def test_the_core_counts_the_volume_of_layers_that_its_ends_cut(kind):
     assert by_centres > 1.2 * by_volume
 
 
-def test_a_tapped_cylinder_holds_more_and_a_filling_that_breaks_a_bound_is_unstable(
-    monkeypatch,
-):
+def test_a_tapped_cylinder_holds_more():
     settings = config(**SMALL, taps=6)
     records = [
         run_once(bench("cylinder"), Scene.of(settings, SET, BERRY, PARTICLE, seed))[0]
@@ -184,6 +188,8 @@ def test_a_tapped_cylinder_holds_more_and_a_filling_that_breaks_a_bound_is_unsta
     assert poured["tapped_density_kg_m3"] is None
     assert run.arrays["tapped"].shape == run.arrays["position"].shape
 
+
+def test_a_filling_that_breaks_a_bound_is_unstable(monkeypatch):
     def broken(trial, *_):
         trial.simulation.add("berry", (0.0, 0.0, 0.02))
         raise Unstable("a berry is too fast")
@@ -196,7 +202,8 @@ def test_a_tapped_cylinder_holds_more_and_a_filling_that_breaks_a_bound_is_unsta
     assert record["reason"] == "a berry is too fast"
 
 
-def test_a_study_may_leave_out_taps_and_a_small_filling_has_both_densities():
+def test_taps_take_their_time_and_are_needed_for_the_tapped_density():
+    """A tap rises and falls over its height, and then rests for 0.4 s."""
     settings = config(**SMALL)
     tapped = config(**SMALL, taps=100, tap_mm=20.0)
     longer = TEST.duration_s(SceneSettings(tapped)) - TEST.duration_s(
@@ -209,6 +216,9 @@ def test_a_study_may_leave_out_taps_and_a_small_filling_has_both_densities():
     ]
     needed = [("cylinder.taps", "1 or more, for tapped_density_kg_m3 is a target")]
     assert list(TEST.contradictions(SceneSettings(settings))) == needed
+
+
+def test_a_study_may_leave_out_taps():
     study = PipelineConfig.load(
         ROOT / "config/config.yaml", ROOT / "examples/bench_tests/cylinder.yaml"
     )
@@ -218,6 +228,9 @@ def test_a_study_may_leave_out_taps_and_a_small_filling_has_both_densities():
     input_error(
         r"cylinder\.taps is null; expected 1 or more", PipelineConfig.of, study.config
     )
+
+
+def test_a_small_filling_has_its_density():
     settings = config(**SMALL)
     record, run = run_once(
         bench("cylinder"), Scene.of(settings, SET, BERRY, PARTICLE, 1)

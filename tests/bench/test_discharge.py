@@ -31,7 +31,7 @@ def measured(exit_s, scale):
     )
 
 
-def test_the_rate_is_that_of_the_middle_a_run_is_judged_and_what_is_filled_in_comes_out():
+def test_the_rate_is_that_of_the_middle():
     times = 0.5 + np.arange(200) / 80.0  # 80 berries a second
     found = measured(np.random.default_rng(1).permutation(times), np.ones(200))
     assert found["emptying_s"] == pytest.approx(times[-1])
@@ -53,6 +53,9 @@ def test_the_rate_is_that_of_the_middle_a_run_is_judged_and_what_is_filled_in_co
     )
     assert found["emptying_s"] is None
     assert found["flow_g_s"] is None
+
+
+def test_a_run_is_judged():
     good = discharge.Discharge(n_filled=500, rest_energy_j=1e-12, n_early=0, n_late=500)
     cases = [
         ("ok", {}),
@@ -63,6 +66,9 @@ def test_the_rate_is_that_of_the_middle_a_run_is_judged_and_what_is_filled_in_co
         ("jammed", {"n_late": 480}),
     ]
     check_statuses(TEST, config(), good, cases)
+
+
+def test_what_is_filled_in_comes_out():
     record, run = run_once(
         bench("discharge"), Scene.of(config(**SMALL), SET, BERRY, PARTICLE, 1)
     )
@@ -75,6 +81,9 @@ def test_the_rate_is_that_of_the_middle_a_run_is_judged_and_what_is_filled_in_co
     assert record["emptying_s"] > np.sqrt(
         2.0 * run.arrays["position"][:, 2].max() / 9.81
     )
+
+
+def test_a_narrow_outlet_jams():
     narrow = config(**SMALL | {"outlet_diameter_mm": 22.0, "longest_s": 1.0})
     record, _ = run_once(bench("discharge"), Scene.of(narrow, SET, BERRY, PARTICLE, 1))
     assert record["status"] == "jammed"

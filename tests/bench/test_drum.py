@@ -60,7 +60,7 @@ def turned(centres, angle_rad):
     return np.column_stack([cos * x - sin * z, y, sin * x + cos * z])
 
 
-def test_the_drum_has_the_dimensions_asked_for_and_berries_appear_clear_of_the_walls():
+def test_the_drum_has_the_dimensions_asked_for():
     whole = drum.Drum.of(TEST.section(SceneSettings(config())))
     assert whole.radius_m == pytest.approx(0.095)
     assert whole.length_m == pytest.approx(0.34)
@@ -72,6 +72,9 @@ def test_the_drum_has_the_dimensions_asked_for_and_berries_appear_clear_of_the_w
     for name, sign in (("near_cap", -1), ("far_cap", 1)):
         assert walls[name].point_m == pytest.approx((0.0, 0.17 * sign, 0.0))
         assert walls[name].normal == pytest.approx((0.0, -sign, 0.0))
+
+
+def test_berries_appear_clear_of_the_walls():
     whole = drum.Drum(0.095, 0.34)
     radius = PARTICLE.bounding_radius_m
     strip = whole.factory_area(0.04, radius)
@@ -97,7 +100,7 @@ def test_the_surface_of_a_bed_of_known_angle(angle_deg):
     )
 
 
-def test_the_edge_of_one_berry_is_its_outline_and_a_bed_that_is_carried_along_rests_in_the_drums_frame():
+def test_the_edge_of_one_berry_is_its_outline():
     centres = np.array([[0.01, 0.0, -0.03]])
     flat = np.array([[1.0, 0.0, 0.0, 0.0]])
     edge = surface(centres, flat, 0.1).profile_m
@@ -109,6 +112,9 @@ def test_the_edge_of_one_berry_is_its_outline_and_a_bed_that_is_carried_along_re
         edge[inside, 1], -0.03 + c * np.sqrt(1 - (x[inside] / a) ** 2), atol=1e-4
     )
     value_error("pixels wide", surface, np.zeros((0, 3)), np.zeros((0, 4)), 0.1)
+
+
+def test_a_bed_that_is_carried_along_rests_in_the_drums_frame():
     centres, quaternions = half_filled(0.0, 200)
     carried = turned(centres, 0.4)
     np.testing.assert_allclose(bed.to_drum_frame(carried, 0.4), centres, atol=1e-15)
@@ -124,7 +130,7 @@ def test_the_edge_of_one_berry_is_its_outline_and_a_bed_that_is_carried_along_re
     assert still < bed.relative_energy(*state, np.zeros(3)) < 1.05 * still
 
 
-def test_a_slip_has_its_beginning_end_and_motion_by_depth():
+def test_a_slip_has_its_beginning_and_end():
     angle = np.concatenate(
         [np.arange(0.0, 40.0), [40.5, 40.2, 40.4, 39.9, 39.4, 38.0, 36.0, 35.9, 35.9]]
     )
@@ -140,6 +146,10 @@ def test_a_slip_has_its_beginning_end_and_motion_by_depth():
     assert bed.find_slip(angle, energy, 5.0, 1e-9) is None
     assert bed.find_slip(angle, np.full(49, 1e-3), 1.0, 1e-9).ends == 48
     assert bed.find_slip([], [], 1.0, 1e-9) is None
+
+
+def test_the_motion_of_a_slip_by_depth():
+    """Grains less than 15 mm below a surface of 30 degrees move 20 mm down it."""
     nothing = np.full(3, np.nan)
     assert bed.depth_profile(nothing, nothing, 0.005).shape == (0, 4)
     slope = math.radians(30.0)
@@ -312,7 +322,7 @@ def saved(folder, seed, angle_deg, **record):
     return folder / f"drum_{seed}.json"
 
 
-def test_means_have_errors_and_a_changed_definition_measures_the_kept_frames(tmp_path):
+def test_means_have_errors(tmp_path):
     paths = [
         saved(tmp_path, seed, 30.0, report_bed_deg=angle)
         for seed, angle in ((1, 40.0), (2, 44.0))
@@ -342,6 +352,9 @@ def test_means_have_errors_and_a_changed_definition_measures_the_kept_frames(tmp
         PARTICLE,
         tmp_path,
     )
+
+
+def test_a_changed_definition_measures_the_kept_frames(tmp_path):
     path = saved(tmp_path, 1, 30.0)
     wide = drum_tables.run([path], config(fit_share=0.9), PARTICLE, tmp_path)
     narrow = drum_tables.run([path], config(fit_share=0.5), PARTICLE, tmp_path)

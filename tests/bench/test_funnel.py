@@ -155,9 +155,7 @@ def in_a_new_process(**environment):
 
 
 @pytest.mark.slow
-def test_code_compiled_or_cached_gives_the_same_bits_and_springs_may_be_linear(
-    tmp_path, monkeypatch
-):
+def test_springs_may_be_linear():
     whole = small()
     whole["simulation"]["contact_law"] = "linear_spring"
     poured = TEST.pour(of(whole))
@@ -165,6 +163,10 @@ def test_code_compiled_or_cached_gives_the_same_bits_and_springs_may_be_linear(
     assert poured.on_plate.sum() == 60
     assert poured.kinetic_energy_j / 60 < 1e-12
     assert digest(poured) != digest(TEST.pour(of(small())))
+
+
+@pytest.mark.slow
+def test_code_compiled_or_cached_gives_the_same_bits(tmp_path, monkeypatch):
     signatures = set()
 
     def noting(*arguments):
@@ -297,7 +299,7 @@ def test_a_job_writes_what_it_returns_and_largest_cluster_is_found(tmp_path):
     assert not largest_cluster(contacts, np.zeros(8, bool)).any()
 
 
-def test_a_pile_rests_on_the_plate_is_measured_as_piles_are_and_keeps_its_sizes(plain):
+def test_a_pile_rests_on_the_plate_and_is_measured_as_piles_are():
     record, run = run_once(bench("funnel"), of(heap()))
     assert record["status"] == "ok"
     assert record["reason"] == ""
@@ -309,6 +311,9 @@ def test_a_pile_rests_on_the_plate_is_measured_as_piles_are_and_keeps_its_sizes(
         Grains.of(run.arrays, particle()), settings, run.arrays["in_pile"]
     )
     assert {key: record[key] for key in again.record()} == again.record()
+
+
+def test_a_pour_has_grains_of_several_sizes(plain):
     settings = small()
     settings["berry"] = settings["berry"] | {"size_distribution": "measured"}
     berry = BERRY | {"scale_sd": 0.083, "scale_low": 0.78, "scale_high": 1.16}

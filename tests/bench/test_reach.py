@@ -44,7 +44,7 @@ def judged(config, line, dataset_csv=None, particle=None):
     return found
 
 
-def test_the_closed_cone_and_what_is_said_without_angle_and_height(config):
+def test_the_closed_cone_has_the_slope_of_its_height_and_volume():
     for angle in (10.0, 32.87, 60.0):
         slope = math.tan(math.radians(angle))
         volume = math.pi * 0.06557**3 / (3 * slope**2)
@@ -55,6 +55,9 @@ def test_the_closed_cone_and_what_is_said_without_angle_and_height(config):
     assert 1e6 * math.pi * 0.06557**3 / (
         3 * math.tan(math.radians(32.87)) ** 2
     ) == pytest.approx(707, abs=0.5)
+
+
+def test_a_warning_needs_angle_and_height(config):
     angle, height = config["targets"]
     drum = {**angle, "response": "drum_slip_deg", "apparatus": "drum"}
     for targets in ([angle], [height], [drum], [drum, height], []):
@@ -70,9 +73,8 @@ def test_the_closed_cone_and_what_is_said_without_angle_and_height(config):
     )
 
 
-def test_a_side_is_no_steeper_than_the_cone_of_its_mass_and_the_articles_pair_is_none(
-    config,
-):
+def test_a_side_is_no_steeper_than_the_cone_of_its_mass():
+    """Sides of random piles, each the sum of four cones of other feet."""
     rng = np.random.default_rng(1)
     r = (np.arange(4000) + 0.5) / 4000
     for _ in range(200):
@@ -85,6 +87,9 @@ def test_a_side_is_no_steeper_than_the_cone_of_its_mass_and_the_articles_pair_is
         assert -np.polyfit(r, side, 1)[0] <= math.sqrt(math.pi / (3 * volume)) * (
             1 + 1e-4
         )
+
+
+def test_the_articles_pair_is_out_of_reach_by_the_whole_side_alone(config):
     row, exact = reach.nearest_row(
         MeasureSettings.with_defaults(**config["measure"] | WHOLE), "whole", 0.2
     )
@@ -109,7 +114,7 @@ def test_a_side_is_no_steeper_than_the_cone_of_its_mass_and_the_articles_pair_is
     )
 
 
-def test_the_edge_of_a_band_and_samples_that_stand_in_for_the_table(config, tmp_path):
+def test_the_edge_of_a_band_is_at_two_standard_deviations(config):
     band = judged(config, STRAIGHT_PART).band
     angle = config["targets"][0]
     error = angle["sd"] / math.sqrt(angle["repetitions"])
@@ -117,6 +122,9 @@ def test_the_edge_of_a_band_and_samples_that_stand_in_for_the_table(config, tmp_
         for sigmas, possible in ((1.95, True), (2.05, False)):
             angle["value"] = band.mean + side * sigmas * math.hypot(band.sd, error)
             assert judged(config, STRAIGHT_PART).possible is possible
+
+
+def test_samples_of_the_study_stand_in_for_the_table(config, tmp_path):
     heights = np.random.default_rng(2).uniform(50, 80, 40)
     angles = np.degrees(
         np.arctan(math.tan(math.radians(30)) * (heights / 65.57) ** 1.5)

@@ -21,7 +21,7 @@ def with_grains(config, grains, response="secant"):
     }
 
 
-def test_a_change_is_that_of_the_table_and_a_scaled_scene_keeps_its_proportions(config):
+def test_a_change_is_that_of_the_table():
     table = pd.read_csv(scene_size.TABLE).set_index(["grains", "label"])
     for name in ("whole", "secant"):
         found = scene_size.change(500, 125, name)
@@ -33,6 +33,9 @@ def test_a_change_is_that_of_the_table_and_a_scaled_scene_keeps_its_proportions(
     heights = table["height_scaled_mm"]
     assert found.height == pytest.approx((heights[125] / heights[500]).mean())
     assert scene_size.change(300, 300, "flank") == (0.0, 1.0)
+
+
+def test_the_fewest_grains_change_an_angle_by_less_than_a_degree():
     for name in ("whole", "flank", "secant", "steepest"):
         found = scene_size.fewest_grains(1000, name)
         between = [
@@ -43,6 +46,9 @@ def test_a_change_is_that_of_the_table_and_a_scaled_scene_keeps_its_proportions(
         )
         below = [n for n in scene_size.numbers() if n < (found or 1000)]
         assert not below or abs(scene_size.change(1000, max(below), name).angle_deg) > 1
+
+
+def test_a_scaled_scene_keeps_its_proportions(config):
     section = funnel.FunnelSettings(**config["funnel"])
     smaller = scene_size.scaled(section, 4, 13.34)
     assert smaller["plate_diameter_mm"] == pytest.approx(

@@ -114,7 +114,7 @@ def profile_target(name, slope):
     return {"response": derived(name, "2"), "apparatus": "turning", "profile": kept}
 
 
-def test_speeds_have_their_times_angles_and_profiles_and_a_run_is_judged():
+def test_speeds_have_their_angles_and_profiles():
     frames = [bed(angle) for angle in (20.0, 30.0, 40.0)]
     position = np.array([frame[0] for frame in frames], np.float32)
     quaternion = np.array([frame[1] for frame in frames], np.float32)
@@ -143,6 +143,9 @@ def test_speeds_have_their_times_angles_and_profiles_and_a_run_is_judged():
     assert {
         lost[name] for name in ("turning_deg", "turning_2_deg", "turning_profile_2_mm")
     } == {None}
+
+
+def test_speeds_have_their_times():
     configuration = config(measure_from_s=2.5)
     assert TEST.section(SceneSettings(configuration)).speeds() == [(0.8, 2.5, 8.5)]
     two = config(
@@ -159,6 +162,10 @@ def test_speeds_have_their_times_angles_and_profiles_and_a_run_is_judged():
     assert [key for key, _ in TEST.contradictions(SceneSettings(three))] == [
         "turning.measure_from_s"
     ]
+
+
+def test_a_run_is_judged():
+    configuration = config(measure_from_s=2.5)
     settings = SceneSettings(configuration)
     held = drum.DrumOutcome(holds_all=True)
     assert TEST.status_of(held, settings) == ("ok", "")
@@ -181,7 +188,7 @@ def test_speeds_have_their_times_angles_and_profiles_and_a_run_is_judged():
     )
 
 
-def test_a_drum_goes_on_from_its_first_speed_friction_lifts_its_bed_and_tilting_lowers_an_end():
+def test_a_drum_goes_on_from_its_first_speed():
     short = SMALL | {"measure_from_s": 0.2, "measure_until_s": 0.4, "record_s": 0.1}
 
     def ran(settings, values):
@@ -200,6 +207,9 @@ def test_a_drum_goes_on_from_its_first_speed_friction_lifts_its_bed_and_tilting_
     )
     faster = np.abs(np.diff(twice.arrays["position"], axis=0)).mean(axis=(1, 2))
     assert faster[-1] > 1.5 * faster[0]
+
+
+def test_friction_lifts_the_bed():
     scenes = (
         Scene.of(config(**SMALL), wall, BERRY, PARTICLE, 1) for wall in (ROUGH, SMOOTH)
     )
@@ -208,6 +218,12 @@ def test_a_drum_goes_on_from_its_first_speed_friction_lifts_its_bed_and_tilting_
     assert level["status"] == "ok"
     assert abs(level["turning_deg"]) < 8.0  # a surface of 60 berries is lumpy
     assert rough["turning_deg"] > 15.0
+
+
+def test_tilting_lowers_an_end():
+    def ran(settings, values):
+        return TEST.run(Scene.of(settings, values, BERRY, PARTICLE, 1))
+
     tilted = config(**SMALL, tilt_deg=20.0)
     simulation = TEST.build(Scene.of(tilted, SMOOTH, BERRY, PARTICLE))
     simulation.add("berry", (0.0, 0.0, 0.0))

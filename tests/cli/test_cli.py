@@ -55,7 +55,7 @@ def test_every_verb_explains_itself_with_an_example_that_parses(command):
     assert not silent
 
 
-def test_help_fits_a_screen_and_guesses_what_was_mistyped(command):
+def test_help_fits_a_screen(command):
     first = ["new", "check", "measure", "run", "card", "export", "marker"]
     for arguments, names in {
         ("--help",): first,
@@ -82,6 +82,9 @@ def test_help_fits_a_screen_and_guesses_what_was_mistyped(command):
     assert not [
         name for names in GROUPS.values() for name in names if name not in VERBS
     ]
+
+
+def test_what_was_mistyped_is_guessed(command):
     assert "did you mean measure?" in error_of(command, "mesure")
     assert "did you mean run uncertainty?" in error_of(command, "uncertainy")
     file = "did you mean repose run --configfile mine.yaml?"
@@ -95,6 +98,8 @@ def test_help_fits_a_screen_and_guesses_what_was_mistyped(command):
     assert one_guess.endswith("; did you mean published_solutions?")
     assert one_guess.count("did you mean") == 1
 
+
+def test_a_verb_is_registered_once():
     def check():
         """Another function of the name of a verb."""
 

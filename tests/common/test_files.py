@@ -117,14 +117,15 @@ def test_a_word_in_a_column_of_numbers_is_refused(column, tmp_path):
     input_error(wanted, files.read_table, tmp_path / "given.csv", ("sample", column))
 
 
-def test_missing_parts_and_half_an_archive_are_reported_with_what_there_should_be(
-    tmp_path,
-):
+def test_a_missing_column_is_reported(tmp_path):
     files.write_table(tmp_path / "table.csv", TABLE)
     missing = r"table\.csv: column height_mm is 'missing'; expected columns sample, height_mm; found: sample"
     input_error(
         missing, files.read_table, tmp_path / "table.csv", ("sample", "height_mm")
     )
+
+
+def test_missing_keys_and_wrong_types_are_reported(tmp_path):
     files.write_json(tmp_path / "a.json", {"runs": {}, "sample": 3})
     wrong = [
         (("sample", "time"), r"time is None; expected a key of a job"),
@@ -145,6 +146,9 @@ def test_missing_parts_and_half_an_archive_are_reported_with_what_there_should_b
         tmp_path / "list.json",
         what="a job",
     )
+
+
+def test_missing_arrays_and_half_an_archive_are_reported(tmp_path):
     files.write_npz(tmp_path / "a.npz", {"scale": np.ones(2)})
     pour = tmp_path / "a.npz", ("position",), "a pour"
     input_error(r"position is None; expected an array in a pour", files.read_npz, *pour)

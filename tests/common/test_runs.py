@@ -16,7 +16,7 @@ RECORDED = Recorded(
 )
 
 
-def test_the_mean_its_error_and_the_targets_in_front():
+def test_the_mean_has_its_error():
     summary = summarise_runs(
         [one_run(1, aor=20.0), one_run(2, aor=22.0), one_run(3, aor=27.0)], RECORDED
     )
@@ -27,17 +27,26 @@ def test_the_mean_its_error_and_the_targets_in_front():
     assert summary["aor_se_deg"] == pytest.approx(math.sqrt((9 + 1 + 16) / 2 / 3))
     assert summary["height_se_mm"] == 0.0
     assert summary["discharge_s"] == pytest.approx(17.0)
+
+
+def test_the_reason_names_failed_runs_and_overlaps():
     deep = [one_run(1) | {"overlap_share": 0.12}, one_run(2, "jammed")]
     says(
         summarise_runs(deep, RECORDED)["reason"],
         "1 of 2 runs jammed",
         "bodies overlap by up to 12 %",
     )
+
+
+def test_one_run_has_no_error():
     single = summarise_runs([one_run(1)], RECORDED)
     assert single["status"] == "ok"
     assert single["aor_deg"] == 22.0
     assert single["aor_se_deg"] is None
     value_error("at least one run", summarise_runs, [], RECORDED)
+
+
+def test_the_targets_are_in_front():
     ours = RECORDED.beginning_with(("discharge_s", "base_radius_mm"))
     further_columns = (
         "discharge_s",
@@ -61,6 +70,9 @@ def test_the_mean_its_error_and_the_targets_in_front():
     )
     assert RECORDED.beginning_with(("aor_deg", "height_mm")) == same
     assert error_of("packing_percent") == "packing_se_percent"
+
+
+def test_a_summary_needs_no_pandas():
     run_python(
         "-c",
         "import sys; from repose.calibrate.runs import summarise_runs; sys.exit('pandas' in sys.modules)",
@@ -136,12 +148,15 @@ def test_components_are_unbiased_and_covered_by_their_intervals():
         assert 0.91 < np.mean(inside) < 0.985  # 0.95 +- 3.3 standard errors of 400
 
 
-def test_variance_between_samples_seeds_for_an_error_and_residual_correlation():
+def test_noise_alone_has_no_variance_between_samples():
     random = np.random.default_rng(2)
     values, groups = normal_model(random, [6] * 30, 0.0, 1.0)
     components = variance.variance_components(values, groups)
     assert components.icc_low == 0
     assert components.icc < 0.15
+
+
+def test_seeds_reach_an_r2_and_an_error():
     # The true means of 4000 samples as predictions of means of k noisy seeds.
     random = np.random.default_rng(3)
     true = 2.0 * random.normal(size=4000)
@@ -156,6 +171,9 @@ def test_variance_between_samples_seeds_for_an_error_and_residual_correlation():
     assert components.seeds_for(0.499) == 10
     assert components.seeds_for(5.0) == 1
     value_error("standard_error is 0", components.seeds_for, 0)
+
+
+def test_residual_correlation():
     random = np.random.default_rng(4)
     groups = np.repeat(np.arange(200), 6)
     shift = 10 * random.normal(size=200)

@@ -17,7 +17,7 @@ X = np.sort(np.random.default_rng(1).uniform(-24.0, 20.0, 23))  # at no regular 
 RANGES = dict.fromkeys(PARAMETERS, (0.1, 0.4)) | {"mur_gp": (0.2, 0.3)}
 
 
-def test_targets_give_names_and_numbers_and_count_published_solutions(tmp_path):
+def test_targets_give_names_and_numbers():
     targets = Targets.of([SLIP | {"weight": 2.0}, *shared.TARGETS])
     assert targets.names == ("drum_slip_deg", "aor_deg", "height_mm")
     assert targets.predicted == (
@@ -30,6 +30,9 @@ def test_targets_give_names_and_numbers_and_count_published_solutions(tmp_path):
     assert targets.weight.tolist() == [2.0, 1.0, 1.0]
     assert targets.standard_error[0] == 0.5
     assert targets.aim.tolist() == [40.0, 32.87, 65.57]
+
+
+def test_targets_are_told_in_words():
     targets = Targets.of([*shared.TARGETS, SLIP])
     assert Targets(targets[:1]).in_words(["32.9"]) == "32.9 deg"
     assert Targets(targets[:2]).in_words(["32.9", "66"]) == "32.9 deg and 66 mm"
@@ -39,6 +42,9 @@ def test_targets_give_names_and_numbers_and_count_published_solutions(tmp_path):
     )
     wanted = r"targets: response is 'colour'; expected one of aor_deg, "
     input_error(wanted, Targets.of, [SLIP | {"response": "colour", "range": [0, 1]}])
+
+
+def test_published_solutions_are_simulated_where_their_responses_are_stored(tmp_path):
     path = tmp_path / "table4.csv"
     columns = [
         "solution",
@@ -100,7 +106,7 @@ def test_distances_of_profiles_are_those_of_scores_named_with_their_unit():
     )
 
 
-def test_fixed_parameters_and_the_range_of_a_prior():
+def test_fixed_parameters_are_in_all_values():
     space = contact_space(RANGES | {"mus_gg": {"fixed": 0.55}})
     assert space.dimensions == 5
     unit = np.random.default_rng(1).uniform(size=(4, 5))
@@ -109,6 +115,9 @@ def test_fixed_parameters_and_the_range_of_a_prior():
     np.testing.assert_allclose(space.unit(values), unit, atol=1e-12)
     assert space.centre["mus_gg"] == 0.55
     assert space.centre["mur_gp"] == 0.25
+
+
+def test_the_range_of_a_prior():
     space = contact_space(RANGES | {"mus_gg": {"prior": {"mean": 0.05, "sd": 0.1}}})
     k = space.free.index("mus_gg")
     assert (space.low[k], space.high[k]) == pytest.approx((0.0, 0.35))

@@ -1,6 +1,5 @@
 """Advice before a study pours, and what it needs, against answers that are known."""
 
-import copy
 import math
 from types import SimpleNamespace
 
@@ -66,7 +65,7 @@ def test_the_sinking_is_that_of_a_column_and_the_pile_the_cone_of_its_angle(conf
     assert advice.filling(config, GRAIN_M3)[1]
 
 
-def test_grains_of_the_cones_volume_fill_it_and_a_height_alone_asks_for_a_slope(config):
+def test_grains_of_the_cones_volume_fill_it(config):
     cone = math.pi * 0.03**3 / (3 * math.tan(math.radians(30)) ** 2)
     config["funnel"]["berries"] = round(0.6 * cone / GRAIN_M3)
     assert advice.filling(config, GRAIN_M3)[1]
@@ -78,6 +77,9 @@ def test_grains_of_the_cones_volume_fill_it_and_a_height_alone_asks_for_a_slope(
         assert advice.needed_grains(config, GRAIN_M3) == math.ceil(
             0.6 * cone / GRAIN_M3
         )
+
+
+def test_a_height_alone_asks_for_a_slope(config):
     config["targets"] = config["targets"][:1]
     config["funnel"]["berries"] = round(
         0.6 * math.pi * 0.03**3 / (3 * math.tan(math.radians(25)) ** 2) / GRAIN_M3
@@ -116,19 +118,16 @@ def test_sentences_tell_what_a_softer_grain_brings(config):
     assert f"of the time of {advice.needed_grains(config, GRAIN_M3)};" in smaller
 
 
-def test_time_goes_with_the_slowest_bench_test_and_each_strategy_has_its_own_pours(
-    config,
-):
-    first = copy.deepcopy(config)
-    second = copy.deepcopy(config)
+def test_each_strategy_has_its_own_pours(config):
     config["response_surface"] |= {
         "screening_runs": 12,
         "steps": 5,
         "most_factors": 3,
         "centres": 5,
         "checks": 8,
+        "surface": "box_behnken",
+        "seeds": 3,
     }
-    config["response_surface"] |= {"surface": "box_behnken", "seeds": 3}
     assert pours_of(config) is None
     config["strategy"] = "response_surface"
     pours = pours_of(config)
@@ -159,7 +158,9 @@ def test_time_goes_with_the_slowest_bench_test_and_each_strategy_has_its_own_pou
     assert work["total_s"] == pytest.approx(
         cost.REST_S + 32 * cost.JOB_START_S + 144 * work["pour_s"]
     )
-    config = first
+
+
+def test_the_longest_job_is_that_of_the_slowest_bench_test(config):
     config["refine"]["seeds"] = 100
     slowest = max(cost.run_s(config, name) for name in ("funnel", "drum"))
     assert cost.longest_job_s(config) == pytest.approx(cost.JOB_START_S + 100 * slowest)
@@ -171,7 +172,9 @@ def test_time_goes_with_the_slowest_bench_test_and_each_strategy_has_its_own_pou
     assert cost.run_s(config, "funnel", 3e-7) == pytest.approx(
         3 * cost.run_s(config, "funnel", 1e-7)
     )
-    config = second
+
+
+def test_time_goes_with_the_steps_and_the_bench_tests(config):
     config["simulation"]["time_step_s"] = 2.5e-4
     work = cost.estimate_work(config)
     solutions = (("representative", 1, 32), ("validation", 5, 12))

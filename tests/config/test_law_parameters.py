@@ -40,7 +40,7 @@ def study(contact_law, rolling_law="budget", **parameters):
     )
 
 
-def test_the_configuration_knows_the_laws_the_card_their_convention_and_twisting_its_laws():
+def test_the_configuration_knows_the_laws():
     for key, laws in (("contact_law", CONTACT_LAWS), ("rolling_law", ROLLING_LAWS)):
         assert faults.subschema(["simulation", key], settings_type())["enum"] == list(
             laws
@@ -49,6 +49,9 @@ def test_the_configuration_knows_the_laws_the_card_their_convention_and_twisting
         before = hash_of(dependencies.settings_of(config, "pour"))
         config["simulation"][key] = "linear_spring" if key == "contact_law" else "epsd"
         assert hash_of(dependencies.settings_of(config, "pour")) != before
+
+
+def test_the_card_tells_the_conventions_of_a_law():
     described = described_laws(study("jkr", **COHESION).settings.simulation)
     says(described["normal"], "w = 2 gamma", "3 pi gamma R*")
     for direction in ("tangential", "rolling"):
@@ -65,6 +68,9 @@ def test_the_configuration_knows_the_laws_the_card_their_convention_and_twisting
     assert described["end of an impact"].startswith(
         "the force without cohesion never pulls"
     )
+
+
+def test_twisting_belongs_to_its_laws():
     space = study("hertz_mindlin", "epsd", mut_gp=[0.0, 0.5]).parameters
     assert space.free == (*PARAMETERS, "mut_gp")
     contacts = contacts_of(space.centre)

@@ -109,9 +109,7 @@ def test_a_score_without_its_profile_is_refused(quick):
     input_error(message, study_of, quick, number)
 
 
-def test_scores_are_defined_by_abscissae_and_share_and_percents_are_of_the_height(
-    quick, entry, table
-):
+def test_scores_are_defined_by_abscissae_and_share(quick, entry, table):
     before = study_of(quick, entry)
     table.write_text(TABLE.replace("16", "15"))
     heights = study_of(quick, entry)
@@ -123,6 +121,9 @@ def test_scores_are_defined_by_abscissae_and_share_and_percents_are_of_the_heigh
         assert what(before) == what(heights)
         assert what(before) != what(share)
     assert before.targets[-1].value != heights.targets[-1].value
+
+
+def test_percents_of_a_profile_are_of_its_height(quick, entry):
     target = study_of(quick, entry).targets[-1]
     assert abs(target.value) < 0.1 * target.whole
     assert target.off_percent(target.value + 0.02 * target.whole) == pytest.approx(2.0)

@@ -51,6 +51,9 @@ def test_jkr_pulls_as_in_lammps_and_without_energy_is_the_dry_law():
         3.0 * math.pi * 0.1 * 0.005
     )
     compare_with_the_dry_law("jkr", coherent(0.0, 0.4, 0.5), 3e-4, 1e-18)
+
+
+def test_jkr_needs_its_sticking_energy_to_part():
     # 7.09 (w^5 R*^4 / E*^2)^(1/3): 0.663 pi w A^2 by the integral of the force from s = 1 to parting.
     law = CONTACT_LAWS["jkr"]
     gamma = 0.05

@@ -33,7 +33,7 @@ def box(tmp_path_factory):
     return names["simulation"], folder
 
 
-def test_the_readme_the_picture_and_its_scale_are_those_of_the_box(box):
+def test_the_box_is_that_of_the_readme(box):
     simulation, folder = box
     assert (
         simulation.time_s
@@ -49,6 +49,9 @@ def test_the_readme_the_picture_and_its_scale_are_those_of_the_box(box):
         len(list(ET.parse(folder / "box" / "box.pvd").getroot().iter("DataSet")))
         == 2 * 21
     )
+
+
+def test_a_picture_shows_balls_and_panels(box):
     simulation, _folder = box
     picture = render_simulation(simulation, width=160, height=120).astype(int)
     red = picture[..., 0] > picture[..., 2] + 40
@@ -64,6 +67,9 @@ def test_the_readme_the_picture_and_its_scale_are_those_of_the_box(box):
             panel.normal @ (np.array([0.0, 0.0, 0.075]) - panel.corners_m.mean(axis=0))
             > 0
         )
+
+
+def test_a_scaled_body_is_drawn_at_its_size():
     sizes = []
     for shape, scale in (("ball", 1.0), ("ball", 2.0), ("berry", 1.0)):
         simulation = among({}, largest_scale=2.0)

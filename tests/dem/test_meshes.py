@@ -142,7 +142,7 @@ def test_gaps_and_normals_are_those_of_a_dense_search(solid):
     assert met[VERTEX] > 2
 
 
-def test_a_bowl_and_a_plane_of_faces_move_a_berry_as_smooth_ones():
+def test_a_plane_of_faces_moves_a_berry_as_a_smooth_one():
     vertices, faces = sheet(40, 0.3, seed=3)
     tracks = []
     for floor in (FLOOR, Mesh(vertices, faces, "wall", RADIUS)):
@@ -169,6 +169,9 @@ def test_a_bowl_and_a_plane_of_faces_move_a_berry_as_smooth_ones():
     # it crosses many triangles, with its tangential spring
     assert np.ptp(tracks[0][:, 0]) > 0.03
     assert np.abs(tracks[1] - tracks[0]).max() < 1e-9
+
+
+def test_a_bowl_of_faces_holds_a_berry():
     solid = trimesh.creation.icosphere(subdivisions=3, radius=0.06)
     solid.invert()
     bowl = mesh_of(solid, RADIUS)
@@ -277,7 +280,7 @@ def test_a_box_of_inward_faces_holds_its_berries():
     assert s.kinetic_energies().sum() < 1e-6 * weight
 
 
-def test_a_moving_plate_pushes_a_berry_and_a_turntable_carries_it():
+def test_a_moving_plate_pushes_a_berry():
     plate = box(0.01, 0.05, 0.05, motion=Motion(velocity_m_s=(0.2, 0.0, 0.0)))
     s = simulation(
         LONG, Contact(0.3, 0.5, 0.0), walls={"plate": plate}, dt=2e-5, capacity=1
@@ -294,6 +297,9 @@ def test_a_moving_plate_pushes_a_berry_and_a_turntable_carries_it():
     assert s.positions[0, 0] == pytest.approx(
         0.005 + 0.2 * s.time_s + LONG[0, 0], abs=1e-4
     )
+
+
+def test_a_turntable_carries_a_berry():
     vertices, faces = sheet(16, 0.16, seed=8)
     rate = 1.5
     table = Mesh(

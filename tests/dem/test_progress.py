@@ -37,6 +37,9 @@ def test_a_log_gets_a_line_a_minute_and_a_terminal_a_bar_with_the_time_left(
     text = re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", screen.getvalue())
     assert re.search(r"2\.000/3\.000 s, .* s/s, \d+ steps/s, \d\d:\d\d left", text)
     assert "━" in text
+
+
+def test_a_time_is_told_as_by_a_clock():
     assert [progress.clock(s) for s in (0.4, 59.6, 3723)] == [
         "00:00",
         "01:00",

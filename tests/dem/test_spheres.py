@@ -37,7 +37,7 @@ def compare(scenes, steps, rounds, tolerance=1e-9):
                 assert np.abs(a - b).max() <= tolerance * size, name
 
 
-def test_spheres_fall_rest_hit_and_turn_again_when_pushed():
+def test_a_sphere_falls_and_rests():
     scenes = three(walls={"floor": FLOOR}, gravity=DOWN, dt=2e-5)
     for s in scenes:
         s.add(
@@ -47,6 +47,9 @@ def test_spheres_fall_rest_hit_and_turn_again_when_pushed():
             angular_velocity_rad_s=(5.0, 20.0, 3.0),
         )
     compare(scenes, 500, 20)
+
+
+def test_spheres_hit_each_other():
     scenes = three(dt=1e-6)
     for s in scenes:
         s.add(
@@ -58,6 +61,9 @@ def test_spheres_fall_rest_hit_and_turn_again_when_pushed():
         s.add("body", (0.0061, 0.003, 0.001), velocity_m_s=(-0.5, 0.0, 0.2))
     compare(scenes, 1000, 20)
     assert np.abs(scenes[0].angular_velocities[1]).max() > 1.0
+
+
+def test_a_resting_sphere_turns_again_when_pushed():
     scenes = three(
         walls={"floor": FLOOR}, gravity=DOWN, dt=2e-5, contact=Contact(0.1, 0.5, 0.2)
     )

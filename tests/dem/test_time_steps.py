@@ -139,7 +139,7 @@ def test_an_oscillator_of_the_damping_ratio_returns_the_restitution():
     )
 
 
-def test_low_restitution_hard_walls_scale_and_flat_places_shorten_the_step():
+def test_spheres_touch_a_wall_together():
     assert BALL.acting_together(1e-4 * RADIUS_M) == pytest.approx(1.0)
     assert row(15).acting_together(0.1 * RADIUS_M) == pytest.approx(15.0, rel=0.01)
     apart = Clump([[-1.0, 0, 0, 0.1], [1.0, 0, 0, 0.1]], 1.0, [1.0, 1.0, 1.0], "body")
@@ -157,12 +157,21 @@ def test_low_restitution_hard_walls_scale_and_flat_places_shorten_the_step():
         single.time_step_s / math.sqrt(15.0), rel=0.02
     )
     assert "15.0 spheres" in many.reason
+
+
+def test_a_low_restitution_shortens_the_step():
     many = row(40)
     free = time_steps.longest(study(0.9, "release", shape=many)).time_step_s
     damped = time_steps.longest(study(0.05, "release", shape=many)).time_step_s
     assert damped < 0.5 * free
+
+
+def test_a_hard_wall_shortens_the_step():
     between = time_steps.pressed(study(0.3), BALL, "body", of_body=True).time_step_s
     assert time_steps.pressed(study(0.3), BALL, "wall").time_step_s < between
+
+
+def test_the_step_scales_with_the_grain():
     for number in (1, 40):
         shape = row(number)
         grown = Clump(
@@ -179,6 +188,9 @@ def test_low_restitution_hard_walls_scale_and_flat_places_shorten_the_step():
         )
         assert scaled.time_step_s == pytest.approx(small.time_step_s, rel=1e-9)
         assert "smallest scale, 0.333" in scaled.reason
+
+
+def test_the_flattest_radius_of_an_ellipsoid():
     a = 10e-3
     b = 6e-3
     c = 4e-3
@@ -186,6 +198,9 @@ def test_low_restitution_hard_walls_scale_and_flat_places_shorten_the_step():
         a * b / c
     )
     assert CONVEX.flattest_radius_m == pytest.approx(RADIUS_M)
+
+
+def test_the_allowed_step_is_rounded_down():
     for number in (1.23456e-4, 9.99999e-5, 2.5e-4, 3.0e-6):
         result = float(
             time_steps.Limit(number, "why")

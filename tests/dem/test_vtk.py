@@ -76,7 +76,7 @@ def arrays(path):
     return found
 
 
-def test_vtk_points_surfaces_and_walls_and_wrong_names(tmp_path):
+def test_vtk_points_have_the_state_of_the_bodies(tmp_path):
     simulation = scene()
     write_vtk(tmp_path / "a.vtp", simulation)
     found = arrays(tmp_path / "a.vtp")
@@ -98,6 +98,9 @@ def test_vtk_points_surfaces_and_walls_and_wrong_names(tmp_path):
     np.testing.assert_allclose(
         turn.T @ tensor @ turn, np.diag([0.03, 0.018, 0.015]), atol=1e-12
     )
+
+
+def test_wrong_names_of_vtk_files_are_refused(tmp_path):
     value_error(
         r"path is .*expected a file that ends in \.vtp",
         write_vtk,

@@ -87,12 +87,15 @@ def test_every_printed_digit_of_the_table(name):
         assert agrees(table.loc[source, column], MISPRINTS[name, source, column])
 
 
-def test_the_misprint_statistics_and_coefficients_as_printed():
+def test_the_misprint_is_none_of_the_other_numbers():
     with open(PRINTED / "viscosity_anova.csv", newline="") as file:
         rows = {row["source"]: row for row in csv.DictReader(file)}
     f = float(rows["B*C"]["mean_square"]) / float(rows["residual"]["mean_square"])
     assert agrees(f, "1.20")
     assert not agrees(f, rows["B*C"]["f"])
+
+
+def test_statistics_are_as_printed():
     # Montgomery, Table 11-6: the Design-Expert output of Example 11-1
     printed = {
         "std_dev": "0.27",
@@ -109,6 +112,9 @@ def test_the_misprint_statistics_and_coefficients_as_printed():
     assert [
         name for name, value in printed.items() if not agrees(found[name], value)
     ] == []
+
+
+def test_coefficients_are_as_printed():
     # the vignette's table: estimate, standard error, t, p; R rounds t to four digits before it prints three of them
     printed = {
         "A": ("0.932541", "0.057699", "16.162", "0.0000008444"),
@@ -128,7 +134,7 @@ def test_the_misprint_statistics_and_coefficients_as_printed():
             )
 
 
-def test_the_constant_and_pure_error_of_a_blocked_design_and_what_leaves_out_a_term_or_a_run():
+def test_the_constant_and_pure_error_of_a_blocked_design():
     # the vignette has 84.095427 for the first block and -4.457530 for the second
     model = model_of("chemical_reaction")
     assert model.constant == pytest.approx(84.095427 - 4.457530 / 2, abs=1e-6)
@@ -138,6 +144,9 @@ def test_the_constant_and_pure_error_of_a_blocked_design_and_what_leaves_out_a_t
     assert (
         pure_error(fit(runs[["A", "B"]], runs["response"], "AB", "quadratic"))[1] == 5
     )
+
+
+def test_the_squares_of_a_term_are_what_leaving_it_out_adds():
     model = model_of("viscosity")
     table = anova(model).set_index("source")
     for term, name in zip(model.terms, model.labels, strict=True):
@@ -150,6 +159,9 @@ def test_the_constant_and_pure_error_of_a_blocked_design_and_what_leaves_out_a_t
         assert table.loc[name, "sum_of_squares"] == pytest.approx(
             without.residual_squares - model.residual_squares, rel=1e-9
         )
+
+
+def test_press_is_the_sum_over_predictions_that_leave_out_a_run():
     model = model_of("chemical_process")
     total = 0.0
     for k in range(len(model.response)):

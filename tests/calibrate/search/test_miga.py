@@ -39,9 +39,12 @@ def himmelblau(x):
     return (a * a + b - 11) ** 2 + (a + b * b - 7) ** 2
 
 
-def test_corners_and_minima_are_found_and_the_best_never_worsens():
+def test_a_corner_is_found():
     search, _ = minimise(lambda x: -x.sum(axis=1), 6, 300)
     np.testing.assert_allclose(search.best, 1.0, atol=1e-12)
+
+
+def test_all_minima_of_himmelblaus_function_are_found():
     minima = (
         np.array(
             [
@@ -60,6 +63,9 @@ def test_corners_and_minima_are_found_and_the_best_never_worsens():
         assert distance.min() < 0.01
         found.add(int(distance.argmin()))
     assert found == {0, 1, 2, 3}
+
+
+def test_the_best_never_worsens():
     _, best = minimise(rastrigin, 6, 200)
     assert (np.diff(best) <= 0).all()
     search = MIGA(6)
@@ -76,7 +82,7 @@ def test_corners_and_minima_are_found_and_the_best_never_worsens():
     assert search.evaluations == 60 * 200
 
 
-def test_the_first_population_fills_the_box_and_children_lie_between_their_parents():
+def test_the_first_population_fills_the_box():
     search = search_of(3, mutation_probability=1.0, mutation_amplitude=1.0)
     first = search.ask()
     assert first.shape == (200, 3)
@@ -85,6 +91,9 @@ def test_the_first_population_fills_the_box_and_children_lie_between_their_paren
     for _ in range(5):
         search.tell(sphere(search.ask()))
         assert np.abs(search.ask()).max() <= 1.0
+
+
+def test_children_lie_between_their_parents():
     search = search_of(2, islands=1, population=30, mutation_probability=0.0)
     parents = search.ask().copy()
     search.tell(sphere(parents))
@@ -101,16 +110,22 @@ def test_the_first_population_fills_the_box_and_children_lie_between_their_paren
         assert segment
 
 
-def test_tournament_mutation_and_migration_are_as_published():
+def test_the_tournament_is_as_published():
     # The best of p by rank wins a draw of three with probability 1 - (1 - 1/p)^3.
     search = search_of(2, islands=50, population=10)
     search._draw()
     assert np.mean(search._winners == 0) == pytest.approx(1 - 0.9**3, abs=0.01)
+
+
+def test_mutation_is_as_published():
     search = search_of(6, islands=50)
     search._draw()
     hit = search._mutation[search._mutation != 0]
     assert hit.size / search._mutation.size == pytest.approx(0.05, abs=0.003)
     assert hit.std() == pytest.approx(0.1, abs=0.005)
+
+
+def test_migration_is_as_published():
     points = np.arange(12.0).reshape(12, 1)
     fitness = np.array([3.0, 1, 2, 9, 8, 7, 5, 4, 6, 0, 11, 10])
     search = search_of(1, islands=3, population=4)
@@ -159,7 +174,7 @@ def bowl(x):
     return (((x - LOWEST) / np.ptp(BOX, axis=1)) ** 2).sum(axis=1)
 
 
-def test_islands_ga_finds_the_minimum_and_ends_at_its_target():
+def test_islands_ga_finds_the_minimum():
     asked = []
 
     def watched(x):
@@ -180,11 +195,17 @@ def test_islands_ga_finds_the_minimum_and_ends_at_its_target():
     assert bowl(asked).min() == result.fun
     assert (np.diff(result.history) <= 0).all()
     assert len(result.history) == 400
+
+
+def test_islands_ga_ends_at_its_target():
     result = islands_ga(bowl, BOX, target=1e-3)
     assert result.success is True
     assert result.nfev == 200 * result.nit < 100_000
     assert result.history[-1] == result.fun <= 1e-3 < result.history[-2]
     assert islands_ga(bowl, BOX, rounds=1, target=-1.0).success is False
+
+
+def test_islands_ga_takes_infinite_values():
     result = islands_ga(
         lambda x: np.where(x[:, 0] > 0.2, x[:, 0], np.inf), [(-1, 1)], rounds=20
     )

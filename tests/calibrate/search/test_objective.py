@@ -44,7 +44,7 @@ def test_objective_is_eq_11_and_its_target_eq_12_and_a_prior_counts_a_hundredth(
     assert PRIOR_WEIGHT == 0.01
 
 
-def test_one_target_four_with_weights_and_weights_of_one():
+def test_fitness_of_two_targets_and_of_one():
     objective = objective_of((0, 0), (1, 1), (0.0, 0.0))
     fitness = objective.fitness(
         *objective(np.array([[1.0, 1.0], [-1e-9, 0.0], [-1.0, 0.0]]))
@@ -53,6 +53,9 @@ def test_one_target_four_with_weights_and_weights_of_one():
     F, V = objective_of((31,), (34,))(np.array([[32.5], [33.5], [35.0]]))
     np.testing.assert_allclose(F, [0, 1 / 3, 2.5 / 3])
     np.testing.assert_allclose(V, [0, 0, 1 / 3])
+
+
+def test_fitness_of_four_targets_with_weights():
     weighted = objective_of(np.zeros(4), np.full(4, 2.0), weight=(1, 2, 0.5, 4))
     F, V = weighted(np.array([[1.5, 1.0, 0.0, 1.25], [1.0, 1.0, 3.0, 1.0]]))
     np.testing.assert_allclose(F, [0.25 + 0.25 + 0.5, 0.5])
@@ -62,6 +65,9 @@ def test_one_target_four_with_weights_and_weights_of_one():
         *weighted(np.array([[0.0, 2, 2, 0], [1, 1, 1, 2 + 1e-9]]))
     )
     assert corner < just_outside
+
+
+def test_weights_of_one_change_nothing():
     random = np.random.default_rng(4)
     low = random.uniform(0, 50, 2)
     high = random.uniform(51, 100, 2)
@@ -120,7 +126,7 @@ def test_thinning_against_its_slow_twin(most, distance):
     )
 
 
-def test_archive_is_bounded_distinct_sorted_holds_the_best_and_takes_more_than_its_buffer():
+def test_archive_is_bounded_distinct_sorted_and_holds_the_best():
     random = np.random.RandomState(6)
     archive = Archive(2, 0.1, 40, buffer=500)
     everything = []
@@ -148,6 +154,9 @@ def test_archive_is_bounded_distinct_sorted_holds_the_best_and_takes_more_than_i
     assert (
         np.linalg.norm(better[:, None] - archive.points, axis=2).min(axis=1).max() < 0.2
     )
+
+
+def test_archive_takes_more_than_its_buffer():
     points = np.random.RandomState(7).uniform(-1, 1, (1000, 2))
     archive = Archive(2, 0.0, 1000, buffer=64)
     archive.add(points, sphere(points))

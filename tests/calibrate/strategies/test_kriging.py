@@ -51,7 +51,7 @@ def test_probability_of_a_box(k):
     )
 
 
-def test_errors_are_those_of_all_the_responses_processes_and_of_the_others():
+def test_errors_are_those_of_one_process_of_all_responses():
     # with the same numbers a process of samples times responses in one matrix says the same; the draws make a mixture
     observed = poured(n=12)
     model = Kriging(observed)
@@ -70,6 +70,9 @@ def test_errors_are_those_of_all_the_responses_processes_and_of_the_others():
             means[:, i].T, bias=True
         )
         assert found[1][i] == pytest.approx(mixture, rel=1e-6)
+
+
+def test_errors_of_a_sample_are_those_of_processes_without_it():
     model = Kriging(poured(n=12))
     residuals, variances, others = model._left_out()
     # values and errors of each combination of the responses
@@ -86,11 +89,11 @@ def test_errors_are_those_of_all_the_responses_processes_and_of_the_others():
             ]
             moments.append([p.moments(model.unit[i : i + 1]) for p in without_i])
         moments = np.array(moments)
-        means, probability_in_box = moments[..., 0].transpose(2, 0, 1)
+        means, spreads = moments[..., 0].transpose(2, 0, 1)
         assert residuals[i] == pytest.approx(
             model.values[i] - means.mean(axis=0), rel=1e-6
         )
-        assert variances[i] == pytest.approx(probability_in_box.mean(axis=0), rel=1e-6)
+        assert variances[i] == pytest.approx(spreads.mean(axis=0), rel=1e-6)
         assert others[i] == pytest.approx(means.var(axis=0) + model.errors[i], rel=1e-6)
 
 
@@ -120,7 +123,7 @@ def one_process(model, observed, points, kernels):
     return mean, [covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] for i in range(m)]
 
 
-def test_bearings_of_a_factor_and_the_noise_of_samples():
+def test_the_factor_is_that_of_the_residuals():
     random = np.random.default_rng(3)
     variances, errors = random.uniform(0.5, 2.0, (2, 5000, 1))
     for factor in (0.4, 1.0, 3.0):
@@ -132,6 +135,9 @@ def test_bearings_of_a_factor_and_the_noise_of_samples():
     assert _factor(
         residuals, 1e-4 * np.ones((20, 1)), np.ones((20, 1))
     ) == pytest.approx(FACTOR_MEDIAN, rel=0.01)
+
+
+def test_variances_are_right_at_large_noise():
     # variances were once three times too large there, at any noise: the mean square was 0.33, now it is 0.6
     places = 0.3 + 0.4 * np.random.default_rng(5).random((20, 6))
     truth = np.column_stack(
@@ -144,6 +150,9 @@ def test_bearings_of_a_factor_and_the_noise_of_samples():
         )
         squares.append((mean - truth) ** 2 / np.diagonal(covariance, axis1=1, axis2=2))
     assert 0.45 < np.mean(squares) < 1.5
+
+
+def test_the_noise_of_samples():
     observed = poured(n=3000, seeds=2)
     assert observed.noise() == pytest.approx(NOISE, rel=0.08)
     assert observed.freedom == 3000

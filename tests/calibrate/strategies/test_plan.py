@@ -39,7 +39,7 @@ def runs_of(sd, samples=400, seed=1):
     return table.assign(sample=np.arange(samples).repeat(2), status="ok")
 
 
-def test_the_noise_of_the_runs_and_chances_between_scatters_by_hand():
+def test_the_noise_of_the_runs_by_hand():
     sd = np.array([0.5, 2.0])
     found = plan.measured_noise(runs_of(sd), TARGETS)
     # 400 degrees of freedom: a variance is known to 7 %
@@ -55,6 +55,9 @@ def test_the_noise_of_the_runs_and_chances_between_scatters_by_hand():
     runs = runs_of(np.array([0.5, 2.0])).drop_duplicates("sample")
     few = r"a\.csv: runs that determine the noise is 0; expected at least 3"
     input_error(few, plan.measured_noise, runs, TARGETS, "a.csv")
+
+
+def test_chances_are_interpolated_between_scatters():
     table = pd.read_csv(plan.SUCCESS).query("responses == 1")
     low, high = sorted(table["noise_percent"].unique())[:2]
     measured = [
@@ -68,15 +71,24 @@ def test_the_noise_of_the_runs_and_chances_between_scatters_by_hand():
         "within_1_percent"
     ].to_numpy()
     assert middle == pytest.approx((measured[0] + measured[1]) / 2)
+
+
+def test_the_error_of_a_share_by_hand():
     shares = pd.Series([0.0, 0.6, 1.0])
     trials = pd.Series([40, 40, 80])
     by_hand = [beta(1, 41).std(), beta(25, 17).std(), beta(81, 1).std()]
     assert plan.share_error(shares, trials).to_numpy() == pytest.approx(
         by_hand, rel=1e-12
     )
+
+
+def test_the_disk_of_a_study():
     # 150 jobs of 6 pours of 500 grains took 27.6 MB
     settings = settings_of({"targets": entries(TARGETS), "funnel": {"berries": 500}})
     assert cost.disk_mb(settings, 900) == pytest.approx(27.6, rel=0.05)
+
+
+def test_chances_are_those_of_the_hidden_truths():
     expected = hidden_truths.success(
         pd.read_csv(ROOT / "research/answers/hidden_truths.csv")
     )

@@ -221,7 +221,7 @@ def test_draws_of_the_responses_have_the_moments_of_the_model(targets):
     assert drawn.std(axis=0) == pytest.approx(sd, rel=0.2)
 
 
-def test_pours_that_are_left_or_may_move_a_mean_and_the_expected_deviation():
+def test_the_expected_deviation_is_that_of_draws():
     goal = Goal.of(TARGETS, 1.0, SPACE)
     mean = np.add(TARGETS.aim, [[0.7, -1.0]])
     covariance = np.array([[[2.0, 1.5], [1.5, 3.0]]])
@@ -231,6 +231,10 @@ def test_pours_that_are_left_or_may_move_a_mean_and_the_expected_deviation():
     assert goal.expected_deviation(mean, covariance)[0] == pytest.approx(
         goal.of_responses(drawn)[1].mean(), rel=0.01
     )
+
+
+def test_pours_that_are_left_reach_no_more_than_their_bound():
+    goal = Goal.of(TARGETS, 1.0, SPACE)
     # the simulator's own answers after all pours of the budget at one point: the bound holds in each of 30 cases
     data = observed(n=20, noise=4.0)
     found = advised(data, most_pours=100, probability=0.99)
@@ -295,7 +299,7 @@ def test_a_batch_lies_about_the_answer_and_away_from_failed_samples():
         ).all()
 
 
-def test_a_budget_counts_failed_runs_and_bench_tests_are_independent(tmp_path):
+def test_a_budget_counts_failed_runs(tmp_path):
     known = study(sequential=SECTION)
     propose("sequential", known, [], tmp_path)
     table = pd.read_csv(tmp_path / "samples.csv")
@@ -313,6 +317,9 @@ def test_a_budget_counts_failed_runs_and_bench_tests_are_independent(tmp_path):
     write_poured(tmp_path, table, 0.5, seeds=1)
     few = "enough for an estimate of the noise"
     input_error(few, propose, "sequential", known, [tmp_path], tmp_path / "batch_1")
+
+
+def test_bench_tests_are_independent():
     other = BOTH[1] | {
         "response": "drum_slip_deg",
         "apparatus": "drum",
@@ -335,6 +342,9 @@ def test_a_budget_counts_failed_runs_and_bench_tests_are_independent(tmp_path):
     seen = arrange_runs(data_of(data, runs, targets), SPACE, targets)
     assert seen.values[0].tolist() == [[60, 40], [61, 41]]
     assert seen.counts.tolist() == [2, 1]
+
+
+def test_no_run_is_asked_for_twice():
     section = {"start_samples": 8, "seeds": 1, "batch": 4, "most_runs": 20}
     target = {"value": 20.0, "sd": 0.1, "repetitions": 1, "noise_sd": 0.01}
     budget_study = Study(

@@ -95,9 +95,7 @@ def test_strategies_are_known_and_an_answer_takes_one_thread(tmp_path, monkeypat
 
 
 @pytest.mark.slow
-def test_the_answer_is_right_and_a_killed_study_goes_on_with_the_same_bytes(
-    walked, tmp_path
-):
+def test_the_answer_is_right(walked):
     study, _, _ = walked
     found = study.answer()
     answer = pd.DataFrame([found.parameters | {"sample": 1, "run": 1}])
@@ -114,6 +112,10 @@ def test_the_answer_is_right_and_a_killed_study_goes_on_with_the_same_bytes(
     assert found.why
     assert list(found.prediction.index) == ["angle_deg", "time"]
     says(found._repr_html_(), "friction", "within 1 percent")
+
+
+@pytest.mark.slow
+def test_a_killed_study_goes_on_with_the_same_bytes(walked, tmp_path):
     study, asked, file = walked
     other = tmp_path / "study.csv"
     repose.Study(**STUDY, strategy=study.config["strategy"], file=other)

@@ -140,9 +140,7 @@ def test_a_search_gets_the_same_responses(name, fitted):
 
 
 @every
-def test_a_shift_moves_the_mean_alone_and_an_input_that_does_not_vary_has_no_effect(
-    name, fitted, tmp_path
-):
+def test_a_shift_moves_the_mean_alone(name, fitted, tmp_path):
     X = points(10, 6)
     offset = np.array([0.5, -3.0])
     moved = fitted[name].shifted(offset)
@@ -156,6 +154,10 @@ def test_a_shift_moves_the_mean_alone_and_an_input_that_does_not_vary_has_no_eff
     assert moved.response_function(np.full(3, 2.0), np.full(3, 4.0))(
         X - 3
     ) == pytest.approx(mean + offset)
+
+
+@every
+def test_an_input_that_does_not_vary_has_no_effect(name):
     X = points(60, 0)
     X[:, 2] = 3.0
     model = make(name, SETTINGS).fit(X, truth(X))
@@ -233,12 +235,15 @@ def test_wrong_samples_are_refused(name, fitted):
     value_error(r"expected \(samples, 3\)", fitted[name].predict, X[:, :2])
 
 
-def test_surrogates_are_registered_once_and_a_quadratic_one_is_exact():
+def test_a_quadratic_surface_is_exact():
     X = points(11, 0)
     fresh = points(20, 1)
     model = make("quadratic", {}).fit(X, truth(X))
     assert model.predict(fresh) == pytest.approx(truth(fresh))
     value_error("10 samples; expected at least 11", model.fit, X[:10], truth(X[:10]))
+
+
+def test_the_covariance_of_a_quadratic_surface_is_that_of_fits_to_noise():
     X = points(25, 0)
     fresh = points(5, 1)
     random = np.random.default_rng(2)
@@ -258,6 +263,8 @@ def test_surrogates_are_registered_once_and_a_quadratic_one_is_exact():
             found, abs=0.08 * found.max()
         )
 
+
+def test_surrogates_are_registered_once():
     class Other(base.Surrogate):
         pass
 

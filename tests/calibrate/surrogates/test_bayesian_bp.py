@@ -152,9 +152,7 @@ def test_a_start_keeps_its_largest_evidence_and_is_at_the_minimum_there(monkeypa
     assert kept.log_evidence_ > BayesianBP(**settings).fit(X, y).log_evidence_ + 3
 
 
-def test_starts_that_have_not_converged_do_not_compete_and_classes_have_a_cap(
-    monkeypatch,
-):
+def test_starts_that_have_not_converged_do_not_compete(monkeypatch):
     honest = bayesian_bp.train_start
     X, Y = noisy_data(40, 2)
     settings = {"hidden": 3, "starts": 3, "epochs": 100, "goal": 0.0}
@@ -177,7 +175,9 @@ def test_starts_that_have_not_converged_do_not_compete_and_classes_have_a_cap(
     found = BayesianBP(**settings).fit(X, Y)
     assert found.best_start_ == best
     assert found.converged_starts_ == 0
-    monkeypatch.undo()
+
+
+def test_classes_of_weights_have_a_cap(monkeypatch):
     X, Y = noisy_data(60, 3)
     settings = {"hidden": 3, "starts": 1, "epochs": 60, "goal": 0.0, "prior": "inputs"}
     model = BayesianBP(**settings).describe("abcdef", ("y", "z"))

@@ -162,7 +162,7 @@ def grid():
     return np.array([(x, y) for x in side for y in side])
 
 
-def test_distances_and_leverage_tell_what_few_samples_do_not_bear():
+def test_distances_tell_what_few_samples_do_not_bear():
     support = Support(grid(), [0, 0], [1, 1], NAMES)
     assert support.farthest == pytest.approx(0.1)
     assert support.distance([[0.2, 0.25], [0.7, 0.85]]) == pytest.approx([0.05, 0.15])
@@ -176,6 +176,9 @@ def test_distances_and_leverage_tell_what_few_samples_do_not_bear():
     says(distant, "nearest sample 0.21 of a range away, usual up to 0.10", "leverage")
     support = Support(grid() * [1, 10], [0, 0], [1, 10], NAMES)
     assert support.distance([[0.2, 2.5]]) == pytest.approx([0.05])
+
+
+def test_leverage_is_that_of_the_hat_matrix():
     points = np.random.default_rng(1).uniform(size=(40, 2))
     support = Support(points, [0, 0], [1, 1], NAMES)
     X = np.column_stack([np.ones(40), points, points**2, points[:, 0] * points[:, 1]])
@@ -190,7 +193,7 @@ def test_distances_and_leverage_tell_what_few_samples_do_not_bear():
     assert support.leverage(points).tolist() == [0.0] * 20
 
 
-def test_support_of_a_dataset_takes_usable_samples_and_no_fixed_parameter(tmp_path):
+def test_support_of_a_dataset_takes_usable_samples(tmp_path):
     table = pd.DataFrame(
         np.random.default_rng(1).uniform(size=(40, 6)), columns=list(PARAMETERS)
     )
@@ -217,6 +220,9 @@ def test_support_of_a_dataset_takes_usable_samples_and_no_fixed_parameter(tmp_pa
     )
     few = r"points has shape \(3, 2\); expected at least two rows of 6"
     value_error(few, Support, np.zeros((3, 2)), np.zeros(6), np.ones(6), PARAMETERS)
+
+
+def test_support_leaves_out_fixed_parameters():
     fixed = Support(
         np.insert(grid(), 1, 0.3, axis=1), [0, 0.3, 0], [1, 0.3, 1], ("a", "fixed", "b")
     )

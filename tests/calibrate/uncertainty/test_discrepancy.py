@@ -51,13 +51,16 @@ def combinations(folder, differences, errors=(0.0, 0.0), eligible=True, distance
     return folder / "combinations.csv"
 
 
-def test_a_stated_discrepancy_and_the_spread_of_a_shape_study(tmp_path):
+def test_a_stated_discrepancy_is_a_share_of_each_target():
     targets = targets_of(aor_deg=30.0, height_mm=60.0, drum_slip_deg=40.0)
     found = discrepancy.of_targets(targets, design(1.0, 2.0), 10.0, 0.9)
     assert found == pytest.approx(np.array([[9, 16.2, 0], [16.2, 36, 0], [0, 0, 16]]))
     assert discrepancy.of_targets(targets, design(1.0, -2.0), 10.0, 0.9)[
         0, 1
     ] == pytest.approx(-16.2)
+
+
+def test_the_discrepancy_is_the_spread_of_a_shape_study(tmp_path):
     random = np.random.default_rng(1)
     known = np.array([[9.0, 12.0], [12.0, 25.0]])
     models = random.multivariate_normal([-3, 5], known, 4000) + random.normal(
@@ -80,9 +83,7 @@ def test_a_stated_discrepancy_and_the_spread_of_a_shape_study(tmp_path):
     ).covariance == pytest.approx(found[1:, 1:])
 
 
-def test_a_model_counts_by_its_piles_and_a_study_that_says_too_little_is_refused(
-    tmp_path,
-):
+def test_a_model_counts_by_its_piles(tmp_path):
     values = np.repeat([0.0, 2.0, 40.0], [5, 5, 10])
     path = combinations(
         tmp_path, np.column_stack([values, values]), distance=np.repeat([0.0, 4.0], 10)
@@ -100,6 +101,13 @@ def test_a_model_counts_by_its_piles_and_a_study_that_says_too_little_is_refused
     pd.concat([table, table]).to_csv(path, index=False)
     assert discrepancy.shape_study_discrepancy(path, PILE).models == pytest.approx(
         result.models
+    )
+
+
+def test_a_study_that_says_too_little_is_refused(tmp_path):
+    values = np.repeat([0.0, 2.0, 40.0], [5, 5, 10])
+    path = combinations(
+        tmp_path, np.column_stack([values, values]), distance=np.repeat([0.0, 4.0], 10)
     )
     pd.read_csv(path).assign(aor_se_deg=50.0).to_csv(path, index=False)
     input_error(
@@ -294,7 +302,7 @@ def write_runs(folder, seeds=4):
     return folder / "runs.csv"
 
 
-def test_tables_of_a_study_with_failed_pours_by_function_and_verb(tmp_path, command):
+def test_tables_of_a_study_with_failed_pours(tmp_path):
     summary = noise.run(write_runs(tmp_path), TWO, tmp_path / "out")
     row = pd.read_csv(tmp_path / "out/noise.csv").iloc[0]
     assert row["samples"] == 29
@@ -318,6 +326,9 @@ def test_tables_of_a_study_with_failed_pours_by_function_and_verb(tmp_path, comm
     assert (
         summary["correlation"]["low"] < 2 / np.sqrt(5) < summary["correlation"]["high"]
     )
+
+
+def test_the_verb_writes_the_tables(tmp_path, command):
     arguments = [
         "--runs",
         write_runs(tmp_path),
@@ -330,7 +341,7 @@ def test_tables_of_a_study_with_failed_pours_by_function_and_verb(tmp_path, comm
     assert len(pd.read_csv(tmp_path / "verb/seeds.csv")) == 64
 
 
-def test_targets_without_correlation_and_too_few_runs(tmp_path):
+def test_targets_of_one_bench_test_alone_have_correlations():
     found = noise.noise_floor(made_up_runs(), targets_of(drum_slip_deg=40.0))
     reachable = [f"drum_slip_reachable_r2{end}" for end in ("", "_low", "_high")]
     assert list(found.seeds.columns) == [
@@ -356,6 +367,9 @@ def test_targets_without_correlation_and_too_few_runs(tmp_path):
     assert matrix[3].tolist() == [0, 0, 0, 1]
     assert (np.linalg.eigvalsh(matrix) > 0).all()
     assert len(noise.noise_floor(made_up_runs(), FOUR).responses) == 4
+
+
+def test_too_few_runs_are_refused(tmp_path):
     input_error(
         r"runs a sample is 1; expected 2 or more",
         noise.run,

@@ -62,9 +62,7 @@ def found(study, table):
 
 
 @pytest.mark.slow
-def test_the_start_repeats_its_samples_and_answers_in_the_products_of_a_run(
-    study, found, tmp_path, command
-):
+def test_the_start_repeats_its_samples(study):
     table = study.ask()
     assert (table.groupby("sample").size() == 2).all()
     assert table["run"].tolist() == [1, 2] * 16
@@ -74,6 +72,10 @@ def test_the_start_repeats_its_samples_and_answers_in_the_products_of_a_run(
         assert sorted(((once[name] - low) / (high - low) * 16).astype(int)) == list(
             range(16)
         )
+
+
+@pytest.mark.slow
+def test_the_answer_is_in_the_products_of_a_run(study, found, tmp_path, command):
     found.save(tmp_path)
     made = found.card
     assert card.read(tmp_path / "card.json")["simulator"] == "EDEM 2024"
@@ -102,7 +104,7 @@ def test_the_start_repeats_its_samples_and_answers_in_the_products_of_a_run(
 
 
 @pytest.mark.slow
-def test_the_answer_meets_the_targets_inside_ranges_and_intervals_that_hold_it(found):
+def test_the_answer_meets_the_targets(found):
     exact = simulate(pd.DataFrame([found.summary["representative"]]), noise=0.0).iloc[0]
     for k, entry in enumerate(found.study.targets):
         assert abs(exact[entry.name] - entry.aim) < 4 * found.answer.error[k]
@@ -114,12 +116,20 @@ def test_the_answer_meets_the_targets_inside_ranges_and_intervals_that_hold_it(f
     assert 0.5 < chance["within_1_percent"] <= chance["within_2_percent"] <= 1
     # the ranges are 2 % of the values to each side, as none were given
     assert chance["inside"] == pytest.approx(chance["within_2_percent"])
+
+
+@pytest.mark.slow
+def test_the_intervals_hold_the_true_parameters(found):
     rows = found.posterior.parameters.set_index("parameter")
     assert list(rows.index) == FREE
     # solved by hand from the two lines of the simulator: rolling = friction - 0.5, and 58 f - 6 f^2 = 32
     friction = (58 - np.sqrt(58**2 - 24 * 32)) / 12
     for name, value in zip(FREE, (friction, friction - 0.5), strict=True):
         assert rows.loc[name, "credible_low"] < value < rows.loc[name, "credible_high"]
+
+
+@pytest.mark.slow
+def test_all_solutions_are_inside_the_ranges(found):
     assert len(found.solutions) > 5
     for entry in found.study.targets:
         assert (
@@ -127,6 +137,10 @@ def test_the_answer_meets_the_targets_inside_ranges_and_intervals_that_hold_it(f
             .between(entry.low, entry.high)
             .all()
         )
+
+
+@pytest.mark.slow
+def test_an_interval_is_widened_to_hold_the_answer(found):
     table = found.posterior.parameters.assign(credible_low=0.0, credible_high=0.001)
     moved = found._replace(posterior=found.posterior._replace(parameters=table))
     for name in FREE:
@@ -187,7 +201,7 @@ def test_ask_and_tell_stop_with_an_answer_that_meets_the_targets(study, tmp_path
     assert abs(relative_error).max() < 0.02
 
 
-def test_runs_are_told_by_rows_fixed_parameters_and_replicates(study, table, tmp_path):
+def test_runs_without_numbers_are_told_by_their_rows(study, table):
     runs = checked_runs(study, table.drop(columns=["sample", "run"]))
     assert runs["sample"].tolist() == np.arange(1, 17).repeat(2).tolist()
     assert (
@@ -196,6 +210,9 @@ def test_runs_are_told_by_rows_fixed_parameters_and_replicates(study, table, tmp
         ).counts.tolist()
         == [2] * 16
     )
+
+
+def test_failed_runs_do_not_count(study, table):
     failed = table.astype({"angle_deg": object}).assign(status="ok")
     failed.loc[:2, ["status", "angle_deg"]] = ["jammed", ""]
     known = observed(study, checked_runs(study, failed))
@@ -214,6 +231,9 @@ def test_runs_are_told_by_rows_fixed_parameters_and_replicates(study, table, tmp
             study,
             numbers.assign(status=word),
         )
+
+
+def test_a_fixed_parameter_may_be_left_out(study, table, tmp_path):
     runs = checked_runs(study, table.drop(columns="restitution"))
     assert (runs["restitution"] == 0.4).all()
     new = tmp_path / "new.csv"
@@ -223,6 +243,10 @@ def test_runs_are_told_by_rows_fixed_parameters_and_replicates(study, table, tmp
         runs = added(study, new, record)
     assert (runs["restitution"] == 0.4).all()
     assert len(runs) == len(table)
+
+
+def test_runs_with_numbers_may_have_the_same_results(study, tmp_path):
+    new = tmp_path / "new.csv"
     # runs with numbers may have the same results
     alike = simulate(study.ask(), noise=0.0)
     for run in (1, 2):

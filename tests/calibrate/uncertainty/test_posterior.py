@@ -125,7 +125,7 @@ def inferred(targets, slopes, space=UNIT, runs=None, **changes):
     )
 
 
-def test_one_target_determines_one_parameter_and_correlations_need_their_runs():
+def test_correlations_need_their_runs():
     targets = targets_of(
         sd_percent=4.0, aor_deg=30.0, height_mm=30.0, base_radius_mm=30.0
     )
@@ -153,6 +153,9 @@ def test_one_target_determines_one_parameter_and_correlations_need_their_runs():
         assert inferred(targets, slopes, runs=runs, **changes, **short).summary[
             "correlation"
         ]
+
+
+def test_one_target_determines_one_parameter():
     found = inferred(targets_of(sd_percent=4.0, drum_slip_deg=30.0), [{"mus_gp": 12.0}])
     table = found.parameters.set_index("parameter")
     # standard error 0.6, of the prediction 0.1
@@ -407,9 +410,7 @@ def test_every_surrogate_gives_the_same_answer(name, study, tmp_path):
     assert len(summary[f"{name}_se"]) == 2
 
 
-def test_other_responses_are_refused_and_a_restored_network_has_its_error_bars(
-    study, tmp_path
-):
+def test_other_responses_and_definitions_are_refused(study, tmp_path):
     other = targets_of(height_mm=60.0, aor_deg=30.0)
     wanted = r"network\.json: outputs is .*the responses of the targets, height_mm"
     input_error(wanted, posterior_of, study, GIVEN._replace(targets=other), tmp_path)
@@ -421,6 +422,9 @@ def test_other_responses_are_refused_and_a_restored_network_has_its_error_bars(
     other = GIVEN._replace(definitions={"aor_deg": {"measure.response": "secant"}})
     wanted = r"definition of aor_deg is .*flank.*secant.*as in my\.yaml"
     input_error(wanted, posterior_of, files, other, tmp_path, "my.yaml")
+
+
+def test_a_restored_network_has_its_error_bars(study):
     table = pd.read_csv(study["dataset"])
     rows = train.split(60, [0.7, 0.15, 0.15], 1)["train"]
     X = table[list(PARAMETERS)].to_numpy()
@@ -452,7 +456,7 @@ def correlated(value):
     return np.array([[1.0, value], [value, 1.0]])
 
 
-def test_the_likelihood_is_a_normal_density_about_the_observation_and_its_misfit():
+def test_the_covariance_of_an_observation():
     mean, covariance = likelihood.observation(
         TARGETS, correlated(0.5), np.diag([0.36, 1.44])
     )
@@ -465,6 +469,9 @@ def test_the_likelihood_is_a_normal_density_about_the_observation_and_its_misfit
     )
     targets = targets_of(aor_deg=30.0, height_mm=60.0, drum_slip_deg=40.0)
     assert targets.correlated(0.3).tolist() == [[1, 0.3, 0], [0.3, 1, 0], [0, 0, 1]]
+
+
+def test_the_likelihood_is_a_normal_density_about_the_observation():
     mean, covariance = likelihood.observation(
         TARGETS, correlated(0.3), np.diag([0.36, 1.44])
     )
@@ -476,6 +483,9 @@ def test_the_likelihood_is_a_normal_density_about_the_observation_and_its_misfit
             mean
         )
         assert found[k] == pytest.approx(known)
+
+
+def test_the_misfit_has_the_probability_of_chi_squared():
     mean, covariance = likelihood.observation(TARGETS, np.eye(2), np.zeros((2, 2)))
     found = likelihood.misfit(
         np.array([[32.0, 60.0], [31.0, 62.0]]), np.zeros((2, 2, 2)), (mean, covariance)

@@ -95,19 +95,28 @@ def test_the_linear_posterior_has_its_closed_form_with_a_prior_too(linear):
     assert found == pytest.approx(known / math.log(2), abs=0.02)
 
 
-def test_chains_end_at_their_bounds_repeat_and_hold_no_walkers_without_weight():
+def test_chains_end_at_their_bounds():
     chains = sampler.sample(lambda u: 3 * u[:, 0] - 5000.0, 1, 16, 1500, 1).points
     assert chains.min() >= 0
     assert chains.max() <= 1
     assert chains.mean() == pytest.approx(1 / (1 - math.exp(-3)) - 1 / 3, abs=0.01)
+
+
+def test_chains_follow_from_their_seed():
     first = sampler.sample(lambda u: -u[:, 0], 2, 16, 100, 1).points
     second = sampler.sample(lambda u: -u[:, 0], 2, 16, 100, 1).points
     other = sampler.sample(lambda u: -u[:, 0], 2, 16, 100, 2).points
     assert np.array_equal(first, second)
     assert not np.array_equal(first, other)
+
+
+def test_a_flat_density_has_its_times():
     chains = sampler.sample(lambda theta: np.zeros(len(theta)), 2, 16, 50, 1)
     assert chains.density_time == 50
     assert np.isfinite(chains.times).all()
+
+
+def test_no_walkers_stay_where_there_is_no_weight():
     heights = np.array([0.0, -12.0])
     sds = np.array([0.01, 0.05])
     centres = np.array([[0.2, 0.3, 0.3], [0.75, 0.7, 0.6]])
@@ -169,7 +178,7 @@ def ishigami_indices(a=7.0, b=0.1):
     ) / total
 
 
-def test_ishigami_and_sums_have_their_indices_and_main_effects():
+def test_ishigamis_function_has_its_indices():
     found = sensitivity.indices(ishigami, LOW, HIGH, 4096, 100, 7)
     for name, known in zip(("first", "total"), ishigami_indices(), strict=True):
         assert found[name][0] == pytest.approx(known, abs=0.015)
@@ -178,6 +187,8 @@ def test_ishigami_and_sums_have_their_indices_and_main_effects():
         assert (found[f"{name}_low"][0] <= known + 0.01).all()
         assert (known - 0.01 <= found[f"{name}_high"][0]).all()
 
+
+def test_weighted_sums_have_their_indices():
     def weigh(X):
         return np.column_stack([1000 + X @ [1, 2, 0], -50 + X @ [0, 3, 4]])
 
@@ -185,6 +196,9 @@ def test_ishigami_and_sums_have_their_indices_and_main_effects():
     known = np.array([[1, 4, 0], [0, 9, 16]]) / np.array([[5], [25]])
     assert found["first"] == pytest.approx(known, abs=0.01)
     assert found["total"] == pytest.approx(known, abs=0.01)
+
+
+def test_main_effects_are_those_by_hand():
     grid, means = sensitivity.main_effects(ishigami, LOW, HIGH, 3, points=9)
     assert grid.shape == (3, 9)
     assert means[1] == pytest.approx(7 * np.sin(grid[1]) ** 2, abs=0.05)

@@ -51,9 +51,7 @@ def answer():
     return make_study().calibrate(simulate)
 
 
-def test_a_function_is_calibrated_and_a_start_that_fails_does_not_end_a_study(
-    answer, tmp_path
-):
+def test_a_function_is_calibrated(answer, tmp_path):
     assert answer.parameters["a"] == pytest.approx(0.5, abs=0.06)
     assert answer.parameters["a"] + answer.parameters["b"] == pytest.approx(
         1.0, abs=0.02
@@ -64,11 +62,17 @@ def test_a_function_is_calibrated_and_a_start_that_fails_does_not_end_a_study(
         path.name for path in tmp_path.iterdir()
     }
     assert answer.card["parameters"]["a"]["value"] == answer.parameters["a"]
+
+
+def test_bad_paths_are_refused(answer):
     for path in (3, "", None):
         input_error("expected the path of a file", answer.save, path)
         input_error("expected the path of a file", page_own.write, answer, path)
     for path in (3, ""):
         input_error("expected the path of a file", figures_own.plot, answer, path)
+
+
+def test_a_start_that_fails_does_not_end_a_study():
     made = []
 
     def fails_first(row):
