@@ -13,7 +13,7 @@ from refusals import input_error
 from repose import Study
 
 
-def make_study(file=None, samples=20, seeds=16):
+def study(file=None, samples=20, seeds=16):
     return Study(
         {"a": (0.0, 1.0), "b": (0.0, 1.0)},
         {"y": (1.0, 0.05), "z": (0.5, 0.05)},
@@ -28,41 +28,41 @@ def simulate(row):
     return {"y": row["a"] + row["b"] + scatter, "z": row["a"] - scatter**2}
 
 
-def tell(study, row):
-    study.tell(pd.DataFrame([{**row, **simulate(row)}]))
+def tell(shared, row):
+    shared.tell(pd.DataFrame([{**row, **simulate(row)}]))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("has_file", [False, True])
 def test_sixteen_threads_tell_320_runs_and_keep_all(has_file, tmp_path):
-    study = make_study(tmp_path / "runs.csv" if has_file else None)
-    asked = study.ask()
+    shared = study(tmp_path / "runs.csv" if has_file else None)
+    asked = shared.ask()
     assert len(asked) == 320
     # Begin anew, so that the threads make the record, too.
-    study = make_study(tmp_path / "runs.csv" if has_file else None)
+    shared = study(tmp_path / "runs.csv" if has_file else None)
     with ThreadPoolExecutor(16) as pool:
-        list(pool.map(lambda row: tell(study, row), asked.to_dict("records")))
-    assert len(study.runs) == 320
-    assert len(study.runs.drop_duplicates(["sample", "y"])) == 320
+        list(pool.map(lambda row: tell(shared, row), asked.to_dict("records")))
+    assert len(shared.runs) == 320
+    assert len(shared.runs.drop_duplicates(["sample", "y"])) == 320
     if has_file:
         assert len(Study.resume(tmp_path / "runs.csv").runs) == 320
 
 
 @pytest.mark.parametrize("has_file", [False, True])
 def test_threads_that_begin_at_once_share_one_record(has_file, tmp_path):
-    asked = make_study(samples=4, seeds=4).ask()
+    asked = study(samples=4, seeds=4).ask()
     for k in range(3):
         file = tmp_path / f"{k}.csv" if has_file else None
-        study = make_study(file, samples=4, seeds=4)
+        shared = study(file, samples=4, seeds=4)
         barrier = threading.Barrier(16)
 
-        def begin(row, study=study, barrier=barrier):
+        def begin(row, shared=shared, barrier=barrier):
             barrier.wait()
-            tell(study, row)
+            tell(shared, row)
 
         with ThreadPoolExecutor(16) as pool:
             list(pool.map(begin, asked.to_dict("records")))
-        assert len(study.runs) == 16
+        assert len(shared.runs) == 16
 
 
 @pytest.fixture
@@ -74,7 +74,7 @@ def first_batch(monkeypatch):
 
 @pytest.mark.usefixtures("first_batch")
 def test_workers_make_the_runs_at_a_time_and_the_answer_is_the_same(tmp_path):
-    alone = make_study(samples=4, seeds=3).calibrate(simulate)
+    alone = study(samples=4, seeds=3).calibrate(simulate)
     together = threading.Barrier(4, timeout=60)
 
     def meets(row):
@@ -82,10 +82,10 @@ def test_workers_make_the_runs_at_a_time_and_the_answer_is_the_same(tmp_path):
         together.wait()
         return simulate(row)
 
-    study = make_study(tmp_path / "runs.csv", samples=4, seeds=3)
-    pd.testing.assert_frame_equal(study.calibrate(meets, workers=4), alone)
+    shared = study(tmp_path / "runs.csv", samples=4, seeds=3)
+    pd.testing.assert_frame_equal(shared.calibrate(meets, workers=4), alone)
     with ProcessPoolExecutor(2) as pool:
-        of_processes = make_study(samples=4, seeds=3).calibrate(simulate, workers=pool)
+        of_processes = study(samples=4, seeds=3).calibrate(simulate, workers=pool)
         # An executor of the user stays open.
         assert pool.submit(len, "ab").result() == 2
     pd.testing.assert_frame_equal(of_processes, alone)
@@ -99,10 +99,10 @@ def test_what_was_made_when_a_run_breaks_off_is_kept(tmp_path):
         return simulate(row)
 
     for workers in (1, 3):
-        study = make_study(tmp_path / f"{workers}.csv", samples=4, seeds=3)
+        shared = study(tmp_path / f"{workers}.csv", samples=4, seeds=3)
         with pytest.raises(OSError, match="no licence"):
-            study.calibrate(breaks, workers=workers)
-        n_kept = len(study.runs)
+            shared.calibrate(breaks, workers=workers)
+        n_kept = len(shared.runs)
         assert 3 <= n_kept < 12
         resumed = Study.resume(tmp_path / f"{workers}.csv")
         assert len(resumed.ask()) == 12 - n_kept
@@ -118,16 +118,16 @@ def test_runs_that_have_not_begun_are_left_where_a_result_is_refused():
         time.sleep(0.1)
         return 3.0
 
-    study = make_study(samples=6, seeds=16)
-    input_error("returns a mapping", study.calibrate, gives_no_mapping, workers=2)
+    shared = study(samples=6, seeds=16)
+    input_error("returns a mapping", shared.calibrate, gives_no_mapping, workers=2)
     assert len(begun) < 96
 
 
 def test_the_order_of_the_results_changes_no_proposal():
-    asked = make_study(samples=6, seeds=3).ask()
+    asked = study(samples=6, seeds=3).ask()
     results = asked.assign(**pd.DataFrame(map(simulate, asked.to_dict("records"))))
-    in_order = make_study(samples=6, seeds=3)
-    shuffled = make_study(samples=6, seeds=3)
+    in_order = study(samples=6, seeds=3)
+    shuffled = study(samples=6, seeds=3)
     in_order.tell(results)
     for row in results.sample(frac=1, random_state=1).to_dict("records"):
         shuffled.tell(pd.DataFrame([row]))
@@ -138,15 +138,15 @@ def test_the_order_of_the_results_changes_no_proposal():
 
 
 def test_a_study_with_runs_is_copied_and_sent_to_processes():
-    study = make_study(samples=4, seeds=3)
-    asked = study.ask()
-    study.tell(asked.assign(**pd.DataFrame(map(simulate, asked.to_dict("records")))))
-    for other in (copy.deepcopy(study), pickle.loads(pickle.dumps(study))):
-        pd.testing.assert_frame_equal(other.runs, study.runs)
+    shared = study(samples=4, seeds=3)
+    asked = shared.ask()
+    shared.tell(asked.assign(**pd.DataFrame(map(simulate, asked.to_dict("records")))))
+    for other in (copy.deepcopy(shared), pickle.loads(pickle.dumps(shared))):
+        pd.testing.assert_frame_equal(other.runs, shared.runs)
         assert len(other.runs) == 12
 
 
 @pytest.mark.parametrize("workers", [0, -1, 2.5, True, "4", None])
 def test_workers_are_a_number_or_an_executor(workers):
     message = "workers is .*; expected an integer from 1, or an Executor"
-    input_error(message, make_study().calibrate, simulate, workers)
+    input_error(message, study().calibrate, simulate, workers)

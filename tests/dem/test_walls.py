@@ -56,7 +56,7 @@ def funnel_simulation(
     )
 
 
-def test_a_funnel_has_its_dimensions_and_holds_nothing_outside():
+def test_a_funnel_has_its_dimensions():
     cone = FUNNEL.walls("wall")["cone"].row()
     normal_r, normal_z, offset, lowest, highest = cone[:5]
 
@@ -75,12 +75,18 @@ def test_a_funnel_has_its_dimensions_and_holds_nothing_outside():
     assert (top_z - low_z) / (top_r - low_r) == pytest.approx(
         math.tan(math.radians(60.0))
     )
+
+
+def test_a_funnel_touches_nothing_outside_and_inside():
     for radius, height in ((0.06, 0.11), (0.03, 0.08), (0.0, 0.08)):
         s = funnel_simulation(Contact(0.3, 0.5, 0.1))
         s.add((radius, 0.0, height), (1, 0, 0, 0))
         s.run_steps(50)
         assert s.counts[st.N_CURVED] == 0
         assert np.all(s.velocities == 0.0)
+
+
+def test_a_berry_off_a_disc_falls_below_the_floor():
     walls = {"disc": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", radius_m=0.05)}
     s = simulation(
         BERRY,
@@ -311,9 +317,7 @@ def test_contacts_with_a_disc_are_those_of_a_slow_rule(kind):
     assert seen.min() > 200
 
 
-def test_a_berry_past_a_disc_stays_past_it_also_from_a_file_and_in_a_new_order(
-    tmp_path,
-):
+def test_a_berry_past_a_disc_stays_past_it():
     s = simulation(BERRY, Contact(0.4, 0.5, 0.0), walls=DISC, dt=1e-4, capacity=1)
     s.add((DISC_M + 0.02, 0.0, 0.001), velocity_m_s=(-0.5, 0.0, 0.0))
     s.run_steps(1000)
@@ -324,6 +328,9 @@ def test_a_berry_past_a_disc_stays_past_it_also_from_a_file_and_in_a_new_order(
     s.bodies.rows[0, st.VELOCITY : st.VELOCITY + 3] = 0.0, 0.0, -0.5
     s.run_steps(1000)
     assert s.velocities[0, 2] > 0.1
+
+
+def test_a_berry_rests_on_a_disc():
     s = simulation(
         BERRY,
         Contact(0.4, 0.5, 0.3),
@@ -335,6 +342,9 @@ def test_a_berry_past_a_disc_stays_past_it_also_from_a_file_and_in_a_new_order(
     s.add((0.0, 0.0, 0.0045))
     s.run_steps(3000)
     assert s.positions[0, 2] == pytest.approx(0.0049, abs=2e-4)
+
+
+def test_a_berry_past_a_disc_is_kept_in_a_file_and_in_a_new_order(tmp_path):
     s = simulation(BERRY, Contact(0.4, 0.5, 0.0), walls=DISC, dt=1e-4, capacity=2)
     s.add((DISC_M + 0.012, 0.0, 0.001), velocity_m_s=(-0.5, 0.0, 0.0))
     s.add((-0.09, -0.09, 0.02))

@@ -162,7 +162,7 @@ def test_no_deck_has_a_dashpot_along_the_tangent_and_the_plate_is_the_configured
             )
 
 
-def test_the_deck_of_a_sphere_has_spheres_of_its_volume_and_step(config):
+def test_a_sphere_is_exported_with_its_volume_mass_and_step(config):
     round_grain = replace(SMOOTH, kind="ellipsoid", semi_axes_m=np.full((1, 3), 5 * MM))
     of_clump = job_of(config, THREE)
     of_sphere = job_of(config, BALL)
@@ -187,6 +187,9 @@ def test_the_deck_of_a_sphere_has_spheres_of_its_volume_and_step(config):
     )
     of_ball = np.full(3, 0.4 * of_sphere.particle.mass_kg * (5 * MM) ** 2)
     assert of_sphere.particle.inertia_kg_m2 == pytest.approx(of_ball)
+
+
+def test_a_card_of_an_earlier_version_has_the_inertia_of_a_sphere():
     grain = {
         "shape": "multisphere",
         "ellipsoids_mm": [],
@@ -199,6 +202,11 @@ def test_the_deck_of_a_sphere_has_spheres_of_its_volume_and_step(config):
     assert of_card.inertia_kg_m2 == pytest.approx(np.full(3, 0.4 * 2e-3 * 5e-3**2)), (
         "cards of earlier versions"
     )
+
+
+def test_a_deck_of_a_sphere_has_no_clumps(config):
+    of_clump = job_of(config, THREE)
+    of_sphere = job_of(config, BALL)
     for program in DECK:
         text = "".join(export.PROGRAMS[program](of_sphere).values())
         assert not re.search(
@@ -210,6 +218,9 @@ def test_the_deck_of_a_sphere_has_spheres_of_its_volume_and_step(config):
         assert re.search(r"multisphere|rigid|\.clump\(", deck)
     text = export.PROGRAMS["liggghts"](of_sphere)["in.pour"]
     assert re.search(r"particletemplate/sphere .* radius constant 0.005\n", text)
+
+
+def test_a_grain_is_exported_as_the_sphere_of_its_volume(config):
     job = make(
         config,
         contact_space(config["parameters"]).centre,
@@ -338,7 +349,7 @@ def test_free_surface_of_two_spheres_that_overlap():
     assert lever == pytest.approx(np.sqrt(1.25 + outwards).mean(), rel=1e-3)
 
 
-def test_the_funnel_is_the_simulated_one_and_the_lammps_cone_ends_where_it_does(job):
+def test_the_funnel_is_the_simulated_one(job):
     line = surface.profile(job.surfaces)
     funnel = job.surfaces
     assert line[0] == pytest.approx(
@@ -358,6 +369,9 @@ def test_the_funnel_is_the_simulated_one_and_the_lammps_cone_ends_where_it_does(
     # circumference of the polygon whose corners lie on the unit circle
     around = 2 * surface.AROUND * math.sin(math.pi / surface.AROUND)
     assert areas.sum() == pytest.approx(around * (lengths * middles).sum(), rel=1e-3)
+
+
+def test_the_lammps_cone_ends_where_the_funnel_does(job):
     deck = export.PROGRAMS["lammps"](job)["in.pour"]
     line = surface.profile(job.surfaces)
     (ends,) = re.findall(r"region\s+\S+ cone z 0 0 (\S+) (\S+) (\S+) (\S+)", deck)
@@ -385,9 +399,7 @@ def test_a_tube_stands_in_surface_and_deck(config):
     )
 
 
-def test_other_particles_and_laws_are_refused_and_cohesion_and_rolling_are_written(
-    config,
-):
+def test_other_particles_and_laws_are_refused(config):
     centre = contact_space(config["parameters"]).centre
     input_error("multisphere", make, config, centre, SMOOTH, BERRY)
     linear = config | {
@@ -396,6 +408,9 @@ def test_other_particles_and_laws_are_refused_and_cohesion_and_rolling_are_writt
     input_error(
         "hertz_mindlin", export.check_laws, make(linear, centre, THREE, BERRY), "yade"
     )
+
+
+def test_cohesion_is_written(config):
     job = job_of(config, THREE, "jkr", gamma_gg=0.05, gamma_gp=0.02)
     table = export.PROGRAMS["edem"](job)["edem.md"]
     assert "Hertz-Mindlin with JKR" in table
@@ -415,6 +430,9 @@ def test_other_particles_and_laws_are_refused_and_cohesion_and_rolling_are_writt
         == 3
     )
     assert "cohesion energy density 30000 J/m3 between grains" in deck
+
+
+def test_rolling_is_written(config):
     budget = job_of(config, THREE, "hertz_mindlin")
     for law, name in (("constant_torque", "cdt"), ("epsd", "epsd"), ("epsd2", "epsd2")):
         job = job_of(config, THREE, "hertz_mindlin", law)

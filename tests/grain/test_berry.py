@@ -38,7 +38,7 @@ def run(out_dir, **changes):
     return berry.of_settings(section, TABLE1)
 
 
-def test_equations_by_hand_and_shipped_measurements_of_the_article():
+def test_equations_by_hand():
     # 8 * 4 * 2 = 64, its cube root 4, half of the long axis.
     assert berry.equivalent_diameter(8.0, 4.0, 2.0) == pytest.approx(4.0)
     assert berry.sphericity(8.0, 4.0, 2.0) == pytest.approx(0.5)
@@ -49,6 +49,9 @@ def test_equations_by_hand_and_shipped_measurements_of_the_article():
     )
     assert berry.poisson_ratio(20.0, 20.6, 8.0, 7.2) == pytest.approx(0.3)
     assert berry.shear_modulus(1.1352e5, 0.32) == pytest.approx(4.3e4)
+
+
+def test_shipped_measurements_are_those_of_the_article():
     sizes = berry.read_sizes(SIZES)
     assert len(sizes) == 50
     assert sizes.attrs["reconstruction"]
@@ -174,7 +177,7 @@ def test_impossible_material_is_refused_and_published_tables_hold_together(tmp_p
     assert solutions.loc["representative", "mus_gg"] == 0.642
 
 
-def test_the_spread_of_a_published_range_and_of_measured_sizes_and_the_moments_of_scales():
+def test_the_spread_of_a_published_range():
     sd, low, high = size_distribution.spread_of_range(*GOJI)
     assert sd == pytest.approx(4.99 / 4.498 / 13.32)
     assert (low, high) == pytest.approx((10.41 / 13.32, 15.40 / 13.32))
@@ -183,9 +186,15 @@ def test_the_spread_of_a_published_range_and_of_measured_sizes_and_the_moments_o
     assert ranges.mean() == pytest.approx(
         size_distribution.PUBLISHED_RANGE_SD, abs=0.02
     )
+
+
+def test_the_spread_of_measured_sizes():
     assert size_distribution.spread_of_sizes([9.0, 10.0, 11.0]) == pytest.approx(
         (0.1, 0.9, 1.1)
     )
+
+
+def test_drawn_scales_have_the_moments_of_a_truncated_normal():
     spread = size_distribution.spread_of_range(*GOJI)
     drawn = size_distribution.draw(np.random.default_rng(2), 200_000, *spread)
     assert np.mean(drawn**3) == pytest.approx(1.0, abs=2e-3)

@@ -47,7 +47,7 @@ def test_known_unions_volumes_and_moments():
     np.testing.assert_allclose(body.inertia_kg_m2, expected, rtol=4e-3)
 
 
-def test_a_filled_berry_has_the_meshs_mass_and_rough_ones_have_bumps(goji, clump):
+def test_a_filled_berry_has_the_meshs_mass(goji, clump):
     body = compute_body(goji, 840.47)
     assert clump.mass_kg == pytest.approx(1.25e-3, rel=1e-6)
     np.testing.assert_allclose(clump.inertia_kg_m2, body.inertia_kg_m2)
@@ -56,6 +56,9 @@ def test_a_filled_berry_has_the_meshs_mass_and_rough_ones_have_bumps(goji, clump
     assert clump.deviation_max_m < 0.5e-3
     assert clump.deviation_rms_m < 0.15e-3
     np.testing.assert_allclose(clump.axes_m * 1e3, (21.14, 11.37, 9.88), rtol=0.05)
+
+
+def test_rough_clumps_have_bumps(goji, clump):
     rough = build.make_particle(goji, 840.47, "multisphere", 24, "rough")
     assert np.ptp(rough.spheres_m[:, 3]) == 0
     assert rough.deviation_rms_m > 3 * clump.deviation_rms_m
@@ -64,6 +67,9 @@ def test_a_filled_berry_has_the_meshs_mass_and_rough_ones_have_bumps(goji, clump
     n = np.random.default_rng(1).normal(size=(200, 3))
     n /= np.linalg.norm(n, axis=1, keepdims=True)
     assert np.all(rough.support(n) < 1e-3 * (n @ goji.vertices.T).max(axis=1) + 5e-5)
+
+
+def test_a_full_rough_clump_has_the_volume_of_the_mesh(goji):
     rough = build.make_particle(goji, 840.47, "multisphere", 40, "rough")
     full = build.make_particle(goji, 840.47, "multisphere", 40, "rough_full")
     assert full.volume_m3 == pytest.approx(1e-9 * goji.volume, rel=2e-3)
@@ -126,9 +132,7 @@ def test_what_cannot_be_packed_is_refused_and_a_clump_keeps_its_numbers(
     assert "berry.stl" in rows[2]["refused"]
 
 
-def test_outlines_and_top_of_clumps_against_a_cloud_of_points_and_scales_move_convex_outlines_too(
-    clump,
-):
+def test_outlines_and_top_of_clumps_are_those_of_a_cloud_of_points(clump):
     rng = np.random.default_rng(5)
     centres = rng.normal(0, 0.02, (4, 3))
     turns = rng.normal(size=(4, 4))
@@ -152,6 +156,9 @@ def test_outlines_and_top_of_clumps_against_a_cloud_of_points_and_scales_move_co
             assert outline[..., 0].max() == pytest.approx(u.max(), abs=3e-5)
             assert outline[..., 1].max() == pytest.approx(cloud[:, 2].max(), abs=3e-5)
     assert silhouette.find_top(grains) == pytest.approx(max(tops), abs=1e-5)
+
+
+def test_scales_move_convex_outlines_too():
     ball = Particle(
         "ellipsoid", np.full((1, 3), 5e-3), 1.0, 0.0, 0.0, np.zeros(3), 5e-3, 0.0, 0.0
     )

@@ -83,7 +83,7 @@ def test_the_secant_of_a_cone_is_steeper_by_the_height_over_what_stands_above_th
     assert angles.secant_of_pile(line, line) == pytest.approx(line.angle_deg)
 
 
-def test_the_secant_takes_the_whole_width_and_a_trapezoid_is_a_cone_to_the_flank():
+def test_the_secant_takes_the_whole_width():
     left = angles.fit_secant(cone(0.4, 240.0), 48.0)
     right = angles.fit_secant(cone(0.8, 240.0), 48.0)
     width = 192.0 / 0.4 + 192.0 / 0.8
@@ -91,6 +91,9 @@ def test_the_secant_takes_the_whole_width_and_a_trapezoid_is_a_cone_to_the_flank
         degrees(2 * 240.0 / width)
     )
     assert angles.secant_of_pile(left, right) < (left.angle_deg + right.angle_deg) / 2
+
+
+def test_a_trapezoid_is_a_cone_up_to_its_top():
     slope = 0.5
     height = 200.0
     half_top = 120

@@ -251,7 +251,7 @@ def test_a_light_or_lumpy_pile_is_measured_as_it_is():
     assert np.abs(moved).max() < LUMPY_MOVED_DEG
 
 
-def test_loose_berries_count_when_asked_for_and_a_narrow_mask_has_its_plate():
+def test_loose_berries_count_when_asked_for():
     half = half_width(30)
     picture = toned(
         drawn(lambda u: triangle(30, u), half, loose=[(half - 11, 8)]), 40, 220
@@ -263,6 +263,9 @@ def test_loose_berries_count_when_asked_for_and_a_narrow_mask_has_its_plate():
     assert alone.angle.right_deg == pytest.approx(30, abs=CLEAN_DEG)
     assert together.angle.right_deg < 29
     assert together.angle.left_deg == pytest.approx(30, abs=CLEAN_DEG)
+
+
+def test_spots_of_the_background_on_the_pile_do_not_disturb():
     picture = toned(
         drawn(lambda u: triangle(30, u), half_width(30)), (30, 30, 190), (245, 245, 245)
     )
@@ -275,6 +278,9 @@ def test_loose_berries_count_when_asked_for_and_a_narrow_mask_has_its_plate():
             centre = round(columns / 2 + u / MM), rows - 16 - round(v / MM)
             cv2.circle(picture, centre, 6, (245, 245, 245), -1)
     assert measure_image(picture, MM).aor_deg == pytest.approx(30, abs=DISTURBED_DEG)
+
+
+def test_a_narrow_mask_has_its_plate():
     mask = np.zeros((30, 100), bool)
     mask[:20, 40:60] = mask[20:] = True
     mask[15, 3:97] = True
@@ -316,9 +322,7 @@ def test_the_base_is_the_given_one_or_a_plate_as_dark_as_the_pile_and_jpeg_round
     assert m.height_mm == pytest.approx(HEIGHT_MM, abs=DISTURBED_MM)
 
 
-def test_pictures_of_the_workflow_and_unreadable_pictures_and_wrong_arrays_are_refused(
-    tmp_path,
-):
+def test_the_panels_of_a_picture_are_those_of_the_workflow():
     picture = toned(drawn(lambda u: triangle(30, u), half_width(30)), 40, 220)
     panels = process_panels(picture, MM, FLANK)
     assert list(panels) == ["grey", "binary", "edge", "boundary"]
@@ -335,9 +339,15 @@ def test_pictures_of_the_workflow_and_unreadable_pictures_and_wrong_arrays_are_r
     assert np.array_equal(
         picture, toned(drawn(lambda u: triangle(30, u), half_width(30)), 40, 220)
     )
+
+
+def test_unreadable_pictures_are_refused(tmp_path):
     for name, content in (("empty.png", b""), ("text.png", b"not a picture")):
         (tmp_path / name).write_bytes(content)
         input_error(name, read_image, tmp_path / name)
+
+
+def test_a_picture_of_more_than_8_bits_is_read(tmp_path):
     for bits in range(9, 17):  # a camera's, in the lower bits of 16
         deep = np.random.default_rng(bits).integers(
             0, 256, (20, 30, 3), dtype=np.uint16
@@ -345,6 +355,9 @@ def test_pictures_of_the_workflow_and_unreadable_pictures_and_wrong_arrays_are_r
         deep[0, 0] = 255
         cv2.imwrite(str(tmp_path / "deep.png"), deep << (bits - 8))
         assert (read_image(tmp_path / "deep.png") == deep).all()
+
+
+def test_pictures_and_arrays_of_other_kinds_are_refused(tmp_path):
     cv2.imwrite(str(tmp_path / "deep.hdr"), np.ones((20, 30, 3), np.float32))
     input_error("of float32 numbers", read_image, tmp_path / "deep.hdr")
     input_error("no such file", read_image, tmp_path / "missing.png")

@@ -107,7 +107,7 @@ def test_another_response_measures_the_same_piles_again(saved, name):
     }
 
 
-def test_a_definition_may_fail_as_the_response_or_a_target_and_only_then(saved):
+def test_a_definition_may_fail_where_it_is_not_the_response(saved):
     # the cone is some 55 mm high: berry to 60 % is too thin a band for half
     tall = {"berry_height_mm": 30.0}
     keys = {"fit_from": "berry", "fit_to": 0.6, **tall}
@@ -127,6 +127,9 @@ def test_a_definition_may_fail_as_the_response_or_a_target_and_only_then(saved):
     assert "12 are needed" in run["reason"]
     assert run["aor_secant_deg"] == kept["aor_secant_deg"]
     assert failed["summary"]["status"] == "no_flank"
+
+
+def test_a_layer_fails_where_the_angle_is_a_target(saved):
     path = saved.with_name("007.npz")
     arrays = dict(np.load(path))
     arrays["position_1"][:, 2] = 0.005  # a layer and no pile
@@ -309,9 +312,7 @@ IMPOSSIBLE = (
 )
 
 
-def test_impossible_records_and_grains_are_refused_and_those_of_a_spoiled_run_are_not_read(
-    saved,
-):
+def test_impossible_records_are_refused(saved):
     job = json.loads(saved.read_text())
 
     def change(**keys):
@@ -335,6 +336,9 @@ def test_impossible_records_and_grains_are_refused_and_those_of_a_spoiled_run_ar
     assert not_refused(measure, cases, InputError) == []
     del job["pours"][2]["reason"]
     measure({})
+
+
+def test_arrays_of_a_spoiled_run_are_not_read_and_impossible_ones_refused(saved):
     path = saved.with_name("007.npz")
     whole = dict(np.load(path))
     # the run that jammed

@@ -69,7 +69,7 @@ def test_silhouette_equals_the_projection_of_a_cloud_of_surface_points(particle)
     assert not (cloud & (cv2.dilate(pile.astype(np.uint8), ones) == 0)).any()
 
 
-def test_silhouettes_and_height_of_the_members_and_what_is_no_pile():
+def test_a_silhouette_has_the_area_of_the_ball():
     ball = Ellipsoids([10.0, 10.0, 10.0])
     areas = []
     for shift in np.linspace(0, 0.25e-3, 7):
@@ -77,6 +77,9 @@ def test_silhouettes_and_height_of_the_members_and_what_is_no_pile():
         areas.append((image < 128).sum() * MM**2)
         assert (image[-2] < 128).any()
     assert np.mean(areas) == pytest.approx(math.pi * 100, rel=4e-3)
+
+
+def test_a_silhouette_from_behind_is_mirrored():
     centres = np.array([[0.03, 0.0, 0.01], [0.0, 0.0, 0.02]])
     q = np.array([[0.5, 0.5, 0.1, 0.7], [1.0, 0, 0, 0]])
     extent = (-0.06, 0.06, 0.04)
@@ -84,6 +87,9 @@ def test_silhouettes_and_height_of_the_members_and_what_is_no_pile():
     back = silhouette(Grains(centres, q, BERRY), 180.0, MM, extent)
     assert (front < 128).any(axis=0).nonzero()[0].max() > 300
     assert np.mean(front[:, ::-1] != back) < 2e-3
+
+
+def test_the_members_alone_are_measured():
     rng = np.random.default_rng(2)
     centres, q = cone_of_berries(25, rng)
     stray = np.array([[0.2, 0.0, 0.01], [-0.2, 0.1, 0.01]])
@@ -104,11 +110,17 @@ def test_silhouettes_and_height_of_the_members_and_what_is_no_pile():
         ).aor_deg
         < alone.aor_deg - 1
     )
+
+
+def test_what_is_no_pile_is_refused():
     rng = np.random.default_rng(4)
     flat = np.column_stack([rng.uniform(-0.1, 0.1, (80, 2)), np.full(80, 0.005)])
     lying = Grains(flat, np.tile([1.0, 0, 0, 0], (80, 1)), BERRY)
     raised(NoFlankError, "mm high", measure_pile, lying)
     raised(NoFlankError, "no grain", measure_pile, lying, members=np.zeros(80, bool))
+
+
+def test_too_coarse_a_pixel_is_refused():
     pile = cone_of_berries(25, np.random.default_rng(2))
     with pytest.raises(
         NoFlankError,
@@ -166,7 +178,7 @@ def cone(slope_deg, height_mm=60.0, foot_mm=10.0):
     )
 
 
-def test_slopes_widths_and_scatter_are_those_of_cones():
+def test_slopes_and_packing_are_those_of_a_cone():
     angle = 31.0
     berry = 12.0
     base = 60.0 / math.tan(math.radians(angle))
@@ -178,6 +190,9 @@ def test_slopes_widths_and_scatter_are_those_of_cones():
     assert found["lower_deg"] == pytest.approx(angle, abs=0.3)
     assert found["upper_deg"] == pytest.approx(angle, abs=0.3)
     assert found["packing_percent"] == pytest.approx(60, abs=0.5)
+
+
+def test_slopes_are_those_of_a_hollow_pile():
     profile = cone(31.0)
     hollow = profile**2 / profile.max()  # steep at the top, flat at the foot
     found = further_responses.measure_silhouettes(
@@ -194,6 +209,9 @@ def test_slopes_widths_and_scatter_are_those_of_cones():
         math.degrees(math.atan(18 / (half - upper))), abs=0.8
     )
     assert found["upper_deg"] > found["lower_deg"] + 5
+
+
+def test_half_widths_are_those_of_cones():
     wide = cone(31.0)
     low = cone(31.0, height_mm=20.0)
     level = np.array([10.0, 40.0])
@@ -207,6 +225,9 @@ def test_slopes_widths_and_scatter_are_those_of_cones():
         NoFlankError, match=r"half of 20.0 mm is not above a grain, 12.0 mm"
     ):
         further_responses.measure_silhouettes([low], MM_PER_PIXEL, 20.0, 12.0, 1.0)
+
+
+def test_scatter_counts_what_lies_on_the_plate():
     centres = np.zeros((102, 3))
     centres[:, 0] = 1e-3 * np.arange(1, 103)
     centres[:, 2] = 0.01

@@ -81,19 +81,21 @@ def written(path, rows, where, how=""):
 
 def tests_of(path):
     """Test files that name a module, its own first."""
-    room = path.relative_to(SOURCE).parts[0]
-    dotted = ".".join(path.relative_to(SOURCE).with_suffix("").parts)
+    room, dotted = (
+        path.relative_to(SOURCE).parts[0],
+        ".".join(path.relative_to(SOURCE).with_suffix("").parts),
+    )
     parent, _, stem = dotted.rpartition(".")
     imported = rf"from repose\.{re.escape(parent)} import [^\n]*\b{stem}\b"
     named = re.compile(rf"repose\.{re.escape(dotted)}\b|{imported}|\b{stem}\.")
     files = sorted((ROOT / "tests").rglob("test_*.py"))
-    direct = [file for file in files if file.name == f"test_{stem}.py"]
+    own = [file for file in files if file.name == f"test_{stem}.py"]
     others = [
-        file for file in files if file not in direct and named.search(file.read_text())
+        file for file in files if file not in own and named.search(file.read_text())
     ]
     others.sort(key=lambda file: file.relative_to(ROOT / "tests").parts[0] != room)
-    chosen = direct + others or [ROOT / "tests" / room]
-    return [str(file.relative_to(ROOT)) for file in chosen], len(direct)
+    chosen = own + others or [ROOT / "tests" / room]
+    return [str(file.relative_to(ROOT)) for file in chosen], len(own)
 
 
 def cloned(name):
@@ -130,20 +132,18 @@ def tested(folder, tests, compiled, most_s):
 
 def found(folder, path, wrong):
     """Whether tests catch wrong content of a module. Those that fail, or take too long, must do it for that alone."""
-    where = folder / path.relative_to(ROOT)
-    text = path.read_bytes()
+    where, text = folder / path.relative_to(ROOT), path.read_bytes()
     room = path.relative_to(SOURCE).parts[0]
-    tests, n_direct = tests_of(path)
-    compiled = room != "dem"
+    (tests, own), compiled = tests_of(path), room != "dem"
 
     def fails(tests, most_s):
         where.write_bytes(wrong)
-        status, output = tested(folder, tests, compiled, most_s)
+        status, said = tested(folder, tests, compiled, most_s)
         where.write_bytes(text)
         if status in (0, NO_TEST):
             return False
         guilty = (
-            re.findall(r"^(?:FAILED|ERROR) (.*?)(?: - .*)?$", output, re.MULTILINE)[:1]
+            re.findall(r"^(?:FAILED|ERROR) (.*?)(?: - .*)?$", said, re.MULTILINE)[:1]
             or tests
         )
         clean, _ = tested(folder, guilty, compiled, most_s)
@@ -153,7 +153,7 @@ def found(folder, path, wrong):
 
     caught = fails(tests, LONGEST_S)
     if caught is None:  # they take too long without a mutant, too
-        caught = fails(tests[: max(n_direct, 1)], MOST_S)
+        caught = fails(tests[: max(own, 1)], MOST_S)
     return bool(caught) or (compiled and bool(fails([f"tests/{room}"], MOST_S)))
 
 
@@ -189,8 +189,10 @@ def main():
         for path, start, wrong in mutants[len(rows) :]:
             text = path.read_bytes()
             number = text[:start].count(b"\n")
-            before = text.splitlines()[number].decode().strip()
-            after = wrong.splitlines()[number].decode().strip()
+            before, after = (
+                content.splitlines()[number].decode().strip()
+                for content in (text, wrong)
+            )
             how = "caught" if found(folder, path, wrong) else "**survived**"
             row = f"| {path.relative_to(SOURCE)} {number + 1} | `{before}` | `{after}` | {how} |"
             rows.append(row)

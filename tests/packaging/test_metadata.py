@@ -91,7 +91,7 @@ def test_every_dependency_is_imported_declared_in_a_range_and_pinned():
     assert names(TESTED) == names(PINS)
 
 
-def test_lock_file_wheel_and_source_distribution_hold_what_they_should():
+def test_the_lock_file_holds_all_pins_and_tools():
     entries = re.split(r"\n(?=[\w.-]+==)", LOCK)
     locked = {entry.split()[0].lower() for entry in entries}
     assert {line.lower() for line in PINS} <= locked
@@ -99,6 +99,9 @@ def test_lock_file_wheel_and_source_distribution_hold_what_they_should():
     assert names(tools) <= {entry.split("==")[0] for entry in locked}
     assert all(re.search(r"--hash=sha256:[0-9a-f]{64}\b", entry) for entry in entries)
     assert "://" not in LOCK
+
+
+def test_wheel_and_source_distribution_hold_what_they_should():
     targets = PROJECT["tool"]["hatch"]["build"]["targets"]
     wheel = targets["wheel"]
     sdist = targets["sdist"]

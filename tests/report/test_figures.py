@@ -138,9 +138,7 @@ def test_every_figure_is_drawn_the_same_twice(inputs, drawn, tmp_path):
         )
 
 
-def test_figures_have_titles_captions_with_numbers_formats_and_their_fonts(
-    inputs, tmp_path
-):
+def test_figures_have_titles_and_captions_with_numbers():
     for name, figure in figures.FIGURES.items():
         caption = figure.caption_of(CONFIG)
         assert figure.title, name
@@ -152,6 +150,9 @@ def test_figures_have_titles_captions_with_numbers_formats_and_their_fonts(
         f"{len(CONFIG['parameters'])} parameters in",
         f"{CONFIG['network']['hidden']} hidden neurons",
     )
+
+
+def test_figures_have_their_formats_bytes_and_fonts(inputs, tmp_path):
     given = inputs_of("sobol", inputs)
     config = CONFIG | {"figures": {"format": ["png", "pdf", "svg"], "dpi": 90}}
     found = []
@@ -386,9 +387,7 @@ def test_a_figure_with_the_calibrated_angle_names_its_line(
     assert LINE not in without.pop()
 
 
-def test_the_angle_has_its_lines_in_figure_6_and_a_search_without_result_its_axes(
-    inputs, drawn, tmp_path
-):
+def test_the_angle_has_its_lines_in_figure_6(inputs, drawn):
     files = inputs_of("figure06", inputs)
     settings = MeasureSettings.with_defaults(**CONFIG["measure"]).for_grain(
         read_grain(files["berry"])
@@ -413,6 +412,9 @@ def test_the_angle_has_its_lines_in_figure_6_and_a_search_without_result_its_axe
         )
         along = np.sort(np.array(line)[:, 0] * settings.mm_per_pixel)
         assert along[0] < text.xy[0] < along[1]
+
+
+def test_a_search_without_result_has_its_axes(inputs, tmp_path):
     history = pd.read_csv(inputs["history"])
     history["best_objective"] = 2.1
     history["feasible_found"] = 0

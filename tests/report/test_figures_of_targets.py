@@ -182,9 +182,7 @@ def test_a_figure_names_each_target_by_its_symbol_and_unit(name, count, tmp_path
     assert any("slip" in text for text in result) == (count == 4)
 
 
-def test_every_mark_of_the_published_solutions_has_its_words_and_stale_numbers_are_called_so(
-    tmp_path,
-):
+def test_published_solutions_are_named_where_numbers_are_missing(tmp_path):
     files = made_up(tmp_path, 2)
     config = config_of(2)
     column = derived("aor_deg", "published_simulated")
@@ -204,6 +202,17 @@ def test_every_mark_of_the_published_solutions_has_its_words_and_stale_numbers_a
         "measured mean ± standard error",
         "published simulation",
     } <= set(result)
+
+
+def test_stale_numbers_are_called_so(tmp_path):
+    files = made_up(tmp_path, 2)
+    config = config_of(2)
+    table = pd.read_csv(files["published"])
+
+    def result_of(table):
+        table.to_csv(files["published"], index=False)
+        return draw("published", {"published": files["published"]}, config)[1]
+
     simulated = derived("aor_deg", "published_simulated")
     measured = derived("aor_deg", "published_measured")
     table[simulated] = [*5 * [32.0], np.nan]
@@ -219,7 +228,7 @@ def test_every_mark_of_the_published_solutions_has_its_words_and_stale_numbers_a
     assert not any("Height" in text for text in result)
 
 
-def test_a_target_that_was_not_published_and_a_profile_are_drawn(tmp_path, monkeypatch):
+def test_a_target_that_was_not_published_is_drawn(tmp_path):
     files = made_up(tmp_path, 4)
     inputs = {"table4": files["table4"], "published": files["theirs"]}
     _, result = draw("validation", inputs, config_of(4))
@@ -234,6 +243,9 @@ def test_a_target_that_was_not_published_and_a_profile_are_drawn(tmp_path, monke
             "published simulation"
             in draw("published", {"published": files["published"]}, config)[1]
         ) is there
+
+
+def test_a_profile_is_drawn(tmp_path, monkeypatch):
     monkeypatch.setitem(CHOICES, 5, of_profile(TARGETS))
     files = made_up(tmp_path, 5)
     figure, result = draw("profiles", {"table4": files["table4"]}, config_of(5))

@@ -64,7 +64,7 @@ def test_tessellation_lies_on_the_body_with_its_normals(particle):
         )
 
 
-def test_the_camera_holds_all_points_fills_the_picture_and_agrees_with_the_kernels():
+def test_the_camera_holds_all_points_and_fills_the_picture():
     points = np.random.default_rng(0).uniform(
         [-0.1, -0.1, 0], [0.1, 0.1, 0.06], (200, 3)
     )
@@ -76,6 +76,9 @@ def test_the_camera_holds_all_points_fills_the_picture_and_agrees_with_the_kerne
     column, row, _ = camera.project(camera.eye_m + 0.7 * camera.rays()[123, 456])
     assert column == pytest.approx(456.5)
     assert row == pytest.approx(123.5)
+
+
+def test_the_kernels_have_the_places_of_the_camera():
     camera = look_at(np.eye(3), 60, 40, elevation_deg=20, azimuth_deg=35)
     place = np.empty(3)
     raster.place_of(
@@ -89,6 +92,9 @@ def test_the_camera_holds_all_points_fills_the_picture_and_agrees_with_the_kerne
     np.testing.assert_allclose(place, camera.eye_m + 0.7 * camera.rays()[7, 31])
     light = shading._light_axes(camera)
     np.testing.assert_allclose(light @ light.T, np.eye(3), atol=1e-12)
+
+
+def test_a_quaternion_turns_about_its_axis():
     half = np.sqrt(0.5)
     about_z = rotation_matrices(np.array([[half, 0, 0, half], [2.0, 0, 0, 0]]))
     np.testing.assert_allclose(about_z[0] @ [1, 0, 0], [0, 1, 0], atol=1e-12)
@@ -107,7 +113,8 @@ def test_bands_hold_each_row_once(multiple):
     )
 
 
-def test_balls_and_long_axes_are_seen_in_perspective_and_the_nearer_hides_the_farther():
+def test_a_ball_is_seen_in_perspective():
+    """A ball of radius r at distance d is seen under asin(r / d), whatever the body's orientation."""
     # A ball of radius r at distance d is seen under asin(r / d), whatever the body's orientation.
     centre = np.array([[0.0, 0.0, 0.02]])
     frame = np.array([[-0.02, -0.02, 0.0], [0.02, 0.02, 0.04]])
@@ -117,6 +124,9 @@ def test_balls_and_long_axes_are_seen_in_perspective_and_the_nearer_hides_the_fa
         np.arcsin(0.006 / np.linalg.norm(camera.eye_m - centre[0]))
     )
     assert np.sqrt(reddish(picture).sum() / np.pi) == pytest.approx(radius_px, rel=0.02)
+
+
+def test_a_body_has_its_colour():
     centre = np.array([[0.0, 0.0, 0.006]])
     frame = np.array([[-0.01, -0.01, 0.0], [0.01, 0.01, 0.012]])
     for colour, strongest in (("#20c020", 1), ("#2020c0", 2)):
@@ -124,6 +134,9 @@ def test_balls_and_long_axes_are_seen_in_perspective_and_the_nearer_hides_the_fa
             centre, UPRIGHT, BALL, 0, 0, 60, 60, frame_m=frame, colour=colour
         )
         assert picture[25:35, 25:35].reshape(-1, 3).mean(axis=0).argmax() == strongest
+
+
+def test_a_long_axis_is_seen_as_long():
     half = np.sqrt(0.5)
     frame = np.array([[-0.015, -0.015, 0.0], [0.015, 0.015, 0.03]])
     for quaternion, width_mm in (([1.0, 0, 0, 0], 5.685), ([half, 0, 0, half], 10.57)):
@@ -140,6 +153,9 @@ def test_balls_and_long_axes_are_seen_in_perspective_and_the_nearer_hides_the_fa
         width = reddish(picture).any(axis=0).sum()
         height = reddish(picture).any(axis=1).sum()
         assert width / height == pytest.approx(width_mm / 4.94, rel=0.05)
+
+
+def test_the_nearer_body_hides_the_farther():
     centres = np.array([[0.03, 0.0, 0.006], [-0.03, 0.0, 0.006]])
     turns = np.repeat(UPRIGHT, 2, axis=0)
     both = render_pile(centres, turns, BALL, 0, 0, 300, 180)
@@ -149,6 +165,9 @@ def test_balls_and_long_axes_are_seen_in_perspective_and_the_nearer_hides_the_fa
         reddish(both).sum()
         == reddish(render_pile(ghost, turns, BALL, 0, 0, 300, 180, frame_m=frame)).sum()
     )
+
+
+def test_a_body_behind_the_camera_is_not_seen():
     frame = np.array([[-0.02, -0.02, 0.0], [0.02, 0.02, 0.02]])
     eye = look_at(frame, 120, 80, elevation_deg=14, azimuth_deg=0).eye_m
     behind = np.array([[2 * eye[0], 0.0, 2 * eye[2]]])
@@ -160,7 +179,7 @@ def test_balls_and_long_axes_are_seen_in_perspective_and_the_nearer_hides_the_fa
     assert np.abs(shown.astype(int) - bare).max() < 10
 
 
-def test_the_plate_has_shadows_and_the_same_input_gives_the_same_picture():
+def test_the_plate_has_shadows():
     frame = np.array([[-0.04, -0.04, 0.0], [0.04, 0.04, 0.02]])
     centres = np.array([[[np.nan] * 3], [[0.0, 0.0, 0.006]]])
     seen = (
@@ -172,6 +191,9 @@ def test_the_plate_has_shadows_and_the_same_input_gives_the_same_picture():
     assert (darker > 60).sum() > 50
     assert (darker[:20] == 0).all()
     assert not reddish(bare).any()
+
+
+def test_walls_are_seen_as_glass():
     centre = np.array([[0.0, 0.0, 0.03]])
     frame = np.array([[-0.04, -0.04, 0.0], [0.04, 0.04, 0.08]])
     scenes = ([], [Frustum(0.0, 0.03, 0.06, 0.03)])
@@ -185,6 +207,9 @@ def test_the_plate_has_shadows_and_the_same_input_gives_the_same_picture():
     middle = tuple(np.argwhere(reddish(bare)).mean(axis=0).astype(int))
     assert reddish(dressed)[middle]
     assert not np.array_equal(dressed[middle], bare[middle])
+
+
+def test_the_same_input_gives_the_same_picture():
     rng = np.random.default_rng(5)
     centres = rng.uniform([-0.03, -0.03, 0.01], [0.03, 0.03, 0.07], (30, 3))
     turns = rng.normal(size=(30, 4))
@@ -192,6 +217,9 @@ def test_the_plate_has_shadows_and_the_same_input_gives_the_same_picture():
     assert first.shape == (72, 120, 3)
     assert first.dtype == np.uint8
     np.testing.assert_array_equal(first, render_pile(centres, turns, BARREL, width=120))
+
+
+def test_the_walls_of_a_funnel_are_drawn_where_they_are():
     tube, cone = funnel_walls(HEAP)
     assert (tube.z_low_m, tube.z_high_m) == pytest.approx((0.1, 0.12))
     assert tube.r_low_m == tube.r_high_m == 0.016

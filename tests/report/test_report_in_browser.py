@@ -265,9 +265,7 @@ def test_many_targets_and_sets_are_printed_on_one_page(browser, tmp_path):
     assert len(re.findall(rb"/Type\s*/Page\b", paper)) == 1
 
 
-def test_a_figure_opens_large_on_a_click_and_on_a_key_and_keys_turn_and_zoom_the_pile(
-    opened,
-):
+def test_keys_turn_and_zoom_the_pile(opened):
     pile = opened.locator("#pile")
     assert "Arrow keys turn it" in pile.get_attribute("aria-label")
     opened.keyboard.press("Tab")
@@ -290,6 +288,9 @@ def test_a_figure_opens_large_on_a_click_and_on_a_key_and_keys_turn_and_zoom_the
     )
     opened.keyboard.press("0")
     np.testing.assert_array_equal(pixels(opened), start)
+
+
+def test_a_figure_opens_large_on_a_click_and_on_a_key(opened):
     button = opened.locator(".pictures button.enlarge")
     large = opened.locator("#large")
     assert button.get_attribute("aria-label").startswith(

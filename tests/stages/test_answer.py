@@ -378,7 +378,7 @@ def runs_of(values, names):
     ]
 
 
-def test_the_mean_given_few_runs_and_chances_of_one_bench_test_and_of_two():
+def test_the_chance_of_a_mean_given_few_runs():
     values = [58.0, 60.0, 63.0]
     jammed = {"status": "jammed", "height_mm": None}
     runs = {"funnel": [*runs_of(np.array(values)[:, None], ["height_mm"]), jammed]}
@@ -397,6 +397,9 @@ def test_the_mean_given_few_runs_and_chances_of_one_bench_test_and_of_two():
         "height_mm": None,
         "all": None,
     }
+
+
+def test_the_chances_of_one_bench_test_depend_on_each_other():
     targets = Targets.of(shared.TARGETS)
     a = np.array([31.2, 33.0, 32.1, 34.3])
     chance = chance_of_meeting(
@@ -406,6 +409,9 @@ def test_the_mean_given_few_runs_and_chances_of_one_bench_test_and_of_two():
         min(chance["aor_deg"], chance["height_mm"]), abs=0.06
     )
     assert chance["all"] <= min(chance["aor_deg"], chance["height_mm"])
+
+
+def test_the_chances_of_two_bench_tests_multiply():
     targets = targets_of(aor_deg=33.0, drum_slip_deg=44.0)
     rng = np.random.default_rng(0)
     runs = {
@@ -430,7 +436,7 @@ class Sure:
         return (1 + 20 * (X[:, 1] - 0.7) ** 2)[:, None, None] ** 2
 
 
-def test_the_set_of_least_loss_is_surest_and_its_loss_the_mean_of_eq_11():
+def test_the_set_of_least_loss_is_the_surest():
     found = expected_loss.minimise_expected_loss(Sure(), SPACE, TARGETS)
     assert found[PARAMETERS[0]] == pytest.approx(0.65, abs=1e-3)
     assert found[PARAMETERS[1]] == pytest.approx(0.7, abs=0.01)
@@ -443,12 +449,18 @@ def test_the_set_of_least_loss_is_surest_and_its_loss_the_mean_of_eq_11():
     assert found["within"]["2 %"] == pytest.approx(
         2 * stats.norm.cdf(1.32) - 1, abs=1e-3
     )
+
+
+def test_a_fixed_parameter_stays_in_the_set_of_least_loss():
     space = contact_space(
         {name: [0.0, 0.5] for name in PARAMETERS} | {PARAMETERS[1]: {"fixed": 0.2}}
     )
     found = expected_loss.minimise_expected_loss(Sure(), space, TARGETS)
     assert found[PARAMETERS[1]] == 0.2
     assert found[PARAMETERS[0]] == pytest.approx(0.5, abs=1e-3)
+
+
+def test_a_prior_decides_what_the_responses_leave_open():
     prior = {"prior": {"mean": 0.2, "sd": 0.1}, "range": [0.0, 1.0]}
     space = contact_space(
         {name: [0.0, 1.0] for name in PARAMETERS} | {PARAMETERS[2]: prior}
@@ -456,6 +468,9 @@ def test_the_set_of_least_loss_is_surest_and_its_loss_the_mean_of_eq_11():
     found = expected_loss.minimise_expected_loss(Sure(), space, TARGETS)
     assert found[PARAMETERS[2]] == pytest.approx(0.2, abs=0.01)
     assert found["height_predicted_mm"] == pytest.approx(66.0, abs=0.02)
+
+
+def test_the_expected_loss_is_the_mean_of_eq_11():
     X = np.full((1, 6), 0.6)
     draws = np.random.default_rng(0).normal(64.0, 1.2, 400_000)
     loss = expected_loss.expected_loss(Sure(), X, TARGETS)[0]

@@ -323,14 +323,15 @@ def test_a_card_describes_the_laws_of_the_study(config):
     )
 
 
-def test_each_test_gives_its_definition_and_how_the_bench_test_is_done(
-    config, solutions
-):
+def test_a_test_tells_how_the_bench_test_is_done(config, solutions):
     height = made(config, solutions)["tests"][0]
     assert height["definition"]["name"] == "Height"
     assert height["bench"]["berries"] == 500
     assert height["bench"]["outlet_diameter_mm"] == 32.0
     assert "seeds" not in height["bench"]
+
+
+def test_an_angle_has_the_settings_of_its_line(config):
     config["targets"] = [
         config["targets"][0]
         | {"response": "aor_deg", "value": 30.0, "range": [29.0, 31.0]}

@@ -55,7 +55,7 @@ def write(samples, paths, out):
     return dataset.run(samples, paths, TARGETS, DEFINITIONS, out)
 
 
-def test_run_writes_tables_counts_and_the_line_of_the_angle(study):
+def test_the_line_of_the_angle_is_in_the_summary(study):
     folder, paths = study
     angle = {
         "measure.response": "flank",
@@ -75,6 +75,10 @@ def test_run_writes_tables_counts_and_the_line_of_the_angle(study):
             else None
         )
         assert summary.get("line") == line
+
+
+def test_run_writes_tables_and_counts(study):
+    folder, paths = study
     summary = write(folder / "samples.csv", paths[::-1], folder / "out")
     table = pd.read_csv(folder / "out/dataset.csv")
     assert list(table.columns) == ["sample", *PARAMETERS, *RECORDED.summary]
@@ -202,9 +206,7 @@ def several(study):
     return folder, paths + more, Targets.of([shared.SLIP, *shared.TARGETS])
 
 
-def test_bench_tests_of_one_sample_are_merged_and_a_job_that_is_missing_or_twice_is_named(
-    study,
-):
+def test_bench_tests_of_one_sample_are_merged(study):
     folder, paths, targets = several(study)
     dataset.run(folder / "samples.csv", paths, targets, {}, folder / "out")
     table = pd.read_csv(folder / "out/dataset.csv")
@@ -228,6 +230,10 @@ def test_bench_tests_of_one_sample_are_merged_and_a_job_that_is_missing_or_twice
     assert runs["apparatus"].tolist() == 3 * (2 * ["drum"] + 3 * ["funnel"])
     assert runs.loc[runs["apparatus"] == "drum", "aor_deg"].isna().all()
     assert runs.loc[(runs["apparatus"] == "drum"), "drum_slip_deg"].notna().all()
+
+
+def test_a_job_that_is_missing_or_twice_is_named(study):
+    folder, paths, targets = several(study)
     wrong = [
         (paths[:-1], targets, r"jobs of the drum: samples without a file is \[3\]"),
         ([*paths, paths[-1]], targets, r"sample is 3; .*once; also in .*drum_003"),

@@ -211,9 +211,7 @@ def test_solutions_at_the_bounds_carry_a_warning(tmp_path):
     )
 
 
-def test_bad_tables_are_refused_and_a_study_without_published_intervals_has_its_own(
-    tmp_path,
-):
+def test_bad_tables_are_refused(tmp_path):
     network_json, table3 = write_inputs(tmp_path, 2.0)
     input_error(
         r"aor_deg is 40.*\[29.0, 32.0\]",
@@ -232,6 +230,9 @@ def test_bad_tables_are_refused_and_a_study_without_published_intervals_has_its_
         table3,
         tmp_path,
     )
+
+
+def test_a_network_of_other_definitions_or_outputs_is_refused(tmp_path):
     network_json, table3 = write_inputs(tmp_path, 2.0)
     content = json.loads(network_json.read_text())
     network_json.write_text(
@@ -257,6 +258,9 @@ def test_bad_tables_are_refused_and_a_study_without_published_intervals_has_its_
             tmp_path,
             source="my.yaml",
         )
+
+
+def test_a_study_without_published_intervals_has_its_own():
     cloud = pd.DataFrame({name: [0.1, 0.3] for name in PARAMETERS})
     space = ParameterSpace(
         PARAMETERS[1:],

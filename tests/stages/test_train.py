@@ -44,7 +44,7 @@ def test_split_is_the_published_one_and_a_partition(samples, sizes):
     assert sorted(np.concatenate(list(rows.values()))) == list(range(samples))
 
 
-def test_noise_correction_recovers_r2_and_shared_noise_is_no_signal():
+def test_noise_correction_recovers_r2():
     random = np.random.RandomState(3)
     m = 20_000
     truth = random.normal(size=m) * 2
@@ -57,6 +57,9 @@ def test_noise_correction_recovers_r2_and_shared_noise_is_no_signal():
     assert r2(y, predicted) < 0.8
     assert train.r2_noise_corrected(y, predicted, np.full(m, np.nan)) is None
     assert train.r2_noise_corrected(y, predicted, np.full(m, 10.0)) is None
+
+
+def test_shared_noise_is_no_signal():
     _, learned, _ = of_single_pours(0.0, starts=1)
     training, flat, _ = of_single_pours(0.0, starts=1, validation_noise=True)
     assert learned.min() > 2
@@ -300,9 +303,7 @@ def test_one_target_is_trained_alone(tmp_path, name):
     ]
 
 
-def test_a_parameter_of_the_law_is_an_input_and_noise_of_bench_tests_is_independent(
-    tmp_path,
-):
+def test_a_parameter_of_the_law_is_an_input(tmp_path):
     dataset_csv, runs_csv = write_tables(tmp_path)
     dataset = pd.read_csv(dataset_csv)
     dataset.insert(7, "gamma_gg", np.linspace(0.0, 0.1, len(dataset)))
@@ -324,6 +325,9 @@ def test_a_parameter_of_the_law_is_an_input_and_noise_of_bench_tests_is_independ
         study(),
         tmp_path / "out",
     )
+
+
+def test_noise_of_bench_tests_is_independent():
     random = np.random.default_rng(6)
     samples = np.arange(400)
     pours = pd.DataFrame(

@@ -119,7 +119,7 @@ def tables(folder, failed=(), support=None):
     )
 
 
-def test_solutions_and_sets_of_other_works_follow_by_number(study):
+def test_solutions_and_published_sets_have_their_numbers(study):
     select(study)
     written = pd.read_csv(study / "v/solutions.csv")
     assert written.columns[:7].tolist() == ["sample", *PARAMETERS]
@@ -134,6 +134,9 @@ def test_solutions_and_sets_of_other_works_follow_by_number(study):
     input_error(
         r"feasible.csv: solutions is 12; expected at least 21", select, study, count=20
     )
+
+
+def test_sets_of_other_works_follow_by_number(study):
     row = "yu,someone,silicone rubber,.158,.454,.037,.195,.377,.063,31.27\n"
     (study / "others.csv").write_text(
         f"solution,source,wall,{','.join(PARAMETERS)},aor_measured_deg\n{row}"
@@ -186,6 +189,10 @@ def test_table4_has_errors_as_published_and_every_definition_of_the_angle(study)
     assert np.isnan(
         tables(study, failed=(3,))["table4"].set_index("sample").loc[3, "aor_flank_deg"]
     )
+
+
+def test_the_answer_is_compared_with_the_measured_piles(study):
+    found = tables(study)
     table = found["representative"].set_index("response")
     assert table.loc["aor_deg", "error_percent"] == pytest.approx(100 * 0.87 / 32.87)
     assert table.loc["height_mm", "physical_sd"] == 4.10
@@ -274,7 +281,7 @@ def cloud(feasible):
     return table
 
 
-def test_validation_takes_the_farthest_feasible_and_the_stored_sets_are_those_of_the_article():
+def test_validation_takes_the_farthest_feasible():
     picked = validate.select_for_validation(cloud([True] * 11), 3, WIDE)
     # positions 0.4; then 2.0 (1.6 away), then 1.2 (0.8 from both), then 0.0 (0.4) before 0.8 and 1.6 (0.4)
     assert picked["e_gg"].tolist() == pytest.approx([0.4, 2.0, 1.2, 0.0])
@@ -294,9 +301,15 @@ def test_validation_takes_the_farthest_feasible_and_the_stored_sets_are_those_of
         validate.select_for_validation(other, 5, WIDE)["role"].iloc[0]
         == "representative"
     )
+
+
+def test_sets_outside_are_taken_where_too_few_are_feasible():
     table = cloud([True] * 6 + [False] * 5)
     assert validate.select_for_validation(table, 5, WIDE)["feasible"].all()
     assert not validate.select_for_validation(table, 6, WIDE)["feasible"].all()
+
+
+def test_the_stored_sets_are_those_of_the_article():
     table = read_sets(shared.ROOT / "resources/published/table4.csv").set_index(
         "solution"
     )

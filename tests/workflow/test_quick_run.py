@@ -51,7 +51,7 @@ def test_the_design_is_a_latin_hypercube(config):
         ) == list(range(count))
 
 
-def test_every_response_is_of_all_berries_and_piles_are_piles(config, dataset):
+def test_every_pour_has_all_berries(config, dataset):
     berries = config["funnel"]["berries"]
     for sample in dataset["sample"]:
         job = json.loads((RESULTS / "heaps" / f"{sample:03d}.json").read_text())
@@ -63,6 +63,9 @@ def test_every_response_is_of_all_berries_and_piles_are_piles(config, dataset):
             for seed in seeds:
                 assert arrays[f"position_{seed}"].shape == (berries, 3)
                 assert arrays[f"quaternion_{seed}"].shape == (berries, 4)
+
+
+def test_piles_are_piles(config, dataset):
     good = dataset[dataset["status"] == "ok"]
     assert len(good) >= 0.8 * len(dataset)
     # a mean of two pours has its error, and which pours they are differs between processors
@@ -112,7 +115,7 @@ def test_the_network_predicts_from_its_file_and_a_picture_was_measured(dataset):
     assert 25 < measured["height_mm"] < 110
 
 
-def test_the_search_is_printed_simulated_and_the_drum_slips(config):
+def test_the_search_is_printed(config):
     summary = json.loads((RESULTS / "miga" / "summary.json").read_text())
     feasible = pd.read_csv(RESULTS / "miga" / "feasible.csv")
     assert summary["message"]
@@ -124,6 +127,9 @@ def test_the_search_is_printed_simulated_and_the_drum_slips(config):
     assert set(pd.read_csv(RESULTS / "miga" / "intervals.csv")["variable"]) == set(
         PARAMETERS
     )
+
+
+def test_the_answers_of_the_search_are_simulated(config):
     table4 = pd.read_csv(RESULTS / "validation" / "table4.csv")
     published = pd.read_csv(RESULTS / "validation" / "published.csv")
     assert len(table4) == config["validation"]["solutions"] + 1
@@ -136,6 +142,9 @@ def test_the_search_is_printed_simulated_and_the_drum_slips(config):
         / good["aor_simulated_deg"]
     )
     np.testing.assert_allclose(good["aor_error_percent"], error, rtol=1e-6)
+
+
+def test_the_drum_slips(config):
     runs = pd.read_csv(RESULTS / "drum" / "runs.csv")
     assert sorted(runs["seed"]) == sorted(
         pour_seeds(config["design"]["seed"], "drum", 1, config["drum"]["seeds"])
@@ -157,7 +166,7 @@ def test_figures_show_something(name):
     assert picture.std() > 5
 
 
-def test_a_report_states_the_answer_and_jobs_declare_enough(tmp_path):
+def test_a_report_states_the_answer():
     text = (RESULTS / "report.html").read_text()
     says(
         text,
@@ -166,6 +175,9 @@ def test_a_report_states_the_answer_and_jobs_declare_enough(tmp_path):
     )
     assert "Three.js Authors" in text, "the pile in 3-D"
     assert len(text) < 5_000_000
+
+
+def test_all_results_are_marked_as_written_by_repose():
     left = ("logs", "benchmarks")
     paths = [
         path
@@ -182,6 +194,9 @@ def test_a_report_states_the_answer_and_jobs_declare_enough(tmp_path):
     assert len(ours) > 150
     # snakemake writes its own report, where one was asked for
     assert {path.name for path in set(paths) - set(ours)} <= {"figures.html"}
+
+
+def test_jobs_declare_enough(tmp_path):
     rules = declared(tmp_path)
     seen = 0
     short = []

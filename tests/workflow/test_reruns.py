@@ -89,7 +89,7 @@ def test_a_call_that_pours_says_once_what_its_piles_cannot_be(project):
 
 
 @pytest.mark.essential
-def test_a_result_that_was_damaged_and_somebodys_file_stop_the_workflow(project):
+def test_a_damaged_result_stops_the_workflow(project):
     arguments = (TARGET, *QUICK)
     snakemake(project, *arguments, status=0)
     path = project / TARGET
@@ -104,6 +104,10 @@ def test_a_result_that_was_damaged_and_somebodys_file_stop_the_workflow(project)
     path.unlink()
     snakemake(project, *arguments, status=0)
     assert path.read_text() == good
+
+
+@pytest.mark.essential
+def test_somebodys_file_stops_the_workflow(project):
     path = project / "results/quick/network/network.json"
     path.parent.mkdir(parents=True)
     path.write_text("mine")

@@ -39,7 +39,7 @@ def runs_of(sd, samples=400, seed=1):
     return table.assign(sample=np.arange(samples).repeat(2), status="ok")
 
 
-def test_the_noise_of_the_runs_by_hand():
+def test_the_noise_of_the_runs_and_chances_between_scatters_by_hand():
     sd = np.array([0.5, 2.0])
     found = plan.measured_noise(runs_of(sd), TARGETS)
     # 400 degrees of freedom: a variance is known to 7 %
@@ -55,40 +55,27 @@ def test_the_noise_of_the_runs_by_hand():
     runs = runs_of(np.array([0.5, 2.0])).drop_duplicates("sample")
     few = r"a\.csv: runs that determine the noise is 0; expected at least 3"
     input_error(few, plan.measured_noise, runs, TARGETS, "a.csv")
-
-
-def test_chances_are_interpolated_between_scatters():
     table = pd.read_csv(plan.SUCCESS).query("responses == 1")
     low, high = sorted(table["noise_percent"].unique())[:2]
-    measured = [
-        table[table["noise_percent"] == level]["within_1_percent"].to_numpy()
-        for level in (low, high)
+    own = [
+        table[table["noise_percent"] == one]["within_1_percent"].to_numpy()
+        for one in (low, high)
     ]
     assert plan.success_by_budget(1, low)[
         "within_1_percent"
-    ].to_numpy() == pytest.approx(measured[0])
+    ].to_numpy() == pytest.approx(own[0])
     middle = plan.success_by_budget(1, float(np.sqrt(low * high)))[
         "within_1_percent"
     ].to_numpy()
-    assert middle == pytest.approx((measured[0] + measured[1]) / 2)
-
-
-def test_the_error_of_a_share_by_hand():
-    shares = pd.Series([0.0, 0.6, 1.0])
-    trials = pd.Series([40, 40, 80])
+    assert middle == pytest.approx((own[0] + own[1]) / 2)
+    shares, trials = pd.Series([0.0, 0.6, 1.0]), pd.Series([40, 40, 80])
     by_hand = [beta(1, 41).std(), beta(25, 17).std(), beta(81, 1).std()]
     assert plan.share_error(shares, trials).to_numpy() == pytest.approx(
         by_hand, rel=1e-12
     )
-
-
-def test_the_disk_of_a_study():
     # 150 jobs of 6 pours of 500 grains took 27.6 MB
     settings = settings_of({"targets": entries(TARGETS), "funnel": {"berries": 500}})
     assert cost.disk_mb(settings, 900) == pytest.approx(27.6, rel=0.05)
-
-
-def test_chances_are_those_of_the_hidden_truths():
     expected = hidden_truths.success(
         pd.read_csv(ROOT / "research/answers/hidden_truths.csv")
     )
@@ -129,17 +116,26 @@ def test_the_configured_strategy_is_in_the_table_and_no_pour_is_timed_before_the
     )
     lines = command("plan", "--config", path).out.splitlines()
     marked = [line.split() for line in lines if line.split()[0] == f"*{strategy}"]
-    section = config["response_surface"]
-    # the ascent begins with the centre; a surface of four factors has 24 runs and its centres
-    screening = section["screening_runs"] + section["centres"]
-    ascent = section["steps"] + 1
-    surface = 24 + section["centres"]
-    sets = screening + ascent + surface + section["checks"]
-    work = cost.estimate_work(config)["pours"]
+    section, budgets = (
+        config["response_surface"],
+        plan.success_by_budget(1, 5.0)["pours"],
+    )
+    sets = (
+        section["screening_runs"]
+        + section["steps"]
+        + 1
+        + 24
+        + 2 * section["centres"]
+        + section["checks"]
+    )
     pours = {
         "response_surface": [sets * section["seeds"]],
-        "sequential": plan.success_by_budget(1, 5.0)["pours"].to_list(),
-        "published": [sum(n_sets * seeds for _, n_sets, seeds in work)],
+        "sequential": budgets.to_list(),
+    }
+    pours |= {
+        "published": [
+            sum(sets * seeds for _, sets, seeds in cost.estimate_work(config)["pours"])
+        ]
     }
     assert [int(row[1]) for row in marked] == pours[strategy]
     assert lines[-1].startswith("* as configured")
@@ -155,8 +151,8 @@ def test_a_strategy_that_does_not_fit_is_left_out(
     out = command("plan", "--config", written(tmp_path / "mine.yaml", text)).out
     lines = [line.split() for line in out.splitlines()]
     assert lines[0][:5] == ["reach:", "WARNING:", "Target", "out", "of"]
-    is_listed = ["response_surface"] in [line[:1] for line in lines]
-    is_refused = ["response_surface:", "not", "with"] in [line[:3] for line in lines]
-    assert is_listed == fitting
-    assert is_refused != fitting
+    assert (["response_surface"] in [line[:1] for line in lines]) == fitting
+    assert (
+        ["response_surface:", "not", "with"] in [line[:3] for line in lines]
+    ) != fitting
     assert ["sequential"] in [line[:1] for line in lines]
