@@ -99,12 +99,12 @@ def main():
     options.add_argument("--seed", type=int, default=1)
     options.add_argument("--until", type=float, default=48.0)
     options.add_argument("--grains", type=int, default=3000)
-    chosen = options.parse_args()
-    simulation = scene(chosen.law, chosen.seed, chosen.grains)
-    simulation.run(min(OPENS_S, chosen.until), False)
+    arguments = options.parse_args()
+    simulation = scene(arguments.law, arguments.seed, arguments.grains)
+    simulation.run(min(OPENS_S, arguments.until), False)
     simulation.set_motion("gate", Motion((0.0, 1.0, 0.0)))
-    while simulation.time_s < chosen.until - 1e-9:
-        simulation.run(min(1.0, chosen.until - simulation.time_s), False)
+    while simulation.time_s < arguments.until - 1e-9:
+        simulation.run(min(1.0, arguments.until - simulation.time_s), False)
         energy = simulation.kinetic_energies().sum()
         print(
             f"{simulation.time_s:6.2f} s  {height(simulation):.4f} m  {energy:.2e} J",

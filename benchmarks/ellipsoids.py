@@ -142,13 +142,13 @@ def free_rotation(python: str) -> None:
     """Angular momentum and energy of a body that nothing touches, after 0.4 s: how far they changed."""
     rates = [[5.0, 20.0, 0.5]]
     place = [[0.0, 0.0, 0.08]]
-    there = theirs(python, place, UPRIGHT, rates, [40_000], gravity_m_s2=0.0)[0]
+    other = theirs(python, place, UPRIGHT, rates, [40_000], gravity_m_s2=0.0)[0]
     here = ours(place, UPRIGHT, rates, gravity=0.0)
     here.run_steps(40_000)
     before = momentum(UPRIGHT, rates)
     energy_before = np.sum(momentum(UPRIGHT, rates) * rates)
     for name, quaternions, after in (
-        ("peclet-dem", there["quaternions"], there["angular_velocities_rad_s"]),
+        ("peclet-dem", other["quaternions"], other["angular_velocities_rad_s"]),
         ("repose", here.quaternions, here.angular_velocities),
     ):
         now = momentum(quaternions, after)

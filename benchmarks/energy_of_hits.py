@@ -110,16 +110,16 @@ def main():
     options.add_argument("--step", type=float, default=2.5e-4, help="[s]")
     options.add_argument("--friction", type=float, default=0.0)
     options.add_argument("--body", choices=("ellipsoid", "sphere"), default="ellipsoid")
-    given = options.parse_args()
-    axes = BERRY_M if given.body == "ellipsoid" else SPHERE_M
+    arguments = options.parse_args()
+    axes = BERRY_M if arguments.body == "ellipsoid" else SPHERE_M
     print("wall     e    hits  gain %  above 5 %  most %")
     for wall in ("plate", "cone", "outlet", "mesh"):
         for e in RESTITUTIONS:
             rng = np.random.default_rng(9)
             found = []
-            contact = dem.Contact(e, given.friction, 0.0)
-            while len(found) < given.hits:
-                hit_ratio = ratio(rng, wall, axes, contact, given.step)
+            contact = dem.Contact(e, arguments.friction, 0.0)
+            while len(found) < arguments.hits:
+                hit_ratio = ratio(rng, wall, axes, contact, arguments.step)
                 if hit_ratio is not None:
                     found.append(hit_ratio)
             gain = 100.0 * (np.array(found) - 1.0)

@@ -119,9 +119,9 @@ def main():
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("--seeds", type=int, default=4)
     options.add_argument("--deep", action="store_true")
-    chosen = options.parse_args()
+    arguments = options.parse_args()
     mean, error = mean_and_error(
-        [flow_g_s(seed, chosen.deep) for seed in range(1, chosen.seeds + 1)]
+        [flow_g_s(seed, arguments.deep) for seed in range(1, arguments.seeds + 1)]
     )
     print(
         f"{mean:.1f} ± {error or np.nan:.1f} g/s; Anand et al. 81.8, Lethe with --deep 84.9"

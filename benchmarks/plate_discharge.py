@@ -137,13 +137,13 @@ def main():
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("--until", type=float, default=6.75)
     options.add_argument("--cores", type=int, default=2)
-    chosen = options.parse_args()
+    arguments = options.parse_args()
     jobs = [
-        (case, seed, chosen.until)
+        (case, seed, arguments.until)
         for case in CASES.values()
         for seed in range(1, case[2] + 1)
     ]
-    with ProcessPoolExecutor(chosen.cores) as pool:
+    with ProcessPoolExecutor(arguments.cores) as pool:
         found = list(pool.map(run, jobs))
     print(
         "| case | spheres | runs | angle, deg | formula, deg |\n|---|---|---|---|---|"

@@ -47,11 +47,11 @@ def of(config: Mapping[str, Any]) -> dict[str, Any]:
         *([HERE / "quick.yaml"] if config["small_run"] else []),
         *([OWN] if OWN.is_file() else []),
     ]
-    given = [(str(path), read(path)) for path in files]
+    contents = [(str(path), read(path)) for path in files]
     raise_together(
-        fault for path, more in given for fault in _faults(more, known, path)
+        fault for path, more in contents for fault in _faults(more, known, path)
     )
-    for _, more in given:
+    for _, more in contents:
         _lay_over(settings, more)
     return settings
 

@@ -18,7 +18,7 @@ def is_known(name, text):
     stored = re.sub(r"[ \n]+", " ", path.read_text())
     assert NUMBER.sub("#", actual) == NUMBER.sub("#", stored)
     np.testing.assert_allclose(
-        *(list(map(float, NUMBER.findall(each))) for each in (actual, stored)),
+        *(list(map(float, NUMBER.findall(text_))) for text_ in (actual, stored)),
         1e-5,
         1e-12,
     )

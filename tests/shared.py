@@ -232,10 +232,13 @@ def put(config, key, value):
     return config
 
 
-def run_python(*arguments, **how):
+def run_python(*arguments, **options):
     """Run `python WORDS` in a process of its own, which must succeed; what it prints."""
     done = subprocess.run(
-        [sys.executable, *map(str, arguments)], capture_output=True, text=True, **how
+        [sys.executable, *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        **options,
     )
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout

@@ -117,7 +117,11 @@ def network(simulator, goal, targets, config, random, budgets):
         )
         objective = Objective(targets)
         answer, _ = local_search(
-            lambda x, of=model: of(x)[0], objective, goal.space.dimensions, 5, random
+            lambda x, model_=model: model_(x)[0],
+            objective,
+            goal.space.dimensions,
+            5,
+            random,
         )
         yield budget, answer, np.nan
 

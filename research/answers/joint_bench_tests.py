@@ -70,15 +70,17 @@ def main():
         "runs": HEIGHT_ALONE / "responses/runs.csv",
         "dataset": HEIGHT_ALONE / "dataset.csv",
     }
-    given = [text for key, value in tables.items() for text in (f"--{key}", str(value))]
-    given += [
+    arguments = [
+        text for key, value in tables.items() for text in (f"--{key}", str(value))
+    ]
+    arguments += [
         "--jobs",
         *(str(args.out / f"{name}_runs") for name in SMALL),
         "--config",
         str(of_study),
     ]
-    script.run(["joint", *given, "--out", str(args.out)])
-    script.run(["second", *given, "--out", str(args.out / "responses")])
+    script.run(["joint", *arguments, "--out", str(args.out)])
+    script.run(["second", *arguments, "--out", str(args.out / "responses")])
 
 
 if __name__ == "__main__":

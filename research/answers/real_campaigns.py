@@ -37,12 +37,12 @@ CAMPAIGNS = 5
 
 def verb(name, *arguments, **options):
     """Run a stage of the workflow; its options by name."""
-    given = [
+    named = [
         text
         for key, value in options.items()
         for text in (f"--{key.replace('_', '-')}", str(value))
     ]
-    if repose(["stage", name, *map(str, arguments), *given]):
+    if repose(["stage", name, *map(str, arguments), *named]):
         raise SystemExit(f"{name} failed")
 
 
@@ -69,13 +69,13 @@ class Campaign:
         folders = list(folders)
         proposal = {"answer": False}
         while not proposal["answer"]:
-            here = self.folder / f"batch_{len(folders)}"
-            if not (here / "proposal.json").exists():
-                self.verb("propose", strategy, *folders, out=here)
-            proposal = json.loads((here / "proposal.json").read_text())
+            batch = self.folder / f"batch_{len(folders)}"
+            if not (batch / "proposal.json").exists():
+                self.verb("propose", strategy, *folders, out=batch)
+            proposal = json.loads((batch / "proposal.json").read_text())
             if not proposal.get("simulated"):
-                self.pour(here, strategy)
-            folders.append(here)
+                self.pour(batch, strategy)
+            folders.append(batch)
         self.verb("conclude", strategy, *folders, out=self.folder / "answer")
         return proposal
 

@@ -269,13 +269,13 @@ def answers(args, config):
     """Fit and invert every data set as the study does it."""
     runs = pours_of(args.pool, args.study.targets, ["sample", "pour"])
     places, _ = design_of(args)
-    wanted = {
+    expected = {
         (place["sample"], pour) for place in places for pour in range(args.pool_seeds)
     }
     found = {(row["sample"], row["pour"]): row for row in runs.to_dict("records")}
-    if len(wanted - set(found)) or args.pool_seeds <= SEEDS[0]:
+    if len(expected - set(found)) or args.pool_seeds <= SEEDS[0]:
         allowed = f"{args.pool_seeds} pours, more than {SEEDS[0]}, of each of {len(places)} samples"
-        raise InputError(args.pool, "pours", len(wanted & set(found)), allowed)
+        raise InputError(args.pool, "pours", len(expected & set(found)), allowed)
     table = Rows(args.out, ["data_set", "seeds"])
     others = {row["pool_seeds"] for row in table.rows.values()} - {args.pool_seeds}
     if others:

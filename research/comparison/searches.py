@@ -153,8 +153,8 @@ def cma_es(log: Log, seed: int) -> None:
         stream = int(random.integers(2**31))
         search = CMA(mean=start, sigma=0.5, bounds=bounds, seed=stream)
         while not search.should_stop():
-            asked = np.array([search.ask() for _ in range(search.population_size)])
-            search.tell(list(zip(asked, log(asked), strict=True)))
+            points = np.array([search.ask() for _ in range(search.population_size)])
+            search.tell(list(zip(points, log(points), strict=True)))
 
 
 def least_squares(log: Log, seed: int) -> None:

@@ -79,12 +79,13 @@ def _with_intervals(panel, rows, key):
     """Draw a mark for each training set with its interval, and the bar that a surrogate should reach."""
     sources = list(dict.fromkeys(rows["training"]))
     for k, source in enumerate(sources):
-        of = rows[rows["training"] == source]
+        source_rows = rows[rows["training"] == source]
         bars = np.abs(
-            of[[f"{key}_low", f"{key}_high"]].to_numpy().T - of[key].to_numpy()
+            source_rows[[f"{key}_low", f"{key}_high"]].to_numpy().T
+            - source_rows[key].to_numpy()
         )
         # so that no bar hides another
-        place = of["simulations"] * 1.04 ** (k - len(sources) / 2)
+        place = source_rows["simulations"] * 1.04 ** (k - len(sources) / 2)
         look = {
             "color": COLOURS[k],
             "marker": MARKERS[k],
@@ -92,7 +93,7 @@ def _with_intervals(panel, rows, key):
             "ls": "none",
             "lw": 0.8,
         }
-        panel.errorbar(place, of[key], yerr=bars, label=source, **look)
+        panel.errorbar(place, source_rows[key], yerr=bars, label=source, **look)
     panel.axhline(
         rows[f"{key}_bar"].iloc[0],
         color=style.BLACK,
@@ -187,11 +188,13 @@ def _lines(panel, rows, kind, size):
         dict.fromkeys(zip(rows[kind], rows["data"], strict=True))
     ):
         k = looks[name]
-        of = rows[(rows[kind] == name) & (rows["data"] == data)].sort_values(size)
+        line_rows = rows[(rows[kind] == name) & (rows["data"] == data)].sort_values(
+            size
+        )
         _missed(
             panel,
-            of[size] * 1.015**place,
-            of,
+            line_rows[size] * 1.015**place,
+            line_rows,
             color=COLOURS[k % len(COLOURS)],
             marker=MARKERS[k % len(MARKERS)],
             ms=4,

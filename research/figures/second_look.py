@@ -129,7 +129,7 @@ def _map(panel, narrowing, order, base, percents):
     """
     parameters = [name for name in PARAMETERS if name in set(narrowing["parameter"])]
     rows = [*order, base]
-    each = len(percents)
+    n_percents = len(percents)
     columns = [(name, percent) for name in parameters for percent in percents]
     tables = narrowing.pivot(
         index="set",
@@ -154,10 +154,12 @@ def _map(panel, narrowing, order, base, percents):
             fontstyle="italic" if i == len(order) else "normal",
         )
     for k in range(1, len(parameters)):
-        panel.axvline(each * k - 0.5, color="white", lw=3)
+        panel.axvline(n_percents * k - 0.5, color="white", lw=3)
     symbols = [f"\n{SYMBOLS[name]}" for name in parameters]
     panel.set_xticks(
-        each * np.arange(len(parameters)) + (each - 1) / 2, symbols, fontsize=7.5
+        n_percents * np.arange(len(parameters)) + (n_percents - 1) / 2,
+        symbols,
+        fontsize=7.5,
     )
     cases = [_short(percent) for _, percent in columns]
     panel.set_xticks(range(len(columns)), cases, fontsize=6, minor=True)

@@ -48,7 +48,7 @@ def lines(args, config):
         args.heaps, args.representative, particle, section, berry, args.out, args.shapes
     )
     piles = tables.pop("piles")
-    told = [
+    texts = [
         table.round(2).to_string(index="measured" not in table)
         for table in tables.values()
     ]
@@ -72,13 +72,13 @@ def lines(args, config):
         verdicts = line_choice.verdicts(facts)
         write_table(f"{args.out}/choice.csv", facts)
         write_table(f"{args.out}/verdicts.csv", verdicts)
-        told += [
+        texts += [
             facts.round(2).to_string(index=False),
             verdicts.to_string(index=False),
             f"the line of the publication, by the rule: {line_choice.chosen(facts)[0]}",
             f"the line that tells parameter sets apart best: {line_choice.best_told_apart(facts)}",
         ]
-    return "\n\n".join(told)
+    return "\n\n".join(texts)
 
 
 @script.part(

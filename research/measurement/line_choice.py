@@ -118,8 +118,8 @@ def chosen(
     ]
     if passed.empty:
         return None, []
-    alike = passed[passed["bias"] <= passed["bias"].min() + ALIKE_DEG]
-    return str(alike.loc[alike["ratio"].idxmax(), "line"]), passed["line"].tolist()
+    similar = passed[passed["bias"] <= passed["bias"].min() + ALIKE_DEG]
+    return str(similar.loc[similar["ratio"].idxmax(), "line"]), passed["line"].tolist()
 
 
 def verdicts(table: pd.DataFrame) -> pd.DataFrame:

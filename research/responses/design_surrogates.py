@@ -26,9 +26,9 @@ def fitted(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> Predict:
 
     X (samples, 6) are parameters; `settings` holds ``surrogate``, its name, and the settings of that surrogate.
     """
-    there = np.isfinite(known.mean)
+    has_mean = np.isfinite(known.mean)
     model = make(settings["surrogate"], NetworkSettings.of(settings)).fit(
-        X[there], known.mean[there][:, None]
+        X[has_mean], known.mean[has_mean][:, None]
     )
     return lambda points: model.predict(points)[:, 0]
 

@@ -113,13 +113,13 @@ def _rows(label, intervals, free):
         | facts
         for k, name in enumerate(free)
     ]
-    each = inside.mean(axis=1)
+    by_truth = inside.mean(axis=1)
     rows.append(
         {
             "set": label,
             "parameter": "all",
-            "coverage": each.mean(),
-            "coverage_se": each.std(ddof=1) / math.sqrt(count),
+            "coverage": by_truth.mean(),
+            "coverage_se": by_truth.std(ddof=1) / math.sqrt(count),
             "mean_width": width.mean(),
         }
         | facts

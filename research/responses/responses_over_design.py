@@ -141,7 +141,7 @@ def trained(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> Bayesia
 
     `settings` holds ``hidden``, ``epochs``, ``starts`` and ``seed``.
     """
-    there = np.isfinite(known.mean)
+    has_mean = np.isfinite(known.mean)
     model = BayesianBP(
         hidden=settings["hidden"],
         epochs=min(EPOCHS, settings["epochs"]),
@@ -150,7 +150,7 @@ def trained(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> Bayesia
         seed=settings["seed"],
         prior="inputs",
     )
-    return model.fit(X[there], known.mean[there])
+    return model.fit(X[has_mean], known.mean[has_mean])
 
 
 def left_out(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> np.ndarray:
@@ -158,24 +158,24 @@ def left_out(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> np.nda
 
     `settings` are as in `trained`, with ``folds``.
     """
-    there = np.flatnonzero(np.isfinite(known.mean))
+    usable = np.flatnonzero(np.isfinite(known.mean))
     fold = (
-        np.random.RandomState(settings["seed"]).permutation(len(there))
+        np.random.RandomState(settings["seed"]).permutation(len(usable))
         % settings["folds"]
     )
     predicted = np.full(len(known.mean), np.nan)
     for k in range(settings["folds"]):
         mean = np.full(len(known.mean), np.nan)
-        mean[there[fold != k]] = known.mean[there[fold != k]]
+        mean[usable[fold != k]] = known.mean[usable[fold != k]]
         model = trained(X, known._replace(mean=mean), settings)
-        predicted[there[fold == k]] = model.predict(X[there[fold == k]])
+        predicted[usable[fold == k]] = model.predict(X[usable[fold == k]])
     return predicted
 
 
 def cross_validated_r2(known: Known, predicted: np.ndarray) -> float:
     """R2 of the predictions of `left_out`; NaN where all means are alike."""
-    there = np.isfinite(predicted)
-    found = r2(known.mean[there], predicted[there])
+    has_prediction = np.isfinite(predicted)
+    found = r2(known.mean[has_prediction], predicted[has_prediction])
     return math.nan if found is None else found
 
 

@@ -249,10 +249,10 @@ def _row(name, known, predicted, is_modelled):
         "rmse": None,
     }
     if predicted is not None:
-        there = np.isfinite(predicted)
-        y = known.mean[there]
-        p = predicted[there]
-        error = known.error[there]
+        has_prediction = np.isfinite(predicted)
+        y = known.mean[has_prediction]
+        p = predicted[has_prediction]
+        error = known.error[has_prediction]
         row |= {
             "r2": cross_validated_r2(known, predicted),
             "r2_noise_corrected": r2_noise_corrected(y, p, error),

@@ -132,15 +132,15 @@ def compared_targets(config: Config) -> list[Target]:
         if target.response.apparatus == BENCH
     ]
     columns = read_table(path, ("solution", *PARAMETERS))
-    there = published_responses(columns, [target.response for target in pile])
-    if not there:
+    published = published_responses(columns, [target.response for target in pile])
+    if not published:
         raise InputError(
             path,
             "columns",
             list(columns),
             "some target's predicted and simulated values",
         )
-    return [target for target in pile if target.response in there]
+    return [target for target in pile if target.response in published]
 
 
 def parameter_sets(config: Config, samples_csv: str | Path, kind: str) -> pd.DataFrame:

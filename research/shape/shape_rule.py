@@ -139,10 +139,10 @@ def finalists(combinations: pd.DataFrame, particles: pd.DataFrame) -> pd.DataFra
     nearest = eligible.drop_duplicates(CELL).head(FINALISTS).assign(role="finalist")
     release = eligible[eligible["tension"] == PHYSICAL_TENSION]
     # idxmin takes the first of equals: size distributions change no shape
-    there = particles[particles["particle"].isin(release["particle"])].set_index(
+    candidates = particles[particles["particle"].isin(release["particle"])].set_index(
         "particle"
     )
-    truest = None if there.empty else there["deviation_rms_mm"].idxmin()
+    truest = None if candidates.empty else candidates["deviation_rms_mm"].idxmin()
     physical = release[release["particle"] == truest].head(1).assign(role="physical")
     effective = ordered[ordered["distance"].notna()].head(1).assign(role="effective")
     return pd.concat([nearest, physical, effective], ignore_index=True)

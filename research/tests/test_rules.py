@@ -113,8 +113,8 @@ def test_joint_targets_run_every_further_bench_test_on_a_part_of_the_design(proj
 
 
 def test_the_shape_study_is_checked_when_it_is_asked_for(project):
-    given = ("--config", "funnel={inlet_diameter_mm: 60, factory_diameter_mm: 50}")
-    done = snakemake(project, "shape_study", "-n", *RULES, *given, status=2)
+    changes = ("--config", "funnel={inlet_diameter_mm: 60, factory_diameter_mm: 50}")
+    done = snakemake(project, "shape_study", "-n", *RULES, *changes, status=2)
     assert (
         "shape_study.fillings.open_cone: funnel.factory_diameter_mm is 150.0"
         in done.stderr

@@ -137,13 +137,13 @@ def test_evaluations_are_counted_to_the_first_that_meets_it():
 
 
 def test_a_fixed_parameter_stays_where_it_is():
-    given = dict.fromkeys(PARAMETERS, (0.0, 2.0)) | {"mus_gg": {"fixed": 0.3}}
+    ranges = dict.fromkeys(PARAMETERS, (0.0, 2.0)) | {"mus_gg": {"fixed": 0.3}}
 
     class Model:
         def response_function(self, low, high):
             return lambda points: (low + high) / 2 + points * (high - low) / 2
 
-    respond = on_free_parameters(Model(), contact_space(given))
+    respond = on_free_parameters(Model(), contact_space(ranges))
     assert respond(np.array([[-1.0, 0, 0, 0, 1]])).tolist() == [[0, 0.3, 1, 1, 1, 2]]
 
 

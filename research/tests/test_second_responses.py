@@ -145,10 +145,10 @@ def test_information_of_a_linear_response_is_that_of_its_normal_posterior():
     def bits(sd):
         return -0.5 * math.log2(2 * math.pi * math.e * sd**2)
 
-    joint, each, widths, effective = prior.posterior(observed, [0], covariance)
+    joint, bits_of, widths, effective = prior.posterior(observed, [0], covariance)
     assert joint == pytest.approx(bits(0.05), abs=0.02)
-    assert each[0] == pytest.approx(bits(0.05), abs=0.05)
-    assert (each[1:] < 0.01).all()
+    assert bits_of[0] == pytest.approx(bits(0.05), abs=0.05)
+    assert (bits_of[1:] < 0.01).all()
     assert widths[0] == pytest.approx(2 * 1.96 * 0.05 / 0.95, rel=0.03)
     assert widths[1:] == pytest.approx(1, abs=0.02)
     assert effective == pytest.approx(2**16 * 2 * math.sqrt(math.pi) * 0.05, rel=0.05)
@@ -189,10 +189,10 @@ def test_shared_noise_is_separated():
 
 def test_a_normal_prior_counts_as_known():
     """A response that repeats the prior's width: half a bit, for the variance halves."""
-    given = dict.fromkeys(PARAMETERS, (0.0, 1.0)) | {
+    ranges = dict.fromkeys(PARAMETERS, (0.0, 1.0)) | {
         "mus_gg": {"prior": {"mean": 0.5, "sd": 0.05}, "range": [0, 1]}
     }
-    space = contact_space(given)
+    space = contact_space(ranges)
     quantile = stats.qmc.Sobol(6, rng=1).random(2**15)
     place = information.places_of(space, quantile)
     assert np.delete(place, 1, axis=1) == pytest.approx(

@@ -233,21 +233,21 @@ def test_the_steps_lead_to_a_verdict_and_go_on_where_they_were_stopped(study, ca
         seeds: list(range(8)) for seeds in SEEDS
     }
     assert found["mus_gg"].nunique() == 24
-    given = ["--answers", study.files["answers"]]
+    files = ["--answers", study.files["answers"]]
     assert (
         len(
-            study.run("pour_answers", "answer_pours.csv", *given, "--answer-seeds", "3")
+            study.run("pour_answers", "answer_pours.csv", *files, "--answer-seeds", "3")
         )
         == 72
     )
 
-    given += [
+    files += [
         "--fresh",
         study.files["fresh"],
         "--answer-pours",
         study.files["answer_pours"],
     ]
-    summary = study.run("judge", ".", *given)
+    summary = study.run("judge", ".", *files)
     table = pd.read_csv(study.config.parent / "verdict.csv")
     assert summary["chosen"] in SEEDS
     assert summary["data_sets"] == 8

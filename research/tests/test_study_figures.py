@@ -257,8 +257,8 @@ def texts_of(figure):
 
 @pytest.mark.parametrize("name", sorted(FIGURES))
 def test_every_figure_is_drawn(name, inputs, tmp_path):
-    given = {key: inputs[key] for key in FIGURES[name].inputs}
-    figures.draw(name, given, tmp_path / "it.png", CONFIG, FIGURES)
+    files = {key: inputs[key] for key in FIGURES[name].inputs}
+    figures.draw(name, files, tmp_path / "it.png", CONFIG, FIGURES)
     assert (tmp_path / "it.png").stat().st_size > 10_000
 
 

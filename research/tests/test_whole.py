@@ -77,7 +77,7 @@ def one_study(files):
 def test_the_script_writes_tables_with_a_record_and_the_figure_is_drawn(
     files, tmp_path
 ):
-    given = [
+    arguments = [
         "--config",
         "config/quick.yaml",
         "--dataset",
@@ -87,7 +87,7 @@ def test_the_script_writes_tables_with_a_record_and_the_figure_is_drawn(
         "--out",
         str(tmp_path),
     ]
-    script.run(["whole", *given])
+    script.run(["whole", *arguments])
     assert attached.read(tmp_path / "whole.csv")["verb"] == "comparison_whole"
     shown = [
         "whole",
@@ -231,8 +231,8 @@ def test_any_number_of_targets(names):
     """Each response follows a parameter of its own; one parameter is fixed."""
     k = len(names)
     rng = np.random.default_rng(3)
-    given = dict.fromkeys(PARAMETERS, (0.0, 1.0)) | {"mur_gp": {"fixed": 0.2}}
-    space = contact_space(given)
+    ranges = dict.fromkeys(PARAMETERS, (0.0, 1.0)) | {"mur_gp": {"fixed": 0.2}}
+    space = contact_space(ranges)
     unit = rng.uniform(size=(50, 5))
     values = 40 + 20 * unit[:, None, :k] + rng.normal(0, 0.5, (50, 3, k))
     samples = whole.samples_of(Points(unit, values))

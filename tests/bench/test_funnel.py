@@ -50,7 +50,7 @@ SCRIPT = """
 import sys
 sys.path[:0] = [{tests!r}, {tests!r} + "/apparatus"]
 from test_funnel import *
-print(digest(TEST.pour(of(small()))))
+print(digest(TEST.pour(scene_of(small()))))
 print(len(advance.stats.cache_misses))
 """
 
@@ -68,7 +68,7 @@ def config(**keys):
     }
 
 
-def of(whole, seed=5, values=CENTRE):
+def scene_of(whole, seed=5, values=CENTRE):
     return Scene.of(whole, named(values), BERRY, particle(), seed)
 
 
@@ -158,11 +158,11 @@ def in_a_new_process(**environment):
 def test_springs_may_be_linear():
     whole = small()
     whole["simulation"]["contact_law"] = "linear_spring"
-    poured = TEST.pour(of(whole))
+    poured = TEST.pour(scene_of(whole))
     assert not poured.unstable
     assert poured.on_plate.sum() == 60
     assert poured.kinetic_energy_j / 60 < 1e-12
-    assert digest(poured) != digest(TEST.pour(of(small())))
+    assert digest(poured) != digest(TEST.pour(scene_of(small())))
 
 
 @pytest.mark.slow
@@ -174,31 +174,31 @@ def test_code_compiled_or_cached_gives_the_same_bits(tmp_path, monkeypatch):
         return advance(*arguments)
 
     monkeypatch.setattr(engine, "advance", noting)
-    here = digest(TEST.pour(of(small())))
-    assert in_a_new_process() == (here, 0)
+    expected = digest(TEST.pour(scene_of(small())))
+    assert in_a_new_process() == (expected, 0)
     # this process has compiled the kernel itself where its cache was empty
     if not signatures <= set(advance.stats.cache_misses):
-        assert in_a_new_process(NUMBA_CACHE_DIR=str(tmp_path)) == (here, 1)
+        assert in_a_new_process(NUMBA_CACHE_DIR=str(tmp_path)) == (expected, 1)
 
 
 @pytest.fixture(scope="module")
 def plain():
     whole = small()
-    poured = TEST.pour(of(whole))
+    poured = TEST.pour(scene_of(whole))
     assert whole == small()
     return poured
 
 
 @pytest.fixture(scope="module")
 def filmed():
-    return TEST.pour(of(small()), interval_s=0.01)
+    return TEST.pour(scene_of(small()), interval_s=0.01)
 
 
 def test_a_trajectory_has_its_frames_and_changes_nothing_and_another_seed_does(
     plain, filmed
 ):
     assert digest(plain) == digest(filmed)
-    assert digest(plain) != digest(TEST.pour(of(small(), 6)))
+    assert digest(plain) != digest(TEST.pour(scene_of(small(), 6)))
     assert 100 < len(filmed.frames["time_s"]) <= 300  # a pour ends when its pile rests
     assert np.allclose(np.diff(filmed.frames["time_s"]), 0.01)
     assert np.isnan(filmed.frames["position"][0]).any()
@@ -210,11 +210,11 @@ def test_frames_may_be_a_time_step_apart_and_a_pour_that_goes_on_after_its_pile_
 ):
     made = TEST.build(Scene.of(small(), named(CENTRE), BERRY, particle()))
     made.add("berry", (0.0, 0.0, 0.05))
-    film = Trial(lambda *_: made, of(small()), 1, made.time_step_s)
+    film = Trial(lambda *_: made, scene_of(small()), 1, made.time_step_s)
     film.bound(0.1)
     film.run_to(5)
     assert film.frames()["time_s"] == pytest.approx(made.time_step_s * np.arange(1, 6))
-    went_on = TEST.pour(of(small()), interval_s=0.01, until_rest=False)
+    went_on = TEST.pour(scene_of(small()), interval_s=0.01, until_rest=False)
     assert len(filmed.frames["time_s"]) < len(went_on.frames["time_s"]) == 300
     assert np.abs(filmed.centres_m - went_on.centres_m).max() < 2e-5
     assert filmed.largest_motion_m <= 1e-3 * small()["funnel"]["rest_motion_mm"]
@@ -230,7 +230,7 @@ def test_frames_may_be_a_time_step_apart_and_a_pour_that_goes_on_after_its_pile_
     ],
 )
 def test_a_run_without_a_pile_has_a_status_and_a_reason(keys, status, reason):
-    record, _ = run_once(bench("funnel"), of(small(**keys)))
+    record, _ = run_once(bench("funnel"), scene_of(small(**keys)))
     assert record["status"] == status
     assert reason in record["reason"]
     assert record["aor_deg"] is None
@@ -286,7 +286,7 @@ def test_berries_that_lie_apart_are_no_pile(in_pile, on_plate, plain):
 
 
 def test_a_job_writes_what_it_returns_and_largest_cluster_is_found(tmp_path):
-    pours = run_job(bench("funnel"), of(small()), "007", [5, 6], tmp_path)
+    pours = run_job(bench("funnel"), scene_of(small()), "007", [5, 6], tmp_path)
     result = measure_job(Scene.of(small(), {}, BERRY, particle()), pours)
     assert result["sample"] == 7
     assert [run["seed"] for run in result["runs"]] == [5, 6]
@@ -300,7 +300,7 @@ def test_a_job_writes_what_it_returns_and_largest_cluster_is_found(tmp_path):
 
 
 def test_a_pile_rests_on_the_plate_and_is_measured_as_piles_are():
-    record, run = run_once(bench("funnel"), of(heap()))
+    record, run = run_once(bench("funnel"), scene_of(heap()))
     assert record["status"] == "ok"
     assert record["reason"] == ""
     assert record["kinetic_energy_J"] / record["berries_in_pile"] < 1e-12

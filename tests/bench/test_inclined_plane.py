@@ -144,7 +144,7 @@ def test_the_beginning_is_where_the_root_of_the_speed_meets_zero_inside_the_boun
     }
     bodies = (inclined_plane.SLED, inclined_plane.GRAIN)
     arrays = {
-        f"{what}_{name}": values for what in bodies for name, values in columns.items()
+        f"{body}_{name}": values for body in bodies for name, values in columns.items()
     }
     found = TEST.result(
         {"seed": 1, "status": "ok", "reason": ""},
@@ -168,8 +168,8 @@ def test_a_berry_that_tips_and_stops_has_no_angle(speed):
     angle = np.linspace(0.0, 20.0, 200)
     assert inclined_plane.beginning_deg(angle, speed) is None
     arrays = {
-        f"{what}_angle_deg": angle
-        for what in (inclined_plane.SLED, inclined_plane.GRAIN)
+        f"{body}_angle_deg": angle
+        for body in (inclined_plane.SLED, inclined_plane.GRAIN)
     }
     arrays |= {
         f"{inclined_plane.GRAIN}_speed_m_s": speed,

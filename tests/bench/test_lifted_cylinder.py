@@ -262,8 +262,8 @@ def test_a_hidden_surface_energy_is_found_again():
     def piles(energies):
         values = [known | {"gamma_gg": energy} for energy in energies]
         runs = [
-            run_once(test, Scene.of(whole, of, BERRY, PARTICLE, next(seeds)))[0]
-            for of in values
+            run_once(test, Scene.of(whole, parameters, BERRY, PARTICLE, next(seeds)))[0]
+            for parameters in values
         ]
         return pd.DataFrame(runs)[["lifted_aor_deg", "lifted_height_mm"]].astype(float)
 

@@ -67,9 +67,9 @@ def test_a_failed_run_is_the_same_for_a_table_for_tell_and_for_a_function(
         table.loc[2, key] = value
     expected = ["ok", "ok", status] + ["ok"] * 5
 
-    told = make_study()
-    told.tell(table)
-    assert statuses(told.runs) == expected
+    study = make_study()
+    study.tell(table)
+    assert statuses(study.runs) == expected
 
     table.to_csv(tmp_path / "new.csv", index=False)
     record = Record(make_study(), tmp_path / "record.csv")
@@ -124,9 +124,9 @@ def test_a_function_may_leave_out_numbers_and_the_campaign_goes_on():
 
 def test_a_table_of_failed_runs_needs_no_responses(tmp_path):
     asked = make_study().ask()
-    told = make_study()
-    told.tell(asked[["sample", "run"]].assign(status="diverged"))
-    assert statuses(told.runs) == ["diverged"] * 8
+    study = make_study()
+    study.tell(asked[["sample", "run"]].assign(status="diverged"))
+    assert statuses(study.runs) == ["diverged"] * 8
     (tmp_path / "new.csv").write_text("a,status\n0.1,lost\n0.2,lost\n")
     record = Record(make_study(), tmp_path / "record.csv")
     record.add_file(tmp_path / "new.csv")

@@ -26,13 +26,13 @@ SLURM = str(places.root() / "profiles/slurm")
 
 
 @pytest.fixture
-def given(monkeypatch):
+def passed(monkeypatch):
     arguments = []
     monkeypatch.setattr("snakemake.cli.main", arguments.extend)
     return arguments
 
 
-def test_words_become_those_of_snakemake(tmp_path, monkeypatch, given, command):
+def test_words_become_those_of_snakemake(tmp_path, monkeypatch, passed, command):
     """All cores where none are given, and files of the program that an empty folder lacks; targets stay in front."""
     monkeypatch.chdir(tmp_path)
     for name in ("mine.yaml", "more.yaml"):
@@ -96,9 +96,9 @@ def test_words_become_those_of_snakemake(tmp_path, monkeypatch, given, command):
     cases |= {"uncertainty -c2 --configfile mine.yaml more.yaml -np": layers}
     cases |= {"-n --config label=mine --configfile mine.yaml -- berry": labelled}
     for arguments, expected in cases.items():
-        given.clear()
+        passed.clear()
         command("run", *arguments.split())
-        assert given == expected, arguments
+        assert passed == expected, arguments
 
 
 def test_a_target_that_no_rule_makes_is_named_with_the_nearest(tmp_path):
@@ -134,7 +134,7 @@ def test_a_file_that_no_rule_makes_is_named_with_the_nearest(tmp_path):
     assert "did you mean results/report.html?" in done.stderr
 
 
-def test_a_dotted_key_is_answered_with_the_form_that_snakemake_takes(given, command):
+def test_a_dotted_key_is_answered_with_the_form_that_snakemake_takes(passed, command):
     for entry, form in {
         "funnel.seeds=2": "'funnel={seeds: 2}'",
         "a.b.c=1": "'a={b: {c: 1}}'",
@@ -143,10 +143,10 @@ def test_a_dotted_key_is_answered_with_the_form_that_snakemake_takes(given, comm
             f"--config is '{entry}'; expected a section with its keys, as in {form}"
         )
         assert message in command("run", "--config", entry, status=2).err
-    assert given == []
+    assert passed == []
 
 
-def test_what_a_call_of_run_may_hold(given, command, tmp_path, monkeypatch):
+def test_what_a_call_of_run_may_hold(passed, command, tmp_path, monkeypatch):
     """A file after --config is pointed to --configfile, and a dry run may read a folder of others."""
     message = command("run", "--config", "mine.yaml", status=2).err
     assert "a file is given by --configfile mine.yaml" in message
@@ -154,7 +154,7 @@ def test_what_a_call_of_run_may_hold(given, command, tmp_path, monkeypatch):
     assert "expected a folder that is there" in missing
     assert not (tmp_path / "new").exists()
     command("run", "--cores", "2", "--cores", "3")
-    assert given[given.index("--cores") + 1] == "3"
+    assert passed[passed.index("--cores") + 1] == "3"
     access = os.access
     monkeypatch.setattr(
         os, "access", lambda path, mode: path != "." and access(path, mode)
@@ -164,7 +164,7 @@ def test_what_a_call_of_run_may_hold(given, command, tmp_path, monkeypatch):
 
 
 def test_where_home_cannot_be_written_the_caches_lie_in_the_folder_of_the_run(
-    tmp_path, monkeypatch, given, command
+    tmp_path, monkeypatch, passed, command
 ):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("HOME", str(tmp_path / "home"))

@@ -113,8 +113,8 @@ def test_every_fault_of_a_file_is_reported_with_its_name(tmp_path, read):
 @pytest.mark.parametrize("column", ["aor_deg", "e_gg", *LAW_PARAMETERS])
 def test_a_word_in_a_column_of_numbers_is_refused(column, tmp_path):
     (tmp_path / "given.csv").write_text(f"sample,{column}\n1,0.5\n2,much\n")
-    wanted = rf"row 2: {column} is 'much'; expected a finite number"
-    input_error(wanted, files.read_table, tmp_path / "given.csv", ("sample", column))
+    message = rf"row 2: {column} is 'much'; expected a finite number"
+    input_error(message, files.read_table, tmp_path / "given.csv", ("sample", column))
 
 
 def test_a_missing_column_is_reported(tmp_path):

@@ -40,8 +40,8 @@ def test_targets_are_told_in_words():
         targets.in_words(["32.9", "66", "40"])
         == "AoR 32.9 deg, Height 66 mm and slip 40 deg"
     )
-    wanted = r"targets: response is 'colour'; expected one of aor_deg, "
-    input_error(wanted, Targets.of, [SLIP | {"response": "colour", "range": [0, 1]}])
+    message = r"targets: response is 'colour'; expected one of aor_deg, "
+    input_error(message, Targets.of, [SLIP | {"response": "colour", "range": [0, 1]}])
 
 
 def test_published_solutions_are_simulated_where_their_responses_are_stored(tmp_path):
@@ -65,12 +65,12 @@ def test_published_solutions_are_simulated_where_their_responses_are_stored(tmp_
     )
 
 
-def of(heights, functions=5):
+def profile_of(heights, functions=5):
     return Profile("surface_mm", tuple(X), tuple(heights), functions)
 
 
 def test_distances_of_profiles_are_those_of_scores_named_with_their_unit():
-    profile = of(X)
+    profile = profile_of(X)
     random = np.random.default_rng(2)
     first, second = random.normal(size=(2, 5))
     difference = profile.heights(first) - profile.heights(second)
@@ -82,24 +82,26 @@ def test_distances_of_profiles_are_those_of_scores_named_with_their_unit():
     )
     # Parseval with the residual: mean square of all heights, of the scores, of the rest.
     heights = 20 * np.cos(X / 8)
-    profile = of(heights)
+    profile = profile_of(heights)
     rest = np.std(heights - profile.heights(profile.scores(heights)))
     assert np.mean(heights**2) == pytest.approx(profile.height**2 + rest**2, rel=1e-12)
     assert rest > 0.1
     cubic = 3 + X - 0.01 * X**2 + 1e-3 * X**3
     np.testing.assert_allclose(
-        of(cubic, functions=4).heights(of(cubic, functions=4).scores(cubic)),
+        profile_of(cubic, functions=4).heights(
+            profile_of(cubic, functions=4).scores(cubic)
+        ),
         cubic,
         atol=1e-11,
     )
-    mean, slope, *others = of(2.0 - 0.8 * X).scores(2.0 - 0.8 * X)
+    mean, slope, *others = profile_of(2.0 - 0.8 * X).scores(2.0 - 0.8 * X)
     assert mean == pytest.approx(np.mean(2.0 - 0.8 * X))
     assert slope == pytest.approx(-0.8 * np.std(X))
     np.testing.assert_allclose(others, 0.0, atol=1e-12)
-    profile = of(2.0 - 0.8 * X)
+    profile = profile_of(2.0 - 0.8 * X)
     difference = profile.heights(0.01 * profile.whole * np.array([1, -1, 1, 1, -1]))
     assert np.sqrt(np.mean(difference**2)) == pytest.approx(0.01 * profile.height)
-    assert tuple(of(X, functions=3).columns(X)) == (
+    assert tuple(profile_of(X, functions=3).columns(X)) == (
         "surface_1_mm",
         "surface_2_mm",
         "surface_3_mm",

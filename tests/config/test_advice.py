@@ -97,17 +97,17 @@ def test_a_height_alone_asks_for_a_slope(config):
 def test_sentences_tell_what_a_softer_grain_brings(config):
     berry = SPHERE | {"shear_modulus_pa": 7.7e7}
     softest = advice.softening(config, berry).softest_pa
-    asked = []
+    moduli = []
 
     def longest_step_s(other):
-        asked.append(other["shear_modulus_pa"])
+        moduli.append(other["shear_modulus_pa"])
         return 2.0 * config["simulation"]["time_step_s"]
 
     grain = SimpleNamespace(volume_m3=GRAIN_M3)
     stiffness, volume, grains, smaller, *_ = advice.funnel_hints(
         config, berry, grain, longest_step_s
     )
-    assert asked == [softest]
+    assert moduli == [softest]
     sinking = 100 * advice.softening(config, berry)[0]
     assert stiffness.startswith(
         f"stiffness: the pile sinks by {sinking:.2g} % of its Height"

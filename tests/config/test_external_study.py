@@ -72,8 +72,8 @@ def test_jobs_read_the_resolved_configuration_unchanged():
 
 def test_the_values_of_snakemake_give_the_same_study():
     study = loaded()
-    given = loader.of_workflow(loader.read("study.yaml"), ["study.yaml"])
-    assert ExternalConfig.of_layers(given).config == study.config
+    layers = loader.of_workflow(loader.read("study.yaml"), ["study.yaml"])
+    assert ExternalConfig.of_layers(layers).config == study.config
 
 
 def test_a_pile_of_particles_has_a_section_measure():

@@ -112,10 +112,10 @@ def keys_read(plain, tmp_path_factory):
     def run(verb, *positional, **options):
         """Run a stage as its rule does, without its record of provenance."""
         keys = found.setdefault(positional[0] if verb == "propose" else verb, set())
-        given = [f"--{key}={value}" for key, value in options.items()]
+        named = [f"--{key}={value}" for key, value in options.items()]
         name = [verb] if verb in TYPED else ["stage", verb]
         arguments = parser().parse_args(
-            [*name, *map(str, positional), *given, f"--config={resolved}"]
+            [*name, *map(str, positional), *named, f"--config={resolved}"]
         )
         VERBS[verb].run(arguments, RecordingConfig(plain, keys))
 

@@ -78,21 +78,21 @@ def test_twisting_belongs_to_its_laws():
     assert contacts["berry", "wall"].twisting_friction == 0.25
     assert LABELS["mut_gp"] == "twisting friction, grain-wall"
     twisting = [law for law in ROLLING_LAWS if ROLLING_LAWS.entry(law).twists]
-    wanted = f"simulation.rolling_law {' or '.join(twisting)}, not budget"
-    wanted = f"mut_gp is .* belongs to {wanted}"
-    input_error(wanted, study, "hertz_mindlin", mut_gp=[0.0, 0.5])
+    message = f"simulation.rolling_law {' or '.join(twisting)}, not budget"
+    message = f"mut_gp is .* belongs to {message}"
+    input_error(message, study, "hertz_mindlin", mut_gp=[0.0, 0.5])
 
 
 def test_a_card_tells_all_laws_apart_by_their_sentences():
     """`configuration_of_card` finds the laws of a card by its sentences alone."""
     tensions = ("keep", "release")
     combinations = list(product(CONTACT_LAWS, ROLLING_LAWS, tensions))
-    told = set()
+    sentences = set()
     for contact, rolling, tension in combinations:
         laws = {"contact_law": contact, "rolling_law": rolling, "tension": tension}
         settings = SimulationSettings.model_construct(None, **laws)
-        told.add(tuple(sorted(described_laws(settings).items())))
-    assert len(told) == len(combinations)
+        sentences.add(tuple(sorted(described_laws(settings).items())))
+    assert len(sentences) == len(combinations)
 
 
 def test_a_law_adds_its_parameters_to_the_six_whose_tables_stay_as_they_were(tmp_path):

@@ -134,12 +134,12 @@ def test_a_complete_file_and_the_built_in_crop_stand_in_for_the_folders_own(
 
 def test_a_fault_names_the_file_it_came_from(tmp_path):
     mine = tmp_path / "mine.yaml"
-    given = [
+    layers = [
         ("funnel: {seeds: 0}\n", {}),
         ("label: mine\n", {"funnel": {"seeds": "0"}}),
     ]
     for text, overrides in (
-        *given,
+        *layers,
         ("targets: [{response: height_mm, value: null}]\n", {}),
     ):
         mine.write_text(text)
@@ -230,11 +230,11 @@ def test_values_of_snakemake_are_read_as_the_file_of_each_key_has_them(tmp_path)
         "simulation: {time_step_s: 2e-4}\nmiga: {rounds: 20}\n",
     )
     # Snakemake's reader takes 2e-4 for a text, and its command line gives texts alone.
-    given = {
+    values = {
         "simulation": {"time_step_s": "2e-4", "gravity_m_s2": "1.62"},
         "miga": {"rounds": 20, "seed": "7"},
     }
-    config, origin = loader.over_defaults(given, [path])
+    config, origin = loader.over_defaults(values, [path])
     assert config["simulation"]["time_step_s"] == 2e-4
     assert config["simulation"]["gravity_m_s2"] == 1.62
     assert config["miga"]["rounds"] == 20

@@ -114,12 +114,12 @@ def test_scores_are_defined_by_abscissae_and_share(quick, entry, table):
     table.write_text(TABLE.replace("16", "15"))
     heights = study_of(quick, entry)
     share = study_of(quick, entry | {"covered": 0.5})
-    for what in (
+    for settings_of in (
         lambda s: s.definitions,
         lambda s: dependencies.settings_of(s.config, "measure_runs", "turning"),
     ):
-        assert what(before) == what(heights)
-        assert what(before) != what(share)
+        assert settings_of(before) == settings_of(heights)
+        assert settings_of(before) != settings_of(share)
     assert before.targets[-1].value != heights.targets[-1].value
 
 
@@ -201,7 +201,7 @@ def test_a_wrong_table_is_refused(quick, entry, table, old, new, message):
 def test_a_study_with_a_simulator_of_the_users_own_calibrates_a_profile(
     table, tmp_path
 ):
-    given = {
+    target = {
         "file": str(table),
         "sd": 0.2,
         "repetitions": 1,
@@ -223,7 +223,7 @@ def test_a_study_with_a_simulator_of_the_users_own_calibrates_a_profile(
     }
     parameters = {"slope": (-1.2, -0.4), "height": (-4.0, 4.0)}
     study = repose.Study(
-        parameters, {"surface_mm": given}, sequential=section, **options
+        parameters, {"surface_mm": target}, sequential=section, **options
     )
     profile = study.targets.profiles["surface_mm"]
     random = np.random.default_rng(4)

@@ -102,19 +102,19 @@ def test_units_of_a_sphere_by_hand():
 
 def test_the_rule_gives_the_limits_of_the_goji_berry(monkeypatch):
     monkeypatch.chdir(ROOT)
-    given = PipelineConfig.load("config/config.yaml")
+    stated = PipelineConfig.load("config/config.yaml")
     overrides = {part: dict.fromkeys(keys, "auto") for part, keys in LIMITS.items()}
     computed = PipelineConfig.load("config/config.yaml", overrides=overrides)
     known = {"rest_energy_j": 1e-9, "rest_motion_mm": 1.0, "rest_window_s": 0.2}
-    for study in (given, computed):
+    for study in (stated, computed):
         found = limits(study)
         found.pop("duration_s")
         assert found == known
-    rest_s = REST_TIME * GrainScale.of(given.particle, 9.81).time_s
+    rest_s = REST_TIME * GrainScale.of(stated.particle, 9.81).time_s
     assert rounded(rest_s, digits=2) == 1.5
     # Looks at the grains, which no key states, for the article's ellipsoid, too
     paper = PipelineConfig.load("config/config.yaml", "config/paper.yaml")
-    for study in (given, paper):
+    for study in (stated, paper):
         scale = GrainScale.of(study.particle, 9.81)
         looks = [scale.interval_s(times) for times in (1.35, 0.135, 0.27, 0.027, 10.8)]
         assert looks == [0.05, 0.005, 0.01, 0.001, 0.4]

@@ -305,7 +305,7 @@ def test_results_stand_on_the_content_of_named_files_and_not_on_figures(
         )
         assert settings == dependencies.settings_of(config, verb)
 
-    def of(key, name, content):
+    def settings_with(key, name, content):
         section, _, last = key.rpartition(".")
         path = tmp_path / name
         changed = copy.deepcopy(config)
@@ -316,4 +316,8 @@ def test_results_stand_on_the_content_of_named_files_and_not_on_figures(
     keys = named_files()
     assert {"photograph", "berry.sizes", "validation.published"} <= set(keys)
     for key in keys:
-        assert of(key, "a", "one") == of(key, "b", "one") != of(key, "b", "two"), key
+        assert (
+            settings_with(key, "a", "one")
+            == settings_with(key, "b", "one")
+            != settings_with(key, "b", "two")
+        ), key

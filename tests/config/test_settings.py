@@ -71,8 +71,8 @@ def test_names_that_studies_have_written_are_still_registered(kind, names_of_kin
 
 
 def test_the_tables_of_the_page_are_those_of_the_sections():
-    told = page.page(PAGE)
-    assert without_names(told) == without_names(PAGE), (
+    text = page.page(PAGE)
+    assert without_names(text) == without_names(PAGE), (
         "write the page by `python -m repose.config.page`"
     )
     sections = set(page.TABLE.findall(PAGE))
@@ -119,7 +119,9 @@ def test_what_every_key_takes_is_known():
 
 def below(kind):
     return [
-        subclass for each in kind.__subclasses__() for subclass in (each, *below(each))
+        subclass
+        for child in kind.__subclasses__()
+        for subclass in (child, *below(child))
     ]
 
 
@@ -129,20 +131,21 @@ def test_the_limits_and_defaults_of_all_that_is_read_are_known():
         for section in pkgutil.walk_packages(repose.__path__, "repose.")
     }
     models = [
-        each
-        for each in below(Section)
-        if getattr(modules.get(each.__module__), each.__name__, 0) is each
-        and each not in [bench(name).settings for name in ADDED]
+        model
+        for model in below(Section)
+        if getattr(modules.get(model.__module__), model.__name__, 0) is model
+        and model not in [bench(name).settings for name in ADDED]
     ]
     parts = {
-        each.__name__: each.model_json_schema().get("properties", {}) for each in models
+        model.__name__: model.model_json_schema().get("properties", {})
+        for model in models
     }
-    told = sorted(
+    lines = sorted(
         f"{section}.{key}: {json.dumps(without_words(field))}"
         for section, part in parts.items()
         for key, field in part.items()
     )
-    is_known("limits.txt", without_names("\n".join(told)))
+    is_known("limits.txt", without_names("\n".join(lines)))
 
 
 def without_words(schema):
@@ -368,14 +371,14 @@ KNOWN = (
 )
 
 
-@pytest.mark.parametrize(("given", "key", "allowed"), KNOWN)
+@pytest.mark.parametrize(("entry", "key", "allowed"), KNOWN)
 def test_a_fixed_value_and_a_prior_are_reported_by_their_own_keys(
-    config, given, key, allowed
+    config, entry, key, allowed
 ):
-    config["parameters"]["e_gg"] = given
+    config["parameters"]["e_gg"] = entry
     fault = input_error(re.escape(allowed), PipelineConfig.of, config, "my.yaml")
     assert fault.key == f"parameters.e_gg.{key}"
-    assert fault.value == given[key]
+    assert fault.value == entry[key]
 
 
 def test_a_prior_may_be_narrow_ends_at_the_largest_friction_and_meets_its_range(config):
@@ -466,9 +469,9 @@ def test_noise_needs_replicates_of_every_bench_test_or_validation_samples(config
     input_error(r"drum\.seeds is 1; expected at least 2", PipelineConfig.of, config)
     config = kept
     network = config["network"] | {"validation_noise": True}
-    wanted = r"network\.validation_noise is true; expected false where replicates"
+    message = r"network\.validation_noise is true; expected false where replicates"
     input_error(
-        wanted, PipelineConfig.of, config | {"network": network | {"replicates": True}}
+        message, PipelineConfig.of, config | {"network": network | {"replicates": True}}
     )
     network |= {"replicates": False, "split": [0.7, 0.15, 0.15]}
     PipelineConfig.of(config | {"network": network})

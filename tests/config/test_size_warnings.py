@@ -125,11 +125,11 @@ def test_alike_grains_are_not_mentioned_and_keep_their_axes(study):
 
 def test_a_mass_makes_no_grain_fuller_than_a_sphere(study):
     sphere_g = 1580e-6 * np.pi / 6 * 27
-    alike = [[3, 3, 3]] * 3
-    assert warnings(study(alike, mass_g=sphere_g)) == []
-    (fuller,) = warnings(study(alike, mass_g=1.1 * sphere_g))
+    equal = [[3, 3, 3]] * 3
+    assert warnings(study(equal, mass_g=sphere_g)) == []
+    (fuller,) = warnings(study(equal, mass_g=1.1 * sphere_g))
     assert "10 % fuller than its mean axes allow" in fuller
-    assert warnings(study(alike, mass_g=1.01 * sphere_g)) == []
+    assert warnings(study(equal, mass_g=1.01 * sphere_g)) == []
     # The right mass of spheres that scatter makes the sphere of their mean too full.
     sizes = spheres(0.19)
     mean_g = 1580e-6 * np.pi / 6 * np.mean(sizes[:, 0] ** 3)

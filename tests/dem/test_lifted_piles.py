@@ -74,19 +74,19 @@ def test_rings_are_those_of_a_slow_twin():
     width = 2.0 * RADIUS_M
     expected = []
     for number in range(int(np.ceil(out.max() / width))):
-        here = [
+        ring = [
             top
             for r, top in zip(out, tops, strict=True)
             if number * width <= r < (number + 1) * width
         ]
-        held = [
+        resting = [
             top
-            for top in here
-            if sum(top - 1.5 * width < other <= top for other in here) >= 4
+            for top in ring
+            if sum(top - 1.5 * width < other <= top for other in ring) >= 4
         ]
-        if len(here) >= 4:
+        if len(ring) >= 4:
             middle = (number + 0.5) * width
-            expected.append((middle, max(held, default=np.median(here))))
+            expected.append((middle, max(resting, default=np.median(ring))))
     np.testing.assert_allclose(
         np.transpose(lifted_piles.rings(out, tops, width)), expected
     )
@@ -221,11 +221,11 @@ def test_a_small_drum_is_filled_among_the_grains_that_lie_there_and_turns(
 
 
 def test_a_grain_is_thrown_where_it_overlaps_no_other():
-    there = np.zeros((1, 3))
+    place = np.zeros((1, 3))
     radii = np.array([0.03])
-    found = drums.thrown(there, radii, np.full(300, 4.0), np.random.default_rng(1))
+    found = drums.thrown(place, radii, np.full(300, 4.0), np.random.default_rng(1))
     assert len(found) > 200
-    centres = np.vstack([there, [centre for _size, centre in found]])
+    centres = np.vstack([place, [centre for _size, centre in found]])
     radii = np.append(radii, np.full(len(found), 0.002))
     gaps = np.linalg.norm(centres[:, None] - centres, axis=2) - radii - radii[:, None]
     assert gaps[~np.eye(len(radii), dtype=bool)].min() > 0.0
@@ -270,15 +270,15 @@ def test_equal_engines_have_the_chi_squared_of_their_number_of_rows():
     rng = np.random.default_rng(6)
     n_rows = 4_000
     truth = rng.uniform(15.0, 35.0, (n_rows, 1))
-    here = truth + rng.normal(0.0, 0.9, (n_rows, 2))
-    there = truth + rng.normal(0.0, 0.75, (n_rows, 2))
+    ours = truth + rng.normal(0.0, 0.9, (n_rows, 2))
+    theirs = truth + rng.normal(0.0, 0.75, (n_rows, 2))
     both = pd.DataFrame(
         {
-            "angle_deg": here.mean(axis=1),
+            "angle_deg": ours.mean(axis=1),
             "seeds": 2,
-            "seeds_sd": here.std(axis=1, ddof=1),
-            "aor": there.mean(axis=1),
-            "aor_std": there.std(axis=1),
+            "seeds_sd": ours.std(axis=1, ddof=1),
+            "aor": theirs.mean(axis=1),
+            "aor_std": theirs.std(axis=1),
             "n_ok": 2,
         }
     )
@@ -294,18 +294,22 @@ def test_equal_engines_have_the_chi_squared_of_their_number_of_rows():
 def test_the_page_has_the_numbers_of_the_kept_tables():
     page = (lifted_piles.HERE / "README.md").read_text()
     both = pd.read_csv(ROOT / compare.PUBLISHED / "compared_row.csv")
-    here, there = compare.scatters("row", both)
-    equal = np.sqrt((here**2 + there**2) / 2)
+    ours, theirs = compare.scatters("row", both)
+    equal = np.sqrt((ours**2 + theirs**2) / 2)
     chi_squared = (both["difference"] ** 2).sum() / equal**2
-    assert f"scatters by {here:.2f} degrees here and by {there:.2f} there" in page
+    assert f"scatters by {ours:.2f} degrees here and by {theirs:.2f} there" in page
     assert f"equal engines would differ by {equal:.2f}" in page
     assert f"is {chi_squared:.0f} on {len(both)}" in page
     drums_there = pd.read_csv(ROOT / compare.PUBLISHED / "compared_drum.csv")
-    here, there = compare.scatters("drum", drums_there)
-    assert f"drum scatters by {here:.2f} degrees here\nand by {there:.2f} there" in page
+    ours, theirs = compare.scatters("drum", drums_there)
+    assert (
+        f"drum scatters by {ours:.2f} degrees here\nand by {theirs:.2f} there" in page
+    )
     rates = pd.read_csv(ROOT / compare.PUBLISHED / "compared_discharge.csv")
-    here, there = compare.scatters("discharge", rates)
-    assert f"discharge scatters by {here:.1f} % here and by {there:.1f} % there" in page
+    ours, theirs = compare.scatters("discharge", rates)
+    assert (
+        f"discharge scatters by {ours:.1f} % here and by {theirs:.1f} % there" in page
+    )
 
 
 def test_records_without_an_engine_say_so(monkeypatch, tmp_path):

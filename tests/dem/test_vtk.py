@@ -80,18 +80,18 @@ def test_vtk_points_have_the_state_of_the_bodies(tmp_path):
     simulation = scene()
     write_vtk(tmp_path / "a.vtp", simulation)
     found = arrays(tmp_path / "a.vtp")
-    here = [0, 2]
+    present = [0, 2]
     assert found["piece"]["NumberOfVerts"] == "2"
     assert found["TimeValue"] == [simulation.time_s]
     assert found["shape_names"] == ["berry", "ball"]
-    np.testing.assert_array_equal(found["id"], here)
+    np.testing.assert_array_equal(found["id"], present)
     np.testing.assert_array_equal(found["shape"], [0, 1])
     np.testing.assert_array_equal(found["scale"], [1.5, 1.0])
     for name in ("position", "quaternion", "velocity"):
         values = getattr(simulation, {"velocity": "velocities"}.get(name, name + "s"))
-        np.testing.assert_array_equal(found[name], values[here])
+        np.testing.assert_array_equal(found[name], values[present])
     np.testing.assert_array_equal(
-        found["angular_velocity"], simulation.angular_velocities[here]
+        found["angular_velocity"], simulation.angular_velocities[present]
     )
     tensor = found["tensor"][0].reshape(3, 3)
     turn = dem.rotation_matrix(simulation.quaternions[0])

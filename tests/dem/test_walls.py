@@ -127,18 +127,18 @@ def test_contacts_of_a_funnel_are_found_where_a_dense_search_finds_them(wall):
         s.add(place, q)
         s.run_steps(1)
         _, walls, normals, azimuths = s.curved_contacts()
-        here = walls == (wall == "ring")
+        of_wall = walls == (wall == "ring")
         if wall == "cone":
-            assert len(walls) == here.sum() == (slow < 0.0)
-            assert normals[here, 2] == pytest.approx(row[1])
+            assert len(walls) == of_wall.sum() == (slow < 0.0)
+            assert normals[of_wall, 2] == pytest.approx(row[1])
         else:
-            assert not (slow > 0.0 and here.any())
-            outward = normals[here, 0] * np.cos(azimuths[here]) + normals[
-                here, 1
-            ] * np.sin(azimuths[here])
-            assert (outward * row[3] + normals[here, 2] * row[4] >= 0.0).all()
-        checked += slow > 0.0 or here.any()
-        touched += here.sum()
+            assert not (slow > 0.0 and of_wall.any())
+            outward = normals[of_wall, 0] * np.cos(azimuths[of_wall]) + normals[
+                of_wall, 1
+            ] * np.sin(azimuths[of_wall])
+            assert (outward * row[3] + normals[of_wall, 2] * row[4] >= 0.0).all()
+        checked += slow > 0.0 or of_wall.any()
+        touched += of_wall.sum()
     assert checked > 15
     assert touched > (20 if wall == "cone" else 0)
 
@@ -616,21 +616,21 @@ def test_the_deepest_overlap_is_that_of_the_farthest_point(name, kind):
     for _ in range(4):
         turned = random_quaternion(rng)
         turn = rotation_matrices(turned[None])[0]
-        here = place - 0.008 * into
+        centre = place - 0.008 * into
         while (
-            abs((depth := farthest(kind, turn, beyond, here)) - DEEP_M) > 0.2 * DEEP_M
+            abs((depth := farthest(kind, turn, beyond, centre)) - DEEP_M) > 0.2 * DEEP_M
         ):
-            here = here + (DEEP_M - depth) * into
+            centre = centre + (DEEP_M - depth) * into
         if kind == "clump":
             s = scene({"body": bent()}, largest_scale=SCALE, **options)
-            s.add("body", here, turned, scale=SCALE)
+            s.add("body", centre, turned, scale=SCALE)
         else:
             s = simulation(
                 [[BALL_M] * 3] if kind == "sphere" else BARREL,
                 largest_scale=SCALE,
                 **options,
             )
-            s.add(here, turned, scale=SCALE)
+            s.add(centre, turned, scale=SCALE)
         s.run_steps(1)
         bodies, walls, overlaps = s.wall_overlaps()
         assert set(bodies) == {0}

@@ -29,8 +29,8 @@ one
 def commands_of(page):
     return {
         text
-        for what, text in commands.steps((commands.ROOT / page).read_text())
-        if what == "command"
+        for kind, text in commands.steps((commands.ROOT / page).read_text())
+        if kind == "command"
     }
 
 

@@ -43,8 +43,8 @@ class Checkout:
     def python(self, *arguments, **environment):
         """Run Python in the copy and return what it prints."""
         paths = [self.folder / path for path in PATHS]
-        here = {"PYTHONPATH": os.pathsep.join(map(str, paths))} | environment
-        return run_python(*arguments, cwd=self.folder, env=os.environ | here)
+        variables = {"PYTHONPATH": os.pathsep.join(map(str, paths))} | environment
+        return run_python(*arguments, cwd=self.folder, env=os.environ | variables)
 
     def add_module(self, thing):
         """Write the module of the guide and the line that registers it."""

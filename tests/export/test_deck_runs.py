@@ -71,14 +71,14 @@ def places(end, job):
     at = np.stack([end[axis] for axis in "xyz"], axis=1).reshape(
         -1, len(job.particle.spheres_m), 3
     )
-    wanted = np.linalg.norm(
+    expected = np.linalg.norm(
         job.particle.spheres_m[:, None, :3] - job.particle.spheres_m[None, :, :3],
         axis=2,
     )
     for spheres in at:
         assert np.linalg.norm(
             spheres[:, None] - spheres[None], axis=2
-        ) == pytest.approx(wanted, abs=1e-6)
+        ) == pytest.approx(expected, abs=1e-6)
     return at
 
 

@@ -543,12 +543,12 @@ ASKED = {
 def test_the_verb_writes_a_deck_of_clumps_or_spheres(
     monkeypatch, tmp_path, command, arguments, spherical, is_clump
 ):
-    asked = {}
+    settings = {}
 
     def berry_and_particle(study):
-        asked.update(study.config["berry"])
+        settings.update(study.config["berry"])
         axes = np.full((1, 3), 5 * MM) if spherical else SMOOTH.semi_axes_m
-        return BERRY, THREE if asked["particle"] == "multisphere" else replace(
+        return BERRY, THREE if settings["particle"] == "multisphere" else replace(
             SMOOTH, semi_axes_m=axes
         )
 
@@ -572,8 +572,8 @@ def test_the_verb_writes_a_deck_of_clumps_or_spheres(
         "particletemplate/sphere" in (tmp_path / "in.pour").read_text()
     ) is not is_clump
     assert (tmp_path / "clump.txt").exists() is is_clump
-    assert (asked["particle"] == "multisphere") is is_clump
-    assert not is_clump or asked["spheres"] == int(arguments[1])
+    assert (settings["particle"] == "multisphere") is is_clump
+    assert not is_clump or settings["spheres"] == int(arguments[1])
 
 
 def test_a_card_brings_the_configuration_beside_it(monkeypatch, tmp_path, command):

@@ -69,7 +69,7 @@ class Table(list):
         print(" | ".join(row), *map(str, list(again)[:5]), flush=True)
 
 
-def kills(place, finished, wanted, table, count, seed):
+def kills(place, finished, expected, table, count, seed):
     """Kill a workflow, one of its jobs or all at random moments, again and again, until the study ends; repeat."""
     rng = random.Random(seed)
     done = number = 0
@@ -85,11 +85,11 @@ def kills(place, finished, wanted, table, count, seed):
         while status and len(rows) < 15:
             forced = (FORCED[rng.randrange(len(FORCED))],) if rng.random() < 0.3 else ()
             main = study.start(*forced)
-            whom = rng.choice(VICTIMS)
+            victim = rng.choice(VICTIMS)
             signal_number = SIGNALS[done % 3]
             moment = rng.randrange(MORE_FILES), rng.uniform(0.0, 1.0)
             killed = (
-                _kill(study, main, signal_number, whom, *moment)
+                _kill(study, main, signal_number, victim, *moment)
                 if done < count
                 else False
             )
@@ -105,7 +105,7 @@ def kills(place, finished, wanted, table, count, seed):
             again = study.made_again(kept)
             if killed:
                 done += 1
-                where = f"{whom}, {len(now)} files finished" + (
+                where = f"{victim}, {len(now)} files finished" + (
                     f", --forcerun {forced[0]}" if forced else ""
                 )
                 rows.append(
@@ -118,30 +118,30 @@ def kills(place, finished, wanted, table, count, seed):
             if not killed and status:
                 print(f"    {study.last_words()}")
                 break
-        same = compared(study, wanted)
+        same = compared(study, expected)
         for row in rows:
             table.add(*row[:3], same, row[3])
         if same:
             shutil.rmtree(study.folder)
 
 
-def _kill(study, main, number, whom, more, after_s):
+def _kill(study, main, number, victim, more, after_s):
     """Whether these were killed before the study ended."""
     records = study.folder / ".snakemake/metadata"
     end = math.inf
-    wanted = len(list(records.glob("*"))) + more
+    expected = len(list(records.glob("*"))) + more
     while True:
         if os.waitid(os.P_PID, main, os.WEXITED | os.WNOHANG | os.WNOWAIT):
             return False
         jobs = study.jobs.running()
-        if end == math.inf and len(list(records.glob("*"))) >= wanted:
+        if end == math.inf and len(list(records.glob("*"))) >= expected:
             end = time.monotonic() + after_s
-        if time.monotonic() >= end and (jobs or whom != "a job"):
+        if time.monotonic() >= end and (jobs or victim != "a job"):
             break
         time.sleep(0.01)
     hit = False
     for process in {"the workflow": [main], "a job": jobs[:1], "all": [main, *jobs]}[
-        whom
+        victim
     ]:
         with suppress(ProcessLookupError):  # it has ended just now
             os.kill(process, number)
@@ -149,7 +149,7 @@ def _kill(study, main, number, whom, more, after_s):
     return hit
 
 
-def damages(place, finished, wanted, table):
+def damages(place, finished, expected, table):
     """Files of a finished study that are cut, flipped or lost."""
     for way, names in (
         ("half of it lost", DAMAGED),
@@ -175,7 +175,7 @@ def damages(place, finished, wanted, table):
                 result = f"{status} and named; removed, then "
                 status = study.run()
             again = [] if name == "results/heaps" else _repoured(study, finished, path)
-            table.add(way, name, f"{result}{status}", compared(study, wanted), again)
+            table.add(way, name, f"{result}{status}", compared(study, expected), again)
             shutil.rmtree(study.folder)
 
 
@@ -194,7 +194,7 @@ def _repoured(study, finished, damaged):
     ]
 
 
-def changes(place, finished, wanted, table):
+def changes(place, finished, expected, table):
     """Another workflow in the same folder meanwhile, and changed keys beside a new study with them."""
     jobs = finished.jobs
     study = Study(place / "two", jobs).prepared()
@@ -208,7 +208,7 @@ def changes(place, finished, wanted, table):
         "a second workflow meanwhile",
         second.last_words(),
         statuses,
-        compared(study, wanted),
+        compared(study, expected),
         [],
     )
     target = {
@@ -246,11 +246,11 @@ def changes(place, finished, wanted, table):
             shutil.rmtree(folder.folder)
 
 
-def no_room(place, finished, wanted, table):
+def no_room(place, finished, expected, table):
     """A full disk, a disk that turns read-only, and too little memory, each in mid-run."""
     jobs = finished.jobs
     targets = finished.targets
-    size = sum(map(len, wanted.values())) // 1024
+    size = sum(map(len, expected.values())) // 1024
     for number, share in enumerate((0.2, 0.4, 0.6, 0.8)):
         study = Study(place / f"full_{number}", jobs, targets).prepared()
         results = study.folder / "results"
@@ -262,7 +262,7 @@ def no_room(place, finished, wanted, table):
             _mount("-o", "remount,size=500m", results)
             _again(
                 study,
-                wanted,
+                expected,
                 table,
                 f"disk full at {share:.0%}",
                 "results",
@@ -274,7 +274,7 @@ def no_room(place, finished, wanted, table):
                 status = study.run("network")
                 message = study.last_words()
                 _mount("-o", "remount,rw", results)
-                _again(study, wanted, table, "read-only", "results", status, {})
+                _again(study, expected, table, "read-only", "results", status, {})
                 print(f"    {message}")
         finally:
             subprocess.run(["umount", results], check=True)
@@ -292,20 +292,20 @@ def no_room(place, finished, wanted, table):
         resource.RLIMIT_AS,
         (resource.RLIM_INFINITY, resource.RLIM_INFINITY),
     )
-    _again(study, wanted, table, "4 MB of memory left", "jobs", status, before)
+    _again(study, expected, table, "4 MB of memory left", "jobs", status, before)
 
 
 def _mount(*arguments):
     subprocess.run(["mount", *arguments], check=True)
 
 
-def _again(study, wanted, table, fault, place, status, before):
+def _again(study, expected, table, fault, place, status, before):
     """Give the same command again, whose status with the fault is known, and what was finished before."""
     table.add(
         fault,
         place,
         f"{status}, then {study.run()}",
-        compared(study, wanted),
+        compared(study, expected),
         study.made_again(before),
     )
 
@@ -325,12 +325,12 @@ def main():
         action="store_true",
         help="with the engine, which costs minutes more",
     )
-    given = parser.parse_args()
+    arguments = parser.parse_args()
     table = Table()
     # a shell lets what runs in the background ignore it
     signal.signal(signal.SIGINT, signal.default_int_handler)
     forked.load_all()
-    if not given.real_pours:
+    if not arguments.real_pours:
         forked.make_up_pours()
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
@@ -340,7 +340,7 @@ def main():
             if finished.run():
                 sys.exit(finished.log.read_text())
             took = time.monotonic() - began
-            wanted = finished.results()
+            expected = finished.results()
             names = sorted(
                 str(path.relative_to(finished.folder)) for path in finished.finished()
             )
@@ -350,15 +350,15 @@ def main():
                 if "/runs/" not in name and "/timings/" not in name
             )
             finished.targets = (*TARGETS, *mine)
-            print(f"undisturbed: {took:.1f} s, {len(wanted)} files", flush=True)
+            print(f"undisturbed: {took:.1f} s, {len(expected)} files", flush=True)
             for part in (damages, changes, no_room):
-                if given.only in (None, part.__name__):
-                    part(place, finished, wanted, table)
-            if given.only in (None, "kills"):
-                kills(place, finished, wanted, table, given.kills, given.seed)
+                if arguments.only in (None, part.__name__):
+                    part(place, finished, expected, table)
+            if arguments.only in (None, "kills"):
+                kills(place, finished, expected, table, arguments.kills, arguments.seed)
     head = "| fault | where | exit status | same bytes after the same command | finished files made again |"
     lines = [head, "|---" * 5 + "|", *(f"| {' | '.join(row)} |" for row in table)]
-    Path(given.out).write_text("\n".join(lines) + "\n")
+    Path(arguments.out).write_text("\n".join(lines) + "\n")
     bad = sum("**" in "".join(row[3:]) for row in table)
     print(f"{len(table)} faults, {bad} bad, {time.process_time():.0f} s")
     sys.exit(bool(bad))

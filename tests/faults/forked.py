@@ -350,16 +350,16 @@ class Study:
         }
 
 
-def compared(study, wanted):
+def compared(study, expected):
     found = study.results()
-    for name in sorted(set(found) | set(wanted)):
-        if found.get(name) != wanted.get(name):
+    for name in sorted(set(found) | set(expected)):
+        if found.get(name) != expected.get(name):
             state = (
                 "lost"
                 if name not in found
                 else "new"
-                if name not in wanted
+                if name not in expected
                 else "other bytes"
             )
             print(f"    {name}: {state}", flush=True)
-    return found == wanted
+    return found == expected

@@ -221,8 +221,8 @@ def test_a_pour_draws_from_its_seed_up_to_the_largest_scale():
     np.testing.assert_array_equal(first, again)
     assert np.abs(first - other).max() > 0.05
     assert first.max() <= largest
-    alike, scale = size_distribution.draw_scales("none", {}, 7, 3)
-    assert alike.tolist() == [1, 1, 1]
+    equal, scale = size_distribution.draw_scales("none", {}, 7, 3)
+    assert equal.tolist() == [1, 1, 1]
     assert scale == 1
     input_error("scale_sd", size_distribution.draw_scales, "measured", {}, 7, 3)
     berry = {"scale_sd": 0.4, "scale_low": 0.3, "scale_high": 1.2}

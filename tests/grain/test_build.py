@@ -333,12 +333,12 @@ def test_a_scan_in_another_unit_than_the_sizes_is_told(tmp_path):
         "minor_mm": 9.0,
         "density_kg_m3": 1000.0,
     }
-    how = {"mass_g": None, "particle": "smooth", "spheres": 14, "surface": "smooth"}
+    options = {"mass_g": None, "particle": "smooth", "spheres": 14, "surface": "smooth"}
 
     def made(*axes_mm):
         scan = saved(build.ellipsoid_mesh(axes_mm), tmp_path)
         return build.of_settings(
-            grain, GrainSettings.model_construct(stl=str(scan), **how)
+            grain, GrainSettings.model_construct(stl=str(scan), **options)
         )
 
     for scale, message in (

@@ -339,7 +339,7 @@ def boxes(
 
 
 def truth(
-    scene: Scene, how: MeasureSettings, step: float = 0.2
+    scene: Scene, settings: MeasureSettings, step: float = 0.2
 ) -> tuple[float, float, float]:
     """Angle by the program's own measurement of the side view without perspective, by a fit of our own, and Height."""
     depth, _, left = scene.parallel(scene.facing, step, scene.grains[2])
@@ -355,7 +355,7 @@ def truth(
         ).mean()
     )
     measurement = measure_image(
-        np.where(seen, 40, 255).astype(np.uint8), step, how, base_row=plate - 0.5
+        np.where(seen, 40, 255).astype(np.uint8), step, settings, base_row=plate - 0.5
     )
     return measurement.aor_deg, refitted, measurement.height_mm
 
@@ -464,8 +464,8 @@ def photograph(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     page = cv2.GaussianBlur(
         page, (0, 0), 0.5 * len(page) * scene.away / (tall * scene.focal)
     ) * np.float32(0.75 / gain)
-    page, there = pinhole.warped(page, scene.seen(corners)[0], SIZE)
-    picture = (1 - there) * picture + page + 6 * there
+    page, is_page = pinhole.warped(page, scene.seen(corners)[0], SIZE)
+    picture = (1 - is_page) * picture + page + 6 * is_page
     place, _ = scene.seen(scene.grains[0][: scene.number])
     # the part of the photograph with the heap, which is traced finer
     first = (place.min(0) - 2 * scene.grain_px).astype(int)
@@ -491,12 +491,12 @@ def outcome(
     scene: Scene, folder: Path
 ) -> tuple[photographs.Photograph, tuple[float, float, float]]:
     """The photograph of a scene, measured, and the truth; what was found in it lies beside it."""
-    how = MeasureSettings.with_defaults(berry_height_mm=scene.d)
+    settings = MeasureSettings.with_defaults(berry_height_mm=scene.d)
     # half of the cameras state their focal length
     focal = scene.focal / SIZE[0] if scene.stated else None
     path = sixty.saved(
         folder / f"{scene.seed}.jpg", lambda: photograph(scene)[0], focal, quality=92
     )
-    found = photographs.measure_all([path], how, photographs.Scale())[0]
+    found = photographs.measure_all([path], settings, photographs.Scale())[0]
     sixty.show(found, path)
-    return found, truth(scene, how)
+    return found, truth(scene, settings)

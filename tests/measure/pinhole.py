@@ -261,11 +261,11 @@ def _room(scene, rng, eye, rays):
     for way in (
         np.linspace(0, 1, 25)[1:] * max(heap.height for heap in scene.heaps) / LIGHT[2]
     ):
-        there = np.max(
+        surface = np.max(
             [heap.top(x + way * LIGHT[0], y + way * LIGHT[1]) for heap in scene.heaps],
             axis=0,
         )
-        dark = np.maximum(dark, there > way * LIGHT[2])
+        dark = np.maximum(dark, surface > way * LIGHT[2])
     dark = cv2.GaussianBlur(
         cv2.resize(dark.astype(np.float32), (size, size)), (0, 0), 3
     )

@@ -133,14 +133,14 @@ def plain(drawn: Scene) -> bool:
 
 
 def saved(
-    path: Path, make: Callable[[], np.ndarray], focal: float | None, **how: int
+    path: Path, make: Callable[[], np.ndarray], focal: float | None, **options: int
 ) -> Path:
     """The file of a photograph, drawn if it is not there; its EXIF entry may state the focal length (in its width)."""
     if not path.exists():
         exif = Image.Exif()
         if focal:
             exif[0x8769] = {0xA405: round(36 * focal)}
-        Image.fromarray(make()[..., ::-1]).save(path, exif=exif, **how)
+        Image.fromarray(make()[..., ::-1]).save(path, exif=exif, **options)
     return path
 
 
@@ -159,12 +159,12 @@ def measured(
     drawn: Scene, path: Path, focal_stated: bool = False
 ) -> photographs.Photograph:
     """The photograph, drawn if it is not there, and measured."""
-    how = MeasureSettings.with_defaults(berry_height_mm=drawn.grain_mm)
+    settings = MeasureSettings.with_defaults(berry_height_mm=drawn.grain_mm)
     focal = drawn.focal / max(drawn.size) if focal_stated else None
     path = saved(
         path, lambda: photograph(drawn, sheet.draw()[0], sheet.size_mm()), focal
     )
-    return photographs.measure_all([path], how, photographs.Scale())[0]
+    return photographs.measure_all([path], settings, photographs.Scale())[0]
 
 
 def outcome(number: int, folder: Path) -> Outcome:

@@ -187,19 +187,19 @@ def slow_straightest(profile, smallest, rule):
 
 @pytest.mark.parametrize("rule", RULES)
 @pytest.mark.parametrize(
-    ("fast", "slow", "height", "of"),
+    ("fast", "slow", "height", "window"),
     [
         (angles.fit_steepest, slow_steepest, 115.0, (11.5, 92.0)),
         (angles.fit_straightest, slow_straightest, 230.0, (0.25,)),
         (angles.fit_straightest, slow_straightest, 230.0, (0.5,)),
     ],
 )
-def test_windows_of_lumpy_flanks_equal_a_slow_search(fast, slow, height, of, rule):
+def test_windows_of_lumpy_flanks_equal_a_slow_search(fast, slow, height, window, rule):
     rng = np.random.default_rng(11)
     for slope in (0.35, 0.6, 0.9):
         profile = lumpy(slope, height, rng)
-        assert fast(profile, *of, rule).angle_deg == pytest.approx(
-            slow(profile, *of, rule), abs=1e-6
+        assert fast(profile, *window, rule).angle_deg == pytest.approx(
+            slow(profile, *window, rule), abs=1e-6
         )
 
 
@@ -224,14 +224,14 @@ def both_sides(left, right):
 
 def test_sides_hold_every_definition_or_say_why_not():
     profile, crest = both_sides(cone(0.4, 200.0), cone(0.8, 200.0))
-    how = MeasureSettings.with_defaults(
+    settings = MeasureSettings.with_defaults(
         fit_from="berry",
         fit_to=0.9,
         flank="columns",
         berry_height_mm=50.0,
         mm_per_pixel=1.0,
     )
-    measured, reasons = angles.measure_sides(profile, crest, how)
+    measured, reasons = angles.measure_sides(profile, crest, settings)
     assert tuple(measured) == angles.DEFINITIONS
     assert not reasons
     mean, left, right = measured["flank"]
@@ -242,12 +242,12 @@ def test_sides_hold_every_definition_or_say_why_not():
     assert left.ends[0][1] == 50.0
     assert left.ends[1][1] == 180.0
     unknown, reasons = angles.measure_sides(
-        profile, crest, how.model_copy(update={"berry_height_mm": None})
+        profile, crest, settings.model_copy(update={"berry_height_mm": None})
     )
     assert tuple(unknown) == ("whole", "straightest")
     assert set(reasons) == {"flank", "secant", "steepest"}
     low, reasons = angles.measure_sides(
-        profile, crest, how.model_copy(update={"fit_from": 0.1, "fit_to": 0.2})
+        profile, crest, settings.model_copy(update={"fit_from": 0.1, "fit_to": 0.2})
     )
     assert "steepest" not in low
     assert "12 are needed" in reasons["steepest"]

@@ -110,17 +110,17 @@ def test_what_stands_beside_or_below_a_pile_is_doubted_without_a_sheet(
     input_error("pages is 2; expected 1", pile.read_image, tmp_path / "a.tif")
 
 
-@pytest.mark.parametrize("there", ["picture", "link", "folder", "other"])
-def test_an_overlay_never_replaces_what_was_there(tmp_path, measure, there):
+@pytest.mark.parametrize("existing", ["picture", "link", "folder", "other"])
+def test_an_overlay_never_replaces_what_was_there(tmp_path, measure, existing):
     before = photograph(tmp_path / "pile.png")
-    out = tmp_path if there == "picture" else tmp_path / "out"
+    out = tmp_path if existing == "picture" else tmp_path / "out"
     out.mkdir(exist_ok=True)
     place = out / "pile.png"
-    if there == "link":
+    if existing == "link":
         place.symlink_to("../pile.png")
-    elif there == "folder":
+    elif existing == "folder":
         place.mkdir()
-    elif there == "other":
+    elif existing == "other":
         photograph(place)
     assert (
         "expected a"
@@ -129,8 +129,8 @@ def test_an_overlay_never_replaces_what_was_there(tmp_path, measure, there):
         ).err
     )
     assert (tmp_path / "pile.png").read_bytes() == before
-    assert there != "link" or place.is_symlink()
-    assert there != "other" or place.read_bytes() == before
+    assert existing != "link" or place.is_symlink()
+    assert existing != "other" or place.read_bytes() == before
 
 
 STRIPES = np.where(np.arange(600) // 60 % 2, 220, 90).astype(np.uint8) * np.ones(

@@ -19,8 +19,8 @@ FLANK = MeasureSettings.with_defaults(
 )
 
 
-def measure_image(picture, mm_per_pixel, how=FLANK, **more):
-    return piles.measure_image(picture, mm_per_pixel, how, **more)
+def measure_image(picture, mm_per_pixel, settings=FLANK, **more):
+    return piles.measure_image(picture, mm_per_pixel, settings, **more)
 
 
 MM = 0.25

@@ -113,8 +113,8 @@ def test_a_cone_seen_from_above_or_below_gets_its_angle_and_its_foot_back(above,
         255 * mask, mask.astype(np.float32), 0.5, mask, base, "brighter"
     )
     photograph = photographs.Photograph(Path(), mask, pile, facts={"mm_per_pixel": px})
-    how = MeasureSettings.with_defaults(berry_height_mm=6.0)
-    flat = photographs._measure_view(photograph, how)
+    settings = MeasureSettings.with_defaults(berry_height_mm=6.0)
+    flat = photographs._measure_view(photograph, settings)
     assert (flat.aor_deg < 30.9) == (above != 0)
     photograph.view, photograph.pile = remove_perspective(
         photograph.view,
@@ -123,7 +123,7 @@ def test_a_cone_seen_from_above_or_below_gets_its_angle_and_its_foot_back(above,
         (flat.angle.left_deg, flat.angle.right_deg),
         height / px,
     )
-    level = photographs._measure_view(photograph, how)
+    level = photographs._measure_view(photograph, settings)
     assert [level.angle.left_deg, level.angle.right_deg] == pytest.approx(
         [31.0, 31.0], abs=0.1
     )

@@ -157,10 +157,10 @@ def test_cones_of_berries_have_their_angle_within_a_degree():
         for _ in range(4):
             pile = Grains(*cone_of_berries(angle, rng), BERRY)
             for rule in errors:
-                how = MeasureSettings.with_defaults(
+                settings = MeasureSettings.with_defaults(
                     response="flank", fit_from=0.1, flank=rule
                 )
-                errors[rule].append(measure_pile(pile, how).aor_deg - angle)
+                errors[rule].append(measure_pile(pile, settings).aor_deg - angle)
     assert abs(np.mean(errors["levels"])) < 1.0
     assert abs(np.mean(errors["levels"])) < abs(np.mean(errors["columns"]))
 

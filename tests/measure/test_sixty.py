@@ -146,9 +146,9 @@ def outlined(*tops):
     ],
 )
 def test_what_is_found_is_asked_whether_it_is_a_heap(tops, doubt):
-    how = MeasureSettings.with_defaults(mm_per_pixel=0.5, berry_height_mm=6.0)
+    settings = MeasureSettings.with_defaults(mm_per_pixel=0.5, berry_height_mm=6.0)
     pile = outlined(*tops)
-    doubts = doubts_of_pile(pile, measure_segmented(pile, how), 6.0, 0.5)
+    doubts = doubts_of_pile(pile, measure_segmented(pile, settings), 6.0, 0.5)
     assert bool(doubts) == bool(doubt)
     assert any(doubt in line for line in doubts) or not doubt
 
@@ -169,16 +169,16 @@ def test_a_second_heap_beside_it_is_doubtful(tmp_path):
             )
         file = tmp_path / f"{high}.png"
         cv2.imwrite(str(file), picture)
-        how = MeasureSettings.with_defaults(berry_height_mm=6.0)
+        settings = MeasureSettings.with_defaults(berry_height_mm=6.0)
         scale = photographs.Scale(mm_per_pixel=0.5)
-        (seen,) = photographs.measure_all([file], how, scale)
+        (seen,) = photographs.measure_all([file], settings, scale)
         assert ("another heap stands beside it" in seen.remarks) == known
 
 
 def test_a_doubt_is_printed_beside_its_photograph_and_a_layer_is_refused(tmp_path):
-    how = MeasureSettings.with_defaults(mm_per_pixel=0.5)
+    settings = MeasureSettings.with_defaults(mm_per_pixel=0.5)
     pile = outlined((150, 60), (450, 62))
-    doubt = doubts_of_pile(pile, seen := measure_segmented(pile, how), 6.0, 0.5)[0]
+    doubt = doubts_of_pile(pile, seen := measure_segmented(pile, settings), 6.0, 0.5)[0]
     photograph = photographs.Photograph(
         tmp_path / "a.png",
         pile.grey,
@@ -187,17 +187,17 @@ def test_a_doubt_is_printed_beside_its_photograph_and_a_layer_is_refused(tmp_pat
         note="lens not corrected",
         doubts=[doubt],
     )
-    text = describe([photograph], tables([photograph], how), how, tmp_path)
+    text = describe([photograph], tables([photograph], settings), settings, tmp_path)
     assert doubt in next(line for line in text.splitlines() if line.startswith("a.png"))
     assert "note: lens not corrected\n" in text
-    how = MeasureSettings.with_defaults(mm_per_pixel=0.5, berry_height_mm=6.0)
+    settings = MeasureSettings.with_defaults(mm_per_pixel=0.5, berry_height_mm=6.0)
     pile = outlined((100, 30), (500, 30))
     raised(
         NoFlankError,
         "a layer, no pile",
         doubts_of_pile,
         pile,
-        measure_segmented(pile, how),
+        measure_segmented(pile, settings),
         12.0,
         0.5,
     )

@@ -125,10 +125,10 @@ def errors(folder, kept=range(30), of_the_sheet=8, draw=0):
             cv2.imwrite(str(paths[scene.seed]), photograph(scene))
         for crop in sorted({scene.crop for scene in chosen}):
             same = [scene for scene in chosen if scene.crop == crop]
-            how = MeasureSettings.with_defaults(berry_height_mm=same[0].berry_mm)
+            settings = MeasureSettings.with_defaults(berry_height_mm=same[0].berry_mm)
             found = photographs.measure_all(
                 [paths[scene.seed] for scene in same],
-                how,
+                settings,
                 photographs.Scale(),
                 [paths[scene.seed] for scene in alone],
             )
@@ -137,7 +137,7 @@ def errors(folder, kept=range(30), of_the_sheet=8, draw=0):
                 if seen is None:
                     missed[scene.seed % 1000] = photograph_.refused
                     continue
-                true = truth(scene, how)
+                true = truth(scene, settings)
                 missed[scene.seed % 1000] = (
                     seen.aor_deg - true.aor_deg,
                     seen.height_mm - true.height_mm,

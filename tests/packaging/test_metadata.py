@@ -295,12 +295,12 @@ def test_what_the_owner_has_to_fill_in_is_where_the_page_on_releases_says():
         for path in listed.splitlines()
         if re.search(pattern, (ROOT / path).read_text(encoding="utf-8"))
     }
-    told = set(
+    listed_paths = set(
         re.findall(
             r"^\| `([^`]+)` \|", (ROOT / "docs/release.md").read_text(), re.MULTILINE
         )
     )
-    assert found == told | {
+    assert found == listed_paths | {
         "docs/release.md",
         "tests/packaging/test_metadata.py",
         "tests/documents/commands.yaml",

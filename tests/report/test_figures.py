@@ -153,11 +153,11 @@ def test_figures_have_titles_and_captions_with_numbers():
 
 
 def test_figures_have_their_formats_bytes_and_fonts(inputs, tmp_path):
-    given = inputs_of("sobol", inputs)
+    files_of_figure = inputs_of("sobol", inputs)
     config = CONFIG | {"figures": {"format": ["png", "pdf", "svg"], "dpi": 90}}
     found = []
     for folder in (tmp_path / "first", tmp_path / "second"):
-        figures.draw("sobol", given, folder / "it.png", config)
+        figures.draw("sobol", files_of_figure, folder / "it.png", config)
         found.append(
             {
                 path.suffix: path.read_bytes()
@@ -174,10 +174,12 @@ def test_figures_have_their_formats_bytes_and_fonts(inputs, tmp_path):
     assert b"/FontFile2" in files[".pdf"]
     assert b"/Type3" not in files[".pdf"], "a journal wants text of TrueType"
     assert b"<text" not in files[".svg"], "its letters are outlines"
-    figures.draw("sobol", given, tmp_path / "alone" / "it.pdf", config)
+    figures.draw("sobol", files_of_figure, tmp_path / "alone" / "it.pdf", config)
     assert [path.name for path in (tmp_path / "alone").glob("it*")] == ["it.pdf"]
     ending = r"it\.eps: ending is '\.eps'; expected \.png or \.pdf or \.svg"
-    input_error(ending, figures.draw, "sobol", given, tmp_path / "it.eps", config)
+    input_error(
+        ending, figures.draw, "sobol", files_of_figure, tmp_path / "it.eps", config
+    )
 
 
 @pytest.mark.parametrize("name", ["figure02", "figure13", "convergence"])

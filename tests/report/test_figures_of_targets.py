@@ -238,11 +238,11 @@ def test_a_target_that_was_not_published_is_drawn(tmp_path):
     figure, result = draw("validation", inputs, alone)
     assert "not published" not in result
     assert len(figure.axes) == 2
-    for config, there in ((config_of(4), True), (alone, False)):
+    for config, has_published in ((config_of(4), True), (alone, False)):
         assert (
             "published simulation"
             in draw("published", {"published": files["published"]}, config)[1]
-        ) is there
+        ) is has_published
 
 
 def test_a_profile_is_drawn(tmp_path, monkeypatch):

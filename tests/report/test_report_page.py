@@ -36,9 +36,9 @@ def test_positions_are_kept_within_half_a_step():
     positions[0, :20] = np.nan
     whole, low, step = scene.quantised(positions)
     assert (whole[0, :20] == scene.ABSENT).all()
-    there = np.isfinite(positions).all(axis=2)
-    assert (whole[there] <= scene.STEPS).all()
-    error = np.abs(low + step * whole[there] - positions[there]).max()
+    present = np.isfinite(positions).all(axis=2)
+    assert (whole[present] <= scene.STEPS).all()
+    error = np.abs(low + step * whole[present] - positions[present]).max()
     assert error <= 0.5001 * step.max()
     assert 0.5001 * step.max() < 0.005
 
@@ -223,18 +223,20 @@ def test_a_row_of_the_answer_tells_bounds(tmp_path):
     sets.loc[0, "mur_gp"] = low
     sets.to_csv(files["table4"], index=False)
     for posterior in (True, False):
-        given = {
+        files_given = {
             name: files[name] for name in files if posterior or name != "posterior"
         }
-        rows = re.findall(r"<tr><td.*?</tr>", written((config, jobs, given), tmp_path))
-        told = {
+        rows = re.findall(
+            r"<tr><td.*?</tr>", written((config, jobs, files_given), tmp_path)
+        )
+        row_of = {
             name: next(row for row in rows if f">{name}</td>" in row)
             for name in PARAMETERS
         }
-        assert "at the lower bound of the range" in told["mur_gp"]
-        assert ("interval widened to hold the answer" in told["e_gg"]) is posterior
-        assert ("0.2 to 0.35" in told["e_gg"]) is posterior
-        assert "widened" not in told["mus_gg"] + told["mur_gp"]
+        assert "at the lower bound of the range" in row_of["mur_gp"]
+        assert ("interval widened to hold the answer" in row_of["e_gg"]) is posterior
+        assert ("0.2 to 0.35" in row_of["e_gg"]) is posterior
+        assert "widened" not in row_of["mus_gg"] + row_of["mur_gp"]
 
 
 def test_three_js_keeps_its_licence_has_the_used_classes_and_ends_no_script():
@@ -255,11 +257,11 @@ def test_faults_name_the_input(tmp_path):
         (files | {"photo": "x"}, r"photo.*one of dataset"),
         (lacking, "a report needs"),
     ]
-    for given, message in [
+    for files_given, message in [
         *cases,
         (files | {"photograph": tmp_path / "photo.jpg"}, r"photo.jpg.*a PNG or JPEG"),
     ]:
-        input_error(message, written, (config, jobs, given), tmp_path)
+        input_error(message, written, (config, jobs, files_given), tmp_path)
 
 
 def test_the_page_says_when_and_by_what_its_results_were_made_and_is_the_same_twice(

@@ -205,7 +205,7 @@ def of_two(feasible=True, out_of_reach=False, angle=32.0, height=66.0, status="o
 
 
 @pytest.mark.parametrize(
-    ("given", "met", "reason"),
+    ("changes", "met", "reason"),
     [
         (
             {},
@@ -243,8 +243,8 @@ def of_two(feasible=True, out_of_reach=False, angle=32.0, height=66.0, status="o
         ),
     ],
 )
-def test_the_reason_says_which_response_misses_by_how_much(given, met, reason):
-    found = of_two(**given)
+def test_the_reason_says_which_response_misses_by_how_much(changes, met, reason):
+    found = of_two(**changes)
     assert found.verdict.met is met
     assert found.reason == reason
     # A verdict that is good needs no reason.
@@ -308,8 +308,10 @@ def test_two_runs_do_not_show_how_two_responses_are_correlated():
     """Through two runs there is always a line: their joint probability is 0 or large."""
     check = answer.Check("a", "own", "", 5.0, 1.0, 5, 4.0, 6.0, 5.0, 0.5, 2, "ok")
     found = answer.Result("two", {}, True, "", (check, check), "", {}, inside=0.0)
-    each = stats.t(df=1, loc=5.0, scale=0.5)
-    assert found.probability == pytest.approx((each.cdf(6.0) - each.cdf(4.0)) ** 2)
+    distribution = stats.t(df=1, loc=5.0, scale=0.5)
+    assert found.probability == pytest.approx(
+        (distribution.cdf(6.0) - distribution.cdf(4.0)) ** 2
+    )
     assert found.verdict is answer.Verdict.UNDECIDED
 
 

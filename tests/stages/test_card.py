@@ -260,7 +260,7 @@ def test_bounds_and_widened_intervals_are_on_the_card_and_in_its_text(
 
 
 @pytest.mark.parametrize(
-    ("given", "fields", "status", "first"),
+    ("changes", "fields", "status", "first"),
     [
         (
             {},
@@ -282,13 +282,13 @@ def test_bounds_and_widened_intervals_are_on_the_card_and_in_its_text(
     ],
 )
 def test_a_script_asks_the_card_whether_the_targets_are_met(
-    given, fields, status, first, config, solutions, tmp_path, command
+    changes, fields, status, first, config, solutions, tmp_path, command
 ):
-    found = made(config, solutions, **given)
+    found = made(config, solutions, **changes)
     path = tmp_path / "card.json"
     card.check(found, "card")
     assert {name: found[name] for name in fields} == fields
-    assert ("small_run" in found) is ("small_run" in given)
+    assert ("small_run" in found) is ("small_run" in changes)
     path.write_text(json.dumps(found))
     lines = command("card", "check", path, status=status).out.splitlines()
     assert lines == [first, *([found["reason"]] if status == 0 else [])]
@@ -403,13 +403,13 @@ def test_an_angle_of_a_pile_has_its_line_and_the_same_piles_by_every_other(
     }
     berry = read_grain(STUDY / "berry/berry.json")
     particle = Particle.of_record(record_of_an_ellipsoid())
-    for given in (None, row):
+    for means in (None, row):
         made_card = card_study.make(
-            studied(config), found, berry, particle, solutions, row=given
+            studied(config), found, berry, particle, solutions, row=means
         )
         card.check(made_card, "card")
         assert made_card["tests"][0]["line"] == "secant, foot to crest"
-        assert ("definitions" in made_card["tests"][0]) == (given is not None)
+        assert ("definitions" in made_card["tests"][0]) == (means is not None)
     (tmp_path / "card.json").write_text(json.dumps(made_card))
     text = command("card", "show", tmp_path / "card.json").out
     # without the versions

@@ -243,13 +243,13 @@ def test_a_job_that_is_missing_or_twice_is_named(study):
             r"apparatus is 'drum'; expected a bench test of the targets, funnel",
         ),
     ]
-    for jobs, wanted, message in wrong:
+    for jobs, expected, message in wrong:
         input_error(
             message,
             dataset.run,
             folder / "samples.csv",
             jobs,
-            wanted,
+            expected,
             {},
             folder / "out",
         )

@@ -30,8 +30,8 @@ def targets(aor=30.5, aor_range=(29.0, 32.0), height_range=(63.0, 68.0)):
 TARGETS = targets()
 
 
-def study(wanted=TARGETS, settings=SETTINGS, **more):
-    return shared.study_of(wanted, SPACE, miga=settings, **more)
+def study(expected=TARGETS, settings=SETTINGS, **more):
+    return shared.study_of(expected, SPACE, miga=settings, **more)
 
 
 def write_inputs(folder, reach):

@@ -36,8 +36,8 @@ def settings(tmp_path, code, **keys):
         "files": [str(tmp_path / "program.py")],
         "output": "out.json",
     } | keys
-    given = {key: value for key, value in keys.items() if value is not None}
-    return SimulatorSettings.model_validate(given)
+    stated = {key: value for key, value in keys.items() if value is not None}
+    return SimulatorSettings.model_validate(stated)
 
 
 def run(tmp_path, section, **keys):
@@ -165,8 +165,8 @@ def test_values_never_reach_a_shell(tmp_path):
     code = "import json, sys; json.dump(sys.argv[1:], open('out.json', 'w'))"
     section = settings(tmp_path, code, command=command)
     run(tmp_path, section)
-    told = json.loads((tmp_path / "001" / "1" / "out.json").read_text())
-    assert told == ["$HOME; touch x 0.5", "5"]
+    printed = json.loads((tmp_path / "001" / "1" / "out.json").read_text())
+    assert printed == ["$HOME; touch x 0.5", "5"]
 
 
 def test_a_template_is_filled(tmp_path):

@@ -74,7 +74,7 @@ def write_heaps(folder, solutions, failed=(), names=PARAMETERS):
     return shared.write_jobs(solutions, folder, runs_of, names)
 
 
-def of(targets=TARGETS, names=PARAMETERS, measure=MEASURE):
+def settings_for(targets=TARGETS, names=PARAMETERS, measure=MEASURE):
     return shared.study_of(targets, SimpleNamespace(names=names), measure=measure)
 
 
@@ -115,7 +115,7 @@ def tables(folder, failed=(), support=None):
     paths = write_heaps(folder, select(folder), failed)
     theirs = published(stored(folder, failed))
     return compared(
-        folder / "v/solutions.csv", paths, of(), theirs, folder / "v", support
+        folder / "v/solutions.csv", paths, settings_for(), theirs, folder / "v", support
     )
 
 
@@ -266,7 +266,11 @@ def test_a_failed_or_missing_simulation_keeps_its_row_or_is_named(study):
     paths = write_heaps(study, select(study))
     with pytest.raises(InputError, match=r"samples without a file is \[6\]"):
         compared(
-            study / "v/solutions.csv", paths[:-1], of(), published(None), study / "v"
+            study / "v/solutions.csv",
+            paths[:-1],
+            settings_for(),
+            published(None),
+            study / "v",
         )
 
 
@@ -340,7 +344,11 @@ def test_a_study_of_height_alone_and_one_without_a_stored_table(study):
     assert theirs["height_simulated_mm"].tolist() == [66.0, 66.0]
     for table in (theirs, published(None, height_alone)):
         found = compared(
-            study / "v/solutions.csv", paths, of(height_alone), table, study / "v"
+            study / "v/solutions.csv",
+            paths,
+            settings_for(height_alone),
+            table,
+            study / "v",
         )
         assert found["representative"]["response"].tolist() == ["height_mm"]
         assert len(pd.read_csv(study / "v/published.csv")) == len(table)
@@ -368,7 +376,9 @@ def test_a_law_of_further_parameters_keeps_them_and_leaves_the_published_sets_ou
     theirs = published(stored(study), names=names)
     assert theirs.empty
     paths = write_heaps(study, chosen, names=names)
-    found = compared(study / "v/solutions.csv", paths, of(), theirs, study / "v")
+    found = compared(
+        study / "v/solutions.csv", paths, settings_for(), theirs, study / "v"
+    )
     assert found["table4"]["gamma_gp"].tolist() == [0.02] * 6
 
 

@@ -64,11 +64,11 @@ def means(parameters):
 
 
 def targets_of(*names):
-    wanted = {name: means(WANTED)[name] for name in names}
+    expected = {name: means(WANTED)[name] for name in names}
     return Targets.of(
         [
             target(name, value, 1.0, value - 1.5, value + 1.5, 5)
-            for name, value in wanted.items()
+            for name, value in expected.items()
         ]
     )
 

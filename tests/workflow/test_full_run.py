@@ -55,13 +55,13 @@ def test_a_finished_study_is_reported_archived_planned_anew_and_forced(project):
         subprocess.run(["git", *arguments], cwd=project, check=True)
     snakemake(project, *WORDS, "--archive", "study.tar.gz", status=0)
     with tarfile.open(project / "study.tar.gz") as archive:
-        wanted = {
+        expected = {
             "Snakefile",
             "workflow/Snakefile",
             "config/quick.yaml",
             "resources/berries.csv",
         }
-        assert wanted <= set(archive.getnames())
+        assert expected <= set(archive.getnames())
     for stage in ("pour", "dataset", "network", "miga", "validate", "drum"):
         done = snakemake(project, *WORDS, "--forcerun", stage, status=0)
         assert NOTHING not in done.stdout + done.stderr

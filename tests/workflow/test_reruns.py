@@ -62,8 +62,8 @@ def test_a_run_tells_the_processor_time_of_all_its_processes_and_keeps_that_of_e
         [call.took_s for call in done], rel=0.1, abs=1.5
     )
     sums = [f"{calls[column].sum() / 60:.1f} min" for column in ("wall_s", "cpu_s")]
-    told = f"; all {len(calls)} calls: {sums[0]} by the clock, {sums[1]} of processor time ("
-    assert told in done[-1].stderr.splitlines()[-1]
+    line = f"; all {len(calls)} calls: {sums[0]} by the clock, {sums[1]} of processor time ("
+    assert line in done[-1].stderr.splitlines()[-1]
 
 
 @pytest.mark.essential

@@ -52,7 +52,8 @@ def agrees(value, printed):
     # a number that was computed as 45.12499999999999 is 45.125
     exact = Decimal(repr(float(f"{value:.12g}")))
     return Decimal(printed) in {
-        exact.quantize(places, how) for how in (ROUND_HALF_UP, ROUND_HALF_EVEN)
+        exact.quantize(places, rounding)
+        for rounding in (ROUND_HALF_UP, ROUND_HALF_EVEN)
     }
 
 
@@ -214,8 +215,8 @@ def test_pareto_limits_the_error_of_a_mean_and_runs_that_determine_no_model():
     value_error("expected all 3", fit, [[0.0], [1.0]], [1.0, 2.0], ["A"], "quadratic")
 
 
-def surface(of):
-    return fit(RUNS, of(*RUNS.T), "ABC", "quadratic")
+def surface(function):
+    return fit(RUNS, function(*RUNS.T), "ABC", "quadratic")
 
 
 def test_a_target_is_met_at_the_foot_of_the_perpendicular():

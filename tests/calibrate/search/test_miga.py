@@ -175,10 +175,10 @@ def bowl(x):
 
 
 def test_islands_ga_finds_the_minimum():
-    asked = []
+    points = []
 
     def watched(x):
-        asked.append(x)
+        points.append(x)
         return bowl(x)
 
     result = islands_ga(watched, BOX, rounds=40, seed=1)
@@ -189,10 +189,10 @@ def test_islands_ga_finds_the_minimum():
     assert result.nfev == 80_000
     assert result.nit == 400
     assert result.success is None
-    asked = np.concatenate(asked)
-    assert (asked >= BOX[:, 0]).all()
-    assert (asked <= BOX[:, 1]).all()
-    assert bowl(asked).min() == result.fun
+    points = np.concatenate(points)
+    assert (points >= BOX[:, 0]).all()
+    assert (points <= BOX[:, 1]).all()
+    assert bowl(points).min() == result.fun
     assert (np.diff(result.history) <= 0).all()
     assert len(result.history) == 400
 

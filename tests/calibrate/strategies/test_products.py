@@ -177,10 +177,10 @@ def test_the_verbs_that_the_rules_call_write_card_and_report(
     monkeypatch.chdir(tmp_path)
     campaign(tmp_path, HEIGHT)
     config = PipelineConfig.load("config/quick.yaml").config
-    wanted = configuration(HEIGHT, SPACE)
+    expected = configuration(HEIGHT, SPACE)
     config |= {
-        "targets": wanted["targets"],
-        "parameters": wanted["parameters"],
+        "targets": expected["targets"],
+        "parameters": expected["parameters"],
         "strategy": "sequential",
     }
     config["sequential"] = SECTION

@@ -52,8 +52,10 @@ def samples(count, outputs=2, seed=0, noise=1.0):
 @pytest.fixture(scope="module")
 def fitted():
     X, Y = samples(80)
-    given = INPUTS, ("x_deg", "y_mm"), {"x_deg": {"a.b": 1}}
-    return {name: make(name, SETTINGS).describe(*given).fit(X, Y) for name in names()}
+    description = INPUTS, ("x_deg", "y_mm"), {"x_deg": {"a.b": 1}}
+    return {
+        name: make(name, SETTINGS).describe(*description).fit(X, Y) for name in names()
+    }
 
 
 @every
@@ -172,10 +174,10 @@ def test_a_sample_of_little_precision_hardly_counts(name):
     spoiled[7] += 15 * NOISE[:2]
     precision = np.ones(60)
     precision[7] = 1e-8
-    given = ((Y, None), (spoiled, precision), (spoiled, None))
+    cases = ((Y, None), (spoiled, precision), (spoiled, None))
     fits = (
         make(name, SETTINGS).fit(X, values, precision=weight)
-        for values, weight in given
+        for values, weight in cases
     )
     clean, weighed, kept = (fit.predict(X) for fit in fits)
     assert (
@@ -303,5 +305,5 @@ def test_load_names_what_is_wrong(tmp_path, fitted):
     (tmp_path / "bad.json").write_text(json.dumps(damaged))
     # the mean of a network holds without it
     input_error("not all finite", load, tmp_path / "bad.json")
-    wanted = r"outputs is \['x_deg', 'y_mm'\]; expected the targets y_mm, x_deg"
-    input_error(wanted, load, tmp_path / "good.json", ("y_mm", "x_deg"))
+    message = r"outputs is \['x_deg', 'y_mm'\]; expected the targets y_mm, x_deg"
+    input_error(message, load, tmp_path / "good.json", ("y_mm", "x_deg"))

@@ -101,12 +101,12 @@ def test_error_bars_of_the_mean_are_those_of_networks_drawn_from_the_posterior(
 def test_independent_outputs_change_nothing():
     X, Y = noisy_data(60, 31)
     plain = BayesianBP(hidden=3, starts=2).fit(X, Y)
-    alike = BayesianBP(hidden=3, starts=2).fit(
+    equal = BayesianBP(hidden=3, starts=2).fit(
         X, Y, noise_covariance=7 * np.diag(np.ptp(Y, axis=0) ** 2)
     )
-    np.testing.assert_allclose(alike.predict(X), plain.predict(X), rtol=1e-6)
-    np.testing.assert_allclose(alike.noise_std_, plain.noise_std_, rtol=1e-6)
-    assert alike.log_evidence_ == pytest.approx(plain.log_evidence_)
+    np.testing.assert_allclose(equal.predict(X), plain.predict(X), rtol=1e-6)
+    np.testing.assert_allclose(equal.noise_std_, plain.noise_std_, rtol=1e-6)
+    assert equal.log_evidence_ == pytest.approx(plain.log_evidence_)
 
 
 def test_mixed_outputs_are_those_of_a_mixed_last_layer():

@@ -227,9 +227,9 @@ def test_support_leaves_out_fixed_parameters():
         np.insert(grid(), 1, 0.3, axis=1), [0, 0.3, 0], [1, 0.3, 1], ("a", "fixed", "b")
     )
     free = Support(grid(), [0, 0], [1, 1], NAMES)
-    asked = np.array([[0.45, 0.5], [0.005, 0.995], [0.45, 0.9]])
-    assert fixed.warnings(np.insert(asked, 1, 0.3, axis=1)) == free.warnings(asked)
+    points = np.array([[0.45, 0.5], [0.005, 0.995], [0.45, 0.9]])
+    assert fixed.warnings(np.insert(points, 1, 0.3, axis=1)) == free.warnings(points)
     assert (
-        fixed.at_bounds(np.insert(asked, 1, 0.3, axis=1))[:, 1].tolist() == [False] * 3
+        fixed.at_bounds(np.insert(points, 1, 0.3, axis=1))[:, 1].tolist() == [False] * 3
     )
     assert fixed.largest_leverage == free.largest_leverage

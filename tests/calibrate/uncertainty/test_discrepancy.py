@@ -117,8 +117,8 @@ def test_a_study_that_says_too_little_is_refused(tmp_path):
         PILE,
     )
     few = combinations(tmp_path, np.ones((6, 2)), eligible=[True] * 4 + [False] * 2)
-    wanted = r"combinations.csv: eligible is '4.0 models.*'; expected at least 5"
-    input_error(wanted, discrepancy.shape_study_discrepancy, few, PILE)
+    message = r"combinations.csv: eligible is '4.0 models.*'; expected at least 5"
+    input_error(message, discrepancy.shape_study_discrepancy, few, PILE)
     input_error(
         "drum_slip_difference_deg",
         discrepancy.shape_study_discrepancy,

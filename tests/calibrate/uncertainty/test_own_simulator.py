@@ -248,11 +248,11 @@ def test_a_fixed_parameter_may_be_left_out(study, table, tmp_path):
 def test_runs_with_numbers_may_have_the_same_results(study, tmp_path):
     new = tmp_path / "new.csv"
     # runs with numbers may have the same results
-    alike = simulate(study.ask(), noise=0.0)
+    equal = simulate(study.ask(), noise=0.0)
     for run in (1, 2):
-        alike[alike["run"] == run].to_csv(new, index=False)
+        equal[equal["run"] == run].to_csv(new, index=False)
         runs = added(study, new, tmp_path / "alike.csv")
-    assert len(runs) == len(alike)
+    assert len(runs) == len(equal)
 
 
 def noise_of(study, table):
@@ -314,12 +314,12 @@ def test_too_few_single_runs_are_refused_with_the_ways_out(study, table):
         study,
         table[:14:2],
     )
-    alike = table.assign(
+    equal = table.assign(
         angle_deg=table.groupby("sample")["angle_deg"].transform("first")
     )
-    alike["time_s"] += np.linspace(0, 1e-7, len(alike))  # no row twice
+    equal["time_s"] += np.linspace(0, 1e-7, len(equal))  # no row twice
     # a simulator without random numbers repeats itself: each set counts once
-    found = noise_of(study, alike)
+    found = noise_of(study, equal)
     assert set(found.sources.values()) == {noise.ESTIMATED}
 
 
@@ -416,9 +416,9 @@ def changed(key, value):
     ("strategy", "n"), [("sequential", 5), ("published", 9)]
 )  # 9: beyond most_runs of the other
 def test_the_runs_of_a_sample_stand_at_the_top_or_in_the_section(strategy, n):
-    for given in ({"seeds": n}, {"sequential": {"seeds": n}}):
+    for seeds in ({"seeds": n}, {"sequential": {"seeds": n}}):
         assert set(
-            Study.own(CONTENT | given | {"strategy": strategy})
+            Study.own(CONTENT | seeds | {"strategy": strategy})
             .ask()
             .groupby("sample")
             .size()
@@ -436,13 +436,13 @@ def test_a_bad_configuration_is_refused_by_name(key, value, message):
 @pytest.mark.parametrize("name", ["sequential", "posterior"])
 def test_the_page_tells_the_defaults(name):
     row = re.search(rf"^\| `{name}` \|.*$", PAGE, re.MULTILINE)[0]
-    told = {
+    defaults = {
         key: float(value) for key, value in re.findall(r"`(\w+)` \(([\d.]+)\)", row)
     }
     content = {key: value for key, value in CONTENT.items() if key != name}
     completed = complete_configuration(content)[name]
     completed.pop("seed", None)
-    assert told == completed
+    assert defaults == completed
 
 
 def test_all_faults_of_a_configuration_are_reported_at_once():

@@ -412,16 +412,16 @@ def test_every_surrogate_gives_the_same_answer(name, study, tmp_path):
 
 def test_other_responses_and_definitions_are_refused(study, tmp_path):
     other = targets_of(height_mm=60.0, aor_deg=30.0)
-    wanted = r"network\.json: outputs is .*the responses of the targets, height_mm"
-    input_error(wanted, posterior_of, study, GIVEN._replace(targets=other), tmp_path)
+    message = r"network\.json: outputs is .*the responses of the targets, height_mm"
+    input_error(message, posterior_of, study, GIVEN._replace(targets=other), tmp_path)
     made_with = json.loads(study["network"].read_text()) | {
         "definitions": {"aor_deg": {"measure.response": "flank"}}
     }
     (tmp_path / "network.json").write_text(json.dumps(made_with))
     files = study | {"network": tmp_path / "network.json"}
     other = GIVEN._replace(definitions={"aor_deg": {"measure.response": "secant"}})
-    wanted = r"definition of aor_deg is .*flank.*secant.*as in my\.yaml"
-    input_error(wanted, posterior_of, files, other, tmp_path, "my.yaml")
+    message = r"definition of aor_deg is .*flank.*secant.*as in my\.yaml"
+    input_error(message, posterior_of, files, other, tmp_path, "my.yaml")
 
 
 def test_a_restored_network_has_its_error_bars(study):

@@ -249,12 +249,12 @@ def test_the_verbs_keep_turns_as_python_does(verbs):
     for turn in range(2):
         asked = whole.ask()
         pd.testing.assert_frame_equal(ask(), asked)
-        told = noisy(asked) if turn else noisy(asked).drop(columns=["sample", "run"])
-        tell(told[:5])
+        runs = noisy(asked) if turn else noisy(asked).drop(columns=["sample", "run"])
+        tell(runs[:5])
         pd.testing.assert_frame_equal(ask(), asked[5:].reset_index(drop=True))
         wrong = "each once" if turn else "the record has all numbers of this row"
-        assert wrong in tell(told[3:5], status=2)
-        tell(told[5:])
+        assert wrong in tell(runs[3:5], status=2)
+        tell(runs[5:])
         whole.tell(noisy(asked))
     pd.testing.assert_frame_equal(ask(), whole.ask())
 
