@@ -4,6 +4,7 @@ A table is CSV, as spreadsheets and other programs write it. A reader declares i
 columns (`Column`), and all faults of a table are reported at once.
 """
 
+import csv
 import io
 import math
 import os
@@ -31,6 +32,7 @@ Fault = tuple[int, str, Any, str]
 TABLE = "a CSV file"
 UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 SEPARATORS = ",;\t"
+BLANKS = r"\s+"  # separates cells where none of these does
 # A column that is not read is described by so many of its values.
 FEW_VALUES = 5
 # So many such columns are described.
@@ -496,19 +498,7 @@ def sheet(path: Path_, what: str = TABLE) -> Table:
     InputError
         If the file cannot be read as a table, or has a column twice.
     """
-    text = _read_text(path, what).replace("\r\n", "\n").replace("\r", "\n")
-
-    # Separate the comments. Leave an empty line for each, so that messages give the right
-    # line numbers.
-    comments = []
-    rows = []
-    for line in text.split("\n"):
-        # Spreadsheets put a comment into quotes if it contains a separator.
-        if line.lstrip(' "').startswith("#"):
-            comments.append(line)
-            rows.append("")
-        else:
-            rows.append(line)
+    rows, comments = _lines_and_comments(path, what)
 
     # Split the header from the cells.
     separator = _separator_of(_header_of(rows))
@@ -526,6 +516,72 @@ def sheet(path: Path_, what: str = TABLE) -> Table:
     if separator in (";", "\t"):
         cells = _with_decimal_points(path, cells)
     return Table(path, cells, comments)
+
+
+def _lines_and_comments(path: Path_, what: str) -> tuple[list[str], list[str]]:
+    """Read the lines of a table, with an empty one for each comment, and the comments.
+
+    The empty lines keep the numbers of the lines in messages right.
+    """
+    text = _read_text(path, what).replace("\r\n", "\n").replace("\r", "\n")
+    comments = []
+    rows = []
+    for line in text.split("\n"):
+        # Spreadsheets put a comment into quotes if it contains a separator.
+        if line.lstrip(' "').startswith("#"):
+            comments.append(line)
+            rows.append("")
+        else:
+            rows.append(line)
+    return rows, comments
+
+
+def text_rows(
+    path: Path_, columns: Iterable[Column], what: str = TABLE
+) -> list[dict[str, str]]:
+    """Read the cells of a table as text, without loading pandas.
+
+    For a table that `read` has checked before: the cells are not checked again.
+
+    Parameters
+    ----------
+    path : path
+        A CSV file in one of the forms that `sheet` accepts.
+    columns : iterable of Column
+        Columns that are named as here, in any form (`renaming`).
+    what : str
+        What the file should be, for messages.
+
+    Returns
+    -------
+    list of dict
+        The rows; each has its cells by the names of the columns.
+
+    Raises
+    ------
+    InputError
+        If the file is not a text, or lacks a column that is needed.
+    """
+    lines, _ = _lines_and_comments(path, what)
+    separator = _separator_of(_header_of(lines))
+    reader = csv.reader(
+        (f"{line.strip(' ')}\n" for line in lines),
+        delimiter=" " if separator == BLANKS else separator,
+        skipinitialspace=True,
+    )
+    rows = []
+    for row in reader:
+        cells = [" ".join(cell.split()) for cell in row]
+        if any(cells):
+            rows.append(cells)
+    require(len(rows), path, "rows", 0, what)
+
+    declared = list(columns)
+    new_names = renaming(rows[0], [column.name for column in declared])
+    header = [new_names.get(name, name) for name in rows[0]]
+    needed = [column.name for column in declared if column.needed]
+    check_columns(path, header, needed, what)
+    return [dict(zip(header, row, strict=False)) for row in rows[1:]]
 
 
 def _read_text(path: Path_, what: str) -> str:
@@ -559,7 +615,7 @@ def _separator_of(header: str) -> str:
     """Find what separates the cells of a table from its header."""
     separator = max(SEPARATORS, key=header.count)
     if separator not in header and " " in header.strip():
-        return r"\s+"
+        return BLANKS
     return separator
 
 

@@ -10,7 +10,7 @@ from repose.calibrate.responses import Response
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
 from repose.common.files import Path_, read_table
-from repose.common.tables import Column, is_number, read
+from repose.common.tables import Column, is_number, read, text_rows
 from repose.measure.definitions import CALIBRATED_ANGLE, MEAN_KEYS
 from repose.stages.parameter_sets import OF_SETS
 
@@ -106,7 +106,7 @@ def to_simulate(
     """List the names of the published parameter sets that can be simulated.
 
     The list is empty if the table has none of the responses, or lacks a parameter of
-    the study.
+    the study. The numbers of the table are not checked (`check_published`).
 
     Parameters
     ----------
@@ -117,7 +117,9 @@ def to_simulate(
     names : iterable of str
         Parameters of the study.
     """
-    rows = _rows(path)
+    rows = []
+    for table in tables(path):
+        rows += text_rows(table, (NAME, *OF_SETS))
     if not rows:
         return []
     columns = rows[0].keys()

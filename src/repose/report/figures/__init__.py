@@ -4,28 +4,10 @@ from pathlib import Path
 
 from repose.common.errors import InputError, require
 
-from . import style
-from .registry import FIGURES, Config, Drawn, Inputs
+from .catalogue import FIGURES
+from .registry import Config, Drawn, Inputs
 
-# Each import registers the figures of a module, in this order.
-from repose.report.figures import berries  # noqa: F401, isort: skip
-from repose.report.figures import checks  # noqa: F401, isort: skip
-from repose.report.figures import discrepancy  # noqa: F401, isort: skip
-from repose.report.figures import measuring  # noqa: F401, isort: skip
-from repose.report.figures import noise  # noqa: F401, isort: skip
-from repose.report.figures import outline  # noqa: F401, isort: skip
-from repose.report.figures import plane  # noqa: F401, isort: skip
-from repose.report.figures import posterior  # noqa: F401, isort: skip
-from repose.report.figures import profiles  # noqa: F401, isort: skip
-from repose.report.figures import region  # noqa: F401, isort: skip
-from repose.report.figures import response_surface  # noqa: F401, isort: skip
-from repose.report.figures import rotation  # noqa: F401, isort: skip
-from repose.report.figures import samples  # noqa: F401, isort: skip
-from repose.report.figures import search  # noqa: F401, isort: skip
-from repose.report.figures import sensitivity  # noqa: F401, isort: skip
-from repose.report.figures import sequential  # noqa: F401, isort: skip
-from repose.report.figures import surrogate  # noqa: F401, isort: skip
-from repose.report.figures import testbench  # noqa: F401, isort: skip
+__all__ = ["FIGURES", "Config", "Drawn", "Inputs", "draw"]
 
 
 def draw(
@@ -55,7 +37,9 @@ def draw(
     InputError
         For an unknown name or ending, or an input that is missing, unknown or no file.
     """
-    from repose.config.models import FiguresSettings  # slow to import
+    # slow to import, and not needed to read the list
+    from repose.config.models import FiguresSettings
+    from repose.report.figures import style
 
     out_path = Path(out_path)
     style.check_ending(out_path)

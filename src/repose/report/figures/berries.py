@@ -13,7 +13,7 @@ from repose.grain import berry
 from repose.grain.particle import KINDS, Body, Particle
 
 from . import panels, style
-from .registry import SIZES, Inputs, StudyView, figure, has_grain
+from .registry import Inputs, StudyView
 
 # Smallest standard deviation that is drawn, as a share of the mean.
 LEAST_SD_SHARE = 1e-3
@@ -32,17 +32,11 @@ RECONSTRUCTED = (
 )
 
 
-@figure("figure02", "Figure 2", {"sizes": SIZES}, when=has_grain)
 def sizes_and_sphericity(inputs: Inputs, study: StudyView) -> Figure:
     """Draw histograms of the axes and of the sphericity of the grains.
 
     The axes are columns of the table of sizes; the sphericity is computed from them
     (Eq. 1 and Table 1 of the paper).
-
-    Figure 2. How large and how round are the grains? Their sizes, with the normal
-    curves of their means and standard deviations. Where the table of sizes says so in
-    its first line, it is a reconstruction from published statistics and was not
-    measured.
     """
     sizes = berry.read_sizes(inputs["sizes"])
     figure, histogram_panels = panels.grid(4, 2.1, columns=4, sharey=True)
@@ -103,20 +97,8 @@ def _draw_histogram(
     style.note(panel, text, x=0.98, ha="right")
 
 
-@figure(
-    "figure07",
-    "Figure 7",
-    {"stl": "berry/berry.stl", "particle": "berry/particle.json"},
-    reads=("berry", "colour"),
-    when=has_grain,
-    memory_mb=650,
-)
 def particle_and_mesh(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw the mesh and each kind of particle made from it, on the same scale.
-
-    Figure 7. How well does the simulated particle follow the grain? The mesh of the
-    grain, and each kind of particle made from it, with its distance from the mesh.
-    """
+    """Draw the mesh and each kind of particle made from it, on the same scale."""
     # Slow to import, and the other figures do without.
     from repose.grain.mesh import load_mesh
     from repose.report.renderer.render import render_bodies, render_mesh

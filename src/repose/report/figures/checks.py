@@ -14,13 +14,7 @@ from repose.common.files import read_table
 from repose.stages.published import STALE, published_responses
 
 from . import panels, style
-from .registry import (
-    PUBLISHED_HERE,
-    PUBLISHED_SOLUTIONS,
-    Inputs,
-    StudyView,
-    figure,
-)
+from .registry import Inputs, StudyView
 
 # Places of two marks of a solution, to the left and to the right of its tick.
 OFFSET = 0.12
@@ -42,24 +36,11 @@ MEASURED_BY_OTHERS = SIMULATED_BY_OTHERS | {
 }
 
 
-@figure(
-    "validation",
-    "Table 4, shown",
-    {"table4": "validation/table4.csv"},
-    optional={"published": PUBLISHED_SOLUTIONS},
-    reads=("targets",),
-)
 def validation(inputs: Inputs, study: StudyView) -> Figure:
     """Draw predicted and simulated responses of our solutions and of published ones.
 
     A row of panels for each target: left the solutions of `table4`, right those of the
     table `published`, if there is one.
-
-    Table 4 as a figure: do new simulations agree with the predictions, and do they lie
-    inside the target ranges? Predicted and simulated responses of the answer, the
-    representative solution, and others, simulated with seeds that no sample of the
-    design had. Published solutions have a P before their number; where no simulated
-    value was published, the figure says so. Bars are one standard error.
     """
     targets = study.targets
     simulated = [target.response.simulated for target in targets]
@@ -108,20 +89,8 @@ def _leave_empty(panel: Axes, text: str) -> None:
     style.note(panel, text, x=0.5, y=0.5, ha="center", color=style.GREY)
 
 
-@figure(
-    "published",
-    "Published solutions here",
-    {"published": PUBLISHED_HERE},
-    reads=("targets",),
-)
 def published_solutions(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw the responses of published solutions, as published and as simulated here.
-
-    Do the published parameter sets meet the targets in this simulator? Their responses
-    as published, and as simulated here, from the stored table that the configuration
-    names. Bars are one standard error over the seeds; another draw of seeds moves a mean
-    by about as much.
-    """
+    """Draw the responses of published solutions, as published and as simulated here."""
     table = _with_names(read_table(inputs["published"], ("solution",)), "P")
     targets = [target for target in study.targets if target.response.simulated in table]
     figure, axes = panels.grid(len(targets), 2.3, extra_height=0.3)

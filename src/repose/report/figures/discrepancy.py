@@ -10,7 +10,7 @@ from repose.common.files import read_table
 from repose.report.study_view import parameter_ranges
 
 from . import panels, style
-from .registry import Inputs, StudyView, figure
+from .registry import Inputs, StudyView
 
 COLUMNS = (
     "discrepancy_percent",
@@ -23,25 +23,11 @@ FEWEST_POINTS = 400  # effective points, below which a row is a rough estimate
 ROUGH_OPACITY = 0.3
 
 
-@figure(
-    "discrepancy",
-    "Discrepancy",
-    {"discrepancy": "posterior/discrepancy.csv"},
-    reads=("parameters", "targets"),
-    folder="posterior",
-    category="Uncertainty",
-)
 def over_the_discrepancy(inputs: Inputs, study: StudyView) -> Figure:
     """Draw information and intervals over the discrepancy.
 
     Rows of the table whose `evidence` is ``stated`` have an assumed discrepancy; the
     others come from the shape study.
-
-    What do the measurements say if the simulator itself is off? Information of the
-    measurements on the parameters, over the discrepancy: the error
-    that the simulator has with the best parameters, too. Above the information; below
-    the 95 % interval of each parameter in its range. Where a shape study is given, its
-    spread of plausible models is marked.
     """
     names = study.parameters.free
     ends = [f"{name}_{end}" for name in names for end in ("low", "high")]

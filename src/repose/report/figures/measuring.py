@@ -14,7 +14,7 @@ from repose.measure.settings import MeasureSettings
 from repose.measure.silhouette import Grains
 
 from . import style
-from .registry import MEASURED_PILE, Inputs, StudyView, figure, has_pile
+from .registry import Inputs, StudyView
 
 COLOURS = dict(
     zip(
@@ -31,21 +31,8 @@ PILE_GREY = 205
 BACKGROUND_GREY = 255
 
 
-@figure(
-    "definitions",
-    "Definitions of the angle",
-    MEASURED_PILE,
-    reads=("measure",),
-    when=has_pile,
-)
 def definitions(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw every definition on one view of a pile, and its values in all views.
-
-    How much does the angle depend on its definition? All definitions on the pile of the
-    representative solution: their lines in one side view, and the angle that each gives
-    in all views. The study calibrates the definition {measure[response]}; ``repose docs
-    measurement`` compares them.
-    """
+    """Draw every definition on one view of a pile, and its values in all views."""
     settings = study.settings.measure.for_grain(read_grain(inputs["berry"]))
     pour = first_pour(inputs["heap"])
     particle = Particle.load(inputs["particle"])

@@ -11,29 +11,17 @@ from repose.calibrate.targets import Target
 from repose.common.files import read_json, read_table
 
 from . import style
-from .registry import Inputs, StudyView, figure
+from .registry import Inputs, StudyView
 
 SEED_TICKS = (1, 2, 4, 8, 16, 32, 64)
 PERCENT_TICKS = (0.5, 1, 2, 5)
 
 
-@figure(
-    "noise",
-    "Noise floor",
-    {"runs": "runs.csv", "seeds": "noise/seeds.csv", "noise": "noise/noise.json"},
-    reads=("parameters", "targets"),
-    folder="noise",
-    category="Uncertainty",
-)
 def noise_floor(inputs: Inputs, study: StudyView) -> Figure:
     """Draw runs about the mean of their sample, and what a number of seeds buys.
 
     `runs` has a row for each run, `seeds` the standard error and the reachable R2 for
     each number of seeds, `noise` the standard deviations of each response.
-
-    How many seeds does a mean need? Runs of the same parameters and runs of others, and
-    the standard error that a number of seeds buys. ``noise.json`` has the correlation
-    of the responses within samples.
     """
     targets = study.targets
     runs = read_table(inputs["runs"], ("sample", "status", *targets.names))

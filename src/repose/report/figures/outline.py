@@ -15,7 +15,7 @@ from repose.measure.settings import MeasureSettings
 from repose.measure.silhouette import Grains
 
 from . import style
-from .registry import MEASURED_PILE, Inputs, StudyView, figure, has_pile
+from .registry import Inputs, StudyView
 
 if TYPE_CHECKING:
     from repose.measure.photographs.segmentation import Segmentation
@@ -33,22 +33,8 @@ class Outline(NamedTuple):
     height_mm: np.ndarray  # (W,)
 
 
-@figure(
-    "outline",
-    "Pile and measurement at one scale",
-    MEASURED_PILE,
-    reads=("measure", "targets"),
-    when=has_pile,
-)
 def outline_and_measurement(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw the outlines of a simulated pile over the measured height and slope.
-
-    Does the simulated pile look like the measured one? The outlines of the first pour
-    of the answer in all views, with their mean, over the measured numbers at the same
-    scale: the measured height, and the measured slope through each flank, each with the
-    standard deviation of a repetition. The measurement gives no width, so the lines of
-    the slope are drawn through the middle of the simulated flanks.
-    """
+    """Draw the outlines of a simulated pile over the measured height and slope."""
     settings = study.settings.measure.for_grain(read_grain(inputs["berry"]))
     pour = first_pour(inputs["heap"])
     particle = Particle.load(inputs["particle"])

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from itertools import combinations
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import pandas as pd
 from matplotlib.axes import Axes
@@ -14,17 +14,7 @@ from repose.calibrate.targets import Target, Targets
 from repose.common.files import read_table
 
 from . import panels, style
-from .registry import (
-    ANSWER_CHECK,
-    ANSWER_SAMPLES,
-    ANSWER_SOLUTIONS,
-    Inputs,
-    StudyView,
-    figure,
-)
-
-if TYPE_CHECKING:
-    from repose.config.pipeline import PipelineConfig
+from .registry import Inputs, StudyView
 
 # Descriptions in the legend and colours of the tables of samples.
 SAMPLES = {
@@ -58,35 +48,11 @@ def without_profiles(targets: Targets) -> Targets:
     return Targets(target for target in targets if target.profile is None)
 
 
-def _has_pairs(study: "PipelineConfig") -> bool:
-    """Return whether the targets have a plane."""
-    return len(without_profiles(study.targets)) > 1
-
-
-@figure(
-    "plane",
-    "Targets against each other",
-    {
-        "dataset": ANSWER_SAMPLES,
-        "feasible": ANSWER_SOLUTIONS,
-        "table4": ANSWER_CHECK,
-    },
-    if_there={"pool": "pool/dataset.csv", "fresh": "pool/fresh_dataset.csv"},
-    reads=("targets",),
-    when=_has_pairs,
-)
 def planes(inputs: Inputs, study: StudyView) -> Figure:
     """Draw samples, target ranges, solutions and the answer for each pair of targets.
 
     The samples are the rows of `dataset`, `pool` and `fresh` with the status ok, the
     solutions those of `feasible`, the answer the row of `table4` with its role.
-
-    Can the simulated piles meet the targets together, and does the answer? All samples
-    with their standard errors, and of the pool if it was poured; the target ranges; the
-    mean of the measured piles with its standard error; the predictions of the solutions
-    that the search lists; and the answer, as predicted and as simulated with fresh
-    seeds, with its standard error. The second panel of each pair enlarges the target
-    ranges.
     """
     targets = without_profiles(study.targets)
     sample_columns = ("status", *targets.names, *targets.errors)

@@ -19,7 +19,7 @@ from repose.common.files import read_json, read_table
 from repose.report.study_view import parameter_ranges
 
 from . import panels, style
-from .registry import PUBLISHED_HERE, Inputs, StudyView, figure
+from .registry import Inputs, StudyView
 
 if TYPE_CHECKING:
     from repose.calibrate.uncertainty.posterior import Posterior
@@ -74,31 +74,11 @@ class CornerData(NamedTuple):
 # --- The draws in pairs ---------------------------------------------------------------
 
 
-@figure(
-    "corner",
-    "Posterior",
-    {
-        "draws": "posterior/draws.csv",
-        "posterior": "posterior/posterior.csv",
-        "summary": "posterior/posterior.json",
-        "feasible": "miga/feasible.csv",
-    },
-    if_there={"stored": PUBLISHED_HERE},
-    reads=("parameters", "targets"),
-    folder="posterior",
-    category="Uncertainty",
-)
 def corner(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the draws of the posterior, alone and in pairs, with solutions.
 
     `draws` has a parameter set in each row, `posterior` a parameter, `feasible` a
     solution, `stored` a published set.
-
-    What do the measurements say about the parameters, alone and in pairs? Draws of the
-    posterior over the prior, with the feasible solutions of the search. A parameter whose
-    draws fill its range, and a pair whose cells are white, are not determined by the
-    targets. Published parameter sets are marked; one of another wall
-    stands in the panels of two grain-grain parameters alone.
     """
     from repose.calibrate.uncertainty.posterior import Posterior  # slow to import
 
@@ -387,22 +367,8 @@ def _legend_handles(
 # --- Credible intervals ---------------------------------------------------------------
 
 
-@figure(
-    "intervals",
-    "Credible intervals",
-    {"posterior": "posterior/posterior.csv"},
-    reads=("parameters", "targets"),
-    folder="posterior",
-    category="Uncertainty",
-)
 def intervals(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw credible intervals in the parameters' ranges.
-
-    Does the pile determine the parameters? Credible intervals of the free parameters
-    with the published intervals and the intervals of the feasible solutions, as parts
-    of the parameter's range. An interval that covers the whole range determines
-    nothing.
-    """
+    """Draw credible intervals in the parameters' ranges."""
     table = read_table(inputs["posterior"], ("parameter", "credible_low", "miga_low"))
     figure = style.new_figure(style.PAGE, 3.3)
     draw_intervals(figure.subplots(), table)

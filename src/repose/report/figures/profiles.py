@@ -13,26 +13,14 @@ from repose.calibrate.responses import Response
 from repose.common.files import read_table
 
 from . import panels, style
-from .registry import ANSWER_CHECK, Inputs, StudyView, figure
+from .registry import Inputs, StudyView
 
 
-@figure(
-    "profiles",
-    "Profiles",
-    {"table4": ANSWER_CHECK},
-    reads=("targets",),
-    when=lambda study: bool(study.targets.profiles),
-)
 def profiles(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the answer's profile with each measured one.
 
     The scores of a profile are the columns of `table4` for its targets, as predicted
     and as simulated, with their standard error.
-
-    Does the answer have the measured profile? The measured heights with their standard
-    deviation, the profile that is predicted for the answer, and the profile that is
-    simulated with fresh seeds, with its standard error. Lines are the smooth profiles
-    of the scores.
     """
     targets = study.targets
     scores = [target.response for target in targets if target.profile]

@@ -19,7 +19,7 @@ from repose.calibrate.parameter_space import ParameterSpace
 from repose.common.files import read_json, read_table
 
 from . import style
-from .registry import Inputs, StudyView, figure
+from .registry import Inputs, StudyView
 
 COLUMNS = ("x", "y", "x_quantile", "y_quantile", "least_implausibility", "share")
 HIGHEST_MISFIT = 1e9  # upper end of the last band
@@ -47,25 +47,10 @@ MISFIT_TITLE = (
 SHARE_TITLE = "above the diagonal: share of a cell's parameter sets still possible"
 
 
-@figure(
-    "region",
-    "Region that is not excluded",
-    {"region": "posterior/region.csv", "summary": "posterior/posterior.json"},
-    reads=("parameters", "targets"),
-    folder="posterior",
-    category="Uncertainty",
-)
 def not_excluded(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the least misfit below the diagonal, the share of possible sets above it.
 
     `region` has a row for each cell of each pair of parameters.
-
-    Which parameters do the measurements exclude? The region of parameters that the
-    measurements do not exclude (history matching), projected on each pair of
-    parameters. Below the diagonal the misfit (minimum implausibility): how many
-    standard deviations the worst response lies from its measurement at the best values
-    of all other parameters. Above it the share of parameter sets still possible
-    (optical depth): those whose misfit is below three.
     """
     table = read_table(inputs["region"], COLUMNS)
     summary = read_json(inputs["summary"], ("not_implausible_share",))

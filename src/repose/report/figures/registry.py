@@ -1,19 +1,17 @@
-"""The register of figures: what a figure shows stands beside the function that draws it.
+"""What the workflow has to know about a figure, without loading what draws it.
 
-A new figure is a function with the decorator `figure` in a module that `__init__.py`
-imports. The workflow makes its rule, its caption and its inputs from what is said there.
+`repose.report.figures.catalogue` lists the figures.
 """
 
 from collections.abc import Callable, Mapping
-from functools import wraps
-from inspect import cleandoc, unwrap
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple
-
-from matplotlib.figure import Figure
 
 from repose.report.study_view import Config, StudyView
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from repose.config.pipeline import PipelineConfig
 
 Inputs = Mapping[str, Any]  # paths by name
@@ -30,16 +28,8 @@ PUBLISHED_INTERVALS = "{table3}"  # published intervals of the parameters
 DRUM_STATES = "{states}"  # places of the grains in the drum, first run
 POUR_TRAJECTORY = "{trajectory}"  # places of the grains over a pour of the answer
 
-# Inputs of several figures.
-PILE = {
-    "heap": "validation/heaps/001.npz",
-    "particle": "berry/particle.json",
-}  # a pile of the answer
-MEASURED_PILE = PILE | {"berry": "berry/berry.json"}
-
-# Draws a figure from its inputs and a study. Once registered, it takes the
-# configuration of the study instead.
-Draw = Callable[[Inputs, Any], Figure]
+# Draws a figure from its inputs and the configuration of a study.
+Draw = Callable[[Inputs, Config], "Figure"]
 
 
 def _every_study(study: "PipelineConfig") -> bool:
@@ -48,12 +38,14 @@ def _every_study(study: "PipelineConfig") -> bool:
 
 
 class Drawn(NamedTuple):
-    """A registered figure.
+    """An entry of the list of figures.
 
     Attributes
     ----------
-    draw
-        Draws the figure from its inputs, paths by name, and a configuration.
+    function
+        What draws it: a module of this folder and its function, as ``noise.noise_floor``,
+        which takes the inputs and a `StudyView`; or a function that takes the inputs and
+        the configuration.
     inputs
         Files that it needs: name to path below the folder of results.
     optional
@@ -75,7 +67,7 @@ class Drawn(NamedTuple):
         What drawing it takes, with a margin.
     """
 
-    draw: Draw
+    function: str | Draw
     inputs: Inputs
     optional: Mapping[str, str] = {}
     if_there: Mapping[str, str] = {}
@@ -92,6 +84,18 @@ class Drawn(NamedTuple):
         """The inputs by name, with those that may be missing."""
         return {**self.inputs, **self.optional, **self.if_there}
 
+    def draw(self, inputs: Inputs, config: Config) -> "Figure":
+        """Draw the figure from its inputs, paths by name, and a configuration.
+
+        The module that draws it is imported here, with the libraries that it needs.
+        """
+        if not isinstance(self.function, str):
+            return self.function(inputs, config)
+        module, _, name = self.function.partition(".")
+        draw_study = getattr(import_module(f".{module}", __package__), name)
+        figure: Figure = draw_study(inputs, StudyView(config))
+        return figure
+
     def caption_of(self, config: Config) -> str:
         """Fill the names in braces of the caption.
 
@@ -101,50 +105,6 @@ class Drawn(NamedTuple):
         return self.caption.format(
             **config, inputs=len(config["parameters"]), outputs=len(config["targets"])
         )
-
-
-FIGURES: dict[str, Drawn] = {}
-
-
-def figure(
-    name: str, title: str, inputs: Inputs, caption: str = "", **details: Any
-) -> Callable[[Draw], Draw]:
-    """Register the decorated function as a figure.
-
-    Parameters
-    ----------
-    name : str
-        Name of the figure and of its file.
-    title : str
-        Its name in Snakemake's report.
-    inputs : mapping
-        Files that it needs: name to path below the folder of results.
-    caption : str, optional
-        Its caption; by default the last paragraph of the function's docstring.
-    **details
-        Further fields of `Drawn`.
-    """
-
-    def register(draw: Draw) -> Draw:
-        # A function with two names has two decorators; the inner one wrapped it.
-        draw_study = unwrap(draw)
-
-        @wraps(draw)
-        def draw_config(inputs: Inputs, config: Config) -> Figure:
-            return draw_study(inputs, StudyView(config))
-
-        last_paragraph = cleandoc(draw.__doc__ or "").split("\n\n")[-1]
-        caption_in_docstring = " ".join(last_paragraph.split())
-        FIGURES[name] = Drawn(
-            draw_config,
-            inputs,
-            title=title,
-            caption=caption or caption_in_docstring,
-            **details,
-        )
-        return draw_config
-
-    return register
 
 
 def has_grain(study: "PipelineConfig") -> bool:
@@ -160,3 +120,21 @@ def has_pile(study: "PipelineConfig") -> bool:
 def has_drum(study: "PipelineConfig") -> bool:
     """Return whether the study turns the answer in a drum."""
     return "drum" in study.config
+
+
+def has_pairs(study: "PipelineConfig") -> bool:
+    """Return whether two targets are numbers, which make a plane."""
+    numbers = [target for target in study.targets if target.profile is None]
+    return len(numbers) > 1
+
+
+def has_profiles(study: "PipelineConfig") -> bool:
+    """Return whether a target is a measured profile."""
+    return bool(study.targets.profiles)
+
+
+def has_network(study: "PipelineConfig") -> bool:
+    """Return whether the surrogate is a neural network."""
+    from repose.calibrate.surrogates import surrogate_class  # slow to import
+
+    return surrogate_class(study.settings.surrogate).is_network

@@ -14,15 +14,9 @@ from repose.calibrate.targets import Target, Targets
 from repose.common.files import read_json, read_table
 
 from . import panels, style
-from .registry import Inputs, StudyView, figure
+from .registry import Inputs, StudyView
 
 GRID_POINTS = 60  # along each factor
-FOLDER = "response_surface"
-CATEGORY = "Response surface"
-SURFACE_SAMPLES = {
-    "samples": "response_surface/surface.csv",
-    "dataset": "response_surface/dataset.csv",
-}
 EFFECT_COLUMNS = (
     "response",
     "term",
@@ -33,30 +27,6 @@ EFFECT_COLUMNS = (
 )
 
 
-@figure(
-    "pareto_screening",
-    "Pareto chart of the screening",
-    {"effects": "response_surface/screening_effects.csv"},
-    caption=(
-        "Which parameters matter? Standardised effects of the Plackett-Burman "
-        "screening. A parameter goes on where its bar passes the dashed line."
-    ),
-    reads=("targets",),
-    folder=FOLDER,
-    category=CATEGORY,
-)
-@figure(
-    "pareto_surface",
-    "Pareto chart of the surface",
-    {"effects": "response_surface/surface_effects.csv"},
-    caption=(
-        "Which terms of the surface matter? Standardised effects: single parameters, "
-        "products of two, squares."
-    ),
-    reads=("targets",),
-    folder=FOLDER,
-    category=CATEGORY,
-)
 def pareto(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the standardised effects of a step and their limits, the largest first.
 
@@ -94,21 +64,10 @@ def _draw_effects(panel: Axes, effects: pd.DataFrame) -> None:
     panel.set_xlabel("|t| of the effect")
 
 
-@figure(
-    "perturbation",
-    "Perturbation plot",
-    SURFACE_SAMPLES,
-    reads=("targets",),
-    folder=FOLDER,
-    category=CATEGORY,
-)
 def perturbation(inputs: Inputs, study: StudyView) -> Figure:
     """Draw each response over one factor after the other.
 
     The surfaces are fitted to `samples` and their responses in `dataset`.
-
-    How does a response change with one parameter alone? Each response over one
-    parameter after the other, the others at the centre of the design; grey: the target.
     """
     targets = study.targets
     models = _fit_models(inputs, targets)
@@ -131,21 +90,10 @@ def perturbation(inputs: Inputs, study: StudyView) -> Figure:
     return figure
 
 
-@figure(
-    "contours",
-    "Contours of the surface",
-    SURFACE_SAMPLES | {"optimum": "response_surface/optimum.json"},
-    reads=("targets",),
-    folder=FOLDER,
-    category=CATEGORY,
-)
 def contours(inputs: Inputs, study: StudyView) -> Figure:
     """Draw each response over every pair of factors.
 
     The surfaces are fitted to `samples` and their responses in `dataset`.
-
-    Where is the target met? Each response over every pair of parameters, the others at
-    the optimum (star); the black line is the target.
     """
     targets = study.targets
     models = _fit_models(inputs, targets)

@@ -16,7 +16,7 @@ from repose.measure import bed
 from repose.measure.silhouette import Grains
 
 from . import panels, style
-from .registry import DRUM_STATES, Inputs, StudyView, figure, has_drum
+from .registry import Inputs, StudyView
 
 PIXELS = 620  # side of a picture at the default resolution
 SLIP_COLUMNS = ("before_turned_deg", "before_time_s")
@@ -30,28 +30,11 @@ TITLES = {
 }
 
 
-@figure(
-    "figure15",
-    "Figure 15",
-    {"states": DRUM_STATES, "particle": "berry/particle.json"},
-    optional={"runs": "drum/runs.csv"},
-    reads=("drum", "measure.mm_per_pixel", "colour"),
-    when=has_drum,
-    memory_mb=550,
-)
 def states(inputs: Inputs, study: StudyView) -> Figure:
     """Draw side views along the axis of the drum with the line of the surface.
 
     `states` has position_STATE (N, 3) and quaternion_STATE (N, 4) of each state, and
     turned_STATE_deg; a state without a slip has none before and after it.
-
-    Figure 15. The bed in the drum before the rotation, before its first slip and after
-    it, simulated with the representative solution: side views along the axis; the green
-    line is fitted to the middle {drum[fit_share]:.3g} of the upper edge, which is that of
-    the highest grains along the axis. The pictures show the first of {drum[seeds]}
-    run(s). Does the bed slip as early as in the article? Below stands how far the drum
-    turned before the slip. The article gives no angle, but its run ends
-    {drum[report_s]:g} s after the filling began.
     """
     arrays = read_npz(
         inputs["states"], ("position_start", "quaternion_start"), "the states of a drum"
@@ -181,28 +164,11 @@ def _draw_side_view(
     return surface.angle_deg
 
 
-@figure(
-    "drum",
-    "The drum over time",
-    {
-        "record": "drum/record.csv",
-        "profile": "drum/profile.csv",
-        "runs": "drum/runs.csv",
-    },
-    reads=("drum",),
-    when=has_drum,
-)
 def course(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the angles of every run over time, and the motion of the layers by depth.
 
     `record` has the angles of surface and centre of mass at each time, `profile` the
     motion in the slip at each depth, `runs` a row for each run.
-
-    The drum over time: when does the bed slip? a: surface and centre of mass of every
-    run. A slip is judged when the centre of mass has fallen by {drum[slip_drop_deg]}
-    degrees below its highest, and began at that highest; the drum then stops. The
-    article shows the bed after a slip by the time of the vertical line. b: how far
-    grains moved in the slip, against the drum, by depth.
     """
     record = read_table(inputs["record"], ("seed", "time_s", "surface_deg", "bed_deg"))
     profile = read_table(inputs["profile"], ("seed", "depth_mm", "moved_mm"))

@@ -11,28 +11,17 @@ from repose.common.files import read_table
 from repose.report.study_view import parameter_ranges
 
 from . import panels, style
-from .registry import Inputs, StudyView, figure
+from .registry import Inputs, StudyView
 
 # Fewest good samples for which a rank correlation is written.
 FEWEST_CORRELATED = 4
 
 
-@figure(
-    "design",
-    "Design",
-    {"samples": "design/samples.csv"},
-    optional={"comparison": "design/comparison.csv"},
-    reads=("parameters", "design.method"),
-)
 def design_matrix(inputs: Inputs, study: StudyView) -> Figure:
     """Draw every pair of free parameters, the histogram of each, and a comparison.
 
     `samples` has a column for each parameter; `comparison` has the smallest distance of
     two samples by each method of design.
-
-    Do the samples fill the ranges? The design ({design[method]}): every pair of
-    parameters. Each parameter has one sample in each of {design[samples]} equal strata
-    of its range.
     """
     names = study.parameters.free
     ranges = parameter_ranges(study.parameters)
@@ -84,19 +73,11 @@ def _compare_methods(figure: Figure, comparison: pd.DataFrame) -> None:
     panel.invert_yaxis()
 
 
-@figure(
-    "dataset", "Responses", {"dataset": "dataset.csv"}, reads=("parameters", "targets")
-)
 def responses_over_parameters(inputs: Inputs, study: StudyView) -> Figure:
     """Draw each response over each free parameter; samples that failed are marked.
 
     `dataset` has a row for each sample: its status, parameters and responses with their
     standard errors.
-
-    Which parameters move the responses? Responses of the samples over each parameter,
-    with their rank correlation. The goji berry's angle falls with the friction between
-    berries: such piles pack more loosely, and the same berries need a wider foot
-    (``repose docs uncertainty``, Sensitivity).
     """
     targets = study.targets
     parameters = study.parameters

@@ -16,7 +16,7 @@ from repose.common.files import read_json, read_table
 from repose.report.study_view import parameter_ranges
 
 from . import panels, style
-from .registry import PUBLISHED_INTERVALS, Inputs, StudyView, figure
+from .registry import Inputs, StudyView
 
 LEAST_LOSS_WORDS = (
     "The answer is the set of the least expected error, which counts how uncertain each "
@@ -33,25 +33,11 @@ HISTORY_COLUMNS = (
 )
 
 
-@figure(
-    "figure14",
-    "Figure 14",
-    {"feasible": "miga/feasible.csv", "summary": "miga/summary.json"},
-    optional={"published": PUBLISHED_INTERVALS},
-    reads=("parameters", "targets", "miga.answer"),
-)
 def feasible_solutions(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the parameters of the solutions in their ranges, and their responses.
 
     `feasible` has a row for each solution with its parameters and predicted responses;
     `published` has intervals of the parameters (Table 3 of the paper).
-
-    Figure 14. Where are the solutions, and where are the published ones? Solutions that
-    the search met, in the ranges of the parameters, with the published intervals. Of all
-    feasible points met, the best {miga[solutions]} are kept that lie at least
-    {miga[distance]} apart in parameters normalised to [-1, 1]. They are the sets of one
-    search, and not all sets that agree with the measurements. Where none was feasible
-    the nearest ones are shown, and the figure says so.
     """
     targets = study.targets
     solutions = read_table(
@@ -248,23 +234,11 @@ def _draw_strip(
         )
 
 
-@figure(
-    "convergence",
-    "Convergence of the search",
-    {"history": "miga/history.csv"},
-    optional={"summary": "miga/summary.json"},
-    reads=("miga", "targets"),
-)
 def convergence(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the objective over the generations, with the error of the surrogate.
 
     `history` has a row for some of the generations, with the best and the mean objective;
     `summary` has the standard errors of the answer's prediction.
-
-    Did the search run long enough? Best and mean objective F (Eq. 11) over
-    {miga[rounds]} rounds of {miga[generations]} generations. The dashed line is the F
-    of a set that is off each target by one standard error of the surrogate. Below it a
-    smaller F is no better set.
     """
     history = read_table(inputs["history"], HISTORY_COLUMNS)
     figure = style.new_figure(style.COLUMN, 2.6)

@@ -9,23 +9,11 @@ from repose.bench.parameters import SYMBOLS
 from repose.common.files import read_table
 
 from . import panels, style
-from .registry import Inputs, StudyView, figure
+from .registry import Inputs, StudyView
 
 
-@figure(
-    "sobol",
-    "Sobol indices",
-    {"sobol": "sensitivity/sobol.csv"},
-    reads=("parameters", "targets"),
-    folder="sensitivity",
-    category="Uncertainty",
-)
 def sobol_indices(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw the first-order and total index of each parameter, one panel per response.
-
-    Which parameters explain the variance of the responses? First-order and total Sobol
-    indices of each response of the surrogate, with 95 % bootstrap intervals.
-    """
+    """Draw the first-order and total index of each parameter, one panel per response."""
     targets = study.targets
     table = read_table(inputs["sobol"], ("response", "parameter", "first", "total"))
     figure, axes = panels.grid(len(targets), 2.4, sharey=True)
@@ -76,29 +64,11 @@ def _draw_indices(panel: Axes, table: pd.DataFrame) -> None:
     style.note(panel, text, x=0.97, ha="right")
 
 
-@figure(
-    "main_effects",
-    "Main effects",
-    {
-        "sobol": "sensitivity/sobol.csv",
-        "effects": "sensitivity/main_effects.csv",
-        "dataset": "dataset.csv",
-    },
-    reads=("parameters", "targets"),
-    folder="sensitivity",
-    category="Uncertainty",
-)
 def main_effects(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the mean response along each free parameter, on the simulated points.
 
     `effects` has the mean of the surrogate at values of each parameter, `dataset` the
     samples, `sobol` the indices.
-
-    In which direction does each parameter act? Each response over each free parameter:
-    the mean of the surrogate over the other parameters. Points are the simulated
-    samples. The goji berry's angle falls with the friction between berries: such piles
-    pack more loosely, and the same berries need a wider foot (``repose docs
-    uncertainty``, Sensitivity).
     """
     targets = study.targets
     parameters = study.parameters

@@ -9,29 +9,13 @@ from repose.calibrate.targets import Target
 from repose.common.files import read_table
 
 from . import panels, style
-from .registry import Inputs, StudyView, figure
+from .registry import Inputs, StudyView
 
 
-@figure(
-    "sequential",
-    "Probability and prediction by pours",
-    {"batches": "sequential/batches.csv", "check": "sequential/check.csv"},
-    reads=("targets", "sequential.tolerance_percent", "sequential.probability"),
-    folder="sequential",
-    category="Sequential",
-)
 def sequential(inputs: Inputs, study: StudyView) -> Figure:
     """Draw probability and predicted responses after each batch, and the check.
 
     `batches` has a row for each batch of pours, `check` a row for each response.
-
-    How certain did the answer become, and after how many pours? Left the probability
-    that the best point meets all targets within the tolerance, after each batch of
-    pours; dotted, the most that the pours left can make of it; squares, the probability
-    that any parameter set meets them. Beside it: the responses predicted at the best
-    point, with one standard error, in percent off the target; the band is the
-    tolerance. The filled point at the end is the answer simulated again with fresh
-    seeds, with the standard error of its mean. It took no part in finding the answer.
     """
     targets = study.targets
     settings = study.settings.sequential

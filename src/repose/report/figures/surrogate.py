@@ -13,17 +13,16 @@ from matplotlib.ticker import MaxNLocator
 from repose.bench.parameters import SYMBOLS
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.responses import Response, derived, response
-from repose.calibrate.surrogates import Surrogate, load, surrogate_class
+from repose.calibrate.surrogates import Surrogate, load
 from repose.calibrate.surrogates.accuracy import r2
 from repose.calibrate.targets import Targets
 from repose.common.files import read_json, read_table
 
 from . import panels, style
-from .registry import Inputs, StudyView, figure
+from .registry import Inputs, StudyView
 
 # Activations by the names that MATLAB has for them.
 ACTIVATIONS = {"tansig": "tanh", "purelin": "linear"}
-NETWORK = {"network": "network/network.json"}
 # Parts of the samples: name in the table, colour and marker.
 SPLITS = (
     ("train", style.BLUE, "o"),
@@ -67,23 +66,11 @@ class Layers(NamedTuple):
 # --- The network ----------------------------------------------------------------------
 
 
-@figure(
-    "figure10",
-    "Figure 10",
-    NETWORK,
-    reads=("parameters", "design.seed"),
-    when=lambda study: surrogate_class(study.settings.surrogate).is_network,
-)
 def network_structure(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the layers of the network, and bars for the influence of each input.
 
     Weights are not drawn: large ones cancel where two hidden neurons pull the same
     response in opposite directions.
-
-    Figure 10. Which parameters does the trained network use? a: its structure, {inputs}
-    parameters in, {network[hidden]} hidden neurons, {outputs} response(s) out. b: the
-    influence of each parameter on what the network predicts (total Sobol index, as in
-    ``sensitivity/sobol.csv``).
     """
     path = inputs["network"]
     network = read_json(
@@ -249,26 +236,11 @@ def _node_places(x: float, count: int) -> np.ndarray:
 # --- Its predictions ------------------------------------------------------------------
 
 
-@figure(
-    "figure13",
-    "Figure 13",
-    {"predictions": "network/predictions.csv", "dataset": "dataset.csv"},
-    optional=NETWORK,
-    if_there={"fresh": "pool/fresh_dataset.csv"},
-    reads=("targets",),
-)
 def predicted_against_simulated(inputs: Inputs, study: StudyView) -> Figure:
     """Draw predicted over simulated responses by split, with R2 (Eq. 13) and RMSE.
 
     `predictions` has the split, the simulated and the predicted responses of each
     sample, `dataset` their standard errors.
-
-    Figure 13. Does the surrogate predict samples that it has not seen? Predicted
-    against simulated responses, on equal axes. Samples without a result are left out. A
-    mean of few pours scatters about its true value, so no model can be nearer to the
-    line than that scatter: the figure gives the R2 and the RMSE of a perfect model
-    beside those of the surrogate. The parts are predicted by the training part's fit,
-    new points, where they were poured, by the final one.
     """
     targets = study.targets
     table = read_table(

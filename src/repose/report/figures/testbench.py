@@ -19,15 +19,7 @@ from repose.measure.settings import MeasureSettings
 from repose.measure.silhouette import Grains, outlines
 
 from . import panels, style
-from .registry import (
-    MEASURED_PILE,
-    PILE,
-    POUR_TRAJECTORY,
-    Inputs,
-    StudyView,
-    figure,
-    has_pile,
-)
+from .registry import Inputs, StudyView
 
 Place = tuple[float, float]  # x and y in the units of a panel
 
@@ -41,20 +33,8 @@ DIMENSION_FONT_SIZE = 6.5
 # --- The pile and its measurement -----------------------------------------------------
 
 
-@figure(
-    "figure05",
-    "Figure 5",
-    PILE,
-    reads=("funnel", "colour"),
-    when=has_pile,
-    memory_mb=600,
-)
 def simulated_pile(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw a shaded picture of the first pour of the file.
-
-    Figure 5. What does the simulated pile look like? Pile of the representative
-    solution: the counterpart of the photographed pile.
-    """
+    """Draw a shaded picture of the first pour of the file."""
     # Slow to import, and the other figures here do without.
     from repose.report.renderer.render import render_pile
     from repose.report.renderer.scenery import boxes, look_at
@@ -99,15 +79,8 @@ def simulated_pile(inputs: Inputs, study: StudyView) -> Figure:
     return figure
 
 
-@figure("figure06", "Figure 6", MEASURED_PILE, reads=("measure",), when=has_pile)
 def measurement(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw the steps of the measurement (section 2.3 of the paper).
-
-    Figure 6. How is a pile measured? The steps on that pile in one side view: grey
-    picture, threshold, edge, and boundary (yellow) with the Height (blue), the line of
-    the left flank (red) and of the right one (green), each with its angle. The title
-    names the line. The tables take the mean over {measure[views]} view(s).
-    """
+    """Draw the steps of the measurement (section 2.3 of the paper)."""
     from repose.measure.photographs import drawing  # slow to import
 
     settings = study.settings.measure.for_grain(read_grain(inputs["berry"]))
@@ -183,21 +156,10 @@ def _name_lines(
 # --- The test bench -------------------------------------------------------------------
 
 
-@figure(
-    "figure08",
-    "Figure 8",
-    {},
-    optional={"trajectory": POUR_TRAJECTORY, "particle": "berry/particle.json"},
-    reads=("funnel", "colour"),
-    when=has_pile,
-)
 def apparatus(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the test bench from the side, in mm, with the grains of a pour if given.
 
     `trajectory` has the places of the grains over the time.
-
-    Figure 8. How is a pile poured? The virtual test bench to scale, halfway through the
-    pour: the place where grains are made, funnel and plate.
     """
     from repose.report.renderer.scenery import funnel_walls  # slow to import
 

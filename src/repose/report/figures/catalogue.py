@@ -1,0 +1,502 @@
+"""The figures of a study: what each shows and reads, its caption, and what draws it.
+
+The workflow makes a rule of every entry. It reads this list without loading the modules
+that draw, or the libraries that these need.
+"""
+
+from repose.report.figures.registry import (
+    ANSWER_CHECK,
+    ANSWER_SAMPLES,
+    ANSWER_SOLUTIONS,
+    DRUM_STATES,
+    POUR_TRAJECTORY,
+    PUBLISHED_HERE,
+    PUBLISHED_INTERVALS,
+    PUBLISHED_SOLUTIONS,
+    SIZES,
+    Drawn,
+    has_drum,
+    has_grain,
+    has_network,
+    has_pairs,
+    has_pile,
+    has_profiles,
+)
+
+# Inputs of several figures.
+PILE = {
+    "heap": "validation/heaps/001.npz",
+    "particle": "berry/particle.json",
+}  # a pile of the answer
+MEASURED_PILE = PILE | {"berry": "berry/berry.json"}
+NETWORK = {"network": "network/network.json"}
+SURFACE_SAMPLES = {
+    "samples": "response_surface/surface.csv",
+    "dataset": "response_surface/dataset.csv",
+}
+
+FIGURES: dict[str, Drawn] = {
+    "figure02": Drawn(
+        "berries.sizes_and_sphericity",
+        title="Figure 2",
+        inputs={"sizes": SIZES},
+        caption=(
+            "Figure 2. How large and how round are the grains? Their sizes, with "
+            "the normal curves of their means and standard deviations. Where the "
+            "table of sizes says so in its first line, it is a reconstruction from "
+            "published statistics and was not measured."
+        ),
+        when=has_grain,
+    ),
+    "figure07": Drawn(
+        "berries.particle_and_mesh",
+        title="Figure 7",
+        inputs={"stl": "berry/berry.stl", "particle": "berry/particle.json"},
+        caption=(
+            "Figure 7. How well does the simulated particle follow the grain? The "
+            "mesh of the grain, and each kind of particle made from it, with its "
+            "distance from the mesh."
+        ),
+        reads=("berry", "colour"),
+        when=has_grain,
+        memory_mb=650,
+    ),
+    "validation": Drawn(
+        "checks.validation",
+        title="Table 4, shown",
+        inputs={"table4": "validation/table4.csv"},
+        optional={"published": PUBLISHED_SOLUTIONS},
+        caption=(
+            "Table 4 as a figure: do new simulations agree with the predictions, "
+            "and do they lie inside the target ranges? Predicted and simulated "
+            "responses of the answer, the representative solution, and others, "
+            "simulated with seeds that no sample of the design had. Published "
+            "solutions have a P before their number; where no simulated value was "
+            "published, the figure says so. Bars are one standard error."
+        ),
+        reads=("targets",),
+    ),
+    "published": Drawn(
+        "checks.published_solutions",
+        title="Published solutions here",
+        inputs={"published": PUBLISHED_HERE},
+        caption=(
+            "Do the published parameter sets meet the targets in this simulator? "
+            "Their responses as published, and as simulated here, from the stored "
+            "table that the configuration names. Bars are one standard error over "
+            "the seeds; another draw of seeds moves a mean by about as much."
+        ),
+        reads=("targets",),
+    ),
+    "discrepancy": Drawn(
+        "discrepancy.over_the_discrepancy",
+        title="Discrepancy",
+        inputs={"discrepancy": "posterior/discrepancy.csv"},
+        caption=(
+            "What do the measurements say if the simulator itself is off? "
+            "Information of the measurements on the parameters, over the "
+            "discrepancy: the error that the simulator has with the best "
+            "parameters, too. Above the information; below the 95 % interval of "
+            "each parameter in its range. Where a shape study is given, its spread "
+            "of plausible models is marked."
+        ),
+        reads=("parameters", "targets"),
+        folder="posterior",
+        category="Uncertainty",
+    ),
+    "definitions": Drawn(
+        "measuring.definitions",
+        title="Definitions of the angle",
+        inputs=MEASURED_PILE,
+        caption=(
+            "How much does the angle depend on its definition? All definitions on "
+            "the pile of the representative solution: their lines in one side view, "
+            "and the angle that each gives in all views. The study calibrates the "
+            "definition {measure[response]}; ``repose docs measurement`` compares "
+            "them."
+        ),
+        reads=("measure",),
+        when=has_pile,
+    ),
+    "noise": Drawn(
+        "noise.noise_floor",
+        title="Noise floor",
+        inputs={
+            "runs": "runs.csv",
+            "seeds": "noise/seeds.csv",
+            "noise": "noise/noise.json",
+        },
+        caption=(
+            "How many seeds does a mean need? Runs of the same parameters and runs "
+            "of others, and the standard error that a number of seeds buys. "
+            "``noise.json`` has the correlation of the responses within samples."
+        ),
+        reads=("parameters", "targets"),
+        folder="noise",
+        category="Uncertainty",
+    ),
+    "outline": Drawn(
+        "outline.outline_and_measurement",
+        title="Pile and measurement at one scale",
+        inputs=MEASURED_PILE,
+        caption=(
+            "Does the simulated pile look like the measured one? The outlines of "
+            "the first pour of the answer in all views, with their mean, over the "
+            "measured numbers at the same scale: the measured height, and the "
+            "measured slope through each flank, each with the standard deviation of "
+            "a repetition. The measurement gives no width, so the lines of the "
+            "slope are drawn through the middle of the simulated flanks."
+        ),
+        reads=("measure", "targets"),
+        when=has_pile,
+    ),
+    "plane": Drawn(
+        "plane.planes",
+        title="Targets against each other",
+        inputs={
+            "dataset": ANSWER_SAMPLES,
+            "feasible": ANSWER_SOLUTIONS,
+            "table4": ANSWER_CHECK,
+        },
+        if_there={"pool": "pool/dataset.csv", "fresh": "pool/fresh_dataset.csv"},
+        caption=(
+            "Can the simulated piles meet the targets together, and does the "
+            "answer? All samples with their standard errors, and of the pool if it "
+            "was poured; the target ranges; the mean of the measured piles with its "
+            "standard error; the predictions of the solutions that the search "
+            "lists; and the answer, as predicted and as simulated with fresh seeds, "
+            "with its standard error. The second panel of each pair enlarges the "
+            "target ranges."
+        ),
+        reads=("targets",),
+        when=has_pairs,
+    ),
+    "corner": Drawn(
+        "posterior.corner",
+        title="Posterior",
+        inputs={
+            "draws": "posterior/draws.csv",
+            "posterior": "posterior/posterior.csv",
+            "summary": "posterior/posterior.json",
+            "feasible": "miga/feasible.csv",
+        },
+        if_there={"stored": PUBLISHED_HERE},
+        caption=(
+            "What do the measurements say about the parameters, alone and in pairs? "
+            "Draws of the posterior over the prior, with the feasible solutions of "
+            "the search. A parameter whose draws fill its range, and a pair whose "
+            "cells are white, are not determined by the targets. Published "
+            "parameter sets are marked; one of another wall stands in the panels of "
+            "two grain-grain parameters alone."
+        ),
+        reads=("parameters", "targets"),
+        folder="posterior",
+        category="Uncertainty",
+    ),
+    "intervals": Drawn(
+        "posterior.intervals",
+        title="Credible intervals",
+        inputs={"posterior": "posterior/posterior.csv"},
+        caption=(
+            "Does the pile determine the parameters? Credible intervals of the free "
+            "parameters with the published intervals and the intervals of the "
+            "feasible solutions, as parts of the parameter's range. An interval "
+            "that covers the whole range determines nothing."
+        ),
+        reads=("parameters", "targets"),
+        folder="posterior",
+        category="Uncertainty",
+    ),
+    "profiles": Drawn(
+        "profiles.profiles",
+        title="Profiles",
+        inputs={"table4": ANSWER_CHECK},
+        caption=(
+            "Does the answer have the measured profile? The measured heights with "
+            "their standard deviation, the profile that is predicted for the "
+            "answer, and the profile that is simulated with fresh seeds, with its "
+            "standard error. Lines are the smooth profiles of the scores."
+        ),
+        reads=("targets",),
+        when=has_profiles,
+    ),
+    "region": Drawn(
+        "region.not_excluded",
+        title="Region that is not excluded",
+        inputs={
+            "region": "posterior/region.csv",
+            "summary": "posterior/posterior.json",
+        },
+        caption=(
+            "Which parameters do the measurements exclude? The region of parameters "
+            "that the measurements do not exclude (history matching), projected on "
+            "each pair of parameters. Below the diagonal the misfit (minimum "
+            "implausibility): how many standard deviations the worst response lies "
+            "from its measurement at the best values of all other parameters. Above "
+            "it the share of parameter sets still possible (optical depth): those "
+            "whose misfit is below three."
+        ),
+        reads=("parameters", "targets"),
+        folder="posterior",
+        category="Uncertainty",
+    ),
+    "pareto_surface": Drawn(
+        "response_surface.pareto",
+        title="Pareto chart of the surface",
+        inputs={"effects": "response_surface/surface_effects.csv"},
+        caption="Which terms of the surface matter? Standardised effects: single parameters, "
+        "products of two, squares.",
+        reads=("targets",),
+        folder="response_surface",
+        category="Response surface",
+    ),
+    "pareto_screening": Drawn(
+        "response_surface.pareto",
+        title="Pareto chart of the screening",
+        inputs={"effects": "response_surface/screening_effects.csv"},
+        caption="Which parameters matter? Standardised effects of the Plackett-Burman "
+        "screening. A parameter goes on where its bar passes the dashed line.",
+        reads=("targets",),
+        folder="response_surface",
+        category="Response surface",
+    ),
+    "perturbation": Drawn(
+        "response_surface.perturbation",
+        title="Perturbation plot",
+        inputs=SURFACE_SAMPLES,
+        caption=(
+            "How does a response change with one parameter alone? Each response "
+            "over one parameter after the other, the others at the centre of the "
+            "design; grey: the target."
+        ),
+        reads=("targets",),
+        folder="response_surface",
+        category="Response surface",
+    ),
+    "contours": Drawn(
+        "response_surface.contours",
+        title="Contours of the surface",
+        inputs=SURFACE_SAMPLES | {"optimum": "response_surface/optimum.json"},
+        caption=(
+            "Where is the target met? Each response over every pair of parameters, "
+            "the others at the optimum (star); the black line is the target."
+        ),
+        reads=("targets",),
+        folder="response_surface",
+        category="Response surface",
+    ),
+    "figure15": Drawn(
+        "rotation.states",
+        title="Figure 15",
+        inputs={"states": DRUM_STATES, "particle": "berry/particle.json"},
+        optional={"runs": "drum/runs.csv"},
+        caption=(
+            "Figure 15. The bed in the drum before the rotation, before its first "
+            "slip and after it, simulated with the representative solution: side "
+            "views along the axis; the green line is fitted to the middle "
+            "{drum[fit_share]:.3g} of the upper edge, which is that of the highest "
+            "grains along the axis. The pictures show the first of {drum[seeds]} "
+            "run(s). Does the bed slip as early as in the article? Below stands how "
+            "far the drum turned before the slip. The article gives no angle, but "
+            "its run ends {drum[report_s]:g} s after the filling began."
+        ),
+        reads=("drum", "measure.mm_per_pixel", "colour"),
+        when=has_drum,
+        memory_mb=550,
+    ),
+    "drum": Drawn(
+        "rotation.course",
+        title="The drum over time",
+        inputs={
+            "record": "drum/record.csv",
+            "profile": "drum/profile.csv",
+            "runs": "drum/runs.csv",
+        },
+        caption=(
+            "The drum over time: when does the bed slip? a: surface and centre of "
+            "mass of every run. A slip is judged when the centre of mass has fallen "
+            "by {drum[slip_drop_deg]} degrees below its highest, and began at that "
+            "highest; the drum then stops. The article shows the bed after a slip "
+            "by the time of the vertical line. b: how far grains moved in the slip, "
+            "against the drum, by depth."
+        ),
+        reads=("drum",),
+        when=has_drum,
+    ),
+    "design": Drawn(
+        "samples.design_matrix",
+        title="Design",
+        inputs={"samples": "design/samples.csv"},
+        optional={"comparison": "design/comparison.csv"},
+        caption=(
+            "Do the samples fill the ranges? The design ({design[method]}): every "
+            "pair of parameters. Each parameter has one sample in each of "
+            "{design[samples]} equal strata of its range."
+        ),
+        reads=("parameters", "design.method"),
+    ),
+    "dataset": Drawn(
+        "samples.responses_over_parameters",
+        title="Responses",
+        inputs={"dataset": "dataset.csv"},
+        caption=(
+            "Which parameters move the responses? Responses of the samples over "
+            "each parameter, with their rank correlation. The goji berry's angle "
+            "falls with the friction between berries: such piles pack more loosely, "
+            "and the same berries need a wider foot (``repose docs uncertainty``, "
+            "Sensitivity)."
+        ),
+        reads=("parameters", "targets"),
+    ),
+    "figure14": Drawn(
+        "search.feasible_solutions",
+        title="Figure 14",
+        inputs={"feasible": "miga/feasible.csv", "summary": "miga/summary.json"},
+        optional={"published": PUBLISHED_INTERVALS},
+        caption=(
+            "Figure 14. Where are the solutions, and where are the published ones? "
+            "Solutions that the search met, in the ranges of the parameters, with "
+            "the published intervals. Of all feasible points met, the best "
+            "{miga[solutions]} are kept that lie at least {miga[distance]} apart in "
+            "parameters normalised to [-1, 1]. They are the sets of one search, and "
+            "not all sets that agree with the measurements. Where none was feasible "
+            "the nearest ones are shown, and the figure says so."
+        ),
+        reads=("parameters", "targets", "miga.answer"),
+    ),
+    "convergence": Drawn(
+        "search.convergence",
+        title="Convergence of the search",
+        inputs={"history": "miga/history.csv"},
+        optional={"summary": "miga/summary.json"},
+        caption=(
+            "Did the search run long enough? Best and mean objective F (Eq. 11) "
+            "over {miga[rounds]} rounds of {miga[generations]} generations. The "
+            "dashed line is the F of a set that is off each target by one standard "
+            "error of the surrogate. Below it a smaller F is no better set."
+        ),
+        reads=("miga", "targets"),
+    ),
+    "sobol": Drawn(
+        "sensitivity.sobol_indices",
+        title="Sobol indices",
+        inputs={"sobol": "sensitivity/sobol.csv"},
+        caption=(
+            "Which parameters explain the variance of the responses? First-order "
+            "and total Sobol indices of each response of the surrogate, with 95 % "
+            "bootstrap intervals."
+        ),
+        reads=("parameters", "targets"),
+        folder="sensitivity",
+        category="Uncertainty",
+    ),
+    "main_effects": Drawn(
+        "sensitivity.main_effects",
+        title="Main effects",
+        inputs={
+            "sobol": "sensitivity/sobol.csv",
+            "effects": "sensitivity/main_effects.csv",
+            "dataset": "dataset.csv",
+        },
+        caption=(
+            "In which direction does each parameter act? Each response over each "
+            "free parameter: the mean of the surrogate over the other parameters. "
+            "Points are the simulated samples. The goji berry's angle falls with "
+            "the friction between berries: such piles pack more loosely, and the "
+            "same berries need a wider foot (``repose docs uncertainty``, "
+            "Sensitivity)."
+        ),
+        reads=("parameters", "targets"),
+        folder="sensitivity",
+        category="Uncertainty",
+    ),
+    "sequential": Drawn(
+        "sequential.sequential",
+        title="Probability and prediction by pours",
+        inputs={"batches": "sequential/batches.csv", "check": "sequential/check.csv"},
+        caption=(
+            "How certain did the answer become, and after how many pours? Left the "
+            "probability that the best point meets all targets within the "
+            "tolerance, after each batch of pours; dotted, the most that the pours "
+            "left can make of it; squares, the probability that any parameter set "
+            "meets them. Beside it: the responses predicted at the best point, with "
+            "one standard error, in percent off the target; the band is the "
+            "tolerance. The filled point at the end is the answer simulated again "
+            "with fresh seeds, with the standard error of its mean. It took no part "
+            "in finding the answer."
+        ),
+        reads=("targets", "sequential.tolerance_percent", "sequential.probability"),
+        folder="sequential",
+        category="Sequential",
+    ),
+    "figure10": Drawn(
+        "surrogate.network_structure",
+        title="Figure 10",
+        inputs=NETWORK,
+        caption=(
+            "Figure 10. Which parameters does the trained network use? a: its "
+            "structure, {inputs} parameters in, {network[hidden]} hidden neurons, "
+            "{outputs} response(s) out. b: the influence of each parameter on what "
+            "the network predicts (total Sobol index, as in "
+            "``sensitivity/sobol.csv``)."
+        ),
+        reads=("parameters", "design.seed"),
+        when=has_network,
+    ),
+    "figure13": Drawn(
+        "surrogate.predicted_against_simulated",
+        title="Figure 13",
+        inputs={"predictions": "network/predictions.csv", "dataset": "dataset.csv"},
+        optional=NETWORK,
+        if_there={"fresh": "pool/fresh_dataset.csv"},
+        caption=(
+            "Figure 13. Does the surrogate predict samples that it has not seen? "
+            "Predicted against simulated responses, on equal axes. Samples without "
+            "a result are left out. A mean of few pours scatters about its true "
+            "value, so no model can be nearer to the line than that scatter: the "
+            "figure gives the R2 and the RMSE of a perfect model beside those of "
+            "the surrogate. The parts are predicted by the training part's fit, new "
+            "points, where they were poured, by the final one."
+        ),
+        reads=("targets",),
+    ),
+    "figure05": Drawn(
+        "testbench.simulated_pile",
+        title="Figure 5",
+        inputs=PILE,
+        caption=(
+            "Figure 5. What does the simulated pile look like? Pile of the "
+            "representative solution: the counterpart of the photographed pile."
+        ),
+        reads=("funnel", "colour"),
+        when=has_pile,
+        memory_mb=600,
+    ),
+    "figure06": Drawn(
+        "testbench.measurement",
+        title="Figure 6",
+        inputs=MEASURED_PILE,
+        caption=(
+            "Figure 6. How is a pile measured? The steps on that pile in one side "
+            "view: grey picture, threshold, edge, and boundary (yellow) with the "
+            "Height (blue), the line of the left flank (red) and of the right one "
+            "(green), each with its angle. The title names the line. The tables "
+            "take the mean over {measure[views]} view(s)."
+        ),
+        reads=("measure",),
+        when=has_pile,
+    ),
+    "figure08": Drawn(
+        "testbench.apparatus",
+        title="Figure 8",
+        inputs={},
+        optional={"trajectory": POUR_TRAJECTORY, "particle": "berry/particle.json"},
+        caption=(
+            "Figure 8. How is a pile poured? The virtual test bench to scale, "
+            "halfway through the pour: the place where grains are made, funnel and "
+            "plate."
+        ),
+        reads=("funnel", "colour"),
+        when=has_pile,
+    ),
+}
