@@ -2,8 +2,8 @@
 
 A stage depends on its module and on every module of `repose` that it imports, directly
 or through others. What cannot change a number is left out of the hash: comments,
-format, docstrings, type annotations of functions, what a `raise` statement says, and the
-meanings of the keys of the configuration.
+format, docstrings, type annotations of functions, what a `raise` statement says, the
+meanings of the keys of the configuration, and the captions of figures.
 """
 
 import ast
@@ -28,8 +28,13 @@ WITHOUT_NUMBERS = (
 # What is kept between calls has this form; another one is computed anew.
 FORMAT = b"2"
 DATA = (".csv", ".json", ".mplstyle", ".html", ".js", ".css", ".yaml")
-# Arguments of pydantic's `Field` that explain a key.
-MEANING = ("description", "json_schema_extra")
+# So many summaries of files are kept: those of some versions of the package.
+MOST_SUMMARIES = 1500
+# Arguments that explain: of pydantic's `Field`, a key; of `Drawn`, a figure.
+MEANING = {
+    "Field": ("description", "json_schema_extra"),
+    "Drawn": ("title", "caption"),
+}
 _new_keys: list[str] = []  # of summaries that no earlier call has kept
 
 
@@ -80,17 +85,11 @@ def dependencies(*modules: str) -> frozenset[str]:
     frozenset of str
         Full dotted names, without `WITHOUT_NUMBERS`.
     """
+    queue = {name for name in _list_modules(modules) if not computes_nothing(name)}
     found_modules: set[str] = set()
-    queue = _list_modules(modules)
     while queue:
-        name = queue.pop()
-        if name in found_modules or computes_nothing(name):
-            continue
-        found_modules.add(name)
-        queue.extend(_imports(name))
-        # To import a module, Python also runs the package around it.
-        package = name.rpartition(".")[0]
-        queue.append(package)
+        found_modules |= queue
+        queue = set().union(*map(_needs, queue)) - found_modules
     return frozenset(found_modules)
 
 
@@ -102,6 +101,7 @@ def _list_modules(names: Iterable[str]) -> list[str]:
     return modules
 
 
+@cache
 def computes_nothing(module: str) -> bool:
     """Tell whether `WITHOUT_NUMBERS` lists a module, or a package around it."""
     if module in WITHOUT_NUMBERS:
@@ -111,33 +111,52 @@ def computes_nothing(module: str) -> bool:
 
 
 @cache
+def _files() -> dict[str, Path]:
+    """Map the full name of each module and package of `repose` to its file."""
+    files = {}
+    for folder, subfolders, names in os.walk(PACKAGE):
+        if "__pycache__" in subfolders:
+            subfolders.remove("__pycache__")
+        place = Path(folder)
+        package = ".".join(("repose", *place.relative_to(PACKAGE).parts))
+        for name in names:
+            stem, ending = os.path.splitext(name)
+            if ending == ".py":
+                module = package if stem == "__init__" else f"{package}.{stem}"
+                files[module] = place / name
+    return files
+
+
 def _file_of(module: str) -> Path:
     """Find the file of a module or package of `repose`."""
-    path = PACKAGE.joinpath(*module.split(".")[1:])
-    file = path.with_suffix(".py")
-    if not file.is_file():
-        file = path / "__init__.py"
-    if not file.is_file():
-        raise ModuleNotFoundError(f"{module}: there is no {file}", name=module)
+    file = _files().get(module)
+    if file is None:
+        message = f"{module}: there is no such module in {PACKAGE}"
+        raise ModuleNotFoundError(message, name=module)
     return file
 
 
 def _modules_of(name: str) -> list[str]:
     """List the full dotted names of a module, or of a package and all its modules."""
-    file = _file_of(name)
-    is_package = file.name == "__init__.py"
+    is_package = _file_of(name).name == "__init__.py"
     if not is_package:
         return [name]
-    modules = []
-    for path in sorted(file.parent.rglob("*.py")):
-        parts = path.relative_to(PACKAGE).with_suffix("").parts
-        module = ".".join(("repose", *parts))
-        modules.append(module.removesuffix(".__init__"))
-    return modules
+    inside = f"{name}."
+    return [name, *(module for module in _files() if module.startswith(inside))]
 
 
 @cache
-def _imports(module: str) -> frozenset[str]:
+def _needs(module: str) -> frozenset[str]:
+    """Find the modules that a module needs directly and that can change a number.
+
+    To import a module, Python also runs the package around it.
+    """
+    package = module.rpartition(".")[0]
+    needed = {package, *_imports(module)}
+    return frozenset(name for name in needed if not computes_nothing(name))
+
+
+def _imports(module: str) -> set[str]:
     """Find the modules of `repose` that a module imports when it runs.
 
     Imports inside functions count, but not those for type checkers only. An import from
@@ -148,14 +167,10 @@ def _imports(module: str) -> frozenset[str]:
     file = _file_of(module)
     package = module if file.name == "__init__.py" else module.rpartition(".")[0]
     summary = _summarise_file(file)
-    modules = set()
-    for level, name in summary["imports"]:
-        full_name = _absolute_name(name, level, package)
-        if _is_module(full_name):
-            modules.add(full_name)
+    names = {_absolute_name(name, level, package) for level, name in summary["imports"]}
     if summary["imports_by_name"]:
-        modules.update(_modules_of(package))
-    return frozenset(modules)
+        names.update(_modules_of(package))
+    return names & _files().keys()
 
 
 def _absolute_name(name: str, level: int, package: str) -> str:
@@ -169,18 +184,6 @@ def _absolute_name(name: str, level: int, package: str) -> str:
     parents = package.split(".")
     base = ".".join(parents[: len(parents) - level + 1])
     return f"{base}.{name}" if name else base
-
-
-@cache
-def _is_module(name: str) -> bool:
-    """Tell whether a dotted name is a module or package of `repose`."""
-    if name.partition(".")[0] != "repose":
-        return False
-    try:
-        _file_of(name)
-    except ModuleNotFoundError:
-        return False
-    return True
 
 
 class _NumbersOnly(ast.NodeTransformer):
@@ -198,10 +201,11 @@ class _NumbersOnly(ast.NodeTransformer):
         return ast.Raise(exc=None, cause=None)
 
     def visit_Call(self, node: ast.Call) -> ast.AST:
-        """Drop the meaning of a key of the configuration, and where its value is from."""
-        if isinstance(node.func, ast.Name) and node.func.id == "Field":
+        """Drop what explains a key of the configuration, or a figure."""
+        if isinstance(node.func, ast.Name):
+            meaning = MEANING.get(node.func.id, ())
             node.keywords = [
-                keyword for keyword in node.keywords if keyword.arg not in MEANING
+                keyword for keyword in node.keywords if keyword.arg not in meaning
             ]
         return self.generic_visit(node)
 
@@ -223,7 +227,7 @@ def _hash_module(module: str) -> str:
     The result is a text of hashes, separated by blanks.
     """
     file = _file_of(module)
-    content = file.read_bytes()
+    content = _read(file)
     hashes = [_summarise_file(file)["code"]]
     for name in _data_files(file.parent):
         is_named = name.encode() in content
@@ -231,6 +235,12 @@ def _hash_module(module: str) -> str:
             data = (file.parent / name).read_bytes()
             hashes.append(hashlib.sha256(data).hexdigest())
     return " ".join(hashes)
+
+
+@cache
+def _read(file: Path) -> bytes:
+    """Read the source code of a module."""
+    return file.read_bytes()
 
 
 @cache
@@ -252,7 +262,7 @@ def _summarise_file(file: Path) -> dict[str, Any]:
         for an absolute import. ``imports_by_name``: whether the file calls
         `importlib.import_module`.
     """
-    content = file.read_bytes()
+    content = _read(file)
     key = hashlib.sha256(FORMAT + content).hexdigest()
     summaries = _stored_summaries()
     if key not in summaries:
@@ -330,7 +340,8 @@ def keep_for_later_calls() -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         # Other processes may be reading the file, so replace it in one move.
         part = path.with_name(f"{path.name}.{os.getpid()}.part")
-        part.write_text(json.dumps(_stored_summaries()), encoding="utf-8")
+        newest = dict(list(_stored_summaries().items())[-MOST_SUMMARIES:])
+        part.write_text(json.dumps(newest), encoding="utf-8")
         part.replace(path)
     except (OSError, RuntimeError):
         return

@@ -26,7 +26,7 @@ from repose.common.provenance import (
     hash_of_file,
 )
 from repose.config.loader import is_external
-from repose.config.models import named_files, targets_of, valid_sections
+from repose.config.models import named_files, targets_of
 from repose.config.results_folder import run_folder
 
 # Entries that are no keys of a configuration:
@@ -190,8 +190,8 @@ def _external_run_settings(config: Config) -> dict[str, Any]:
 def _target_run_settings(config: Config) -> dict[str, Any]:
     """Select the settings of the measured runs of all targets, and their parameters."""
     selected = sections(config, "parameters")
-    targets = valid_sections(config).targets
-    for test in dict.fromkeys(target.apparatus for target in targets):
+    tests = dict.fromkeys(target.apparatus for target in targets_of(config))
+    for test in tests:
         selected |= _run_settings(config, test)
     return selected | responses(config)
 

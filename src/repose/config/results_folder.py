@@ -180,8 +180,8 @@ def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
             "study of repose wrote: move it away, or choose another folder",
         )
 
-    is_result = pattern_of(outputs).fullmatch
     faults: dict[str, InputError] = {}
+    unknown = []
     for folder, files in _folders_of_results(results_dir, names):
         for changed in ledger.changed(folder):
             if changed.name in files:
@@ -189,11 +189,17 @@ def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
         listed = ledger.names(folder)
         for name in files:
             path = f"{folder}/{name}"
-            # A rule may write over a file of repose, and writes no other name.
-            if name in listed or path in unlisted or not is_result(path):
-                continue
+            if name not in listed and path not in unlisted:
+                unknown.append(path)
+
+    # A rule may write over a file of repose, and writes no other name. The pattern of
+    # all results is slow to make, and few folders hold unknown files.
+    if unknown:
+        is_result = pattern_of(outputs).fullmatch
+        for path in unknown:
             # An empty file holds nothing to lose; snakemake makes such marks.
-            if os.path.isfile(path) and os.path.getsize(path) > 0:
+            is_empty = not os.path.isfile(path) or os.path.getsize(path) == 0
+            if is_result(path) and not is_empty:
                 faults[path] = _foreign_file(path)
     raise_together(faults[path] for path in sorted(faults))
 
