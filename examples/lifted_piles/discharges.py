@@ -170,16 +170,9 @@ def name(row: int, seed: int, modulus: float) -> str:
     return f"discharge_{row}_seed_{seed}_modulus_{modulus:g}"
 
 
-def one(row: int, seed: int, modulus: float) -> dict:
-    """Run and measure a discharge, or read the file that has it."""
-    path = OUT / f"{name(row, seed, modulus)}.json"
-    for kept in (path, PUBLISHED / path.name):
-        if kept.exists():
-            return read_json(kept)
-    contents, began = (
-        Contents(*rows().loc[row, list(Contents._fields)]),
-        time.process_time(),
-    )
+def measured(contents: Contents, seed: int, modulus: float = 1.0) -> dict:
+    """Run a discharge, and measure its rate."""
+    began = time.process_time()
     simulation = closed(contents, seed, modulus)
     left_s = opened(simulation)
     masses_g = (
@@ -189,8 +182,7 @@ def one(row: int, seed: int, modulus: float) -> dict:
         / 6.0
         * (1e-3 * DIAMETERS_MM.max() * simulation.scales) ** 3
     )
-    record = {"row": row, "seed": seed, "modulus": modulus, **contents._asdict()}
-    record |= {
+    return {
         "rate_g_s": rate_g_s(left_s, masses_g, SETTLED_S + FLOWING_S),
         "left_g": float(masses_g[np.isfinite(left_s)].sum()),
         "early": int((left_s < SETTLED_S).sum()),
@@ -199,6 +191,17 @@ def one(row: int, seed: int, modulus: float) -> dict:
         "processor_s": time.process_time() - began,
         "engine": engine_hash(),
     }
+
+
+def one(row: int, seed: int, modulus: float) -> dict:
+    """Run and measure a discharge, or read the file that has it."""
+    path = OUT / f"{name(row, seed, modulus)}.json"
+    for kept in (path, PUBLISHED / path.name):
+        if kept.exists():
+            return read_json(kept)
+    contents = Contents(*rows().loc[row, list(Contents._fields)])
+    record = {"row": row, "seed": seed, "modulus": modulus, **contents._asdict()}
+    record |= measured(contents, seed, modulus)
     write_json(path, record)
     return record
 

@@ -256,6 +256,30 @@ def name(
     )
 
 
+def measured(
+    contents: Contents,
+    seed: int,
+    tilted: bool,
+    modulus: float = 1.0,
+    grain: str = "sphere",
+    wall: str = WALLS[0],
+) -> dict:
+    """Run a drum, and measure its angle."""
+    began = time.process_time()
+    simulation = drum(contents, seed, tilted, modulus, grain=grain, wall=wall)
+    angles = turned(simulation, tilted, grain, wall)
+    return {
+        "angle_deg": float(np.mean(angles)),
+        "frames_sd_deg": float(np.std(angles, ddof=1)),
+        "angles_deg": angles,
+        "grains": simulation.n_bodies,
+        "left": int((~DRUM.holds(simulation.positions)).sum()),
+        "time_step_s": simulation.time_step_s,
+        "processor_s": time.process_time() - began,
+        "engine": engine_hash(),
+    }
+
+
 def one(
     row: int,
     seed: int,
@@ -269,12 +293,7 @@ def one(
     for kept in (path, PUBLISHED / path.name):
         if kept.exists():
             return read_json(kept)
-    contents, began = (
-        Contents(*rows(tilted).loc[row, list(Contents._fields)]),
-        time.process_time(),
-    )
-    simulation = drum(contents, seed, tilted, modulus, grain=grain, wall=wall)
-    angles = turned(simulation, tilted, grain, wall)
+    contents = Contents(*rows(tilted).loc[row, list(Contents._fields)])
     record = {
         "row": row,
         "seed": seed,
@@ -283,18 +302,7 @@ def one(
         "walls": wall,
         **contents._asdict(),
     }
-    record |= {
-        "angle_deg": float(np.mean(angles)),
-        "frames_sd_deg": float(np.std(angles, ddof=1)),
-        "angles_deg": angles,
-    }
-    record |= {
-        "grains": simulation.n_bodies,
-        "left": int((~DRUM.holds(simulation.positions)).sum()),
-        "time_step_s": simulation.time_step_s,
-        "processor_s": time.process_time() - began,
-        "engine": engine_hash(),
-    }
+    record |= measured(contents, seed, tilted, modulus, grain, wall)
     write_json(path, record)
     return record
 
