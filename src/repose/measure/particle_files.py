@@ -1,6 +1,6 @@
 """Files of particles, as simulators write them: positions with sizes.
 
-Three formats are read.
+Four formats are read.
 
 dump
     Text of LAMMPS and LIGGGHTS: the last of its time steps.
@@ -8,6 +8,8 @@ table
     A CSV file, or columns separated by blanks, with a header.
 Yade
     Text of ``yade.export.text``, whose first line names the columns: ``#format x_y_z_r``.
+VTK
+    Points with values, by `repose.measure.vtk_files`.
 
 `COLUMNS` lists the names that a column may have. Lengths are in the unit of the file.
 """
@@ -22,6 +24,7 @@ import pandas as pd
 
 from repose.common.errors import InputError
 from repose.common.files import Path_
+from repose.measure import vtk_files
 
 DUMP_ITEM = "ITEM:"  # begins each section of a dump
 YADE_FORMAT = "#format "  # begins the text of Yade
@@ -30,7 +33,7 @@ COLUMNS = {
     "x": ("x", "xu"),
     "y": ("y", "yu"),
     "z": ("z", "zu"),
-    "radius": ("radius", "r", "rad"),
+    "radius": ("radius", "r", "rad", "radii"),
     "diameter": ("diameter", "d"),
     "a": ("a", "semi_axis_a"),
     "b": ("b", "semi_axis_b"),
@@ -42,7 +45,7 @@ COLUMNS = {
     "qx": ("qx", "quati", "c_quat[2]"),
     "qy": ("qy", "quatj", "c_quat[3]"),
     "qz": ("qz", "quatk", "c_quat[4]"),
-    "grain": ("grain", "mol", "clump", "id_multisphere"),
+    "grain": ("grain", "mol", "clump", "clumpid", "id_multisphere"),
 }
 POSITION = ("x", "y", "z")
 SEMI_AXES = ("a", "b", "c")
@@ -82,12 +85,17 @@ class Particles(NamedTuple):
 
 
 def is_particle_file(path: Path_) -> bool:
-    """Return whether a file may hold particles: it is text, and its name no picture's."""
+    """Return whether a file may hold particles.
+
+    It is one of VTK, or it is text and its name no picture's.
+    """
     kind, _ = mimetypes.guess_type(path)
     if kind is not None and kind.startswith("image/"):
         return False
     with Path(path).open("rb") as file:
         start = file.read(4096)
+    if vtk_files.is_vtk(start):
+        return True
     return b"\0" not in start and start.isascii()
 
 
@@ -111,22 +119,37 @@ def read(path: Path_) -> Particles:
     if "qw" in columns:
         _require(path, table, columns, QUATERNION)
         quaternions = _unit(path, _read_numbers(path, table, columns, QUATERNION))
-    # Without the number of a clump each particle is a grain.
-    grains = np.arange(len(table))
-    if "grain" in columns:
-        grains = pd.factorize(table[columns["grain"]])[0]
-    return Particles(centres, semi_axes, quaternions, grains)
+    return Particles(centres, semi_axes, quaternions, _grains_of(table, columns))
+
+
+def _grains_of(table: pd.DataFrame, columns: dict[str, str]) -> np.ndarray:
+    """Find the grain (N,) of each particle, as a number.
+
+    Without the number of a clump each particle is a grain, and so is one whose number is
+    negative: Yade and LIGGGHTS mark a particle outside clumps by -1.
+    """
+    rows = np.arange(len(table))
+    if "grain" not in columns:
+        return rows
+    clumps = table[columns["grain"]]
+    is_alone = pd.to_numeric(clumps, errors="coerce") < 0
+    alone = [f"alone {row}" for row in rows]
+    return pd.factorize(np.where(is_alone, alone, clumps.astype(str)))[0]
 
 
 # --- formats --------------------------------------------------------------------------
 
 
 def _read_table(path: Path) -> pd.DataFrame:
-    """Read a file in one of three formats as a table.
+    """Read a file in one of the formats as a table.
 
-    They are a dump of LAMMPS or LIGGGHTS, a text file of Yade, and any table with a
-    header.
+    They are VTK, a dump of LAMMPS or LIGGGHTS, a text file of Yade, and any table with
+    a header.
     """
+    with path.open("rb") as file:
+        start = file.read(vtk_files.START_BYTES)
+    if vtk_files.is_vtk(start):
+        return vtk_files.read_table(path)
     try:
         text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:

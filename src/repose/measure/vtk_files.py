@@ -1,0 +1,72 @@
+"""Files of VTK, as simulators write them for ParaView: points with values.
+
+pyvista reads them, which comes with the extra `vtk`. LIGGGHTS writes them by
+``dump custom/vtk``, Yade by ``VTKRecorder`` and ``export.VTKExporter``.
+"""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from repose.common.errors import InputError
+
+LEGACY = b"# vtk DataFile"
+# The root of a file in XML; its type is the kind of data.
+XML = re.compile(rb"<VTKFile\s[^>]*?\btype=\"(\w+)\"")
+# Kinds of data that hold particles, with the ending by which pyvista knows them.
+ENDINGS = {"UnstructuredGrid": ".vtu", "PolyData": ".vtp"}
+START_BYTES = 4096
+EXTRA = "pip install 'repose-dem[vtk]'"
+
+
+def is_vtk(start: bytes) -> bool:
+    """Return whether a file that begins with these bytes is one of VTK."""
+    return start.startswith(LEGACY) or XML.search(start) is not None
+
+
+def read_table(path: Path) -> pd.DataFrame:
+    """Read the points of a file as a table.
+
+    Returns
+    -------
+    pandas.DataFrame
+        `x`, `y`, `z`, and a column for each value that is one number at each point.
+
+    Raises
+    ------
+    InputError
+        Without pyvista, or for a file that it cannot read.
+    """
+    ending = _ending_of(path)
+    try:
+        import pyvista
+    except ModuleNotFoundError as error:
+        needed = f"pyvista, which reads it: {EXTRA}; or a dump, CSV or Yade's text"
+        raise InputError(path, "file", "VTK", needed) from error
+    # The content decides: LIGGGHTS writes XML into files that end in .vtk, too.
+    try:
+        grid = pyvista.get_reader(path, force_ext=ending).read()
+        columns = dict(zip("xyz", np.asarray(grid.points, dtype=float).T, strict=True))
+        for name, values in grid.point_data.items():
+            if values.ndim == 1:
+                columns[name] = np.asarray(values)
+    except (AttributeError, RuntimeError, TypeError, ValueError) as error:
+        fault = str(error).partition("\n")[0]
+        raise InputError(path, "file", fault, "a file of VTK with points") from error
+    return pd.DataFrame(columns)
+
+
+def _ending_of(path: Path) -> str:
+    """Return the ending of the format of a file, which its name may not have."""
+    with path.open("rb") as file:
+        start = file.read(START_BYTES)
+    if start.startswith(LEGACY):
+        return ".vtk"
+    kind = XML.search(start)
+    assert kind is not None
+    name = kind[1].decode()
+    if name not in ENDINGS:
+        raise InputError(path, "VTKFile type", name, f"one of {', '.join(ENDINGS)}")
+    return ENDINGS[name]
