@@ -205,6 +205,12 @@ def test_the_command_writes_a_table_and_refuses_pictures_beside(
     text = command("measure", dump, written[1], "--grain-mm", 10, "--out", out).out
     table = pd.read_csv(out / "piles.csv")
     assert list(table["up"]) == ["z", "z"]
+    # Without a study a grain has 32 pixels across, as in a study of a simulator.
+    settings = MeasureSettings.with_defaults(
+        mm_per_pixel=2e3 * RADIUS / 32, berry_height_mm=2e3 * RADIUS
+    )
+    expected = measure_particles(particle_files.read(dump), settings)
+    assert table["aor_deg"][0] == pytest.approx(expected.result.aor_deg)
     assert f"{dump}: {table['aor_deg'][0]:.2f} deg (whole side, columns)" in text
     error = command("measure", dump, "--unit", "inch", status=2).err
     assert "--unit is 'inch'; expected one of m, cm, mm" in error

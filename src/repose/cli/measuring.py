@@ -34,7 +34,7 @@ TWO_FLANKS = "a pile with two flanks, seen from the side"
         "pictures",
         nargs="+",
         help="side views of piles, one or many: PNG, JPEG, TIFF or BMP; or files of "
-        "particles of any simulator: a dump, CSV or Yade's text",
+        "particles of any simulator: a dump, VTK, CSV or Yade's text",
     ),
     Option(
         "--square-mm",
@@ -155,6 +155,7 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
 
     from repose.common.errors import NoFlankError
     from repose.common.files import write_table
+    from repose.common.section import AUTO
     from repose.measure import particle_files
     from repose.measure.conventions import DIRECTIONS, UNITS
     from repose.measure.particles import measure_particles
@@ -170,6 +171,9 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
         f"one of {', '.join(DIRECTIONS)}",
     )
     settings = _measure_settings(args)
+    if args.config is None:
+        # Without a study the grains of each file decide the scale of its views.
+        settings = settings.model_copy(update={"mm_per_pixel": AUTO})
     rows = []
     for name in args.pictures:
         particles = particle_files.read(name)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from repose.common.errors import InputError, NoFlankError
+from repose.common.section import AUTO
 from repose.dem.rotations import rotation_matrices
 from repose.measure import pile
 from repose.measure.clusters import largest_cluster
@@ -20,11 +21,17 @@ from repose.measure.conventions import DIRECTIONS, UNITS
 from repose.measure.further_responses import measure_scatter, measure_silhouettes
 from repose.measure.particle_files import Particles
 from repose.measure.results import PileResult
-from repose.measure.settings import MeasureSettings
+from repose.measure.settings import (
+    COARSEST_MM_PER_PIXEL,
+    FINEST_MM_PER_PIXEL,
+    MeasureSettings,
+)
 from repose.measure.silhouette import Grains
 
 # Radii [m] of grains, from a powder to a boulder; others show a wrong unit.
 RADII_M = (1e-6, 1.0)
+# Pixels across a grain of the file, where the settings leave the scale to the program.
+PIXELS_PER_GRAIN = 32
 # Grains lie on the base if their lowest points differ by less than this share of a radius.
 LAYER = 0.2
 # The base has this many times as many grains as a plane across any other direction.
@@ -109,7 +116,8 @@ def measure_particles(
         N bodies.
     settings : MeasureSettings, optional
         Those of a photograph. A missing height of a grain is the diameter of a sphere of
-        the grains' mean volume.
+        the grains' mean volume. A scale that is `auto`, as by default, shows a grain by
+        `PIXELS_PER_GRAIN` pixels.
     unit : str
         Unit of lengths in the file, one of `UNITS`.
     up : str, optional
@@ -157,9 +165,10 @@ def measure_particles(
     if particles.are_spheres:
         in_pile = _largest_pile(particles, centres)
 
-    settings = _with_grain_height(
-        settings or MeasureSettings.with_defaults(), particles, metres
-    )
+    settings = settings or MeasureSettings.with_defaults(mm_per_pixel=AUTO)
+    if settings.mm_per_pixel == AUTO:
+        settings = settings.with_scale(_mm_per_pixel(2e3 * radius * metres))
+    settings = _with_grain_height(settings, particles, metres)
     height_m, views = pile.draw_views(grains, settings, in_pile)
     profiles = [pile.find_profile(view) for view in views]
     shape = _measure_shape(
@@ -293,6 +302,12 @@ def _largest_pile(particles: Particles, centres: np.ndarray) -> np.ndarray:
     n_grains = int(grains.max()) + 1
     is_in_pile = largest_cluster(contacts, np.ones(n_grains, bool))
     return is_in_pile[grains]
+
+
+def _mm_per_pixel(diameter_mm: float) -> float:
+    """Choose the scale of the views for grains of this diameter, within its bounds."""
+    scale = diameter_mm / PIXELS_PER_GRAIN
+    return min(max(scale, FINEST_MM_PER_PIXEL), COARSEST_MM_PER_PIXEL)
 
 
 def _with_grain_height(

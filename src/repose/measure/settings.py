@@ -72,7 +72,9 @@ class MeasureSettings(Section):
     )
 
     @classmethod
-    def with_defaults(cls, mm_per_pixel: float = MM_PER_PIXEL, **keys: Any) -> Self:
+    def with_defaults(
+        cls, mm_per_pixel: float | str = MM_PER_PIXEL, **keys: Any
+    ) -> Self:
         """Make settings with the values of config/method.yaml for the keys left out."""
         keys["mm_per_pixel"] = mm_per_pixel
         return method.with_defaults(cls, "measure", keys)

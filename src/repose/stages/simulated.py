@@ -24,9 +24,6 @@ from repose.stages.simulate import MOST_CHARACTERS, Ending
 if TYPE_CHECKING:
     from repose.measure.settings import MeasureSettings
 
-# A silhouette has this many pixels across a grain.
-PIXELS_PER_GRAIN = 32
-
 
 def record_files(entries: Iterable[str]) -> dict[Path, list[Path]]:
     """List the records of runs by the folder of their sample.
@@ -181,23 +178,14 @@ def measured_pile(
     NoFlankError
         If there is no pile.
     """
-    from repose.common.section import AUTO
     from repose.measure import particle_files
-    from repose.measure.conventions import UNITS
     from repose.measure.particles import measure_particles
-    from repose.measure.settings import COARSEST_MM_PER_PIXEL, FINEST_MM_PER_PIXEL
 
     section = settings.particles
     assert section is not None
     path = folder / section.file
-    particles = particle_files.read(path)
-    if measure is not None and measure.mm_per_pixel == AUTO:
-        diameter_mm = 2e3 * particles.mean_radius * UNITS[section.unit]
-        scale = diameter_mm / PIXELS_PER_GRAIN
-        scale = min(max(scale, FINEST_MM_PER_PIXEL), COARSEST_MM_PER_PIXEL)
-        measure = measure.with_scale(scale)
     pile = measure_particles(
-        particles,
+        particle_files.read(path),
         measure,
         unit=section.unit,
         up=section.up,
