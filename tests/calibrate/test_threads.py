@@ -4,7 +4,12 @@ import copy
 import pickle
 import threading
 import time
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import (
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+)
 
 import pandas as pd
 import pytest
@@ -89,6 +94,65 @@ def test_workers_make_the_runs_at_a_time_and_the_answer_is_the_same(tmp_path):
         # An executor of the user stays open.
         assert pool.submit(len, "ab").result() == 2
     pd.testing.assert_frame_equal(of_processes, alone)
+
+
+class ClusterExecutor(Executor):
+    """An executor as those of dask and of clusters: it sends a run away as bytes.
+
+    A future cannot be cancelled, and the executor has no number of workers.
+    """
+
+    is_shut_down = False
+
+    def submit(self, function, /, *args):
+        future = Future()
+        future.set_running_or_notify_cancel()
+        job = pickle.dumps((function, args))
+        threading.Thread(target=self.run, args=(future, job)).start()
+        return future
+
+    def run(self, future, job):
+        function, args = pickle.loads(job)
+        try:
+            future.set_result(function(*args))
+        except OSError as error:
+            future.set_exception(error)
+
+    def shutdown(self, wait=True, *, cancel_futures=False):
+        self.is_shut_down = True
+
+
+def has_no_licence(row):
+    if (row["sample"], row["run"]) == (2, 1):
+        raise OSError("no licence")
+    return simulate(row)
+
+
+@pytest.mark.usefixtures("first_batch")
+def test_any_executor_makes_the_runs_and_stays_open():
+    alone = study(samples=4, seeds=3).calibrate(simulate)
+    executor = ClusterExecutor()
+    of_cluster = study(samples=4, seeds=3).calibrate(simulate, workers=executor)
+    pd.testing.assert_frame_equal(of_cluster, alone)
+    assert not executor.is_shut_down
+
+    # Runs that cannot be cancelled are kept when one of them fails.
+    one = study(samples=4, seeds=3)
+    with pytest.raises(OSError, match="no licence"):
+        one.calibrate(has_no_licence, workers=ClusterExecutor())
+    assert len(one.runs) == 11
+
+
+@pytest.mark.usefixtures("first_batch")
+def test_the_executor_of_joblib_makes_the_runs():
+    # joblib comes with scikit-learn.
+    from joblib.externals.loky import get_reusable_executor
+
+    alone = study(samples=4, seeds=3).calibrate(simulate)
+    executor = get_reusable_executor(max_workers=2)
+    of_joblib = study(samples=4, seeds=3).calibrate(simulate, workers=executor)
+    executor.shutdown()
+    pd.testing.assert_frame_equal(of_joblib, alone)
 
 
 @pytest.mark.usefixtures("first_batch")

@@ -82,7 +82,9 @@ Argument = Annotated[str, Field(min_length=1, max_length=4000)]
 class ParticlesSettings(Section):
     """A file of particles that a run leaves: its pile is measured."""
 
-    file: FileName = Field(description="dump, VTK, CSV or text of Yade with the particles")
+    file: FileName = Field(
+        description="dump, VTK, CSV or text of Yade with the particles"
+    )
     unit: Annotated[str, OneOf(lambda: UNITS)] = Field(
         default="m", description="unit of lengths in the file: m, cm or mm"
     )
