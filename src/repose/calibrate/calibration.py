@@ -1,6 +1,5 @@
 """The calibration of any simulator from its runs: the answer and its certainty."""
 
-import sys
 from collections.abc import Mapping
 from html import escape
 from pathlib import Path
@@ -18,6 +17,7 @@ from repose.calibrate.answer import (
     describe_probability,
     out_of_reach,
 )
+from repose.calibrate.progress import announce
 from repose.calibrate.strategies import answer as answers
 from repose.calibrate.strategies.base import Answer, Batch, strategy
 from repose.calibrate.strategies.runs import OK, check_responses
@@ -38,8 +38,6 @@ from repose.calibrate.uncertainty.settings import PosteriorSettings
 from repose.common.errors import require
 from repose.common.files import Path_, path_of, write_json, write_table
 
-# With at least this many samples a step takes minutes, so its start is announced.
-MANY_SAMPLES = 400
 # Files of `save`.
 TABLES = ("samples.csv", "solutions.csv", "posterior.csv", "draws.csv")
 RECORDS = ("posterior.json", "summary.json", "card.json")
@@ -263,10 +261,10 @@ def calibrate(
     targets = study.targets
     settings = study.settings
     check_responses(runs, targets)
-    _tell_step("fit the model of the responses", runs)
     if isinstance(proposal, Answer):
         answer = proposal
     else:
+        announce("fit the model of the responses", runs)
         answer = strategy(settings.strategy).answer(study, runs)
     observed = arrange_runs(runs, space, targets)
     noise = estimate_noise(study, observed)
@@ -280,7 +278,7 @@ def calibrate(
     has_replicates = REPLICATES in noise.sources.values()
     freedom = observed.freedom if has_replicates else 0
     inference_settings = posterior_settings(settings.posterior, freedom, len(targets))
-    _tell_step("draw the posterior of the parameters", runs)
+    announce("draw the posterior of the parameters", runs)
     posterior = infer(
         model,
         support,
@@ -353,13 +351,6 @@ def _summary_of_runs(
         "warning": noise.warning,
         "definitions": settings.definitions,
     }
-
-
-def _tell_step(step: str, runs: pd.DataFrame) -> None:
-    """Print on stderr what begins, where there are so many samples that it takes long."""
-    n_samples = runs["sample"].nunique()
-    if n_samples >= MANY_SAMPLES:
-        print(f"repose: {n_samples} samples: {step}", file=sys.stderr, flush=True)
 
 
 def posterior_settings(

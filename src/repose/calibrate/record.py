@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from repose.calibrate.progress import announce
 from repose.calibrate.strategies.base import Answer, Batch, strategy
 from repose.calibrate.strategies.runs import (
     NUMBERS,
@@ -188,6 +189,7 @@ class Record:
         if key in self._proposals:
             return self._proposals[key]
         chosen = strategy(self.study.settings.strategy)
+        announce("choose the next runs or the answer", data)
         try:
             proposal = chosen.propose(self.study, data.reset_index(drop=True))
         except InputError as error:

@@ -7,6 +7,8 @@ covariance, noise and prior.
 
   (RW06)  Rasmussen & Williams 2006, Gaussian Processes for Machine Learning: Algorithm
           2.1; section 5.4.2 for the prediction of a value from all the others
+  (SG06)  Snelson & Ghahramani 2006, Sparse Gaussian processes using pseudo-inputs,
+          NeurIPS 18: values that depend on each other by way of a few centres alone
 """
 
 import warnings
@@ -133,6 +135,10 @@ class Process:
         """Predict means (m,) at points (m, d)."""
         return self.kernel(x, self.x) @ self.weights
 
+    def weights_of(self, values: np.ndarray) -> np.ndarray:
+        """Compute the weights (n, f) of other values (n, f) at the same points."""
+        return linalg.cho_solve((self.root, True), values)
+
     def moments(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Predict means and variances (m,) at points (m, d), without noise."""
         between = self.kernel(x, self.x)
@@ -155,6 +161,139 @@ class Process:
         means = self.values - self.weights / precision
         variances = np.maximum(1 / precision - self.errors, LEAST_VARIANCE)
         return means, variances
+
+
+class SparseProcess:
+    """A process of mean 0, conditioned on many values by way of a few centres (SG06).
+
+    The values depend on each other by way of the process at the M centres alone. What
+    the centres do not explain of the variance at a point counts as noise of its value.
+    So the work grows with n M^2 in place of n^3. With all points as centres it is the
+    exact process.
+
+    Parameters
+    ----------
+    kernel : kernel of scikit-learn
+        Covariance of the process; its hyperparameters stay as they are.
+    x : array (n, d)
+    values, errors : array (n,)
+        As of `Process`.
+    centres : array (M, d)
+        Some of the points.
+
+    Attributes
+    ----------
+    kernel : kernel
+    x : array (M, d)
+        The centres, with which the covariance of a predicted point is computed.
+    weights : array (M,)
+        Of these covariances in a predicted mean.
+    """
+
+    def __init__(
+        self,
+        kernel: Any,
+        x: np.ndarray,
+        values: np.ndarray,
+        errors: np.ndarray,
+        centres: np.ndarray,
+    ) -> None:
+        """Condition the process on the values."""
+        self.kernel = kernel
+        self.x = centres
+        self.values = values
+        self.errors = errors
+
+        # The variance at each point that the centres explain: K_xc K_cc^-1 K_cx.
+        variance_of_centres = kernel(centres)
+        jitter = JITTER * variance_of_centres.diagonal().mean()
+        self._root_of_centres = linalg.cholesky(
+            variance_of_centres + jitter * np.eye(len(centres)), lower=True
+        )
+        features = self._solve(self._root_of_centres, kernel(centres, x))
+        unexplained = kernel.diag(x) - (features**2).sum(axis=0)
+        self._noise = errors + np.maximum(unexplained, 0.0)
+
+        # With A the features over the noise's standard deviation, I + A A' is the
+        # precision of the features (SG06).
+        self._scaled = features / np.sqrt(self._noise)
+        precision = np.eye(len(centres)) + self._scaled @ self._scaled.T
+        self._root = linalg.cholesky(precision, lower=True)
+        self.weights = self.weights_of(values)
+
+        # The values lower the variance of the features by the root of I - precision^-1
+        # times its transpose. One product with a matrix then takes a covariance with the
+        # centres to what it lowers the variance by.
+        eigenvalues, axes = linalg.eigh(precision)
+        root_of_gain = axes * np.sqrt(np.maximum(1 - 1 / eigenvalues, 0.0))
+        self._gain = linalg.solve_triangular(
+            self._root_of_centres, root_of_gain, lower=True, trans="T"
+        )
+
+    def mean(self, x: np.ndarray) -> np.ndarray:
+        """Predict means (m,) at points (m, d)."""
+        return self.kernel(x, self.x) @ self.weights
+
+    def weights_of(self, values: np.ndarray) -> np.ndarray:
+        """Compute the weights (M, f) of other values (n, f) at the same points."""
+        scaled = (values.T / np.sqrt(self._noise)).T
+        solved = linalg.cho_solve((self._root, True), self._scaled @ scaled)
+        return linalg.solve_triangular(
+            self._root_of_centres, solved, lower=True, trans="T"
+        )
+
+    def moments(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Predict means and variances (m,) at points (m, d), without noise."""
+        between = self.kernel(x, self.x)
+        variance = self.kernel.diag(x) - ((between @ self._gain) ** 2).sum(axis=1)
+        return between @ self.weights, np.maximum(variance, LEAST_VARIANCE)
+
+    def left_out(self) -> tuple[np.ndarray, np.ndarray]:
+        """Predict each value from all the others, as `Process.left_out`.
+
+        K is the sum of what the centres explain and of the noise, so the matrix inversion
+        lemma gives K^-1.
+        """
+        solved = self._solve(self._root, self._scaled)
+        precision = (1 - (solved**2).sum(axis=0)) / self._noise
+        scaled = self.values / np.sqrt(self._noise)
+        weights = (scaled - solved.T @ (solved @ scaled)) / np.sqrt(self._noise)
+        means = self.values - weights / precision
+        variances = np.maximum(1 / precision - self.errors, LEAST_VARIANCE)
+        return means, variances
+
+    @staticmethod
+    def _solve(root: np.ndarray, right: np.ndarray) -> np.ndarray:
+        """Solve a lower triangular system."""
+        return linalg.solve_triangular(root, right, lower=True, check_finite=False)
+
+
+def spread_centres(kernel: Any, x: np.ndarray, count: int) -> np.ndarray:
+    """Choose rows of points (n, d) that explain the variance at all the others.
+
+    Each is the point of the largest variance that those before it leave: the pivots of a
+    Cholesky decomposition.
+
+    Returns
+    -------
+    array of int
+        At most `count` rows; fewer where these explain all.
+    """
+    remaining = kernel.diag(x).copy()
+    least = JITTER * remaining.max()
+    features = np.zeros((count, len(x)))
+    rows: list[int] = []
+    while len(rows) < count and remaining.max() > least:
+        row = int(remaining.argmax())
+        covariances = kernel(x[row : row + 1], x)[0]
+        done = features[: len(rows)]
+        feature = (covariances - done[:, row] @ done) / np.sqrt(remaining[row])
+        features[len(rows)] = feature
+        remaining -= feature**2
+        # Rounding must not choose a row twice.
+        remaining[row] = 0.0
+        rows.append(row)
+    return np.array(rows)
 
 
 class SampleNoise(WhiteKernel):

@@ -55,6 +55,11 @@ BOUNDS = (1e-3, 1e3)
 # rounding.
 ROUNDING = 1e-9
 LEAST_SAMPLES = 2
+# With more samples than this the work would grow with their cube. Then variance and
+# lengths come from this many of the samples, drawn at random, and are not drawn; the
+# processes are conditioned on all samples by way of this many centres.
+MOST_EXACT = 256
+SUBSET_SEED = 2
 
 
 class Observed(NamedTuple):
@@ -184,8 +189,11 @@ class Kriging(Combined):
         self.errors = _mean_variances(observed, self._mixing) / self._scale**2
 
         # Draw processes for each combination, then group them by draw.
+        processes_of = _draw_processes
+        if n_samples > MOST_EXACT:
+            processes_of = _sparse_process
         draws_of_combinations = [
-            _draw_processes(self.unit, values, errors)
+            processes_of(self.unit, values, errors)
             for values, errors in zip(self.values.T, self.errors.T, strict=True)
         ]
         self.sets = list(zip(*draws_of_combinations, strict=True))
@@ -417,6 +425,64 @@ def _draw_processes(
     -------
     list of Process
     """
+    from repose.calibrate.surrogates.process import Process
+
+    best, curvature = _most_probable_kernel(unit, values, errors)
+    # Condition a process on the samples for each draw of the hyperparameters.
+    processes = []
+    for theta in _draw_hyperparameters(best.theta, curvature):
+        kernel_of_draw = best.clone_with_theta(theta)
+        processes.append(Process(kernel_of_draw, unit, values, errors, optimizer=None))
+    return processes
+
+
+def _sparse_process(
+    unit: np.ndarray, values: np.ndarray, errors: np.ndarray
+) -> list[Any]:
+    """Make the most probable process of many samples.
+
+    Their number determines variance and lengths so well that these are not drawn.
+
+    Parameters
+    ----------
+    unit, values, errors
+        As of `_draw_processes`.
+
+    Returns
+    -------
+    list of SparseProcess
+        One.
+    """
+    from repose.calibrate.surrogates.process import SparseProcess, spread_centres
+
+    rows = subset(len(unit))
+    kernel, _ = _most_probable_kernel(unit[rows], values[rows], errors[rows])
+    centres = unit[spread_centres(kernel, unit, MOST_EXACT)]
+    return [SparseProcess(kernel, unit, values, errors, centres)]
+
+
+def subset(n_samples: int) -> np.ndarray:
+    """Draw the rows of `MOST_EXACT` samples, the same for the same number of samples."""
+    random = np.random.default_rng(SUBSET_SEED)
+    return np.sort(random.permutation(n_samples)[:MOST_EXACT])
+
+
+def _most_probable_kernel(
+    unit: np.ndarray, values: np.ndarray, errors: np.ndarray
+) -> tuple[Any, np.ndarray]:
+    """Find the covariance of a process with its most probable hyperparameters.
+
+    Parameters
+    ----------
+    unit, values, errors
+        As of `_draw_processes`.
+
+    Returns
+    -------
+    kernel of scikit-learn
+    array (1 + d, 1 + d)
+        Second derivatives of the negative log posterior there.
+    """
     from repose.calibrate.surrogates.process import Process, smooth, straight
 
     # Start at the centre of the prior. The means have variance 1, so the variance of the
@@ -436,13 +502,7 @@ def _draw_processes(
         sd=np.array([VARIANCE_LOG_SD] + [LENGTH_LOG_SD] * d),
     )
     best = Process(kernel, unit, values, errors, optimizer=optimiser).kernel
-
-    # Condition a process on the samples for each draw of the hyperparameters.
-    processes = []
-    for theta in _draw_hyperparameters(best.theta, optimiser.curvature):
-        kernel_of_draw = best.clone_with_theta(theta)
-        processes.append(Process(kernel_of_draw, unit, values, errors, optimizer=None))
-    return processes
+    return best, optimiser.curvature
 
 
 def _draw_hyperparameters(

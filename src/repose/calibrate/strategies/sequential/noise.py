@@ -12,11 +12,17 @@ may be so short that a rough surface explains the noise.
 
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from repose.calibrate.strategies.sequential.kriging import BOUNDS, SMOOTHNESS, Observed
+from repose.calibrate.strategies.sequential.kriging import (
+    BOUNDS,
+    MOST_EXACT,
+    SMOOTHNESS,
+    Observed,
+    subset,
+)
 from repose.common.errors import InputError
 
 # Sources of the noise.
@@ -26,6 +32,8 @@ ESTIMATED = "estimated from single runs"
 RUNS_PER_PARAMETER = 4  # least number of single runs for an estimate
 # Shares of the variance over the runs that may be noise, equally probable a priori.
 SHARES = np.geomspace(1e-4, 1.0, 9)
+# Shares that many samples can tell apart.
+FINE_SHARES = np.geomspace(1e-4, 1.0, 401)
 # Bounds of the surface's lengths, in ranges of a parameter: shorter waves look like
 # noise.
 LENGTHS = (0.3, 30.0)
@@ -157,11 +165,48 @@ def _nugget_of(
     # Fit a smooth process for each candidate of the noise, and weight the candidates by
     # the evidence of the fit.
     kernel = smooth(1.0, np.ones(unit.shape[1]), (BOUNDS, LENGTHS), SMOOTHNESS)
-    log_evidence = np.array(
-        [
-            Process(kernel, unit, values, errors=share * shares).log_likelihood
-            for share in SHARES
-        ]
-    )
+    if len(unit) > MOST_EXACT:
+        log_evidence = _evidence_of_many(kernel, unit, values, shares)
+        candidates = FINE_SHARES
+    else:
+        log_evidence = np.array(
+            [
+                Process(kernel, unit, values, errors=share * shares).log_likelihood
+                for share in SHARES
+            ]
+        )
+        candidates = SHARES
     weights = np.exp(log_evidence - log_evidence.max())
-    return float(weights @ SHARES / weights.sum()) * scale**2
+    return float(weights @ candidates / weights.sum()) * scale**2
+
+
+def _evidence_of_many(
+    kernel: Any, unit: np.ndarray, values: np.ndarray, shares: np.ndarray
+) -> np.ndarray:
+    """Compute the log evidence of `FINE_SHARES` where samples are many.
+
+    Variance and lengths come from a subset of the samples, the evidence from all. So many
+    samples tell shares apart that lie between those of `SHARES`; a spline leads from these
+    to those.
+
+    Parameters
+    ----------
+    kernel : kernel of scikit-learn
+    unit : array (n, d)
+    values : array (n,)
+        Scaled to variance 1.
+    shares : array (n,)
+        As in `nugget`.
+    """
+    from scipy.interpolate import CubicSpline
+
+    from repose.calibrate.surrogates.process import Process
+
+    rows = subset(len(unit))
+    log_evidence = []
+    for share in SHARES:
+        errors = share * shares
+        fit = Process(kernel, unit[rows], values[rows], errors=errors[rows])
+        process = Process(fit.kernel, unit, values, errors=errors, optimizer=None)
+        log_evidence.append(process.log_likelihood)
+    return CubicSpline(np.log(SHARES), log_evidence)(np.log(FINE_SHARES))

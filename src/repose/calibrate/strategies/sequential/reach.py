@@ -17,16 +17,15 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from scipy import linalg
 
 from repose.calibrate.strategies.sequential.goal import Goal
 from repose.calibrate.strategies.sequential.kriging import SMOOTHNESS, Kriging
 
 if TYPE_CHECKING:  # scikit-learn takes half a second to load
-    from repose.calibrate.surrogates.process import Process
+    from repose.calibrate.surrogates.process import Process, SparseProcess
 
 FEATURES = 128
-FUNCTIONS = 16  # drawn for each set of lengths
+FUNCTIONS = 128  # drawn, the same number for each set of lengths
 CANDIDATES = 256  # points all over the ranges, and as many corners
 AROUND = 16  # points around each best point of a draw
 STEPS = (0.2, 0.07, 0.02)  # standard deviations of those points, in ranges
@@ -127,9 +126,9 @@ def _nearest(
 class _DrawnProcess(NamedTuple):
     """A process of one combination of the responses, with draws of it (W20)."""
 
-    process: "Process"
-    prior: Callable[[np.ndarray], np.ndarray]  # from points (m, d) to (m, FUNCTIONS)
-    corrections: np.ndarray  # (n, FUNCTIONS), K^-1 (values - prior - errors)
+    process: "Process | SparseProcess"
+    prior: Callable[[np.ndarray], np.ndarray]  # from points (m, d) to (m, functions)
+    corrections: np.ndarray  # (n, functions), K^-1 (values - prior - errors)
 
 
 class Draws:
@@ -150,17 +149,23 @@ class Draws:
     ) -> None:
         """Draw functions for each combination of the responses (W20)."""
         self.model = model
+        n_functions = FUNCTIONS // len(model.sets)
         self._processes = []
         for k, process in enumerate(model.sets[number]):
             # Draw functions from the prior, and noise at the samples.
-            prior = _draw_prior(process.kernel, model.unit.shape[1], random)
+            prior = _draw_prior(
+                process.kernel,
+                d=model.unit.shape[1],
+                n_functions=n_functions,
+                random=random,
+            )
             values = model.values[:, k, None]
             errors = model.errors[:, k, None]
-            noise = np.sqrt(errors) * random.standard_normal((len(values), FUNCTIONS))
+            noise = np.sqrt(errors) * random.standard_normal((len(values), n_functions))
             # Compute the weights of the corrections that make the functions agree with
             # the samples (W20).
             residuals = values - prior(model.unit) - noise
-            corrections = linalg.cho_solve((process.root, True), residuals)
+            corrections = process.weights_of(residuals)
             self._processes.append(_DrawnProcess(process, prior, corrections))
 
     def __call__(self, unit: np.ndarray) -> np.ndarray:
@@ -169,8 +174,8 @@ class Draws:
         widening = math.sqrt(self.model.factor)
         combinations = []
         for process, prior, corrections in self._processes:
-            # Covariances of the points (m) with the samples (n).
-            covariances = process.kernel(centred, self.model.unit)
+            # Covariances of the points (m) with the samples (n), or with centres.
+            covariances = process.kernel(centred, process.x)
             mean = (covariances @ process.weights)[:, None]
             draws = prior(centred) + covariances @ corrections
             # Widen the draws about their mean: the factor applies to the variance.
@@ -181,7 +186,7 @@ class Draws:
 
 
 def _draw_prior(
-    kernel: Any, d: int, random: np.random.Generator
+    kernel: Any, d: int, n_functions: int, random: np.random.Generator
 ) -> Callable[[np.ndarray], np.ndarray]:
     """Draw functions from the prior of a process by random features (RR08).
 
@@ -194,6 +199,7 @@ def _draw_prior(
         `straight` + `smooth` of `repose.calibrate.surrogates.process`.
     d : int
         Number of inputs.
+    n_functions : int
     random : numpy.random.Generator
 
     Returns
@@ -212,13 +218,13 @@ def _draw_prior(
     frequencies /= np.sqrt(random.chisquare(freedom, (FEATURES, 1)) / freedom)
     phases = 2 * np.pi * random.random(FEATURES)
     amplitudes = np.sqrt(2 * variance / FEATURES) * random.standard_normal(
-        (FEATURES, FUNCTIONS)
+        (FEATURES, n_functions)
     )
     # Draw the slope of the linear part in each input, and the constant.
     slopes = np.sqrt(straight.k1.constant_value) * random.standard_normal(
-        (d, FUNCTIONS)
+        (d, n_functions)
     )
-    constants = random.standard_normal(FUNCTIONS)
+    constants = random.standard_normal(n_functions)
 
     def evaluate(unit: np.ndarray) -> np.ndarray:
         waves = np.cos(unit @ frequencies.T + phases)
