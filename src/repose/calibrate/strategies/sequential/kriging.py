@@ -56,9 +56,10 @@ BOUNDS = (1e-3, 1e3)
 ROUNDING = 1e-9
 LEAST_SAMPLES = 2
 # With more samples than this the work would grow with their cube. Then variance and
-# lengths come from this many of the samples, drawn at random, and are not drawn; the
-# processes are conditioned on all samples by way of this many centres.
+# lengths come from this many of the samples, chosen at random, and are not drawn; the
+# processes are conditioned on all samples by way of CENTRES of them.
 MOST_EXACT = 256
+CENTRES = 512
 SUBSET_SEED = 2
 
 
@@ -457,7 +458,7 @@ def _sparse_process(
 
     rows = subset(len(unit))
     kernel, _ = _most_probable_kernel(unit[rows], values[rows], errors[rows])
-    centres = unit[spread_centres(kernel, unit, MOST_EXACT)]
+    centres = unit[spread_centres(kernel, unit, CENTRES)]
     return [SparseProcess(kernel, unit, values, errors, centres)]
 
 
