@@ -28,6 +28,7 @@ from repose.calibrate.strategies.sequential.strategy import arrange_runs, estima
 from repose.calibrate.study import Study
 from repose.calibrate.surrogates.base import Predictor
 from repose.calibrate.surrogates.support import Support
+from repose.calibrate.training import message as describe_training
 from repose.calibrate.uncertainty.posterior import (
     SPARE_FREEDOM,
     Posterior,
@@ -41,6 +42,8 @@ from repose.common.files import Path_, path_of, write_json, write_table
 # Files of `save`.
 TABLES = ("samples.csv", "solutions.csv", "posterior.csv", "draws.csv")
 RECORDS = ("posterior.json", "summary.json", "card.json")
+# Note of an answer on the training of its model.
+METRICS = "metrics"
 
 
 class Calibration(NamedTuple):
@@ -139,6 +142,13 @@ class Calibration(NamedTuple):
         """Intervals of the parameters, and draws."""
         return self.posterior.parameters, self.posterior.draws
 
+    @property
+    def files_of_strategy(self) -> list[str]:
+        """Files of the strategy's own that `save` writes."""
+        notes = self.answer.notes
+        files = strategy(self.study.settings.strategy).files
+        return [file for file in files if Path(file).stem in notes]
+
     def save(self, out_dir: Path_) -> None:
         """Write tables, summary and material card into a folder.
 
@@ -157,6 +167,7 @@ class Calibration(NamedTuple):
         records = (self.posterior.summary, self.summary, self.card)
         for name, content in zip(RECORDS, records, strict=True):
             write_json(out / name, content)
+        answers.write_notes(self.answer.notes, self.files_of_strategy, out)
 
     def as_answer(self) -> Result:
         """Put the answer in the form for the card; it was not simulated again."""
@@ -204,6 +215,8 @@ class Calibration(NamedTuple):
             "Probability that the simulator's means there lie "
             f"{describe_probability(self.probability)}."
         )
+        if METRICS in self.answer.notes:
+            lines.append(describe_training(self.answer.notes[METRICS]))
         return "\n".join(lines)
 
     def _prediction_lines(self) -> list[str]:
@@ -447,6 +460,7 @@ def _steps(
         f"Simulation in {settings.simulator}: {len(runs)} runs of {n_samples} parameter "
         f"sets, {n_failed} failed.",
         _model_sentence(model, warning),
+        *_training_sentences(answer),
         f"Answer: {_choice(study, answer)}; within 1 % with probability {within_1:.2f}, "
         f"within 2 % with {within_2:.2f}.",
     ]
@@ -461,6 +475,14 @@ def _model_sentence(model: Predictor, warning: str | None) -> str:
     if model.name == "kriging":
         return f"Model: {name} of the samples' means with their known errors."
     return f"Model: {name}."
+
+
+def _training_sentences(answer: Answer) -> list[str]:
+    """Describe the accuracy of a trained model; empty for a model without test samples."""
+    if METRICS not in answer.notes:
+        return []
+    lines = describe_training(answer.notes[METRICS]).splitlines()
+    return [f"Training: {'; '.join(lines)}."]
 
 
 def _choice(study: Study, answer: Answer) -> str:

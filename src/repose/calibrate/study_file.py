@@ -86,17 +86,23 @@ class OwnTarget(Section):
     ] = ABSENT
     unit: Line = ""
     definition: Line = ABSENT
+    aim: Value = ABSENT
     noise_sd: Annotated[float, Field(gt=0, le=LARGEST)] = ABSENT
     # The profile of which this target is a score; `profile_targets` writes it.
     profile: OfProfile = ABSENT
 
     def contradictions(self) -> Contradictions:
-        """Refuse a value of 0, a range that excludes the value, and a tiny noise."""
+        """Refuse a value or an aim of 0 or outside of the range, and a tiny noise."""
         if self.value == 0 and self.profile is None:
             yield "value", "not 0: tolerances are in percent of it"
         low, high = self.range or (-math.inf, math.inf)
         if not low <= self.value <= high or low == high:
             yield "range", f"a pair [low, high] about the value, {self.value:g}"
+        if self.aim is not None:
+            scatter = range_about(self.value, self.sd, self.repetitions)
+            low, high = self.range or scatter
+            if self.aim == 0 or not low <= self.aim <= high:
+                yield "aim", f"a number in the range, {low:g} to {high:g}, but not 0"
         # A smaller noise would be lost in rounding errors.
         smallest_noise = 1e-9 * abs(self.value)
         if self.noise_sd is not None and self.noise_sd < smallest_noise:
@@ -459,7 +465,7 @@ def _target(name: str, entry: Mapping[str, Any]) -> Target:
         repetitions=entry["repetitions"],
         low=low,
         high=high,
-        aim=value,
+        aim=entry.get("aim", value),
         profile=Profile.of(entry["profile"]) if "profile" in entry else None,
     )
 

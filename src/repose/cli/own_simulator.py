@@ -141,13 +141,15 @@ def calibrate(args: argparse.Namespace, study: "Study") -> None:
     example: results.csv --config own.yaml --out own
     """
     from repose.calibrate import calibration
+    from repose.calibrate.strategies import strategy
     from repose.calibrate.strategies.runs import checked_runs, read_rows, unread_columns
     from repose.common.ledger import check_replaceable
     from repose.common.tables import print_columns
 
     # Check before minutes of work that no file of somebody else would be replaced.
     report_html = Path(args.out) / "report.html"
-    for name in (*calibration.TABLES, *calibration.RECORDS, report_html.name):
+    written = (*calibration.TABLES, *calibration.RECORDS, report_html.name)
+    for name in (*written, *strategy(study.settings.strategy).files):
         check_replaceable(Path(args.out) / name)
     rows = read_rows(args.runs, study)
     runs = checked_runs(study, rows, args.runs)

@@ -13,7 +13,7 @@ from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.responses import Definitions, require_same_definitions
 from repose.calibrate.runs import error_of, mean_and_error, of_bench
 from repose.calibrate.seeds import UNNAMED
-from repose.calibrate.strategies import answer
+from repose.calibrate.strategies import answer as answers
 from repose.calibrate.strategies.base import Answer, strategy
 from repose.calibrate.study import Study
 from repose.calibrate.targets import Targets
@@ -90,7 +90,7 @@ def run_propose(
     }
     if isinstance(proposal, Answer):
         content |= {"answer": True, "why": proposal.why}
-        content |= answer.content(proposal, study.parameters, study.targets)
+        content |= answers.content(proposal, study.parameters, study.targets)
     write_table(Path(out_dir) / "samples.csv", proposal.samples)
     write_json(Path(out_dir) / PROPOSAL, _as_json(content))
     return content
@@ -150,12 +150,7 @@ def run_conclude(
     write_table(out / "batches.csv", _tabulate_batches(proposals))
     write_table(out / "dataset.csv", dataset)
     write_table(out / "runs.csv", runs)
-    for file in strategy(name).files:
-        note = final["notes"][Path(file).stem]
-        if file.endswith(".csv"):
-            write_table(out / file, pd.DataFrame(note))
-        else:
-            write_json(out / file, note)
+    answers.write_notes(final["notes"], strategy(name).files, out)
     return check
 
 

@@ -1,6 +1,8 @@
 """The answer of a strategy, written as tables and sentences."""
 
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +14,7 @@ from repose.calibrate.search.settings import MigaSettings
 from repose.calibrate.strategies.base import Answer
 from repose.calibrate.surrogates.base import Predictor
 from repose.calibrate.targets import Targets
+from repose.common.files import Path_, write_json, write_table
 
 
 def content(answer: Answer, space: ParameterSpace, targets: Targets) -> dict[str, Any]:
@@ -101,6 +104,26 @@ def solutions(
     table["feasible"] = [feasible] + [True] * len(answer.others)
     table["representative"] = table["solution"] == 1
     return table
+
+
+def write_notes(notes: Mapping[str, Any], files: Iterable[str], out_dir: Path_) -> None:
+    """Write notes of an answer into a folder.
+
+    Parameters
+    ----------
+    notes : mapping
+        Tables and mappings by name, as in `Answer`.
+    files : iterable of str
+        The name of each note with its ending, as in `Strategy.files`.
+    out_dir : path
+    """
+    for file in files:
+        path = Path(out_dir) / file
+        note = notes[path.stem]
+        if path.suffix == ".csv":
+            write_table(path, pd.DataFrame(note))
+        else:
+            write_json(path, note)
 
 
 def select_separated(unit: np.ndarray, section: MigaSettings) -> np.ndarray:

@@ -244,7 +244,9 @@ def read_rows(path: Path_, study: Study) -> Rows:
     names = (TURN, *study.parameters.names, *study.targets.names)
     columns = [Column(name, object, needed=False) for name in names]
     status = Column("status", str, needed=False, empty=True)
-    table = read(path, [*columns, status], "a CSV file of runs", optional=NUMBERS)
+    needed = ", ".join([*study.parameters.free, *study.targets.names])
+    what = f"a CSV file of runs with the columns {needed}"
+    table = read(path, [*columns, status], what, optional=NUMBERS)
     for key in NUMBERS:
         if key not in table.values:
             continue

@@ -15,10 +15,12 @@ from repose.calibrate.strategies.runs import TURN
 from repose.calibrate.targets import Target
 from repose.common.files import path_of
 
-from . import panels, plane, posterior, style
+from . import panels, plane, posterior, style, surrogate
 
 BARS = "a point is the mean of one parameter set's runs; bars: ± 1 standard error of a mean"
 MOST_TICKS = 8  # of batches
+# Note of an answer: the predictions at the samples, in training, validation and test.
+ACCURACY = "accuracy"
 SET_LABEL = "sets predicted inside all ranges"
 
 
@@ -66,8 +68,8 @@ def plot(
 def parts(calibration: Calibration) -> dict[str, Part]:
     """Return the figures that a calibration has, by name.
 
-    A plane needs at least two targets, a history two batches, and a corner plot two
-    parameters.
+    A plane needs at least two targets, a history two batches, a corner plot two
+    parameters, and an accuracy a surrogate that was tested on samples of its own.
     """
     n_free = calibration.study.parameters.dimensions
     targets = calibration.study.targets
@@ -84,6 +86,10 @@ def parts(calibration: Calibration) -> dict[str, Part]:
         found["history"] = Part(
             0.4 + 2.2 * math.ceil(len(targets) / 2),
             partial(_draw_history, calibration),
+        )
+    if ACCURACY in calibration.answer.notes:
+        found["accuracy"] = Part(
+            3.9 * math.ceil(len(targets) / 2), partial(_draw_accuracy, calibration)
         )
     found["intervals"] = Part(0.9 + 0.4 * n_free, partial(_draw_intervals, calibration))
     if n_free > 1:
@@ -178,6 +184,16 @@ def _draw_answer(
         color=style.RED,
         label="the answer, predicted ± standard error",
     )
+
+
+def _draw_accuracy(calibration: Calibration, figure: FigureBase) -> None:
+    """Draw the predictions of the surrogate over the simulated means."""
+    targets = calibration.study.targets
+    predictions = calibration.answer.notes[ACCURACY]
+    errors = calibration.samples[["sample", *targets.errors]]
+    table = predictions.merge(errors, on="sample", how="left")
+    axes = panels.panels_in(figure, len(targets))
+    surrogate.draw_accuracy(axes, table, targets.responses)
 
 
 def _draw_intervals(calibration: Calibration, figure: FigureBase) -> None:

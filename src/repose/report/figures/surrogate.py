@@ -254,7 +254,20 @@ def predicted_against_simulated(inputs: Inputs, study: StudyView) -> Figure:
 
     width = 0.5 * style.PAGE * min(len(targets), 2)
     figure, axes = panels.grid(len(targets), 3.9, width=width)
-    for panel, shown in zip(axes, targets.responses, strict=True):
+    draw_accuracy(axes, table, targets.responses)
+    style.below(figure, ACCURACY_WORDS)
+    return figure
+
+
+def draw_accuracy(
+    axes: Sequence[Axes], table: pd.DataFrame, responses: Sequence[Response]
+) -> None:
+    """Draw predicted over simulated responses, each in its panel.
+
+    `table` has `split` and, for each response, its simulated and predicted values and its
+    standard errors.
+    """
+    for panel, shown in zip(axes, responses, strict=True):
         _draw_splits(panel, table, shown)
         panel.set(
             xlabel=style.response_label(shown, "simulated"),
@@ -262,8 +275,6 @@ def predicted_against_simulated(inputs: Inputs, study: StudyView) -> Figure:
         )
         panel.legend(loc="lower right", handletextpad=0.2)
     style.name_panels(axes)
-    style.below(figure, ACCURACY_WORDS)
-    return figure
 
 
 def _predict_new_points(inputs: Inputs, targets: Targets) -> pd.DataFrame:

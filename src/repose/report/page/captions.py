@@ -41,6 +41,7 @@ OWN_SIMULATOR_FIGURES = {
         "predicted"
     ),
     "history": "How far the simulated parameter sets of each batch are off the targets",
+    "accuracy": "Does the surrogate predict samples that it has not learned from?",
     "intervals": "Intervals of the parameters in their ranges",
     "corner": "The posterior of the parameters, one by one and in pairs",
 }

@@ -12,6 +12,9 @@ from repose.report.figures import own, style
 from repose.report.page import captions, page
 from repose.report.page.study import Results
 
+# Note of an answer: the table of the intervals of its solutions.
+INTERVALS = "intervals"
+
 
 def write(calibration: Calibration, out_path: str | os.PathLike[str]) -> None:
     """Write the report of a calibration.
@@ -51,6 +54,9 @@ def write(calibration: Calibration, out_path: str | os.PathLike[str]) -> None:
         "Simulated samples": calibration.samples,
         "Parameter sets found": calibration.solutions,
     }
+    notes = calibration.answer.notes
+    if INTERVALS in notes:
+        tables["Intervals of the sets found"] = notes[INTERVALS]
     page.write_study(results, tables, out_path)
 
 

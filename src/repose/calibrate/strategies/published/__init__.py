@@ -18,6 +18,7 @@ class Published(Strategy[None]):
     """One batch, then the answer."""
 
     begins_with_design = True
+    files = ("metrics.json", "accuracy.csv", "intervals.csv")
 
     def propose(self, study: "Study", data: "pd.DataFrame") -> Batch | Answer:
         from repose.calibrate.strategies.published import strategy

@@ -3,6 +3,8 @@
 It simulates a Latin hypercube, then a search on the surrogate of its runs answers.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 
@@ -38,7 +40,14 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
         training.model, space, study.targets, settings.miga, support=support
     )
     why = "the batch is simulated: the search on its surrogate answers"
-    return make_answer(study, training.model, inversion, data, why, settings.seeds)
+    answer = make_answer(study, training.model, inversion, data, why, settings.seeds)
+    notes = {
+        **answer.notes,
+        "metrics": training.metrics,
+        "accuracy": training.predictions,
+        "intervals": inversion.intervals,
+    }
+    return replace(answer, notes=notes)
 
 
 def design_batch(study: Study, seeds: int) -> Batch:
