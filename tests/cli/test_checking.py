@@ -23,11 +23,11 @@ NOTHING_GIVEN = Namespace(grain_mm=None, config=None)
 def test_a_time_step_far_below_the_longest_is_reported_with_the_saved_time():
     limit = Limit(4.09e-5, "as a pile has it")
     for step_s, hint in (
-        (4.0e-6, "; with 3.2e-05 s a run takes 12 % of the time"),
+        (4.0e-6, ": as a pile has it; with 3.2e-05 s a run takes 12 % of the time"),
         (3.0e-5, ""),
     ):
         assert check.describe_time_step(step_s, limit).endswith(
-            f"; maximum 4.09e-05 s: as a pile has it{hint}"
+            f"; maximum 4.09e-05 s{hint}"
         )
 
 

@@ -114,7 +114,7 @@ def test_sentences_tell_what_a_softer_grain_brings(config):
     )
     assert stiffness.endswith("a run takes 50 % of the time")
     assert volume.startswith("volume: ")
-    assert grains.startswith("grains: the pile is 7.5 grains high.")
+    assert grains.startswith("grains: ok, the pile is 7.5 grains high; ")
     assert f"of the time of {advice.needed_grains(config, GRAIN_M3)};" in smaller
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from repose.cli.options import require_option
 from repose.cli.registry import CONFIG, Option, configs_of, load, verb
 from repose.common.errors import InputError, InputErrors
+from repose.common.numbers import rounded
 from repose.config.pipeline import PipelineConfig
 
 if TYPE_CHECKING:
@@ -102,9 +103,8 @@ def check(args: argparse.Namespace, study: PipelineConfig) -> None:
     _print_pours(work["pours"])
     minutes = work["total_s"] / args.cores / 60
     print(
-        f"about {work['pour_s']:.2g} s per pour, and {minutes:.0f} min on {args.cores} "
-        f"cores for the study; a time step of a grain takes {1e9 * grain_step_s:.2g} ns "
-        "on this machine now"
+        f"about {rounded(work['pour_s'], 2)} s per pour, and {rounded(minutes, 2)} min "
+        f"on {args.cores} cores for the study, as fast as this machine is now"
     )
 
 
@@ -121,7 +121,8 @@ def _check_program(
     count = sum(sets * seeds for _, sets, seeds in runs)
     hours = count * simulator.time_limit_s * simulator.cores / args.cores / 3600
     print(
-        f"{count} runs, at most {hours:.3g} h on {args.cores} cores by their time limit"
+        f"{count} runs, at most {rounded(hours, 3)} h on {args.cores} cores by their "
+        "time limit"
     )
     if args.makes_run:
         _print_lines(external_check.try_once(study, simulator))
@@ -133,10 +134,11 @@ def _print_computed(files: list[str], study: PipelineConfig) -> None:
     from repose.config import computed, loader
 
     written = loader.read_layers(files).config
-    numbers = [
-        f"{setting.key} {get(study.config, setting.key)}"
-        for setting in computed.to_compute(written)
-    ]
+    numbers = []
+    for setting in computed.to_compute(written):
+        value = get(study.config, setting.key)
+        text = rounded(value) if isinstance(value, float) else str(value)
+        numbers.append(f"{setting.key} {text}")
     if numbers:
         print(f"computed, since they are auto or missing: {', '.join(numbers)}")
 
@@ -206,8 +208,8 @@ def _print_noise(
         source = f"measured in {runs_csv}"
     for name, percent in zip(study.targets.names, result.noise_percent, strict=True):
         print(
-            f"noise: the {name} of single pours scatters by {percent:.2g} % of the "
-            f"target, {source}"
+            f"noise: the {name} of single pours scatters by {rounded(percent, 2)} % of "
+            f"the target, {source}"
         )
     for tolerance, n_pours in result.needed.items():
         print(

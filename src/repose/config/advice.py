@@ -11,6 +11,7 @@ from repose.bench import scene_size
 from repose.bench.funnel import NAME, PACKING, FunnelSettings
 from repose.bench.settings import SceneSettings
 from repose.common.keys import Config
+from repose.common.numbers import rounded
 from repose.config.computed import Grain, diameter_mm
 from repose.dem.laws import ROLLING_LAWS
 from repose.grain.particle import Particle
@@ -88,14 +89,15 @@ def funnel_hints(
         )
     yield f"stiffness: {_describe_stiffness(config, grain, longest_step_s)}"
     volume = filling(config, particle.volume_m3)
-    yield f"volume: {volume.sentence}"
+    state = "ok, " if volume.fits else ""
+    yield f"volume: {state}{volume.sentence}"
 
     funnel = _funnel(config)
     height_mm = 1e3 * height_m(config, grain)
     outlet_mm = funnel.outlet_height_mm
     if height_mm > outlet_mm:
         yield (
-            f"funnel: WARNING: a pile of {height_mm:.3g} mm reaches the outlet at "
+            f"funnel: WARNING: a pile of {rounded(height_mm, 3)} mm reaches the outlet at "
             f"{outlet_mm:g} mm and stops the flow"
         )
 
@@ -103,9 +105,42 @@ def funnel_hints(
     n_grains = funnel.berries
     if not volume.fits:
         n_grains = max(n_grains, needed_grains(config, particle.volume_m3))
-    yield from scene_size.advice(
-        config, diameter_mm(grain), height_mm=height_mm, poured=n_grains
+    grain_mm = diameter_mm(grain)
+    definition = SceneSettings(config).measure_of({}).response
+    yield _describe_number(n_grains, height_mm / grain_mm, definition)
+    # The first line says the same at length.
+    _, *smaller_scene = scene_size.advice(
+        config, grain_mm, height_mm=height_mm, poured=n_grains
     )
+    yield from smaller_scene
+
+
+def _describe_number(n_grains: int, height: float, definition: str) -> str:
+    """Describe how the angle of a pile depends on the number of its grains.
+
+    Parameters
+    ----------
+    n_grains : int
+        Number of grains of the pile.
+    height : float
+        Its height in diameters of a grain.
+    definition : str
+        Definition of the angle.
+    """
+    # No pile of more grains has been measured.
+    measured = min(n_grains, max(scene_size.numbers()))
+    tabulated = scene_size.TABULATED.get(definition, definition)
+    change_deg = scene_size.change(measured, measured / 2, tabulated).angle_deg
+    direction = "lower" if change_deg < 0 else "raise"
+    text = (
+        f"grains: ok, the pile is {rounded(height, 2)} grains high; {measured // 2} in "
+        f"place of {measured} would {direction} the {tabulated} angle by "
+        f"{abs(change_deg):.1f} deg"
+    )
+    n_enough = scene_size.fewest_grains(measured, tabulated)
+    if n_enough is not None:
+        text += f", {n_enough} by at most {scene_size.ANGLE_TOLERANCE_DEG:g}"
+    return text
 
 
 def _describe_stiffness(
@@ -114,20 +149,19 @@ def _describe_stiffness(
     """Describe how much a pile sinks, and the speed gained by softer grains."""
     modulus_pa = grain["shear_modulus_pa"]
     sinking, softest_pa = softening(config, grain)
-    sentence = (
-        f"the pile sinks by {100 * sinking:.2g} % of its Height under its own weight"
-    )
+    percent = rounded(100 * sinking, 2)
+    sentence = f"the pile sinks by {percent} % of its Height under its own weight"
     if softest_pa >= modulus_pa:
-        return f"{sentence}; do not lower berry.shear_modulus_pa, which is {modulus_pa:.3g}"
+        return f"ok, {sentence}; a lower berry.shear_modulus_pa would sink it more"
 
     # Softer grains allow a longer time step, and so a faster run.
     step_s = SceneSettings(config).simulation.time_step_s
     longest_s = longest_step_s({**grain, "shear_modulus_pa": softest_pa})
     return (
-        f"{sentence}. With a berry.shear_modulus_pa of {softest_pa:.3g} instead of "
-        f"{modulus_pa:.3g} it sinks by {100 * LARGEST_SINKING:.2g} %; then "
+        f"{sentence}. With a berry.shear_modulus_pa of {rounded(softest_pa, 3)} instead "
+        f"of {rounded(modulus_pa, 3)} it sinks by {100 * LARGEST_SINKING:.2g} %; then "
         f"simulation.time_step_s may be {longest_s:.2g} s, and a run takes "
-        f"{100 * step_s / longest_s:.2g} % of the time"
+        f"{rounded(100 * step_s / longest_s, 2)} % of the time"
     )
 
 
@@ -214,9 +248,9 @@ def filling(config: Config, grain_m3: float) -> Filling:
     if height_mm is None:
         if angle_deg is None:
             return Filling(poured_text, fits=True)
-        cone_mm = 1e3 * _cone_height_m(volume_m3, angle_deg)
+        cone_mm = rounded(1e3 * _cone_height_m(volume_m3, angle_deg), 3)
         return Filling(
-            f"{poured_text}: a cone of {angle_deg:g} deg and {cone_mm:.3g} mm Height",
+            f"{poured_text}: a cone of {angle_deg:g} deg and {cone_mm} mm Height",
             fits=True,
         )
 
@@ -301,5 +335,5 @@ def _pile_targets(config: Config) -> PileTargets:
 def _litres(volume_m3: float) -> str:
     """Write a volume in litres, or a small one in millilitres."""
     if volume_m3 >= 1e-3:
-        return f"{1e3 * volume_m3:.3g} l"
-    return f"{1e6 * volume_m3:.3g} ml"
+        return f"{rounded(1e3 * volume_m3, 3)} l"
+    return f"{rounded(1e6 * volume_m3, 3)} ml"
