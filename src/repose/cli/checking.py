@@ -178,14 +178,14 @@ def plan(args: argparse.Namespace, study: PipelineConfig) -> None:
     if runs_csv is not None:
         runs = plan.read_runs(runs_csv, study.targets)
     _print_lines(check.describe_study(study))
-    result = plan.plan(study.parameters, study.targets, runs, runs_csv)
+    result = plan.plan(
+        study.parameters, study.targets, study.settings.strategy, runs, runs_csv
+    )
     _print_noise(study, result, runs_csv)
     _print_probabilities(result)
     # Show these lines now: the costs below wait for a timed pour.
     sys.stdout.flush()
-    _print_lines(
-        check.tabulate_costs(study, result.budgets["pours"], _grain_step_s(study))
-    )
+    _print_lines(check.tabulate_costs(study, result.budgets, _grain_step_s(study)))
 
 
 def _runs_of(study: PipelineConfig) -> Path | None:
@@ -219,17 +219,27 @@ def _print_noise(
 
 
 def _print_probabilities(result: "Plan") -> None:
-    """Print a table of the probability of success for each budget of runs."""
+    """Print the probability of success for each budget of runs.
+
+    For a study unlike the campaigns in which it was counted, say so.
+    """
     from repose.calibrate.strategies.plan import TOLERANCES
 
+    if result.success is None:
+        differences = ", ".join(result.differences)
+        print(
+            f"success: its probability is known for {result.campaigns}; this study has "
+            f"another case ({differences})"
+        )
+        return
     print(
-        "probability that the answer of strategy: sequential lies within 1 % and 2 % of "
-        "all targets:"
+        "success: probability that the answer lies within 1 % and 2 % of all targets, for "
+        f"{result.campaigns}:"
     )
     # A column of the table for each tolerance: the probability and its standard error.
     header = [f"{percent:g} %" for percent in TOLERANCES]
     print(f"{'pours':>7}", *(f"{title:>12}" for title in header))
-    for row in result.budgets.to_dict("records"):
+    for row in result.success.to_dict("records"):
         cells = []
         for percent in TOLERANCES:
             column = f"within_{percent:g}_percent"
@@ -238,8 +248,7 @@ def _print_probabilities(result: "Plan") -> None:
             cells.append(f"{probability:.2f} ± {standard_error:.2f}")
         print(f"{row['pours']:>7}", *(f"{cell:>12}" for cell in cells))
     print(
-        "by simulated calibrations with known answers and six free parameters: "
-        "`repose docs sequential`"
+        "counted in simulated calibrations with known answers: `repose docs sequential`"
     )
 
 

@@ -4,11 +4,12 @@ import numpy as np
 import pandas as pd
 import pytest
 from refusals import input_error
-from scipy.stats import beta, norm
+from scipy.stats import beta, chi2, norm
 from shared import ROOT, entries, settings_of, written
 from synthetic import TARGETS, study
 
 from repose.bench.parameters import PARAMETERS
+from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.strategies import plan
 from repose.calibrate.targets import Targets
 from repose.config import cost
@@ -25,7 +26,7 @@ def study_of(responses):
 
 def planned(responses, runs=None):
     known = study_of(responses)
-    return plan.plan(known.parameters, known.targets, runs)
+    return plan.plan(known.parameters, known.targets, "sequential", runs)
 
 
 def runs_of(sd, samples=400, seed=1):
@@ -39,7 +40,7 @@ def runs_of(sd, samples=400, seed=1):
     return table.assign(sample=np.arange(samples).repeat(2), status="ok")
 
 
-def test_the_noise_of_the_runs_and_chances_between_scatters_by_hand():
+def test_the_noise_of_the_runs_and_errors_of_shares_by_hand():
     sd = np.array([0.5, 2.0])
     found = plan.measured_noise(runs_of(sd), TARGETS)
     # 400 degrees of freedom: a variance is known to 7 %
@@ -55,19 +56,6 @@ def test_the_noise_of_the_runs_and_chances_between_scatters_by_hand():
     runs = runs_of(np.array([0.5, 2.0])).drop_duplicates("sample")
     few = r"a\.csv: runs that determine the noise is 0; expected at least 3"
     input_error(few, plan.measured_noise, runs, TARGETS, "a.csv")
-    table = pd.read_csv(plan.SUCCESS).query("responses == 1")
-    low, high = sorted(table["noise_percent"].unique())[:2]
-    own = [
-        table[table["noise_percent"] == one]["within_1_percent"].to_numpy()
-        for one in (low, high)
-    ]
-    assert plan.success_by_budget(1, low)[
-        "within_1_percent"
-    ].to_numpy() == pytest.approx(own[0])
-    middle = plan.success_by_budget(1, float(np.sqrt(low * high)))[
-        "within_1_percent"
-    ].to_numpy()
-    assert middle == pytest.approx((own[0] + own[1]) / 2)
     shares, trials = pd.Series([0.0, 0.6, 1.0]), pd.Series([40, 40, 80])
     by_hand = [beta(1, 41).std(), beta(25, 17).std(), beta(81, 1).std()]
     assert plan.share_error(shares, trials).to_numpy() == pytest.approx(
@@ -84,29 +72,94 @@ def test_the_noise_of_the_runs_and_chances_between_scatters_by_hand():
     )
 
 
-@pytest.mark.parametrize("percent", [0.1, 1.1, 1.9, 5.0, 30.0])
-@pytest.mark.parametrize("responses", [1, 2])
-def test_no_chance_is_stated_below_the_pours_of_the_start_nor_above_that_of_campaigns(
-    percent, responses, config
-):
-    sd = np.array([percent, percent]) / 100 * TARGETS.aim
-    names = list(TARGETS.names)[-responses:]
-    found = planned(responses, runs_of(sd)[["sample", "status", *names]]).budgets
+CASES = [
+    (responses, name)
+    for responses in (1, 2)
+    for name in ("within_1_percent", "within_2_percent")
+]
+
+
+def campaigns(responses):
+    return pd.read_csv(plan.SUCCESS).query("responses == @responses")
+
+
+@pytest.mark.parametrize(("responses", "name"), CASES)
+def test_a_probability_rises_with_the_pours_and_falls_with_the_scatter(responses, name):
+    by_noise = [
+        plan.success_by_budget(responses, percent)[name].to_numpy()
+        for percent in (1.0, 1.1, 1.9, 5.0, 10.0)
+    ]
+    assert (np.diff(by_noise, axis=1) > 0).all()
+    assert (np.diff(by_noise, axis=0) < 0).all()
+    assert (np.array(by_noise) > 0).all()
+    assert (np.array(by_noise) < 1).all()
+
+
+@pytest.mark.parametrize(("responses", "name"), CASES)
+def test_a_curve_is_the_most_likely_one_and_agrees_with_its_campaigns(responses, name):
+    table = campaigns(responses)
+    curve = plan.Curve.fit(table, name)
+    probability = np.array(
+        [
+            float(curve.probability(row.pours, row.noise_percent))
+            for row in table.itertuples()
+        ]
+    )
+    trials = table["truths"].to_numpy()
+    expected = trials * probability
+    successes = trials * table[name].to_numpy()
+    # The likelihood is largest where its derivatives by the three coefficients vanish.
+    residual = successes - expected
+    for term in (1.0, np.log(table["pours"]), np.log(table["noise_percent"])):
+        assert np.sum(term * residual) == pytest.approx(0, abs=0.05)
+    # Pearson's statistic, although the budgets of a hidden set are not independent.
+    statistic = np.sum(residual**2 / (expected * (1 - probability)))
+    assert statistic < chi2.ppf(0.99, len(table) - 3)
+
+
+def test_a_curve_is_found_again_from_its_own_shares():
+    made = plan.Curve(level=-4.0, by_pours=1.5, by_noise=-2.0)
+    table = campaigns(1)[["pours", "noise_percent", "truths"]].reset_index(drop=True)
+    logit = -4.0 + 1.5 * np.log(table["pours"]) - 2.0 * np.log(table["noise_percent"])
+    found = plan.Curve.fit(table.assign(share=1 / (1 + np.exp(-logit))), "share")
+    assert found == pytest.approx(made, abs=0.02)
+    falling = table.assign(share=np.where(table["pours"] < 70, 0.9, 0.1))
+    assert plan.Curve.fit(falling, "share").by_pours == pytest.approx(0, abs=1e-9)
+
+
+def test_the_budgets_begin_with_the_pours_of_the_start(config):
     section = config["sequential"]
-    assert found["pours"].min() == section["start_samples"] * section["seeds"]
-    campaigns = pd.read_csv(plan.SUCCESS).query("responses == @responses")
-    for name in ("within_1_percent", "within_2_percent"):
-        by_pours = campaigns.groupby("pours")[name]
-        assert (found[name].to_numpy() <= by_pours.max().to_numpy() + 1e-12).all()
-        assert (found[name].to_numpy() >= by_pours.min().to_numpy() - 1e-12).all()
+    assert min(planned(1).budgets) == section["start_samples"] * section["seeds"]
+
+
+def test_no_probability_is_stated_for_another_case_than_that_of_the_campaigns():
+    assert planned(2).success is not None
+    assert planned(2).differences == ()
+    percent = np.array([0.5, 0.5]) / 100 * TARGETS.aim
+    names = list(TARGETS.names)
+    quiet = planned(2, runs_of(percent)[["sample", "status", *names]])
+    assert quiet.success is None
+    (difference,) = quiet.differences
+    assert difference.startswith("a scatter of 0.5")
+    known = study_of(1)
+    other = plan.plan(known.parameters, known.targets, "published")
+    assert (other.success, other.differences) == (None, ("strategy published",))
+    fixed = ParameterSpace.of(
+        {name: {"fixed": 0.3} for name in PARAMETERS[2:]}
+        | {name: [0.1, 0.4] for name in PARAMETERS[:2]}
+    )
+    few = plan.plan(fixed, known.targets, "sequential")
+    assert (few.success, few.differences) == (None, ("free parameters: 2",))
 
 
 @pytest.mark.parametrize("strategy", ["response_surface", *SLOW])
 def test_the_configured_strategy_is_in_the_table_and_no_pour_is_timed_before_the_probabilities(
     strategy, tmp_path, monkeypatch, capsys, command, config
 ):
+    before = []
+
     def timed(*_):
-        assert "probability that the answer" in capsys.readouterr().out
+        before.extend(capsys.readouterr().out.splitlines())
         return 1e-7
 
     monkeypatch.setattr(cost, "measure_grain_step_s", timed)
@@ -118,7 +171,7 @@ def test_the_configured_strategy_is_in_the_table_and_no_pour_is_timed_before_the
     marked = [line.split() for line in lines if line.split()[0] == f"*{strategy}"]
     section, budgets = (
         config["response_surface"],
-        plan.success_by_budget(1, 5.0)["pours"],
+        sorted(set(campaigns(1)["pours"])),
     )
     sets = (
         section["screening_runs"]
@@ -130,7 +183,7 @@ def test_the_configured_strategy_is_in_the_table_and_no_pour_is_timed_before_the
     )
     pours = {
         "response_surface": [sets * section["seeds"]],
-        "sequential": budgets.to_list(),
+        "sequential": budgets,
     }
     pours |= {
         "published": [
@@ -139,6 +192,14 @@ def test_the_configured_strategy_is_in_the_table_and_no_pour_is_timed_before_the
     }
     assert [int(row[1]) for row in marked] == pours[strategy]
     assert lines[-1].startswith("* as configured")
+    # The table of probabilities is only for the strategy that the campaigns followed.
+    case = (
+        "strategy sequential, 6 free parameters, 1 or 2 targets, a scatter of 1 to 10 %"
+    )
+    (success,) = [line for line in before if line.startswith("success: ")]
+    assert case in success
+    assert ("another case" in success) == (strategy != "sequential")
+    assert any("±" in line for line in before) == (strategy == "sequential")
 
 
 @pytest.mark.parametrize(("free", "fitting"), [(1, False), (2, False), (3, True)])

@@ -2,15 +2,15 @@
 
 The noise alone asks for a number of runs, and a budget has a probability of success.
 
-These probabilities are in `success.csv`: shares of hidden parameter sets that whole
-campaigns of the sequential strategy recovered, with six free parameters, in an emulated
-simulator whose runs scatter by some percents. `research/answers/hidden_truths.py` writes
-it. Between two scatters of the table the shares are interpolated over the logarithm of
-the scatter; outside of them the nearest row counts.
+These probabilities come from `success.csv`: shares of hidden parameter sets that whole
+campaigns of the sequential strategy recovered, in an emulated simulator whose runs scatter
+by some percents. `research/answers/hidden_truths.py` writes it. Logistic curves smooth the
+shares over the logarithms of budget and scatter. A study that differs from these campaigns
+gets no probability.
 """
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 import pandas as pd
@@ -32,6 +32,9 @@ CORRELATION = 0.8
 CERTAINTY = 0.9
 # Tolerances of the table, in percent.
 TOLERANCES = (1.0, 2.0)
+# The campaigns of the table; it has their numbers of targets and their scatters.
+CAMPAIGN_STRATEGY = "sequential"
+CAMPAIGN_PARAMETERS = 6
 
 
 class Plan(NamedTuple):
@@ -45,21 +48,29 @@ class Plan(NamedTuple):
         Whether the scatter comes from runs.
     needed : dict
         Runs that the noise alone asks for with `CERTAINTY`, by tolerance in percent.
-    budgets : pandas.DataFrame
-        A row for each budget: `pours`, the number of runs; `within_1_percent` and
-        `within_2_percent`, the probabilities that the answer of the sequential strategy
-        is so near to all targets; `*_se`, their standard errors.
+    budgets : tuple of int
+        Numbers of runs.
+    success : pandas.DataFrame or None
+        Result of `success_by_budget`; None if the study differs from the campaigns.
+    campaigns : str
+        The case of the campaigns, in words.
+    differences : tuple of str
+        In what the study differs from it, in words.
     """
 
     noise_percent: np.ndarray
     measured: bool
     needed: dict[float, int]
-    budgets: pd.DataFrame
+    budgets: tuple[int, ...]
+    success: pd.DataFrame | None
+    campaigns: str
+    differences: tuple[str, ...]
 
 
 def plan(
     space: ParameterSpace,
     targets: Targets,
+    strategy: str,
     runs: pd.DataFrame | None = None,
     source: object = "runs",
 ) -> Plan:
@@ -69,6 +80,8 @@ def plan(
     ----------
     space : ParameterSpace
     targets : Targets
+    strategy : str
+        Name of the study's strategy.
     runs : pandas.DataFrame, optional
         Earlier runs, from which the noise is estimated. Without them it is
         `default_noise`.
@@ -89,51 +102,157 @@ def plan(
     for tolerance in TOLERANCES:
         goal = Goal.of(targets, tolerance, space)
         needed[tolerance] = goal.needed(noise, CERTAINTY)
+    table = pd.read_csv(SUCCESS)
+    largest = float(percent.max())
+    differences = _differences(
+        table,
+        strategy=strategy,
+        free=space.dimensions,
+        n_targets=len(targets),
+        percent=largest,
+    )
+    success = None
+    if not differences:
+        success = success_by_budget(len(targets), largest)
     return Plan(
         noise_percent=percent,
         measured=runs is not None,
         needed=needed,
-        budgets=success_by_budget(len(targets), float(percent.max())),
+        budgets=tuple(sorted(set(table["pours"].tolist()))),
+        success=success,
+        campaigns=_describe_campaigns(table),
+        differences=tuple(differences),
     )
+
+
+def _describe_campaigns(table: pd.DataFrame) -> str:
+    """Describe the case of the campaigns of `success.csv`."""
+    numbers = " or ".join(map(str, sorted(set(table["responses"]))))
+    scatters = table["noise_percent"]
+    return (
+        f"strategy {CAMPAIGN_STRATEGY}, {CAMPAIGN_PARAMETERS} free parameters, {numbers} "
+        f"targets, a scatter of {scatters.min():g} to {scatters.max():g} %"
+    )
+
+
+def _differences(
+    table: pd.DataFrame, *, strategy: str, free: int, n_targets: int, percent: float
+) -> list[str]:
+    """List in what a study differs from the campaigns of `success.csv`.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        The content of `success.csv`.
+    strategy : str
+        Name of the strategy of the study.
+    free : int
+        Number of its free parameters.
+    n_targets : int
+        Number of its targets.
+    percent : float
+        The largest scatter of a run, in percent of the target.
+    """
+    differences = []
+    if strategy != CAMPAIGN_STRATEGY:
+        differences.append(f"strategy {strategy}")
+    if free != CAMPAIGN_PARAMETERS:
+        differences.append(f"free parameters: {free}")
+    if n_targets not in set(table["responses"]):
+        differences.append(f"targets: {n_targets}")
+    scatters = table["noise_percent"]
+    if not scatters.min() <= percent <= scatters.max():
+        differences.append(f"a scatter of {percent:.2g} %")
+    return differences
 
 
 def success_by_budget(n_targets: int, percent: float) -> pd.DataFrame:
     """Estimate how probably the sequential strategy succeeds with each budget.
 
-    The probabilities come from the table `success.csv`, by interpolation over the
-    logarithm of the scatter.
-
     Parameters
     ----------
     n_targets : int
-        Number of targets. Beyond the largest number in the table, that one is used.
+        Number of targets, one of those of `success.csv`.
     percent : float
-        Scatter of a run in percent of the target.
+        Scatter of a run in percent of the target, within those of `success.csv`.
 
     Returns
     -------
     pandas.DataFrame
-        The `budgets` of `Plan`.
+        A row for each budget: `pours`, the number of runs; `within_1_percent` and
+        `within_2_percent`, the probabilities that the answer of the sequential strategy
+        is so near to all targets; `*_se`, their standard errors.
     """
     table = pd.read_csv(SUCCESS)
-    nearest_number = min(n_targets, table["responses"].max())
-    table = table[table["responses"] == nearest_number].sort_values("noise_percent")
+    table = table[table["responses"] == n_targets]
+    # The campaigns of one scatter share their hidden sets. So an error is that of these
+    # sets, however many budgets the curve is fitted to.
+    truths = table.groupby("pours", as_index=False)["truths"].first()
+    budgets = truths[["pours"]].copy()
+    for tolerance in TOLERANCES:
+        name = f"within_{tolerance:g}_percent"
+        curve = Curve.fit(table, name)
+        budgets[name] = curve.probability(budgets["pours"], percent)
+        budgets[f"{name}_se"] = share_error(budgets[name], truths["truths"])
+    return budgets
 
-    # Add a column with the standard error of each probability.
-    probabilities = [f"within_{tolerance:g}_percent" for tolerance in TOLERANCES]
-    errors = [f"{name}_se" for name in probabilities]
-    for name, error in zip(probabilities, errors, strict=True):
-        table[error] = share_error(table[name], table["truths"])
 
-    # Interpolate each column between the scatters of the table, for each budget.
-    rows = []
-    for pours, rows_of_budget in table.groupby("pours"):
-        log_noise = np.log(rows_of_budget["noise_percent"])
-        row = {"pours": pours}
-        for name in (*probabilities, *errors):
-            row[name] = np.interp(np.log(percent), log_noise, rows_of_budget[name])
-        rows.append(row)
-    return pd.DataFrame(rows, columns=["pours", *probabilities, *errors])
+class Curve(NamedTuple):
+    """Probability of success over the number of runs and their scatter.
+
+    Its logit is ``level + by_pours log(pours) + by_noise log(noise)``.
+    """
+
+    level: float
+    by_pours: float
+    by_noise: float
+
+    @classmethod
+    def fit(cls, table: pd.DataFrame, share: str) -> Self:
+        """Fit a curve that never falls with the number of runs.
+
+        Parameters
+        ----------
+        table : pandas.DataFrame
+            `pours`, `noise_percent`, `truths`, and shares of the truths.
+        share : str
+            Column of the shares.
+
+        Returns
+        -------
+        Curve
+            Of the largest likelihood.
+        """
+        from scipy.optimize import minimize
+        from scipy.special import expit
+
+        terms = np.column_stack(
+            [
+                np.ones(len(table)),
+                *np.log(table[["pours", "noise_percent"]].to_numpy().T),
+            ]
+        )
+        trials = table["truths"].to_numpy(float)
+        successes = trials * table[share].to_numpy(float)
+
+        def loss(coefficients: np.ndarray) -> tuple[float, np.ndarray]:
+            """Return the negative logarithm of the likelihood, and its gradient."""
+            logit = terms @ coefficients
+            value = trials @ np.logaddexp(0, logit) - successes @ logit
+            gradient = (trials * expit(logit) - successes) @ terms
+            return float(value), gradient
+
+        # More runs never make a success less probable.
+        bounds = [(None, None), (0, None), (None, None)]
+        fitted = minimize(loss, np.zeros(3), jac=True, bounds=bounds, method="SLSQP")
+        return cls(*fitted.x.tolist())
+
+    def probability(self, pours: pd.Series, noise_percent: float) -> pd.Series:
+        """Return the probability of success with some numbers of runs."""
+        from scipy.special import expit
+
+        noise = self.by_noise * np.log(noise_percent)
+        return expit(self.level + self.by_pours * np.log(pours) + noise)
 
 
 def share_error(share: pd.Series, trials: pd.Series) -> pd.Series:
