@@ -391,3 +391,46 @@ def test_the_sliders_show_the_probability_less_the_expected_optimism(browser, tm
         move(tab, "slide-mus_gg", 0.75)
         # The optimism is that of the answer, which the search chose.
         assert "less the expected optimism" not in tab.text_content("#predictions")
+
+
+def scale_of(tab):
+    """The bar of the 3-D view: its width in pixels, its length in mm."""
+    length, unit = tab.text_content("#scale").split()
+    assert unit == "mm"
+    return tab.locator("#scale").bounding_box()["width"], float(length)
+
+
+def test_the_bar_of_the_3d_view_has_its_stated_length(opened, tmp_path):
+    """The plate is a disc of a known radius, seen from above at the bar's distance."""
+    opened.locator("#pile").scroll_into_view_if_needed()
+    opened.click("#look-above")
+    opened.focus("#pile")
+    radius_mm = opened.evaluate("content.pour.plate_mm")
+    width = opened.locator("#pile").bounding_box()["width"]
+    for _ in range(30):
+        pixels_per_mm = np.divide(*scale_of(opened))
+        if 2.2 * radius_mm * pixels_per_mm < width:
+            break
+        opened.keyboard.press("-")
+    opened.locator("#pile").screenshot(path=tmp_path / "above.png")
+    picture = np.array(Image.open(tmp_path / "above.png").convert("RGB"), dtype=int)
+    background = picture[5, 5]
+    is_other = (np.abs(picture - background) > 8).any(axis=2)
+    # The border of the canvas and the bar are no part of the plate.
+    rows = is_other[5:-45, 5:-5]
+    seen = rows.sum(axis=1).max()
+    assert seen == pytest.approx(2 * radius_mm * pixels_per_mm, rel=0.02)
+
+
+def test_the_bar_grows_with_the_pile_and_its_length_is_round(opened):
+    opened.focus("#pile")
+    before, length = scale_of(opened)
+    opened.keyboard.press("+")
+    nearer, other_length = scale_of(opened)
+    assert nearer / other_length == pytest.approx(1.15 * before / length, rel=0.01)
+    for _ in range(12):
+        opened.keyboard.press("-")
+        pixels, length = scale_of(opened)
+        assert f"{length:.0e}"[0] in "125"
+        width = opened.locator("#pile").bounding_box()["width"]
+        assert 0.09 * width < pixels < 0.26 * width

@@ -307,7 +307,7 @@ function setUpView() {
   const slider = byId("time");
   let view;
   try {
-    view = pourView(byId("pile"), content.pour);
+    view = pourView(byId("pile"), byId("scale"), content.pour);
   } catch {
     const words = "This browser draws no 3-D pictures (WebGL is off).";
     byId("view").replaceChildren(make("p", { class: "note" }, words));

@@ -10,12 +10,12 @@ function radians(degrees) {
   return degrees * (Math.PI / 180);
 }
 
-// Draw a pour on a canvas; lengths are in mm. The result has
+// Draw a pour on a canvas; lengths are in mm. `bar` is the element of the scale. The result has
 //   show(frame)   to draw the grains at a time,
 //   look(name)    to move the camera: "side", "above" or "pour",
 //   dress(isDark) to take the colours of the page,
 //   looksAt()     the name of the present view.
-function pourView(canvas, pour) {
+function pourView(canvas, bar, pour) {
   const renderer = new THREE.WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: true });
   renderer.outputEncoding = THREE.sRGBEncoding;
 
@@ -32,6 +32,7 @@ function pourView(canvas, pour) {
 
   function draw() {
     renderer.render(scene, camera);
+    showScale(bar, canvas, camera, orbit.distance());
   }
 
   function show(frame) {
@@ -149,6 +150,25 @@ function makeFunnelWalls(walls) {
   });
 }
 
+// A bar is at most this share of the view's width.
+const LONGEST_BAR = 0.25;
+
+// The largest of 1, 2, 5, 10, 20, 50 ... that is not above a length.
+function roundLength(longest) {
+  const power = 10 ** Math.floor(Math.log10(longest));
+  return power * [5, 2, 1].find((factor) => factor * power <= longest);
+}
+
+// Draw a bar of a round length. In perspective it holds at the distance of the pile's axis.
+function showScale(bar, canvas, camera, distance) {
+  const heightInMm = 2 * distance * Math.tan(radians(camera.fov / 2));
+  const pixelsPerMm = canvas.clientHeight / heightInMm;
+  const lengthMm = roundLength((LONGEST_BAR * canvas.clientWidth) / pixelsPerMm);
+  // A share of the width holds on paper, too, where the picture is smaller.
+  bar.style.width = `${(100 * lengthMm * pixelsPerMm) / canvas.offsetWidth}%`;
+  bar.textContent = `${lengthMm} mm`;
+}
+
 // The three views: elevation of the camera in degrees, half the width and height to be seen, and the
 // height of the point in the middle.
 function makeViews(pour, centres) {
@@ -167,7 +187,7 @@ function makeViews(pour, centres) {
   };
 }
 
-// Move the camera about a point of the axis: {moveTo(view), turn(azimuth, elevation, factor)}.
+// Move the camera about a point of the axis: {moveTo(view), turn(azimuth, elevation, factor), distance()}.
 function makeOrbit(camera, draw) {
   const orbit = { azimuth: -90, elevation: 0, distance: 1, nearest: 0, middle: 0 };
 
@@ -197,7 +217,7 @@ function makeOrbit(camera, draw) {
     turn(0, 0, 1);
   }
 
-  return { moveTo, turn };
+  return { moveTo, turn, distance: () => orbit.distance };
 }
 
 // Arrows turn, plus and minus change the distance, 0 puts the view back.
