@@ -48,6 +48,14 @@ Card = Mapping[str, Any]
         f"of the study's clump, 1 for a spherical grain, or {SPHERES})",
     ),
     Option("--seed", type=int, default=1, help="of the grains' places (1)"),
+    Option(
+        "--names",
+        nargs="+",
+        default=[],
+        metavar="NAME",
+        help="parameters whose names take the place of their numbers: the deck becomes a "
+        "template for the section `simulator` of a study",
+    ),
     out="results/export",
     config=False,
 )
@@ -56,7 +64,8 @@ def export(args: argparse.Namespace) -> None:
 
     example: --to yade --card results/card.json --config results/config.json --out results/export/yade
     """
-    from repose.export.job import make
+    from repose.export.job import Job, make
+    from repose.export.template import write_template
     from repose.stages.card_study import read_own
 
     study = None if args.config is None else load(args)
@@ -67,15 +76,25 @@ def export(args: argparse.Namespace) -> None:
         study = _find_study(args, card)
 
     source = _choose_source(args, study, card)
-    job = make(
-        config=source.config,
-        parameters=_parameter_values(args, study, card),
-        particle=source.particle,
-        grain=source.grain,
-        seed=args.seed,
-        one_sphere=source.one_sphere,
-    )
-    for path in write(job, args.to, args.out):
+    values = _parameter_values(args, study, card)
+
+    def job_of(parameters: Mapping[str, float]) -> Job:
+        return make(
+            config=source.config,
+            parameters=parameters,
+            particle=source.particle,
+            grain=source.grain,
+            seed=args.seed,
+            one_sphere=source.one_sphere,
+        )
+
+    if args.names:
+        paths = write_template(
+            job_of, values, names=args.names, program=args.to, folder=args.out
+        )
+    else:
+        paths = write(job_of(values), args.to, args.out)
+    for path in paths:
         print(path)
 
 

@@ -1,0 +1,141 @@
+"""Make the template of a deck: names in double braces in place of its parameters.
+
+The section `simulator` of a study reads such a template (docs/simulators.md). A parameter
+changes some numbers of a deck. To find them, the deck is written again with another value.
+"""
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from repose.common.errors import InputError
+from repose.common.files import Path_, write_text
+from repose.export import PROGRAMS, check_laws
+from repose.export.job import Job
+
+# A number that is no part of a word.
+NUMBER = re.compile(r"((?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.]))")
+# The other value of a parameter, over its own.
+CHANGE = 0.5
+# Relative difference of numbers that are equal: decks have eight digits.
+ROUNDING = 1e-6
+ENDING = ".j2"
+
+JobOf = Callable[[Mapping[str, float]], Job]
+"""Makes the job of parameters by name."""
+
+
+def write_template(
+    job_of: JobOf,
+    parameters: Mapping[str, float],
+    *,
+    names: Sequence[str],
+    program: str,
+    folder: Path_,
+) -> list[Path]:
+    """Write the files of a deck, the deck itself as a template.
+
+    Parameters
+    ----------
+    job_of : callable
+    parameters : mapping
+        Values by name.
+    names : sequence of str
+        The parameters that become names.
+    program : str
+        One of `repose.export.PROGRAMS`.
+    folder : path
+        Folder to write.
+
+    Returns
+    -------
+    list of Path
+        The written files. The first one is the template.
+
+    Raises
+    ------
+    InputError
+        If a parameter is unknown, or the deck does not hold it in proportion.
+    """
+    for name in names:
+        if name not in parameters:
+            allowed = f"some of {', '.join(parameters)}"
+            raise InputError("command line", "--names", name, allowed)
+    job = job_of(parameters)
+    check_laws(job, program)
+    files = PROGRAMS[program](job)
+    deck = next(iter(files))
+
+    def text_of(values: Mapping[str, float]) -> str:
+        return PROGRAMS[program](job_of(values))[deck]
+
+    files[deck] = template_of(text_of, parameters, names)
+    paths = []
+    for name, text in files.items():
+        path = Path(folder) / (f"{name}{ENDING}" if name == deck else name)
+        write_text(path, text)
+        paths.append(path)
+    return paths
+
+
+def template_of(
+    text_of: Callable[[Mapping[str, float]], str],
+    parameters: Mapping[str, float],
+    names: Sequence[str],
+) -> str:
+    """Put names in place of the numbers of a text that follow a parameter in proportion.
+
+    Parameters
+    ----------
+    text_of : callable
+        Writes the text of parameters by name.
+    parameters : mapping
+        Values by name.
+    names : sequence of str
+        The parameters that become names.
+
+    Raises
+    ------
+    InputError
+        If a parameter changes no number, or one that is not in proportion to it.
+    """
+    parts = NUMBER.split(text_of(parameters))
+    template = list(parts)
+    for name in names:
+        value = parameters[name]
+        changed_parts = NUMBER.split(text_of({**parameters, name: CHANGE * value}))
+        if len(changed_parts) != len(parts):
+            raise _not_in_proportion(name)
+        changed = [k for k, part in enumerate(parts) if part != changed_parts[k]]
+        if not changed:
+            raise _not_in_proportion(name)
+        for k in changed:
+            # Odd entries are the numbers.
+            is_number = k % 2 == 1 and template[k] == parts[k]
+            if not is_number or not _are_equal(
+                float(changed_parts[k]), CHANGE * float(parts[k])
+            ):
+                raise _not_in_proportion(name)
+            template[k] = _in_braces(name, float(parts[k]) / value)
+    return "".join(template)
+
+
+def _are_equal(first: float, second: float) -> bool:
+    """Tell whether two numbers differ by rounding alone."""
+    return abs(first - second) <= ROUNDING * abs(second)
+
+
+def _in_braces(name: str, factor: float) -> str:
+    """Write a name with the factor of its number."""
+    if _are_equal(factor, 1.0):
+        return f"{{{{ {name} }}}}"
+    return f"{{{{ {factor:.7g} * {name} }}}}"
+
+
+def _not_in_proportion(name: str) -> InputError:
+    """Say that a deck has no number in proportion to a parameter."""
+    words = (
+        "parameters to which numbers of the deck are in proportion, such as coefficients "
+        "of friction; give others by --set"
+    )
+    return InputError("command line", "--names", name, words)
