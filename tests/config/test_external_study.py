@@ -142,3 +142,71 @@ def test_records_are_handed_over_as_counted_folders():
     ]
     folders = results_folder.counted_folders(records)
     assert folders == ["results/runs/001=2", "results/runs/002=1"]
+
+
+OURS = {
+    "label": "pile",
+    "funnel": {"seeds": 3, "berries": 150},
+    "parameters": {"mus_gg": [0.3, 0.9], "e_gg": {"fixed": 0.3}},
+    "targets": [
+        {
+            "response": "aor_deg",
+            "apparatus": "funnel",
+            "value": 30.0,
+            "sd": 1.0,
+            "repetitions": 4,
+            "weight": 2.0,
+        }
+    ],
+    "strategy": "published",
+    "surrogate": "network",
+    "design": {"samples": 20, "seed": 5},
+}
+ADDED = {
+    "simulator": {
+        "name": "LAMMPS",
+        "command": ["lmp", "-var", "mu", "{{ mus_gg }}"],
+        "particles": {"file": "pile.dump"},
+    }
+}
+
+
+def layered(ours, added):
+    for name, content in {"ours.yaml": ours, "added.yaml": added}.items():
+        with open(name, "w") as file:
+            yaml.safe_dump(content, file)
+    return PipelineConfig.load("ours.yaml", "added.yaml")
+
+
+def test_a_program_is_added_to_a_study_with_our_simulator():
+    study = layered(OURS, ADDED)
+    assert isinstance(study, ExternalConfig)
+    assert study.parameters.free == ("mus_gg",)
+    assert study.parameters.fixed == {"e_gg": 0.3}
+    target = study.targets[0]
+    assert (target.name, target.value, target.response.unit) == ("aor_deg", 30, "deg")
+    assert study.settings.design_seeds(OWN) == 3
+    assert study.settings.design.seed == 5
+    assert study.settings.design.samples == 20
+    assert "funnel" not in study.config
+
+
+def test_seeds_of_the_added_file_count():
+    study = layered(OURS, ADDED | {"seeds": 2, "seed": 9})
+    assert study.settings.design_seeds(OWN) == 2
+    assert study.settings.design.seed == 9
+
+
+def test_a_faulty_target_of_such_a_study_is_named():
+    targets = [OURS["targets"][0] | {"sd": -1.0}]
+    with pytest.raises(InputError, match=r"targets\.aor_deg\.sd is -1"):
+        layered(OURS | {"targets": targets}, ADDED)
+
+
+def test_a_fixed_parameter_may_be_a_number_of_the_deck():
+    with open("deck.in.j2", "w") as file:
+        file.write("{{ friction }}")
+    loaded(inputs=True, simulator=STUDY["simulator"] | {"command": ["python"]})
+    parameters = STUDY["parameters"] | {"rolling": [0.1, 0.2]}
+    with pytest.raises(InputError, match=r"parameters\.rolling is 'rolling'"):
+        loaded(inputs=True, parameters=parameters)

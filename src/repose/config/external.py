@@ -16,6 +16,7 @@ from repose.calibrate.responses import Definitions, named
 from repose.calibrate.strategies import names, strategy
 from repose.calibrate.study import Study
 from repose.calibrate.study_file import (
+    OwnTarget,
     StudyFile,
     complete_configuration,
     file_model,
@@ -25,7 +26,7 @@ from repose.calibrate.uncertainty.settings import SensitivitySettings
 from repose.common import provenance
 from repose.common.errors import InputError, YamlError, raise_together
 from repose.common.files import Path_
-from repose.common.keys import Origin
+from repose.common.keys import Origin, get
 from repose.common.section import PathOrNull, Section, refuse
 from repose.common.target_range import range_about
 from repose.config import loader, results_folder
@@ -124,7 +125,8 @@ class ExternalConfig(PipelineConfig):
         Parameters
         ----------
         layered : Layered
-            The values in the short form, and the file of each.
+            The values, in the short form or in that of a study with our simulator, and
+            the file of each.
         inputs : bool, optional
             Check also the program, its template and its files.
 
@@ -134,7 +136,8 @@ class ExternalConfig(PipelineConfig):
             With all faults.
         """
         source = layered.origin.default
-        complete = complete_configuration(layered.config, source, file_model_here())
+        given = _without_our_simulator(layered.config)
+        complete = complete_configuration(given, source, file_model_here())
         made = cls(_resolved(complete), layered.origin)
         if inputs:
             made.check_inputs()
@@ -220,7 +223,13 @@ class ExternalConfig(PipelineConfig):
             YamlError(file, key, folder, words)
             for key, words in results_folder.existing_results(folder)
         )
-        simulate.check(self.simulator, self.parameters.names, self.targets.names, file)
+        simulate.check(
+            self.simulator,
+            self.parameters.names,
+            self.targets.names,
+            source=file,
+            fixed=self.parameters.fixed,
+        )
 
 
 @cache
@@ -231,6 +240,40 @@ def file_model_here() -> type[StudyFile]:
         if name not in ExternalFile.model_fields:
             sections[name] = (field.annotation, field)
     return create_model("ExternalConfiguration", __base__=ExternalFile, **sections)
+
+
+def _without_our_simulator(content: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Turn a study with our simulator, to which a program was added, into the short form.
+
+    Its targets are a list. The short form has them by name, and the number of runs and
+    the seed of the study at its top. Sections that only our simulator reads are left
+    out.
+    """
+    targets = content.get("targets")
+    if not isinstance(targets, list):
+        return content
+    model = file_model_here()
+    kept = model.model_fields
+    short = {name: value for name, value in content.items() if name in kept}
+
+    # A response of our bench tests has a unit; a faulty entry is refused later.
+    import repose.bench  # noqa: F401  registers the responses of piles
+
+    short["targets"] = {}
+    for entry in targets:
+        if not isinstance(entry, Mapping):
+            continue
+        name = entry.get("response")
+        response = named(str(name))
+        keys = {key: entry[key] for key in OwnTarget.model_fields if key in entry}
+        unit = {} if response is None or not response.unit else {"unit": response.unit}
+        short["targets"][name] = unit | keys
+
+    for key, place in {"seeds": "funnel.seeds", "seed": "design.seed"}.items():
+        value = get(content, place)
+        if key not in content and value is not None:
+            short[key] = value
+    return short
 
 
 def _section_models() -> dict[str, type[Section]]:

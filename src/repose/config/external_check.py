@@ -24,6 +24,11 @@ def describe(study: PipelineConfig, simulator: SimulatorSettings) -> Iterator[st
     if simulator.template is not None:
         deck = f"{simulate.deck_name(simulator.template)}, from {simulator.template}"
     yield f"deck: {deck}"
+    if simulator.template is not None:
+        used = simulate.names_in_deck(simulator)
+        for name, value in study.parameters.fixed.items():
+            if name not in used:
+                yield f"{name} is fixed at {value:g}; the deck must hold this number"
     left = ", ".join(simulator.files_read)
     yield f"responses: {', '.join(study.targets.names)}, from {left}"
     yield (

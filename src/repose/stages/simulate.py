@@ -11,7 +11,7 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
@@ -119,6 +119,7 @@ def check(
     parameters: Sequence[str],
     targets: Sequence[str],
     source: str,
+    fixed: Collection[str] = (),
 ) -> None:
     """Check the files and names of a simulator before any run.
 
@@ -129,20 +130,24 @@ def check(
         Their names in the study.
     source : str
         File of the configuration, for the messages.
+    fixed : collection of str, optional
+        The parameters of one value. A deck may hold their numbers without the names.
 
     Raises
     ------
     InputError
         With all faults.
     """
-    raise_together(_faults(settings, parameters, targets, source))
+    raise_together(_faults(settings, parameters, targets, source=source, fixed=fixed))
 
 
 def _faults(
     settings: SimulatorSettings,
     parameters: Sequence[str],
     targets: Sequence[str],
+    *,
     source: str,
+    fixed: Collection[str],
 ) -> Iterator[InputError]:
     """Yield the faults of `check`."""
     if program_of(settings.command) is None:
@@ -156,7 +161,7 @@ def _faults(
         words = "files whose names differ in the folder of a run"
         yield YamlError(source, "simulator.files", name, words)
     if settings.template not in missing:
-        yield from _faults_of_names(settings, parameters, source)
+        yield from _faults_of_names(settings, parameters, source=source, fixed=fixed)
     if settings.output is None:
         measured = responses_of_pile()
         for name in targets:
@@ -169,25 +174,38 @@ def _faults(
 
 
 def _faults_of_names(
-    settings: SimulatorSettings, parameters: Sequence[str], source: str
+    settings: SimulatorSettings,
+    parameters: Sequence[str],
+    *,
+    source: str,
+    fixed: Collection[str],
 ) -> Iterator[InputError]:
     """Yield the unknown names of template and command, and the unused parameters."""
-    texts = {f"{source}, simulator.command": "\n".join(settings.command)}
-    if settings.template is not None:
-        texts[settings.template] = Path(settings.template).read_text(encoding="utf-8")
-    used: set[str] = set()
     known = (*parameters, *NAMES)
-    for place, text in texts.items():
-        names = names_used(text, place)
+    used: set[str] = set()
+    for place, names in _names_by_place(settings, source).items():
         used |= names
         for name in sorted(names.difference(known)):
             yield InputError(place, "name", name, f"one of {', '.join(known)}")
     if settings.template is None:
         return
     for name in parameters:
-        if name not in used:
+        if name not in used and name not in fixed:
             words = f"a name that {settings.template} or the command uses"
             yield YamlError(source, f"parameters.{name}", name, words)
+
+
+def names_in_deck(settings: SimulatorSettings) -> set[str]:
+    """Return the names that the template and the command of a simulator use."""
+    return set().union(*_names_by_place(settings, "configuration").values())
+
+
+def _names_by_place(settings: SimulatorSettings, source: str) -> dict[str, set[str]]:
+    """Return the names that the command and the template use, by their place."""
+    texts = {f"{source}, simulator.command": "\n".join(settings.command)}
+    if settings.template is not None:
+        texts[settings.template] = Path(settings.template).read_text(encoding="utf-8")
+    return {place: names_used(text, place) for place, text in texts.items()}
 
 
 def _named_files(settings: SimulatorSettings) -> tuple[str, ...]:
