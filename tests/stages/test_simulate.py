@@ -1,5 +1,6 @@
 """Runs of a program of the user's own: what it gets, how it may fail, and what is read of it."""
 
+import errno
 import json
 import os
 import signal
@@ -258,6 +259,32 @@ def test_a_killed_job_ends_its_program_and_leaves_no_run(tmp_path):
         os.kill(int(mark.read_text()), 0)
     assert not (tmp_path / "001" / "1.json").exists()
     assert not (tmp_path / "001" / "1").exists()
+
+
+@pytest.mark.parametrize("step", ["shutil.copy", "write_json"])
+def test_a_full_disk_loses_no_finished_run(tmp_path, monkeypatch, step):
+    section = settings(tmp_path, GOOD)
+    run(tmp_path, section)
+    finished = tmp_path / "001" / "1" / "out.json"
+    before = finished.stat().st_mtime_ns
+
+    def fill_the_disk(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "disk")
+
+    with monkeypatch.context() as full:
+        full.setattr(f"repose.stages.simulate.{step}", fill_the_disk)
+        with pytest.raises(OSError, match="No space left"):
+            run(tmp_path, section, run=2)
+    # A run without a record is none: its job is made again.
+    assert not (tmp_path / "001" / "2.json").exists()
+
+    assert run(tmp_path, section, run=2)["status"] == "ok"
+    run(tmp_path, section)
+    assert finished.stat().st_mtime_ns == before
+    folders = sorted(
+        path.name for path in (tmp_path / "001").iterdir() if path.is_dir()
+    )
+    assert folders == ["1", "2"]
 
 
 def test_the_pile_of_particles_is_measured_as_by_repose_measure(tmp_path):

@@ -2,8 +2,10 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pandas as pd
@@ -60,15 +62,17 @@ def written(folder, study):
     return folder
 
 
-def repose(folder, *arguments, status=0):
+def call_of(*arguments):
+    """The command of a call, and its environment."""
     command = [sys.executable, "-m", "repose", *arguments, "--configfile", "toy.yaml"]
     source = Path(__file__).parents[2] / "src"
+    return command, {**os.environ, "PYTHONPATH": str(source)}
+
+
+def repose(folder, *arguments, status=0):
+    command, environment = call_of(*arguments)
     done = subprocess.run(
-        command,
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        env={**os.environ, "PYTHONPATH": str(source)},
+        command, cwd=folder, capture_output=True, text=True, env=environment
     )
     assert done.returncode == status, done.stdout + done.stderr
     return done.stdout + done.stderr
@@ -146,3 +150,35 @@ def test_faults_end_before_any_run(tmp_path):
     text = repose(folder, "run", "-n", status=2)
     assert "simulator.command is 'python toy.py'; expected a list of texts" in text
     assert not (folder / "results").exists()
+
+
+@pytest.mark.slow
+def test_a_kill_loses_no_finished_run(tmp_path):
+    folder = written(tmp_path, STUDY)
+    runs = folder / "results" / "runs"
+    until = ["run", "--cores", "1", "--until", "dataset"]
+    command, environment = call_of(*until)
+    with open(folder / "killed.log", "wb") as log:
+        # Its own session, so that the workflow and its jobs are killed together.
+        workflow = subprocess.Popen(
+            command,
+            cwd=folder,
+            env=environment,
+            stdout=log,
+            stderr=log,
+            start_new_session=True,
+        )
+    deadline = time.monotonic() + 600
+    while len(list(runs.glob("*/1.json"))) < 3 and time.monotonic() < deadline:
+        assert workflow.poll() is None, (folder / "killed.log").read_text()
+        time.sleep(0.02)
+    os.killpg(workflow.pid, signal.SIGKILL)
+    workflow.wait()
+    made = {path: path.stat().st_mtime_ns for path in runs.glob("*/1/responses.json")}
+    assert 3 <= len(made) < 14
+
+    repose(folder, *until)
+    for path, time_ns in made.items():
+        assert path.stat().st_mtime_ns == time_ns, path
+    dataset = pd.read_csv(folder / "results" / "dataset.csv")
+    assert len(dataset) == 14
