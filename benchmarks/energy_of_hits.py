@@ -7,6 +7,7 @@ A spinning body is thrown at a plate, the inside of a funnel's cone, the funnel'
 """
 
 import argparse
+import itertools
 
 import numpy as np
 
@@ -24,9 +25,7 @@ ROUNDING = 1e-5
 
 def cube():
     """The cube as a mesh wall."""
-    corners = np.array(
-        [(x, y, z) for x in (-HALF, HALF) for y in (-HALF, HALF) for z in (-HALF, HALF)]
-    )
+    corners = np.array(list(itertools.product((-HALF, HALF), repeat=3)))
     faces = [
         (0, 1, 3),
         (0, 3, 2),
@@ -49,26 +48,18 @@ def throw(rng, wall):
     bottom = FUNNEL.outlet_height_m
     if wall == "plate":
         velocity = [*rng.uniform(-0.5, 0.5, 2), -rng.uniform(0.2, 1.2)]
-        return (
-            {"plate": dem.Plane((0.0, 0.0, 0.0), UP, "wall")},
-            (0.0, 0.0, 0.013),
-            velocity,
-            0.06,
-        )
+        plate = dem.Plane((0.0, 0.0, 0.0), UP, "wall")
+        return {"plate": plate}, (0.0, 0.0, 0.013), velocity, 0.06
     if wall == "cone":
         velocity = [*rng.uniform(-1.2, 1.2, 2), -rng.uniform(0.24, 0.6)]
         return FUNNEL.walls("wall"), (0.0, 0.0, bottom + 0.06), velocity, 0.05
     if wall == "outlet":
         place = (*rng.uniform(-0.006, 0.006, 2), bottom + 0.028)
-        return (
-            FUNNEL.walls("wall"),
-            place,
-            [*rng.uniform(-0.5, 0.5, 2), -rng.uniform(0.6, 1.5)],
-            0.05,
-        )
-    aim = np.array([HALF, HALF, rng.uniform(-0.8, 0.8) * HALF]) + 0.004 * rng.normal(
-        size=3
-    )
+        velocity = [*rng.uniform(-0.5, 0.5, 2), -rng.uniform(0.6, 1.5)]
+        return FUNNEL.walls("wall"), place, velocity, 0.05
+    # an upright edge of the cube
+    edge = np.array([HALF, HALF, rng.uniform(-0.8, 0.8) * HALF])
+    aim = edge + 0.004 * rng.normal(size=3)
     away = np.array([1.0, 1.0, 0.0]) + 0.5 * rng.normal(size=3)
     away /= np.linalg.norm(away)
     return {"cube": cube()}, aim + 0.035 * away, -rng.uniform(0.3, 1.2) * away, 0.09

@@ -313,28 +313,18 @@ def reliability(table):
                 part, part["met"].astype(float) - part["stated"]
             )
             # where all sets achieve 1.00 their scatter has no information
-            error = max(
-                error,
-                np.sqrt((part["stated"] * (1 - part["stated"])).sum()) / len(part),
-            )
-            counts = part["set"].nunique() >= FEWEST_SETS
-            agrees = (
-                ("yes" if abs(difference) <= 2 * error else "no") if counts else "few"
-            )
-            cells = [
-                name,
-                place,
-                len(part),
-                part["set"].nunique(),
-                f"{part['stated'].mean():.2f}",
-                f"{part['met'].mean():.2f}",
-            ]
+            variances = part["stated"] * (1 - part["stated"])
+            error = max(error, np.sqrt(variances.sum()) / len(part))
+            n_sets = part["set"].nunique()
+            if n_sets < FEWEST_SETS:
+                agrees = "few"
+            elif abs(difference) <= 2 * error:
+                agrees = "yes"
+            else:
+                agrees = "no"
             yield (
-                "| "
-                + " | ".join(
-                    map(str, [*cells, f"{difference:+.2f} ± {error:.2f}", agrees])
-                )
-                + " |"
+                f"| {name} | {place} | {len(part)} | {n_sets} | {part['stated'].mean():.2f} | "
+                f"{part['met'].mean():.2f} | {difference:+.2f} ± {error:.2f} | {agrees} |"
             )
 
 

@@ -56,22 +56,22 @@ class Simulator:
         """`noise_percent` of a pour; `plan.NOISE_PERCENT` is as in the pool."""
         self.times = noise_percent / plan.NOISE_PERCENT
         space = contact_space(config["parameters"])
-        read = [
-            points.read(
-                folder / f"{part}dataset.csv", folder / f"{part}runs.csv", names
-            )
-            for part in ("", "fresh_")
-        ]
-        poured = points.joined(
-            [simulated._replace(X=space.unit(simulated.X)) for simulated in read]
-        )
+        parts = []
+        for part in ("", "fresh_"):
+            dataset = folder / f"{part}dataset.csv"
+            simulated = points.read(dataset, folder / f"{part}runs.csv", names)
+            parts.append(simulated._replace(X=space.unit(simulated.X)))
+        poured = points.joined(parts)
         covariance = poured.covariance()
         errors = np.sqrt(np.diagonal(covariance) / poured.counts()[:, None])
         if emulator == "networks":
-            networks = configured_network(
-                poured, config["network"] | {"surrogate": "network_ensemble"}, 1
-            )
-            self.mean = lambda unit: networks(unit)[0]
+            settings = config["network"] | {"surrogate": "network_ensemble"}
+            networks = configured_network(poured, settings, 1)
+
+            def mean(unit):
+                return networks(unit)[0]
+
+            self.mean = mean
         else:
             self.mean = with_process(poured, errors, covariance, _matern, 1).mean
         if emulator in RIPPLE:
@@ -81,11 +81,8 @@ class Simulator:
         self.noise = scaling_noise(poured, covariance)
 
     def pour(self, unit, pours, random):
-        return Observed(
-            unit,
-            self.mean(unit)[:, None]
-            + self.times * self.noise.draw(unit, pours, random),
-        )
+        noise = self.times * self.noise.draw(unit, pours, random)
+        return Observed(unit, self.mean(unit)[:, None] + noise)
 
 
 def _matern(d):

@@ -78,26 +78,17 @@ def test_a_bench_test_is_found_by_name_with_its_responses(spread):
 
 
 def test_seeds_of_bench_tests_purposes_and_samples_differ(spread):
-    found = [
-        seed
-        for name in names()
-        for k in range(1, 151)
-        for seed in pour_seeds(1, "design", k, 8, name)
-    ]
-    numbers = [*range(1, 7), *range(101, 107)]
-    found += [
-        seed
-        for name in names()
-        for k in numbers
-        for seed in pour_seeds(1, "validation", k, 8, name)
-    ]
-    found += pour_seeds(2, "design", 1, 8, "funnel")
-    assert len(set(found)) == len(found)
-    assert (
-        pour_seeds(1, "design", 1, 2)
-        == found[:2]
-        == pour_seeds(1, "design", 1, 2, names()[0])
-    )
+    seeds = []
+    for name in names():
+        for sample in range(1, 151):
+            seeds += pour_seeds(1, "design", sample, 8, name)
+        for sample in (*range(1, 7), *range(101, 107)):
+            seeds += pour_seeds(1, "validation", sample, 8, name)
+    seeds += pour_seeds(2, "design", 1, 8, "funnel")
+    assert len(set(seeds)) == len(seeds)
+    # the first bench test is the one that is meant without a name
+    assert pour_seeds(1, "design", 1, 2) == seeds[:2]
+    assert pour_seeds(1, "design", 1, 2, names()[0]) == seeds[:2]
     # the stream of the drum alone says so by its purpose
     assert pour_seeds(1, "drum", 1, 2, "drum") == pour_seeds(1, "drum", 1, 2)
 

@@ -67,7 +67,10 @@ def test_the_drum_has_the_dimensions_asked_for():
     walls = whole.walls("wall")
     assert tuple(walls) == drum.WALLS
     m_r, m_z, offset, first, last, *_ = walls["shell"].row()
-    assert (m_r, m_z, offset, last - first) == pytest.approx((1.0, 0.0, 0.095, 0.34))
+    assert m_r == pytest.approx(1.0)
+    assert m_z == pytest.approx(0.0)
+    assert offset == pytest.approx(0.095)
+    assert last - first == pytest.approx(0.34)
     assert walls["shell"].origin_m == pytest.approx((0.0, -0.17, 0.0))
     for name, sign in (("near_cap", -1), ("far_cap", 1)):
         assert walls[name].point_m == pytest.approx((0.0, 0.17 * sign, 0.0))

@@ -48,7 +48,7 @@ KNOWN = {
 }
 SCRIPT = """
 import sys
-sys.path[:0] = [{tests!r}, {tests!r} + "/apparatus"]
+sys.path[:0] = [{tests!r}, {tests!r} + "/bench"]
 from test_funnel import *
 print(digest(TEST.pour(scene_of(small()))))
 print(len(advance.stats.cache_misses))

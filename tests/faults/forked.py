@@ -353,13 +353,10 @@ class Study:
 def compared(study, expected):
     found = study.results()
     for name in sorted(set(found) | set(expected)):
-        if found.get(name) != expected.get(name):
-            state = (
-                "lost"
-                if name not in found
-                else "new"
-                if name not in expected
-                else "other bytes"
-            )
-            print(f"    {name}: {state}", flush=True)
+        if name not in found:
+            print(f"    {name}: lost", flush=True)
+        elif name not in expected:
+            print(f"    {name}: new", flush=True)
+        elif found[name] != expected[name]:
+            print(f"    {name}: other bytes", flush=True)
     return found == expected

@@ -283,6 +283,7 @@ def _room(scene, eye, rays):
 
 
 def _stand(page, per_mm, corner, along, eye, rays, colour, depth):
+    """Draw an upright page into the picture where its rays meet it before anything else; `along` is its lower edge."""
     page = cv2.cvtColor(page, cv2.COLOR_GRAY2BGR) if page.ndim == 2 else page
     normal = np.cross(along, [0, 0, 1.0])
     to_page = ((corner - eye) @ normal) / (rays @ normal)

@@ -34,9 +34,8 @@ def test_the_sheet_is_printed_in_its_size_and_found_by_its_corners(tmp_path):
         float(number)
         for number in content.split(b"/MediaBox [ 0 0 ")[1].split(b"]")[0].split()
     )
-    assert (width, height) == pytest.approx(
-        (210 / 25.4 * 72, 297 / 25.4 * 72), abs=0.01
-    )
+    assert width == pytest.approx(210 / 25.4 * 72, abs=0.01)
+    assert height == pytest.approx(297 / 25.4 * 72, abs=0.01)
     assert sheet.size_mm(20.0) == (140.0, 180.0)
 
 

@@ -12,21 +12,19 @@ from repose.calibrate.targets import Targets
 
 
 def test_messages_are_known():
-    def given(value):
+    def argument(value):
+        """Lists of mappings stand for tables in the file, other lists for arrays."""
         if value == "targets":
             return Targets.of(TARGETS)
-        table = isinstance(value, list) and isinstance(value[0], dict)
-        return (
-            pd.DataFrame(value)
-            if table
-            else np.array(value)
-            if isinstance(value, list)
-            else value
-        )
+        if not isinstance(value, list):
+            return value
+        if isinstance(value[0], dict):
+            return pd.DataFrame(value)
+        return np.array(value)
 
     cases = yaml.safe_load((ROOT / "tests/known/messages.yaml").read_text())
     messages = [
-        import_module(case["module"]).message(*map(given, case["arguments"]))
+        import_module(case["module"]).message(*map(argument, case["arguments"]))
         for case in cases
     ]
     is_known("messages.txt", "\n\n".join(messages) + "\n")
