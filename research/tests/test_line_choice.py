@@ -87,9 +87,8 @@ def test_facts_of_a_drawn_design_are_those_it_was_drawn_with():
     assert table["carried"] == pytest.approx(30.0, abs=0.4)
     spread = math.hypot(1.5, 2.0 / math.sqrt(3))
     assert table["carried_sd"] == pytest.approx(spread, rel=0.15)
-    assert table["off_sd"] == pytest.approx(
-        (32 - table["carried"]) / math.hypot(table["carried_sd"], 0.5)
-    )
+    expected = (32 - table["carried"]) / math.hypot(table["carried_sd"], 0.5)
+    assert table["off_sd"] == pytest.approx(expected)
     assert table["scatter_view"] == pytest.approx(2.0, rel=0.1)
     assert table["ratio"] == pytest.approx(0.75, rel=0.2)
     assert table["other_simulator_less_band"] == pytest.approx(3.0, abs=0.4)

@@ -43,9 +43,8 @@ def test_spreads_by_hand_with_samples_of_unequal_size():
     within, between = measurement_study.spreads(table, "angle")
     assert within**2 == pytest.approx((2.0 + 8.0) / 3)
     means_variance = np.var([11.0, 22.0, 30.0], ddof=1)
-    assert between**2 == pytest.approx(
-        means_variance - within**2 * (1 / 2 + 1 / 3 + 1) / 3
-    )
+    expected = means_variance - within**2 * (1 / 2 + 1 / 3 + 1) / 3
+    assert between**2 == pytest.approx(expected)
 
 
 def test_noise_alone_has_no_spread_between_samples():
@@ -125,9 +124,8 @@ def test_a_study_measures_what_is_ok_and_writes_its_tables(tmp_path):
     noise = pd.read_csv(out / "noise.csv").set_index("measured")
     assert list(noise.index) == ["Height", *VARIANTS]
     assert noise.loc[COLUMNS, "between"] == pytest.approx(8.0, abs=2.0)
-    assert noise.loc[COLUMNS, "ratio"] == pytest.approx(
-        noise["between"][COLUMNS] / noise["within"][COLUMNS]
-    )
+    expected = noise["between"][COLUMNS] / noise["within"][COLUMNS]
+    assert noise.loc[COLUMNS, "ratio"] == pytest.approx(expected)
     saved = np.load(heaps[0])
     measured = pile.measure_pile(
         Grains(saved["position_1"], saved["quaternion_1"], PARTICLE), SETTINGS
@@ -139,12 +137,10 @@ def test_a_study_measures_what_is_ok_and_writes_its_tables(tmp_path):
         "straightest": "straightest, at least 1/3",
     }
     for definition, name in same.items():
-        assert piles.loc[0, name] == pytest.approx(
-            measured.mean_deg(definition), abs=0.02
-        )
-        assert piles.loc[0, f"{name} (view)"] == pytest.approx(
-            measured.aor[definition][0], abs=0.02
-        )
+        expected = measured.mean_deg(definition)
+        assert piles.loc[0, name] == pytest.approx(expected, abs=0.02)
+        expected = measured.aor[definition][0]
+        assert piles.loc[0, f"{name} (view)"] == pytest.approx(expected, abs=0.02)
     assert list(tables["correlation"].columns) == [*VARIANTS, "Height"]
     assert tables["correlation"].loc[COLUMNS, "secant"] > 0.9
     assert tables["bias"]["measured"].tolist() == list(VARIANTS)

@@ -78,9 +78,8 @@ def test_good_runs_of_a_job_are_measured_and_the_others_left_empty(job):
     assert table.loc[good, list(further_responses.MEASURED)].notna().all(axis=None)
     assert table.loc[~good, list(further_responses.MEASURED)].isna().all(axis=None)
     assert table.loc[good, "loose_percent"].tolist() == [10.0, 10.0]
-    assert table.loc[good, "radius_90_mm"].to_numpy() == pytest.approx(
-        90 * math.sqrt(0.9), abs=3
-    )
+    expected = 90 * math.sqrt(0.9)
+    assert table.loc[good, "radius_90_mm"].to_numpy() == pytest.approx(expected, abs=3)
     assert pd.read_csv(job / "out.csv").columns.tolist() == table.columns.tolist()
 
 

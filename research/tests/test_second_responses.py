@@ -90,9 +90,8 @@ def test_noise_correlation_is_about_the_samples_means_and_none_with_the_drum():
     found = responses_over_design.noise_correlation(
         runs, ["aor_deg", "drum_slip_deg", "height_mm"]
     )
-    assert found == pytest.approx(
-        np.array([[1, 0, 0.9], [0, 1, 0], [0.9, 0, 1]]), abs=0.02
-    )
+    expected = np.array([[1, 0, 0.9], [0, 1, 0], [0.9, 0, 1]])
+    assert found == pytest.approx(expected, abs=0.02)
 
 
 def test_noise_of_two_bench_tests_comes_from_their_own_runs():
@@ -116,9 +115,8 @@ def test_noise_of_two_bench_tests_comes_from_their_own_runs():
     found = responses_over_design.noise_correlation(
         runs, ["aor_deg", "height_mm", "drum_slip_deg"]
     )
-    assert found == pytest.approx(
-        np.array([[1, 0.7, 0], [0.7, 1, 0], [0, 0, 1]]), abs=0.02
-    )
+    expected = np.array([[1, 0.7, 0], [0.7, 1, 0], [0, 0, 1]])
+    assert found == pytest.approx(expected, abs=0.02)
 
 
 def test_surrogates_error_is_what_the_noise_of_the_means_does_not_explain():
@@ -195,20 +193,17 @@ def test_a_normal_prior_counts_as_known():
     space = contact_space(ranges)
     quantile = stats.qmc.Sobol(6, rng=1).random(2**15)
     place = information.places_of(space, quantile)
-    assert np.delete(place, 1, axis=1) == pytest.approx(
-        np.delete(quantile, 1, axis=1), abs=0
-    )
+    expected = np.delete(quantile, 1, axis=1)
+    assert np.delete(place, 1, axis=1) == pytest.approx(expected, abs=0)
     assert place[:, 1].std() == pytest.approx(0.05, rel=0.01)
     widths = information.prior_widths(space)
-    assert widths == pytest.approx(
-        [0.95, 2 * 1.96 * 0.05, 0.95, 0.95, 0.95, 0.95], rel=1e-3
-    )
+    expected = [0.95, 2 * 1.96 * 0.05, 0.95, 0.95, 0.95, 0.95]
+    assert widths == pytest.approx(expected, rel=1e-3)
     prior = information.Prior(quantile, place, place, widths)
     joint, _, ratio, _ = prior.posterior(np.full(6, 0.5), [1], np.eye(6) * 0.05**2)
     # KL of N(m, s^2 / 2) from N(m, s^2), in bits
-    assert joint == pytest.approx(
-        0.5 * (math.log2(2) + (0.5 - 1) / math.log(2)), abs=0.02
-    )
+    expected = 0.5 * (math.log2(2) + (0.5 - 1) / math.log(2))
+    assert joint == pytest.approx(expected, abs=0.02)
     assert ratio[1] == pytest.approx(math.sqrt(0.5), rel=0.02)
 
 
@@ -326,9 +321,8 @@ def test_study_finds_the_response_that_adds_information(study, tmp_path):
     )
     assert set(ways.index) == {"packing", "drum"}
     packing = ways.loc["packing"]
-    assert packing["gain_bits"] == pytest.approx(
-        exact.loc["packing_percent", "gain_bits"]
-    )
+    expected = exact.loc["packing_percent", "gain_bits"]
+    assert packing["gain_bits"] == pytest.approx(expected)
     assert packing["bits_a_minute"] == pytest.approx(packing["gain_bits"] / 20)
     table = pd.read_csv(tmp_path / "responses.csv").set_index("response")
     assert table.loc["packing_percent", "r2_noise_corrected"] > 0.9

@@ -84,9 +84,8 @@ def test_a_worsening_of_known_size_is_found():
     folded = 0.0025 * np.sqrt(2 / np.pi) * (1 / widths).sum()
     objective = table[table["quantity"] == "eq11"].set_index("seeds")
     assert objective.loc[6, "value"] == pytest.approx(folded, rel=0.05)
-    assert objective.loc[3, "worse"] == pytest.approx(
-        folded * (np.sqrt(2) - 1), rel=0.1
-    )
+    expected = folded * (np.sqrt(2) - 1)
+    assert objective.loc[3, "worse"] == pytest.approx(expected, rel=0.1)
     assert chosen == 3
     r2 = np.full((3000, 3, 2), 0.95) - np.array([0, 0.03, 0.01])[:, None]
     assert judged(answers_of(0.1, random, 3000), random, r2)[0] == 2

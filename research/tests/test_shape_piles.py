@@ -91,8 +91,7 @@ def test_definitions_are_those_of_a_measured_pile():
         assert found[f"aor_{name}_deg"] == pytest.approx(alone.mean_deg("flank"))
         if rule == SETTINGS.flank:
             for definition in ("secant", "steepest", "whole"):
-                assert found[f"aor_{definition}_deg"] == pytest.approx(
-                    alone.mean_deg(definition)
-                )
+                expected = alone.mean_deg(definition)
+                assert found[f"aor_{definition}_deg"] == pytest.approx(expected)
     assert found["height_mm"] == pytest.approx(1e3 * centres[:, 2].max() + 5.0, abs=0.1)
     assert math.isfinite(found[shape_piles.DENSITY])

@@ -106,9 +106,8 @@ def test_samples_join_datasets_and_know_the_scatter_of_a_pour(files):
     )
     assert len(samples.points.X) == 120
     assert samples.seeds == 4
-    assert samples.covariance == pytest.approx(
-        np.array([[0.25, 0.4], [0.4, 1.0]]), rel=0.2
-    )
+    expected = np.array([[0.25, 0.4], [0.4, 1.0]])
+    assert samples.covariance == pytest.approx(expected, rel=0.2)
     assert samples.errors[0] == pytest.approx(np.sqrt(np.diag(samples.covariance) / 4))
     assert samples.points.X.max() <= 1
     with pytest.raises(InputError, match="as many files as datasets, 2"):

@@ -207,9 +207,8 @@ def test_its_job_pours_and_measures(spread, config, tmp_path):
         x, y, _ = arrays["position_4"].T
     assert spread[1] == pytest.approx(1e3 * np.hypot(x, y).mean(), rel=1e-5)
     assert result["summary"]["spread_mm"] == pytest.approx(np.mean(spread))
-    assert result["summary"]["spread_se_mm"] == pytest.approx(
-        abs(spread[0] - spread[1]) / 2
-    )
+    expected = abs(spread[0] - spread[1]) / 2
+    assert result["summary"]["spread_se_mm"] == pytest.approx(expected)
 
 
 def test_a_job_of_another_bench_test_or_status_is_refused(spread, config, tmp_path):

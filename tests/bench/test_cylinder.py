@@ -69,9 +69,8 @@ def test_a_grain_counts_by_its_mass_in_the_density():
         {"status": "ok"}, arrays, Scene.of(config(), {}, BERRY, PARTICLE)
     )
     mass = PARTICLE.mass_kg * (1.0 + 1.2**3 + 0.8**3)
-    assert found["bulk_density_kg_m3"] == pytest.approx(
-        mass / (math.pi * 0.0835**2 * 0.228)
-    )
+    expected = mass / (math.pi * 0.0835**2 * 0.228)
+    assert found["bulk_density_kg_m3"] == pytest.approx(expected)
     assert found["berries_in_cylinder"] == 3
     core = PARTICLE.mass_kg * (1.2**3 + 0.8**3) / (math.pi * 0.0585**2 * 0.178)
     assert found["core_density_kg_m3"] == pytest.approx(core)

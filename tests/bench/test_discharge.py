@@ -45,9 +45,8 @@ def test_the_rate_is_that_of_the_middle():
         ]
     )
     scale = np.concatenate([np.ones(16), np.full(30, 2.0), np.ones(16)])
-    assert measured(times, scale)["flow_g_s"] == pytest.approx(
-        8.0 * 30.0 * 1e3 * PARTICLE.mass_kg
-    )
+    expected = 8.0 * 30.0 * 1e3 * PARTICLE.mass_kg
+    assert measured(times, scale)["flow_g_s"] == pytest.approx(expected)
     found = TEST.measure(
         {"status": "jammed"}, {}, Scene.of(config(), {}, BERRY, PARTICLE)
     )

@@ -108,9 +108,8 @@ def test_mass_is_conserved_and_the_slope_above_is_the_steeper():
         assert record["status"] == "ok", record["reason"]
         stays = ~np.isfinite(run.arrays["exit_s"])
         assert record["berries_below"] + stays.sum() == 550
-        assert record["drawdown_mass_g"] == pytest.approx(
-            1e3 * SPHERE.mass_kg * (550 - stays.sum())
-        )
+        expected = 1e3 * SPHERE.mass_kg * (550 - stays.sum())
+        assert record["drawdown_mass_g"] == pytest.approx(expected)
         floor_m = 1e-3 * SMALL["drop_mm"]
         assert (run.arrays["position"][stays, 2] > floor_m).all()
         assert (run.arrays["position"][~stays, 2] < floor_m).all()

@@ -94,13 +94,11 @@ def test_the_surface_of_a_bed_of_known_angle(angle_deg):
     assert np.mean([surface.angle_deg for surface in seen]) == pytest.approx(
         angle_deg, abs=1.0
     )
-    assert np.ptp(seen[0].line_m[:, 0]) == pytest.approx(
-        0.6 * np.ptp(seen[0].profile_m[:, 0]), abs=1e-3
-    )
+    expected = 0.6 * np.ptp(seen[0].profile_m[:, 0])
+    assert np.ptp(seen[0].line_m[:, 0]) == pytest.approx(expected, abs=1e-3)
     x, z = seen[0].profile_m.T
-    assert seen[0].line_m[:, 1].mean() == pytest.approx(
-        z[np.abs(x - x.mean()) < 0.2 * np.ptp(x)].mean(), abs=1e-3
-    )
+    expected = z[np.abs(x - x.mean()) < 0.2 * np.ptp(x)].mean()
+    assert seen[0].line_m[:, 1].mean() == pytest.approx(expected, abs=1e-3)
 
 
 def test_the_edge_of_one_berry_is_its_outline():
@@ -121,9 +119,8 @@ def test_a_bed_that_is_carried_along_rests_in_the_drums_frame():
     centres, quaternions = half_filled(0.0, 200)
     carried = turned(centres, 0.4)
     np.testing.assert_allclose(bed.to_drum_frame(carried, 0.4), centres, atol=1e-15)
-    assert bed.bed_angle(carried) - bed.bed_angle(centres) == pytest.approx(
-        math.degrees(0.4)
-    )
+    expected = math.degrees(0.4)
+    assert bed.bed_angle(carried) - bed.bed_angle(centres) == pytest.approx(expected)
     frame = np.array([0.0, -0.0873, 0.0])
     velocities = np.cross(frame, centres)
     spin = np.tile(frame, (len(centres), 1))
@@ -183,9 +180,8 @@ def test_the_motion_of_a_slip_by_depth():
         profile[:, 1], np.where(profile[:, 0] < 0.015, 0.02, 0.0), atol=1e-12
     )
     assert profile[:, 3].sum() == measured.sum()
-    assert bed.moved_share(moved, PARTICLE) == pytest.approx(
-        np.mean(depth[measured] < 0.015)
-    )
+    expected = np.mean(depth[measured] < 0.015)
+    assert bed.moved_share(moved, PARTICLE) == pytest.approx(expected)
 
 
 @pytest.fixture(scope="module")
@@ -224,9 +220,8 @@ def test_a_small_bed_turns_with_the_drum_whose_walls_hold_every_point(small_rota
     assert small_rotation.rest_energy_j < 1e-9
     # ten intervals of whole steps
     assert record["time_s"][-1] == pytest.approx(1.0, abs=2e-3)
-    assert record["turned_deg"][-1] == pytest.approx(
-        math.degrees(0.0873 * record["time_s"][-1]), rel=1e-6
-    )
+    expected = math.degrees(0.0873 * record["time_s"][-1])
+    assert record["turned_deg"][-1] == pytest.approx(expected, rel=1e-6)
     assert record["bed_deg"][-1] - record["bed_deg"][0] == pytest.approx(
         record["turned_deg"][-1], abs=0.3
     )

@@ -43,9 +43,8 @@ def test_a_sled_slides_and_a_sphere_rolls_at_the_angle_of_its_coefficient(
 
 @pytest.mark.slow
 def test_a_sled_of_another_shape_slides_at_the_same_angle():
-    assert on_plane(0.4, 0.1, PARTICLE)["slip_deg"] == pytest.approx(
-        math.degrees(math.atan(0.4)), abs=0.01
-    )
+    expected = math.degrees(math.atan(0.4))
+    assert on_plane(0.4, 0.1, PARTICLE)["slip_deg"] == pytest.approx(expected, abs=0.01)
 
 
 @pytest.mark.slow
@@ -107,9 +106,8 @@ def test_a_glued_layer_touches_and_does_not_overlap():
             axis=None,
         )
         wide = 2.0 * sorted(particle.dem_shape("berry").half_extents_m)[1]
-        assert apart[0] == pytest.approx(
-            wide * 1.0001 if particle is SPHERE else apart[0]
-        )
+        expected = wide * 1.0001 if particle is SPHERE else apart[0]
+        assert apart[0] == pytest.approx(expected)
         settings = config(surface="glued")
         values = named((0.2, 0.3, 0.0, 0.2, 0.9, 0.9))
         simulation = TEST.build(
@@ -203,9 +201,8 @@ def test_a_film_shows_the_plane_tilting_and_the_berry_on_it_and_a_plane_that_til
     )
     normal = -frames["planes"][:, 0, 3:6]
     assert np.ptp((frames["position"][:, 0] * normal).sum(axis=1)) < 1e-4
-    assert np.degrees(np.arctan2(normal[:, 0], normal[:, 2])) == pytest.approx(
-        frames["tilt_deg"]
-    )
+    expected = frames["tilt_deg"]
+    assert np.degrees(np.arctan2(normal[:, 0], normal[:, 2])) == pytest.approx(expected)
     assert frames["tilt_deg"][0] < 1.0
     assert frames["tilt_deg"][-1] > 16.0
     for keys, allowed in (

@@ -100,9 +100,8 @@ def ran(name, law, kind, values):
 
 def plane(kind, rough, smooth):
     """A sled slides at atan(mu_s), a sphere rolls at atan(mu_r), no other grain before; all at 0 without friction."""
-    assert [rough["slip_deg"], smooth["slip_deg"]] == pytest.approx(
-        [SLIPS, 0.0], abs=0.05
-    )
+    expected = [SLIPS, 0.0]
+    assert [rough["slip_deg"], smooth["slip_deg"]] == pytest.approx(expected, abs=0.05)
     assert kind != "sphere" or rough["roll_deg"] == pytest.approx(ROLLS, abs=0.05)
     assert rough["roll_deg"] is None or ROLLS - 0.05 < rough["roll_deg"] < SLIPS + 0.05
 
@@ -183,9 +182,8 @@ def drained(kind, mild, smooth):
     assert len(z) == 150
     assert z[left].max() < 0.09 < z[~left].min()
     if mild["status"] == "ok":
-        assert mild["drawdown_mass_g"] == pytest.approx(
-            1e3 * grain(kind).mass_kg * left.sum()
-        )
+        expected = 1e3 * grain(kind).mass_kg * left.sum()
+        assert mild["drawdown_mass_g"] == pytest.approx(expected)
         assert math.degrees(0.05) < mild["drawdown_above_deg"] < 60.0
     assert np.isfinite(smooth["exit_s"]).sum() > left.sum()
 

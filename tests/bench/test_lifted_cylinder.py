@@ -215,9 +215,8 @@ def test_a_small_pile_is_measured_as_that_of_the_funnel_and_as_a_picture_of_it()
     )
     assert photographed.aor_deg == pytest.approx(of_funnel["aor_flank_view_deg"])
     assert photographed.height_mm == pytest.approx(of_funnel["height_view_mm"])
-    assert record["lifted_loose_percent"] == pytest.approx(
-        100.0 * (1.0 - run.arrays["in_pile"].mean())
-    )
+    expected = 100.0 * (1.0 - run.arrays["in_pile"].mean())
+    assert record["lifted_loose_percent"] == pytest.approx(expected)
     again, _ = lifted(1, **section)
     assert again == record
 

@@ -27,9 +27,8 @@ def test_a_change_is_that_of_the_table():
         found = scene_size.change(500, 125, name)
         column = table[f"aor_{name}_deg"]
         assert found.angle_deg == pytest.approx((column[125] - column[500]).mean())
-        assert scene_size.change(125, 500, name).angle_deg == pytest.approx(
-            -found.angle_deg
-        )
+        expected = -found.angle_deg
+        assert scene_size.change(125, 500, name).angle_deg == pytest.approx(expected)
     heights = table["height_scaled_mm"]
     assert found.height == pytest.approx((heights[125] / heights[500]).mean())
     assert scene_size.change(300, 300, "flank") == (0.0, 1.0)
@@ -51,17 +50,14 @@ def test_the_fewest_grains_change_an_angle_by_less_than_a_degree():
 def test_a_scaled_scene_keeps_its_proportions(config):
     section = funnel.FunnelSettings(**config["funnel"])
     smaller = scene_size.scaled(section, 4, 13.34)
-    assert smaller["plate_diameter_mm"] == pytest.approx(
-        config["funnel"]["plate_diameter_mm"] / 5
-    )
+    expected = config["funnel"]["plate_diameter_mm"] / 5
+    assert smaller["plate_diameter_mm"] == pytest.approx(expected)
     # a fifth would be narrower than the outlet
     assert smaller["inlet_diameter_mm"] == 2 * smaller["outlet_diameter_mm"]
-    assert smaller["rate_per_s"] == pytest.approx(
-        config["funnel"]["rate_per_s"] * 5**-2.5
-    )
-    assert smaller["outlet_diameter_mm"] == pytest.approx(
-        min(config["funnel"]["outlet_diameter_mm"], 2.4 * 13.34)
-    )
+    expected = config["funnel"]["rate_per_s"] * 5**-2.5
+    assert smaller["rate_per_s"] == pytest.approx(expected)
+    expected = min(config["funnel"]["outlet_diameter_mm"], 2.4 * 13.34)
+    assert smaller["outlet_diameter_mm"] == pytest.approx(expected)
     assert scene_size.scaled(section, config["funnel"]["berries"], 13.34) == config[
         "funnel"
     ] | dict.fromkeys(scene_size.COMPUTED_KEYS, "auto")
@@ -94,9 +90,8 @@ def test_a_large_scene_gets_a_smaller_one_inside_the_table(config):
     length = (keys["berries"] / 1000) ** (1 / 3)
     share = length * scene_size.change(1000, keys["berries"], "secant").height
     assert after["value"] / before["value"] == pytest.approx(share, rel=1e-3)
-    assert keys["inlet_diameter_mm"] == pytest.approx(
-        config["funnel"]["inlet_diameter_mm"] * length, rel=1e-3
-    )
+    expected = config["funnel"]["inlet_diameter_mm"] * length
+    assert keys["inlet_diameter_mm"] == pytest.approx(expected, rel=1e-3)
     PipelineConfig.of({**config, "funnel": config["funnel"] | keys})
     _, smaller, *_ = scene_size.advice(
         config, 13.34, 65.0, 25 * max(scene_size.numbers())

@@ -230,9 +230,8 @@ def test_tilting_lowers_an_end():
     simulation.run(0.05, progress=False)
     fall = 9.81 * simulation.time_s
     lean = np.radians(20.0)
-    assert simulation.velocities[0] == pytest.approx(
-        [0.0, fall * np.sin(lean), -fall * np.cos(lean)], abs=1e-9
-    )
+    expected = [0.0, fall * np.sin(lean), -fall * np.cos(lean)]
+    assert simulation.velocities[0] == pytest.approx(expected, abs=1e-9)
     level = ran(config(**SMALL, tilt_deg=0.0), SMOOTH)
     leaning = ran(tilted, SMOOTH)
     assert level.record["status"] == "ok"

@@ -182,9 +182,8 @@ def test_residual_correlation():
     value, low, high, freedom = variance.residual_correlation(*shifted, groups)
     assert freedom == 1000
     assert low < 0.5 < high
-    assert high - low == pytest.approx(
-        2 * 1.96 * (1 - value**2) / np.sqrt(998), rel=0.02
-    )
+    expected = 2 * 1.96 * (1 - value**2) / np.sqrt(998)
+    assert high - low == pytest.approx(expected, rel=0.02)
 
 
 @pytest.mark.parametrize(

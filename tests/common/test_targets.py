@@ -74,9 +74,8 @@ def test_distances_of_profiles_are_those_of_scores_named_with_their_unit():
     random = np.random.default_rng(2)
     first, second = random.normal(size=(2, 5))
     difference = profile.heights(first) - profile.heights(second)
-    assert np.mean(difference**2) == pytest.approx(
-        np.sum((first - second) ** 2), rel=1e-12
-    )
+    expected = np.sum((first - second) ** 2)
+    assert np.mean(difference**2) == pytest.approx(expected, rel=1e-12)
     np.testing.assert_allclose(
         profile.scores(profile.heights(first)), first, atol=1e-12
     )

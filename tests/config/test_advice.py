@@ -139,9 +139,8 @@ def test_each_strategy_has_its_own_pours(config):
         ("check", 8, 3),
     )
     work = cost.estimate_work(config, 1e-7, pours)
-    assert work["total_s"] == pytest.approx(
-        48 * cost.JOB_START_S + 144 * work["pour_s"]
-    )
+    expected = 48 * cost.JOB_START_S + 144 * work["pour_s"]
+    assert work["total_s"] == pytest.approx(expected)
     config["strategy"] = "sequential"
     config["sequential"] |= {"most_pours": 120, "seeds": 3}
     assert pours_of(config) == (("at most", 40, 3),)
@@ -155,9 +154,8 @@ def test_each_strategy_has_its_own_pours(config):
         "representative_seeds": 16,
     }
     work = cost.estimate_work(config, 1e-7)
-    assert work["total_s"] == pytest.approx(
-        cost.REST_S + 32 * cost.JOB_START_S + 144 * work["pour_s"]
-    )
+    expected = cost.REST_S + 32 * cost.JOB_START_S + 144 * work["pour_s"]
+    assert work["total_s"] == pytest.approx(expected)
 
 
 def test_the_longest_job_is_that_of_the_slowest_bench_test(config):
@@ -169,9 +167,8 @@ def test_the_longest_job_is_that_of_the_slowest_bench_test(config):
     config["funnel"] |= {"berries": 100, "rate_per_s": 10.0, "duration_s": 10.0}
     config["simulation"]["time_step_s"] = 1e-4
     assert cost.run_s(config, "funnel", 1e-7) == pytest.approx(100 * 5.0 / 1e-4 * 1e-7)
-    assert cost.run_s(config, "funnel", 3e-7) == pytest.approx(
-        3 * cost.run_s(config, "funnel", 1e-7)
-    )
+    expected = 3 * cost.run_s(config, "funnel", 1e-7)
+    assert cost.run_s(config, "funnel", 3e-7) == pytest.approx(expected)
 
 
 def test_time_goes_with_the_steps_and_the_bench_tests(config):

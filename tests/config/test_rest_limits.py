@@ -127,12 +127,10 @@ def test_limits_go_with_the_powers_of_the_size(potatoes, factor):
     small = limits(potatoes(factor))
     # Both are rounded to two digits.
     near = {"rel": 0.06}
-    assert small["rest_energy_j"] == pytest.approx(
-        factor**4 * large["rest_energy_j"], **near
-    )
-    assert small["rest_motion_mm"] == pytest.approx(
-        factor * large["rest_motion_mm"], **near
-    )
+    expected = factor**4 * large["rest_energy_j"]
+    assert small["rest_energy_j"] == pytest.approx(expected, **near)
+    expected = factor * large["rest_motion_mm"]
+    assert small["rest_motion_mm"] == pytest.approx(expected, **near)
     for key in ("rest_window_s", "duration_s"):
         assert small[key] == pytest.approx(math.sqrt(factor) * large[key], **near)
 

@@ -47,9 +47,8 @@ def test_jkr_pulls_as_in_lammps_and_without_energy_is_the_dry_law():
     force = normal_force(law, *tile_of(law, LAMMPS, coherent(0.1), 0.005), 1e-18)
     np.testing.assert_allclose(force, -4.1888e-3, rtol=1e-5)
     np.testing.assert_allclose(force, -8.0 / 3.0 * math.pi * 0.1 * 0.005, rtol=1e-9)
-    assert jkr.pull_off_force(coherent(0.1), 0.005) == pytest.approx(
-        3.0 * math.pi * 0.1 * 0.005
-    )
+    expected = 3.0 * math.pi * 0.1 * 0.005
+    assert jkr.pull_off_force(coherent(0.1), 0.005) == pytest.approx(expected)
     compare_with_the_dry_law("jkr", coherent(0.0, 0.4, 0.5), 3e-4, 1e-18)
 
 

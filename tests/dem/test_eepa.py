@@ -81,9 +81,8 @@ def test_work_of_a_cycle(gamma):
     work = np.trapezoid(forces_on(path, plasticity, gamma), path)
     assert work == pytest.approx(loading - unloading + pulled, rel=1e-4)
     if gamma == 0.0:
-        assert eepa.restitution(plasticity) == pytest.approx(
-            math.sqrt(unloading / loading)
-        )
+        expected = math.sqrt(unloading / loading)
+        assert eepa.restitution(plasticity) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("gamma", [0.0, 0.02, 50.0])

@@ -304,9 +304,8 @@ def test_a_rolling_sphere_is_slowed_by_the_rolling_friction_and_stops(shape):
     s.run_steps(2000)
     before = s.velocities[0, 0]
     s.run_steps(20000)
-    assert (before - s.velocities[0, 0]) / 0.2 == pytest.approx(
-        5.0 / 7.0 * rolling * GRAVITY, rel=5e-3
-    )
+    expected = 5.0 / 7.0 * rolling * GRAVITY
+    assert (before - s.velocities[0, 0]) / 0.2 == pytest.approx(expected, rel=5e-3)
     s.run_steps(200000)
     assert abs(s.velocities[0, 0]) < 1e-9
     assert np.abs(s.angular_velocities).max() < 1e-7

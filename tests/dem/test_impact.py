@@ -35,9 +35,8 @@ LINEAR = [("linear_spring", speed, e) for speed in (0.1, 1.0) for e in (0.2, 0.6
 def test_spheres_part_with_the_restitution_asked_for(law, speed, e, tension):
     s = head_on(e, speed, tension=tension, contact_law=law)
     s.run_steps(40000)
-    assert s.velocities[1, 0] - s.velocities[0, 0] == pytest.approx(
-        2.0 * e * speed, rel=5e-3
-    )
+    expected = 2.0 * e * speed
+    assert s.velocities[1, 0] - s.velocities[0, 0] == pytest.approx(expected, rel=5e-3)
 
 
 def test_damping_of_a_released_contact_against_its_differential_equation():

@@ -215,9 +215,8 @@ def test_a_small_drum_is_filled_among_the_grains_that_lie_there_and_turns(
             * surface
             @ rotation_matrix(simulation.quaternions[k]).T
         )
-        assert top == pytest.approx(
-            simulation.positions[k, 2] + turned[:, 2].max(), abs=2e-5
-        )
+        expected = simulation.positions[k, 2] + turned[:, 2].max()
+        assert top == pytest.approx(expected, abs=2e-5)
 
 
 def test_a_grain_is_thrown_where_it_overlaps_no_other():

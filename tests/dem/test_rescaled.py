@@ -150,13 +150,11 @@ def test_an_unloading_lowers_the_force_with_the_circle_and_an_end_takes_it_all(
     slid = led.leg(1e-4, 0.0)[0]
     assert slid == pytest.approx(8.0 * shear * circle[0] * 1e-4, rel=1e-3)
     assert led.leg(0.0, 6e-4)[0] == pytest.approx(slid, rel=1e-4)
-    assert led.leg(0.0, -3e-4)[0] == pytest.approx(
-        slid * circle[2] / circle[1], rel=1e-3
-    )
+    expected = slid * circle[2] / circle[1]
+    assert led.leg(0.0, -3e-4)[0] == pytest.approx(expected, rel=1e-3)
     # pressed again it stays where the unloading left it
-    assert led.leg(0.0, 3e-4)[0] == pytest.approx(
-        slid * circle[2] / circle[1], rel=1e-3
-    )
+    expected = slid * circle[2] / circle[1]
+    assert led.leg(0.0, 3e-4)[0] == pytest.approx(expected, rel=1e-3)
     led = Led(shape(), depth)
     led.leg(0.0, 4e-4 + 1e-6)
     slid = led.leg(1e-4, 0.0)[0]

@@ -124,9 +124,8 @@ def test_the_stiffness_is_the_slope_of_the_force(law, module):
             else radius * delta
         )
 
-    assert stiffness == pytest.approx(
-        (force(overlap + h) - force(overlap - h)) / (2 * h), rel=1e-6
-    )
+    expected = (force(overlap + h) - force(overlap - h)) / (2 * h)
+    assert stiffness == pytest.approx(expected, rel=1e-6)
 
 
 def test_an_oscillator_of_the_damping_ratio_returns_the_restitution():
@@ -153,9 +152,8 @@ def test_spheres_touch_a_wall_together():
     many = time_steps.pressed(
         study(0.9, shape=spheres), spheres, "wall", overlap_m=5e-4
     )
-    assert many.time_step_s == pytest.approx(
-        single.time_step_s / math.sqrt(15.0), rel=0.02
-    )
+    expected = single.time_step_s / math.sqrt(15.0)
+    assert many.time_step_s == pytest.approx(expected, rel=0.02)
     assert "15.0 spheres" in many.reason
 
 
@@ -329,9 +327,8 @@ def test_the_share_is_that_of_the_equation(planes, smooth):
         simulation = held(planes, step_s, smooth)
         simulation.run_steps(1)
         share = simulation.bodies.rows[0, st.share_column(simulation.physics.parts)]
-        assert share == pytest.approx(
-            1.0 / max(1.0, excess(simulation, planes)), rel=1e-6
-        )
+        expected = 1.0 / max(1.0, excess(simulation, planes))
+        assert share == pytest.approx(expected, rel=1e-6)
         assert (share == 1.0) == (step_s is not None)
 
 

@@ -72,9 +72,8 @@ def test_a_funnel_has_its_dimensions():
     ring = FUNNEL.walls("wall")["outlet"].row()
     assert math.hypot(ring[0] - low_r, ring[1] - low_z) == pytest.approx(0.001)
     assert ring[0] - 0.001 == pytest.approx(0.016)
-    assert (top_z - low_z) / (top_r - low_r) == pytest.approx(
-        math.tan(math.radians(60.0))
-    )
+    expected = math.tan(math.radians(60.0))
+    assert (top_z - low_z) / (top_r - low_r) == pytest.approx(expected)
 
 
 def test_a_funnel_touches_nothing_outside_and_inside():

@@ -91,9 +91,8 @@ def test_grains_fall_freely_and_stay_rigid(config, program, particle, tmp_path):
     assert len(at) == 2
     assert end["radius"] == pytest.approx(np.tile(job.particle.spheres_m[:, 3], 2))
     fallen = job.factory_height_m - at.mean(axis=1)[:, 2].min()
-    assert fallen == pytest.approx(
-        0.5 * job.simulation.gravity_m_s2 * job.funnel.duration_s**2, abs=5e-4
-    )
+    expected = 0.5 * job.simulation.gravity_m_s2 * job.funnel.duration_s**2
+    assert fallen == pytest.approx(expected, abs=5e-4)
 
 
 @pytest.mark.parametrize(

@@ -82,9 +82,8 @@ def test_lammps_gets_the_moduli_of_the_pair_and_half_the_critical_dashpot(job):
     keywords = contact_keywords(job, job.on_wall).split()
     young = float(keywords[1])
     poisson = float(keywords[3])
-    assert young / (2 * (1 - poisson**2)) == pytest.approx(
-        job.on_wall.effective_young_pa
-    )
+    expected = job.on_wall.effective_young_pa
+    assert young / (2 * (1 - poisson**2)) == pytest.approx(expected)
     assert float(keywords[6]) == pytest.approx(8 * job.on_wall.effective_shear_pa)
     spring, dashpot = map(float, keywords[keywords.index("sds") + 1 :][:2])
     assert dashpot == pytest.approx(0.5 * math.sqrt(spring * job.particle.mass_kg))
@@ -152,9 +151,8 @@ def test_no_deck_has_a_dashpot_along_the_tangent_and_the_plate_is_the_configured
         == ["0"] * 3
     )
     assert "betas=by_pair(0.0, 0.0)" in files["yade"]["pour.py"]
-    assert job.plate_radius_m == pytest.approx(
-        0.5e-3 * config["funnel"]["plate_diameter_mm"]
-    )
+    expected = 0.5e-3 * config["funnel"]["plate_diameter_mm"]
+    assert job.plate_radius_m == pytest.approx(expected)
     for program, name in DECK.items():
         if program != "yade":  # its plate is a box under all of the scene
             assert f"{job.plate_radius_m:.6g}" in export.PROGRAMS[program](job)[name], (
@@ -172,9 +170,8 @@ def test_a_sphere_is_exported_with_its_volume_mass_and_step(config):
     assert of_clump.time_step_s == half
     assert of_sphere.time_step_s == half
     assert of_ellipsoid.time_step_s == half
-    assert of_sphere.particle.spheres_m == pytest.approx(
-        np.array([[0.0, 0.0, 0.0, 5 * MM]])
-    )
+    expected = np.array([[0.0, 0.0, 0.0, 5 * MM]])
+    assert of_sphere.particle.spheres_m == pytest.approx(expected)
     volume = 4 / 3 * math.pi * (5 * MM) ** 3
     assert (
         of_sphere.particle.density_kg_m3 * volume
@@ -182,9 +179,8 @@ def test_a_sphere_is_exported_with_its_volume_mass_and_step(config):
         == BALL.mass_kg
     )
     root = math.sqrt(BALL.mass_kg / volume / BERRY["shear_modulus_pa"])
-    assert of_sphere.rayleigh_s == pytest.approx(
-        math.pi * 5 * MM * root / (0.1631 * 0.32 + 0.8766)
-    )
+    expected = math.pi * 5 * MM * root / (0.1631 * 0.32 + 0.8766)
+    assert of_sphere.rayleigh_s == pytest.approx(expected)
     of_ball = np.full(3, 0.4 * of_sphere.particle.mass_kg * (5 * MM) ** 2)
     assert of_sphere.particle.inertia_kg_m2 == pytest.approx(of_ball)
 
@@ -253,9 +249,8 @@ def test_a_deck_begins_with_its_versions_and_the_page_has_them(job):
 def test_the_number_of_older_lammps_gives_the_same_damping(config, restitution):
     job = job_of(config, THREE, e_gg=restitution)
     number = damping_numbers(job)["tsuji_gg"]
-    assert np.polyval(TSUJI, number) == pytest.approx(
-        math.sqrt(5) * job.grains.damping_ratio, abs=1e-9
-    )
+    expected = math.sqrt(5) * job.grains.damping_ratio
+    assert np.polyval(TSUJI, number) == pytest.approx(expected, abs=1e-9)
     assert number < 1.01
 
 
@@ -329,14 +324,12 @@ def test_a_sphere_rolls_with_the_calibrated_coefficient_on_a_wall(job):
     sphere = replace(
         job, lever_m=lever, on_wall=replace(job.on_wall, effective_radius_m=radius)
     )
-    assert laws.rolling_coefficient(sphere, sphere.on_wall) == pytest.approx(
-        job.on_wall.rolling_friction
-    )
+    expected = job.on_wall.rolling_friction
+    assert laws.rolling_coefficient(sphere, sphere.on_wall) == pytest.approx(expected)
     # the same torque needs twice the coefficient
     longer = replace(sphere, lever_m=2 * lever)
-    assert laws.rolling_coefficient(longer, longer.on_wall) == pytest.approx(
-        2 * job.on_wall.rolling_friction
-    )
+    expected = 2 * job.on_wall.rolling_friction
+    assert laws.rolling_coefficient(longer, longer.on_wall) == pytest.approx(expected)
 
 
 def test_free_surface_of_two_spheres_that_overlap():
@@ -353,9 +346,8 @@ def test_free_surface_of_two_spheres_that_overlap():
 def test_the_funnel_is_the_simulated_one(job):
     line = surface.profile(job.surfaces)
     funnel = job.surfaces
-    assert line[0] == pytest.approx(
-        [0.5 * funnel.inlet_diameter_m, funnel.inlet_height_m]
-    )
+    expected = [0.5 * funnel.inlet_diameter_m, funnel.inlet_height_m]
+    assert line[0] == pytest.approx(expected)
     assert line[:, 0].min() == pytest.approx(0.5 * funnel.outlet_diameter_m)
     cone = funnel.cone_line()
     on_cone = np.abs(line @ [cone.normal_r, cone.normal_z] - cone.offset) < 1e-9
@@ -394,10 +386,8 @@ def test_a_tube_stands_in_surface_and_deck(config):
     assert "region          tube cylinder" in deck
     # the inlet is wider than the plate
     half = float(re.search(r"domain block \S+ (\S+)", deck).group(1))
-    assert half == pytest.approx(
-        0.5 * job.surfaces.inlet_diameter_m + 4 * job.particle.bounding_radius_m,
-        rel=1e-6,
-    )
+    expected = 0.5 * job.surfaces.inlet_diameter_m + 4 * job.particle.bounding_radius_m
+    assert half == pytest.approx(expected, rel=1e-6)
 
 
 def test_other_particles_and_laws_are_refused(config):

@@ -69,9 +69,8 @@ def test_a_scan_of_a_bumpy_body_is_poured_and_exported_with_its_mass_volume_and_
     mass = np.fromstring(re.search("(.*) mass", text)[1], sep=" ")
     inertia = np.fromstring(re.search("(.*) inertia", text)[1], sep=" ")
     assert mass == pytest.approx(9e-7 * volume, rel=1e-4)
-    assert inertia == pytest.approx(
-        [*(9e-13 * moments), 0.0, 0.0, 0.0], rel=1e-4, abs=1e-15
-    )
+    expected = [*(9e-13 * moments), 0.0, 0.0, 0.0]
+    assert inertia == pytest.approx(expected, rel=1e-4, abs=1e-15)
     parts = (
         re.search(rf"{name}\n\n(.*?)\n\n", text, re.DOTALL)[1]
         for name in ("Coords", "Diameters")

@@ -184,9 +184,8 @@ def test_the_spread_of_a_published_range():
     assert high == pytest.approx(15.40 / 13.32)
     # What 4.498 stands for: the mean range of 50 normal values.
     ranges = np.ptp(np.random.default_rng(1).normal(size=(20000, 50)), axis=1)
-    assert ranges.mean() == pytest.approx(
-        size_distribution.PUBLISHED_RANGE_SD, abs=0.02
-    )
+    expected = size_distribution.PUBLISHED_RANGE_SD
+    assert ranges.mean() == pytest.approx(expected, abs=0.02)
 
 
 def test_the_spread_of_measured_sizes():
@@ -245,9 +244,8 @@ def fullness(shape):
 
 def test_fullness_in_closed_form():
     found = [fullness(number) for number in (1.0, 2.0, 3.0, 1e3)]
-    assert found == pytest.approx(
-        [np.pi / 4 * 8 / 15, np.pi / 6, 0.63308, np.pi / 4], rel=2e-4
-    )
+    expected = [np.pi / 4 * 8 / 15, np.pi / 6, 0.63308, np.pi / 4]
+    assert found == pytest.approx(expected, rel=2e-4)
 
 
 @pytest.mark.parametrize("number", [1.2, 2.0, 2.9, 5.0])

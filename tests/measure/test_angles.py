@@ -87,9 +87,8 @@ def test_the_secant_takes_the_whole_width():
     left = angles.fit_secant(cone(0.4, 240.0), 48.0)
     right = angles.fit_secant(cone(0.8, 240.0), 48.0)
     width = 192.0 / 0.4 + 192.0 / 0.8
-    assert angles.secant_of_pile(left, right) == pytest.approx(
-        degrees(2 * 240.0 / width)
-    )
+    expected = degrees(2 * 240.0 / width)
+    assert angles.secant_of_pile(left, right) == pytest.approx(expected)
     assert angles.secant_of_pile(left, right) < (left.angle_deg + right.angle_deg) / 2
 
 
@@ -274,9 +273,8 @@ def test_windows_levels_and_lines_are_what_their_words_say():
     height = np.arange(30.0)
     distance = 2.0 * height + np.random.default_rng(1).normal(scale=3.0, size=30)
     slope = angles.window_slopes(distance, height, np.array([5.0]), np.array([20.0]))
-    assert slope[0] == pytest.approx(
-        np.polyfit(distance[5:21], height[5:21], 1)[0], rel=1e-9
-    )
+    expected = np.polyfit(distance[5:21], height[5:21], 1)[0]
+    assert slope[0] == pytest.approx(expected, rel=1e-9)
     middle, heights = profile_points.points_by_levels(
         np.array([0.0, 10.0, 20.0, 10.0, 20.0, 30.0]), 14.5, 16.5
     )

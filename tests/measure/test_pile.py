@@ -169,9 +169,8 @@ def test_each_side_is_measured_by_itself():
     left, right = m.angle.lines
     axis = cover.shape[1] / 2 - 0.5
     for (below, above), slope in ((left, 20), (right, 38)):
-        assert abs(below[0] - axis) == pytest.approx(
-            HEIGHT_MM * 0.9 / math.tan(math.radians(slope)) / MM, abs=1.5
-        )
+        expected = HEIGHT_MM * 0.9 / math.tan(math.radians(slope)) / MM
+        assert abs(below[0] - axis) == pytest.approx(expected, abs=1.5)
         assert m.base_row - below[1] == pytest.approx(0.1 * m.height_mm / MM)
         assert m.base_row - above[1] == pytest.approx(0.8 * m.height_mm / MM)
 

@@ -128,9 +128,8 @@ def test_a_cone_seen_from_above_or_below_gets_its_angle_and_its_foot_back(above,
     )
     assert level.height_mm == pytest.approx(height, abs=px)
     columns = np.flatnonzero(photograph.pile.mask.any(axis=0)) - axis
-    assert [-columns[0] * px, columns[-1] * px] == pytest.approx(
-        [radius, radius], abs=lost
-    )
+    expected = [radius, radius]
+    assert [-columns[0] * px, columns[-1] * px] == pytest.approx(expected, abs=lost)
 
 
 @pytest.mark.parametrize(

@@ -202,12 +202,10 @@ def test_slopes_are_those_of_a_hollow_pile():
     base = 60 / math.tan(math.radians(31)) * (1 - math.sqrt(0.2))
     half = 60 / math.tan(math.radians(31)) * (1 - math.sqrt(0.5))
     upper = 60 / math.tan(math.radians(31)) * (1 - math.sqrt(0.8))
-    assert found["lower_deg"] == pytest.approx(
-        math.degrees(math.atan(18 / (base - half))), abs=0.4
-    )
-    assert found["upper_deg"] == pytest.approx(
-        math.degrees(math.atan(18 / (half - upper))), abs=0.8
-    )
+    expected = math.degrees(math.atan(18 / (base - half)))
+    assert found["lower_deg"] == pytest.approx(expected, abs=0.4)
+    expected = math.degrees(math.atan(18 / (half - upper)))
+    assert found["upper_deg"] == pytest.approx(expected, abs=0.8)
     assert found["upper_deg"] > found["lower_deg"] + 5
 
 
@@ -217,9 +215,8 @@ def test_half_widths_are_those_of_cones():
     level = np.array([10.0, 40.0])
     half_width = further_responses.mean_half_width([wide], MM_PER_PIXEL, level)
     both = further_responses.mean_half_width([wide, low], MM_PER_PIXEL, level)
-    assert half_width == pytest.approx(
-        [50 / math.tan(math.radians(31)), 20 / math.tan(math.radians(31))], abs=0.3
-    )
+    expected = [50 / math.tan(math.radians(31)), 20 / math.tan(math.radians(31))]
+    assert half_width == pytest.approx(expected, abs=0.3)
     assert both[1] == pytest.approx(half_width[1] / 2)
     with pytest.raises(
         NoFlankError, match=r"half of 20.0 mm is not above a grain, 12.0 mm"

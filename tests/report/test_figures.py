@@ -168,9 +168,8 @@ def test_figures_have_their_formats_bytes_and_fonts(inputs, tmp_path):
     files, again = found
     assert set(files) == {".png", ".pdf", ".svg"}
     assert again == files, "the same bytes in every run"
-    assert size_of(tmp_path / "first/it.png")[0] == pytest.approx(
-        style.PAGE * 90, abs=1
-    )
+    expected = style.PAGE * 90
+    assert size_of(tmp_path / "first/it.png")[0] == pytest.approx(expected, abs=1)
     assert b"/FontFile2" in files[".pdf"]
     assert b"/Type3" not in files[".pdf"], "a journal wants text of TrueType"
     assert b"<text" not in files[".svg"], "its letters are outlines"

@@ -59,9 +59,8 @@ def test_tessellation_lies_on_the_body_with_its_normals(particle):
     volume = np.einsum("ij,ij->", a, np.cross(b, c)) / 6
     assert volume > 0  # seen from outside, corners run anticlockwise
     if len(particle.semi_axes_m) == 1:
-        assert volume == pytest.approx(
-            4 / 3 * np.pi * np.prod(particle.semi_axes_m), rel=0.02
-        )
+        expected = 4 / 3 * np.pi * np.prod(particle.semi_axes_m)
+        assert volume == pytest.approx(expected, rel=0.02)
 
 
 def test_the_camera_holds_all_points_and_fills_the_picture():

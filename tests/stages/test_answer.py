@@ -309,9 +309,8 @@ def test_two_runs_do_not_show_how_two_responses_are_correlated():
     check = answer.Check("a", "own", "", 5.0, 1.0, 5, 4.0, 6.0, 5.0, 0.5, 2, "ok")
     found = answer.Result("two", {}, True, "", (check, check), "", {}, inside=0.0)
     distribution = stats.t(df=1, loc=5.0, scale=0.5)
-    assert found.probability == pytest.approx(
-        (distribution.cdf(6.0) - distribution.cdf(4.0)) ** 2
-    )
+    expected = (distribution.cdf(6.0) - distribution.cdf(4.0)) ** 2
+    assert found.probability == pytest.approx(expected)
     assert found.verdict is answer.Verdict.UNDECIDED
 
 
@@ -407,9 +406,8 @@ def test_the_chances_of_one_bench_test_depend_on_each_other():
     chance = chance_of_meeting(
         {"funnel": runs_of(np.column_stack([a, 2 * a]), targets.names)}, targets
     )
-    assert chance["all"] == pytest.approx(
-        min(chance["aor_deg"], chance["height_mm"]), abs=0.06
-    )
+    expected = min(chance["aor_deg"], chance["height_mm"])
+    assert chance["all"] == pytest.approx(expected, abs=0.06)
     assert chance["all"] <= min(chance["aor_deg"], chance["height_mm"])
 
 
@@ -445,12 +443,10 @@ def test_the_set_of_least_loss_is_the_surest():
     assert found["height_predicted_mm"] == pytest.approx(66.0, abs=0.02)
     assert found["predicted_se"]["height_mm"] == pytest.approx(1.0, abs=1e-3)
     assert found["expected_error_percent"] == pytest.approx(100 / 66, rel=1e-3)
-    assert found["within"]["1 %"] == pytest.approx(
-        2 * stats.norm.cdf(0.66) - 1, abs=1e-3
-    )
-    assert found["within"]["2 %"] == pytest.approx(
-        2 * stats.norm.cdf(1.32) - 1, abs=1e-3
-    )
+    expected = 2 * stats.norm.cdf(0.66) - 1
+    assert found["within"]["1 %"] == pytest.approx(expected, abs=1e-3)
+    expected = 2 * stats.norm.cdf(1.32) - 1
+    assert found["within"]["2 %"] == pytest.approx(expected, abs=1e-3)
 
 
 def test_a_fixed_parameter_stays_in_the_set_of_least_loss():

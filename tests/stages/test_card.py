@@ -146,9 +146,8 @@ def test_a_card_has_the_intervals_of_the_sets_or_of_the_posterior(config, soluti
     assert "e_gp" not in made_card["correlations"]
     grain = made_card["grain"]
     assert grain["ellipsoids_mm"] == [[10.57, 5.685, 4.94]]
-    assert grain["volume_mm3"] == pytest.approx(
-        np.pi / 6 * 21.14 * 11.37 * 9.88, rel=1e-5
-    )
+    expected = np.pi / 6 * 21.14 * 11.37 * 9.88
+    assert grain["volume_mm3"] == pytest.approx(expected, rel=1e-5)
     assert grain["spheres_mm"] == []
     free = [name for name in PARAMETERS if name not in FIXED]
     intervals = pd.DataFrame(
@@ -344,9 +343,8 @@ def test_an_angle_has_the_settings_of_its_line(config):
     assert angle["settings"]["fit_from"] == 0.2
     assert angle["settings"]["fit_to"] == 0.8
     # Eq. 1 of the mean axes, where the configuration has no height of a grain
-    assert angle["settings"]["berry_height_mm"] == pytest.approx(
-        (21.14 * 11.37 * 9.88) ** (1 / 3), rel=1e-3
-    )
+    expected = (21.14 * 11.37 * 9.88) ** (1 / 3)
+    assert angle["settings"]["berry_height_mm"] == pytest.approx(expected, rel=1e-3)
     config["measure"]["response"] = "secant"
     secant = describe_response(studied(config), response("aor_deg"), {})["definition"]
     assert secant["name"] == "angle, secant"

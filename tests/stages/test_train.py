@@ -98,9 +98,8 @@ def test_run_writes_what_it_returns(tmp_path):
     test = predictions[predictions["split"] == "test"]
     left = test.aor_deg - test.aor_predicted_deg
     whole = test.aor_deg - test.aor_deg.mean()
-    assert metrics["test"]["aor_deg"]["r2"] == pytest.approx(
-        1 - (left**2).sum() / (whole**2).sum()
-    )
+    expected = 1 - (left**2).sum() / (whole**2).sum()
+    assert metrics["test"]["aor_deg"]["r2"] == pytest.approx(expected)
     runs = pd.read_csv(paths[1]).merge(
         test[["sample", "height_predicted_mm"]], on="sample"
     )
@@ -193,9 +192,8 @@ def test_the_covariance_of_errors_and_too_few_samples(tmp_path):
     covariance = train.error_covariance(errors, three, "my.csv")
     for i, j in np.ndindex(3, 3):
         apart = i != j and 2 in (i, j)
-        assert covariance[i, j] == pytest.approx(
-            0 if apart else np.mean(errors[:, i] * errors[:, j])
-        )
+        expected = 0 if apart else np.mean(errors[:, i] * errors[:, j])
+        assert covariance[i, j] == pytest.approx(expected)
     few = r"my\.csv: validation samples is \d; expected more than 3"
     for wrong in (errors[:3], np.zeros((5, 3)), errors[:0]):
         input_error(few, train.error_covariance, wrong, three, "my.csv")
@@ -346,9 +344,8 @@ def test_noise_of_bench_tests_is_independent():
     assert found.precision.tolist() == [4.0] * 400
     assert found.noise_freedom == pytest.approx((2 * 1200 + 400) / 3)
     assert covariance[[0, 1, 2], [1, 0, 1]].tolist() == [0.0, 0.0, 0.0]
-    assert covariance[::2, ::2] == pytest.approx(
-        np.array([[1.0, 1.0], [1.0, 4.0]]), rel=0.15
-    )
+    expected = np.array([[1.0, 1.0], [1.0, 4.0]])
+    assert covariance[::2, ::2] == pytest.approx(expected, rel=0.15)
     # means of two runs beside means of four
     assert covariance[1, 1] == pytest.approx(2 * 9.0, rel=0.15)
     assert (

@@ -180,9 +180,8 @@ def test_table4_has_errors_as_published_and_every_definition_of_the_angle(study)
     for table in (found["table4"], found["published"]):
         for k, name in enumerate(MEAN_KEYS.values()):
             assert table[name].tolist() == pytest.approx([32.0 - 4 * k] * len(table))
-            assert table[error_of(name)].tolist() == pytest.approx(
-                [2 / np.sqrt(3)] * len(table)
-            )
+            expected = [2 / np.sqrt(3)] * len(table)
+            assert table[error_of(name)].tolist() == pytest.approx(expected)
         assert (table["line"] == "secant, foot to crest").all()
     lines = found["representative"].set_index("response")["line"]
     assert lines.to_dict() == {"aor_deg": "secant, foot to crest", "height_mm": ""}

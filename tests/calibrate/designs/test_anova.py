@@ -157,9 +157,8 @@ def test_the_squares_of_a_term_are_what_leaving_it_out_adds():
             model.factors,
             [other_term for other_term in model.terms if other_term != term],
         )
-        assert table.loc[name, "sum_of_squares"] == pytest.approx(
-            without.residual_squares - model.residual_squares, rel=1e-9
-        )
+        expected = without.residual_squares - model.residual_squares
+        assert table.loc[name, "sum_of_squares"] == pytest.approx(expected, rel=1e-9)
 
 
 def test_press_is_the_sum_over_predictions_that_leave_out_a_run():
@@ -195,9 +194,8 @@ def test_four_runs_have_no_lack_of_fit_test_nothing_when_saturated_and_share_r2(
     model = four_runs("linear")
     table = effects(model)
     assert list(table["term"]) == ["B", "A"]
-    assert table["contribution_percent"].sum() == pytest.approx(
-        100 * statistics(model)["r2"]
-    )
+    expected = 100 * statistics(model)["r2"]
+    assert table["contribution_percent"].sum() == pytest.approx(expected)
 
 
 def test_pareto_limits_the_error_of_a_mean_and_runs_that_determine_no_model():
@@ -263,6 +261,5 @@ def test_an_optimum_out_of_reach_is_the_edge_and_weights_share_a_miss_and_desira
     ] == pytest.approx(11.2, abs=1e-4)
     found = desirability([[10], [11], [12], [13.5], [15], [16]], [12], [10], [15])
     assert found == pytest.approx([0, 0.5, 1, 0.5, 0, 0])
-    assert desirability([[11, 5]], [12, 5], [10, 4], [15, 6]) == pytest.approx(
-        [0.5**0.5]
-    )
+    expected = [0.5**0.5]
+    assert desirability([[11, 5]], [12, 5], [10, 4], [15, 6]) == pytest.approx(expected)

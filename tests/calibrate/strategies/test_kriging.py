@@ -90,9 +90,8 @@ def test_errors_of_a_sample_are_those_of_processes_without_it():
             moments.append([p.moments(model.unit[i : i + 1]) for p in without_i])
         moments = np.array(moments)
         means, spreads = moments[..., 0].transpose(2, 0, 1)
-        assert residuals[i] == pytest.approx(
-            model.values[i] - means.mean(axis=0), rel=1e-6
-        )
+        expected = model.values[i] - means.mean(axis=0)
+        assert residuals[i] == pytest.approx(expected, rel=1e-6)
         assert variances[i] == pytest.approx(spreads.mean(axis=0), rel=1e-6)
         assert others[i] == pytest.approx(means.var(axis=0) + model.errors[i], rel=1e-6)
 
@@ -160,9 +159,8 @@ def test_the_noise_of_samples():
     mixed = observed.residuals @ Kriging(observed)._mixing
     sample_variances = (mixed**2).sum(axis=1) / 3
     moderated = Kriging(observed).errors * Kriging(observed)._scale ** 2 * 4
-    assert moderated == pytest.approx(
-        (PRIOR_FREEDOM + 3 * sample_variances) / (PRIOR_FREEDOM + 3)
-    )
+    expected = (PRIOR_FREEDOM + 3 * sample_variances) / (PRIOR_FREEDOM + 3)
+    assert moderated == pytest.approx(expected)
     assert (np.minimum(sample_variances, 1) <= moderated + 1e-9).all()
     assert (moderated <= np.maximum(sample_variances, 1) + 1e-9).all()
     observed = poured(n=40, seeds=3)

@@ -97,9 +97,8 @@ def of_files(folder, config):
 def test_the_message_the_sets_and_the_card_report_the_answer_of_the_strategy(study):
     folder, config = study
     found = of_files(folder, config)
-    assert dict(found.parameters) == pytest.approx(
-        json.loads((folder / "summary.json").read_text())["answer"]
-    )
+    expected = json.loads((folder / "summary.json").read_text())["answer"]
+    assert dict(found.parameters) == pytest.approx(expected)
     assert found.feasible
     assert found.checks[0].runs == SECTION["checks"]
     assert f"all solutions: {folder}/solutions.csv" in str(found)

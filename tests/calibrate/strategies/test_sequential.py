@@ -123,9 +123,8 @@ def test_the_answer_of_a_campaign_meets_the_targets_after_one_batch_and_another(
     numbers = pd.read_csv(folder / "dataset.csv")["sample"]
     assert sorted(numbers) == list(range(1, len(numbers) + 1))
     checked = pd.read_csv(folder / f"batch_{len(table)}/samples.csv")
-    assert checked[list(PARAMETERS)].iloc[0].to_dict() == pytest.approx(
-        summary["answer"]
-    )
+    expected = summary["answer"]
+    assert checked[list(PARAMETERS)].iloc[0].to_dict() == pytest.approx(expected)
     assert checked["sample"].tolist() == [len(numbers) + 1], "seeds of its own"
     assert summary["check_pours"] == SECTION["checks"]
 
@@ -286,9 +285,8 @@ def test_a_batch_lies_about_the_answer_and_away_from_failed_samples():
     assert inside.any()
     assert found.batch.shape == (100, 6)
     # 100 draws: the mean within three standard errors, the spread within three of its own
-    assert found.batch[:, inside].mean(axis=0) == pytest.approx(
-        found.answer[inside], abs=0.03
-    )
+    expected = found.answer[inside]
+    assert found.batch[:, inside].mean(axis=0) == pytest.approx(expected, abs=0.03)
     assert found.batch[:, inside].std(axis=0) == pytest.approx(0.1, rel=0.22)
     data = observed(n=30, noise=4.0)
     failed = advised(data, most_pours=999, probability=0.99).batch[:1]
@@ -311,9 +309,8 @@ def test_a_budget_counts_failed_runs(tmp_path):
     data = pd.read_csv(tmp_path / "dataset.csv")
     seen = arrange_runs(data_of(data, runs, TARGETS), SPACE, TARGETS)
     assert seen.counts.tolist() == [1] + [2] * 10
-    assert SPACE.values(seen.failed)[0] == pytest.approx(
-        table.loc[2, list(PARAMETERS)].to_numpy(float)
-    )
+    expected = table.loc[2, list(PARAMETERS)].to_numpy(float)
+    assert SPACE.values(seen.failed)[0] == pytest.approx(expected)
     write_poured(tmp_path, table, 0.5, seeds=1)
     few = "enough for an estimate of the noise"
     input_error(few, propose, "sequential", known, [tmp_path], tmp_path / "batch_1")

@@ -136,9 +136,8 @@ def test_a_search_gets_the_same_responses(name, fitted):
     low = np.array([2.0, 2.5, 3.0])
     high = np.array([3.0, 4.0, 3.5])
     respond = fitted[name].response_function(low, high)
-    assert respond(unit) == pytest.approx(
-        fitted[name].predict(low + (unit + 1) / 2 * (high - low)), rel=1e-9
-    )
+    expected = fitted[name].predict(low + (unit + 1) / 2 * (high - low))
+    assert respond(unit) == pytest.approx(expected, rel=1e-9)
 
 
 @every

@@ -92,9 +92,8 @@ def test_hyperparameters_are_at_their_fixed_point_on_known_functions(fitted):
     eigenvalues = np.linalg.eigvalsh(2 * model.beta_ * J.T @ J)
     assert model.alpha_ == pytest.approx(model.gamma_ / (2 * Ew), rel=1e-9)
     assert model.beta_ == pytest.approx((190 - model.gamma_) / (2 * Ed), rel=1e-9)
-    assert model.gamma_ == pytest.approx(
-        np.sum(eigenvalues / (eigenvalues + 2 * model.alpha_)), rel=1e-3
-    )
+    expected = np.sum(eigenvalues / (eigenvalues + 2 * model.alpha_))
+    assert model.gamma_ == pytest.approx(expected, rel=1e-3)
     gradient = 2 * model.beta_ * J.T @ (y - t).ravel() + 2 * model.alpha_ * w
     assert np.linalg.norm(gradient) < 1e-3
 

@@ -174,9 +174,8 @@ def test_the_published_study_has_a_discrepancy_and_so_have_responses_of_a_users_
         {"sample": [1, 2, 3], "slope": [29.0, 30.0, 31.0], "time": [3.0, 4.0, 5.0]}
     )
     found = discrepancy.of_targets(study_targets, runs, 10.0, 0.5)
-    assert found == pytest.approx(
-        np.array([[9.0, 0.5 * 3.0 * 0.4], [0.5 * 3.0 * 0.4, 0.16]])
-    )
+    expected = np.array([[9.0, 0.5 * 3.0 * 0.4], [0.5 * 3.0 * 0.4, 0.16]])
+    assert found == pytest.approx(expected)
 
 
 class Linear:
@@ -225,9 +224,8 @@ def test_bits_and_interval_by_hand():
         assert row.information_bits == pytest.approx(bits, abs=0.01)
         first = PARAMETERS[0]
         assert getattr(row, f"{first}_low") == pytest.approx(0.5 - 1.96 * sd, abs=0.005)
-        assert getattr(row, f"{first}_high") == pytest.approx(
-            0.5 + 1.96 * sd, abs=0.005
-        )
+        expected = 0.5 + 1.96 * sd
+        assert getattr(row, f"{first}_high") == pytest.approx(expected, abs=0.005)
         assert getattr(row, f"{first}_bits") == pytest.approx(bits, abs=0.1)
         assert getattr(row, f"{PARAMETERS[1]}_bits") < 0.02
 
@@ -361,9 +359,8 @@ def test_targets_of_one_bench_test_alone_have_correlations():
         "aor_deg, base_radius_mm",
         "height_mm, base_radius_mm",
     ]
-    assert matrix[:3, :3] == pytest.approx(
-        np.array([[1, 0.89, -0.45], [0.89, 1, -0.4], [-0.45, -0.4, 1]]), abs=0.15
-    )
+    expected = np.array([[1, 0.89, -0.45], [0.89, 1, -0.4], [-0.45, -0.4, 1]])
+    assert matrix[:3, :3] == pytest.approx(expected, abs=0.15)
     assert matrix[3].tolist() == [0, 0, 0, 1]
     assert (np.linalg.eigvalsh(matrix) > 0).all()
     assert len(noise.noise_floor(made_up_runs(), FOUR).responses) == 4

@@ -159,9 +159,8 @@ def test_one_target_determines_one_parameter():
     found = inferred(targets_of(sd_percent=4.0, drum_slip_deg=30.0), [{"mus_gp": 12.0}])
     table = found.parameters.set_index("parameter")
     # standard error 0.6, of the prediction 0.1
-    assert table.loc["mus_gp", "sd"] == pytest.approx(
-        math.hypot(0.6, 0.1) / 12, rel=0.1
-    )
+    expected = math.hypot(0.6, 0.1) / 12
+    assert table.loc["mus_gp", "sd"] == pytest.approx(expected, rel=0.1)
     assert (table["information_bits"].drop("mus_gp") < 0.1).all()
     assert list(found.draws.columns) == [
         *PARAMETERS,
@@ -206,9 +205,8 @@ def test_a_prior_narrows_its_parameter():
     )
     # two measurements of one number: the prior, and the target through its slope
     precision = np.array([1 / 0.1**2, 6**2 / (0.6**2 + 0.1**2)])
-    assert table.loc["mus_gp", "mean"] == pytest.approx(
-        precision @ [0.4, 0.5] / precision.sum(), abs=0.01
-    )
+    expected = precision @ [0.4, 0.5] / precision.sum()
+    assert table.loc["mus_gp", "mean"] == pytest.approx(expected, abs=0.01)
     assert table.loc["mus_gp", "sd"] == pytest.approx(precision.sum() ** -0.5, rel=0.1)
 
 
@@ -224,9 +222,8 @@ def test_fixed_parameters_are_not_sampled():
     )
     assert list(found.parameters["parameter"]) == ["e_gg", "mus_gp"]
     assert (found.draws["mur_gg"] == 0.5).all()
-    assert found.draws["mus_gp"].std() == pytest.approx(
-        math.hypot(0.6, 0.1) / 12, rel=0.1
-    )
+    expected = math.hypot(0.6, 0.1) / 12
+    assert found.draws["mus_gp"].std() == pytest.approx(expected, rel=0.1)
     assert "mur_gg is fixed at 0.5" in posterior.message(found.summary)
     alone = inferred(
         targets_of(drum_slip_deg=30.0),

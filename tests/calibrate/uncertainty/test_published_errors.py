@@ -18,9 +18,8 @@ RNG = np.random.default_rng(5)
 )
 def test_the_probability_is_the_share_of_drawn_pours(error, scatter, bias):
     deviation = np.abs(RNG.normal(bias, scatter, 400_000))
-    assert OF.within(error, scatter, bias) == pytest.approx(
-        (deviation <= error).mean(), abs=0.003
-    )
+    expected = (deviation <= error).mean()
+    assert OF.within(error, scatter, bias) == pytest.approx(expected, abs=0.003)
 
 
 def test_half_of_the_best_of_so_many_pours_are_within_the_error():

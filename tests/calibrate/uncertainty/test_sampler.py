@@ -141,14 +141,12 @@ def test_r_hat_of_known_chains_and_information_of_known_draws():
     assert sampler.split_r_hat(good) == pytest.approx(1, abs=0.005)
     apart = good + np.array([0, 0, 0, 3.0])[:, None, None]
     # means 0, 0, 0, 3 twice each: variance 18 - 9 * 8 / 16 over 7 beside one within
-    assert sampler.split_r_hat(apart) == pytest.approx(
-        math.sqrt(1 + (18 - 4.5) / 7), rel=0.02
-    )
+    expected = math.sqrt(1 + (18 - 4.5) / 7)
+    assert sampler.split_r_hat(apart) == pytest.approx(expected, rel=0.02)
     drifting = good + np.linspace(0, 3, 2000)[None, :, None]
     # halves' means 0.75 and 2.25 four times each, and a ramp of 1.5 within each
-    assert sampler.split_r_hat(drifting) == pytest.approx(
-        math.sqrt(1 + 4.5 / 7 / (1 + 1.5**2 / 12)), rel=0.02
-    )
+    expected = math.sqrt(1 + 4.5 / 7 / (1 + 1.5**2 / 12))
+    assert sampler.split_r_hat(drifting) == pytest.approx(expected, rel=0.02)
     # Uniform: none. Density 2u: 1 - 1 / (2 ln 2) bits. A quarter of the range: two.
     random = np.random.default_rng(2)
     u = random.uniform(size=40_000)
@@ -202,9 +200,8 @@ def test_main_effects_are_those_by_hand():
     grid, means = sensitivity.main_effects(ishigami, LOW, HIGH, 3, points=9)
     assert grid.shape == (3, 9)
     assert means[1] == pytest.approx(7 * np.sin(grid[1]) ** 2, abs=0.05)
-    assert means[0] == pytest.approx(
-        np.sin(grid[0]) * (1 + 0.1 * np.pi**4 / 5) + 3.5, abs=0.05
-    )
+    expected = np.sin(grid[0]) * (1 + 0.1 * np.pi**4 / 5) + 3.5
+    assert means[0] == pytest.approx(expected, abs=0.05)
 
 
 def test_bad_indices_are_refused_and_a_fixed_parameter_has_none():
