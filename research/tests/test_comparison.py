@@ -159,9 +159,8 @@ def test_points_of_one_response_read_back_as_those_of_two(tmp_path):
     write(tmp_path, "", poured(12, 3, 1))
     files = tmp_path / "dataset.csv", tmp_path / "runs.csv"
     both = points.read(*files, RESPONSES)
-    np.testing.assert_array_equal(
-        points.read(*files, RESPONSES[1:]).values, both.values[:, :, 1:]
-    )
+    expected = both.values[:, :, 1:]
+    np.testing.assert_array_equal(points.read(*files, RESPONSES[1:]).values, expected)
 
 
 def test_runs_drawn_are_runs_of_the_same_point():
@@ -192,9 +191,8 @@ def test_central_composite_designs_are_balanced_and_orthogonal(n, corners):
     assert (np.abs(x).sum(axis=1) == 6).sum() == corners
     np.testing.assert_array_equal(x.T @ x, (corners + 2) * np.eye(6))
     # a fraction of 16 corners cannot separate all products of two, the others can
-    assert np.linalg.matrix_rank(quadratic_terms(unit[:size])) == (
-        28 if corners > 16 else 20
-    )
+    expected = 28 if corners > 16 else 20
+    assert np.linalg.matrix_rank(quadratic_terms(unit[:size])) == expected
     np.testing.assert_array_equal(unit[size:], unit[: n - size])
 
 

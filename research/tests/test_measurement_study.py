@@ -51,10 +51,11 @@ def test_noise_alone_has_no_spread_between_samples():
     table = pd.DataFrame(
         {"sample": np.repeat(np.arange(4), 2), "angle": [1.0, 9.0] * 4}
     )
-    assert measurement_study.spreads(table, "angle") == (
+    expected = (
         pytest.approx(math.sqrt(32)),
         0.0,
     )
+    assert measurement_study.spreads(table, "angle") == expected
 
 
 @pytest.mark.parametrize("angle", [20, 35])

@@ -228,9 +228,8 @@ def test_the_steps_lead_to_a_verdict_and_go_on_where_they_were_stopped(study, ca
     fits = [*pool, "--pool", study.files["pool"]]
     assert len(study.run("answers", "answers.csv", *fits, "--data-sets", "2")) == 6
     found = study.run("answers", "answers.csv", *fits, "--data-sets", "8")
-    assert found.groupby("seeds")["data_set"].apply(list).to_dict() == {
-        seeds: list(range(8)) for seeds in SEEDS
-    }
+    expected = {seeds: list(range(8)) for seeds in SEEDS}
+    assert found.groupby("seeds")["data_set"].apply(list).to_dict() == expected
     assert found["mus_gg"].nunique() == 24
     files = ["--answers", study.files["answers"]]
     assert (

@@ -80,11 +80,12 @@ def test_definitions_are_those_of_a_measured_pile():
         "scale": np.ones(count),
     }
     found = shape_piles.measured(arrays, PARTICLE, SETTINGS)
-    assert set(found) == {
+    expected = {
         "height_mm",
         shape_piles.DENSITY,
         *shape_piles.COLUMNS.values(),
     }
+    assert set(found) == expected
     for rule, name in shape_piles.FLANKS.items():
         settings = SETTINGS.model_copy(update={"flank": rule})
         alone = pile.measure_pile(Grains.of(arrays, PARTICLE), settings)

@@ -99,17 +99,17 @@ def test_a_cell_changes_the_sections_it_names_and_nothing_else(config):
     assert cell_config["funnel"] == config["funnel"] | {"cone_angle_deg": 70.0}
     assert cell_config["simulation"] == config["simulation"] | {"tension": "release"}
     changed = ("berry", "funnel", "simulation")
-    assert {k: v for k, v in cell_config.items() if k not in changed} == {
-        k: v for k, v in config.items() if k not in changed
-    }
+    expected = {k: v for k, v in config.items() if k not in changed}
+    assert {k: v for k, v in cell_config.items() if k not in changed} == expected
 
 
 def test_a_sensitivity_changes_its_filling(config):
     *_, cell_config = shape_cells.cell_settings(config, "outlet_150_mm-egg-keep-there")
-    assert cell_config["funnel"] == config["funnel"] | {
+    expected = config["funnel"] | {
         "cone_angle_deg": 70.0,
         "outlet_height_mm": 150.0,
     }
+    assert cell_config["funnel"] == expected
 
 
 def test_a_cell_depends_on_its_own_bench_test(config):

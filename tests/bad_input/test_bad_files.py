@@ -179,7 +179,5 @@ def test_a_wrong_name_has_a_guess_among_the_names_that_are_allowed(
     value, allowed, guess
 ):
     message = str(InputError("mine.yaml", "key", value, allowed))
-    assert (
-        message
-        == f"mine.yaml: key is {value!r}; expected {allowed}{f'; did you mean {guess}?' if guess else ''}"
-    )
+    expected = f"mine.yaml: key is {value!r}; expected {allowed}{f'; did you mean {guess}?' if guess else ''}"
+    assert message == expected

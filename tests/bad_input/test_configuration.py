@@ -351,9 +351,8 @@ def test_aliases_that_multiply_end_in_a_short_message_at_once_and_plain_ones_are
         message = refused("check", "--config", "mine.yaml")
         assert len(message) < 10_000, levels
         assert ("every alias is replaced" in message) == (levels > 5), levels
-    assert (
-        parse("a: &a {b: [1, 2]}\nc: [*a, *a]", "mine.yaml")["c"] == [{"b": [1, 2]}] * 2
-    )
+    expected = [{"b": [1, 2]}] * 2
+    assert parse("a: &a {b: [1, 2]}\nc: [*a, *a]", "mine.yaml")["c"] == expected
 
 
 def test_a_message_shows_a_large_value_in_part_and_a_small_one_as_it_is():

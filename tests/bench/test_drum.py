@@ -109,9 +109,8 @@ def test_the_edge_of_one_berry_is_its_outline():
     c = PARTICLE.support(np.eye(3)[2])
     x = edge[:, 0] - 0.01
     inside = np.abs(x) < 0.8 * a
-    np.testing.assert_allclose(
-        edge[inside, 1], -0.03 + c * np.sqrt(1 - (x[inside] / a) ** 2), atol=1e-4
-    )
+    expected = -0.03 + c * np.sqrt(1 - (x[inside] / a) ** 2)
+    np.testing.assert_allclose(edge[inside, 1], expected, atol=1e-4)
     value_error("pixels wide", surface, np.zeros((0, 3)), np.zeros((0, 4)), 0.1)
 
 
@@ -137,12 +136,10 @@ def test_a_slip_has_its_beginning_and_end():
     energy = np.concatenate(
         [np.full(40, 1e-8), [1e-8, 1e-7, 1e-7, 1e-6, 1e-5, 1e-5, 1e-6, 1e-10, 1e-12]]
     )
-    assert bed.find_slip(angle, energy, 1.0, 1e-9) == bed.Slip(
-        begins=40, detection=44, ends=47
-    )
-    assert bed.find_slip(angle, energy, 4.0, 1e-9) == bed.Slip(
-        begins=40, detection=46, ends=47
-    )
+    expected = bed.Slip(begins=40, detection=44, ends=47)
+    assert bed.find_slip(angle, energy, 1.0, 1e-9) == expected
+    expected = bed.Slip(begins=40, detection=46, ends=47)
+    assert bed.find_slip(angle, energy, 4.0, 1e-9) == expected
     assert bed.find_slip(angle, energy, 5.0, 1e-9) is None
     assert bed.find_slip(angle, np.full(49, 1e-3), 1.0, 1e-9).ends == 48
     assert bed.find_slip([], [], 1.0, 1e-9) is None
@@ -176,9 +173,8 @@ def test_the_motion_of_a_slip_by_depth():
     np.testing.assert_allclose(found[measured], depth[measured], atol=1e-12)
     profile = bed.depth_profile(found, moved, 0.005)
     np.testing.assert_allclose(profile[:, 0], np.arange(0.0025, 0.04, 0.005))
-    np.testing.assert_allclose(
-        profile[:, 1], np.where(profile[:, 0] < 0.015, 0.02, 0.0), atol=1e-12
-    )
+    expected = np.where(profile[:, 0] < 0.015, 0.02, 0.0)
+    np.testing.assert_allclose(profile[:, 1], expected, atol=1e-12)
     assert profile[:, 3].sum() == measured.sum()
     expected = np.mean(depth[measured] < 0.015)
     assert bed.moved_share(moved, PARTICLE) == pytest.approx(expected)

@@ -76,9 +76,8 @@ def test_a_further_seed_runs_that_seed_only_and_fewer_lose_none(pours, tmp_path)
     assert pours(tmp_path / "grown", [1, 2, 3]) == []
     pours(tmp_path / "fresh", [1, 2, 3], keeps_runs=False)
     for name in ("001.pours.json", "001.npz"):
-        assert (tmp_path / "grown" / name).read_bytes() == (
-            tmp_path / "fresh" / name
-        ).read_bytes()
+        expected = (tmp_path / "fresh" / name).read_bytes()
+        assert (tmp_path / "grown" / name).read_bytes() == expected
     assert not (tmp_path / "fresh" / "runs").exists()
     assert pours(tmp_path, [1, 2, 3]) == [1, 2, 3]
     assert pours(tmp_path, [1]) == []
@@ -127,9 +126,8 @@ def test_a_damaged_run_never_reaches_a_result(pours, tmp_path):
         (folder / "runs" / kept).write_bytes(content)
         assert pours(folder, [1, 2]) == [1, 2]
         for name in ("001.npz", "001.pours.json"):
-            assert (folder / name).read_bytes() == (
-                tmp_path / "right" / name
-            ).read_bytes()
+            expected = (tmp_path / "right" / name).read_bytes()
+            assert (folder / name).read_bytes() == expected
 
 
 def test_a_run_that_somebody_changed_or_copied_is_made_again(pours, tmp_path):

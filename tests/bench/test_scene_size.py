@@ -58,9 +58,8 @@ def test_a_scaled_scene_keeps_its_proportions(config):
     assert smaller["rate_per_s"] == pytest.approx(expected)
     expected = min(config["funnel"]["outlet_diameter_mm"], 2.4 * 13.34)
     assert smaller["outlet_diameter_mm"] == pytest.approx(expected)
-    assert scene_size.scaled(section, config["funnel"]["berries"], 13.34) == config[
-        "funnel"
-    ] | dict.fromkeys(scene_size.COMPUTED_KEYS, "auto")
+    expected = config["funnel"] | dict.fromkeys(scene_size.COMPUTED_KEYS, "auto")
+    assert scene_size.scaled(section, config["funnel"]["berries"], 13.34) == expected
 
 
 def test_a_large_scene_gets_a_smaller_one_inside_the_table(config):

@@ -183,9 +183,8 @@ def test_a_run_is_judged():
     assert outside.reason == "a grain is outside the drum"
     unplaced = TEST.status_of(replace(held, n_unplaced=3), settings)
     n_grains = TEST.section(settings).berries
-    assert unplaced.reason == (
-        f"3 of {n_grains} grains found no place in the drum before it turned"
-    )
+    expected = f"3 of {n_grains} grains found no place in the drum before it turned"
+    assert unplaced.reason == expected
 
 
 def test_a_drum_goes_on_from_its_first_speed():
@@ -199,9 +198,8 @@ def test_a_drum_goes_on_from_its_first_speed():
     assert once.record["status"] == "ok"
     assert twice.record["status"] == "ok"
     assert "speed" not in once.arrays
-    assert twice.arrays["speed"].tolist() == [0] * len(once.arrays["time_s"]) + [
-        1
-    ] * len(once.arrays["time_s"])
+    expected = [0] * len(once.arrays["time_s"]) + [1] * len(once.arrays["time_s"])
+    assert twice.arrays["speed"].tolist() == expected
     np.testing.assert_array_equal(
         twice.arrays["position"][: len(once.arrays["time_s"])], once.arrays["position"]
     )

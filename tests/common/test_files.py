@@ -71,9 +71,8 @@ def test_a_table_is_written_as_pandas_writes_it_and_a_writer_that_fails_leaves_t
 ):
     files.write_table(tmp_path / "ours.csv", TABLE, float_format="%.6g", index=True)
     TABLE.to_csv(tmp_path / "theirs.csv", float_format="%.6g")
-    assert (tmp_path / "ours.csv").read_bytes() == (
-        tmp_path / "theirs.csv"
-    ).read_bytes()
+    expected = (tmp_path / "theirs.csv").read_bytes()
+    assert (tmp_path / "ours.csv").read_bytes() == expected
     path = tmp_path / "content.json"
     files.write_json(path, {"whole": True})
     raised(

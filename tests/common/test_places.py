@@ -91,11 +91,12 @@ def test_a_given_file_lies_over_what_every_crop_or_the_folders_crop_shares(folde
     assert loader.layers([mine]) == [METHOD, CONFIG, mine]
     mine.write_text("berry: {density_kg_m3: 900}\n")
     # the program's crop, asked for by name
-    assert loader.layers([CONFIG, mine]) == [
+    expected = [
         METHOD,
         CONFIG,
         mine,
     ]
+    assert loader.layers([CONFIG, mine]) == expected
     (folder / "config.yaml").write_text("berry: {sizes: sizes.csv}\n")
     assert loader.layers([mine]) == [METHOD, Path("config.yaml"), mine]
 

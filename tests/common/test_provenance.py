@@ -93,9 +93,8 @@ def test_readers_leave_the_record_out_and_without_a_stage_a_file_is_plain(tmp_pa
     assert files.read_json(tmp_path / "a.json") == {"x": 1}
     assert list(files.read_npz(tmp_path / "a.npz")) == ["x"]
     assert list(files.read_table(tmp_path / "a.csv")) == ["x"]
-    np.testing.assert_array_equal(
-        cv2.imread(str(tmp_path / "a.png")), np.full((4, 5, 3), 7)
-    )
+    expected = np.full((4, 5, 3), 7)
+    np.testing.assert_array_equal(cv2.imread(str(tmp_path / "a.png")), expected)
 
 
 @pytest.mark.parametrize(

@@ -54,7 +54,7 @@ def test_the_targets_are_in_front():
         "base_radius_mm",
         "base_radius_se_mm",
     )
-    assert ours.summary == (
+    expected = (
         "status",
         "reason",
         "n_seeds",
@@ -64,6 +64,7 @@ def test_the_targets_are_in_front():
         "height_mm",
         "height_se_mm",
     )
+    assert ours.summary == expected
     assert ours.single == ("discharge_s", "base_radius_mm", "aor_deg", "berries")
     same = Recorded(
         RECORDED.means, RECORDED.without_error, ("aor_deg", "height_mm", "berries")

@@ -46,9 +46,8 @@ def test_processes_note_their_time_and_those_outside_jobs_none(tmp_path, monkeyp
     usage.correct_benchmarks(
         "results", [entry, entry._replace(ended_s=entry.ended_s - 60)]
     )
-    assert (
-        benchmark.read_text() == f"s\tmax_rss\tcpu_time\n1.5\t80.0\t{entry.cpu_s:.2f}\n"
-    )
+    expected = f"s\tmax_rss\tcpu_time\n1.5\t80.0\t{entry.cpu_s:.2f}\n"
+    assert benchmark.read_text() == expected
     (tmp_path / "benchmarks").mkdir()
     usage.note(tmp_path)
     usage.correct_benchmarks(tmp_path, usage.since(tmp_path, 0))

@@ -74,9 +74,8 @@ def test_grains_of_the_cones_volume_fill_it(config):
         sentence, fits = advice.filling(config, GRAIN_M3)
         assert not fits
         assert sentence.endswith(f"30 mm Height holds {1e6 * cone:.3g} ml")
-        assert advice.needed_grains(config, GRAIN_M3) == math.ceil(
-            0.6 * cone / GRAIN_M3
-        )
+        expected = math.ceil(0.6 * cone / GRAIN_M3)
+        assert advice.needed_grains(config, GRAIN_M3) == expected
 
 
 def test_a_height_alone_asks_for_a_slope(config):

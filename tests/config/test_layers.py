@@ -93,10 +93,8 @@ def test_files_and_command_line_lie_over_each_other_for_verbs_and_workflow_alike
     assert config["funnel"]["duration_s"] == 20
     assert config["funnel"]["berries"] == 500
     mine.write_text("funnel: {seeds: 5}\nparameters: {e_gg: {fixed: 0.3}}\n")
-    assert (
-        PipelineConfig.load(mine).config
-        == PipelineConfig.load(mine, inputs=True).config
-    )
+    expected = PipelineConfig.load(mine, inputs=True).config
+    assert PipelineConfig.load(mine).config == expected
     input_error("nowhere.yaml", PipelineConfig.load, mine, tmp_path / "nowhere.yaml")
     first = written(tmp_path / "first.yaml", "parameters: {e_gg: {fixed: 0.3}}\n")
     second = written(

@@ -237,10 +237,11 @@ def test_a_study_with_a_simulator_of_the_users_own_calibrates_a_profile(
         study.tell(runs.assign(**columns))
     slope, height = np.polyfit(profile.x, profile.z, 1)
     answer = study.answer()
-    assert answer.parameters == {
+    expected = {
         "slope": pytest.approx(slope, abs=0.03),
         "height": pytest.approx(height, abs=0.3),
     }
+    assert answer.parameters == expected
     low, high = (
         answer.posterior.parameters[["credible_low", "credible_high"]].to_numpy().T
     )

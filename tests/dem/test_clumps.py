@@ -131,9 +131,8 @@ def test_entries_are_used_again():
     ]
     assert len(np.unique(pairs, axis=0)) == len(pairs)
     assert s.pairs.live[:used].sum() == s.counts[st.N_PAIRS]
-    assert (
-        np.unpackbits(s.pairs.known[:used].view(np.uint8)).sum() == s.counts[st.N_PAIRS]
-    )
+    expected = s.counts[st.N_PAIRS]
+    assert np.unpackbits(s.pairs.known[:used].view(np.uint8)).sum() == expected
 
 
 @pytest.mark.parametrize("scale", [1.0, 1.3])

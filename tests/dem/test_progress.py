@@ -24,10 +24,11 @@ def test_a_log_gets_a_line_a_minute_and_a_terminal_a_bar_with_the_time_left(
             report(0.02 * k)
     lines = capsys.readouterr().err.splitlines()
     expected = (("1.200", "07:20"), ("2.400", "06:20"))
-    assert lines == [
+    expected = [
         f"seed 7 {made}/10.000 s, 0.02 s/s, 20 steps/s, {left} left"
         for made, left in expected
     ]
+    assert lines == expected
     screen = Terminal()
     monkeypatch.setattr("sys.stderr", screen)
     monkeypatch.setenv("COLUMNS", "120")

@@ -90,14 +90,12 @@ def test_vtk_points_have_the_state_of_the_bodies(tmp_path):
     for name in ("position", "quaternion", "velocity"):
         values = getattr(simulation, {"velocity": "velocities"}.get(name, name + "s"))
         np.testing.assert_array_equal(found[name], values[present])
-    np.testing.assert_array_equal(
-        found["angular_velocity"], simulation.angular_velocities[present]
-    )
+    expected = simulation.angular_velocities[present]
+    np.testing.assert_array_equal(found["angular_velocity"], expected)
     tensor = found["tensor"][0].reshape(3, 3)
     turn = dem.rotation_matrix(simulation.quaternions[0])
-    np.testing.assert_allclose(
-        turn.T @ tensor @ turn, np.diag([0.03, 0.018, 0.015]), atol=1e-12
-    )
+    expected = np.diag([0.03, 0.018, 0.015])
+    np.testing.assert_allclose(turn.T @ tensor @ turn, expected, atol=1e-12)
 
 
 def test_wrong_names_of_vtk_files_are_refused(tmp_path):

@@ -311,9 +311,8 @@ def test_contacts_with_a_disc_are_those_of_a_slow_rule(kind):
             touching = (lowest[:, 2] <= 0.0) & ~past
             seen += touching.sum(), past.sum()
             s.run_steps(1)
-            assert sorted(s.flat.feature[: s.counts[st.N_PLANE]]) == list(
-                np.flatnonzero(touching)
-            )
+            expected = list(np.flatnonzero(touching))
+            assert sorted(s.flat.feature[: s.counts[st.N_PLANE]]) == expected
     assert seen.min() > 200
 
 

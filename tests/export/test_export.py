@@ -437,12 +437,10 @@ def test_rolling_is_written(config):
             law == "constant_torque"
         )
         # the lever of two grains is half of one grain's, that on a wall is the same
-        assert rolling_coefficient(job, job.grains) == 0.5 * rolling_coefficient(
-            budget, budget.grains
-        )
-        assert rolling_coefficient(job, job.on_wall) == rolling_coefficient(
-            budget, budget.on_wall
-        )
+        expected = 0.5 * rolling_coefficient(budget, budget.grains)
+        assert rolling_coefficient(job, job.grains) == expected
+        expected = rolling_coefficient(budget, budget.on_wall)
+        assert rolling_coefficient(job, job.on_wall) == expected
 
 
 # What stands for a law in the deck of each program. A pair of program and law that is not here is refused.

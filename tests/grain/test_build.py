@@ -128,9 +128,8 @@ def test_support_is_what_the_mesh_says():
     brute = (n @ barrel_mesh().vertices.T).max(axis=-1) * 1e-3
     np.testing.assert_allclose(particle.support(n), brute, atol=2e-5)
     points = particle.support_point(n)
-    np.testing.assert_allclose(
-        (points * n).sum(axis=-1), particle.support(n), rtol=1e-12
-    )
+    expected = particle.support(n)
+    np.testing.assert_allclose((points * n).sum(axis=-1), expected, rtol=1e-12)
     # x(n) is the gradient of h, here by central differences of the homogeneous extension.
     step = 1e-6
     for axis, unit in enumerate(np.eye(3)):

@@ -121,9 +121,8 @@ def test_what_cannot_be_packed_is_refused_and_a_clump_keeps_its_numbers(
     assert again.kind == "multisphere"
     np.testing.assert_allclose(again.spheres_m, clump.spheres_m, rtol=1e-11)
     assert again.semi_axes_m.shape == (0, 3)
-    np.testing.assert_allclose(
-        again.mesh.inertia_kg_m2, clump.mesh_inertia_kg_m2, rtol=1e-11
-    )
+    expected = clump.mesh_inertia_kg_m2
+    np.testing.assert_allclose(again.mesh.inertia_kg_m2, expected, rtol=1e-11)
     rows = build.compare(
         {"multisphere": clump, "smooth": InputError("berry.stl", "share", 0.8, "0.95")}
     )
@@ -166,6 +165,5 @@ def test_scales_move_convex_outlines_too():
         np.zeros((2, 3)), np.tile([1.0, 0, 0, 0], (2, 1)), ball, [1.0, 2.0]
     )
     polygons = silhouette.outlines(grains, [0.0], 1e-3)
-    np.testing.assert_allclose(
-        np.linalg.norm(polygons[0], axis=-1), [[4e-3] * 64, [9e-3] * 64]
-    )
+    expected = [[4e-3] * 64, [9e-3] * 64]
+    np.testing.assert_allclose(np.linalg.norm(polygons[0], axis=-1), expected)

@@ -204,9 +204,8 @@ def test_tilted_light_noise_and_loose_berries_in_either_polarity(
         assert m.aor_deg == pytest.approx(angle, abs=DISTURBED_DEG)
         assert m.height_mm == pytest.approx(HEIGHT_MM, abs=DISTURBED_MM)
         if background != (77, 77, 77):
-            assert m.pile_is == (
-                "darker" if np.mean(pile) < np.mean(background) else "brighter"
-            )
+            expected = "darker" if np.mean(pile) < np.mean(background) else "brighter"
+            assert m.pile_is == expected
 
 
 def test_a_light_or_lumpy_pile_is_measured_as_it_is():

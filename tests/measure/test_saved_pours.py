@@ -82,9 +82,8 @@ def test_a_job_holds_every_response_of_every_run(saved):
         assert run["discharge_s"] == 16.0
     assert jammed["status"] == "jammed"
     assert jammed["reason"] == "9 berries in the funnel"
-    assert [jammed[key] for key in funnel.BASIC_NUMBERS] == [None] * len(
-        funnel.BASIC_NUMBERS
-    )
+    expected = [None] * len(funnel.BASIC_NUMBERS)
+    assert [jammed[key] for key in funnel.BASIC_NUMBERS] == expected
     summary = result["summary"]
     for key in ("aor_secant_deg", "aor_steepest_view_deg", "height_view_mm"):
         mean = (first[key] + second[key]) / 2
@@ -101,9 +100,8 @@ def test_another_response_measures_the_same_piles_again(saved, name):
         "runs"
     ][0]
     assert after["aor_deg"] == before[MEAN_KEYS[name]]
-    assert {k: v for k, v in after.items() if k != "aor_deg"} == {
-        k: v for k, v in before.items() if k != "aor_deg"
-    }
+    expected = {k: v for k, v in before.items() if k != "aor_deg"}
+    assert {k: v for k, v in after.items() if k != "aor_deg"} == expected
 
 
 def test_a_definition_may_fail_where_it_is_not_the_response(saved):

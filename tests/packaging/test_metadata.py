@@ -121,10 +121,8 @@ def test_wheel_and_source_distribution_hold_what_they_should():
         "crops/cards",
         *(f"results/published/{name}/card.json" for name in ("fast", "recommended")),
     }
-    assert (
-        set(included)
-        == {"Snakefile", "config", "profiles", "resources", "workflow"} | cards
-    )
+    expected = {"Snakefile", "config", "profiles", "resources", "workflow"} | cards
+    assert set(included) == expected
     for source, place in included.items():
         assert (ROOT / source).exists()
         assert place == f"repose/data/{source}"
@@ -135,11 +133,12 @@ def test_wheel_and_source_distribution_hold_what_they_should():
         "docs",
         "hatch_build.py",
     }
-    assert set(sdist["only-include"]) == needed | {
+    expected = needed | {
         "CHANGELOG.md",
         "CITATION.cff",
         "README.md",
     }
+    assert set(sdist["only-include"]) == expected
 
 
 def test_the_index_shows_the_readme_and_hosted_checks_run_each_python():
@@ -160,13 +159,10 @@ def test_the_index_shows_the_readme_and_hosted_checks_run_each_python():
     job = yaml.safe_load((ROOT / ".github/workflows/ci.yml").read_text())["jobs"][
         "checks"
     ]
-    assert job["strategy"]["matrix"]["python"] == [
-        number for number in numbers if "." in number
-    ]
-    assert (
-        PROJECT["project"]["requires-python"]
-        == f">={job['strategy']['matrix']['python'][0]}"
-    )
+    expected = [number for number in numbers if "." in number]
+    assert job["strategy"]["matrix"]["python"] == expected
+    expected = f">={job['strategy']['matrix']['python'][0]}"
+    assert PROJECT["project"]["requires-python"] == expected
     assert job["steps"][-1] == {"run": ".ci/run"}
 
 
@@ -191,12 +187,10 @@ def test_the_conda_recipe_needs_what_the_package_needs():
         return found
 
     python = f"python {PROJECT['project']['requires-python']}"
-    assert ranges(recipe["requirements"]["run"]) == ranges(
-        [python, *DEPENDENCIES, *PARTS]
-    )
-    assert ranges(recipe["requirements"]["host"]) == ranges(
-        [python, "pip", *PROJECT["build-system"]["requires"]]
-    )
+    expected = ranges([python, *DEPENDENCIES, *PARTS])
+    assert ranges(recipe["requirements"]["run"]) == expected
+    expected = ranges([python, "pip", *PROJECT["build-system"]["requires"]])
+    assert ranges(recipe["requirements"]["host"]) == expected
     of_run = [line for line in EXTRAS["workflow"] if not line.startswith("repose-dem")]
     assert ranges(recipe["requirements"]["run_constraints"]) == ranges(of_run)
     section = recipe["about"]
@@ -306,8 +300,9 @@ def test_what_the_owner_has_to_fill_in_is_where_the_page_on_releases_says():
             r"^\| `([^`]+)` \|", (ROOT / "docs/release.md").read_text(), re.MULTILINE
         )
     )
-    assert found == listed_paths | {
+    expected = listed_paths | {
         "docs/release.md",
         "tests/packaging/test_metadata.py",
         "tests/documents/commands.yaml",
     }
+    assert found == expected

@@ -341,9 +341,10 @@ def test_the_pile_shows_the_definitions_of_its_angle(drawn):
     assert legend.get_window_extent().y1 < figure.axes[1].get_window_extent().y0
     labels = [text.get_text().split("°  ")[1] for text in legend.get_texts()]
     assert labels[0] == f"flank: {LINE}, used"
-    assert labels[1:] == [
+    expected = [
         f"{name}: {style.line_in_words(settings, name)}" for name in DEFINITIONS[1:]
     ]
+    assert labels[1:] == expected
     for panel in figure.axes:
         boxes = [label.get_window_extent() for label in panel.texts]
         assert not any(a.overlaps(b) for a, b in combinations(boxes, 2))
@@ -408,9 +409,8 @@ def test_the_angle_has_its_lines_in_figure_6(inputs, drawn):
     for text, line, name in zip(
         panel.texts, measured.angle.lines, ("left", "right"), strict=True
     ):
-        assert (
-            text.get_text() == f"{name} {getattr(measured.angle, f'{name}_deg'):.1f}°"
-        )
+        expected = f"{name} {getattr(measured.angle, f'{name}_deg'):.1f}°"
+        assert text.get_text() == expected
         along = np.sort(np.array(line)[:, 0] * settings.mm_per_pixel)
         assert along[0] < text.xy[0] < along[1]
 

@@ -420,12 +420,10 @@ def test_the_region_has_its_parameters_on_the_right_axes(tmp_path):
     cells = (implausibility.CELLS, implausibility.CELLS)
     half = implausibility.CELLS // 2
     below = np.arange(implausibility.CELLS) < half
-    np.testing.assert_array_equal(
-        depth.get_array(), np.broadcast_to(np.where(below, 0, 1)[:, None], cells)
-    )
-    np.testing.assert_array_equal(
-        least.get_array(), np.broadcast_to(np.where(below, 4, 1), cells)
-    )
+    expected = np.broadcast_to(np.where(below, 0, 1)[:, None], cells)
+    np.testing.assert_array_equal(depth.get_array(), expected)
+    expected = np.broadcast_to(np.where(below, 4, 1), cells)
+    np.testing.assert_array_equal(least.get_array(), expected)
     colours = [
         to_hex(colour).upper()
         for colour in least.to_rgba(np.array([0.5, 1.5, 2.5, 4.0]))

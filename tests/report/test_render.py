@@ -50,9 +50,8 @@ def reddish(picture):
 def test_tessellation_lies_on_the_body_with_its_normals(particle):
     points, normals, triangles = tessellate(particle)
     np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1)
-    np.testing.assert_allclose(
-        np.sum(points * normals, axis=1), particle.support(normals), atol=1e-12
-    )
+    expected = particle.support(normals)
+    np.testing.assert_allclose(np.sum(points * normals, axis=1), expected, atol=1e-12)
     # Each point is the farthest of the body in its own direction.
     assert (points @ normals.T <= particle.support(normals)[None] + 1e-12).all()
     a, b, c = points[triangles].transpose(1, 0, 2)
@@ -160,10 +159,10 @@ def test_the_nearer_body_hides_the_farther():
     both = render_pile(centres, turns, BALL, 0, 0, 300, 180)
     frame = outline(centres, BALL.bounding_radius_m, [])
     ghost = np.where([[False], [True]], np.nan, centres)
-    assert (
-        reddish(both).sum()
-        == reddish(render_pile(ghost, turns, BALL, 0, 0, 300, 180, frame_m=frame)).sum()
-    )
+    expected = reddish(
+        render_pile(ghost, turns, BALL, 0, 0, 300, 180, frame_m=frame)
+    ).sum()
+    assert reddish(both).sum() == expected
 
 
 def test_a_body_behind_the_camera_is_not_seen():

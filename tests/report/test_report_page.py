@@ -96,9 +96,8 @@ def test_any_number_of_targets_and_fixed_parameters(targets, fixed, tmp_path):
         {"All samples": tmp_path / "dataset.csv"},
     )
     values = values_of(text)
-    assert [target["name"] for target in values["targets"]] == [
-        target["response"] for target in targets
-    ]
+    expected = [target["response"] for target in targets]
+    assert [target["name"] for target in values["targets"]] == expected
     assert [
         parameter["name"] for parameter in values["parameters"] if parameter["fixed"]
     ] == list(fixed)

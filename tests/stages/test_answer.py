@@ -163,10 +163,10 @@ def test_failed_runs_have_no_number_and_a_study_that_has_not_run_is_reported(tmp
 def test_a_small_run_says_so_first(tmp_path):
     first = str(read(study(tmp_path, 32.0) | {"small_run": True})).splitlines()[0]
     sentence = "Angle of repose 32 +- 0.25 deg (measured 32, +0.0 %)."
-    assert (
-        first
-        == f"wheat: a small run, its numbers are no calibration: targets met. {sentence}"
+    expected = (
+        f"wheat: a small run, its numbers are no calibration: targets met. {sentence}"
     )
+    assert first == expected
 
 
 def of_two(feasible=True, out_of_reach=False, angle=32.0, height=66.0, status="ok"):
@@ -387,10 +387,11 @@ def test_the_chance_of_a_mean_given_few_runs():
     mean = stats.t(2, loc=np.mean(values), scale=np.std(values, ddof=1) / np.sqrt(3))
     chances = chance_of_meeting(runs, targets)
     expected = mean.cdf(63.0) - mean.cdf(57.0)
-    assert chances == {
+    expected = {
         "height_mm": pytest.approx(expected, abs=5e-3),
         "all": chances["height_mm"],
     }
+    assert chances == expected
     assert chance_of_meeting(runs, targets, 1.0)["all"] == pytest.approx(
         mean.cdf(60.6) - mean.cdf(59.4), abs=5e-3
     )

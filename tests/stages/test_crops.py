@@ -73,9 +73,8 @@ def test_a_crop_stands_on_its_own_numbers_and_so_does_its_card(name, monkeypatch
     assert "assumed" in text
     shown = card.read(CROPS / "cards" / f"{name}.json")
     assert shown["material"] == name
-    assert [test["measured"] for test in shown["tests"]] == [
-        target["value"] for target in config["targets"]
-    ]
+    expected = [target["value"] for target in config["targets"]]
+    assert [test["measured"] for test in shown["tests"]] == expected
     for parameter, entry in config["parameters"].items():
         low, high = range_of(parameter, entry)
         assert low <= shown["parameters"][parameter]["value"] <= high

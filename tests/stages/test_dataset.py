@@ -96,10 +96,11 @@ def test_run_writes_tables_and_counts(study):
     assert summary["ok"] == 2
     assert summary["left_out"] == 1
     assert summary["runs_ok"] == 6
-    assert read_definitions(folder / "out/dataset.csv") == (
+    expected = (
         DEFINITIONS,
         folder / "out/dataset_summary.json",
     )
+    assert read_definitions(folder / "out/dataset.csv") == expected
     assert read_definitions(folder / "samples.csv")[0] == {}
     assert summary["by_status"] == {"ok": 2, "jammed": 1}
     assert summary["reasons"] == {"3": "2 of 3 runs jammed (stuck)"}
@@ -260,11 +261,12 @@ def test_a_folder_stands_for_the_file_of_every_sample_in_it(tmp_path):
     (tmp_path / "samples.csv").write_text("sample,e_gg\n1,0.3\n10000,0.3\n")
     arguments = [str(tmp_path / "heaps"), "other/001.json"]
     names = [str(path) for path in job_files(arguments, tmp_path / "samples.csv")]
-    assert names == [
+    expected = [
         f"{tmp_path}/heaps/001.json",
         f"{tmp_path}/heaps/10000.json",
         "other/001.json",
     ]
+    assert names == expected
     assert [str(path) for path in job_files(["a.json"], "no/table.csv")] == ["a.json"]
 
 

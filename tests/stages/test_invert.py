@@ -78,9 +78,8 @@ def test_run_says_whether_the_box_was_reached_with_solutions_and_tables_beside_t
     reachable, summary, out = outcome
     network_json, table3 = write_inputs(tmp_path, 2.0 if reachable else 0.2)
     searched(network_json, study(), table3, tmp_path)
-    assert (tmp_path / "feasible.csv").read_bytes() == (
-        out / "feasible.csv"
-    ).read_bytes()
+    expected = (out / "feasible.csv").read_bytes()
+    assert (tmp_path / "feasible.csv").read_bytes() == expected
     assert json.loads((out / "summary.json").read_text()) == summary
     solutions = pd.read_csv(out / "feasible.csv")
     assert summary["feasible"] is reachable

@@ -61,12 +61,13 @@ def test_a_run_gets_its_parameters_and_leaves_its_responses(tmp_path):
     record = run(tmp_path, section)
     assert record["status"] == "ok"
     assert record["reason"] == ""
-    assert measured(tmp_path, section) == {
+    expected = {
         "seed": 5,
         "status": "ok",
         "reason": "",
         "angle": 25 + 5e-9,
     }
+    assert measured(tmp_path, section) == expected
     names = sorted(os.listdir(tmp_path / "001" / "1"))
     assert names == [".run.json", "out.json", "parameters.json", "printed.txt"]
 

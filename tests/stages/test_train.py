@@ -107,10 +107,8 @@ def test_run_writes_what_it_returns(tmp_path):
     single = r2(runs["height_mm"].to_numpy(), runs["height_predicted_mm"].to_numpy())
     assert metrics["r2_three_ways"]["height_mm"]["single_runs"] == pytest.approx(single)
     starts = pd.read_csv(tmp_path / "out/starts.csv")
-    assert (
-        starts.loc[starts["chosen"], "log_evidence"].item()
-        == starts["log_evidence"].max()
-    )
+    expected = starts["log_evidence"].max()
+    assert starts.loc[starts["chosen"], "log_evidence"].item() == expected
     saved = load(tmp_path / "out/network.json")
     assert saved.inputs == PARAMETERS
     assert saved.outputs == ("aor_deg", "height_mm")
@@ -293,12 +291,13 @@ def test_one_target_is_trained_alone(tmp_path, name):
     assert set(metrics["test"]) == set(metrics["r2_three_ways"]) == {name}
     assert np.shape(metrics["noise_covariance"]) == (1, 1)
     predictions = pd.read_csv(tmp_path / "out/predictions.csv")
-    assert predictions.columns.tolist() == [
+    expected = [
         "sample",
         "split",
         name,
         response(name).predicted,
     ]
+    assert predictions.columns.tolist() == expected
 
 
 def test_a_parameter_of_the_law_is_an_input(tmp_path):

@@ -175,11 +175,8 @@ def test_a_fixed_parameter_stays_and_a_measured_one_is_preferred(tmp_path):
     assert feasible["feasible"].all()
     # rolling friction can make up for any wall friction; the prior says which of them
     assert abs(feasible["mus_gp"].iloc[0] - 0.5) < 0.02
-    np.testing.assert_allclose(
-        feasible["prior_distance_sd"],
-        (feasible["mus_gp"] - 0.5).abs() / 0.02,
-        atol=1e-9,
-    )
+    expected = (feasible["mus_gp"] - 0.5).abs() / 0.02
+    np.testing.assert_allclose(feasible["prior_distance_sd"], expected, atol=1e-9)
     assert feasible["objective"].iloc[0] < 0.02
     assert pd.read_csv(tmp_path / "miga/intervals.csv").set_index("variable").loc[
         "e_gp"

@@ -182,9 +182,8 @@ def test_the_real_snakedeploy_brings_a_workflow_that_plans_the_whole_study(
     ]
     subprocess.run(arguments, cwd=tmp_path, check=True)
     study = tmp_path / "study"
-    assert (study / "config/config.yaml").read_bytes() == (
-        ROOT / "config/config.yaml"
-    ).read_bytes()
+    expected = (ROOT / "config/config.yaml").read_bytes()
+    assert (study / "config/config.yaml").read_bytes() == expected
     deployed = (study / "workflow/Snakefile").read_text()
     assert 'github("owner/repose", path="workflow/Snakefile", tag="tested")' in deployed
     assert planned(study, "--cores", "1")["pour"] == 150

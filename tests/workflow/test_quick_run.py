@@ -93,9 +93,8 @@ def test_the_network_predicts_from_its_file_and_a_picture_was_measured(dataset):
         .loc[predictions["sample"], list(PARAMETERS)]
         .to_numpy()
     )
-    np.testing.assert_allclose(
-        network.predict(X), predictions[["aor_final_deg", "height_final_mm"]], rtol=1e-6
-    )
+    expected = predictions[["aor_final_deg", "height_final_mm"]]
+    np.testing.assert_allclose(network.predict(X), expected, rtol=1e-6)
     metrics = json.loads((RESULTS / "network" / "metrics.json").read_text())
     assert {
         "train",
@@ -124,9 +123,8 @@ def test_the_search_is_printed(config):
     for name in PARAMETERS:
         low, high = config["parameters"][name]
         assert feasible[name].between(low - 1e-9, high + 1e-9).all()
-    assert set(pd.read_csv(RESULTS / "miga" / "intervals.csv")["variable"]) == set(
-        PARAMETERS
-    )
+    expected = set(PARAMETERS)
+    assert set(pd.read_csv(RESULTS / "miga" / "intervals.csv")["variable"]) == expected
 
 
 def test_the_answers_of_the_search_are_simulated(config):
@@ -146,9 +144,10 @@ def test_the_answers_of_the_search_are_simulated(config):
 
 def test_the_drum_slips(config):
     runs = pd.read_csv(RESULTS / "drum" / "runs.csv")
-    assert sorted(runs["seed"]) == sorted(
+    expected = sorted(
         pour_seeds(config["design"]["seed"], "drum", 1, config["drum"]["seeds"])
     )
+    assert sorted(runs["seed"]) == expected
     assert (runs["status"] == "ok").all()
     assert runs["before_surface_deg"].between(25, 65).all()
     assert (runs["bed_drop_deg"] > config["drum"]["slip_drop_deg"]).all()

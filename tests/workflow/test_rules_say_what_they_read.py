@@ -80,9 +80,8 @@ def test_no_caption_is_left_over():
         path.read_text() for path in (ROOT / "workflow" / "rules").rglob("*.smk")
     )
     text += (ROOT / "workflow" / "Snakefile").read_text()
-    assert {path.stem for path in CAPTIONS} == set(
-        re.findall(r"report/(\w+)\.rst", text)
-    )
+    expected = set(re.findall(r"report/(\w+)\.rst", text))
+    assert {path.stem for path in CAPTIONS} == expected
 
 
 @pytest.mark.essential

@@ -112,9 +112,8 @@ def test_the_drum_alone_draws_no_funnel(project):
     of_two_targets = {"draw_plane"}
     of_a_network_with_nodes = {"draw_figure10"}
     assert set(alone) < set(both)
-    assert set(both) - set(alone) == (
-        of_the_funnel | of_two_targets | of_a_network_with_nodes
-    )
+    expected = of_the_funnel | of_two_targets | of_a_network_with_nodes
+    assert set(both) - set(alone) == expected
 
 
 CALL = "command line (--config)"
@@ -286,12 +285,13 @@ def test_an_engine_compiled_again_is_no_reason_to_pour_again_and_uncertainty_is_
     )
     drawn = (*drawn, "draw_main_effects", "draw_region")
     # of the finished study only empty files are there, so nothing before the tables has to run
-    assert set(planned(project, *arguments, "--", "uncertainty")) == {
+    expected = {
         *results,
         *drawn,
         "uncertainty",
         "total",
     }
+    assert set(planned(project, *arguments, "--", "uncertainty")) == expected
     assert not {*results, *drawn} & set(planned(project, *arguments, "--forceall"))
 
 

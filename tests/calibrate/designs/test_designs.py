@@ -81,9 +81,8 @@ def test_three_factors_are_as_printed_and_centre_runs_spread_over_blocks():
 def test_box_behnken_has_the_printed_number_of_runs(factors, runs, blocks):
     design, numbers = blocks_of(factors)
     assert design.shape == (runs, factors)
-    assert (
-        np.unique(numbers, return_counts=True)[1].tolist() == [runs // blocks] * blocks
-    )
+    expected = [runs // blocks] * blocks
+    assert np.unique(numbers, return_counts=True)[1].tolist() == expected
     assert set(np.unique(design)) == {-1, 0, 1}
 
 

@@ -95,9 +95,8 @@ def test_a_prior_is_a_small_term_that_no_infeasible_point_makes_up_for():
     values[:, 1] = 0.25, 0.26, 0.4  # 0, 1 and 15 standard deviations off
     points = 2 * space.unit(values) - 1
     np.testing.assert_allclose(preference.distance(points), [0, 1, 15], atol=1e-9)
-    np.testing.assert_allclose(
-        preference(points), PRIOR_WEIGHT / 2 * np.array([0, 1, 225]), atol=1e-12
-    )
+    expected = PRIOR_WEIGHT / 2 * np.array([0, 1, 225])
+    np.testing.assert_allclose(preference(points), expected, atol=1e-12)
     assert preference.largest == pytest.approx(preference(points)[2])
     objective = objective_of((0.0,), (1.0,), margin=preference.largest)
     F, V = objective(np.array([[0.0], [1.0 + 1e-9]]))
@@ -121,9 +120,8 @@ def test_thinning_against_its_slow_twin(most, distance):
     points = random.uniform(-1, 1, (300, 3))
     fitness = random.randint(0, 50, 300).astype(float)
     points[100:120] = points[:20]
-    assert distinct(points, fitness, distance, most).tolist() == distinct_slowly(
-        points, fitness, distance, most
-    )
+    expected = distinct_slowly(points, fitness, distance, most)
+    assert distinct(points, fitness, distance, most).tolist() == expected
 
 
 def test_archive_is_bounded_distinct_sorted_and_holds_the_best():

@@ -236,7 +236,8 @@ def test_the_answer_has_its_piles_by_every_definition_of_the_angle(tmp_path):
         .set_index("response")["line"]
         .fillna("")
     )
-    assert lines.to_dict() == {
+    expected = {
         name: "secant, foot to crest" if name == "aor_deg" else ""
         for name in TARGETS.names
     }
+    assert lines.to_dict() == expected

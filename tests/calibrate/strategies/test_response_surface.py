@@ -281,12 +281,10 @@ def test_the_loop_of_a_study_is_that_of_the_files(noisy):
     found = ResponseSurface().propose(study, data)
     assert isinstance(found, Answer)
     solution = pd.read_csv(noisy[0] / "solutions.csv").iloc[0]
-    np.testing.assert_allclose(
-        found.values, solution[list(PARAMETERS)].to_numpy(float), rtol=1e-6
-    )
-    np.testing.assert_allclose(
-        found.mean, solution[list(TARGETS.predicted)].to_numpy(float), rtol=1e-6
-    )
+    expected = solution[list(PARAMETERS)].to_numpy(float)
+    np.testing.assert_allclose(found.values, expected, rtol=1e-6)
+    expected = solution[list(TARGETS.predicted)].to_numpy(float)
+    np.testing.assert_allclose(found.mean, expected, rtol=1e-6)
 
 
 def test_the_check_has_the_mean_of_its_good_runs_and_the_standard_error_of_the_mean():

@@ -63,9 +63,8 @@ def campaign(folder, targets=TARGETS, space=SPACE, section=SECTION, noise=1.0, s
         batch_folder = folder / f"batch_{len(folders)}"
         found = propose("sequential", known, folders, batch_folder)
         table = pd.read_csv(batch_folder / "samples.csv")
-        assert set(table["seeds"]) == {
-            section["checks" if found["answer"] else "seeds"]
-        }
+        expected = {section["checks" if found["answer"] else "seeds"]}
+        assert set(table["seeds"]) == expected
         stream = [seed, 999 if found["answer"] else len(folders)]
         write_tables(
             batch_folder,

@@ -62,9 +62,8 @@ def test_on_a_linear_model_gamma_is_its_closed_form_and_all_else_that_of_bayesia
     )
     fresh = np.random.RandomState(22).uniform(0, 2, (40, 2))
     std = model.predict(fresh, return_std=True)[1]
-    np.testing.assert_allclose(
-        std, ridge.predict(linear_features(fresh), return_std=True)[1], rtol=1e-4
-    )
+    expected = ridge.predict(linear_features(fresh), return_std=True)[1]
+    np.testing.assert_allclose(std, expected, rtol=1e-4)
 
 
 @pytest.mark.parametrize("noise_covariance", [None, CORRELATED])
@@ -92,9 +91,8 @@ def test_error_bars_of_the_mean_are_those_of_networks_drawn_from_the_posterior(
     ratio = np.std(drawn, axis=0) / (0.01 * std)
     assert ratio.mean() == pytest.approx(1.0, abs=0.03)
     assert np.abs(ratio - 1).max() < 0.1
-    np.testing.assert_allclose(
-        model.predict(fresh, return_std=True)[1] ** 2, std**2 + model.noise_std_**2
-    )
+    expected = std**2 + model.noise_std_**2
+    np.testing.assert_allclose(model.predict(fresh, return_std=True)[1] ** 2, expected)
     assert mean.shape == std.shape == (30, 2)
 
 
@@ -115,9 +113,8 @@ def test_mixed_outputs_are_those_of_a_mixed_last_layer():
     w = random.normal(size=26)
     mixing = random.normal(size=(2, 2))
     mixed = two_layer.mix_outputs(w, mixing, 4)
-    np.testing.assert_allclose(
-        two_layer.jacobian(mixed, x, 2)[0], two_layer.jacobian(w, x, 2)[0] @ mixing
-    )
+    expected = two_layer.jacobian(w, x, 2)[0] @ mixing
+    np.testing.assert_allclose(two_layer.jacobian(mixed, x, 2)[0], expected)
     columns = two_layer.mix_outputs(np.column_stack([w, 2 * w]), mixing, 4)
     np.testing.assert_allclose(columns, np.column_stack([mixed, 2 * mixed]))
 
@@ -171,9 +168,8 @@ def test_a_known_noise_is_kept():
     covariance = np.diag([0.25, 1.0]) + 0.25
     model = BayesianBP(hidden=4, starts=2, goal=0.0, prior="inputs", epochs=200)
     model.fit(X, Y, noise_covariance=covariance, noise_freedom=1e6)
-    np.testing.assert_allclose(
-        model.noise_std_, np.sqrt(np.diagonal(covariance)), rtol=1e-3
-    )
+    expected = np.sqrt(np.diagonal(covariance))
+    np.testing.assert_allclose(model.noise_std_, expected, rtol=1e-3)
     value_error(
         r"noise_freedom is 3; expected from 0, and 0 without noise_cov",
         model.fit,

@@ -227,7 +227,6 @@ def test_support_leaves_out_fixed_parameters():
     free = Support(grid(), [0, 0], [1, 1], NAMES)
     points = np.array([[0.45, 0.5], [0.005, 0.995], [0.45, 0.9]])
     assert fixed.warnings(np.insert(points, 1, 0.3, axis=1)) == free.warnings(points)
-    assert (
-        fixed.at_bounds(np.insert(points, 1, 0.3, axis=1))[:, 1].tolist() == [False] * 3
-    )
+    expected = [False] * 3
+    assert fixed.at_bounds(np.insert(points, 1, 0.3, axis=1))[:, 1].tolist() == expected
     assert fixed.largest_leverage == free.largest_leverage

@@ -156,9 +156,8 @@ def test_a_cell_that_cannot_be_is_refused_with_its_row(
 
 def test_the_published_study_has_a_discrepancy_and_so_have_responses_of_a_users_simulator():
     published = ROOT / "results" / "published" / "shape_study" / "combinations.csv"
-    assert (
-        ROOT / "resources" / "shape_study.csv"
-    ).read_bytes() == published.read_bytes()
+    expected = published.read_bytes()
+    assert ((ROOT / "resources" / "shape_study.csv").read_bytes()) == expected
     content = {
         "simulator": "mine",
         "label": "own",
@@ -342,12 +341,13 @@ def test_the_verb_writes_the_tables(tmp_path, command):
 def test_targets_of_one_bench_test_alone_have_correlations():
     found = noise.noise_floor(made_up_runs(), targets_of(drum_slip_deg=40.0))
     reachable = [f"drum_slip_reachable_r2{end}" for end in ("", "_low", "_high")]
-    assert list(found.seeds.columns) == [
+    expected = [
         "seeds",
         "drum_slip_se_deg",
         "drum_slip_se_percent",
         *reachable,
     ]
+    assert list(found.seeds.columns) == expected
     assert found.responses["sd_within"][0] == pytest.approx(3, rel=0.2)
     assert found.responses["failed_runs"][0] == 0, (
         "runs of the other bench test do not count"

@@ -69,9 +69,8 @@ def test_the_start_repeats_its_samples(study):
     assert (table["restitution"] == 0.4).all()
     once = table.drop_duplicates("sample")
     for name, low, high in (("friction", 0.2, 0.8), ("rolling", 0.01, 0.2)):
-        assert sorted(((once[name] - low) / (high - low) * 16).astype(int)) == list(
-            range(16)
-        )
+        expected = list(range(16))
+        assert sorted(((once[name] - low) / (high - low) * 16).astype(int)) == expected
 
 
 @pytest.mark.slow
@@ -483,6 +482,5 @@ def test_the_verbs_want_an_own_configuration(table, tmp_path, command):
     cases = yaml.safe_load(
         (ROOT / "tests/calibrate/uncertainty/unread.yaml").read_text()
     )
-    assert [unread_keys(CONTENT | given) for given, _ in cases] == [
-        keys for _, keys in cases
-    ]
+    expected = [keys for _, keys in cases]
+    assert [unread_keys(CONTENT | given) for given, _ in cases] == expected

@@ -162,11 +162,12 @@ def test_one_target_determines_one_parameter():
     expected = math.hypot(0.6, 0.1) / 12
     assert table.loc["mus_gp", "sd"] == pytest.approx(expected, rel=0.1)
     assert (table["information_bits"].drop("mus_gp") < 0.1).all()
-    assert list(found.draws.columns) == [
+    expected = [
         *PARAMETERS,
         "drum_slip_predicted_deg",
         "drum_slip_linear_se_deg",
     ]
+    assert list(found.draws.columns) == expected
     assert found.summary["correlation"] == {}
     assert found.summary["linear_se"] == pytest.approx([0.1])
 
@@ -487,7 +488,8 @@ def test_the_misfit_has_the_probability_of_chi_squared():
     found = likelihood.misfit(
         np.array([[32.0, 60.0], [31.0, 62.0]]), np.zeros((2, 2, 2)), (mean, covariance)
     )
-    assert found == {
+    expected = {
         "squared_distance": pytest.approx(2),
         "p_value": pytest.approx(stats.chi2.sf(2, 2)),
     }
+    assert found == expected
