@@ -95,21 +95,23 @@ def simulation(
 ):
     """Spheres of these kinds (0 small, 1 large) at these places in the drum, with so many steps between two counts."""
     half = np.array([DRUM.radius_m, 0.5 * DRUM.length_m, DRUM.radius_m])
+    names = ("small", "large")
+    shapes = {
+        name: Shape.sphere(radius, density, name)
+        for name, radius, density in zip(names, RADII_M, DENSITIES_KG_M3, strict=True)
+    }
+    materials = {
+        name: Material(young / (2.0 * (1.0 + POISSON)), POISSON)
+        for name, young in YOUNG_PA.items()
+    }
+    contacts = {
+        pair: Contact(e, mu, 0.0, twisting_friction=0.0)
+        for pair, (e, mu) in PAIRS.items()
+    }
     made = Simulation(
-        {
-            name: Shape.sphere(radius, density, name)
-            for name, radius, density in zip(
-                ("small", "large"), RADII_M, DENSITIES_KG_M3, strict=True
-            )
-        },
-        {
-            name: Material(young / (2.0 * (1.0 + POISSON)), POISSON)
-            for name, young in YOUNG_PA.items()
-        },
-        {
-            pair: Contact(e, mu, 0.0, twisting_friction=0.0)
-            for pair, (e, mu) in PAIRS.items()
-        },
+        shapes,
+        materials,
+        contacts,
         EVERY_S / steps,
         capacity=len(places),
         lower=-half,
@@ -124,10 +126,7 @@ def simulation(
     moving = np.zeros((len(places), 6)) if motion is None else motion
     for place, kind, six in zip(places, kinds, moving, strict=True):
         made.add(
-            ("small", "large")[kind],
-            place,
-            velocity_m_s=six[:3],
-            angular_velocity_rad_s=six[3:],
+            names[kind], place, velocity_m_s=six[:3], angular_velocity_rad_s=six[3:]
         )
     set_rotation(made, rate)
     return made
@@ -355,32 +354,27 @@ def run():
 
 def table():
     """Means over the last second and the starts, and the difference."""
-    means = {
-        name: np.array(
-            [
-                np.loadtxt(OPTIONS.out / f"{name}_{seed}.csv", delimiter=",")[
-                    round(FROM_S / EVERY_S) :
-                ].mean(0)
-                for seed in OPTIONS.starts
-            ]
-        )
-        for name in STEPS
-    }
+    first_row = round(FROM_S / EVERY_S)
+    means = {}
+    for name in STEPS:
+        by_start = []
+        for seed in OPTIONS.starts:
+            path = OPTIONS.out / f"{name}_{seed}.csv"
+            by_start.append(np.loadtxt(path, delimiter=",")[first_row:].mean(0))
+        means[name] = np.array(by_start)
     print(
         "| spheres | LAMMPS | here | difference, % | within 3 % |\n|---|---|---|---|---|"
     )
     root = np.sqrt(len(OPTIONS.starts))
     for k, column in enumerate(COLUMNS):
-        here = means["repose"][:, k]
-        there = means["lammps"][:, k]
-        differences = 100.0 * (here - there) / there.mean()
-        cells = [
-            f"{values.mean():.0f} ± {values.std(ddof=1) / root:.0f}"
-            for values in (there, here)
-        ]
+        ours = means["repose"][:, k]
+        theirs = means["lammps"][:, k]
+        differences = 100.0 * (ours - theirs) / theirs.mean()
         met = "yes" if abs(differences.mean()) <= 100.0 * BOUND else "no"
         print(
-            f"| {column} | {cells[0]} | {cells[1]} | {differences.mean():+.1f} ± {differences.std(ddof=1) / root:.1f} | {met} |"
+            f"| {column} | {theirs.mean():.0f} ± {theirs.std(ddof=1) / root:.0f} "
+            f"| {ours.mean():.0f} ± {ours.std(ddof=1) / root:.0f} "
+            f"| {differences.mean():+.1f} ± {differences.std(ddof=1) / root:.1f} | {met} |"
         )
 
 

@@ -306,25 +306,23 @@ def fitting(args, config, pours):
     def fit(task):
         number = task["data_set"]
         seeds = task["seeds"]
-        chosen = seeds_rule.drawn(number, len(samples), args.pool_seeds, OF_DRAWS)[
-            :, :seeds
-        ]
-        jobs = {
-            sample: {"runs": [pours[sample, pour] for pour in own]}
-            for sample, own in zip(
-                samples["sample"].tolist(), chosen.tolist(), strict=True
-            )
-        }
-        own = study.settings
-        section = own.network.model_copy(update={"seed": own.network.seed + number})
-        search = own.miga.model_copy(update={"seed": own.miga.seed + number})
+        # the first pours of each sample, in the data set's order
+        order = seeds_rule.drawn(number, len(samples), args.pool_seeds, OF_DRAWS)
+        jobs = {}
+        for sample, drawn in zip(samples["sample"].tolist(), order, strict=True):
+            runs = [pours[sample, pour] for pour in drawn[:seeds].tolist()]
+            jobs[sample] = {"runs": runs}
+        network = study.settings.network
+        miga = study.settings.miga
+        section = network.model_copy(update={"seed": network.seed + number})
+        search = miga.model_copy(update={"seed": miga.seed + number})
         tables = dataset.assemble(samples, {BENCH: jobs}, targets)
         learned = train.train(
             *tables,
             targets,
             section,
             names=parameters_among(tables[0]),
-            surrogate=own.surrogate,
+            surrogate=study.settings.surrogate,
         )
         found = invert.invert(learned.model, study.parameters, targets, search).summary
         predicted = {

@@ -213,16 +213,15 @@ def cell_settings(
 def dependencies(config: Config, cell: str) -> dict[str, Any]:
     """List the settings on which the pours and measurements of a cell depend."""
     kind, _, cell_config = cell_settings(config, cell)
-    seeds = [
-        KINDS.get(kind, SENSITIVITY)[0],
-        *(["design_samples"] if kind == "design" else []),
-    ]
-    found = {key: cell_config["shape_study"][key] for key in seeds} | {
-        "seed": cell_config["design"]["seed"]
-    }
+    numbers = [KINDS.get(kind, SENSITIVITY)[0]]
+    if kind == "design":
+        numbers.append("design_samples")
+    found = {key: cell_config["shape_study"][key] for key in numbers}
+    found["seed"] = cell_config["design"]["seed"]
+    # the bench test without its seeds, which the study replaces by its own
     bench_test = CYLINDER if kind == "bulk" else BENCH
-    section = {
-        key: value for key, value in cell_config[bench_test].items() if key != "seeds"
-    }
-    kept = ("berry", "wall", "simulation", "measure", "targets")
-    return found | {bench_test: section} | {key: cell_config[key] for key in kept}
+    section = cell_config[bench_test].items()
+    found[bench_test] = {key: value for key, value in section if key != "seeds"}
+    for key in ("berry", "wall", "simulation", "measure", "targets"):
+        found[key] = cell_config[key]
+    return found

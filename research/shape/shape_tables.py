@@ -262,8 +262,8 @@ def judged(
     combinations: pd.DataFrame, piles: pd.DataFrame, particles: pd.DataFrame
 ) -> pd.DataFrame:
     """Judge combinations by the rule's criteria of particle and pile, those that fulfil them first."""
-    expected = ["packing", "packing_se", "share_of_piles"]
-    table = combinations.merge(piles[[*CELL, *expected]], on=CELL, how="left")
+    of_piles = ["packing", "packing_se", "share_of_piles"]
+    table = combinations.merge(piles[[*CELL, *of_piles]], on=CELL, how="left")
     table = table.merge(
         particles[["particle", "measured_berry"]], on="particle", how="left"
     )

@@ -282,14 +282,15 @@ def write_cell(folder, kind, cell, rows, density=510.0, **particle):
     where = dict(zip(shape_rule.CELL, cell.split("-"), strict=True))
     records = []
     for name, seed, angle, height in rows:
-        about = {"kind": kind, **where, "set": name, "seed": seed, "height_mm": height}
-        about |= dict.fromkeys(shape_piles.COLUMNS.values(), 10.0) | dict.fromkeys(
-            shape_tables.BULK, density
-        )
-        about |= {"aor_secant_deg": angle, shape_piles.DENSITY: density + seed}
-        records.append(about | {"status": "ok" if angle is not None else "jammed"})
+        record = {"kind": kind, **where, "set": name, "seed": seed, "height_mm": height}
+        record |= dict.fromkeys(shape_piles.COLUMNS.values(), 10.0)
+        record |= dict.fromkeys(shape_tables.BULK, density)
+        record["aor_secant_deg"] = angle
+        record[shape_piles.DENSITY] = density + seed
+        record["status"] = "ok" if angle is not None else "jammed"
+        records.append(record)
     pd.DataFrame(records).to_csv(path, index=False)
-    about = {
+    body = {
         "particle": where["particle"],
         "spheres": 0,
         "axes_mm": [21.0, 11.0, 10.0],
@@ -297,9 +298,9 @@ def write_cell(folder, kind, cell, rows, density=510.0, **particle):
         "volume_mm3": 1487.0,
         "deviation_rms_mm": 0.1,
         "deviation_max_mm": 0.2,
+        "measured_axes_mm": [21.0, 11.0, 10.0],
     }
-    about |= {"measured_axes_mm": [21.0, 11.0, 10.0]} | particle
-    path.with_suffix(".json").write_text(json.dumps(about))
+    path.with_suffix(".json").write_text(json.dumps(body | particle))
     return path
 
 
@@ -420,21 +421,17 @@ def verdict(selected, first_off, signal=2.0, angle=32.0):
         "egg-cut-there",
         "egg-release-here",
         "fine-release-here",
+        "hollow-keep-here",
     ]
-    cells.append("hollow-keep-here")
     files = list(files)
     for cell in cells:
         facts = {"deviation_rms_mm": 0.05} if cell.startswith("fine") else {}
         facts |= {"volume_mm3": 1052.0} if cell.startswith("hollow") else {}
         offset = {cells[0]: first_off, cells[-1]: 0.0}.get(cell, 5.0)
-        files.append(
-            write_cell(folder, "fresh", cell, piles(config, offset, offset), **facts)
-        )
-        files.append(
-            write_cell(
-                folder, "design", cell, a_design(signal, 1.0, angle=angle), **facts
-            )
-        )
+        fresh = piles(config, offset, offset)
+        design = a_design(signal, 1.0, angle=angle)
+        files.append(write_cell(folder, "fresh", cell, fresh, **facts))
+        files.append(write_cell(folder, "design", cell, design, **facts))
     return shape_study.run_verdict(config, files, folder / "finalists.csv", folder)
 
 

@@ -114,16 +114,14 @@ def on_a_slope(mur, orientation, downhill):
     simulation.run_steps(2000)
 
     def tilt(tangent, steps):
+        """Tilt gravity in 40 small steps to a slope of this tangent; the angle by which the sphere has turned."""
         before = simulation.quaternions[0]
-        start = math.hypot(*simulation.physics.gravity[:2]) / 9.81
+        start = math.asin(math.hypot(*simulation.physics.gravity[:2]) / 9.81)
+        end = math.atan(tangent)
         for k in range(40):
-            angle = (
-                math.asin(start)
-                + (math.atan(tangent) - math.asin(start)) * (k + 1) / 40
-            )
-            simulation.physics.gravity[:] = 9.81 * np.append(
-                math.sin(angle) * downhill, -math.cos(angle)
-            )
+            angle = start + (end - start) * (k + 1) / 40
+            direction = np.append(math.sin(angle) * downhill, -math.cos(angle))
+            simulation.physics.gravity[:] = 9.81 * direction
             simulation.run_steps(steps // 40)
         return 2.0 * math.acos(min(1.0, abs(before @ simulation.quaternions[0])))
 
