@@ -32,7 +32,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from repose.common.errors import NoFlankError
-from repose.grain.particle import Particle
 from repose.measure import pile
 from repose.measure.definitions import (  # noqa: F401 (imported from here elsewhere)
     CALIBRATED_ANGLE,
@@ -40,7 +39,7 @@ from repose.measure.definitions import (  # noqa: F401 (imported from here elsew
 from repose.measure.profile_points import outermost_crossing
 from repose.measure.saved_pours import Arrays
 from repose.measure.settings import MeasureSettings
-from repose.measure.silhouette import Grains
+from repose.measure.silhouette import Grains, SolidBody
 
 BENCH = "funnel"  # the bench test whose piles have these responses
 MEASURED = (
@@ -188,7 +187,7 @@ def measure_scatter(
 
 
 def of_pour(
-    arrays: Arrays, particle: Particle, settings: MeasureSettings, plate_mm: float
+    arrays: Arrays, particle: SolidBody, settings: MeasureSettings, plate_mm: float
 ) -> dict[str, float]:
     """Measure all responses of `MEASURED` of one pour.
 

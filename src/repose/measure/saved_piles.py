@@ -1,7 +1,7 @@
 """Responses of a pile from the final positions of its grains."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -10,15 +10,12 @@ from repose.measure import pile
 from repose.measure.definitions import CALIBRATED_ANGLE, MEAN_KEYS
 from repose.measure.saved_pours import Arrays
 from repose.measure.settings import MeasureSettings
-from repose.measure.silhouette import Grains, silhouette
-
-if TYPE_CHECKING:
-    from repose.grain.particle import Particle
+from repose.measure.silhouette import ConvexBody, Grains, SolidBody, silhouette
 
 
 def pile_responses(
     arrays: Arrays,
-    particle: "Particle",
+    particle: SolidBody,
     settings: MeasureSettings,
     plate_mm: float,
     extra_names: Sequence[str] = (),
@@ -32,7 +29,7 @@ def pile_responses(
     arrays : mapping
         The pour's arrays by name: ``position``, ``quaternion``, ``in_pile`` and, if
         sizes differ, ``scale``.
-    particle : Particle
+    particle : SolidBody
         The grains' body.
     settings : MeasureSettings
         Settings of the measurement.
@@ -75,7 +72,7 @@ def pile_responses(
 
 def side_view(
     arrays: Arrays,
-    particle: "Particle",
+    particle: ConvexBody,
     settings: MeasureSettings,
     azimuth_deg: float = 0.0,
 ) -> np.ndarray:

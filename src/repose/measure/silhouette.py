@@ -47,6 +47,14 @@ class ConvexBody(Protocol):
         """
 
 
+class SolidBody(ConvexBody, Protocol):
+    """A body whose volume is known."""
+
+    @property
+    def volume_m3(self) -> float:
+        """Volume in m³."""
+
+
 @dataclass
 class Grains:
     """Position, orientation and size of N bodies of one shape."""
