@@ -1,5 +1,6 @@
 """Which edits of the code plan which stages."""
 
+import json
 import os
 import shutil
 import subprocess
@@ -103,6 +104,29 @@ def test_the_meaning_of_a_key_changes_nothing_and_its_bounds_do(package):
     assert hashes(package, "probe") == [before]
     (package / "probe.py").write_text(field.replace("ge=1", "ge=2"))
     assert hashes(package, "probe") != [before]
+
+
+def test_the_caption_of_a_figure_changes_nothing_and_its_inputs_do(package):
+    path = package / "report/figures/catalogue.py"
+    (before,) = hashes(package, "report.figures")
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace("Figure 10. ", "Figure 10: "), encoding="utf-8")
+    assert hashes(package, "report.figures") == [before]
+    path.write_text(text.replace("history.csv", "other.csv"), encoding="utf-8")
+    assert hashes(package, "report.figures") != [before]
+
+
+def test_old_summaries_are_dropped(package):
+    store = package.parent / "cache/repose/source_code.json"
+    store.parent.mkdir(parents=True)
+    most = source_code.MOST_SUMMARIES
+    store.write_text(json.dumps({f"old {number}": {} for number in range(most)}))
+    (package / "probe.py").write_text("NUMBER = 1\n")
+    hashes(package, "probe")
+    kept = json.loads(store.read_text())
+    assert len(kept) == most
+    assert "old 0" not in kept
+    assert f"old {most - 1}" in kept
 
 
 def test_a_data_file_counts_where_a_module_of_its_folder_names_it(package):

@@ -64,6 +64,15 @@ class Checkout:
             line = re.search(rf"^    (from .*\b{name}\b.*)$", text, re.M)[1]
         self.add_line(register, line, name)
 
+    def add_figure(self):
+        """Write the module of the guide, and its entry at the end of the list."""
+        text = section("figure")
+        module, catalogue = re.findall(r"`(src/[\w/]+\.py)`", text)
+        (self.folder / module).write_text(blocks("figure")[0])
+        entry = re.search(r'^    ".*?^    \),$', text, re.M | re.S)[0]
+        figures = (self.folder / catalogue).read_text().removesuffix("}\n")
+        (self.folder / catalogue).write_text(f"{figures}{entry}\n}}\n")
+
     def add_line(self, path, line, name):
         """Add a line below the last one of the same form, with another name.
 
@@ -272,9 +281,9 @@ def test_a_bench_test_of_two_files(checkout):
 
 
 def test_a_figure_of_two_files(checkout):
-    checkout.add_module("figure")
-    use = "from pathlib import Path\n" + blocks("figure")[1]
-    checkout.python("-c", use)
+    checkout.add_figure()
+    use = "from repose.report.figures.response_histograms import *\n"
+    checkout.python("-c", use + blocks("figure")[1])
     planned = checkout.python(
         "-m",
         "snakemake",

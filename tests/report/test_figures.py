@@ -34,6 +34,7 @@ from repose.report.figures import (
     testbench,
 )
 from repose.report.renderer.scenery import look_at
+from repose.report.study_view import StudyView
 
 LINE = "line fitted to the side from 30 to 80 % of the height"
 
@@ -59,7 +60,7 @@ ELSEWHERE = {
 
 
 def read_by(name):
-    """What the figure reads of the configuration, as its decorator says, and what is read for every figure."""
+    """What the figure reads of the configuration, as its entry says, and what is read for every figure."""
     kept = {key: CONFIG[key] for key in ("small_run", "targets", "measure")}
     for section, _, key in (
         dotted.partition(".") for dotted in figures.FIGURES[name].reads
@@ -421,7 +422,9 @@ def test_a_search_without_result_has_its_axes(inputs, tmp_path):
     history["feasible_found"] = 0
     history.assign(mean_objective=2.2).to_csv(tmp_path / "history.csv", index=False)
     with style.applied():
-        figure = search.convergence({"history": tmp_path / "history.csv"}, CONFIG)
+        figure = search.convergence(
+            {"history": tmp_path / "history.csv"}, StudyView(CONFIG)
+        )
         figure.canvas.draw()
     (panel,) = figure.axes
     assert panel.get_title(loc="left") == "no feasible solution was met"
@@ -437,7 +440,7 @@ def test_predicted_and_simulated_responses_have_equal_axes(fresh, inputs, drawn)
             for key in ("predictions", "dataset")
         }
         with style.applied():
-            figure = surrogate.predicted_against_simulated(files, CONFIG)
+            figure = surrogate.predicted_against_simulated(files, StudyView(CONFIG))
             figure.canvas.draw()
     for panel in figure.axes:
         assert panel.get_xlim() == panel.get_ylim()
@@ -456,7 +459,7 @@ def test_the_error_of_the_surrogate_is_drawn_in_units_of_the_objective(
     (tmp_path / "summary.json").write_text(json.dumps(summary))
     files = {"history": inputs["history"], "summary": tmp_path / "summary.json"}
     with style.applied():
-        figure = search.convergence(files, CONFIG)
+        figure = search.convergence(files, StudyView(CONFIG))
     line = next(line for line in figure.axes[0].lines if line.get_ls() == "--")
     targets = {entry["response"]: entry for entry in CONFIG["targets"]}
     expected = sum(
@@ -478,7 +481,7 @@ def test_weights_that_cancel_draw_no_long_bars(tmp_path):
     path = tmp_path / "network.json"
     write_network(path, ["aor_deg", "height_mm"], W1, W2)
     with style.applied():
-        figure = surrogate.network_structure({"network": path}, CONFIG)
+        figure = surrogate.network_structure({"network": path}, StudyView(CONFIG))
     network, bars = figure.axes
     assert len({line.get_linewidth() for line in network.lines}) == 1
     lengths = np.array([bar.get_width() for bar in bars.containers[0]])

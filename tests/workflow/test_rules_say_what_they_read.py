@@ -21,7 +21,7 @@ RULES = [
 ]
 ODD = """my "bérries"; touch PWNED; 'x' $(touch PWNED) -rf #"""
 FIGURE = ("results/figures/figure02.png", "--cores", "1", "--snakefile")
-# the caption of a figure is set by `@figure`; tests/report check it
+# the caption of a figure is in its entry of the list; tests/report check it
 PARAMS = SimpleNamespace(caption="A caption.")
 CAPTIONS = sorted((ROOT / "workflow" / "report").glob("*.rst"))
 FILES = [

@@ -142,7 +142,7 @@ def jobs_to_measure(wildcards, input, output):
 
 # Its change draws every figure again.
 RESOLUTION = {"figures.dpi": STUDY.settings.figures.dpi}
-# The figures of this study, as `@figure` says beside the function of each.
+# The figures of this study, of those that `repose.report.figures.catalogue` lists.
 FIGURES = {name: one for name, one in figures.FIGURES.items() if one.when(STUDY)}
 
 

@@ -1,4 +1,4 @@
-# A rule for each figure of this study: what it shows and reads, and its caption, stand beside the function that draws it.
+# A rule for each figure of this study, of its entry in `repose.report.figures.catalogue`.
 if not PUBLISHED_IS_STORED:
     FIGURES.pop("published")
 # The names in braces of the figures' inputs, which `repose.report.figures.registry` explains; the other inputs are files

@@ -1,6 +1,5 @@
 """Turn faults of a configuration into messages: file, key, value, allowed values."""
 
-import difflib
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from typing import Any, NamedTuple
@@ -258,6 +257,8 @@ def _faults(
     errors: list[_Error], config: Any, source: str | Origin, model: Model
 ) -> Iterator[InputError]:
     """Turn errors into faults that name the file of each key."""
+    from difflib import get_close_matches  # slow to import, and few files have faults
+
     explained_keys = _ranges_without_numbers(errors)
     n_guesses = 0
     for error in errors:
@@ -268,7 +269,7 @@ def _faults(
             # Look for a similar key only while faults are still reported one by one.
             similar: list[str] = []
             if n_guesses < MOST_REPORTED:
-                similar = difflib.get_close_matches(str(error.unknown), known, 1)
+                similar = get_close_matches(str(error.unknown), known, 1)
                 n_guesses += 1
             # A misspelt key must not be reported as missing, too.
             explained_keys.add(".".join([*error.path, *similar]))

@@ -8,7 +8,7 @@ file of somebody else has the name of a result.
 import os
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from repose import bench as apparatus
@@ -192,16 +192,25 @@ def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
             if name not in listed and path not in unlisted:
                 unknown.append(path)
 
-    # A rule may write over a file of repose, and writes no other name. The pattern of
-    # all results is slow to make, and few folders hold unknown files.
-    if unknown:
-        is_result = pattern_of(outputs).fullmatch
-        for path in unknown:
-            # An empty file holds nothing to lose; snakemake makes such marks.
-            is_empty = not os.path.isfile(path) or os.path.getsize(path) == 0
-            if is_result(path) and not is_empty:
-                faults[path] = _foreign_file(path)
+    # A rule may write over a file of repose, and writes no other name.
+    for path in _with_content_and_name_of_results(unknown, outputs):
+        faults[path] = _foreign_file(path)
     raise_together(faults[path] for path in sorted(faults))
+
+
+def _with_content_and_name_of_results(
+    paths: Sequence[str], outputs: Iterable[str]
+) -> list[str]:
+    """Select the files that are not empty and that a rule would write over.
+
+    An empty file holds nothing to lose; snakemake makes such marks.
+    """
+    # The pattern is slow to make, and most folders hold files of the study alone.
+    if not paths:
+        return []
+    is_result = pattern_of(outputs).fullmatch
+    named = [path for path in paths if is_result(path) and os.path.isfile(path)]
+    return [path for path in named if os.path.getsize(path) > 0]
 
 
 def _names_of_results(results_dir: str, outputs: Iterable[str]) -> list[str]:
