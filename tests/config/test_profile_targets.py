@@ -1,5 +1,7 @@
 """Profiles among the targets: a file of heights becomes a target for each score, or is refused with its fault."""
 
+import json
+
 import numpy as np
 import pytest
 from refusals import input_error
@@ -48,6 +50,11 @@ def study_of(quick, entry):
 
 def scores_of(study):
     return [target for target in study.targets if target.profile is not None]
+
+
+def test_a_configuration_with_a_profile_is_read_from_json_as_it_was(quick, entry):
+    config = study_of(quick, entry).config
+    assert repr(json.loads(json.dumps(config))) == repr(config)
 
 
 def test_a_profile_becomes_a_target_for_each_score(quick, entry):

@@ -40,7 +40,7 @@ def test_a_checked_workflow_is_read_without_libraries_in_less_than_snakemakes_st
     monkeypatch.chdir(project)
     config = yaml.safe_load((project / QUICK).read_text())
     run = run_of_workflow(config, [QUICK], has_command_line=False, inputs=True)
-    earlier_check.write(*run.first_check, resolved=run.study.config)
+    earlier_check.write(run.first_check, run.study.config)
 
     *rules, times = run_python("-c", READ, cwd=project).splitlines()
     assert {"pour", "miga", "draw_figure13", "sequential", "page"} <= {*rules}

@@ -2,8 +2,8 @@
 
 Snakemake reads the Snakefile for each of its commands. The first command checks the
 configuration with its grain and the files that it names, and computes each `auto`. A run
-keeps the numbers in RESULTS/checked.json, with a hash of all that they follow from, so
-that the next command need not make the grain again.
+keeps the result in RESULTS/checked.json, with a hash of all that it follows from, so that
+the next command need not check it again.
 """
 
 from collections.abc import Mapping
@@ -16,7 +16,6 @@ from repose.common.files import read_json, write_json
 from repose.common.keys import Config, get
 from repose.common.provenance import hash_of, hash_of_file
 from repose.common.source_code import code_hash
-from repose.config import computed
 from repose.config.models import named_files
 from repose.stages.published import find_sibling_table, tables
 
@@ -54,8 +53,8 @@ def _named_paths(config: Config) -> list[Any]:
     return paths
 
 
-def numbers(config: Config, checked: str) -> dict[str, Any] | None:
-    """Return the numbers that an earlier run computed for the same configuration.
+def resolved(config: Config, checked: str) -> dict[str, Any] | None:
+    """Return what an earlier run made of the same configuration.
 
     Parameters
     ----------
@@ -67,7 +66,8 @@ def numbers(config: Config, checked: str) -> dict[str, Any] | None:
     Returns
     -------
     dict or None
-        Each number by its dotted key, or None if this configuration was not yet checked.
+        The complete configuration, with a number in place of each `auto`, or None if
+        this configuration was not yet checked.
     """
     folder = config.get("results_dir")
     if not isinstance(folder, str):
@@ -78,35 +78,21 @@ def numbers(config: Config, checked: str) -> dict[str, Any] | None:
     if not (path.is_file() and ledger.is_own_file(path)):
         return None
     try:
-        content = read_json(path, {"fingerprint": str, "numbers": dict})
+        content = read_json(path, {"fingerprint": str, "config": dict})
     except InputError:
         return None
-    return content["numbers"] if content["fingerprint"] == checked else None
+    return content["config"] if content["fingerprint"] == checked else None
 
 
-def with_numbers(config: Config, known: Mapping[str, Any]) -> dict[str, Any]:
-    """Copy a configuration, with these numbers in place of each `auto`."""
-    completed = dict(config)
-    for setting in computed.to_compute(config):
-        completed = computed.with_value(completed, setting, known[setting.key])
-    return completed
-
-
-def write(config: Config, checked: str, resolved: Config) -> None:
-    """Keep the numbers of a checked configuration for later commands.
+def write(checked: str, config: Config) -> None:
+    """Keep a checked configuration for later commands.
 
     Parameters
     ----------
-    config : mapping
-        The configuration as its files have it.
     checked : str
-        Its `fingerprint`.
-    resolved : mapping
-        The same configuration, with a number in place of each `auto`.
+        The `fingerprint` of the configuration as its files have it.
+    config : mapping
+        The same, complete, with a number in place of each `auto`.
     """
-    known = {
-        setting.key: get(resolved, setting.key)
-        for setting in computed.to_compute(config)
-    }
-    path = Path(resolved["results_dir"]) / FILE
-    write_json(path, {"fingerprint": checked, "numbers": known})
+    path = Path(config["results_dir"]) / FILE
+    write_json(path, {"fingerprint": checked, "config": config})

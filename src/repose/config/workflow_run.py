@@ -12,7 +12,7 @@ import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from repose.common import attached, usage
 from repose.common.errors import InputError, one_message
@@ -65,17 +65,15 @@ def run_of_workflow(
         return WorkflowRun(ExternalConfig.of_layers(given, inputs=inputs))
     layered = loader.over_defaults(config, files, source)
 
-    # Reuse the numbers of an earlier check.
+    # Reuse the result of an earlier check.
     fingerprint = earlier_check.fingerprint(layered.config)
-    numbers = earlier_check.numbers(layered.config, fingerprint)
-    if numbers is not None:
-        completed = earlier_check.with_numbers(layered.config, numbers)
-        return WorkflowRun(PipelineConfig.of(completed, layered.origin))
+    resolved = earlier_check.resolved(layered.config, fingerprint)
+    if resolved is not None:
+        return WorkflowRun(PipelineConfig(resolved, layered.origin))
 
     # Check now. Only a full check is worth keeping for later runs.
     study = PipelineConfig.of(layered.config, layered.origin, inputs=inputs)
-    first_check = FirstCheck(layered.config, fingerprint) if inputs else None
-    return WorkflowRun(study, first_check)
+    return WorkflowRun(study, first_check=fingerprint if inputs else None)
 
 
 def _relative_to_here(path: str) -> str:
@@ -140,13 +138,6 @@ def _check_results(study: PipelineConfig, paths: Iterable[str]) -> None:
             )
 
 
-class FirstCheck(NamedTuple):
-    """A configuration that this run was the first to check."""
-
-    config: Mapping[str, Any]  # as its files have it
-    fingerprint: str
-
-
 class WorkflowRun:
     """A run of the workflow in this process.
 
@@ -154,13 +145,12 @@ class WorkflowRun:
     ----------
     study : PipelineConfig
         The study that it works on.
-    first_check : FirstCheck, optional
-        What later commands need not check again; None where they know it already.
+    first_check : str, optional
+        The fingerprint of a configuration that this run was the first to check, so that
+        later commands need not; None where they know it already.
     """
 
-    def __init__(
-        self, study: PipelineConfig, first_check: FirstCheck | None = None
-    ) -> None:
+    def __init__(self, study: PipelineConfig, first_check: str | None = None) -> None:
         self.study = study
         self.first_check = first_check
         self.folder = study.settings.results_dir
@@ -194,7 +184,7 @@ class WorkflowRun:
             )
         self.write_configuration()
         if self.first_check is not None:
-            earlier_check.write(*self.first_check, resolved=self.study.config)
+            earlier_check.write(self.first_check, self.study.config)
         atexit.register(self._report_times)
 
     def write_configuration(self) -> None:
