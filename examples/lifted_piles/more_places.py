@@ -54,16 +54,15 @@ def one(kind: str, place: int, contents: Contents) -> dict:
 
 
 def main() -> None:
-    """Run the places, and write their tables."""
+    """Run the places, and write their tables after each."""
     records: dict[str, list[dict]] = {kind: [] for kind in KEYS}
     for place, values in enumerate(places(), start=1):
         contents = Contents(*map(float, values))
         for kind, found in records.items():
             found.append(one(kind, place, contents))
+            columns = ["place", "seed", *Contents._fields, *KEYS[kind], *RECORDED]
+            write_table(PUBLISHED / f"more_{kind}.csv", pd.DataFrame(found)[columns])
             print(kind, place, found[-1][KEYS[kind][0]], flush=True)
-    for kind, found in records.items():
-        columns = ["place", "seed", *Contents._fields, *KEYS[kind], *RECORDED]
-        write_table(PUBLISHED / f"more_{kind}.csv", pd.DataFrame(found)[columns])
 
 
 if __name__ == "__main__":

@@ -3,14 +3,17 @@
     python -m research.answers.known_truth piles
     python -m research.answers.known_truth simulated
     python -m research.answers.known_truth three_tests
+    python -m research.answers.known_truth figure
 
 The data are the tables of examples/lifted_piles, of both engines. A row of theirs counts as a measured pile with
 unknown parameters; what we simulated at the other rows is the surrogate's data. docs/known_truth.md has the rule.
 """
 
+import argparse
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,7 +25,7 @@ from repose.calibrate.surrogates import Surrogate
 from repose.calibrate.surrogates.gaussian_process import GaussianProcess
 from repose.calibrate.uncertainty.implausibility import joint_bits
 from repose.common.files import read_table, write_table
-from research.script import Script, option
+from repose.report.figures import style
 
 DATA = Path("results/published/lifted_piles")
 NAMES = ["fric", "rollfric", "rest"]  # static and rolling friction, restitution
@@ -33,6 +36,8 @@ SEEDS_THERE = 2
 REGIONS = (0.5, 0.9)
 SIMULATED_DISCREPANCY_DEG, SIMULATED_NOISE_DEG = 0.5, (0.94, 0.75)
 LARGEST_FACTOR = 100.0
+SIMULATED_SETS = 10
+INTERVAL = (0.05, 0.95)  # of each parameter: quantiles
 STREAM = 112  # of random numbers, of this study alone
 # For each test: our number and theirs in the tables of comparison.
 COLUMNS = {
@@ -40,8 +45,15 @@ COLUMNS = {
     "drum": ("angle_deg", "drum_aor"),
     "discharge": ("rate_g_s", "flow_gs"),
 }
-
-script = Script("answers.known_truth", __doc__)
+# Tests whose likelihoods are multiplied.
+TOGETHER = (
+    ("row",),
+    ("drum",),
+    ("discharge",),
+    ("row", "drum"),
+    ("row", "discharge"),
+    ("row", "drum", "discharge"),
+)
 
 
 # --- the data ---------------------------------------------------------------------------
@@ -89,12 +101,13 @@ def results_of(table: pd.DataFrame, here: str, there: str) -> Results:
 
 
 def read(test: str) -> Results:
-    """Read the results of a test; drums and discharges with those of the further places."""
+    """Read the results of a test, with those of the further places where there are any."""
     here, there = COLUMNS[test]
     needed = [*NAMES, here, there, "seeds", "seeds_sd", "seeds_sd_theirs"]
     table = read_table(DATA / f"compared_{test}.csv", needed)
-    if test != "row":
-        more = read_table(DATA / f"more_{test}.csv", [*NAMES, here])
+    further = DATA / f"more_{test}.csv"
+    if further.exists():
+        more = read_table(further, [*NAMES, here])
         table = pd.concat([table[needed], more[[*NAMES, here]].assign(seeds=1)])
     return results_of(table, here, there)
 
@@ -208,8 +221,8 @@ def judged(
     Returns
     -------
     dict
-        The level of the truth; bits of the posterior, of each marginal, and at the truth; the distance from the truth
-        in ranges.
+        The level of the truth; bits of the posterior and at the truth; the distance from the truth in ranges; bits and
+        the 90 % interval of each parameter.
     """
     weight = np.exp(log_likelihood - log_likelihood.max())
     mean_weight = weight.mean()
@@ -224,7 +237,12 @@ def judged(
     shaped = weight.reshape(cells)
     for axis, name in enumerate(NAMES):
         others = tuple(k for k in range(len(cells)) if k != axis)
-        found[f"bits_{name}"] = joint_bits(shaped.sum(axis=others))
+        marginal = shaped.sum(axis=others)
+        found[f"bits_{name}"] = joint_bits(marginal)
+        below = np.concatenate([[0.0], marginal.cumsum()])
+        edges = np.linspace(LOW[axis], HIGH[axis], cells[axis] + 1)
+        low, high = np.interp(INTERVAL, below, edges)
+        found |= {f"low_{name}": low, f"high_{name}": high}
     return found
 
 
@@ -292,77 +310,118 @@ def summary(table: pd.DataFrame) -> str:
     return "\n".join(lines)
 
 
-@script.part("piles", str(DATA / "known_truth_piles.csv"))
-def piles(args, config):
+def table_path(part: str) -> Path:
+    """Name the table of a part."""
+    return DATA / f"known_truth_{part}.csv"
+
+
+def piles() -> str:
     """Judge the posteriors of the 45 piles."""
     table = judge_piles(read("row"))
-    write_table(args.out, table, float_format="%.5g")
+    write_table(table_path("piles"), table, float_format="%.5g")
     return summary(table)
 
 
-@script.part(
-    "simulated",
-    str(DATA / "known_truth_simulated.csv"),
-    option("--sets", type=int, default=10, help="sets of 45 piles (10)"),
-)
-def simulated(args, config):
+def simulated() -> str:
     """Judge posteriors of simulated piles, for which the error model is right."""
     results = read("row")
     truth = Model.of(results)
     tables = []
-    for number in range(args.sets):
+    for number in range(SIMULATED_SETS):
         rng = np.random.default_rng([STREAM, number])
         piles_of_set = simulated_results(truth, rng, len(results.places))
         tables.append(judge_piles(piles_of_set).assign(set=number))
     table = pd.concat(tables)
-    write_table(args.out, table, float_format="%.5g")
+    write_table(table_path("simulated"), table, float_format="%.5g")
     return summary(table)
 
 
-def in_all_tests(pile: Results, others: Mapping[str, Results]) -> pd.DataFrame:
-    """List the places of `others` that are among the piles: their rows in each test."""
-    drums = others["drum"].places
-    rows = []
-    for i, place in enumerate(pile.places):
-        same = np.flatnonzero((drums == place).all(axis=1))
-        rows.extend({"row": i, "drum": k, "discharge": k} for k in same)
-    return pd.DataFrame(rows)
+def in_all_tests(tests: Mapping[str, Results]) -> list[dict[str, int]]:
+    """List the numbers, in each test, of the places that all tests have."""
+    first, *others = tests
+    found = []
+    for number, place in enumerate(tests[first].places):
+        same = {test: (tests[test].places == place).all(axis=1) for test in others}
+        if all(mask.any() for mask in same.values()):
+            numbers = {test: int(mask.argmax()) for test, mask in same.items()}
+            found.append({first: number, **numbers})
+    return found
 
 
-@script.part("three_tests", str(DATA / "known_truth_three_tests.csv"))
-def three_tests(args, config):
+def judge_together(
+    tests: Mapping[str, Results], numbers: Mapping[str, int]
+) -> list[dict]:
+    """Judge the posteriors of one place by single tests and by several together."""
+    points = grid()
+    truth = tests["row"].places[numbers["row"]]
+    even = np.full(len(points), 1.0 / len(points))
+    rows = [{"tests": "none", "distance": distance(even, truth)}]
+    models = {}
+    on_grid = {}
+    at_truth = {}
+    for test, results in tests.items():
+        k = numbers[test]
+        models[test] = Model.of(results.where(np.arange(len(results.places)) != k))
+        there = results.there[k]
+        on_grid[test] = models[test].log_likelihood(points, there)
+        at_truth[test] = models[test].log_likelihood(truth[np.newaxis], there)[0]
+    for together in TOGETHER:
+        likelihood = sum(on_grid[test] for test in together)
+        found = judged(likelihood, sum(at_truth[test] for test in together), truth)
+        errors = models[together[0]]._asdict() if len(together) == 1 else {}
+        rows.append({"tests": "+".join(together), **found, **errors})
+    known = {"row": numbers["row"] + 1, **dict(zip(NAMES, truth, strict=True))}
+    return [known | row for row in rows]
+
+
+def three_tests() -> str:
     """Judge the posteriors of pile, drum and discharge together."""
     tests = {test: read(test) for test in COLUMNS}
-    points = grid()
-    even = np.full(len(points), 1.0 / len(points))
-    rows = []
-    for _, numbers in in_all_tests(tests["row"], tests).iterrows():
-        truth = tests["row"].places[numbers["row"]]
-        known = {"row": numbers["row"] + 1, **dict(zip(NAMES, truth, strict=True))}
-        total = np.zeros(len(points))
-        total_at_truth = 0.0
-        rows.append(known | {"tests": "none", "distance": distance(even, truth)})
-        so_far = []
-        for test, results in tests.items():
-            k = numbers[test]
-            model = Model.of(results.where(np.arange(len(results.places)) != k))
-            log_likelihood = model.log_likelihood(points, results.there[k])
-            at_truth = model.log_likelihood(truth[np.newaxis], results.there[k])[0]
-            errors = model._asdict()
-            del errors["surrogate"]
-            alone = judged(log_likelihood, at_truth, truth)
-            rows.append(known | {"tests": test} | alone | errors)
-            total += log_likelihood
-            total_at_truth += at_truth
-            so_far.append(test)
-            if len(so_far) > 1:
-                together = judged(total, total_at_truth, truth)
-                rows.append(known | {"tests": "+".join(so_far)} | together)
-    table = pd.DataFrame(rows)
-    write_table(args.out, table, float_format="%.5g")
+    rows = [judge_together(tests, numbers) for numbers in in_all_tests(tests)]
+    table = pd.DataFrame(chain.from_iterable(rows)).drop(columns="surrogate")
+    write_table(table_path("three_tests"), table, float_format="%.5g")
     means = table.groupby("tests", sort=False)[["bits", "bits_at_truth", "distance"]]
     return means.mean().round(2).to_string()
 
 
+def figure() -> str:
+    """Draw the levels of the truths, and the intervals of the rolling friction."""
+    table = read_table(table_path("piles"), ["level"])
+    with style.applied():
+        page = style.new_figure(style.PAGE, 2.8)
+        left, right = page.subplots(1, 2)
+        count = len(table)
+        sizes = np.linspace(0.0, 1.0, 401)
+        chance = stats.binom(count, sizes).interval(0.95)
+        band = np.divide(chance, count)
+        left.fill_between(sizes, *band, color=style.GREY, alpha=0.3, lw=0)
+        left.plot(sizes, sizes, color=style.GREY, label="a right posterior")
+        inside = [np.mean(table["level"] <= size) for size in sizes]
+        left.plot(sizes, inside, color=style.BLUE, label=f"{count} piles")
+        left.set(xlabel="size of the region", ylabel="share of truths inside")
+        left.legend()
+
+        truth = table["rollfric"]
+        right.plot([LOW[1], HIGH[1]], [LOW[1], HIGH[1]], color=style.GREY)
+        right.vlines(
+            truth, table["low_rollfric"], table["high_rollfric"], color=style.BLUE
+        )
+        right.set(xlabel="true rolling friction", ylabel="90 % interval")
+        style.name_panels([left, right])
+        path = table_path("piles").with_name("known_truth.png")
+        style.save(page, path, small_run=False)
+    return str(path)
+
+
+PARTS = {part.__name__: part for part in (piles, simulated, three_tests, figure)}
+
+
+def main() -> None:
+    """Run the part that the command line names."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("part", choices=PARTS)
+    print(PARTS[parser.parse_args().part]())
+
+
 if __name__ == "__main__":
-    script.run()
+    main()
