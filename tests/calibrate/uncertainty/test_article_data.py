@@ -121,7 +121,7 @@ def test_a_table_without_a_column_is_refused(table, small, tmp_path, command):
     path = tmp_path / "table_s1.csv"
     table.drop(columns="mur_gp").to_csv(path, index=False)
     error = command("calibrate", path, "--configfile", small, status=2).err
-    says(error, f"{path}: column mur_gp is 'missing'", "a CSV file of runs")
+    says(error, f"{path}: column mur_gp is 'missing'", "found: e_gg")
 
 
 def test_the_study_is_that_of_the_article():
