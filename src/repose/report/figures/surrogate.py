@@ -354,9 +354,12 @@ def _accuracy_lines(table: pd.DataFrame, split: str, shown: Response) -> list[st
 
 
 def _accuracy_text(simulated: np.ndarray, deviation: np.ndarray, unit: str) -> str:
-    """Write R2 and RMSE of predictions that deviate from the simulated means (n,)."""
+    """Write R2 and RMSE of predictions that deviate from the simulated means (n,).
+
+    They are unknown where a deviation is, as the standard error of a single run.
+    """
     if not np.isfinite(deviation).all():
-        return "unknown, without standard errors"
+        return "unknown"
     share = r2(simulated, simulated + deviation)
     rmse = np.sqrt(np.mean(deviation**2))
     share_text = "undefined" if share is None else f"{share:.2f}"
