@@ -201,7 +201,7 @@ def test_a_small_run_has_a_band_across_the_top(name, inputs, drawn, tmp_path):
 def drawn_texts(draw, files):
     """The texts of a figure that is drawn from `files`."""
     with style.applied():
-        return texts_of(draw(files, CONFIG))
+        return texts_of(draw(files, StudyView(CONFIG)))
 
 
 def test_a_figure_of_sizes_says_where_they_are_a_reconstruction(inputs, tmp_path):
