@@ -8,7 +8,7 @@ The runs are those of two formulas of four parameters, one run of each parameter
 prints, in standard deviations of a run, the error of the predicted means, their bias and their stated error; the share of points
 whose true mean lies within 1.96 stated errors; the share of the 95 % intervals of the parameters that hold the true value, over
 made-up measurements, and their width in ranges; and how far the true response of the answer is from the target, in tolerances of 1 %.
-`--limit` makes the sparse model begin at fewer samples, with as many centres.
+`--limit` makes the sparse model begin at fewer samples.
 """
 
 import argparse
