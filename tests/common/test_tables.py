@@ -476,6 +476,14 @@ def test_columns_are_described_by_number_mean_and_range(tmp_path, capsys):
     assert (
         "long_mm: 3 numbers, mean 21.58, from 20.5 to 22.75" in capsys.readouterr().err
     )
+    marked = {
+        "deg": [-1, 31.5, -1, 30.25, 29.75, -1, 33.5],
+        "sample": [1, 1, 1, 2, 2, 2],
+    }
+    assert tables.describe_columns(marked) == [
+        "deg: 7 numbers, mean 17.43, from -1 (3 times) to 33.5",
+        "sample: 6 numbers, mean 1.5, from 1 to 2",
+    ]
     labels = {"name": ["a", "b"], "mm": [1.5, math.nan, 2.5], "ok": [True], "no": []}
     assert tables.describe_columns(labels) == ["mm: 2 numbers, mean 2, from 1.5 to 2.5"]
 

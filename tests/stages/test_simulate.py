@@ -102,6 +102,8 @@ def test_a_run_that_fails_has_a_status_and_a_reason(tmp_path, code, status, reas
         ('{"angle": Infinity}', "bad_output"),
         ('{"angle": "text"}', "bad_output"),
         ('{"other": 1}', "bad_output"),
+        ('{"angle": true}', "bad_output"),
+        ('{"angle": 30, "angle": 60}', "bad_output"),
         ("[1, 2]", "bad_output"),
         ("{", "bad_output"),
         ('{"angle": 30, "status": "diverged"}', "failed"),
@@ -116,6 +118,13 @@ def test_an_output_is_judged_as_a_told_run(tmp_path, written, status):
     assert result["status"] == status
     assert (result["angle"] == 30) == (status == "ok")
     assert bool(result["reason"]) == (status != "ok")
+
+
+def test_a_missing_response_is_reported_with_what_the_run_left(tmp_path):
+    section = settings(tmp_path, """open('out.json', 'w').write('{"Angle": 30}')""")
+    run(tmp_path, section)
+    reason = "no finite number for angle; the run left {'Angle': 30}"
+    assert measured(tmp_path, section)["reason"] == reason
 
 
 @pytest.mark.parametrize(
@@ -201,9 +210,8 @@ def test_all_faults_are_found_before_any_run(tmp_path):
         output=None,
         particles={"file": "pile.dump"},
     )
-    names = tuple(PARAMETERS)
     with pytest.raises(InputError) as caught:
-        simulate.check(section, names, ("angle", "aor_deg"), "own.yaml")
+        simulate.check(section, PARAMETERS, ("angle", "aor_deg"), "own.yaml")
     faults = str(caught.value)
     for fault in ("no_such_program", "fricton", "name is 'x'", "none.stl", "rolling"):
         assert fault in faults, fault
@@ -215,7 +223,75 @@ def test_two_files_of_a_run_must_not_have_one_name(tmp_path):
     (tmp_path / "parameters.json").write_text("{}")
     section = settings(tmp_path, GOOD, files=[str(tmp_path / "parameters.json")])
     with pytest.raises(InputError, match=r"simulator\.files"):
-        simulate.check(section, (), ("angle",), "own.yaml")
+        simulate.check(section, {}, ("angle",), "own.yaml")
+
+
+@pytest.mark.parametrize(
+    ("output", "template"),
+    [
+        ("parameters.json", None),
+        ("program.py", None),
+        ("deck.json", "deck.json.j2"),
+    ],
+)
+def test_a_run_is_not_read_from_a_file_that_it_was_given(tmp_path, output, template):
+    keys = {"output": output}
+    if template is not None:
+        (tmp_path / template).write_text("{{ friction }} {{ rolling }}")
+        keys["template"] = str(tmp_path / template)
+    section = settings(tmp_path, GOOD, **keys)
+    with pytest.raises(InputError, match=r"simulator\.output is .*the run writes"):
+        simulate.check(section, PARAMETERS, ("angle",), "own.yaml")
+
+
+@pytest.mark.parametrize("name", simulate.NAMES)
+def test_a_parameter_has_no_name_of_the_run(tmp_path, name):
+    with pytest.raises(InputError, match=rf"parameters\.{name} is"):
+        simulate.check(settings(tmp_path, GOOD), {name: 0.5}, ("angle",), "own.yaml")
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        (b"{{ friction }}\n{{ 1 / (rolling - rolling) }}", "line 2.*ZeroDivisionError"),
+        (b"{{ friction }}\n{{ (rolling | int)[0] }}", "line 2.*UndefinedError"),
+        (b"{{ friction }} {{ rolling.x.y }}", "line 1.*has no attribute"),
+        (
+            b"{% for i in range(10**9) %}{{ friction }}{{ rolling }}{% endfor %}",
+            "range",
+        ),
+        (b"{{ friction }} {{ rolling }} {% include 'a.j2' %}", "a.j2.*one file"),
+        (b"{{ friction }} {{ rolling }} \xe9", "text in UTF-8"),
+    ],
+)
+def test_a_template_that_cannot_be_filled_is_found_before_any_run(
+    tmp_path, text, fault
+):
+    template = tmp_path / "deck.in.j2"
+    template.write_bytes(text)
+    section = settings(tmp_path, GOOD, template=str(template))
+    with pytest.raises(InputError, match=f"(?s)deck.in.j2.*{fault}"):
+        simulate.check(section, PARAMETERS, ("angle",), "own.yaml")
+
+
+def test_a_command_that_cannot_be_filled_is_found_before_any_run(tmp_path):
+    command = ["python", "{{ [1, 2][run] // 0 }}"]
+    section = settings(tmp_path, GOOD, command=command)
+    with pytest.raises(InputError, match=r"simulator\.command.*ZeroDivisionError"):
+        simulate.check(section, PARAMETERS, ("angle",), "own.yaml")
+
+
+def test_a_program_may_remove_its_folder(tmp_path):
+    code = "import os, shutil; shutil.rmtree(os.getcwd())"
+    record = run(tmp_path, settings(tmp_path, code))
+    assert (record["status"], record["reason"]) == ("no_output", "out.json is missing")
+    record = run(tmp_path, settings(tmp_path, f"{code}; raise SystemExit(3)"))
+    assert (record["status"], record["reason"]) == ("exit_status", "exit status 3")
+
+
+def test_a_folder_in_place_of_the_output_is_named(tmp_path):
+    record = run(tmp_path, settings(tmp_path, "import os; os.mkdir('out.json')"))
+    assert (record["status"], record["reason"]) == ("no_output", "out.json is no file")
 
 
 def test_seeds_differ_and_are_small_enough_for_lammps():

@@ -143,7 +143,10 @@ class Study:
             If the settings beside the file are missing, or file or settings are
             damaged.
         """
-        return cls.own(_settings_file(file), file)
+        settings = _settings_file(file)
+        allowed = f"a record of a Study, with its settings beside it in {settings.name}"
+        require(settings.is_file(), file, "settings", "missing", allowed)
+        return cls.own(settings, file)
 
     @classmethod
     def own(cls, content: Path_ | Mapping[str, Any], file: Path_ | None = None) -> Self:

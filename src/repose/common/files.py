@@ -216,7 +216,7 @@ def read_json(
     """
     try:
         text = attached.plain_file(path).read_bytes().decode("utf-8-sig")
-        content = json.loads(text)
+        content = json.loads(text, object_pairs_hook=_each_key_once)
     except OSError as error:
         raise InputError(path, "file", error.strerror, what) from error
     except (*attached.UNREADABLE, RecursionError) as error:
@@ -228,6 +228,16 @@ def read_json(
         kind = keys[key] if isinstance(keys, Mapping) else object
         if key not in content or not isinstance(content[key], kind):
             raise InputError(path, key, content.get(key), f"{_named(kind)} {what}")
+    return content
+
+
+def _each_key_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Make the mapping of a JSON object; ValueError if it has a key twice."""
+    content: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in content:
+            raise ValueError(f"the key {key} twice")
+        content[key] = value
     return content
 
 

@@ -35,6 +35,8 @@ SEPARATORS = ",;\t"
 BLANKS = r"\s+"  # separates cells where none of these does
 # A column that is not read is described by so many of its values.
 FEW_VALUES = 5
+# An extreme of measured numbers that occurs so often may mark failed runs.
+MARKED = 3
 # So many such columns are described.
 MOST_DESCRIBED = 30
 NUMBER = re.compile(
@@ -181,8 +183,10 @@ class Table:
 def plain_number(value: object) -> float:
     """Return a number as tables write it; ValueError for what only Python takes for one.
 
-    Examples are ``1_0`` and digits of other scripts.
+    Examples are ``1_0``, digits of other scripts, and True.
     """
+    if isinstance(value, bool | np.bool_):
+        raise ValueError(f"{value!r} is no number")
     if isinstance(value, str) and not NUMBER.fullmatch(value):
         raise ValueError(f"{value!r} is no number")
     return float(value)  # type: ignore[arg-type]
@@ -391,7 +395,9 @@ def _difference(name: str, other: str) -> str:
 def describe_columns(columns: Mapping[str, Sequence[Any]]) -> list[str]:
     """Describe each column of numbers in a line: count, mean and range.
 
-    A command prints these lines to show what it has read from a table.
+    A command prints these lines to show what it has read from a table. Where most
+    numbers occur once, an extreme that is repeated may be the mark of a failed run, so
+    its count is printed.
 
     Parameters
     ----------
@@ -411,9 +417,19 @@ def describe_columns(columns: Mapping[str, Sequence[Any]]) -> list[str]:
         numbers = np.array([float(text) for text in texts])
         lines.append(
             f"{name}: {len(numbers)} numbers, mean {numbers.mean():.4g}, "
-            f"from {numbers.min():.4g} to {numbers.max():.4g}"
+            f"from {_extreme(numbers, numbers.min())} "
+            f"to {_extreme(numbers, numbers.max())}"
         )
     return lines
+
+
+def _extreme(numbers: np.ndarray, value: float) -> str:
+    """Write an extreme of a column, with its count if it alone is repeated."""
+    _, counts = np.unique(numbers, return_counts=True)
+    count = int((numbers == value).sum())
+    if count >= MARKED and np.median(counts) == 1:
+        return f"{value:.4g} ({count} times)"
+    return f"{value:.4g}"
 
 
 def describe_unread(
@@ -505,6 +521,7 @@ def sheet(path: Path_, what: str = TABLE) -> Table:
     cells_with_header = _split_cells(path, "\n".join(rows), separator, what)
     # Join cells of the header that span several lines, as Design-Expert writes them.
     names = [" ".join(name.split()) for name in cells_with_header.iloc[0]]
+    _require_whole(path, rows[-1], separator, len(names))
     cells = cells_with_header.iloc[1:].reset_index(drop=True)
 
     # Leave out empty columns without a name.
@@ -582,6 +599,20 @@ def text_rows(
     needed = [column.name for column in declared if column.needed]
     check_columns(path, header, needed, what)
     return [dict(zip(header, row, strict=False)) for row in rows[1:]]
+
+
+def _require_whole(path: Path_, end: str, separator: str, n_columns: int) -> None:
+    """Refuse a file that ends within a row: without an end of line, and too few cells.
+
+    `end` is what stands behind the last end of line.
+    """
+    # The last line may be the end of a cell in quotes that has several.
+    is_within_quotes = end.count('"') % 2 == 1
+    if not end.strip() or is_within_quotes or len(separator) > 1:
+        return
+    n_cells = end.count(separator) + 1
+    allowed = f"{n_columns} cells, as in the header; was the file cut off?"
+    require(n_cells >= n_columns, path, "last row", f"{n_cells} cells", allowed)
 
 
 def _read_text(path: Path_, what: str) -> str:

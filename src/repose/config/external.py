@@ -225,8 +225,8 @@ class ExternalConfig(PipelineConfig):
         )
         simulate.check(
             self.simulator,
-            self.parameters.names,
-            self.targets.names,
+            parameters=self.parameters.centre,
+            targets=self.targets.names,
             source=file,
             fixed=self.parameters.fixed,
         )

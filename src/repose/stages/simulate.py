@@ -11,13 +11,15 @@ import shutil
 import signal
 import subprocess
 import sys
+import traceback
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
 from typing import Any, NamedTuple
 
-from jinja2 import Environment, StrictUndefined, TemplateError, meta
+from jinja2 import DictLoader, Environment, StrictUndefined, TemplateError, meta
+from jinja2.sandbox import SandboxedEnvironment
 
 from repose.calibrate.seeds import pour_seeds
 from repose.calibrate.targets import OWN
@@ -32,6 +34,8 @@ PRINTED = "printed.txt"
 ABOUT = ".run.json"  # in the folder of a good run: the hash of its inputs
 # Names that a template has besides those of the parameters.
 NAMES = ("sample", "run", "seed", "cores")
+# The name of a template in the tracebacks of Jinja2.
+TEMPLATE = "<template>"
 TEMPLATE_ENDINGS = (".j2", ".jinja", ".jinja2")
 # Seeds are at most this: LAMMPS takes none above 900 million.
 MOST_SEED = 899_999_999
@@ -55,10 +59,14 @@ class Ending(NamedTuple):
 
 
 def _environment() -> Environment:
-    """Set up the templates of decks; a name that is not there is an error."""
+    """Set up the templates of decks; a name that is not there is an error.
+
+    The sandbox refuses a loop that would never end. There are no further templates: a
+    run is made again only if its own template has changed.
+    """
     # A deck is no HTML, so nothing in it is escaped.
-    return Environment(  # nosec B701
-        undefined=StrictUndefined, keep_trailing_newline=True
+    return SandboxedEnvironment(  # nosec B701
+        undefined=StrictUndefined, keep_trailing_newline=True, loader=DictLoader({})
     )
 
 
@@ -68,14 +76,25 @@ def fill(text: str, values: Mapping[str, Any], source: object) -> str:
     Raises
     ------
     InputError
-        If it is no template, or uses a name without a value; it names `source`.
+        If it is no template, uses a name without a value, or computes what cannot be
+        computed; it names `source` and the line.
     """
     try:
         return _environment().from_string(text).render(values)
-    except TemplateError as error:
+    # An expression in a template is code of its author, which may raise anything.
+    except Exception as error:
+        place = f"{source}, line {_line_of_template(error)}"
+        fault = f"{type(error).__name__}: {error}"
         names = ", ".join(values)
         allowed = f"a template of Jinja2 with the names {names}"
-        raise InputError(source, "template", str(error), allowed) from None
+        raise InputError(place, "template", fault, allowed) from None
+
+
+def _line_of_template(error: Exception) -> int:
+    """Return the line of a template at which an error was raised."""
+    frames = traceback.extract_tb(error.__traceback__)
+    lines = [frame.lineno for frame in frames if frame.filename == TEMPLATE]
+    return lines[-1] or 1 if lines else 1
 
 
 def names_used(text: str, source: object) -> set[str]:
@@ -84,13 +103,32 @@ def names_used(text: str, source: object) -> set[str]:
     Raises
     ------
     InputError
-        If it is no template; it names `source`.
+        If it is no template, or needs another one; it names `source`.
     """
     try:
-        return meta.find_undeclared_variables(_environment().parse(text))
+        template = _environment().parse(text)
     except TemplateError as error:
         allowed = "a template of Jinja2"
         raise InputError(source, "template", str(error), allowed) from None
+    # The name is None where it is computed.
+    for name in meta.find_referenced_templates(template):
+        allowed = "one file, without include, import or extends"
+        raise InputError(source, "template", name, allowed)
+    return meta.find_undeclared_variables(template)
+
+
+def read_template(path: Path_) -> str:
+    """Read the template of a deck.
+
+    Raises
+    ------
+    InputError
+        If the file is no text in UTF-8.
+    """
+    try:
+        return Path(path).read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError(path, "template", str(error), "text in UTF-8") from None
 
 
 def deck_name(template: Path_) -> str:
@@ -116,7 +154,7 @@ def search_path() -> str:
 
 def check(
     settings: SimulatorSettings,
-    parameters: Sequence[str],
+    parameters: Mapping[str, float],
     targets: Sequence[str],
     source: str,
     fixed: Collection[str] = (),
@@ -126,7 +164,9 @@ def check(
     Parameters
     ----------
     settings : SimulatorSettings
-    parameters, targets : sequence of str
+    parameters : mapping
+        A value for each name, with which template and command are filled on trial.
+    targets : sequence of str
         Their names in the study.
     source : str
         File of the configuration, for the messages.
@@ -143,7 +183,7 @@ def check(
 
 def _faults(
     settings: SimulatorSettings,
-    parameters: Sequence[str],
+    parameters: Mapping[str, float],
     targets: Sequence[str],
     *,
     source: str,
@@ -157,9 +197,11 @@ def _faults(
     for name in missing:
         key = "simulator.template" if name == settings.template else "simulator.files"
         yield YamlError(source, key, name, EXPECTED_FILE)
-    for name in _names_twice(settings):
-        words = "files whose names differ in the folder of a run"
-        yield YamlError(source, "simulator.files", name, words)
+    yield from _faults_of_files(settings, source)
+    for name in NAMES:
+        if name in parameters:
+            words = f"another name: {', '.join(NAMES)} are numbers of the run itself"
+            yield YamlError(source, f"parameters.{name}", name, words)
     if settings.template not in missing:
         yield from _faults_of_names(settings, parameters, source=source, fixed=fixed)
     if settings.output is None:
@@ -173,9 +215,22 @@ def _faults(
                 yield YamlError(source, f"targets.{name}", name, words)
 
 
+def _faults_of_files(settings: SimulatorSettings, source: str) -> Iterator[InputError]:
+    """Yield the files that would have one name in the folder of a run."""
+    for name in _names_twice(settings):
+        words = "files whose names differ in the folder of a run"
+        yield YamlError(source, "simulator.files", name, words)
+    # A program that failed to write would leave the file that it was given.
+    given = _names_given(settings)
+    for key, name in _names_left(settings).items():
+        if name in given:
+            words = "a file that the run writes, not one that it is given"
+            yield YamlError(source, key, name, words)
+
+
 def _faults_of_names(
     settings: SimulatorSettings,
-    parameters: Sequence[str],
+    parameters: Mapping[str, float],
     *,
     source: str,
     fixed: Collection[str],
@@ -183,10 +238,14 @@ def _faults_of_names(
     """Yield the unknown names of template and command, and the unused parameters."""
     known = (*parameters, *NAMES)
     used: set[str] = set()
-    for place, names in _names_by_place(settings, source).items():
+    for place, text in _texts_by_place(settings, source).items():
+        names = names_used(text, place)
         used |= names
-        for name in sorted(names.difference(known)):
+        unknown = sorted(names.difference(known))
+        for name in unknown:
             yield InputError(place, "name", name, f"one of {', '.join(known)}")
+        if not unknown:
+            yield from _faults_of_trial(text, parameters, place)
     if settings.template is None:
         return
     for name in parameters:
@@ -197,15 +256,26 @@ def _faults_of_names(
 
 def names_in_deck(settings: SimulatorSettings) -> set[str]:
     """Return the names that the template and the command of a simulator use."""
-    return set().union(*_names_by_place(settings, "configuration").values())
+    texts = _texts_by_place(settings, "configuration")
+    return set().union(*(names_used(text, place) for place, text in texts.items()))
 
 
-def _names_by_place(settings: SimulatorSettings, source: str) -> dict[str, set[str]]:
-    """Return the names that the command and the template use, by their place."""
+def _texts_by_place(settings: SimulatorSettings, source: str) -> dict[str, str]:
+    """Return the command and the template, by their place in messages."""
     texts = {f"{source}, simulator.command": "\n".join(settings.command)}
     if settings.template is not None:
-        texts[settings.template] = Path(settings.template).read_text(encoding="utf-8")
-    return {place: names_used(text, place) for place, text in texts.items()}
+        texts[settings.template] = read_template(settings.template)
+    return texts
+
+
+def _faults_of_trial(
+    text: str, parameters: Mapping[str, float], place: str
+) -> Iterator[InputError]:
+    """Yield the fault of a template that cannot be filled for a first run."""
+    try:
+        fill(text, {**parameters, **dict.fromkeys(NAMES, 1)}, place)
+    except InputError as error:
+        yield error
 
 
 def _named_files(settings: SimulatorSettings) -> tuple[str, ...]:
@@ -214,11 +284,27 @@ def _named_files(settings: SimulatorSettings) -> tuple[str, ...]:
     return (*template, *settings.files)
 
 
-def _names_twice(settings: SimulatorSettings) -> list[str]:
-    """List the names that two files of a run's folder would have."""
-    names = [PARAMETERS, PRINTED, *(Path(name).name for name in settings.files)]
+def _names_given(settings: SimulatorSettings) -> list[str]:
+    """List the names of the files that a run finds in its folder."""
+    names = [PARAMETERS, *(Path(name).name for name in settings.files)]
     if settings.template is not None:
         names.append(deck_name(settings.template))
+    return names
+
+
+def _names_left(settings: SimulatorSettings) -> dict[str, str]:
+    """Return the names of the files that a run leaves, by their keys."""
+    names = {}
+    if settings.output is not None:
+        names["simulator.output"] = settings.output
+    if settings.particles is not None:
+        names["simulator.particles.file"] = settings.particles.file
+    return names
+
+
+def _names_twice(settings: SimulatorSettings) -> list[str]:
+    """List the names that two files of a run's folder would have."""
+    names = [PRINTED, *_names_given(settings)]
     return sorted({name for name in names if names.count(name) > 1})
 
 
@@ -305,7 +391,7 @@ def _inputs(settings: SimulatorSettings, values: Mapping[str, Any]) -> dict[str,
         raise InputError("simulator", "command", command[0], EXPECTED_PROGRAM)
     deck = None
     if settings.template is not None:
-        text = Path(settings.template).read_text(encoding="utf-8")
+        text = read_template(settings.template)
         deck = fill(text, values, settings.template)
     hashes = {}
     for name in settings.files:
@@ -362,10 +448,13 @@ def _make(
 
     command = [inputs["program"], *inputs["command"][1:]]
     ending = _call(command, work, settings)
+    # A program may remove its own folder; it then left nothing.
+    work.mkdir(exist_ok=True)
     if ending.status == OK:
         for name in settings.files_read:
             if not (work / name).is_file():
-                ending = Ending("no_output", f"{name} is missing")
+                fault = "is no file" if (work / name).exists() else "is missing"
+                ending = Ending("no_output", f"{name} {fault}")
                 break
 
     _remove_others(work, settings)
@@ -440,6 +529,8 @@ def _end(process: "subprocess.Popen[bytes]") -> None:
 
 def _last_line(path: Path) -> str:
     """Return the last line that a program printed, shortened."""
+    if not path.is_file():
+        return ""
     text = path.read_text(encoding="utf-8", errors="replace").rstrip()
     line = text.rpartition("\n")[2].strip()
     return "".join(filter(str.isprintable, line))[-MOST_CHARACTERS:]

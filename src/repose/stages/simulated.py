@@ -137,8 +137,9 @@ def read_responses(
         return Ending(OK), {name: outcome.values[name][0] for name in responses}
     without = [name for name in responses if not math.isfinite(cells[name])]
     if status == FAILED and without:
-        reason = f"no finite number for {', '.join(without)}"
-        return Ending("bad_output", reason), nothing
+        names = ", ".join(without)
+        reason = f"no finite number for {names}; the run left {found}"
+        return Ending("bad_output", _in_one_line(reason)), nothing
     return Ending("failed", f"its status is {_in_one_line(status)}"), nothing
 
 

@@ -133,6 +133,25 @@ def test_any_part_of_a_turn_is_told_by_any_process_and_none_is_lost(tmp_path):
     pd.testing.assert_frame_equal(whole.ask(), parts.ask())
 
 
+def test_a_record_without_its_settings_is_named(tmp_path):
+    with pytest.raises(
+        InputError, match=r"other\.csv: settings is 'missing'.*other\.json"
+    ):
+        Study.resume(tmp_path / "other.csv")
+
+
+def test_a_record_that_was_cut_within_a_row_is_refused(tmp_path):
+    file = tmp_path / "runs.csv"
+    one = study(file)
+    one.tell(results(one.ask()))
+    whole = file.read_bytes()
+    last_row = whole.rstrip(b"\n").rpartition(b"\n")[2]
+    # Without its turn and the end of the last response.
+    file.write_bytes(whole.rstrip(b"\n").rpartition(b",")[0][:-2])
+    with pytest.raises(InputError, match=f"last row is '{last_row.count(b',')} cells'"):
+        _ = Study.resume(file).runs
+
+
 def tell_part(file, rows):
     asked = make_study().ask().iloc[rows]
     Study.resume(file).tell(results(asked))
