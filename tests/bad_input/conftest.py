@@ -6,7 +6,7 @@ import pytest
 
 from repose import cli
 
-SENTENCE = r"repose: error: (.+: .+ is .+; expected .+|.+\[Errno \d+\] .+|unknown .+: expected .+)"
+SENTENCE = r"repose: error: (.+: .+ is .+; expected .+|unknown .+: expected .+)"
 
 
 def content(folder):

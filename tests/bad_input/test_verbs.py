@@ -146,6 +146,20 @@ def test_what_options_are_not_there_or_cannot_take(refused):
     )
 
 
+def test_a_path_that_the_system_refuses_is_a_sentence_with_the_path(refused, tmp_path):
+    message = refused("provenance", str(tmp_path))
+    assert f"provenance is '{tmp_path}'; expected a file that a verb" in message
+    name = f"{'a' * 300}.yaml"
+    assert f"{name}: file is 'File name too long'; expected a path" in refused(
+        "design", f"--config={name}"
+    )
+    (tmp_path / "own.yaml").write_text(Path(OWN.partition("=")[2]).read_text())
+    taken = tmp_path / "taken"
+    taken.write_text("mine")
+    words = ("design", "--config=own.yaml", f"--out={taken}")
+    assert f"{taken}: file is 'File exists'; expected a path" in refused(*words)
+
+
 def test_what_strangers_wrote_is_refused(refused, tmp_path):
     def check(case):
         for name, content in case["files"].items():

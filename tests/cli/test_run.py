@@ -252,6 +252,18 @@ def test_the_list_names_targets_with_their_cost_and_strategies_that_cannot_be(
         ),
         (["--config", "label"], f"{WRONG} 'label'; expected KEY=VALUE"),
         (
+            ["--cores", "0"],
+            "command line: --cores is '0'; expected a whole number from 1, or all",
+        ),
+        (
+            ["--cores", "two"],
+            "command line: --cores is 'two'; expected a whole number from 1, or all",
+        ),
+        (
+            ["--jobs", "-1"],
+            "command line: --jobs is '-1'; expected a whole number from 1, or unlimited",
+        ),
+        (
             ["--config", "label=a", "uncertainty"],
             f"{WRONG} 'uncertainty'; expected KEY=VALUE; a target goes before",
         ),

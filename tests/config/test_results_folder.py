@@ -229,6 +229,9 @@ def test_a_changed_result_and_somebodys_file_in_the_place_of_a_result_are_report
         "network/network.json: file",
         "report.html: file",
     ]
+    (study / "design/samples.csv").unlink()
+    (study / "design/samples.csv").mkdir()
+    assert reported()[1] == "design/samples.csv: file"
     assert all(path.read_text() == "mine" for path in mine)
 
 

@@ -185,6 +185,13 @@ def test_files_that_are_no_pile_of_particles_are_refused(tmp_path):
     whole = dump_text(centres)
     refused("a whole dump", "cut.dump", whole[: len(whole) // 2].rpartition("\n")[0])
     refused("without ITEM: ATOMS", "head.dump", whole.partition("ITEM: ATOMS")[0])
+    _, _, body = whole.partition("ITEM: BOX")
+    refused("NUMBER OF ATOMS is 'missing'", "count.dump", f"ITEM: BOX{body}")
+    words = whole.replace(f"ATOMS\n{len(centres)}\n", "ATOMS\nmany\n")
+    refused("NUMBER OF ATOMS is 'many'", "word.dump", words)
+    twice = dump_text(np.vstack([centres, centres[:1]]))
+    twice = twice.replace(f"\n{len(centres) + 1} 1 ", "\n1 1 ")
+    refused(f"row {len(centres) + 1} is '1'; .* once", "twice.dump", twice)
     refused("column z is 'missing'", "no_z.csv", "x,y,radius\n1,2,3\n")
     refused("size is 'missing'.*found: x, y, z", "no_size.csv", "x,y,z\n1,2,3\n")
     refused("orientation is 'missing'", "axes.csv", "x,y,z,a,b,c\n0,0,0,1,2,3\n")
@@ -195,6 +202,15 @@ def test_files_that_are_no_pile_of_particles_are_refused(tmp_path):
     refused("is the unit of lengths another", "mm.csv", in_mm.to_csv(index=False))
     cloud = np.random.default_rng(1).uniform(0, 1, (200, 3))
     refused("direction of gravity is 'unclear", "cloud.dump", dump_text(cloud))
+
+
+def test_a_plate_above_all_grains_is_refused():
+    centres = cone()
+    sizes = np.full((len(centres), 3), RADIUS)
+    turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(centres), 1))
+    spheres = particle_files.Particles(centres, sizes, turns, np.arange(len(centres)))
+    with pytest.raises(InputError, match=r"pile: base is 10\.0; expected a height"):
+        measure_particles(spheres, SETTINGS, up="z", base=10.0, source="pile")
 
 
 def test_the_command_writes_a_table_and_refuses_pictures_beside(

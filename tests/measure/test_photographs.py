@@ -274,6 +274,16 @@ def test_a_level_length_gives_the_scale_and_turns_the_photograph(tmp_path, measu
     assert photographs.scale_of_level_length(10.0, 1.0, 1.0, 41.0, 1.0) == (0.25, 0.0)
 
 
+@pytest.mark.parametrize(
+    "ends", [(-1, 300, 540, 300), (60, 300, 601, 300), (60, 321, 540, 321)]
+)
+def test_a_level_length_ends_inside_the_picture(tmp_path, measure, ends):
+    photograph(tmp_path / "pile.png")
+    message = measure(tmp_path / "pile.png", "--length", "250", *ends, status=2).err
+    assert "--length is" in message
+    assert "ends inside the picture, of 600 x 320 pixels" in message
+
+
 def test_the_mean_of_several_is_a_target_that_a_study_reads(tmp_path, measure):
     heights = (140, 130, 150)
     for k, crest in enumerate(heights):

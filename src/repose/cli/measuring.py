@@ -452,7 +452,11 @@ def _scale_of_length(args: argparse.Namespace) -> "Scale":
     _require_between("--length", mm_per_pixel, *SCALES)
     _refuse_lens(args)
     return Scale(
-        args.square_mm, mm_per_pixel, base_row=args.base_row, level_deg=level_deg
+        args.square_mm,
+        mm_per_pixel,
+        base_row=args.base_row,
+        level_deg=level_deg,
+        ends=tuple(args.length[1:]),
     )
 
 

@@ -76,6 +76,8 @@ def run(args: argparse.Namespace) -> int:
         raise InputError("installation", "snakemake", None, needed) from None
 
     args.configfile = [str(places.find(path)) for path in args.configfile]
+    _check_number("--cores", args.cores, "all")
+    _check_number("--jobs", args.jobs, "unlimited")
     _check_configuration_options(args)
     if args.list:
         from repose.config.check import list_studies
@@ -93,6 +95,18 @@ def run(args: argparse.Namespace) -> int:
     elif status != 0:
         _check_targets(args.rest, arguments)
     return status
+
+
+def _check_number(option: str, text: str | None, word: str) -> None:
+    """Refuse a number of cores or jobs other than a word of snakemake's or from 1.
+
+    With 0 snakemake would wait without end.
+    """
+    if text is None:
+        return
+    is_number = text.isdecimal() and int(text) >= 1
+    allowed = f"a whole number from 1, or {word}"
+    require_option(is_number or text == word, option, text, allowed)
 
 
 def _check_folder(args: argparse.Namespace) -> None:

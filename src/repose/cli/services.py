@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from repose.cli.options import JSON
+from repose.cli.options import JSON, require_option
 from repose.cli.registry import Option, verb
 from repose.common.errors import InputError
 from repose.config.pipeline import PipelineConfig
@@ -43,8 +43,9 @@ def provenance(args: argparse.Namespace) -> None:
     """
     from repose.common import attached
 
-    if not Path(args.result).is_file():
-        raise FileNotFoundError(f"{args.result}: no such file")
+    allowed = "a file that a verb of repose wrote"
+    is_file = Path(args.result).is_file()
+    require_option(is_file, "provenance", args.result, allowed)
     record = attached.read(args.result)
     if record is None:
         raise InputError(

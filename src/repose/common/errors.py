@@ -76,7 +76,13 @@ def raise_together(faults: Iterable[InputError]) -> None:
 
 
 def print_fault(fault: object) -> None:
-    """Print a fault of the input, or its text, on stderr; each of its lines as a fault."""
+    """Print a fault of the input, or its text, on stderr; each of its lines as a fault.
+
+    An OSError with its file becomes a sentence like those of the others.
+    """
+    if isinstance(fault, OSError) and fault.filename is not None:
+        allowed = "a path that can be read or written there"
+        fault = InputError(fault.filename, "file", fault.strerror, allowed)
     for line in str(fault).splitlines():
         # A text of a file could hold an escape code of the terminal.
         characters = [

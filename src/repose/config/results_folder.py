@@ -187,6 +187,9 @@ def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
             if changed.name in files:
                 faults[str(changed)] = _changed_result(str(changed))
         listed = ledger.names(folder)
+        # To snakemake a folder in the place of a result is the result.
+        places = (f"{folder}/{name}" for name in listed)
+        faults |= {path: _foreign_file(path) for path in filter(os.path.isdir, places)}
         for name in files:
             path = f"{folder}/{name}"
             if name not in listed and path not in unlisted:

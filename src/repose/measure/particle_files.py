@@ -47,6 +47,7 @@ COLUMNS = {
     "qz": ("qz", "quatk", "c_quat[4]"),
     "grain": ("grain", "mol", "clump", "clumpid", "id_multisphere"),
 }
+NUMBER = "id"  # of a particle
 POSITION = ("x", "y", "z")
 SEMI_AXES = ("a", "b", "c")
 FULL_AXES = ("shapex", "shapey", "shapez")
@@ -111,6 +112,7 @@ def read(path: Path_) -> Particles:
     if table.empty:
         raise InputError(path, "file", "without a particle", "a row for each particle")
     columns = _columns_of(table)
+    _require_each_once(path, table)
     _require(path, table, columns, POSITION)
     centres = _read_numbers(path, table, columns, POSITION)
     semi_axes = _read_semi_axes(path, table, columns)
@@ -188,14 +190,14 @@ def _read_dump(path: Path, text: str) -> pd.DataFrame:
     last_header = header_lines[-1]
     names = lines[last_header].split()[2:]
     rows = lines[last_header + 1 :]
-    n_particles = int(lines[count_lines[-1] + 1])
-    if len(rows) != n_particles:
-        raise InputError(
-            path,
-            "ITEM: ATOMS",
-            f"{len(rows)} rows",
-            f"{n_particles} rows, a whole dump",
-        )
+    # The number of particles stands below its own header, which comes first.
+    count = lines[count_lines[-1] + 1].strip() if count_lines else "missing"
+    if not count.isdecimal():
+        allowed = "the number of particles, a whole number"
+        raise InputError(path, "ITEM: NUMBER OF ATOMS", count, allowed)
+    if len(rows) != int(count):
+        allowed = f"{count} rows, a whole dump"
+        raise InputError(path, "ITEM: ATOMS", f"{len(rows)} rows", allowed)
     return _split(path, names, rows)
 
 
@@ -238,6 +240,17 @@ def _require(
             found = ", ".join(map(str, table.columns))
             allowed = f"a column named {' or '.join(COLUMNS[quantity])}; found: {found}"
             raise InputError(path, f"column {quantity}", "missing", allowed)
+
+
+def _require_each_once(path: Path_, table: pd.DataFrame) -> None:
+    """Refuse a table in which two particles have one number."""
+    names = [name for name in table.columns if str(name).strip().lower() == NUMBER]
+    for name in names:
+        is_repeated = table[name].duplicated()
+        if is_repeated.any():
+            row = int(np.flatnonzero(is_repeated)[0])
+            key = f"column {name}, row {row + 1}"
+            raise InputError(path, key, table[name].iloc[row], "each particle once")
 
 
 def _read_numbers(

@@ -157,6 +157,10 @@ def measure_particles(
 
     rotation = _rotation_to_z(np.array(DIRECTIONS[up]))
     centres = particles.centres @ rotation.T
+    highest = centres[:, 2].max()
+    if base > highest:
+        allowed = f"a height of the plate below all grains, at most {highest:.4g}"
+        raise InputError(source, "base", base, allowed)
     centres[:, 2] -= base
     grains = _as_grains(particles, centres * metres, rotation, metres)
 

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from PIL import Image
 
-from repose.common.errors import InputError, NoFlankError
+from repose.common.errors import InputError, NoFlankError, require
 from repose.measure.image_files import read_image
 from repose.measure.photographs import camera, finding, sheet
 from repose.measure.photographs.doubts import (
@@ -82,12 +82,16 @@ class Scale:
         Row of the plate; None means the pile's lowest row.
     level_deg : float
         Angle by which a level line rises to the right in the photograph.
+    ends : tuple of float
+        Column and row of the left end of that line, then of its right end; empty
+        without one.
     """
 
     square_mm: float = sheet.SQUARE_MM
     mm_per_pixel: float | None = None
     base_row: float | None = None
     level_deg: float = 0.0
+    ends: tuple[float, ...] = ()
 
 
 @dataclass
@@ -515,6 +519,7 @@ def measure_plain(path: Path, settings: MeasureSettings, scale: Scale) -> Photog
     If `scale` has no `mm_per_pixel`, only the angles that need no length are measured.
     """
     image, reduction = read_photograph(path)
+    size = (round(image.shape[1] * reduction), round(image.shape[0] * reduction))
     # Rows of the file become rows of the reduced and levelled picture.
     base_row = None if scale.base_row is None else scale.base_row / reduction
     image, base_row = _level(image, scale.level_deg, base_row)
@@ -526,6 +531,7 @@ def measure_plain(path: Path, settings: MeasureSettings, scale: Scale) -> Photog
     else:
         photograph.facts["mm_per_pixel"] = scale.mm_per_pixel * reduction
     try:
+        _require_ends_inside(scale.ends, size)
         _measure_level(photograph, settings, base_row)
     except (NoFlankError, InputError) as error:  # such as a base below the picture
         photograph.refused = str(error)
@@ -534,6 +540,14 @@ def measure_plain(path: Path, settings: MeasureSettings, scale: Scale) -> Photog
     if photograph.measurement is not None and scale.mm_per_pixel is None:
         photograph.measurement = replace(photograph.measurement, height_mm=math.nan)
     return photograph
+
+
+def _require_ends_inside(ends: Sequence[float], size: tuple[int, int]) -> None:
+    """Refuse a level line that ends outside a picture of this width and height."""
+    limits = size * (len(ends) // 2)
+    is_inside = all(0 <= end <= limit for end, limit in zip(ends, limits, strict=True))
+    allowed = f"ends inside the picture, of {size[0]} x {size[1]} pixels"
+    require(is_inside, "command line", "--length", tuple(ends), allowed)
 
 
 def _measure_level(
