@@ -142,7 +142,7 @@ def test_a_record_without_its_settings_is_named(tmp_path):
 
 def test_a_record_that_was_cut_within_a_row_is_refused(tmp_path):
     file = tmp_path / "runs.csv"
-    one = study(file)
+    one = make_study(file)
     one.tell(results(one.ask()))
     whole = file.read_bytes()
     last_row = whole.rstrip(b"\n").rpartition(b"\n")[2]
