@@ -17,6 +17,7 @@ import compare
 import discharges
 import drums
 import lifted_piles
+import more_places
 from lifted_piles import Contents, Grains
 
 from repose.dem.rotations import rotation_matrix
@@ -319,3 +320,24 @@ def test_records_without_an_engine_say_so(monkeypatch, tmp_path):
     monkeypatch.setattr(campaign, "OUT", tmp_path)
     monkeypatch.setattr(campaign, "PUBLISHED", tmp_path)
     assert campaign.predictions("row")["engine"].tolist() == ["not recorded", "abc"]
+
+
+def test_further_places_fill_the_box_away_from_the_drums():
+    """The first is as far from all drums as any place of a fine grid, but for its step."""
+    unit = (
+        (more_places.places() - more_places.LOW) / (more_places.HIGH - more_places.LOW)
+    ) ** more_places.POWERS
+    assert np.all((unit >= 0.0) & (unit <= 1.0))
+    known = drums.rows(tilted=False)[list(Contents._fields)].to_numpy()
+    known = (known - more_places.LOW) / (more_places.HIGH - more_places.LOW)
+    known = known**more_places.POWERS
+    axis = np.linspace(0.0, 1.0, 21)
+    grid = np.stack(np.meshgrid(axis, axis, axis), axis=-1).reshape(-1, 3)
+
+    def distance(points):
+        steps = points[:, np.newaxis] - known
+        return np.sqrt((steps**2).sum(axis=-1)).min(axis=1)
+
+    assert distance(unit[:1])[0] > distance(grid).max() - 0.1
+    between = np.linalg.norm(unit[:, np.newaxis] - unit, axis=-1)
+    assert between[np.triu_indices(len(unit), 1)].min() > 0.25
