@@ -26,7 +26,7 @@ WITHOUT_NUMBERS = (
     "repose.config",
 )
 # What is kept between calls has this form; another one is computed anew.
-FORMAT = b"2"
+FORMAT = b"3"
 DATA = (".csv", ".json", ".mplstyle", ".html", ".js", ".css", ".yaml")
 # So many summaries of files are kept: those of some versions of the package.
 MOST_SUMMARIES = 1500
