@@ -13,7 +13,10 @@ import pytest
 from repose import Study
 from repose.calibrate.designs.box_behnken import box_behnken
 from repose.calibrate.designs.central_composite import central_composite
+from repose.calibrate.expected_loss import minimise_expected_loss
 from repose.calibrate.strategies.base import strategy
+from repose.calibrate.surrogates.gaussian_process import GaussianProcess
+from repose.calibrate.surrogates.quadratic import QuadraticSurface
 from repose.calibrate.surrogates.support import Support
 
 TOP = 30.0
@@ -94,3 +97,19 @@ def test_the_surfaces_of_response_surface_end_at_the_top():
     answer = study.calibrate(simulate).parameters
     coded = np.array([answer[name] for name in names])
     assert surface(coded) > TOP - 0.5
+
+
+@pytest.mark.parametrize("design", ["face-centred", "Box-Behnken"])
+@pytest.mark.parametrize("surrogate", [GaussianProcess, QuadraticSurface])
+def test_the_least_expected_loss_of_published_is_near_the_top(design, surrogate):
+    """The answer of `published`, without its search, of two surrogates."""
+    coded = getattr(DESIGNS[design], "coded", DESIGNS[design])
+    names = [f"p{k}" for k in range(coded.shape[1])]
+    farthest = np.abs(coded).max()
+    study = Study(
+        dict.fromkeys(names, (-farthest, farthest)), {"y": (36.0, 0.5, 10)}, seed=1
+    )
+    noise = NOISE * np.random.default_rng(1).normal(size=len(coded))
+    model = surrogate().fit(coded, (surface(coded) + noise)[:, np.newaxis])
+    answer = minimise_expected_loss(model, study.parameters, study.targets)
+    assert surface(np.array([answer[name] for name in names])) > TOP - 2.0
