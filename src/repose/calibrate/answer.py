@@ -24,6 +24,8 @@ WITHIN = {percent: f"within_{percent:g}_percent" for percent in PERCENT}
 INSIDE = "within_ranges"
 # Status of a check that was not made.
 NOT_AGAIN = "not simulated again"
+# Why an answer that misses the targets is no verdict that they are out of reach.
+NOT_SIMULATED = "ends_not_simulated"
 NEAR_BOUNDS = "At a bound of the ranges, as far as the fit can tell"
 # A check is decisive if the probability of lying inside the range is at least DECIDED, or
 # at most 1 - DECIDED.
@@ -555,7 +557,9 @@ class Result:
 def out_of_reach(summary: Mapping[str, Any]) -> bool:
     """Decide whether no parameter set is predicted to meet the targets.
 
-    A strategy whose summary has the key `stop` decides it itself.
+    A strategy whose summary has the key `stop` decides it itself. A model without runs at
+    the ends where its answer lies has no such verdict, for the response may be steep
+    there: its key `stop` is `NOT_SIMULATED`.
     """
     if summary["feasible"]:
         return False

@@ -4,15 +4,18 @@ A parameter is at a bound if it is at most one standard error away from it. The 
 error of a parameter follows from each response: it is the standard error of the predicted
 response at the answer, divided by the slope of the response along the parameter. The
 smallest of these errors counts. If it exceeds half the range, the parameter hardly
-changes any response, and its distance from a bound has no meaning.
+changes any response, and its distance from a bound has no meaning. Distances and errors
+are along the scale of the parameter.
 """
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.scales import LINEAR, LOG
 from repose.calibrate.surrogates.base import Predictor
 
 # Largest standard error of a parameter, as a share of its range, for which its distance
@@ -40,16 +43,27 @@ def near_bounds(
     -------
     list of dict
         ``parameter``, ``value``, ``bound``, and its ``standard_error``, in the units of
-        the parameter.
+        the parameter. On a logarithmic scale this is the error of the logarithm times
+        the value, and ``factor`` is the factor that one standard error stands for.
     """
     point = np.array([[float(answer[name]) for name in space.names]])
     response_errors = np.sqrt(np.diagonal(surrogate.covariance(point)[0]))
     near = []
-    for name, low, high in zip(space.free, space.low, space.high, strict=True):
-        value = float(answer[name])
+    for k, name in enumerate(space.free):
+        # Work in the coordinate of the parameter's scale.
+        low = space.coordinate_ends[0][k]
+        high = space.coordinate_ends[1][k]
+        value = float(space.coordinates(name, np.array(float(answer[name]))))
         width = high - low
         ends = np.clip(value + REACH * width * np.array([-1.0, 1.0]), low, high)
-        slopes = _slopes(surrogate, point, space.names.index(name), ends)
+        shares = (ends - low) / width
+        rise = _rise(
+            surrogate,
+            point,
+            column=space.names.index(name),
+            ends=ends if name not in space.scale else space.values_at(name, shares),
+        )
+        slopes = rise / (ends[1] - ends[0])
         # Skip responses that do not depend on the parameter.
         has_slope = slopes > 0
         if not has_slope.any():
@@ -57,24 +71,40 @@ def near_bounds(
         errors = response_errors[has_slope] / slopes[has_slope]
         standard_error = float(np.min(errors))
 
-        bound = float(low if value - low <= high - value else high)
+        is_lower = value - low <= high - value
+        distance = value - low if is_lower else high - value
         is_determined = standard_error <= LARGEST * width
-        if is_determined and abs(value - bound) <= standard_error:
+        if is_determined and distance <= standard_error:
             near.append(
-                {
-                    "parameter": name,
-                    "value": value,
-                    "bound": bound,
-                    "standard_error": standard_error,
-                }
+                _entry(
+                    name,
+                    value=float(answer[name]),
+                    bound=float(space.low[k] if is_lower else space.high[k]),
+                    standard_error=standard_error,
+                    scale=space.scale.get(name, LINEAR),
+                )
             )
     return near
 
 
-def _slopes(
+def _entry(
+    name: str, *, value: float, bound: float, standard_error: float, scale: str
+) -> dict[str, Any]:
+    """Describe a parameter near a bound; the standard error is along its scale."""
+    entry: dict[str, Any] = {"parameter": name, "value": value, "bound": bound}
+    if scale != LOG:
+        return {**entry, "standard_error": standard_error}
+    return {
+        **entry,
+        "standard_error": standard_error * value,
+        "factor": math.exp(standard_error),
+    }
+
+
+def _rise(
     surrogate: Predictor, point: np.ndarray, column: int, ends: np.ndarray
 ) -> np.ndarray:
-    """Compute the absolute slopes (k,) of all responses along one parameter.
+    """Compute by how much all responses (k,) change between two values of a parameter.
 
     Parameters
     ----------
@@ -88,13 +118,15 @@ def _slopes(
     """
     two_points = np.repeat(point, 2, axis=0)
     two_points[:, column] = ends
-    difference = np.diff(surrogate.predict(two_points), axis=0)[0]
-    return np.abs(difference) / (ends[1] - ends[0])
+    return np.abs(np.diff(surrogate.predict(two_points), axis=0)[0])
 
 
 def in_words(near: Mapping[str, Any]) -> str:
     """Describe in a clause that a parameter is near a bound."""
+    error = f"{near['standard_error']:.2g}"
+    if "factor" in near:
+        error = f"a factor of {near['factor']:.2g}"
     return (
         f"{near['parameter']} {near['value']:.4g} is within one standard error of the "
-        f"fit ({near['standard_error']:.2g}) of its bound {near['bound']:g}"
+        f"fit ({error}) of its bound {near['bound']:g}"
     )

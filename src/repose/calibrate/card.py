@@ -6,6 +6,8 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
+import numpy as np
+
 from repose.calibrate.answer import Result
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.common import provenance
@@ -68,7 +70,12 @@ def assemble(
     """
     sets = solutions if posterior is None else posterior[1]
     # The correlation of a parameter that is the same in all sets is undefined: write 0.
-    correlations = sets[list(space.free)].corr().fillna(0.0).round(4)
+    # On a logarithmic scale, it is that of the logarithms.
+    coordinates = sets[list(space.free)]
+    for name in space.scale:
+        logarithms = space.coordinates(name, coordinates[name])
+        coordinates = coordinates.assign(**{name: logarithms})
+    correlations = coordinates.corr().fillna(0.0).round(4)
     intervals = find_intervals(space, solutions, posterior)
     parameters = {}
     for name in space.names:
@@ -80,6 +87,8 @@ def assemble(
             **widen_to_value(space, name, value, low, high),
             "given": _kind_of(name, space),
         }
+        if name in space.scale:
+            parameters[name]["scale"] = space.scale[name]
     card: dict[str, Any] = {"card": 1, "material": answer.label, **about}
     card |= {
         "parameters": parameters,
@@ -166,9 +175,11 @@ def widen_to_value(
     if name not in space.free or low is None or high is None:
         return {"low": None, "high": None}
     k = space.free.index(name)
-    lower, upper = float(space.low[k]), float(space.high[k])
+    lower = float(space.coordinate_ends[0][k])
+    upper = float(space.coordinate_ends[1][k])
+    coordinate = float(space.coordinates(name, np.array(value)))
     for side, bound in (("lower", lower), ("upper", upper)):
-        if abs(value - bound) <= AT_BOUND * (upper - lower):
+        if abs(coordinate - bound) <= AT_BOUND * (upper - lower):
             return {"low": low, "high": high, "at_bound": side}
     interval: dict[str, Any] = {"low": min(low, value), "high": max(high, value)}
     if not low <= value <= high:

@@ -11,7 +11,9 @@ import numpy as np
 import pandas as pd
 
 from repose.calibrate import expected_loss
+from repose.calibrate.answer import NOT_SIMULATED
 from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.scales import to_coordinates
 from repose.calibrate.search.objective import HISTORY, Objective, Preference, search
 from repose.calibrate.search.settings import LEAST_LOSS, MigaSettings
 from repose.calibrate.surrogates import Surrogate
@@ -111,7 +113,8 @@ def invert(
         solutions=table,
         intervals=intervals(feasible_rows if len(feasible_rows) else table, space),
         history=pd.DataFrame(result.history, columns=list(HISTORY)),
-        summary=_summary(table, space, targets, settings, counts),
+        summary=_summary(table, space, targets, settings, counts)
+        | _not_simulated(table, space, support),
     )
 
 
@@ -195,6 +198,9 @@ def on_free_parameters(
         From points (n, d) in [-1, 1], the scaled ranges of the d free parameters, to
         predicted responses (n, k).
     """
+    if space.scale and dict(surrogate.scale) != space.scale:
+        # This surrogate has no function that is even along the scales.
+        return lambda points: surrogate.predict(space.values((points + 1) / 2))
     low = space.complete(space.low)[0]
     high = space.complete(space.high)[0]
     respond = surrogate.response_function(low, high)
@@ -214,16 +220,20 @@ def on_free_parameters(
 def intervals(solutions: pd.DataFrame, space: ParameterSpace) -> pd.DataFrame:
     """Make Table 3: interval and dispersion of each parameter.
 
-    The dispersion is the width of the interval, in percent of that of the range.
+    The dispersion is the width of the interval, in percent of that of the range, both
+    along the scale of the parameter.
     """
     names = list(space.names)
     low = solutions[names].min().to_numpy(float)
     high = solutions[names].max().to_numpy(float)
-    width_of_free = pd.Series(space.high - space.low, list(space.free))
+    range_low, range_high = space.coordinate_ends
+    width_of_free = pd.Series(range_high - range_low, list(space.free))
     # A fixed parameter has the dispersion 0, whatever its width.
     range_width = width_of_free.reindex(names, fill_value=1.0).to_numpy()
+    ends = to_coordinates(np.array([low, high]), names, space.scale)
+    dispersion_percent = 100 * (ends[1] - ends[0]) / range_width
     table = pd.DataFrame({"variable": names, "low": low, "high": high})
-    return table.assign(dispersion_percent=100 * (high - low) / range_width)
+    return table.assign(dispersion_percent=dispersion_percent)
 
 
 def message(
@@ -301,6 +311,27 @@ def _summary(
         "target_distance": dict(zip(targets.names, aim_distances, strict=True)),
         "message": text,
     }
+
+
+def _not_simulated(
+    table: pd.DataFrame, space: ParameterSpace, support: Support | None
+) -> dict[str, Any]:
+    """Return the key `stop` where the nearest set lies at an end without samples.
+
+    The result is empty if a solution is feasible, or samples are near all these ends.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        The solutions, the representative one first.
+    space : ParameterSpace
+    support : Support or None
+        Of the samples.
+    """
+    if support is None or table["feasible"].any():
+        return {}
+    representative = table[list(space.names)].to_numpy(float)[:1]
+    return {"stop": NOT_SIMULATED} if support.is_beyond_ends(representative)[0] else {}
 
 
 def _put_first(

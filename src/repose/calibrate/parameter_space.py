@@ -1,11 +1,17 @@
-"""The parameters of a study: ranges of the free parameters, fixed values, priors."""
+"""The parameters of a study: ranges of the free parameters, fixed values, priors.
+
+A point of the unit cube has a coordinate from 0 to 1 for each free parameter, evenly
+along its scale. Everything that searches or models the parameters works there.
+"""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+
+from repose.calibrate.scales import LINEAR, LOG, SCALES, to_coordinates, to_values
 
 # Without a range, a parameter reaches so many standard deviations of its prior to each
 # side of the mean.
@@ -32,6 +38,8 @@ class ParameterSpace:
         Mean and standard deviation of each parameter with a prior, by name.
     names : tuple of str
         All parameters, in the order of all tables; by default the free ones.
+    scale : dict
+        Name of the scale of each free parameter that is not linear, by name.
     """
 
     free: tuple[str, ...]
@@ -40,6 +48,7 @@ class ParameterSpace:
     fixed: dict[str, float] = field(default_factory=dict)
     prior: dict[str, tuple[float, float]] = field(default_factory=dict)
     names: tuple[str, ...] = ()
+    scale: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not self.names:
@@ -57,7 +66,8 @@ class ParameterSpace:
         Parameters
         ----------
         section : mapping
-            For each parameter a range, a fixed value, or a prior with or without a range.
+            For each parameter a range, a fixed value, a range with a scale, or a prior
+            with or without a range.
         names : sequence of str, optional
             The parameters to read, in this order; by default all of the section.
         limits : mapping, optional
@@ -68,19 +78,22 @@ class ParameterSpace:
         ranges: dict[str, tuple[float, float]] = {}  # of the free parameters
         fixed: dict[str, float] = {}
         prior: dict[str, tuple[float, float]] = {}  # mean and standard deviation
+        scale: dict[str, str] = {}
         for name in names:
             entry = section[name]
             if isinstance(entry, Mapping) and "fixed" in entry:
                 fixed[name] = float(entry["fixed"])
                 continue
             ranges[name] = range_of(name, entry, limits)
+            if scale_of(entry) != LINEAR:
+                scale[name] = scale_of(entry)
             if isinstance(entry, Mapping) and "prior" in entry:
                 mean = float(entry["prior"]["mean"])
                 sd = float(entry["prior"]["sd"])
                 prior[name] = (mean, sd)
         low = np.array([ends[0] for ends in ranges.values()])
         high = np.array([ends[1] for ends in ranges.values()])
-        return cls(tuple(ranges), low, high, fixed, prior, tuple(names))
+        return cls(tuple(ranges), low, high, fixed, prior, tuple(names), scale)
 
     @property
     def dimensions(self) -> int:
@@ -89,18 +102,75 @@ class ParameterSpace:
 
     @property
     def centre(self) -> dict[str, float]:
-        """Centre of each parameter's range, or its fixed value."""
+        """Centre of each parameter's range on its scale, or its fixed value."""
         known = dict(self.fixed)
         for name, low, high in zip(
             self.free, self.low.tolist(), self.high.tolist(), strict=True
         ):
-            known[name] = round((low + high) / 2, 12)
+            if name in self.scale:
+                middle = float(self.values_at(name, np.array(0.5)))
+                known[name] = float(f"{middle:.12g}")
+            else:
+                known[name] = round((low + high) / 2, 12)
         return {name: known[name] for name in self.names}
+
+    @property
+    def coordinate_ends(self) -> tuple[np.ndarray, np.ndarray]:
+        """Ends (d,) of the ranges in the coordinates of their scales."""
+        low, high = to_coordinates(
+            np.array([self.low, self.high]), self.free, self.scale
+        )
+        return low, high
+
+    def coordinates(self, name: str, values: np.ndarray) -> np.ndarray:
+        """Turn values of a free parameter into coordinates of its scale."""
+        return SCALES[self.scale.get(name, LINEAR)].forward(np.asarray(values))
+
+    def shares(self, name: str, values: np.ndarray) -> np.ndarray:
+        """Compute where values of a free parameter lie in its range.
+
+        0 is the lower end, 1 the upper, evenly along the scale.
+        """
+        low, high = self._coordinate_ends_of(name)
+        return (self.coordinates(name, values) - low) / (high - low)
+
+    def values_at(self, name: str, shares: np.ndarray) -> np.ndarray:
+        """Compute the values of a free parameter at shares of its range.
+
+        It is the inverse of `shares`.
+        """
+        low, high = self._coordinate_ends_of(name)
+        coordinates = low + shares * (high - low)
+        if name not in self.scale:
+            return coordinates
+        # Rounding must not move a value out of its range.
+        k = self.free.index(name)
+        values = SCALES[self.scale[name]].backward(coordinates)
+        return np.clip(values, self.low[k], self.high[k])
+
+    def _coordinate_ends_of(self, name: str) -> tuple[float, float]:
+        """Return the ends of the range of a free parameter, in its coordinates."""
+        k = self.free.index(name)
+        low, high = self.coordinate_ends
+        return low[k], high[k]
 
     def values(self, unit: np.ndarray) -> np.ndarray:
         """Turn points (n, d) of the unit cube into parameter sets (n, names)."""
+        return self.complete(self.free_values(unit))
+
+    def free_values(self, unit: np.ndarray) -> np.ndarray:
+        """Turn points (n, d) of the unit cube into values (n, d) of the free parameters."""
         points = np.atleast_2d(np.asarray(unit, dtype=float))
-        return self.complete(self.low + points * (self.high - self.low))
+        low, high = self.coordinate_ends
+        return self.from_coordinates(low + points * (high - low))
+
+    def from_coordinates(self, coordinates: np.ndarray) -> np.ndarray:
+        """Turn coordinates (n, d) of the free parameters' scales into values (n, d)."""
+        if not self.scale:
+            return coordinates
+        # Rounding must not move a value out of its range.
+        values = to_values(coordinates, self.free, self.scale)
+        return np.clip(values, self.low, self.high)
 
     def complete(self, values: np.ndarray) -> np.ndarray:
         """Add the fixed values to values (n, d) of the free parameters.
@@ -120,37 +190,41 @@ class ParameterSpace:
         """Turn parameter sets (n, names) into points (n, d) of the unit cube."""
         values = np.atleast_2d(np.asarray(values, dtype=float))
         columns = [self.names.index(name) for name in self.free]
-        return (values[:, columns] - self.low) / (self.high - self.low)
+        low, high = self.coordinate_ends
+        coordinates = to_coordinates(values[:, columns], self.free, self.scale)
+        return (coordinates - low) / (high - low)
 
     def log_prior(self, unit: np.ndarray) -> np.ndarray:
         """Compute the log prior density (n,) at points (n, d) of the unit cube.
 
-        It is known up to a constant, and 0 without priors.
+        It is known up to a constant, and 0 without priors. A normal prior is one of the
+        value, whatever the scale, so its density in the logarithm has the value as a
+        further factor.
         """
         total = np.zeros(len(unit))
-        for k, low, high, mean, sd in self._priors():
-            total -= 0.5 * ((low + unit[:, k] * (high - low) - mean) / sd) ** 2
-        return total
-
-    def _priors(self) -> Iterator[tuple[int, float, float, float, float]]:
-        """Yield column, ends of the range, mean and sd of each parameter with a prior."""
         for name, (mean, sd) in self.prior.items():
-            k = self.free.index(name)
-            yield k, self.low[k], self.high[k], mean, sd
+            value = self.values_at(name, unit[:, self.free.index(name)])
+            total -= 0.5 * ((value - mean) / sd) ** 2
+            if self.scale.get(name) == LOG:
+                total += np.log(value)
+        return total
 
     def prior_cdf(self, unit: np.ndarray) -> np.ndarray:
         """Compute the distribution function (n, d) of each parameter's prior.
 
         `unit` are points (n, d) of the unit cube; without a prior the distribution is
-        uniform.
+        uniform along the scale.
         """
         from scipy import stats
 
         share = np.array(unit, dtype=float)
-        for k, low, high, mean, sd in self._priors():
-            value = low + share[:, k] * (high - low)
+        for name, (mean, sd) in self.prior.items():
+            k = self.free.index(name)
+            value = self.values_at(name, share[:, k])
             share[:, k] = stats.truncnorm.cdf(
-                (value - mean) / sd, (low - mean) / sd, (high - mean) / sd
+                (value - mean) / sd,
+                (self.low[k] - mean) / sd,
+                (self.high[k] - mean) / sd,
             )
         return share
 
@@ -159,12 +233,21 @@ class ParameterSpace:
         from scipy import stats
 
         unit = np.array(share, dtype=float)
-        for k, low, high, mean, sd in self._priors():
+        for name, (mean, sd) in self.prior.items():
+            k = self.free.index(name)
             value = mean + sd * stats.truncnorm.ppf(
-                unit[:, k], (low - mean) / sd, (high - mean) / sd
+                unit[:, k], (self.low[k] - mean) / sd, (self.high[k] - mean) / sd
             )
-            unit[:, k] = (value - low) / (high - low)
+            unit[:, k] = self.shares(name, value)
         return unit
+
+
+def scale_of(entry: Any) -> str:
+    """Return the name of the scale of an entry in the section `parameters`."""
+    if not isinstance(entry, Mapping):
+        return LINEAR
+    name: str = entry.get("scale", LINEAR)
+    return name
 
 
 def range_of(

@@ -1,16 +1,20 @@
 """Types of the entries of the section `parameters`, and checks of the whole section."""
 
+import math
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field
 
-from repose.calibrate.parameter_space import PRIOR_WIDTHS
+from repose.calibrate.parameter_space import PRIOR_WIDTHS, range_of
+from repose.calibrate.scales import LINEAR, LOG, SCALES
 from repose.common.errors import did_you_mean
 from repose.common.section import Allowed, Contradictions, refuse
 
-KEYS = ("fixed", "prior", "range")
+KEYS = ("fixed", "prior", "range", "scale")
+# A range of more decades is too wide for a linear scale.
+MOST_DECADES = 2.0
 
 
 class _Bounds:
@@ -24,7 +28,7 @@ class _Bounds:
         self.number = f"a number{within}"
         self.allowed = (
             f"a pair [low, high] of numbers{within} with low < high; "
-            "or fixed; or prior with mean and sd"
+            "or fixed; or range with scale; or prior with mean and sd"
         )
 
     def check(self, entry: Any) -> Any:
@@ -51,7 +55,8 @@ class _Bounds:
     def _faults(self, entry: Mapping[str, Any]) -> Contradictions:
         """Yield (key, what is allowed) for each fault of an entry that is a section.
 
-        A valid entry has either the key fixed alone, or a prior with or without a range.
+        A valid entry has the key fixed alone, a range with a scale, or a prior with or
+        without a range.
         """
         unknown = [str(key) for key in entry if key not in KEYS]
         for key in unknown:
@@ -66,17 +71,32 @@ class _Bounds:
                 yield "fixed", self.number
             return
 
-        # A range without a prior must be written as a plain pair.
-        if "range" in entry and "prior" not in entry:
-            yield "", "a pair [low, high]; a range stands beside a prior only"
+        # A range on its own must be written as a plain pair.
+        if "range" in entry and not {"prior", "scale"} & set(entry):
+            yield (
+                "",
+                "a pair [low, high]; a range stands beside a prior or a scale only",
+            )
             return
 
         prior = entry.get("prior")
         has_good_range = "range" not in entry or self._is_range(entry["range"])
-        if not unknown and (prior is None or not has_good_range):
+        is_complete = prior is not None or {"range", "scale"} <= set(entry)
+        if not unknown and not (is_complete and has_good_range):
             yield "", self.allowed
-        elif prior is not None:
+            return
+        if prior is not None:
             yield from self._faults_of_prior(prior)
+        if has_good_range:
+            yield from self._faults_of_scale(entry)
+
+    def _faults_of_scale(self, entry: Mapping[str, Any]) -> Contradictions:
+        """Yield (key, what is allowed) for a fault of a scale; the range is good."""
+        scale = entry.get("scale", LINEAR)
+        if not isinstance(scale, str) or scale not in SCALES:
+            yield "scale", " or ".join(SCALES)
+        elif scale == LOG and not ("range" in entry and entry["range"][0] > 0):
+            yield "range", f"a pair [low, high] with low above 0, where scale is {LOG}"
 
     def _faults_of_prior(self, prior: Any) -> Contradictions:
         """Yield (key, what is allowed) for a fault of a prior."""
@@ -115,7 +135,7 @@ def parameter(low: float, high: float) -> Any:
 def far_priors(parameters: Mapping[str, Any]) -> Contradictions:
     """Refuse parameters whose range lies outside the bulk of their prior."""
     for name, entry in parameters.items():
-        if not isinstance(entry, Mapping) or "range" not in entry:
+        if not isinstance(entry, Mapping) or not {"prior", "range"} <= set(entry):
             continue
         mean = entry["prior"]["mean"]
         half = PRIOR_WIDTHS * entry["prior"]["sd"]
@@ -125,6 +145,28 @@ def far_priors(parameters: Mapping[str, Any]) -> Contradictions:
                 name,
                 f"a range that meets {low:g} to {high:g}, {PRIOR_WIDTHS:g} sd about "
                 "the mean of its prior",
+            )
+
+
+def wide_ranges(parameters: Mapping[str, Any]) -> Iterator[str]:
+    """Yield a sentence for each parameter whose range is too wide for a linear scale.
+
+    A parameter whose entry names a scale has none. A range that begins at 0 has no number
+    of decades, and a range below 0 no logarithm.
+    """
+    for name, entry in parameters.items():
+        if isinstance(entry, Mapping) and not {"scale", "fixed"}.isdisjoint(entry):
+            continue
+        low, high = range_of(name, entry)
+        if not low > 0:
+            continue
+        decades = math.log10(high / low)
+        if decades > MOST_DECADES:
+            yield (
+                f"{name}: its range {low:g} to {high:g} spans {decades:.1f} decades, and "
+                f"most samples lie in the highest; write "
+                f"{{range: [{low:g}, {high:g}], scale: log}} to spread them evenly over "
+                "the decades, or scale: linear to keep the range as it is"
             )
 
 

@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.progress import announce
+from repose.calibrate.scales import LOG
 from repose.calibrate.strategies.base import Answer, Batch, strategy
 from repose.calibrate.strategies.runs import (
     NUMBERS,
@@ -449,15 +451,14 @@ class Record:
         Differences that a spreadsheet may cause by rounding are accepted.
         """
         space = self.study.parameters
-        widths = dict(zip(space.free, space.high - space.low, strict=True))
         for name in space.names:
             if name not in table:
                 continue
-            # The accepted rounding is proportional to the range of the parameter, or to
-            # the value of a fixed one.
-            size = widths.get(name, abs(space.fixed.get(name, 0.0)))
-            pairs = zip(_numbers(table, name), runs[name], strict=True)
-            if not all(_is_rounded(value, asked, size) for value, asked in pairs):
+            asked = runs[name].to_numpy(float)
+            rows = zip(
+                _numbers(table, name), asked, _sizes(space, name, asked), strict=True
+            )
+            if not all(_is_rounded(*row) for row in rows):
                 allowed = "the parameters that `ask` gave, or no such column"
                 raise InputError(SOURCE, name, "changed", allowed)
 
@@ -559,7 +560,7 @@ def _is_rounded(value: float, asked: float, size: float) -> bool:
     """Check whether `value` is `asked`, perhaps rounded to fewer digits.
 
     The difference may be half of the last digit of `value`, but at most
-    `LARGEST_ROUNDING` of `size`, the width of the parameter's range.
+    `LARGEST_ROUNDING` of `size`.
     """
     if math.isclose(value, asked, rel_tol=SAME):
         return True
@@ -567,6 +568,22 @@ def _is_rounded(value: float, asked: float, size: float) -> bool:
         Decimal(repr(float(value))).normalize().as_tuple().exponent
     )
     return abs(value - asked) <= min(HALF_DIGIT * last_digit, LARGEST_ROUNDING * size)
+
+
+def _sizes(space: ParameterSpace, name: str, values: np.ndarray) -> np.ndarray:
+    """Return the sizes (n,) of a parameter to which accepted roundings are proportional.
+
+    A size is the range of the parameter, or the value of a fixed one. On a scale that is
+    not linear, it is the range times the slope of the scale at the value.
+    """
+    if name in space.fixed:
+        return np.full(len(values), abs(space.fixed[name]))
+    k = space.free.index(name)
+    low, high = space.coordinate_ends
+    width = high[k] - low[k]
+    if space.scale.get(name) == LOG:
+        return width * values
+    return np.full(len(values), width)
 
 
 def _first_free_run(sample: str, occupied: set[tuple[str, str]]) -> str:

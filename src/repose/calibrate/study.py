@@ -38,8 +38,8 @@ class Study:
     Parameters
     ----------
     parameters : mapping
-        A range ``(low, high)``, ``{"fixed": value}`` or
-        ``{"prior": {"mean": m, "sd": s}}`` for each parameter.
+        A range ``(low, high)``, ``{"range": (low, high), "scale": "log"}``,
+        ``{"fixed": value}`` or ``{"prior": {"mean": m, "sd": s}}`` for each parameter.
     targets : mapping
         ``(value, sd)`` or ``(value, sd, repetitions)`` for each response that was
         measured, with 1 repetition by default; or the keys of
@@ -72,6 +72,11 @@ class Study:
     ------
     InputError
         For settings that are not allowed, or others than those beside `file`.
+
+    Warns
+    -----
+    UserWarning
+        Of each range of more than two decades that has no scale.
     """
 
     config: dict[str, Any]
@@ -92,6 +97,7 @@ class Study:
         **sections: Any,
     ) -> None:
         """Check and complete the settings, and save them next to the file of runs."""
+        from repose.calibrate.parameter_types import wide_ranges
         from repose.calibrate.profile_targets import expand_own_profiles
         from repose.calibrate.study_file import complete_configuration
 
@@ -113,6 +119,8 @@ class Study:
         if file is not None:
             _keep_settings(content, file)
         self._set_up(config, file)
+        for sentence in wide_ranges(config["parameters"]):
+            warnings.warn(sentence, stacklevel=2)
 
     def _set_up(self, config: dict[str, Any], file: Path_ | None) -> None:
         """Set the attributes from a `completed` configuration."""

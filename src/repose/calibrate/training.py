@@ -17,7 +17,7 @@ from repose.calibrate.responses import (
     require_same_definitions,
 )
 from repose.calibrate.runs import of_bench
-from repose.calibrate.surrogates import Surrogate, load, make
+from repose.calibrate.surrogates import Surrogate, load, make, on_scale
 from repose.calibrate.surrogates.accuracy import r2
 from repose.calibrate.surrogates.settings import NetworkSettings
 from repose.calibrate.targets import Targets
@@ -129,6 +129,7 @@ def train(
     definitions: Definitions | None = None,
     source: object = "dataset",
     surrogate: str = "network",
+    scale: Mapping[str, str] | None = None,
 ) -> Training:
     """Train a surrogate on the usable samples of a study.
 
@@ -153,6 +154,8 @@ def train(
         File of the dataset, for an error.
     surrogate : str, optional
         Kind of the surrogate.
+    scale : mapping, optional
+        Name of the scale of each parameter that is not linear, by name.
 
     Returns
     -------
@@ -183,7 +186,7 @@ def train(
             replicates = Replicates.of(runs, samples, targets)
             if replicates is not None:
                 noise = replicates._asdict()
-        model = make(surrogate, settings).describe(
+        model = on_scale(make(surrogate, settings), scale or {}).describe(
             names, targets.names, definitions, samples
         )
         return _Fit(model.fit(X[part], Y[part], **noise), noise)

@@ -68,6 +68,7 @@ def network(args: argparse.Namespace, study: PipelineConfig) -> None:
         surrogate=study.settings.surrogate,
         settings=study.settings.network,
         names=study.parameter_names,
+        scale=study.parameters.scale,
         source=args.config,
     )
     print(message(metrics))

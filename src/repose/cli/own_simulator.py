@@ -18,6 +18,7 @@ FOLDER = "own"
 
 def _study(args: argparse.Namespace) -> "Study":
     """Make the study of --config; for the verb `ask` with the runs so far."""
+    from repose.calibrate.parameter_types import wide_ranges
     from repose.calibrate.study import Study
     from repose.calibrate.study_file import is_own, unread_keys
     from repose.common.reading import read
@@ -39,6 +40,8 @@ def _study(args: argparse.Namespace) -> "Study":
     if keys:
         strategy = study.settings.strategy
         _warn(f"{args.config}: the strategy {strategy} does not read {', '.join(keys)}")
+    for sentence in wide_ranges(study.config["parameters"]):
+        _warn(f"{args.config}: {sentence}")
     return study
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from repose.bench import BenchTest, bench, reach, scene_size
+from repose.calibrate.parameter_types import wide_ranges
 from repose.calibrate.runs import describe
 from repose.calibrate.strategies import cost as strategies
 from repose.common.errors import InputError
@@ -96,6 +97,8 @@ def describe_study(study: PipelineConfig) -> Iterator[str]:
     dataset_csv = dependencies.find_own_dataset(config)
     for one in reach.assess_targets(config, particle, dataset_csv).values():
         yield describe_reach(one)
+    for sentence in wide_ranges(study.settings.parameters.given):
+        yield f"ranges: WARNING: {sentence}"
 
     limit = computed.longest_step(config, particle, grain)
     yield describe_time_step(study.settings.simulation.time_step_s, limit)

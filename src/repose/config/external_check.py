@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from repose.calibrate.parameter_types import wide_ranges
 from repose.calibrate.strategies import strategy
 from repose.common.errors import InputError
 from repose.config.cost import Pours, strategy_pours
@@ -29,6 +30,8 @@ def describe(study: PipelineConfig, simulator: SimulatorSettings) -> Iterator[st
         for name, value in study.parameters.fixed.items():
             if name not in used:
                 yield f"{name} is fixed at {value:g}; the deck must hold this number"
+    for sentence in wide_ranges(study.config["parameters"]):
+        yield f"ranges: WARNING: {sentence}"
     left = ", ".join(simulator.files_read)
     yield f"responses: {', '.join(study.targets.names)}, from {left}"
     yield (

@@ -139,7 +139,8 @@ def _short(allowed: str) -> str:
         return f"{numbers[1]}, 2 x {numbers[1]} and so on to {numbers[2]}"
     pair = allowed.replace("a pair [low, high] of numbers", "[low, high]")
     return pair.replace(
-        "with low < high; or fixed; or prior with", "; fixed; or prior:"
+        "with low < high; or fixed; or range with scale; or prior with",
+        "; fixed; range with scale; or prior:",
     )
 
 

@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar
 
+import numpy as np
+
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.targets import Targets
 from repose.common.section import Section
@@ -66,6 +68,17 @@ class StudyView:
     def parameters(self) -> ParameterSpace:
         """The parameters with their ranges, fixed values and priors."""
         return ParameterSpace.of(self.config["parameters"])
+
+
+def cell_edges(parameters: ParameterSpace, name: str, count: int) -> np.ndarray:
+    """Return the edges (count + 1,) of equal parts of a free parameter's range.
+
+    They are equal along the scale of the parameter.
+    """
+    if name in parameters.scale:
+        return parameters.values_at(name, np.linspace(0, 1, count + 1))
+    low, high = parameter_ranges(parameters)[name]
+    return np.linspace(low, high, count + 1)
 
 
 def parameter_ranges(parameters: ParameterSpace) -> dict[str, tuple[float, float]]:

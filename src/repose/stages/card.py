@@ -95,6 +95,10 @@ class Parameter(Section):
         description="low or high is the value itself, which the interval did not hold",
     )
     given: Literal["calibrated", "calibrated from a prior", "fixed"]
+    scale: Literal["log"] = Field(
+        ABSENT,
+        description="of its range; correlations are those of the logarithm",
+    )
 
 
 class Reach(Section):

@@ -1,6 +1,6 @@
 """The stage `network`: train a surrogate of the simulator on the table of samples."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from repose.stages.parameter_sets import parameter_columns
 from repose.stages.tables import read_dataset, read_runs
 
 
-def run(
+def run(  # noqa: PLR0913  (each is part of the study)
     dataset_csv: Path_,
     runs_csv: Path_,
     out_dir: Path_,
@@ -24,6 +24,7 @@ def run(
     surrogate: str,
     settings: NetworkSettings,
     names: Sequence[str] | None = None,
+    scale: Mapping[str, str] | None = None,
     source: object = "configuration",
 ) -> dict[str, Any]:
     """Train a surrogate of the simulator, and write it with its predictions.
@@ -44,6 +45,8 @@ def run(
         The section `network`.
     names : sequence of str, optional
         As in `repose.stages.parameter_sets.parameter_columns`.
+    scale : mapping, optional
+        Name of the scale of each parameter that is not linear, by name.
     source : object, optional
         File of the configuration, for error messages.
 
@@ -72,6 +75,7 @@ def run(
         definitions=definitions or dataset_definitions,
         source=dataset_csv,
         surrogate=surrogate,
+        scale=scale,
     )
     out = Path(out_dir)
     training.model.save(out / "network.json")

@@ -21,6 +21,7 @@ from repose.calibrate.search.settings import MigaSettings
 from repose.calibrate.targets import Targets
 
 Function = Callable[[np.ndarray], np.ndarray]
+Deviation = Callable[[np.ndarray], np.ndarray]
 PENALTY = 10.0
 PRIOR_WEIGHT = 0.01
 # A point that is thinned away may lose its better neighbour later, so the archive has
@@ -112,6 +113,9 @@ class Preference:
 
     mean: np.ndarray  # (d,), in the search's coordinates [-1, 1]
     sd: np.ndarray  # (d,), likewise; infinite for a parameter without a prior
+    # Of parameters on a scale that is not linear, whose mean and sd above are 0 and
+    # infinite: their columns and deviations in standard deviations.
+    scaled: tuple[tuple[int, Deviation], ...] = ()
 
     @classmethod
     def of(cls, space: ParameterSpace) -> "Preference | None":
@@ -120,22 +124,32 @@ class Preference:
             return None
         mean = np.zeros(space.dimensions)
         sd = np.full(space.dimensions, np.inf)
+        scaled = []
         for name, (prior_mean, prior_sd) in space.prior.items():
             # The search scales the range of a parameter to [-1, 1].
             k = space.free.index(name)
+            if name in space.scale:
+                scaled.append((k, _deviation(space, name)))
+                continue
             half_width = (space.high[k] - space.low[k]) / 2
             mean[k] = (prior_mean - space.low[k]) / half_width - 1
             sd[k] = prior_sd / half_width
-        return cls(mean, sd)
+        return cls(mean, sd, tuple(scaled))
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
         """Compute the cost (n,) of points (n, d) in [-1, 1]."""
-        return PRIOR_WEIGHT / 2 * (((points - self.mean) / self.sd) ** 2).sum(axis=1)
+        deviations = (points - self.mean) / self.sd
+        for k, deviation in self.scaled:
+            deviations[:, k] = deviation(points[:, k])
+        return PRIOR_WEIGHT / 2 * (deviations**2).sum(axis=1)
 
     @property
     def largest(self) -> float:
         """The highest cost of a point, which is that of a corner."""
         corner = np.where(self.mean > 0, -1.0, 1.0)
+        for k, deviation in self.scaled:
+            at_ends = np.abs(deviation(np.array([-1.0, 1.0])))
+            corner[k] = -1.0 if at_ends[0] > at_ends[1] else 1.0
         return float(self(corner[None])[0])
 
     def distance(self, points: np.ndarray) -> np.ndarray:
@@ -144,6 +158,15 @@ class Preference:
         It is in standard deviations.
         """
         return np.sqrt(2 / PRIOR_WEIGHT * self(points))
+
+
+def _deviation(space: ParameterSpace, name: str) -> Deviation:
+    """Make the function of a parameter's deviation from its prior, in its sd.
+
+    It takes coordinates (n,) in [-1, 1].
+    """
+    mean, sd = space.prior[name]
+    return lambda points: (space.values_at(name, (points + 1) / 2) - mean) / sd
 
 
 class Archive:

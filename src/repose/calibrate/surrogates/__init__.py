@@ -5,6 +5,20 @@
 """
 
 from repose.calibrate.surrogates.base import Surrogate, register
-from repose.calibrate.surrogates.registry import load, make, names, surrogate_class
+from repose.calibrate.surrogates.registry import (
+    load,
+    make,
+    names,
+    on_scale,
+    surrogate_class,
+)
 
-__all__ = ["Surrogate", "load", "make", "names", "register", "surrogate_class"]
+__all__ = [
+    "Surrogate",
+    "load",
+    "make",
+    "names",
+    "on_scale",
+    "register",
+    "surrogate_class",
+]

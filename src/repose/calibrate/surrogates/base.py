@@ -76,6 +76,8 @@ class Surrogate(ABC):
         shown its accuracy at the others.
     is_network : bool
         Whether it is trained from several starts.
+    scale : mapping
+        Name of the scale of each input that it learns on one that is not linear.
     """
 
     name: ClassVar[str]
@@ -84,6 +86,7 @@ class Surrogate(ABC):
     inputs: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
     definitions: Definitions = {}  # noqa: RUF012 - never changed in place
+    scale: Mapping[str, str] = {}
     samples: tuple[int, ...] = ()
     offset_: np.ndarray
 

@@ -5,6 +5,7 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from repose.calibrate.scales import SCALES
 from repose.calibrate.surrogates.base import REGISTERED, Surrogate
 from repose.calibrate.surrogates.settings import AS_PUBLISHED, NetworkSettings
 from repose.common.errors import InputError
@@ -77,6 +78,23 @@ def make(
     return surrogate_class(name, source).of(settings)
 
 
+def on_scale(model: Surrogate, scale: Mapping[str, str]) -> Surrogate:
+    """Let a surrogate learn its inputs on their scales.
+
+    Parameters
+    ----------
+    model : Surrogate
+    scale : mapping
+        Name of the scale of each input that is not linear, by name. Without any, the
+        result is the surrogate itself.
+    """
+    if not scale:
+        return model
+    from repose.calibrate.surrogates.scaled_inputs import ScaledInputs
+
+    return ScaledInputs(model, scale)
+
+
 def load(path: str | os.PathLike, outputs: Sequence[str] | None = None) -> Surrogate:
     """Load a trained surrogate from a file written by `Surrogate.save`.
 
@@ -100,7 +118,7 @@ def load(path: str | os.PathLike, outputs: Sequence[str] | None = None) -> Surro
     _check_finite(content, path)
     try:
         samples = _checked_numbers(content.get("samples", []))
-        model = kind.from_dict(content)
+        model = on_scale(kind.from_dict(content), _checked_scale(content))
         model.describe(
             inputs=content["inputs"],
             outputs=content["outputs"],
@@ -126,6 +144,15 @@ def _check_finite(content: Mapping[str, Any], path: object) -> None:
         raise InputError(
             path, "numbers", "not all finite", "finite ones, as a surrogate has them"
         ) from None
+
+
+def _checked_scale(content: Mapping[str, Any]) -> Mapping[str, str]:
+    """Return the scales of the inputs; ValueError for others than known ones."""
+    scale: Mapping[str, str] = content.get("scale", {})
+    is_known = set(scale) <= set(content["inputs"]) and set(scale.values()) <= {*SCALES}
+    if not is_known:
+        raise ValueError(f"scale {scale}")
+    return scale
 
 
 def _checked_numbers(samples: Sequence[Any]) -> Sequence[int]:

@@ -9,12 +9,13 @@ sample's.
          74, 169: leverage
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Self
 
 import numpy as np
 
 from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.scales import to_coordinates
 from repose.common.errors import InputError
 from repose.common.files import Path_, read_table
 
@@ -35,6 +36,9 @@ class Support:
         has no effect.
     names : sequence of str
         Names of the d parameters.
+    scale : mapping, optional
+        Name of the scale of each parameter that is not linear, by name. Distances are
+        shares of the range along the scale.
 
     Attributes
     ----------
@@ -50,14 +54,16 @@ class Support:
         low: np.ndarray,
         high: np.ndarray,
         names: Sequence[str],
+        scale: Mapping[str, str] | None = None,
     ) -> None:
         """Compute the usual distance between neighbours, and the largest leverage."""
         from scipy.spatial import cKDTree
 
         points = np.asarray(points, dtype=float)
-        self.low = np.asarray(low, dtype=float)
-        self.high = np.asarray(high, dtype=float)
         self.names = tuple(names)
+        self.scale = dict(scale or {})
+        ends = np.array([low, high], dtype=float)
+        self.low, self.high = to_coordinates(ends, self.names, self.scale)
         self._is_free = self.high > self.low
         d = len(self.names)
         if points.ndim != 2 or len(points) < FEWEST_SAMPLES or points.shape[1] != d:
@@ -78,7 +84,7 @@ class Support:
     def of(cls, points: np.ndarray, space: ParameterSpace) -> Self:
         """Make the support of parameter sets (n, p) of a study."""
         low, high = space.complete(np.array([space.low, space.high]))
-        return cls(points, low, high, space.names)
+        return cls(points, low, high, space.names, space.scale)
 
     @classmethod
     def of_dataset(cls, dataset_csv: Path_, space: ParameterSpace) -> Self:
@@ -109,6 +115,17 @@ class Support:
         )
         return is_at_bound
 
+    def is_beyond_ends(self, points: np.ndarray) -> np.ndarray:
+        """Mark the points (m,) at an end of a range near which no sample lies."""
+        unit = self._unit(points)
+        samples = self.tree.data
+        is_beyond = np.zeros(len(unit), dtype=bool)
+        for end in (0.0, 1.0):
+            has_samples = (np.abs(samples - end) <= BOUND_SHARE).any(axis=0)
+            is_at_end = np.abs(unit - end) <= BOUND_SHARE
+            is_beyond |= (is_at_end & ~has_samples).any(axis=1)
+        return is_beyond
+
     def distance(self, points: np.ndarray) -> np.ndarray:
         """Compute the distance (m,) of points to their nearest sample, in ranges."""
         distances, _ = self.tree.query(self._unit(points))
@@ -134,14 +151,15 @@ class Support:
     def warnings(self, points: np.ndarray) -> list[str]:
         """Describe why each point (m, d) is beyond the samples; empty if it is not."""
         points = np.atleast_2d(np.asarray(points, dtype=float))
+        coordinates = to_coordinates(points, self.names, self.scale)
         is_at_bound = self.at_bounds(points)
         distances = self.distance(points)
         leverages = self.leverage(points)
         texts = []
-        for k, point in enumerate(points):
+        for k in range(len(points)):
             parts = []
             if is_at_bound[k].any():
-                parts.append(self._bounds_text(point, is_at_bound[k]))
+                parts.append(self._bounds_text(coordinates[k], is_at_bound[k]))
             if distances[k] > self.farthest:
                 parts.append(
                     f"nearest sample {distances[k]:.2f} of a range away, "
@@ -156,7 +174,10 @@ class Support:
         return texts
 
     def _bounds_text(self, point: np.ndarray, is_at_bound: np.ndarray) -> str:
-        """Name the parameters of a point (d,) that are at a bound, and which end."""
+        """Name the parameters of a point (d,) that are at a bound, and which end.
+
+        The point is in the coordinates of the scales.
+        """
         bounds = []
         for i in np.flatnonzero(is_at_bound):
             is_low = point[i] < (self.low[i] + self.high[i]) / 2
@@ -165,7 +186,9 @@ class Support:
 
     def _unit(self, points: np.ndarray) -> np.ndarray:
         """Scale the free parameters of points (m, d) to their ranges."""
-        offsets = (np.asarray(points, dtype=float) - self.low)[:, self._is_free]
+        values = np.asarray(points, dtype=float)
+        coordinates = to_coordinates(values, self.names, self.scale)
+        offsets = (coordinates - self.low)[:, self._is_free]
         return offsets / (self.high - self.low)[self._is_free]
 
 

@@ -188,12 +188,12 @@ def _marginal(
     two_points = np.full((2, space.dimensions), 0.5)
     two_points[:, k] = end_quantiles
     unit = space.from_prior(two_points)[:, k]
-    low, high = (space.low[k] + (space.high[k] - space.low[k]) * unit).tolist()
+    name = space.free[k]
+    low, high = space.values_at(name, unit).tolist()
 
     # Compute the information from a histogram of the quantiles.
     bin_number = np.minimum((quantile * BINS).astype(int), BINS - 1)
     share = np.bincount(bin_number, weight, BINS)
-    name = space.free[k]
     return {
         f"{name}_low": low,
         f"{name}_high": high,

@@ -1,6 +1,6 @@
 """Posterior of the free parameters given the physical measurements.
 
-The prior is uniform on the range of each parameter, or normal and cut to the range
+The prior is uniform on the range of each parameter, along its scale, or normal and cut to the range
 where the parameter was measured. `repose.calibrate.uncertainty.likelihood` defines the
 likelihood, `repose.calibrate.uncertainty.sampler` draws from the posterior.
 """
@@ -550,12 +550,12 @@ def _parameters(
     prior_widths = _prior_widths(space)
     rows = []
     for k, name in enumerate(space.free):
-        values = space.low[k] + unit[:, k] * (space.high[k] - space.low[k])
+        values = space.values_at(name, unit[:, k])
         row = {
             "parameter": name,
             "low": space.low[k],
             "high": space.high[k],
-            **_distribution(values, prior_widths[k]),
+            **_distribution(values, space, name, prior_widths[k]),
             "information_bits": information_bits(
                 quantiles[:, k], convergence.effective_draws[k]
             ),
@@ -572,34 +572,41 @@ def _parameters(
     return pd.DataFrame(rows)
 
 
-def _distribution(values: np.ndarray, prior_width: float) -> dict[str, float]:
+def _distribution(
+    values: np.ndarray, space: ParameterSpace, name: str, prior_width: float
+) -> dict[str, float]:
     """Describe the distribution of draws (n,) of a parameter.
 
-    `prior_width` is the width of the central interval of its prior.
+    `prior_width` is the width of the central interval of its prior, along its scale.
     """
     interval = _credible_interval(values)
+    low, high = space.coordinates(name, np.array(interval)).tolist()
     return {
         "mean": float(values.mean()),
         "sd": float(values.std()),
         "median": float(np.median(values)),
         "credible_low": interval.low,
         "credible_high": interval.high,
-        "width_ratio": (interval.high - interval.low) / prior_width,
+        "width_ratio": (high - low) / prior_width,
     }
 
 
 def _prior_widths(space: ParameterSpace) -> np.ndarray:
     """Compute the widths (d,) of the priors' central intervals of probability CREDIBLE.
 
-    For a uniform prior, the width is CREDIBLE times the range.
+    Widths are along the scales. For a uniform prior, the width is CREDIBLE times the
+    range.
     """
-    widths = CREDIBLE * (space.high - space.low)
+    range_low, range_high = space.coordinate_ends
+    widths = CREDIBLE * (range_high - range_low)
     # For a parameter with another prior, use the quantiles of this prior.
     tail = np.full(space.dimensions, (1 - CREDIBLE) / 2)
-    low, high = space.values(space.from_prior(np.array([tail, 1 - tail])))
+    quantiles = space.from_prior(np.array([tail, 1 - tail]))
     for name in space.prior:
-        column = space.names.index(name)
-        widths[space.free.index(name)] = high[column] - low[column]
+        k = space.free.index(name)
+        values = space.values_at(name, quantiles[:, k])
+        low, high = space.coordinates(name, values)
+        widths[k] = high - low
     return widths
 
 
@@ -634,18 +641,19 @@ def _reference(
     dict
         The interval, and its probability by the draws and by the prior.
     """
-    low = space.low[k]
-    high = space.high[k]
-    if space.free[k] in space.prior:
-        # Clip the interval to the range, and compute its probability from the prior's
-        # distribution function.
+    # Clip the interval to the range.
+    parameter = space.free[k]
+    clipped = np.clip(interval, space.low[k], space.high[k])
+    if parameter in space.prior:
+        # Compute the probability from the prior's distribution function.
         ends = np.zeros((2, space.dimensions))
-        ends[:, k] = (np.clip(interval, low, high) - low) / (high - low)
+        ends[:, k] = space.shares(parameter, clipped)
         prior_probability = float(np.diff(space.prior_cdf(ends)[:, k])[0])
     else:
         # For a uniform prior, the probability is a share of the range.
-        overlap = min(interval.high, high) - max(interval.low, low)
-        prior_probability = max(0.0, overlap) / (high - low)
+        range_low, range_high = space.coordinate_ends
+        low, high = space.coordinates(parameter, clipped).tolist()
+        prior_probability = (high - low) / float(range_high[k] - range_low[k])
     is_inside = (values >= interval.low) & (values <= interval.high)
     return {
         f"{name}_low": interval.low,

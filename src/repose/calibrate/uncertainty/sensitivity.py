@@ -3,7 +3,7 @@
 There are Sobol indices and main effects. The indices use the estimators of Saltelli et
 al. 2010 (Computer Physics Communications 181, 259) on a Sobol sequence, as
 scipy.stats.sobol_indices has them. The free parameters are independent and uniform on
-their ranges; prior knowledge of a parameter does not enter. The intervals contain the
+their ranges, along their scales; prior knowledge of a parameter does not enter. The intervals contain the
 error of the sampling, by bootstrap over the rows of the sequence. They do not contain
 the surrogate's own error.
 """
@@ -186,13 +186,15 @@ def analyse(
         If a response does not vary.
     """
 
-    def respond(values: np.ndarray) -> np.ndarray:
+    def respond(coordinates: np.ndarray) -> np.ndarray:
+        values = parameters.from_coordinates(coordinates)
         return model.predict(parameters.complete(values))
 
+    low, high = parameters.coordinate_ends
     arrays = indices(
         respond,
-        low=parameters.low,
-        high=parameters.high,
+        low=low,
+        high=high,
         samples=settings.samples,
         resamples=settings.resamples,
         seed=settings.seed,
@@ -203,9 +205,8 @@ def analyse(
     columns = {name: array.ravel() for name, array in arrays.items()}
     table = pd.DataFrame(columns, pairs).reset_index()
 
-    grid, means = main_effects(
-        respond, low=parameters.low, high=parameters.high, seed=settings.seed
-    )
+    grid, means = main_effects(respond, low=low, high=high, seed=settings.seed)
+    grid = parameters.from_coordinates(grid.T).T
     n_values = grid.shape[1]
     effects = pd.DataFrame(
         {"parameter": np.repeat(parameters.free, n_values), "value": grid.ravel()}

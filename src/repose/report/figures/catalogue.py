@@ -331,7 +331,7 @@ FIGURES: dict[str, Drawn] = {
         caption=(
             "Do the samples fill the ranges? The design ({design[method]}): every "
             "pair of parameters. Each parameter has one sample in each of "
-            "{design[samples]} equal strata of its range."
+            "{design[samples]} strata of its range, equal along its scale."
         ),
         reads=("parameters", "design.method"),
     ),

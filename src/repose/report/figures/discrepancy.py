@@ -50,6 +50,7 @@ def over_the_discrepancy(inputs: Inputs, study: StudyView) -> Figure:
         _draw_intervals(
             panel, name, stated_rows=stated_rows, shape_study_rows=shape_study_rows
         )
+        panels.set_scale(panel.set_yscale, study.parameters, name)
         panel.set(ylabel=style.parameter_label(name), ylim=ranges[name])
     lowest_panels = axes[max(0, len(names) - 3) :]
     for panel in lowest_panels:

@@ -200,7 +200,9 @@ def _draw_intervals(calibration: Calibration, figure: FigureBase) -> None:
     """Draw the credible intervals with the answer."""
     table = calibration.posterior.parameters
     values = [calibration.parameters[name] for name in table["parameter"]]
-    posterior.draw_intervals(figure.subplots(), table.assign(answer=values))
+    posterior.draw_intervals(
+        figure.subplots(), table.assign(answer=values), calibration.study.parameters
+    )
 
 
 def _draw_corner(calibration: Calibration, figure: FigureBase) -> None:

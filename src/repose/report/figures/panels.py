@@ -1,7 +1,7 @@
 """Grids of panels, with a panel for each parameter or each pair of parameters."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -11,6 +11,7 @@ from matplotlib.figure import Figure, FigureBase
 
 from repose.bench.parameters import SYMBOLS
 from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.scales import LINEAR, SCALES
 from repose.calibrate.targets import Target, Targets
 from repose.report.study_view import parameter_ranges
 
@@ -68,6 +69,7 @@ def panels_over_parameters(
         panel.set_ylabel(response_label(target.response))
     for panel, name in zip(panels[-1], free, strict=True):
         panel.set_xlabel(parameter_label(name), fontsize=8.5)
+        set_scale(panel.set_xscale, parameters, name)
         panel.set_xlim(ranges[name])
     return figure, [
         ParameterPanel(panel, target, name)
@@ -75,6 +77,17 @@ def panels_over_parameters(
             panels.flat, product(targets, free), strict=True
         )
     ]
+
+
+def set_scale(
+    set_axis: Callable[[str], None], parameters: ParameterSpace, name: str
+) -> None:
+    """Give an axis the scale of a parameter, unless that is linear.
+
+    `set_axis` is a method such as `set_xscale` of matplotlib's axes.
+    """
+    if name in parameters.scale:
+        set_axis(parameters.scale[name])
 
 
 class PairPanel(NamedTuple):
@@ -106,24 +119,30 @@ def finish_pairs(
 ) -> None:
     """Set the limits, ticks and labels of pair panels that have been drawn.
 
-    `margin` is added to both ends of each axis, as a share of the parameter's range.
+    `margin` is added to both ends of each axis, as a share of the parameter's range along
+    its scale.
     """
     names = parameters.free
     ends = {}
-    for name, (low, high) in parameter_ranges(parameters).items():
+    lows, highs = parameters.coordinate_ends
+    for name, low, high in zip(names, lows.tolist(), highs.tolist(), strict=True):
         room = margin * (high - low)
-        ends[name] = low - room, high + room
+        coordinates = np.array([low - room, high + room])
+        scale = SCALES[parameters.scale.get(name, LINEAR)]
+        ends[name] = scale.backward(coordinates).tolist()
     for axes, across, down in panels:
         is_diagonal = across == down
         is_first_column = across == names[0]
         # A panel on the diagonal is a histogram, whose heights need no numbers.
         has_y_axis = is_first_column and not is_diagonal
+        set_scale(axes.set_xscale, parameters, across)
         axes.set_xlim(ends[across])
         axes.tick_params(labelsize=6, labelleft=has_y_axis)
         if is_diagonal:
             axes.set_yticks([])
             axes.spines["left"].set_visible(False)
         else:
+            set_scale(axes.set_yscale, parameters, down)
             axes.set_ylim(ends[down])
         if down == names[-1]:
             axes.set_xlabel(parameter_label(across), fontsize=8.5)

@@ -1,6 +1,7 @@
 """Figures of the posterior: draws of the parameters in pairs, credible intervals."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from matplotlib.patches import Rectangle
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.targets import Targets
 from repose.common.files import read_json, read_table
-from repose.report.study_view import parameter_ranges
+from repose.report.study_view import cell_edges
 
 from . import panels, style
 from .registry import Inputs, StudyView
@@ -196,11 +197,13 @@ def _draw_marginal(
     `row` is the row of the parameter in the table of the posterior.
     """
     name = row.name
+    edges = cell_edges(parameters, name, BINS)
+    # The density is that along the scale of the parameter.
+    width = parameters.coordinates(name, edges[[0, -1]]) @ [-1, 1] / BINS
     panel.hist(
         values,
-        bins=BINS,
-        range=parameter_ranges(parameters)[name],
-        density=True,
+        bins=edges,
+        weights=np.full(len(values), 1 / (len(values) * width)),
         color=style.BLUE,
         alpha=0.35,
     )
@@ -217,29 +220,28 @@ def _draw_marginal(
 def _prior_density(
     parameters: ParameterSpace, name: str
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return values (201,) of a free parameter, and the prior density at each."""
+    """Return values (201,) of a free parameter, and the prior density at each.
+
+    The density is that along the scale of the parameter.
+    """
     index = parameters.free.index(name)
-    low = parameters.low[index]
-    high = parameters.high[index]
     share_of_range = np.linspace(0, 1, 201)
-    values = low + share_of_range * (high - low)
+    values = parameters.values_at(name, share_of_range)
     # `prior_cdf` takes all free parameters; only one of its columns is needed.
     points = np.repeat(share_of_range[:, None], parameters.dimensions, axis=1)
     cumulative = parameters.prior_cdf(points)[:, index]
-    return values, np.gradient(cumulative, values)
+    return values, np.gradient(cumulative, parameters.coordinates(name, values))
 
 
 def _draw_ratio(
     panel: Axes, across: pd.Series, down: pd.Series, parameters: ParameterSpace
 ) -> QuadMesh:
     """Draw the ratio of posterior to prior probability of two parameters, cell by cell."""
-    ranges = parameter_ranges(parameters)
-    counts, x_edges, y_edges = np.histogram2d(
-        across,
-        down,
-        bins=PAIR_CELLS,
-        range=(ranges[str(across.name)], ranges[str(down.name)]),
-    )
+    edges = [
+        cell_edges(parameters, str(values.name), PAIR_CELLS)
+        for values in (across, down)
+    ]
+    counts, x_edges, y_edges = np.histogram2d(across, down, bins=edges)
     prior = np.outer(
         _prior_of_cells(parameters, str(across.name)),
         _prior_of_cells(parameters, str(down.name)),
@@ -371,20 +373,24 @@ def intervals(inputs: Inputs, study: StudyView) -> Figure:
     """Draw credible intervals in the parameters' ranges."""
     table = read_table(inputs["posterior"], ("parameter", "credible_low", "miga_low"))
     figure = style.new_figure(style.PAGE, 3.3)
-    draw_intervals(figure.subplots(), table)
+    draw_intervals(figure.subplots(), table, study.parameters)
     return figure
 
 
-def draw_intervals(panel: Axes, table: pd.DataFrame) -> None:
+def draw_intervals(
+    panel: Axes, table: pd.DataFrame, parameters: ParameterSpace
+) -> None:
     """Draw the intervals of posterior.csv, one strip per parameter.
 
-    If there is a column `answer`, its values are marked.
+    If there is a column `answer`, its values are marked. Places in a range are along the
+    scale of the parameter.
     """
     n_parameters = len(table)
     for row_number, row in table.iterrows():
         is_first = row_number == 0
         y = n_parameters - 1 - row_number
-        _draw_interval_strip(panel, row, y=y, is_first=is_first)
+        places = partial(parameters.shares, row["parameter"])
+        _draw_interval_strip(panel, row, places=places, y=y, is_first=is_first)
     panel.text(
         1.03,
         n_parameters - 0.45,
@@ -398,15 +404,22 @@ def draw_intervals(panel: Axes, table: pd.DataFrame) -> None:
     panel.legend(loc="lower center", ncols=3, bbox_to_anchor=(0.43, -0.02))
 
 
-def _draw_interval_strip(panel: Axes, row: pd.Series, y: float, is_first: bool) -> None:
-    """Draw the intervals of one parameter, with labels only on the first strip."""
-    low = row["low"]
-    width = row["high"] - low
+def _draw_interval_strip(
+    panel: Axes,
+    row: pd.Series,
+    places: Callable[[np.ndarray], np.ndarray],
+    y: float,
+    is_first: bool,
+) -> None:
+    """Draw the intervals of one parameter, with labels only on the first strip.
+
+    `places` turns values of the parameter into places in its range, from 0 to 1.
+    """
     panel.barh(y, 1, height=0.8, color=style.STRIP_COLOUR, zorder=0)
     for columns, offset, colour, label in INTERVALS:
         # If the table lacks this interval, its ends are empty and nothing is drawn.
         ends = row.reindex(columns).dropna().astype(float).to_numpy()
-        positions = (ends - low) / width
+        positions = places(ends)
         panel.plot(
             positions,
             [y + offset] * len(positions),
@@ -416,9 +429,8 @@ def _draw_interval_strip(panel: Axes, row: pd.Series, y: float, is_first: bool) 
             ms=7,
             label=label if is_first and len(positions) else None,
         )
-    place_of_median = (row["median"] - low) / width
     panel.plot(
-        [place_of_median],
+        [places(row["median"])],
         [y + 0.22],
         "o",
         ms=4.5,
@@ -427,9 +439,8 @@ def _draw_interval_strip(panel: Axes, row: pd.Series, y: float, is_first: bool) 
         zorder=5,
     )
     if "answer" in row:
-        place_of_answer = (row["answer"] - low) / width
         panel.plot(
-            [place_of_answer],
+            [places(row["answer"])],
             [y],
             "D",
             label="the answer" if is_first else "_the answer",

@@ -5,20 +5,23 @@ implausibility over all other parameters on one side of the diagonal, the optica
 on the other.
 """
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.collections import QuadMesh
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from matplotlib.ticker import LogLocator, NullLocator
 
 from repose.calibrate.parameter_space import ParameterSpace
+from repose.calibrate.scales import LINEAR
 from repose.common.files import read_json, read_table
 
-from . import style
+from . import panels, style
 from .registry import Inputs, StudyView
 
 COLUMNS = ("x", "y", "x_quantile", "y_quantile", "least_implausibility", "share")
@@ -76,6 +79,8 @@ def not_excluded(inputs: Inputs, study: StudyView) -> Figure:
             share_mesh = _draw_share(
                 panel, cells["share"].T, x_edges, y_edges, largest_share
             )
+        panels.set_scale(panel.set_xscale, study.parameters, names[column])
+        panels.set_scale(panel.set_yscale, study.parameters, names[row])
         _place_ticks(panel, row, column, last=len(names) - 1)
 
     patches = [
@@ -113,9 +118,7 @@ def _cell_edges(parameters: ParameterSpace, n_cells: int) -> list[np.ndarray]:
     """
     quantile = np.linspace(0, 1, n_cells + 1)[:, None]
     quantiles = np.repeat(quantile, parameters.dimensions, axis=1)
-    share_of_range = parameters.from_prior(quantiles)
-    width = parameters.high - parameters.low
-    return list((parameters.low + width * share_of_range).T)
+    return list(parameters.free_values(parameters.from_prior(quantiles)).T)
 
 
 def _cells_of_pair(
@@ -193,5 +196,11 @@ def _place_ticks(panel: Axes, row: int, column: int, last: int) -> None:
         length=2,
         labelsize=6.5,
     )
-    panel.locator_params(nbins=3)
+    axes: dict[Literal["x", "y"], Axis] = {"x": panel.xaxis, "y": panel.yaxis}
+    for name, axis in axes.items():
+        if axis.get_scale() == LINEAR:
+            panel.locator_params(name, nbins=3)
+        else:
+            axis.set_major_locator(LogLocator(numticks=4))
+            axis.set_minor_locator(NullLocator())
     panel.spines[:].set_visible(True)

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from repose.calibrate.designs.latin_hypercube import METHODS
 from repose.calibrate.responses import Response
 from repose.common.files import read_table
-from repose.report.study_view import parameter_ranges
+from repose.report.study_view import cell_edges
 
 from . import panels, style
 from .registry import Inputs, StudyView
@@ -24,7 +24,6 @@ def design_matrix(inputs: Inputs, study: StudyView) -> Figure:
     two samples by each method of design.
     """
     names = study.parameters.free
-    ranges = parameter_ranges(study.parameters)
     samples = read_table(inputs["samples"], names)
     figure = style.new_figure(style.PAGE, style.PAGE)
     pair_panels = panels.panels_of_pairs(figure, study.parameters)
@@ -32,8 +31,7 @@ def design_matrix(inputs: Inputs, study: StudyView) -> Figure:
         if across == down:
             panel.hist(
                 samples[across],
-                bins=10,
-                range=ranges[across],
+                bins=cell_edges(study.parameters, across, 10),
                 color=style.SKY,
                 ec="white",
             )

@@ -137,7 +137,7 @@ def _draw_parameter_strips(
     for row, name in enumerate(names):
         low, high = ranges[name]
         y = len(names) - 1 - row  # the first parameter is on top
-        positions = (solutions[name].to_numpy() - low) / (high - low)
+        positions = study.parameters.shares(name, solutions[name].to_numpy())
         # Only the first strip adds its labels to the legend.
         label_prefix = "" if row == 0 else "_"
         _draw_strip(
@@ -149,7 +149,7 @@ def _draw_parameter_strips(
         )
         if published is not None:
             ends = published.loc[name, ["low", "high"]].astype(float).to_numpy()
-            start, end = (ends - low) / (high - low)
+            start, end = study.parameters.shares(name, ends)
             panel.barh(
                 y - 0.22,
                 end - start,

@@ -203,11 +203,11 @@ def influence_of_inputs(
     influence = Influence(share=np.zeros(shape), direction=np.zeros(shape))
     free_columns = [model.inputs.index(name) for name in parameters.free]
 
-    def respond(values: np.ndarray) -> np.ndarray:
+    def respond(coordinates: np.ndarray) -> np.ndarray:
+        values = parameters.from_coordinates(coordinates)
         return model.predict(parameters.complete(values))
 
-    low = parameters.low
-    high = parameters.high
+    low, high = parameters.coordinate_ends
     try:
         sobol = indices(
             respond, low, high=high, samples=INFLUENCE_POINTS, resamples=1, seed=seed

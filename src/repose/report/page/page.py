@@ -120,7 +120,7 @@ def _parameter(study: Results, name: str, value: float) -> dict[str, Any]:
     high = None
     if not is_fixed:
         low, high = parameter_ranges(study.parameters)[name]
-    return {
+    parameter = {
         "name": name,
         "label": LABELS.get(name, ""),  # parameters of other simulators have none
         "value": value,
@@ -128,6 +128,9 @@ def _parameter(study: Results, name: str, value: float) -> dict[str, Any]:
         "low": low,
         "high": high,
     }
+    if name in study.parameters.scale:
+        parameter["scale"] = study.parameters.scale[name]
+    return parameter
 
 
 def _target(study: Results, target: Target) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.surrogates.base import Predictor
 from repose.calibrate.surrogates.bayesian_bp import BayesianBP
 from repose.calibrate.surrogates.network_ensemble import OF_EACH, NetworkEnsemble
+from repose.calibrate.surrogates.scaled_inputs import ScaledInputs
 
 CURVE_POINTS = 41
 PLANE_POINTS = 21  # along each side, at most
@@ -41,16 +42,23 @@ def has_network(surrogate: Predictor) -> TypeGuard[BayesianBP | NetworkEnsemble]
     return isinstance(surrogate, BayesianBP | NetworkEnsemble)
 
 
+def without_scales(surrogate: Predictor) -> Predictor:
+    """Return the surrogate that learns the coordinates of the parameters' scales."""
+    return surrogate.model if isinstance(surrogate, ScaledInputs) else surrogate
+
+
 def for_page(
     surrogate: Predictor, parameters: ParameterSpace, answer: np.ndarray
 ) -> dict[str, Any]:
     """Return a surrogate as plain values.
 
     Their `kind` is ``network`` or ``curves``. `answer` is the reported parameter set,
-    through which the curves and planes run.
+    through which the curves and planes run. A network takes the coordinates of the
+    parameters' scales, which the page computes.
     """
-    if has_network(surrogate):
-        return _networks(surrogate)
+    inside = without_scales(surrogate)
+    if has_network(inside):
+        return _networks(inside)
     return _curves_and_planes(surrogate, parameters, answer)
 
 
@@ -144,6 +152,11 @@ def _points_of_plane(
 def _spread_over_range(
     parameters: ParameterSpace, name: str, n_points: int
 ) -> np.ndarray:
-    """Spread values (n_points,) evenly over the range of a free parameter."""
+    """Spread values (n_points,) evenly over the range of a free parameter.
+
+    They are even along its scale.
+    """
+    if name in parameters.scale:
+        return parameters.values_at(name, np.linspace(0, 1, n_points))
     index = parameters.free.index(name)
     return np.linspace(parameters.low[index], parameters.high[index], n_points)

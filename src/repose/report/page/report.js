@@ -87,12 +87,23 @@ function drawChecks() {
 
 // --- Sliders -------------------------------------------------------------------------------
 
+// The coordinate in which a parameter's slider and curves are even: its value or the logarithm of it.
+function coordinateOf(parameter, value) {
+  return parameter.scale === "log" ? Math.log(value) : value;
+}
+
+function valueAt(parameter, coordinate) {
+  return parameter.scale === "log" ? Math.exp(coordinate) : coordinate;
+}
+
 // Place of a parameter's value among points that are spread evenly over its range: the number of the
 // point before it, and the share of the way to the next one.
 function placeAmong(name, values, count) {
   const index = content.parameters.findIndex((parameter) => parameter.name === name);
-  const { low, high } = content.parameters[index];
-  const place = ((values[index] - low) / (high - low)) * (count - 1);
+  const parameter = content.parameters[index];
+  const low = coordinateOf(parameter, parameter.low);
+  const high = coordinateOf(parameter, parameter.high);
+  const place = ((coordinateOf(parameter, values[index]) - low) / (high - low)) * (count - 1);
   const before = Math.max(0, Math.min(Math.floor(place), count - 2));
   return { before, share: place - before };
 }
@@ -177,14 +188,17 @@ function drawPredictions({ mean, std }, isAtAnswer) {
 
 function setUpSliders() {
   const isNetwork = content.model.kind === "network";
-  const predict = isNetwork ? networkPredictor(content.model) : curvePredictor(content.model);
+  const network = isNetwork ? networkPredictor(content.model) : null;
+  const ofNetwork = (values) =>
+    network(values.map((value, index) => coordinateOf(content.parameters[index], value)));
+  const predict = isNetwork ? ofNetwork : curvePredictor(content.model);
   const values = content.parameters.map((parameter) => parameter.value);
   const sliders = []; // {index, parameter, input, output}
   let moved = []; // names of the parameters that were moved, the last one at the end
 
   function moveSlider(slider, value) {
     values[slider.index] = value;
-    slider.input.value = value;
+    slider.input.value = coordinateOf(slider.parameter, value);
     slider.output.textContent = digits(value, 3);
   }
 
@@ -196,15 +210,15 @@ function setUpSliders() {
 
   content.parameters.forEach((parameter, index) => {
     if (parameter.fixed) return;
-    const step = (parameter.high - parameter.low) / 400;
-    const input = make("input", {
-      type: "range", min: parameter.low, max: parameter.high, step, id: `slide-${parameter.name}`,
-    });
+    const min = coordinateOf(parameter, parameter.low);
+    const max = coordinateOf(parameter, parameter.high);
+    const step = (max - min) / 400;
+    const input = make("input", { type: "range", min, max, step, id: `slide-${parameter.name}` });
     const output = make("output", {}, "");
     const slider = { index, parameter, input, output };
     sliders.push(slider);
     input.addEventListener("input", () => {
-      const value = Number(input.value);
+      const value = valueAt(parameter, Number(input.value));
       moved = [...moved.filter((name) => name !== parameter.name), parameter.name];
       if (!isNetwork) {
         // The planes run through the answer: all but two parameters stay there.

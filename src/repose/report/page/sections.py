@@ -23,7 +23,7 @@ from repose.measure.settings import line_for, line_of
 from repose.report.page import captions
 from repose.report.page.material import law_table, material_table
 from repose.report.page.pictures import EmbeddedPicture, embed_known
-from repose.report.page.prediction import has_network
+from repose.report.page.prediction import has_network, without_scales
 from repose.report.page.study import Results
 from repose.report.page.tables import FoldedTable, Table, folded_table
 from repose.report.page.templates import cell_text
@@ -187,8 +187,8 @@ def _sets_inside(study: Results) -> str:
     if len(inside) < 2:
         return ""
     shares = {}
-    for name, (low, high) in parameter_ranges(study.parameters).items():
-        shares[name] = np.ptp(inside[name]) / (high - low)
+    for name in study.parameters.free:
+        shares[name] = np.ptp(study.parameters.shares(name, inside[name]))
     widest = max(shares, key=shares.__getitem__)
     return (
         f"{len(inside)} of the {len(samples)} simulated samples already lie inside all "
@@ -504,7 +504,8 @@ def other_parameters(study: Results) -> OtherParametersSection | None:
     """Describe the surrogate behind the sliders; None without a surrogate."""
     if study.surrogate is None:
         return None
-    return OtherParametersSection(study.surrogate.name, has_network(study.surrogate))
+    surrogate = without_scales(study.surrogate)
+    return OtherParametersSection(surrogate.name, has_network(surrogate))
 
 
 def method(study: Results) -> MethodSection:

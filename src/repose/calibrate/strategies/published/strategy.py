@@ -4,6 +4,7 @@ It simulates a Latin hypercube, then a search on the surrogate of its runs answe
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -90,6 +91,7 @@ def fit_surrogate(
         definitions={},
         source="runs",
         surrogate=settings.surrogate,
+        scale=study.parameters.scale,
     )
     good = samples.loc[samples["status"] == "ok", list(names)].to_numpy(float)
     return training, Support.of(good, study.parameters)
@@ -139,8 +141,16 @@ def make_answer(
         others=others[names].to_numpy(float),
         others_mean=others[list(targets.predicted)].to_numpy(float),
         model=model,
-        notes={"message": inversion.summary["message"]},
+        notes={"message": inversion.summary["message"], **_stop(inversion)},
     )
+
+
+def _stop(inversion: Inversion) -> dict[str, Any]:
+    """Return the notes on a search whose nearest set lies where no sample does."""
+    if "stop" not in inversion.summary:
+        return {}
+    stop = {"stop": inversion.summary["stop"]}
+    return {**stop, "summary": stop}
 
 
 def probability_of(
