@@ -38,6 +38,8 @@ IN_DOUBT = 0.8
 OUT_OF_REACH = 0.3
 # Points with a smaller distance, in ranges, are the same.
 SAME = 1e-9
+# Share of a range within which a point lies at its end.
+AT_END = 1e-3
 # The noise limits a probability that further runs cannot raise by more than this.
 LEAST_GAIN = 0.01
 
@@ -154,13 +156,18 @@ def advise(
     runs_left = max(section.most_pours - done, 0)
     n_samples = min(section.batch, runs_left // section.seeds)
     reachable = max(goal.reachable(model, ranking.points, runs_left), probability)
+    # The response may be steep at an end of a range, where a model without runs there
+    # only continues the slope from afar.
+    ends = nearest_ends(attainable.points)
+    is_past_start = done > section.start_samples * section.seeds
     stop = _reason_to_stop(
         section,
         probability=probability,
         reachable=reachable,
         attainable=attainable.probability,
         n_samples=n_samples,
-        is_past_start=done > section.start_samples * section.seeds,
+        is_past_start=is_past_start,
+        is_end_simulated=has_run_at(ends, observed.simulated),
     )
 
     # If the targets cannot be met, the most probable point is merely the one with the
@@ -174,6 +181,8 @@ def advise(
     batch = np.empty((0, len(answer)))
     if stop is None:
         batch = _choose_batch(answer, n_samples, attainable, goal, observed, random)
+        if attainable.probability < OUT_OF_REACH and is_past_start:
+            batch = _with_point_at(ends, batch, observed)
 
     mean, covariance = model.predict(answer[None])
     return Advice(
@@ -237,6 +246,7 @@ def _reason_to_stop(
     attainable: float,
     n_samples: int,
     is_past_start: bool,
+    is_end_simulated: bool,
 ) -> str | None:
     """Return the reason for ending the search; None to simulate another batch.
 
@@ -253,16 +263,55 @@ def _reason_to_stop(
         Samples of a further batch that the budget allows.
     is_past_start : bool
         Whether batches have followed the start.
+    is_end_simulated : bool
+        Whether a run stands at the ends of the ranges where the targets come nearest.
     """
     if probability >= section.probability:
         return "probability"
-    if attainable < OUT_OF_REACH and is_past_start:
+    if attainable < OUT_OF_REACH and is_past_start and is_end_simulated:
         return "out_of_reach"
     if n_samples == 0:
         return "budget"
     if reachable < probability + LEAST_GAIN and attainable >= OUT_OF_REACH:
         return "noise"
     return None
+
+
+def nearest_ends(points: np.ndarray) -> np.ndarray:
+    """Find the ends of ranges at which most points (n, d) of the unit cube lie.
+
+    Returns
+    -------
+    numpy.ndarray, (d,)
+        0 or 1 for each parameter; NaN for one with fewer than half the points at an end.
+    """
+    ends = np.full(points.shape[1], np.nan)
+    for end in (0.0, 1.0):
+        share = (np.abs(points - end) <= AT_END).mean(axis=0)
+        ends[share >= 0.5] = end
+    return ends
+
+
+def has_run_at(ends: np.ndarray, simulated: np.ndarray) -> bool:
+    """Return whether any of the samples (n, d) lies at all ends of `nearest_ends`."""
+    is_end = np.isfinite(ends)
+    is_there = np.abs(simulated[:, is_end] - ends[is_end]) <= AT_END
+    return bool(is_there.all(axis=1).any())
+
+
+def _with_point_at(
+    ends: np.ndarray, batch: np.ndarray, observed: Observed
+) -> np.ndarray:
+    """Move the first point of a batch to the ends, unless a run stands there.
+
+    A verdict that the targets are out of reach then rests on a run at these ends.
+    """
+    if has_run_at(ends, observed.simulated) or not len(batch):
+        return batch
+    moved = batch.copy()
+    is_end = np.isfinite(ends)
+    moved[0, is_end] = ends[is_end]
+    return moved
 
 
 def no_point_meets(model: Kriging, goal: Goal, ranking: Scored) -> bool:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from repose.calibrate.answer import WITHIN
+from repose.calibrate.answer import NOT_SIMULATED, WITHIN
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.probability import probability_in_box
 from repose.calibrate.strategies.base import SO_FAR, Answer, Batch, samples_of
@@ -18,7 +18,9 @@ from repose.calibrate.strategies.sequential.advise import (
     Advice,
     advise,
     alternatives,
+    has_run_at,
     nearest,
+    nearest_ends,
     no_point_meets,
     rank_points,
     start,
@@ -35,6 +37,9 @@ from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
 
 NEAREST = "the answer is the nearest"
+NO_RUN_AT_END = (
+    "no run stands at an end of a range where the targets may be met, so simulate there"
+)
 # A sentence for each reason to stop of `Advice`.
 WHY = {
     "probability": "the answer meets the targets with the requested probability",
@@ -190,6 +195,15 @@ def answer(
         # If no point meets the targets, the most probable one is merely uncertain.
         if no_point_meets(model, goal, ranking):
             point = nearest(model, goal, observed, ranking.points)
+            # Without a run at an end where the targets come nearest, a steep response
+            # there may meet them: this is no verdict that they are out of reach.
+            places = (point[None], ranking.best[None])
+            are_simulated = all(
+                has_run_at(nearest_ends(place), observed.simulated) for place in places
+            )
+            if not are_simulated:
+                why = f"{why}; {NO_RUN_AT_END}"
+                notes = {**(notes or {}), "stop": NOT_SIMULATED}
             why = f"{why}; {NEAREST}"
     unit = point[None]
     mean, covariance = model.predict(unit)
