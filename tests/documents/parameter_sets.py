@@ -881,6 +881,117 @@ def sensitivities():
     return markdown(["", *(f"`{name}`" for name in PARAMETERS)], rows)
 
 
+def split_sizes(run):
+    """Numbers of samples for training, validation and test."""
+    metrics = json.loads((KEPT / run.folder / "network/metrics.json").read_text())
+    return ", ".join(
+        str(metrics[f"n_{split}"]) for split in ("train", "validation", "test")
+    )
+
+
+def usable_samples(run):
+    """How many samples have an angle."""
+    return int(run.table(run.samples)[ANGLE].notna().sum())
+
+
+def interval_shares(run):
+    """Shares of the ranges that the solutions of a search span."""
+    solutions = run.table(run.solutions)
+    shares = [100 * covered_share(run, solutions, name) for name in PARAMETERS]
+    return f"{min(shares):.0f} to {max(shares):.0f} %"
+
+
+def article_results():
+    """The numbers of the article's section 4, with places and numbers here."""
+    check = check_cells(DEFAULT)
+    deviations = (
+        f"{deviation_range(DEFAULT, ANGLE)}, {deviation_range(DEFAULT, HEIGHT)}"
+    )
+    rmse, _ = test_errors(DEFAULT)
+    slip = drum_means(DEFAULT)["before_turned_deg"]
+    results = "[results](results.md#{})"
+    rows = [
+        [
+            "4.1.1: valid samples",
+            "137 of 150",
+            f"{usable_samples(DEFAULT)} of 150; `paper` {usable_samples(PAPER)}",
+            "N",
+        ],
+        [
+            "4.1.1: training, validation, test",
+            "95, 20, 22",
+            f"{split_sizes(DEFAULT)}; `paper` {split_sizes(PAPER)}",
+            "N",
+        ],
+        [
+            "R², angle and Height",
+            "0.9415, 0.9429",
+            f"{r_squared(DEFAULT)}; `paper` {r_squared(PAPER)}",
+            results.format("the-default-run"),
+        ],
+        ["RMSE, angle and Height", "1.0633°, 0.8447 mm", rmse, ""],
+        ["Eq. 13: R²", "-", "[theory](theory.md#the-surrogate)", ""],
+        [
+            "Figure 13: predicted against simulated",
+            "all 137 samples",
+            "`figures/figure13.png`",
+            "",
+        ],
+        [
+            "Table S1: training data",
+            "in the supplement",
+            "not here; `config/article_data.yaml` reads it",
+            "O",
+        ],
+        [
+            "Table 3: intervals of 90 solutions",
+            "3.5 to 19 % of the ranges",
+            f"`miga/intervals.csv`; {interval_shares(DEFAULT)}",
+            results.format("five-runs-five-parameter-sets"),
+        ],
+        ["Figure 14: solutions", "-", "`figures/figure14.png`", ""],
+        ['4.1.2: "local concentrated search"', "not explained", "absent", "P"],
+        [
+            "Table 4: predicted against simulated, five solutions",
+            "angle 1.0-4.3 %, Height 2.1-5.0 %",
+            f"`validation/table4.csv`, with the answer; {deviations}",
+            "",
+        ],
+        [
+            "representative solution",
+            "0.203, 0.642, 0.037, 0.244, 0.483, 0.185",
+            "the table at the top",
+            "",
+        ],
+        [
+            "its simulation, against the measurement",
+            "0.76 %, 1.33 % off",
+            f"{check[ANGLE][1]}, {check[HEIGHT][1]}",
+            "Q",
+        ],
+        [
+            "4.2.2: drum",
+            "slip within 27°",
+            f"slip at {slip}°",
+            results.format("the-drum-disagrees-with-the-article"),
+        ],
+        [
+            "Figure 15: drum",
+            "pictures, no angle",
+            "`figures/figure15.png`, `drum/`",
+            "",
+        ],
+        ["4.2.3: reference 11", "-", "`resources/published/others.csv`", "R"],
+        [
+            "4.3: comparisons asked for",
+            "none made",
+            "[research](../research/README.md)",
+            "S",
+        ],
+    ]
+    return markdown(["article", "number there", "place and number here", "note"], rows)
+
+
 def paper_run():
     """The run with the article's settings beside the article."""
     check = check_cells(PAPER)
@@ -933,6 +1044,7 @@ def matched_run():
 
 TEXTS = {
     "answers": answers,
+    "article_results": article_results,
     "beside_article": beside_article,
     "bits_by_discrepancy": bits_by_discrepancy,
     "bounds": bounds,
