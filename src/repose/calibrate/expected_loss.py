@@ -17,6 +17,7 @@ import numpy as np
 from scipy.special import erf
 
 from repose.calibrate.chance import PERCENT
+from repose.calibrate.designs.allowed import points_of_sequence
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.probability import probability_in_box
 from repose.calibrate.search.objective import Preference
@@ -29,6 +30,8 @@ CANDIDATES = 1024
 DESCENTS = 6
 # Step of the finite differences, as a share of each parameter's range.
 STEP = 1e-4
+# Share of the values by which a local search keeps away from a constraint.
+ROOM = 1e-6
 # Lower limit of a standard error by which a deviation is divided.
 TINY = 1e-12
 
@@ -80,29 +83,44 @@ def minimise_expected_loss(
     loss = _loss_with_preference(surrogate, space, targets)
 
     # Start the local searches from the best points of a space-filling sequence.
-    points = qmc.Sobol(space.dimensions, scramble=False).random(CANDIDATES)
+    sequence = qmc.Sobol(space.dimensions, scramble=False)
+    points = points_of_sequence(sequence, CANDIDATES, space, follows_prior=False)
     starts = points[np.argsort(loss(points))[:DESCENTS]]
     # Leave room for the steps of finite differences at both bounds.
     bounds = [(STEP, 1 - STEP)] * space.dimensions
+    # SLSQP takes constraints; without any, L-BFGS-B is as in published results.
+    options: dict[str, Any] = {"method": "L-BFGS-B"}
+    if space.constraints:
+        inside = {"type": "ineq", "fun": lambda point: -_excess(space, point)}
+        options = {"method": "SLSQP", "constraints": [inside]}
     minima = [
         minimize(
-            _with_gradient,
-            start,
-            args=(loss,),
-            jac=True,
-            method="L-BFGS-B",
-            bounds=bounds,
+            _with_gradient, start, args=(loss,), jac=True, bounds=bounds, **options
         )
         for start in starts
     ]
-    best = min(minima, key=lambda minimum: minimum.fun)
+    found = np.array([minimum.x for minimum in minima])
+    losses = np.array([minimum.fun for minimum in minima])
+    if space.constraints:
+        # A local search may end beyond a constraint by its tolerance.
+        found = np.vstack([found, starts])
+        losses = np.concatenate([losses, loss(starts)])
+        losses = np.where(space.is_allowed(found), losses, np.inf)
+    best = found[losses.argmin()]
 
-    X = space.values(best.x[None])
+    X = space.values(best[None])
     parameters = dict(zip(space.names, X[0].tolist(), strict=True))
     responses = surrogate.predict(X)[0].tolist()
     predicted = dict(zip(targets.predicted, responses, strict=True))
     assessment = assess_by_errors(surrogate, parameters, targets, space.names)
     return parameters | predicted | assessment
+
+
+def _excess(space: ParameterSpace, point: np.ndarray) -> np.ndarray:
+    """Compute the excesses of a point (d,) over all constraints, with some room."""
+    values = space.values(point[None])
+    excesses = [one.excess(values, space.names)[0] for one in space.constraints]
+    return np.array(excesses) + ROOM * np.abs(values).max()
 
 
 def _loss_with_preference(

@@ -147,10 +147,11 @@ def _search(
     preference : Preference or None
         The cost of the priors.
     """
+    violation = _violation(space)
     largest_preference = preference.largest if preference else 0.0
     objective = Objective(targets, largest_preference)
     archive, history, n_feasible = search(
-        respond, objective, space.dimensions, settings, preference
+        respond, objective, space.dimensions, settings, preference, violation
     )
     evaluations = history[-1][HISTORY.index("evaluations")]
     if not n_feasible:
@@ -158,12 +159,21 @@ def _search(
         # instead of those nearest to the ranges.
         objective = Objective(targets, constrained=False)
         archive, history, _ = search(
-            respond, objective, space.dimensions, settings, preference
+            respond, objective, space.dimensions, settings, preference, violation
         )
         evaluations += history[-1][HISTORY.index("evaluations")]
     return _SearchResult(
         archive.points, objective, history, n_feasible, int(evaluations)
     )
+
+
+def _violation(
+    space: ParameterSpace,
+) -> Callable[[np.ndarray], np.ndarray] | None:
+    """Make the function of points in [-1, 1] that measures violated constraints."""
+    if not space.constraints:
+        return None
+    return lambda points: space.violation((points + 1) / 2)
 
 
 def _require_aims_in_ranges(targets: Targets) -> None:

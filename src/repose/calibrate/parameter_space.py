@@ -7,15 +7,19 @@ along its scale. Everything that searches or models the parameters works there.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from repose.calibrate.constraints import Constraint
 from repose.calibrate.scales import LINEAR, LOG, SCALES, to_coordinates, to_values
 
 # Without a range, a parameter reaches so many standard deviations of its prior to each
 # side of the mean.
 PRIOR_WIDTHS = 3.0
+# Points of the prior that show which share of it constraints allow.
+SPREAD_POINTS = 2**13
 
 Limits = Mapping[str, tuple[float, float]]
 
@@ -40,6 +44,8 @@ class ParameterSpace:
         All parameters, in the order of all tables; by default the free ones.
     scale : dict
         Name of the scale of each free parameter that is not linear, by name.
+    constraints : tuple of Constraint
+        Inequalities that every proposed parameter set obeys.
     """
 
     free: tuple[str, ...]
@@ -49,6 +55,7 @@ class ParameterSpace:
     prior: dict[str, tuple[float, float]] = field(default_factory=dict)
     names: tuple[str, ...] = ()
     scale: dict[str, str] = field(default_factory=dict)
+    constraints: tuple[Constraint, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.names:
@@ -60,6 +67,7 @@ class ParameterSpace:
         section: Mapping[str, Any],
         names: Sequence[str] | None = None,
         limits: Limits | None = None,
+        constraints: Sequence[str] | None = None,
     ) -> "ParameterSpace":
         """Read the section `parameters` of a configuration that was checked.
 
@@ -72,6 +80,8 @@ class ParameterSpace:
             The parameters to read, in this order; by default all of the section.
         limits : mapping, optional
             Lowest and highest value by name, to which a prior without a range is cut.
+        constraints : sequence of str, optional
+            The key `constraints` of the configuration.
         """
         if names is None:
             names = tuple(section)
@@ -93,7 +103,18 @@ class ParameterSpace:
                 prior[name] = (mean, sd)
         low = np.array([ends[0] for ends in ranges.values()])
         high = np.array([ends[1] for ends in ranges.values()])
-        return cls(tuple(ranges), low, high, fixed, prior, tuple(names), scale)
+        return cls(
+            tuple(ranges),
+            low,
+            high,
+            fixed=fixed,
+            prior=prior,
+            names=tuple(names),
+            scale=scale,
+            constraints=tuple(
+                Constraint.of(text, tuple(names)) for text in constraints or ()
+            ),
+        )
 
     @property
     def dimensions(self) -> int:
@@ -194,14 +215,60 @@ class ParameterSpace:
         coordinates = to_coordinates(values[:, columns], self.free, self.scale)
         return (coordinates - low) / (high - low)
 
+    def is_allowed(self, unit: np.ndarray) -> np.ndarray:
+        """Mark the points (n, d) of the unit cube that obey all constraints."""
+        return self.violation(unit) <= 0
+
+    def violation(self, unit: np.ndarray) -> np.ndarray:
+        """Compute by how much points (n, d) of the unit cube violate the constraints.
+
+        It is the sum of the excesses (n,), each as a share of the largest that the
+        ranges allow; 0 where all constraints are obeyed.
+        """
+        total = np.zeros(len(unit))
+        if not self.constraints:
+            return total
+        values = self.values(unit)
+        low, high = self.complete(np.array([self.low, self.high]))
+        largest = np.maximum(np.abs(low), np.abs(high))[None]
+        for constraint in self.constraints:
+            excess = constraint.excess(values, self.names)
+            size = constraint.size(largest, self.names)
+            total += np.maximum(excess / size, 0.0)
+        return total
+
+    @cached_property
+    def _spread(self) -> np.ndarray:
+        """Points (n, d) evenly over the unit cube."""
+        from scipy.stats import qmc
+
+        sequence = qmc.Sobol(self.dimensions, scramble=False)
+        return sequence.random(SPREAD_POINTS) + 0.5 / SPREAD_POINTS
+
+    @cached_property
+    def _allowed_prior(self) -> np.ndarray:
+        """Points (n, d) of the prior that the constraints allow."""
+        points = self.from_prior(self._spread)
+        return points[self.is_allowed(points)]
+
+    @cached_property
+    def allowed_share(self) -> float:
+        """Share that the constraints allow of the ranges, or of the prior if it is less."""
+        if not self.constraints:
+            return 1.0
+        share_of_ranges = float(self.is_allowed(self._spread).mean())
+        return min(share_of_ranges, len(self._allowed_prior) / SPREAD_POINTS)
+
     def log_prior(self, unit: np.ndarray) -> np.ndarray:
         """Compute the log prior density (n,) at points (n, d) of the unit cube.
 
         It is known up to a constant, and 0 without priors. A normal prior is one of the
         value, whatever the scale, so its density in the logarithm has the value as a
-        further factor.
+        further factor. It is -inf where a constraint is violated.
         """
         total = np.zeros(len(unit))
+        if self.constraints:
+            total[~self.is_allowed(unit)] = -np.inf
         for name, (mean, sd) in self.prior.items():
             value = self.values_at(name, unit[:, self.free.index(name)])
             total -= 0.5 * ((value - mean) / sd) ** 2
@@ -213,7 +280,7 @@ class ParameterSpace:
         """Compute the distribution function (n, d) of each parameter's prior.
 
         `unit` are points (n, d) of the unit cube; without a prior the distribution is
-        uniform along the scale.
+        uniform along the scale. Constraints do not enter (`marginal_cdf`).
         """
         from scipy import stats
 
@@ -227,6 +294,27 @@ class ParameterSpace:
                 (self.high[k] - mean) / sd,
             )
         return share
+
+    def marginal_cdf(self, unit: np.ndarray) -> np.ndarray:
+        """Compute the distribution function (n, d) of each parameter among allowed sets.
+
+        Without constraints it is `prior_cdf`.
+        """
+        share = self.prior_cdf(unit)
+        if not self.constraints:
+            return share
+        allowed = np.sort(self.prior_cdf(self._allowed_prior), axis=0)
+        ranks = (np.arange(len(allowed)) + 0.5) / len(allowed)
+        for k in range(self.dimensions):
+            share[:, k] = np.interp(
+                share[:, k], [0.0, *allowed[:, k], 1.0], [0.0, *ranks, 1.0]
+            )
+        return share
+
+    def marginal_quantiles(self, shares: np.ndarray) -> np.ndarray:
+        """Compute the values (n, d) with shares (n,) of the allowed prior below them."""
+        values = self.free_values(self._allowed_prior)
+        return np.quantile(values, shares, axis=0)
 
     def from_prior(self, share: np.ndarray) -> np.ndarray:
         """Move uniform points (n, d) of the unit cube to the distribution of the priors."""

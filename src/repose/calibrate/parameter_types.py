@@ -2,17 +2,26 @@
 
 import math
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field
 
-from repose.calibrate.parameter_space import PRIOR_WIDTHS, range_of
+from repose.calibrate.constraints import EXAMPLE, FORM, Constraint
+from repose.calibrate.parameter_space import (
+    PRIOR_WIDTHS,
+    Limits,
+    ParameterSpace,
+    range_of,
+)
 from repose.calibrate.scales import LINEAR, LOG, SCALES
 from repose.common.errors import did_you_mean
 from repose.common.section import Allowed, Contradictions, refuse
 
 KEYS = ("fixed", "prior", "range", "scale")
+# Share of the ranges that constraints allow at least: a design of more points is made,
+# and those that are allowed are kept.
+LEAST_ALLOWED = 0.05
 # A range of more decades is too wide for a linear scale.
 MOST_DECADES = 2.0
 
@@ -114,6 +123,13 @@ def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
+Constraints = Annotated[
+    tuple[str, ...],
+    Field(strict=False, min_length=1),
+    Allowed(f"a list of constraints: {FORM} {EXAMPLE}"),
+]
+
+
 def parameter(low: float, high: float) -> Any:
     """Make the type of a parameter: a range, a fixed value, or a prior.
 
@@ -168,6 +184,46 @@ def wide_ranges(parameters: Mapping[str, Any]) -> Iterator[str]:
                 f"{{range: [{low:g}, {high:g}], scale: log}} to spread them evenly over "
                 "the decades, or scale: linear to keep the range as it is"
             )
+
+
+def constraint_faults(
+    constraints: Sequence[str],
+    parameters: Mapping[str, Any],
+    limits: Limits | None = None,
+) -> Contradictions:
+    """Yield (key, what is allowed) for each fault of the key `constraints`.
+
+    Parameters
+    ----------
+    constraints : sequence of str
+    parameters : mapping
+        The section `parameters`, without faults.
+    limits : mapping, optional
+        As in `ParameterSpace.of`.
+    """
+    names = tuple(parameters)
+    fixed = {name for name, entry in parameters.items() if "fixed" in entry}
+    faults = []
+    for k, text in enumerate(constraints):
+        try:
+            constraint = Constraint.of(text, names)
+        except ValueError as error:
+            faults.append((str(k), str(error)))
+            continue
+        if {constraint.smaller.name, constraint.larger.name} <= fixed:
+            faults.append((str(k), "a constraint with a parameter that is not fixed"))
+    if faults:
+        yield from faults
+        return
+    space = ParameterSpace.of(parameters, limits=limits, constraints=constraints)
+    share = space.allowed_share
+    if share < LEAST_ALLOWED:
+        yield (
+            "",
+            f"constraints that allow at least {100 * LEAST_ALLOWED:g} % of the ranges, "
+            f"and of their priors; these allow {100 * share:.2g} %: narrow the ranges to "
+            "where they hold",
+        )
 
 
 def count_free(parameters: Mapping[str, Any]) -> int:

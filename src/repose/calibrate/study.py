@@ -55,7 +55,7 @@ class Study:
         Names of your simulator and of your material.
     **sections
         Further keys of `repose docs own_simulator`, such as
-        ``sequential={"batch": 4}``.
+        ``sequential={"batch": 4}`` or ``constraints=["mur <= 0.5 * mus"]``.
 
     Attributes
     ----------
@@ -128,7 +128,9 @@ class Study:
 
         self.config = config
         self.settings = settings_of(config)
-        self.parameters = ParameterSpace.of(config["parameters"])
+        self.parameters = ParameterSpace.of(
+            config["parameters"], constraints=config.get("constraints")
+        )
         self.targets = targets_of(config["targets"])
         self.file = None if file is None else Path(file)
 

@@ -13,7 +13,13 @@ from typing import Annotated, Any
 from pydantic import Field, ValidationInfo, create_model, field_validator
 
 from repose.calibrate.designs.settings import DesignSettings
-from repose.calibrate.parameter_types import count_free, far_priors, parameter
+from repose.calibrate.parameter_types import (
+    Constraints,
+    constraint_faults,
+    count_free,
+    far_priors,
+    parameter,
+)
 from repose.calibrate.profile_targets import expand_own_profiles
 from repose.calibrate.profiles import OfProfile, Profile
 from repose.calibrate.search.settings import MigaSettings
@@ -22,7 +28,7 @@ from repose.calibrate.settings import (
     StrategyName,
     SurrogateName,
 )
-from repose.calibrate.strategies import names, strategy
+from repose.calibrate.strategies import names, obeying_strategies, strategy
 from repose.calibrate.strategies.refined import RefineSettings
 from repose.calibrate.strategies.response_surface import ResponseSurfaceSettings
 from repose.calibrate.strategies.sequential import SequentialSettings
@@ -139,6 +145,7 @@ class StudyFile(Section):
         dict[str, Parameter],  # type: ignore[valid-type]
         Allowed("a section with a range for each parameter"),
     ]
+    constraints: Constraints = ABSENT
     targets: Annotated[
         dict[str, OwnTarget],
         Allowed("a section with value, sd and repetitions for each response"),
@@ -175,6 +182,17 @@ class StudyFile(Section):
         if not count_free(parameters):
             refuse([("", "at least one range or prior")])
         return parameters
+
+    @field_validator("constraints")
+    @classmethod
+    def _check_constraints(
+        cls, constraints: tuple[str, ...], info: ValidationInfo
+    ) -> tuple[str, ...]:
+        """Refuse constraints of unknown parameters, and those that allow too little."""
+        # A fault of the parameters is reported by itself.
+        if "parameters" in info.data:
+            refuse(constraint_faults(constraints, info.data["parameters"]))
+        return constraints
 
     @field_validator("targets")
     @classmethod
@@ -275,6 +293,8 @@ def complete_configuration(
     # Check the rules of the strategy. Those of `sequential` do not apply here: its model
     # checks the budget, and `noise_sd` may replace repeated runs.
     name = config["strategy"]
+    if "constraints" in config and not strategy(name).obeys_constraints:
+        raise YamlError(str(source), "strategy", name, obeying_strategies())
     if name != "sequential":
         section = settings_of(config).of_strategy(name)
         contradictions = cost.contradictions(

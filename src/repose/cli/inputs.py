@@ -12,6 +12,7 @@ from repose.common.files import write_bytes, write_table
 from repose.config.pipeline import PipelineConfig
 
 if TYPE_CHECKING:
+    from repose.calibrate.parameter_space import ParameterSpace
     from repose.calibrate.study import Study
 
 
@@ -138,9 +139,21 @@ def design(args: argparse.Namespace, study: "PipelineConfig | Study") -> None:
 
     if isinstance(study, PipelineConfig):
         design.run(study.parameters, study.settings.design, args.out)
+        _print_allowed(study.parameters)
         return
     table = study.ask()
     path = Path(args.out) / "samples.csv"
     write_table(path, table)
     n_samples = table["sample"].nunique()
     print(f"{path}: {len(table)} runs of {n_samples} samples to simulate")
+    _print_allowed(study.parameters)
+
+
+def _print_allowed(space: "ParameterSpace") -> None:
+    """Print which part of the ranges a design fills, if there are constraints."""
+    if space.constraints:
+        rules = ", ".join(one.text for one in space.constraints)
+        print(
+            f"{rules}: {100 * space.allowed_share:.0f} % of the ranges are allowed; the "
+            "samples are spread evenly over them and are no Latin hypercube"
+        )

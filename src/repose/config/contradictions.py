@@ -11,12 +11,14 @@ from typing import Any, NamedTuple
 from repose.bench import bench_tests
 from repose.bench.bench_test import BenchTest
 from repose.bench.parameters import (
+    ALLOWED,
     LABELS,
     LAW_PARAMETERS,
     parameters_of_law,
 )
 from repose.bench.settings import SceneSettings
-from repose.calibrate.strategies import strategy
+from repose.calibrate.parameter_types import constraint_faults
+from repose.calibrate.strategies import obeying_strategies, strategy
 from repose.config.models import StudySettings, valid_sections
 
 # Dotted keys, each with its allowed values.
@@ -81,6 +83,10 @@ def rules(config: Mapping[str, Any]) -> list[Rule]:
             ("strategy", *cost.others(), "targets", "parameters"),
             partial(_strategy_faults, settings),
         ),
+        Rule(
+            ("strategy", "parameters", "constraints"),
+            partial(_constraint_faults, settings),
+        ),
     ]
 
 
@@ -100,6 +106,17 @@ def _strategy_faults(settings: StudySettings) -> Pairs:
         free=settings.free,
         responses=len(settings.targets),
     )
+
+
+def _constraint_faults(settings: StudySettings) -> Pairs:
+    """Refuse constraints that allow too little, or that the strategy does not obey."""
+    if settings.constraints is None:
+        return
+    given = settings.parameters.given
+    for key, allowed in constraint_faults(settings.constraints, given, ALLOWED):
+        yield f"constraints.{key}".rstrip("."), allowed
+    if not strategy(settings.strategy).obeys_constraints:
+        yield "strategy", obeying_strategies()
 
 
 def _surrogate_faults(settings: StudySettings) -> Pairs:

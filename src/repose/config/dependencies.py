@@ -44,7 +44,7 @@ KEYS: dict[str, tuple[str, ...]] = {
     "shape": ("berry",),
     "design": ("parameters", "design"),
     "dataset": (RESPONSES,),
-    "network": (RESPONSES, "surrogate", "network"),
+    "network": ("parameters", RESPONSES, "surrogate", "network"),
     "miga": ("parameters", "targets", "miga"),
     "optimism": ("parameters", "targets", "miga", "validation.solutions"),
     "solutions": ("parameters", "targets", "validation.solutions"),
@@ -228,6 +228,9 @@ def sections(config: Config, *keys: str) -> dict[str, Any]:
             selected |= _measuring_settings(config)
         else:
             selected[key] = _sort_mappings(_value_at(config, key))
+        # Constraints belong to the parameters, and few studies have any.
+        if key == "parameters" and config.get("constraints"):
+            selected["constraints"] = list(config["constraints"])
     return selected
 
 

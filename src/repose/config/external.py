@@ -167,7 +167,9 @@ class ExternalConfig(PipelineConfig):
 
     @cached_property
     def parameters(self) -> ParameterSpace:
-        return ParameterSpace.of(self.config["parameters"])
+        return ParameterSpace.of(
+            self.config["parameters"], constraints=self.config.get("constraints")
+        )
 
     @cached_property
     def targets(self) -> Targets:
@@ -300,6 +302,8 @@ def _resolved(complete: Mapping[str, Any]) -> dict[str, Any]:
     for name in names():
         if name not in StudyFile.model_fields and name in complete:
             config[name] = complete[name]
+    if "constraints" in complete:
+        config["constraints"] = complete["constraints"]
 
     targets = []
     for name, entry in complete["targets"].items():

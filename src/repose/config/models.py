@@ -17,7 +17,12 @@ from repose.bench.funnel import FunnelSettings
 from repose.bench.parameters import ALLOWED, LABELS, LAW_PARAMETERS, PARAMETERS
 from repose.bench.settings import SimulationSettings, WallSettings
 from repose.calibrate.designs.settings import DesignSettings
-from repose.calibrate.parameter_types import count_free, far_priors, parameter
+from repose.calibrate.parameter_types import (
+    Constraints,
+    count_free,
+    far_priors,
+    parameter,
+)
 from repose.calibrate.profiles import OfProfile
 from repose.calibrate.responses import Response, named, responses_of
 from repose.calibrate.search.settings import MigaSettings
@@ -317,6 +322,11 @@ class StudySettings(Section):
     funnel: FunnelSettings
     wall: WallSettings
     parameters: ParametersSettings
+    constraints: Constraints = Field(
+        default=ABSENT,
+        description="inequalities between two parameters that every parameter set of "
+        "the study obeys, such as `mur_gg <= 0.5 * mus_gg`",
+    )
     design: DesignSettings
     simulation: SimulationSettings
     measure: MeasureSettings

@@ -197,7 +197,8 @@ class PipelineConfig:
         """Ranges of the free parameters, fixed values and priors."""
         from repose.bench.space import contact_space
 
-        return contact_space(self.settings.parameters.given)
+        settings = self.settings
+        return contact_space(settings.parameters.given, settings.constraints)
 
     @cached_property
     def targets(self) -> "Targets":

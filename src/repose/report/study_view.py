@@ -67,7 +67,9 @@ class StudyView:
     @cached_property
     def parameters(self) -> ParameterSpace:
         """The parameters with their ranges, fixed values and priors."""
-        return ParameterSpace.of(self.config["parameters"])
+        return ParameterSpace.of(
+            self.config["parameters"], constraints=self.config.get("constraints")
+        )
 
 
 def cell_edges(parameters: ParameterSpace, name: str, count: int) -> np.ndarray:

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
+from repose.calibrate.designs.allowed import allowed_design
 from repose.calibrate.designs.exchange_search import evolve
 from repose.calibrate.designs.settings import DesignSettings
 from repose.calibrate.parameter_space import ParameterSpace
@@ -123,7 +124,7 @@ def design(
 
     The free parameters fill their ranges evenly, also with a prior: the surrogate then
     holds for every value of the prior, which is applied in the search and in the
-    posterior.
+    posterior. With constraints they fill what these allow (`allowed_design`).
 
     Returns
     -------
@@ -133,10 +134,19 @@ def design(
         As of `compare`, for all `METHODS`.
     """
     designs = {
-        method: points(section.samples, space.dimensions, method, section.seed)
+        method: points_in(space, section.samples, method, section.seed)
         for method in METHODS
     }
     return parameter_sets(designs[section.method], space), compare(designs)
+
+
+def points_in(space: ParameterSpace, n: int, method: str, seed: int) -> np.ndarray:
+    """Make the design (n, d) of one of the `METHODS`, as the constraints allow."""
+
+    def design_of(size: int) -> np.ndarray:
+        return points(size, space.dimensions, method, seed)
+
+    return allowed_design(design_of, n, space)
 
 
 def points(n: int, d: int, method: str, seed: int) -> np.ndarray:

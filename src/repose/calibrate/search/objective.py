@@ -24,6 +24,10 @@ Function = Callable[[np.ndarray], np.ndarray]
 Deviation = Callable[[np.ndarray], np.ndarray]
 PENALTY = 10.0
 PRIOR_WEIGHT = 0.01
+# Fitness of a point that violates a constraint between parameters, above that of every
+# other point: with its violation added, only the less violated one is better (Deb 2000,
+# Comput. Methods Appl. Mech. Eng. 186, 311).
+NOT_ALLOWED = 1e12
 # A point that is thinned away may lose its better neighbour later, so the archive has
 # more room than there are solutions.
 ARCHIVED_PER_SOLUTION = 5
@@ -292,6 +296,7 @@ def search(
     inputs: int,
     settings: MigaSettings,
     preference: Preference | None = None,
+    violation: Function | None = None,
 ) -> Search:
     """Search for the points of least objective with `MIGA`.
 
@@ -304,6 +309,9 @@ def search(
     settings : MigaSettings
     preference : Preference, optional
         Its cost is added to the fitness.
+    violation : callable, optional
+        Maps points (n, inputs) to their violations (n,) of the constraints between
+        parameters, 0 where these are obeyed. Only such points enter the archive.
 
     Returns
     -------
@@ -324,10 +332,17 @@ def search(
             fitness = objective.fitness(F, V)
             if preference is not None:
                 fitness += preference(points)
+            told = fitness
+            if violation is not None:
+                excess = violation(points)
+                told = np.where(excess > 0, NOT_ALLOWED * (1 + excess), fitness)
+                points = points[excess <= 0]
+                fitness = fitness[excess <= 0]
+                V = V[excess <= 0]
             populations.append(points)
             fitnesses.append(fitness)
             n_feasible += int(np.count_nonzero(V == 0))
-            miga.tell(fitness)
+            miga.tell(told)
         archive.add(np.concatenate(populations), np.concatenate(fitnesses))
         history.append(
             (

@@ -14,8 +14,17 @@ from repose.calibrate.strategies.base import (
     Batch,
     Strategy,
     names,
+    obeying_strategies,
     register,
     strategy,
 )
 
-__all__ = ["Answer", "Batch", "Strategy", "names", "register", "strategy"]
+__all__ = [
+    "Answer",
+    "Batch",
+    "Strategy",
+    "names",
+    "obeying_strategies",
+    "register",
+    "strategy",
+]

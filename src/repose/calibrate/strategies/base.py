@@ -124,6 +124,8 @@ class Strategy(ABC, Generic[SectionType]):
     files : tuple of str
         Notes of its answer that the workflow writes: names with `.csv` for tables, with
         `.json` for mappings.
+    obeys_constraints : bool
+        Whether its proposals obey constraints between parameters.
     reads : tuple of str or None
         Keys of the configuration that its proposals after a simulated batch depend on;
         None for all.
@@ -135,6 +137,7 @@ class Strategy(ABC, Generic[SectionType]):
     begins_with_design: ClassVar[bool] = False
     seeds_key: ClassVar[str | None] = None
     files: ClassVar[tuple[str, ...]] = ()
+    obeys_constraints: ClassVar[bool] = True
     reads: ClassVar[tuple[str, ...] | None] = None
 
     @abstractmethod
@@ -263,6 +266,12 @@ def register(name: str) -> Callable[[Kind], Kind]:
 def names() -> tuple[str, ...]:
     """Return the names of all strategies, in the order of their registration."""
     return tuple(_REGISTRY)
+
+
+def obeying_strategies() -> str:
+    """Name in words the strategies that are allowed with constraints."""
+    obeying = [name for name, one in _REGISTRY.items() if one.obeys_constraints]
+    return f"{' or '.join(obeying)} where there are constraints"
 
 
 def strategy(name: str, source: object = "strategy") -> Strategy[Any]:

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy.stats import qmc
+from scipy.stats import qmc, rankdata
 
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.surrogates.base import Surrogate
@@ -61,6 +61,9 @@ class Points:
         sequence = qmc.Sobol(space.dimensions, scramble=False)
         # Half a step moves the first point away from the corner.
         self.quantile = sequence.random(POINTS) + 0.5 / POINTS
+        if space.constraints:
+            unit = space.from_prior(self.quantile)
+            self.quantile = self.quantile[space.is_allowed(unit)]
         self.values = space.values(space.from_prior(self.quantile))
         self.predicted = model.predict(self.values)
         self.covariance = model.covariance(self.values)
@@ -191,7 +194,10 @@ def _marginal(
     name = space.free[k]
     low, high = space.values_at(name, unit).tolist()
 
-    # Compute the information from a histogram of the quantiles.
+    # Compute the information from a histogram of the quantiles; with constraints, of
+    # those among the allowed points.
+    if space.constraints:
+        quantile = (rankdata(quantile) - 0.5) / len(quantile)
     bin_number = np.minimum((quantile * BINS).astype(int), BINS - 1)
     share = np.bincount(bin_number, weight, BINS)
     return {

@@ -18,6 +18,7 @@ import pandas as pd
 from repose.calibrate import training as train
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.responses import Definitions, derived
+from repose.calibrate.scales import to_coordinates
 from repose.calibrate.surrogates.base import Predictor
 from repose.calibrate.surrogates.support import Support
 from repose.calibrate.targets import Targets
@@ -546,7 +547,7 @@ def _parameters(
         As in `infer`. Parameters may be missing: published tables only have the six of
         the paper.
     """
-    quantiles = space.prior_cdf(unit)
+    quantiles = space.marginal_cdf(unit)
     prior_widths = _prior_widths(space)
     rows = []
     for k, name in enumerate(space.free):
@@ -601,6 +602,12 @@ def _prior_widths(space: ParameterSpace) -> np.ndarray:
     widths = CREDIBLE * (range_high - range_low)
     # For a parameter with another prior, use the quantiles of this prior.
     tail = np.full(space.dimensions, (1 - CREDIBLE) / 2)
+    if space.constraints:
+        values = space.marginal_quantiles(
+            np.array([(1 - CREDIBLE) / 2, (1 + CREDIBLE) / 2])
+        )
+        low, high = to_coordinates(values, space.free, space.scale)
+        return high - low
     quantiles = space.from_prior(np.array([tail, 1 - tail]))
     for name in space.prior:
         k = space.free.index(name)

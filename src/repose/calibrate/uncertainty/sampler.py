@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import optimize, stats
 
+from repose.calibrate.designs.allowed import points_of_sequence
 from repose.calibrate.parameter_space import ParameterSpace
 
 ENSEMBLES = 4
@@ -142,6 +143,10 @@ def _starts(
     points = random.uniform(size=(POPULATION, dimensions))
     power = 0.0
     values = log_density(points)
+    # Where a constraint excludes points, draw others in their place.
+    while (is_excluded := np.isneginf(values)).any():
+        points[is_excluded] = random.uniform(size=(is_excluded.sum(), dimensions))
+        values[is_excluded] = log_density(points[is_excluded])
     while power < 1.0:
         rise = _rise_of_power(values, most=1.0 - power)
         weight = _weights(values, rise)
@@ -250,7 +255,7 @@ def joint_information_bits(
         Of the sequence.
     """
     sequence = stats.qmc.Sobol(space.dimensions, rng=seed)
-    points = space.from_prior(sequence.random(PRIOR_DRAWS))
+    points = points_of_sequence(sequence, PRIOR_DRAWS, space)
     parts = np.array_split(points, PRIOR_DRAWS // CHUNK)
     at_prior = np.concatenate([log_likelihood(part) for part in parts])
     likelihood = np.exp(at_prior - at_prior.max())

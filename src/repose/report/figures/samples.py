@@ -41,9 +41,14 @@ def design_matrix(inputs: Inputs, study: StudyView) -> Figure:
             )
     panels.finish_pairs(pair_panels, study.parameters)
     method = METHODS[study.settings.design.method]
+    if study.parameters.constraints:
+        method = f"allowed ones of a larger {method}"
     text = (
         f"{len(samples)} samples: {method}\ndiagonal: samples in each tenth of a range"
     )
+    if study.parameters.constraints:
+        rules = "; ".join(one.text for one in study.parameters.constraints)
+        text += f"\nspread evenly over {rules}; no Latin hypercube"
     if len(names) == 1:
         # With a single panel there is no empty corner for the text.
         figure.suptitle(text, fontsize=9)

@@ -21,6 +21,11 @@ from repose.calibrate.surrogates.support import Support
 from repose.calibrate.targets import Targets
 from repose.calibrate.training import Training, train
 
+NOT_LATIN = (
+    "the samples are spread evenly over what the constraints allow; they are no Latin "
+    "hypercube"
+)
+
 
 def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     """Propose one batch, then answer.
@@ -55,10 +60,9 @@ def design_batch(study: Study, seeds: int) -> Batch:
     """Make the batch of the design, with a number of runs of each sample."""
     space = study.parameters
     section = study.settings.design
-    unit = design.points(
-        section.samples, space.dimensions, section.method, section.seed
-    )
-    return Batch(samples_of(space, unit, seeds))
+    unit = design.points_in(space, section.samples, section.method, section.seed)
+    notes = {"why": NOT_LATIN} if space.constraints else {}
+    return Batch(samples_of(space, unit, seeds), notes)
 
 
 def fit_surrogate(

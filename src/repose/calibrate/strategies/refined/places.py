@@ -8,6 +8,7 @@ next fit learns the level of the whole region, and no place is chosen for its no
 
 import numpy as np
 
+from repose.calibrate.designs.allowed import points_of_sequence
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.probability import probability_in_box
 from repose.calibrate.search.objective import Objective
@@ -57,7 +58,8 @@ def places_near_targets(
 
     # Choose the places nearest to the targets by their predictions, which are fast to
     # compute.
-    unit = qmc.Sobol(space.dimensions, scramble=False).random(CANDIDATES)
+    sequence = qmc.Sobol(space.dimensions, scramble=False)
+    unit = points_of_sequence(sequence, CANDIDATES, space, follows_prior=False)
     predictions = [
         surrogate.predict(space.values(part))
         for part in np.split(unit, CANDIDATES // CHUNK)

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.random import Generator
 
+from repose.calibrate.designs.allowed import allowed_design, points_of_sequence
 from repose.calibrate.designs.latin_hypercube import optimal_lhs
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.search.settings import MigaSettings
@@ -110,10 +111,14 @@ class Advice(NamedTuple):
 def start(space: ParameterSpace, section: SequentialSettings, seed: int) -> np.ndarray:
     """Make the first points (n, d) in the unit cube.
 
-    They are a Latin hypercube, spread as the prior.
+    They are a Latin hypercube, spread as the prior; with constraints, they are spread
+    over what is allowed.
     """
-    points = optimal_lhs(section.start_samples, space.dimensions, seed)
-    return space.from_prior(points)
+
+    def design_of(size: int) -> np.ndarray:
+        return optimal_lhs(size, space.dimensions, seed)
+
+    return allowed_design(design_of, section.start_samples, space, follows_prior=True)
 
 
 def advise(
@@ -155,10 +160,15 @@ def advise(
     # Decide whether to stop, by the budget and by the probability within reach.
     runs_left = max(section.most_pours - done, 0)
     n_samples = min(section.batch, runs_left // section.seeds)
-    reachable = max(goal.reachable(model, ranking.points, runs_left), probability)
+    allowed = ranking.points
+    if goal.space.constraints:
+        allowed = allowed[goal.space.is_allowed(allowed)]
+    reachable = max(goal.reachable(model, allowed, runs_left), probability)
     # The response may be steep at an end of a range, where a model without runs there
     # only continues the slope from afar.
     ends = nearest_ends(attainable.points)
+    if not goal.space.is_allowed(np.where(np.isfinite(ends), ends, answer)[None])[0]:
+        ends = np.full(len(ends), np.nan)
     is_past_start = done > section.start_samples * section.seeds
     stop = _reason_to_stop(
         section,
@@ -182,7 +192,7 @@ def advise(
     if stop is None:
         batch = _choose_batch(answer, n_samples, attainable, goal, observed, random)
         if attainable.probability < OUT_OF_REACH and is_past_start:
-            batch = _with_point_at(ends, batch, observed)
+            batch = _with_point_at(ends, batch, observed, goal.space)
 
     mean, covariance = model.predict(answer[None])
     return Advice(
@@ -300,7 +310,7 @@ def has_run_at(ends: np.ndarray, simulated: np.ndarray) -> bool:
 
 
 def _with_point_at(
-    ends: np.ndarray, batch: np.ndarray, observed: Observed
+    ends: np.ndarray, batch: np.ndarray, observed: Observed, space: ParameterSpace
 ) -> np.ndarray:
     """Move the first point of a batch to the ends, unless a run stands there.
 
@@ -311,7 +321,7 @@ def _with_point_at(
     moved = batch.copy()
     is_end = np.isfinite(ends)
     moved[0, is_end] = ends[is_end]
-    return moved
+    return moved if space.is_allowed(moved[:1])[0] else batch
 
 
 def no_point_meets(model: Kriging, goal: Goal, ranking: Scored) -> bool:
@@ -347,7 +357,8 @@ def nearest(
         """Score points; one where samples are thin is never the best."""
         mean, covariance = model.predict(unit)
         deviation = goal.expected_deviation(mean, covariance)
-        return np.where(support.is_thin(unit), -np.inf, -deviation)
+        is_excluded = support.is_thin(unit) | ~goal.space.is_allowed(unit)
+        return np.where(is_excluded, -np.inf, -deviation)
 
     # A fixed seed: the same runs always give the same point.
     starts = np.vstack([observed.unit, points])
@@ -402,8 +413,8 @@ def rank_points(
     from scipy.stats import qmc
 
     dimensions = observed.unit.shape[1]
-    shares = qmc.Sobol(dimensions, rng=random).random(CANDIDATES)
-    points = goal.space.from_prior(shares)
+    sequence = qmc.Sobol(dimensions, rng=random)
+    points = points_of_sequence(sequence, CANDIDATES, goal.space)
     return _refine_search(points, partial(goal.score, model), observed, random)
 
 
@@ -445,7 +456,11 @@ def _draw_around(
     centre = goal.space.prior_cdf(answer[None])
     shape = (AROUND * n_samples, len(answer))
     shares = np.clip(centre + SPREAD * random.standard_normal(shape), 0, 1)
-    return _sound_first(goal.space.from_prior(shares), observed, n_samples)
+    points = goal.space.from_prior(shares)
+    if goal.space.constraints:
+        # The answer is allowed, so points are left.
+        points = np.vstack([points[goal.space.is_allowed(points)], answer])
+    return _sound_first(points, observed, n_samples)
 
 
 def _sound_first(points: np.ndarray, observed: Observed, count: int) -> np.ndarray:

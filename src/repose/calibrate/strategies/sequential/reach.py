@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from repose.calibrate.designs.allowed import points_of_sequence
 from repose.calibrate.strategies.sequential.goal import Goal
 from repose.calibrate.strategies.sequential.kriging import SMOOTHNESS, Kriging
 
@@ -64,8 +65,10 @@ def reach(model: Kriging, goal: Goal, random: np.random.Generator) -> Reach:
 
     # Start the search from points all over the ranges and from corners.
     d = model.unit.shape[1]
-    everywhere = goal.space.from_prior(qmc.Sobol(d, rng=random).random(CANDIDATES))
+    sequence = qmc.Sobol(d, rng=random)
+    everywhere = points_of_sequence(sequence, CANDIDATES, goal.space)
     starts = np.vstack([everywhere, np.round(everywhere)])
+    starts = starts[goal.space.is_allowed(starts)]
 
     # Search in the draws of each set of processes.
     results = []
@@ -110,6 +113,7 @@ def _nearest(
         centres = np.repeat(best, AROUND, axis=0)
         shifts = step * random.standard_normal(centres.shape)
         new_points = np.clip(centres + shifts, 0, 1)
+        new_points = new_points[goal.space.is_allowed(new_points)]
         new_largest, new_F = goal.of_responses(draws(new_points))
 
         # Add them to the points of all draws, so that each draw can use every point.

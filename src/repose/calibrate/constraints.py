@@ -1,0 +1,113 @@
+"""Constraints between parameters: linear inequalities such as ``mur_gg <= mus_gg``.
+
+Each side is a parameter, or a number times a parameter: ``mur_gg <= 0.5 * mus_gg``.
+"""
+
+import math
+import re
+from collections.abc import Sequence
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from repose.common.errors import did_you_mean
+
+FORM = "two parameters with <= or >= between them, each with or without a factor, as"
+EXAMPLE = "mur_gg <= 0.5 * mus_gg"
+SIGNS = ("<=", ">=")
+_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_TIMES = re.compile(rf"(?P<factor>{_NUMBER})\s*\*\s*(?P<name>.*\S)")
+
+
+class Term(NamedTuple):
+    """A side of a constraint: a factor times a parameter."""
+
+    factor: float
+    name: str
+
+
+class Constraint(NamedTuple):
+    """The inequality ``smaller <= larger`` between two terms.
+
+    Attributes
+    ----------
+    text : str
+        As the user wrote it.
+    smaller, larger : Term
+    """
+
+    text: str
+    smaller: Term
+    larger: Term
+
+    @classmethod
+    def of(cls, text: object, names: Sequence[str]) -> Self:
+        """Read a constraint.
+
+        Parameters
+        ----------
+        text : object
+            Such as ``mur_gg <= mus_gg`` or ``a >= 2 * b``.
+        names : sequence of str
+            All parameters of the study.
+
+        Raises
+        ------
+        ValueError
+            For any other text; its message says what is allowed.
+        """
+        allowed = f"{FORM} {EXAMPLE!r}"
+        if not isinstance(text, str):
+            raise ValueError(allowed)
+        signs = [sign for sign in SIGNS if sign in text]
+        if len(signs) != 1 or text.count(signs[0]) != 1:
+            raise ValueError(allowed)
+        left, right = (_term(side, names) for side in text.split(signs[0]))
+        if left.name == right.name:
+            raise ValueError(f"{FORM} {EXAMPLE!r}; both sides have {left.name}")
+        if signs[0] == "<=":
+            return cls(text, left, right)
+        return cls(text, right, left)
+
+    def excess(self, values: np.ndarray, names: Sequence[str]) -> np.ndarray:
+        """Compute by how much the smaller side exceeds the larger one.
+
+        Parameters
+        ----------
+        values : numpy.ndarray, (n, p)
+            Parameter sets.
+        names : sequence of str
+            Of the columns.
+
+        Returns
+        -------
+        numpy.ndarray, (n,)
+            Above 0 where the constraint is violated.
+        """
+        smaller = self.smaller.factor * values[:, names.index(self.smaller.name)]
+        larger = self.larger.factor * values[:, names.index(self.larger.name)]
+        return smaller - larger
+
+    def size(self, values: np.ndarray, names: Sequence[str]) -> float:
+        """Return the largest size of an excess for the largest values (1, p)."""
+        terms = (self.smaller, self.larger)
+        sizes = [abs(term.factor) * values[0, names.index(term.name)] for term in terms]
+        return float(sum(sizes))
+
+
+def _term(side: str, names: Sequence[str]) -> Term:
+    """Read a side of a constraint; ValueError unless it is a term."""
+    name = side.strip()
+    if name in names:
+        return Term(1.0, name)
+    match = _TIMES.fullmatch(name)
+    factor = 1.0
+    if match:
+        name = match["name"]
+        factor = float(match["factor"])
+    if name not in names:
+        hint = did_you_mean(name, names) or f"; parameters: {', '.join(names)}"
+        raise ValueError(f"{FORM} {EXAMPLE!r}; {name!r} is no parameter{hint}")
+    if factor == 0 or not math.isfinite(factor):
+        raise ValueError(f"{FORM} {EXAMPLE!r}, with factors that are not 0")
+    return Term(factor, name)
