@@ -6,7 +6,7 @@ along its scale. Everything that searches or models the parameters works there.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -111,10 +111,12 @@ class ParameterSpace:
             prior=prior,
             names=tuple(names),
             scale=scale,
-            constraints=tuple(
-                Constraint.of(text, tuple(names)) for text in constraints or ()
-            ),
-        )
+        ).constrained_by(constraints)
+
+    def constrained_by(self, texts: Sequence[str] | None) -> "ParameterSpace":
+        """Add constraints, as the key `constraints` of the configuration writes them."""
+        constraints = tuple(Constraint.of(text, self.names) for text in texts or ())
+        return replace(self, constraints=constraints)
 
     @property
     def dimensions(self) -> int:

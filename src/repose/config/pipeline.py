@@ -198,7 +198,8 @@ class PipelineConfig:
         from repose.bench.space import contact_space
 
         settings = self.settings
-        return contact_space(settings.parameters.given, settings.constraints)
+        space = contact_space(settings.parameters.given)
+        return space.constrained_by(settings.constraints)
 
     @cached_property
     def targets(self) -> "Targets":
