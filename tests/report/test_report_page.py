@@ -205,7 +205,7 @@ def test_the_page_begins_with_whether_the_targets_are_met(
     assert (
         text.index("</h1>") < text.index('class="verdict') < text.index('id="origin"')
     ), "the verdict stands first"
-    assert re.search(r"Simulated less measured: .* [+-]\d+\.\d ± \d+\.\d % \(\d", text)
+    assert re.search(r"Simulated minus measured: .* [+-]\d+\.\d ± \d+\.\d % \(\d", text)
 
 
 def test_a_row_of_the_answer_tells_bounds(tmp_path):

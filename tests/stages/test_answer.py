@@ -120,7 +120,7 @@ def test_the_answer_compares_simulation_and_measurement_and_has_all_parameters(
         assert name in text
     # 33.5 is 1.5 deg above 32, and a repetition has a standard deviation of 2 deg.
     assert (
-        "Simulated less measured: "
+        "Simulated minus measured: "
         "aor_deg +4.7 +- 0.8 % (0.75 standard deviations of a repetition)." in text
     )
     assert "by these runs alone: within 1 %: 0.25, within 2 %: 0.75" in text

@@ -547,7 +547,7 @@ def test_a_card_in_words_gives_answer_and_tests(config, solutions, tmp_path, com
     phrases = (
         "wheat; targets undecided",
         "mus_gg, mur_gg -1.00",
-        "Simulated less measured: height_mm ",
+        "Simulated minus measured: height_mm ",
         "fixed",
         "predicted 67.98, 15.0 % off the simulated (the article's solutions: below 5 %)",
         "all within 1 %: probability 0.25",

@@ -667,7 +667,7 @@ def describe_optimism(optimism: float, error: float | None) -> str:
 
 def nearness(checks: Iterable[Check]) -> str:
     """Describe in a sentence how far the simulated means are from the measured ones."""
-    return f"Simulated less measured: {', '.join(check.distance for check in checks)}."
+    return f"Simulated minus measured: {', '.join(check.distance for check in checks)}."
 
 
 def describe_probability(chance: Mapping[str, float]) -> str:

@@ -189,10 +189,12 @@ def _sets_inside(study: Results) -> str:
     shares = {}
     for name in study.parameters.free:
         shares[name] = np.ptp(study.parameters.shares(name, inside[name]))
+    narrowest = min(shares, key=shares.__getitem__)
     widest = max(shares, key=shares.__getitem__)
     return (
         f"{len(inside)} of the {len(samples)} simulated samples already lie inside all "
-        f"target ranges; they span {100 * shares[widest]:.0f} % of the range of {widest}."
+        f"target ranges; they span {100 * shares[narrowest]:.0f} ({narrowest}) to "
+        f"{100 * shares[widest]:.0f} % ({widest}) of the ranges."
     )
 
 
@@ -490,6 +492,8 @@ def drum(study: Results) -> DrumSection | None:
             f"The article's run ends when its drum has turned by {report_deg:.0f}°, and "
             f"it shows the bed after a slip. Here the bed first slips at {slip_deg:.0f}°."
         )
+        if slip_deg > report_deg:
+            comparison += " So in this test the simulation disagrees with the article."
     return DrumSection(
         comparison=comparison,
         table=Table(["quantity", "simulated", "runs"], rows, style="drum"),

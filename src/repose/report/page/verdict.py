@@ -111,11 +111,12 @@ def probability_text(study: Results, names_inside: bool = True) -> str:
             f"With a probability of {percent_text(probability)} "
             f"{_responses_lie(n_targets)} inside the target range, {evidence}."
         )
-    targets = "target" if n_targets == 1 else "targets"
+    true_means = "the true mean lies" if n_targets == 1 else "all true means lie"
     for percent, within in study.probability_within.items():
         if within is not None:
             sentences.append(
-                f"Within {percent:g} % of the {targets}: {percent_text(within)}."
+                f"With a probability of {percent_text(within)} {true_means} within "
+                f"{percent:g} % of what was measured."
             )
     if n_runs is None:
         sentences.append(_optimism_text(study))
