@@ -173,7 +173,7 @@ def test_the_longest_job_is_that_of_the_slowest_bench_test(config):
 def test_time_goes_with_the_steps_and_the_bench_tests(config):
     config["simulation"]["time_step_s"] = 2.5e-4
     work = cost.estimate_work(config)
-    solutions = (("representative", 1, 32), ("validation", 5, 12))
+    solutions = (("representative", 1, 64), ("validation", 5, 12))
     assert work["pours"] == (("design", 150, 6), *solutions)
     config["simulation"]["time_step_s"] /= 2
     # seven sets

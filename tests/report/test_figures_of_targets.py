@@ -358,7 +358,9 @@ def test_published_sets_are_marked_in_the_posterior_and_those_of_another_wall_by
         for points in panel.findobj(PathCollection):
             if points.get_sizes().tolist() == [22]:
                 places = np.asarray(points.get_offsets())
-                marks[len(places)].append(places)
+                # A legend's handle has no place.
+                if len(places):
+                    marks[len(places)].append(places)
     # A has both sets in each pair of parameters
     assert len(marks[2]) == len(FREE) * (len(FREE) - 1) / 2
     values = [sets[name][:2].tolist() for name in FREE]

@@ -12,7 +12,7 @@ import numpy as np
 
 from repose.common.errors import did_you_mean
 
-FORM = "two parameters with <= or >= between them, each with or without a factor, as"
+FORM = "two parameters with <= or >= between, each perhaps with a factor, as"
 EXAMPLE = "mur_gg <= 0.5 * mus_gg"
 SIGNS = ("<=", ">=")
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"

@@ -126,7 +126,7 @@ def _is_number(value: object) -> bool:
 Constraints = Annotated[
     tuple[str, ...],
     Field(strict=False, min_length=1),
-    Allowed(f"a list of constraints: {FORM} {EXAMPLE}"),
+    Allowed(f"a list: {FORM} {EXAMPLE}"),
 ]
 
 

@@ -38,6 +38,7 @@ from repose.calibrate.strategies.response_surface.steps import (
 from repose.calibrate.targets import Targets
 from repose.report.figures import response_surface as figures
 from repose.report.figures import style
+from repose.report.study_view import StudyView
 from repose.stages import batches
 
 CONFIG = {"targets": entries(TARGETS), "parameters": RANGES}
@@ -262,7 +263,7 @@ def test_the_figures_of_the_strategy_have_their_panels_and_targets(noisy):
     ]
     for function, inputs, panels in drawings:
         with style.applied():
-            figure = function(inputs, CONFIG)
+            figure = function(inputs, StudyView(CONFIG))
             figure.canvas.draw()
         assert len(figure.axes) == panels
         texts = " ".join(text.get_text() for text in figure.findobj(Text))

@@ -40,6 +40,7 @@ from repose.calibrate.strategies.sequential.strategy import arrange_runs
 from repose.calibrate.targets import Targets
 from repose.report.figures import style
 from repose.report.figures.sequential import sequential
+from repose.report.study_view import StudyView
 from repose.stages.batches import data_of
 
 SECTION = {
@@ -377,7 +378,7 @@ def test_figure(done, targets):
         "sequential": SECTION,
     }
     with style.applied():
-        figure = sequential(inputs, config)
+        figure = sequential(inputs, StudyView(config))
         figure.canvas.draw()
     says(
         " ".join(text.get_text() for text in figure.findobj(Text)),
