@@ -157,6 +157,7 @@ def test_every_key_refuses_what_it_cannot_take():
 
 
 OPTIONAL = (
+    "constraints",
     "simulation.contact_law",
     "simulation.rolling_law",
     "figures.format",

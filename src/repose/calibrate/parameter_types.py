@@ -123,8 +123,12 @@ def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
+# One text with a sign between two sides; `Constraint.of` reads the sides.
+_ConstraintText = Annotated[
+    str, Field(pattern=r"^[^<>=]+[<>]=[^<>=]+$"), Allowed(f"{FORM} {EXAMPLE}")
+]
 Constraints = Annotated[
-    tuple[str, ...],
+    tuple[_ConstraintText, ...],
     Field(strict=False, min_length=1),
     Allowed(f"a list: {FORM} {EXAMPLE}"),
 ]
