@@ -42,6 +42,7 @@ DAMAGED = (
     "results/heaps/.repose",
     ".snakemake/metadata",
 )
+VERDICTS = {True: "yes", False: "**no**", None: "not yet compared"}
 LOST = (
     "results/design/samples.csv",
     "results/heaps/003.npz",
@@ -56,17 +57,42 @@ LOST = (
 )
 
 
+HEAD = "| fault | where | exit status | same bytes after the same command | finished files made again |"
+
+
 class Table(list):
+    """The faults of a campaign, in a file that holds each row as soon as it is known."""
+
+    def __init__(self, path):
+        super().__init__()
+        self.path = Path(path)
+
     def add(self, fault, place, then, same, again):
-        row = (
+        """Add a row and print it; `same` is None before the study has ended."""
+        row = [
             fault,
             place,
             then,
-            "yes" if same else "**no**",
+            VERDICTS[same],
             "none" if not again else f"**{len(again)}**",
-        )
+        ]
         self.append(row)
         print(" | ".join(row), *map(str, list(again)[:5]), flush=True)
+        self._write()
+        return row
+
+    def compare(self, rows, same):
+        """Say of the faults of one study whether it ended with the same bytes."""
+        for row in rows:
+            row[3] = VERDICTS[same]
+        print(
+            f"{len(rows)} faults of a study, same bytes: {VERDICTS[same]}", flush=True
+        )
+        self._write()
+
+    def _write(self):
+        lines = [HEAD, "|---" * 5 + "|", *(f"| {' | '.join(row)} |" for row in self)]
+        self.path.write_text("\n".join(lines) + "\n")
 
 
 def kills(place, finished, expected, table, count, seed):
@@ -93,7 +119,10 @@ def kills(place, finished, expected, table, count, seed):
                 if done < count
                 else False
             )
-            status = forked.ended(main)
+            try:
+                status = forked.ended(main)
+            except TimeoutError as error:
+                status = f"**{error}**"
             now = study.finished()
             # once a rule was forced, what stands on it is made anew, but no pour
             loose = loose or bool(forced)
@@ -108,19 +137,18 @@ def kills(place, finished, expected, table, count, seed):
                 where = f"{victim}, {len(now)} files finished" + (
                     f", --forcerun {forced[0]}" if forced else ""
                 )
-                rows.append(
-                    (signal.Signals(signal_number).name, where, str(status), again)
-                )
+                name = signal.Signals(signal_number).name
+                rows.append(table.add(name, where, str(status), None, again))
                 status = 1
-            elif again:
-                rows.append(("none", "the resumed run", str(status), again))
+            elif again or isinstance(status, str):
+                where = "the resumed run"
+                rows.append(table.add("none", where, str(status), None, again))
             before = now
             if not killed and status:
                 print(f"    {study.last_words()}")
                 break
         same = compared(study, expected)
-        for row in rows:
-            table.add(*row[:3], same, row[3])
+        table.compare(rows, same)
         if same:
             shutil.rmtree(study.folder)
 
@@ -326,7 +354,7 @@ def main():
         help="with the engine, which costs minutes more",
     )
     arguments = parser.parse_args()
-    table = Table()
+    table = Table(arguments.out)
     # a shell lets what runs in the background ignore it
     signal.signal(signal.SIGINT, signal.default_int_handler)
     forked.load_all()
@@ -356,10 +384,7 @@ def main():
                     part(place, finished, expected, table)
             if arguments.only in (None, "kills"):
                 kills(place, finished, expected, table, arguments.kills, arguments.seed)
-    head = "| fault | where | exit status | same bytes after the same command | finished files made again |"
-    lines = [head, "|---" * 5 + "|", *(f"| {' | '.join(row)} |" for row in table)]
-    Path(arguments.out).write_text("\n".join(lines) + "\n")
-    bad = sum("**" in "".join(row[3:]) for row in table)
+    bad = sum("**" in "".join(row[2:]) for row in table)
     print(f"{len(table)} faults, {bad} bad, {time.process_time():.0f} s")
     sys.exit(bool(bad))
 

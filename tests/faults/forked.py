@@ -7,6 +7,7 @@ of a plain run writes, for a twentieth of its time.
 
 import atexit
 import base64
+import faulthandler
 import importlib
 import json
 import os
@@ -22,6 +23,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
+import psutil
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
@@ -40,6 +42,8 @@ PARTS = ("Snakefile", "config", "profiles", "resources", "workflow")
 # In these an equal run has others: how long jobs took and what they printed. Names with a dot are locks and ledgers;
 # NAME.PROCESS.part is what a job that was killed had begun to write, and nothing reads it.
 APART = ("logs", "benchmarks", "timings")
+# A workflow without a job that has used no processor time for so long hangs [s].
+STUCK_S = 120.0
 SHIM = """#!{python} -IS
 import json, os, socket, sys
 server = socket.socket(socket.AF_UNIX)
@@ -186,6 +190,7 @@ def start(folder, arguments, out, err, python=sys.executable):
     try:
         atexit._clear()  # what this process does at its end
         _become(folder, 0, out, err)
+        faulthandler.register(signal.SIGUSR1, file=2)
         os.environ["PYTHONPATH"] = os.pathsep.join(
             filter(None, [str(ROOT / "src"), os.environ.get("PYTHONPATH")])
         )
@@ -206,7 +211,24 @@ def start(folder, arguments, out, err, python=sys.executable):
 
 
 def ended(process):
-    """Wait for the end of a child; its exit status."""
+    """Wait for the end of a workflow; its exit status.
+
+    One that hangs prints the stacks of its threads, is killed, and raises TimeoutError.
+    """
+    workflow = psutil.Process(process)
+    earlier_s = None
+    while not os.waitid(os.P_PID, process, os.WEXITED | os.WNOHANG | os.WNOWAIT):
+        used_s = sum(workflow.cpu_times())
+        if used_s != earlier_s or workflow.children():
+            earlier_s = used_s
+            idle_since = time.monotonic()
+        elif time.monotonic() - idle_since > STUCK_S:
+            os.kill(process, signal.SIGUSR1)
+            time.sleep(1.0)
+            os.kill(process, signal.SIGKILL)
+            os.waitpid(process, 0)
+            raise TimeoutError(f"hung for {STUCK_S:.0f} s")
+        time.sleep(0.1)
     return os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
 
 

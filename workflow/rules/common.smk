@@ -16,6 +16,7 @@ from repose.config import cost, results_folder, dependencies
 from repose.config.workflow_run import (
     check_folder,
     check_when_planned,
+    handle_sigterm_in_thread,
     has_pours,
     run_of_workflow,
 )

@@ -7,11 +7,14 @@ that has jobs begins with `WorkflowRun.begin`, and prints its times when it ends
 
 import atexit
 import os
+import signal
 import sys
+import threading
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any
 
 from repose.common import attached, usage
@@ -136,6 +139,30 @@ def _check_results(study: PipelineConfig, paths: Iterable[str]) -> None:
                 "results of two studies; add --forceall (pours of equal settings are "
                 "kept), take the earlier value, or choose another results_dir",
             )
+
+
+def handle_sigterm_in_thread() -> None:
+    """Let a thread call Snakemake's handler of SIGTERM, so that it cannot deadlock.
+
+    The handler waits for a lock (`JobScheduler.exit_gracefully`, Snakemake 9.27). Python
+    calls handlers in the main thread, and this thread holds the lock while it selects
+    jobs and records finished ones. A signal at such a moment would stop the run for
+    ever. Call this once Snakemake has set its handler, as in ``onstart``.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        return  # Snakemake sets its handler in the main thread alone
+    handler = signal.getsignal(signal.SIGTERM)
+    if not callable(handler):
+        return
+    # The `put` of this queue may be interrupted by another one.
+    numbers: SimpleQueue[int] = SimpleQueue()
+
+    def call_handler() -> None:
+        while True:
+            handler(numbers.get(), None)
+
+    threading.Thread(target=call_handler, daemon=True).start()
+    signal.signal(signal.SIGTERM, lambda number, _frame: numbers.put(number))
 
 
 class WorkflowRun:
