@@ -152,6 +152,8 @@ class Jobs:
 
 def _serve(listener):
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+    # Python ignores an interrupt within the fork: it waits until the job has begun.
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     while True:
         caller, _ = listener.accept()
         if os.fork() == 0:
@@ -159,6 +161,7 @@ def _serve(listener):
             signal.signal(signal.SIGCHLD, signal.SIG_DFL)
             status = 1
             try:
+                signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
                 status = _job(caller)
             except SystemExit as end:
                 status = end.code if isinstance(end.code, int) else 1
