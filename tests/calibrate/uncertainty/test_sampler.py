@@ -86,7 +86,7 @@ def test_the_linear_posterior_has_its_closed_form_with_a_prior_too(linear):
     def from_prior(share):
         return stats.norm(0.5, 0.1).ppf(np.clip(share, 1e-9, 1 - 1e-9))
 
-    space = SimpleNamespace(dimensions=1, from_prior=from_prior)
+    space = SimpleNamespace(dimensions=1, from_prior=from_prior, constraints=())
     found, _ = sampler.joint_information_bits(
         likelihood, likelihood(draws), 20_000, space, 1
     )
