@@ -488,10 +488,15 @@ def verdict():
     return f"    {opening}. {', '.join(means)}.\n"
 
 
+def check_of(run):
+    """The check of a run's answer: a row for each target."""
+    return run.table(f"{Path(run.answer).parent}/representative.csv")
+
+
 def check_cells(run):
     """Simulated mean, and percent off the measured mean, of a run's answer, by target."""
     cells = {}
-    for row in run.table(f"{Path(run.answer).parent}/representative.csv").itertuples():
+    for row in check_of(run).itertuples():
         unit = "°" if row.response == ANGLE else " mm"
         percent = 100 * (row.simulated / row.physical_mean - 1)
         percent_error = 100 * row.simulated_se / row.physical_mean
@@ -509,11 +514,16 @@ def deviation_range(run, target):
     return f"{percents.min():.1f} to {percents.max():.1f} %"
 
 
-def r_squared(run, ending=""):
+def metrics_of(run):
+    """The accuracy of a run's network."""
+    return json.loads((KEPT / run.folder / "network/metrics.json").read_text())
+
+
+def r_squared(run):
     """R² on the test samples, for angle and Height."""
-    metrics = json.loads((KEPT / run.folder / "network/metrics.json").read_text())
+    metrics = metrics_of(run)
     values = [metrics["test"][name]["r2"] for name in (ANGLE, HEIGHT)]
-    return ", ".join(f"{value:.2f}" for value in values) + ending
+    return ", ".join(f"{value:.2f}" for value in values)
 
 
 def sample_noise(run):
@@ -538,7 +548,7 @@ def perfect_r_squared(run):
 
 def test_errors(run):
     """Root mean square error on the test samples, and the noise of one such sample."""
-    metrics = json.loads((KEPT / run.folder / "network/metrics.json").read_text())
+    metrics = metrics_of(run)
     errors = {name: metrics["test"][name]["rmse"] for name in (ANGLE, HEIGHT)}
     return tuple(
         f"{values[ANGLE]:.2f}°, {values[HEIGHT]:.2f} mm"
@@ -548,7 +558,7 @@ def test_errors(run):
 
 def within_cell(run):
     """Probabilities that both true means lie within 1 and 2 % of the measured ones."""
-    row = run.table(f"{Path(run.answer).parent}/representative.csv").iloc[0]
+    row = check_of(run).iloc[0]
     return f"{row['within_1_percent']:.2f}, {row['within_2_percent']:.2f}"
 
 
@@ -938,7 +948,7 @@ def sensitivities():
 
 def split_sizes(run):
     """Numbers of samples for training, validation and test."""
-    metrics = json.loads((KEPT / run.folder / "network/metrics.json").read_text())
+    metrics = metrics_of(run)
     return ", ".join(
         str(metrics[f"n_{split}"]) for split in ("train", "validation", "test")
     )

@@ -42,21 +42,27 @@ def to_coordinates(
     scale : mapping
         Name of the scale by the name of the column. A column without one is linear.
     """
-    if not scale:
-        return values
-    columns = []
-    for name, column in zip(names, values.T, strict=True):
-        columns.append(SCALES[scale.get(name, LINEAR)].forward(column))
-    return np.column_stack(columns)
+    functions = {name: SCALES[scale[name]].forward for name in scale}
+    return _by_column(values, names, functions)
 
 
 def to_values(
     coordinates: np.ndarray, names: Sequence[str], scale: Mapping[str, str]
 ) -> np.ndarray:
     """Turn coordinates (n, p) into values (n, p); the inverse of `to_coordinates`."""
-    if not scale:
-        return coordinates
+    functions = {name: SCALES[scale[name]].backward for name in scale}
+    return _by_column(coordinates, names, functions)
+
+
+def _by_column(
+    table: np.ndarray,
+    names: Sequence[str],
+    functions: Mapping[str, Callable[[np.ndarray], np.ndarray]],
+) -> np.ndarray:
+    """Apply a function to each column of a table (n, p) that has one, by its name."""
+    if not functions:
+        return table
     columns = []
-    for name, column in zip(names, coordinates.T, strict=True):
-        columns.append(SCALES[scale.get(name, LINEAR)].backward(column))
+    for name, column in zip(names, table.T, strict=True):
+        columns.append(functions.get(name, _same)(column))
     return np.column_stack(columns)

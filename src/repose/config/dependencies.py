@@ -16,7 +16,7 @@ from repose.calibrate.strategies import names, strategy
 from repose.calibrate.targets import OWN
 from repose.common import attached
 from repose.common.errors import InputError
-from repose.common.keys import Config
+from repose.common.keys import Config, get
 from repose.common.provenance import (
     Inputs,
     Record,
@@ -480,7 +480,7 @@ def require_same_study(config: Config, inputs: Inputs, source: str) -> None:
         if mismatch is None:
             continue
         # A missing file has no content to compare.
-        named_file = _value_of_key(config, mismatch.key)
+        named_file = get(config, mismatch.key)
         if mismatch.current is None and isinstance(named_file, str):
             raise InputError(
                 source,
@@ -495,16 +495,6 @@ def require_same_study(config: Config, inputs: Inputs, source: str) -> None:
             f"{mismatch.current}, as in {source}: results of one study; give the "
             "configuration of this file, or make the file again with this one",
         )
-
-
-def _value_of_key(config: Config, dotted_key: str) -> Any:
-    """Return the value of a dotted key; None if the configuration lacks it."""
-    value: Any = config
-    for key in dotted_key.split("."):
-        if not isinstance(value, Mapping):
-            return None
-        value = value.get(key)
-    return value
 
 
 def find_outdated(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
