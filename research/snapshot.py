@@ -52,8 +52,8 @@ LARGEST_FILE = 5_000_000  # bytes
 # what a study begins and ends with
 CONFIG = "config.json"
 CARD = "card.json"
-# runs of the drum; records follow their results
-OTHERS = re.compile(r"drum_\d+\.json|.*\.provenance\.json")
+# runs of the drum, and the check of a configuration; records follow their results
+OTHERS = re.compile(r"drum_\d+\.json|.*\.provenance\.json|checked\.json")
 MANIFEST = "snapshot.txt"  # in a snapshot: its files, one a line
 
 

@@ -19,6 +19,7 @@ def study(tmp_path):
         "pool/fresh_runs.csv",
         "pool/heaps/fresh/001.json",
         "comparison/accuracy.csv",
+        "checked.json",
         "logs/a.log",
         "network/states.npz",
     ):
