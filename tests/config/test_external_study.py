@@ -1,5 +1,7 @@
 """The configuration of a study whose runs another program makes."""
 
+import sys
+
 import pytest
 import yaml
 
@@ -7,8 +9,9 @@ from repose.calibrate.targets import OWN
 from repose.common.errors import InputError
 from repose.config import dependencies, loader, results_folder
 from repose.config.external import ExternalConfig
-from repose.config.external_check import runs_of
+from repose.config.external_check import runs_of, try_once
 from repose.config.pipeline import PipelineConfig
+from repose.stages import simulate
 
 STUDY = {
     "simulator": {
@@ -131,6 +134,25 @@ def test_the_runs_of_a_study_are_counted():
         ("answer", 1, 5),
         ("other solutions", 2, 4),
     )
+
+
+PROGRAM_OF_SEEDS = """
+import json
+
+given = json.load(open("parameters.json"))
+json.dump({"angle": given["seed"]}, open("out.json", "w"))
+"""
+
+
+def test_a_trial_has_the_seed_of_the_first_run_of_the_design(tmp_path):
+    """So what the trial shows is what the first run of the first sample meets."""
+    (tmp_path / "toy.py").write_text(PROGRAM_OF_SEEDS)
+    command = [sys.executable, str(tmp_path / "toy.py")]
+    study = loaded(inputs=True, **simulator(command=command))
+    lines = list(try_once(study, study.simulator))
+    expected = simulate.seed_of(STUDY["seed"], "design", sample=1, run=1)
+    assert lines[0].startswith(f"trial run, seed {expected}, ")
+    assert f"angle {expected:.4g} deg" in lines[1]
 
 
 def test_records_are_handed_over_as_counted_folders():

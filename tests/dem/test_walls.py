@@ -637,6 +637,24 @@ def test_the_deepest_overlap_is_that_of_the_farthest_point(name, kind):
         assert overlaps.max() == pytest.approx(depth, abs=1e-8)
 
 
+def test_a_grain_across_a_tube_touches_it_at_both_ends():
+    """One body and one wall have two contacts, whose forces balance."""
+    semi_axes = np.array([[0.010, 0.004, 0.004]])
+    overlap_m = 1e-4
+    radius_m = semi_axes[0, 0] - overlap_m
+    tube = Cylinder((0.0, 0.0, 0.0), UP, 0.05, radius_m, "wall")
+    s = simulation(semi_axes, walls={"tube": tube}, dt=1e-7)
+    s.add(np.array([0.0, 0.0, 0.025]), np.array([1.0, 0.0, 0.0, 0.0]))
+    s.run_steps(1)
+    bodies, walls, normals, azimuths = s.curved_contacts()
+    assert len(bodies) == len(walls) == 2
+    assert np.cos(azimuths[0] - azimuths[1]) == pytest.approx(-1.0)
+    np.testing.assert_allclose(normals.sum(axis=0), 0.0, atol=1e-9)
+    _, _, overlaps = s.wall_overlaps()
+    np.testing.assert_allclose(overlaps, overlap_m, rtol=1e-3)
+    np.testing.assert_allclose(s.velocities[0], 0.0, atol=1e-12)
+
+
 def test_overlaps_with_a_mesh_and_with_a_moving_plane():
     radius = 0.006
     corners = [[-0.1, -0.1, 0.0], [0.2, -0.1, 0.0], [-0.1, 0.2, 0.0], [0.0, 0.0, -0.1]]

@@ -299,6 +299,7 @@ def test_taper_and_wrinkles_keep_mass_and_axes():
         ({"axes_mm": (9.0, 12.0, 20.0)}, "longest first"),
         ({"taper": 2.0}, "-0.5 to 0.5"),
         ({"wrinkles": 5}, "wrinkle_depth_mm"),
+        ({"wrinkle_depth_mm": 0.2}, "together with wrinkle_depth_mm"),
         ({"wrinkles": 5, "wrinkle_depth_mm": 3.0}, "0 to 0.741"),
         ({"density_kg_m3": -1.0}, "positive"),
     ],
