@@ -343,6 +343,15 @@ def test_a_ledger_that_a_full_disk_cut_off_is_written_on(folder, kept):
     assert ledger.changed(folder) == []
 
 
+@pytest.mark.parametrize("name", ["", "..", ledger.LEDGER, "a\nb"])
+def test_a_name_that_cannot_stand_in_the_ledger_is_refused(name):
+    """Also in a folder that does not exist yet, where nothing can be overwritten."""
+    folder = Path("new_folder") if name else Path()
+    input_error(
+        "a file name of printable characters", ledger.check_replaceable, folder / name
+    )
+
+
 @pytest.mark.parametrize("content", ["mine\n", "mine", "0123456789  a.json\n"])
 def test_somebodys_file_of_the_ledgers_name_is_left_alone(tmp_path, content):
     (tmp_path / ledger.LEDGER).write_text(content)

@@ -291,6 +291,13 @@ def test_taper_and_wrinkles_keep_mass_and_axes():
     assert np.ptp(size) == pytest.approx(0.2 / (GOJI_MM[2] / 2), rel=0.05)
 
 
+@pytest.mark.parametrize("taper", [-0.5, 0.5])
+def test_the_largest_taper_is_allowed(taper):
+    mesh, _ = mesh_from_axes.grain_mesh(GOJI_MM, 0.78, DENSITY, taper=taper)
+    # The thick end, and with it the centre of mass, is on the side of its sign.
+    assert np.sign(mesh.center_mass[0]) == np.sign(taper)
+
+
 @pytest.mark.parametrize(
     ("keys", "message"),
     [
