@@ -10,6 +10,7 @@ from repose.bench.factory import (
     POINTS_TRIED,
     Disc,
     Strip,
+    add_above,
     free_point,
     random_orientation,
 )
@@ -96,3 +97,36 @@ def test_new_berries_lie_or_stand_as_configured(orientation, level):
     other = rotations[:, :2, 0] if orientation == "lying" else rotations[:, :2, 1]
     assert np.all(np.abs(other.mean(axis=0)) < 4 * math.sqrt(0.5 / 300))
     assert np.var(rotations[:, 2, 1]) == pytest.approx(0.5 * (1 - level), abs=0.1)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_lowest_point_of_a_grain_is_at_the_height_asked_for(seed):
+    """An ellipsoid's centre is above its lowest point by the root of (R A A R')_zz."""
+    semi_axes = np.array([0.010, 0.006, 0.004])
+    scale = 1.3
+    height_m = 0.05
+
+    def support_point(directions):
+        lengths = np.linalg.norm(directions * semi_axes, axis=1, keepdims=True)
+        return directions * semi_axes**2 / lengths
+
+    added = []
+    trial = SimpleNamespace(
+        scene=SimpleNamespace(
+            seed=seed, particle=SimpleNamespace(support_point=support_point)
+        ),
+        scales=[scale],
+        simulation=SimpleNamespace(
+            add=lambda name, centre, quaternion, scale: added.append(
+                (name, centre, quaternion, scale)
+            )
+        ),
+    )
+    add_above(trial, "random", height_m)
+    [(name, centre, quaternion, added_scale)] = added
+    assert name == "berry"
+    assert added_scale == scale
+    assert centre[:2] == (0.0, 0.0)
+    vertical = rotation_matrices(quaternion[None])[0][2]
+    depth_m = scale * np.linalg.norm(vertical * semi_axes)
+    assert centre[2] - depth_m == pytest.approx(height_m, abs=1e-12)
