@@ -9,6 +9,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -213,6 +214,26 @@ def test_ctrl_c_ends_with_the_sentence_that_says_how_to_go_on_and_another_end_ke
         is interrupted
     )
     assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_ctrl_c_ends_a_job_whose_thread_was_just_starting(monkeypatch, command):
+    """Snakemake does not know a thread in whose start the exception comes."""
+    statuses = []
+
+    def run_job():
+        time.sleep(0.2)
+        with subprocess.Popen(["sleep", "20"]) as job:
+            statuses.append(job.wait())
+
+    def ended(_words):
+        with contextlib.suppress(KeyboardInterrupt):
+            threading.Thread(target=run_job).start()
+            signal.raise_signal(signal.SIGINT)
+        raise SystemExit(1)  # as snakemake ends
+
+    monkeypatch.setattr("snakemake.cli.main", ended)
+    command("run", status=130)
+    assert statuses == [-signal.SIGINT]
 
 
 def test_the_list_names_targets_with_their_cost_and_strategies_that_cannot_be(

@@ -21,6 +21,8 @@ REPEAT_S = 0.5
 # Time after which a job that still runs gets the signal again. A process that is about
 # to become another program loses the signals that it has.
 PATIENCE_S = 3.0
+# Time in which a thread begins that was about to start at the signal.
+START_S = 5.0
 
 
 class Interruption:
@@ -39,6 +41,7 @@ class Interruption:
         self._has_ended = threading.Event()
 
     def __enter__(self) -> Self:
+        self._earlier_threads = set(threading.enumerate())
         # A process under nohup ignores SIGHUP, and must continue to ignore it.
         self._forwarded_signals = [
             number
@@ -67,6 +70,8 @@ class Interruption:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        if self.signal_number is not None:
+            self._wait_for_threads()
         # Restore the earlier handlers, and then end the thread that reads the pipe.
         self._has_ended.set()
         signal.set_wakeup_fd(self._earlier_wakeup_fd)
@@ -104,6 +109,24 @@ class Interruption:
         """Interrupt jobs that start after the signal, until the run has ended."""
         while not self._has_ended.wait(REPEAT_S):
             self._interrupt_jobs()
+
+    def _wait_for_threads(self) -> None:
+        """Wait for the threads of the run, while the jobs that they start are ended.
+
+        Snakemake runs each job in a thread and waits for these threads. If the exception
+        comes while it starts one, it does not know the thread, and ends before the job
+        begins. Python waits for such a thread at its own end, when nobody would interrupt
+        the job.
+        """
+        # A thread that is still to begin at the limit never will: the exception came
+        # before the system had made it.
+        limit = time.monotonic() + START_S
+        while any(
+            thread.is_alive() or time.monotonic() < limit
+            for thread in threading.enumerate()
+            if thread not in self._earlier_threads and not thread.daemon
+        ):
+            time.sleep(0.05)
 
     def _interrupt_jobs(self) -> None:
         """Send SIGINT to each job, for which Snakemake waits, and again to a slow one.
