@@ -4,10 +4,13 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 import yaml
 from shared import ROOT, check_all, written
 
 from repose.cli import VERBS
+from repose.config import loader
+from repose.config.pipeline import PipelineConfig
 
 BERRY = ROOT / "results/published/recommended/berry"
 WRITES = ("out", "overlay", "stl")
@@ -85,7 +88,27 @@ READING = sorted(
 )
 
 
-def test_verbs_refuse_files_and_configurations_that_they_cannot_read(refused, tmp_path):
+@pytest.fixture
+def with_checked_config(tmp_path, monkeypatch):
+    """Adds the configuration to a call, checked before, as the workflow gives it to its stages."""
+    # the files that it names are then found from the folder of the calls
+    monkeypatch.chdir(tmp_path)
+    study = PipelineConfig.load(ROOT / "config/config.yaml")
+    path = tmp_path / "results/config.json"
+    loader.write_resolved(study.config, path)
+
+    def add(arguments):
+        takes_config = not WITH_CONFIG.isdisjoint(arguments[:1])
+        if not takes_config or any(word.startswith("--config") for word in arguments):
+            return arguments
+        return [*arguments, f"--config={path}"]
+
+    return add
+
+
+def test_verbs_refuse_files_and_configurations_that_they_cannot_read(
+    refused, tmp_path, with_checked_config
+):
     garbage = {
         kind: tmp_path / f"{kind}.json" for kind in ("missing", "folder", *GARBAGE)
     }
@@ -94,7 +117,7 @@ def test_verbs_refuse_files_and_configurations_that_they_cannot_read(refused, tm
         garbage[kind].write_bytes(content)
 
     def check(name, path):
-        assert path.stem in refused(*call_of(name, path))
+        assert path.stem in refused(*with_checked_config(call_of(name, path)))
 
     cases = [
         (f"{name} {kind}", name, path)
@@ -119,20 +142,20 @@ def test_verbs_refuse_files_and_configurations_that_they_cannot_read(refused, tm
         check,
         [
             (f"{name} {kind}", name, path)
-            for name in WITH_CONFIG
+            for name in sorted(WITH_CONFIG)
             for kind, path in garbage.items()
         ],
     )
 
 
-WITH_CONFIG = sorted(
+WITH_CONFIG = {
     name
     for name, verb in VERBS.items()
     if any("--config" in option.names for option in verb.options)
-)
+}
 
 
-def test_what_options_are_not_there_or_cannot_take(refused):
+def test_what_options_are_not_there_or_cannot_take(refused, with_checked_config):
     def check(name):
         assert "--no-such-option" in refused(
             *call_of(name, "some_file", every=False), "--no-such-option"
@@ -141,7 +164,7 @@ def test_what_options_are_not_there_or_cannot_take(refused):
     check_all(check, [(name, name) for name in sorted(set(VERBS) - {"run"})])
     bad = yaml.safe_load(Path(__file__).with_name("words.yaml").read_text())
     check_all(
-        lambda arguments: refused(*arguments),
+        lambda arguments: refused(*with_checked_config(arguments)),
         [(" ".join(arguments), arguments) for arguments in bad],
     )
 
