@@ -17,7 +17,7 @@ from repose.calibrate.variance import variance_components
 from repose.report.figures import style
 
 HERE, OUT = Path(__file__).parent, Path("results/examples/published_errors")
-RUNS = HERE.parents[1] / "results/published/recommended/runs.csv"
+RUNS = HERE.parents[1] / "results/published/goji_berry/runs.csv"
 OTHERS = HERE.parents[1] / "results/published/joint_targets/responses/responses.csv"
 # Piles of JoshuaMayo-vectr/DEM-calibration, with the standard deviation of one of their
 # seeds (examples/lifted_piles/compare.py); those of crops are at least as steep as this.

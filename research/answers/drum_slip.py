@@ -17,7 +17,7 @@ from repose.bench import bench
 from repose.config.pipeline import PipelineConfig
 from repose.measure.bed import equivalent_diameter
 
-ANSWERS = Path("results/published/recommended/validation/table4.csv")
+ANSWERS = Path("results/published/goji_berry/validation/table4.csv")
 ARTICLE = Path("resources/published/table4.csv")
 WALL_FRICTIONS = (0.3, 0.2, 0.1)  # below the range of `mus_gp`
 SEEDS = range(1, 7)

@@ -23,13 +23,13 @@ from research.comparison.points import Points, joined, read
 KEPT = Path("results/published")
 # Folder and prefix of the tables of samples and of their pours.
 TABLES = (
-    ("recommended", ""),
+    ("goji_berry", ""),
     ("comparison", ""),
     ("comparison/pool", ""),
     ("comparison/pool", "fresh_"),
 )
 # Answers of which the means are kept, with the number of their pours.
-ANSWERS = ("recommended/validation/table4.csv",)
+ANSWERS = ("goji_berry/validation/table4.csv",)
 ROUNDS_OF_REFINEMENT = "refined/batches.csv"
 
 
@@ -127,7 +127,7 @@ class DataSet(NamedTuple):
 def designed(study: PipelineConfig, folder: Path = KEPT) -> np.ndarray:
     """Parameters (150, d) of the default's design."""
     design = read_table(
-        folder / "recommended/design/samples.csv", study.parameters.names
+        folder / "goji_berry/design/samples.csv", study.parameters.names
     )
     return design[list(study.parameters.names)].to_numpy(float)
 

@@ -9,7 +9,7 @@ searched as a study does it. The error of a prediction is prediction less truth;
 expected optimism of `repose.calibrate.optimism` taken off. Fits have 8 starts in place of 20, searches 20 rounds in
 place of 870, and the optimism 10 replicates in place of the default's, so that a data set takes a quarter of a minute.
 
-`kept`: the same at the answers of `results/published/recommended` that were simulated again.
+`kept`: the same at the answers of `results/published/goji_berry` that were simulated again.
 """
 
 from pathlib import Path
@@ -120,7 +120,7 @@ def kept(args, config):
     """Compare the predictions of the published run with its pours."""
     study = args.study
     targets = study.targets
-    folder = Path("results/published/recommended")
+    folder = Path("results/published/goji_berry")
     model = load(folder / "network/network.json")
     dataset = pd.read_csv(folder / "dataset.csv")
     runs = pd.read_csv(folder / "runs.csv")

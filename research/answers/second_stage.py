@@ -15,7 +15,7 @@ design    pours
 
 An answer is judged by the truth: Eq. 11 in percent, the sum of the relative deviations from the targets.
 
-`pour`: the same with real pours, for two kept data sets (`recommended`, `comparison`), with 20 starts. The pours of the
+`pour`: the same with real pours, for two kept data sets (`goji_berry`, `comparison`), with 20 starts. The pours of the
 designs are kept; those of the second stages and 256 fresh ones of each answer are made, 2,136 in all, two hours of a
 core or less. Finished pours stay in tables beside the result, and the same command goes on.
 """
@@ -134,7 +134,7 @@ def _row(design, other, values):
     }
 
 
-KEPT_SETS = ("recommended", "comparison")
+KEPT_SETS = ("goji_berry", "comparison")
 FRESH = 256
 
 

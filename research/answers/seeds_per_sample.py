@@ -37,7 +37,7 @@ from research.script import Script, option
 from research.streams import STREAMS
 
 OUT = "results/seeds_per_sample"
-SAMPLES = "results/published/recommended/design/samples.csv"
+SAMPLES = "results/published/goji_berry/design/samples.csv"
 BENCH = "funnel"
 # Streams of random numbers of this study alone, beyond all of `research.streams`.
 OF_POOL = 101

@@ -142,7 +142,7 @@ def main():
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument(
-        "--results", type=Path, default=Path("results/published/recommended")
+        "--results", type=Path, default=Path("results/published/goji_berry")
     )
     parser.add_argument(
         "--own",

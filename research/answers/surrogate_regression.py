@@ -1,7 +1,7 @@
 """BayesianBP beside MLPRegressor and GaussianProcessRegressor: four public problems, 95 training samples.
 
 python -m research.answers.surrogate_regression --splits 10 --out table.md
-python -m research.answers.surrogate_regression --dataset results/published/recommended/dataset.csv
+python -m research.answers.surrogate_regression --dataset results/published/goji_berry/dataset.csv
 
 Friedman 1-3 (Friedman 1991, Breiman 1996: noise of 1, 125 and 0.1) are drawn anew for each split and tested on
 1000 fresh noisy samples; diabetes is split anew and tested on the other 347 patients. All four have the same settings.

@@ -41,11 +41,9 @@ def test_another_encoding_is_reported_and_a_mark_of_the_byte_order_is_fine(tmp_p
     assert files.read_json(path) == {"a": 1}
 
 
-BERRY = json.loads(
-    (ROOT / "results/published/recommended/berry/berry.json").read_text()
-)
+BERRY = json.loads((ROOT / "results/published/goji_berry/berry/berry.json").read_text())
 PARTICLE = json.loads(
-    (ROOT / "results/published/recommended/berry/particle.json").read_text()
+    (ROOT / "results/published/goji_berry/berry/particle.json").read_text()
 )
 for description in BERRY, PARTICLE:
     description.pop("provenance")  # where it comes from, not what it is

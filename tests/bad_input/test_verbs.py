@@ -12,7 +12,7 @@ from repose.cli import VERBS
 from repose.config import loader
 from repose.config.pipeline import PipelineConfig
 
-BERRY = ROOT / "results/published/recommended/berry"
+BERRY = ROOT / "results/published/goji_berry/berry"
 WRITES = ("out", "overlay", "stl")
 OWN = f"--config={Path(__file__).with_name('own.yaml')}"
 # The words besides files that a verb needs before it reads any.

@@ -57,7 +57,7 @@ class KeptRun:
 RUNS = (
     KeptRun(
         name="`goji_berry`",
-        folder="recommended",
+        folder="goji_berry",
         answer="validation/table4.csv",
         samples="dataset.csv",
         solutions="miga/feasible.csv",
@@ -66,7 +66,7 @@ RUNS = (
         name="`refined`",
         folder="refined",
         answer="table4.csv",
-        config="../recommended/config.json",
+        config="../goji_berry/config.json",
     ),
     KeptRun(
         name="`paper`",
@@ -97,7 +97,7 @@ WIDER = KeptRun(
     solutions="miga/feasible.csv",
 )
 RUN_OF_FOLDER = {run.folder: run for run in RUNS}
-DEFAULT = RUN_OF_FOLDER["recommended"]
+DEFAULT = RUN_OF_FOLDER["goji_berry"]
 PAPER = RUN_OF_FOLDER["paper"]
 MATCHED = RUN_OF_FOLDER["matched"]
 # Names of the columns of Table 4 that belong to a target.

@@ -688,7 +688,7 @@ def test_a_card_alone_is_enough_in_any_folder(tmp_path, monkeypatch, command, sp
     # whose files lie elsewhere
     goji = [
         *arguments[:4],
-        ROOT / "results/published/recommended/card.json",
+        ROOT / "results/published/goji_berry/card.json",
         *arguments[5:],
     ]
     assert (

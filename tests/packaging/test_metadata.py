@@ -119,7 +119,7 @@ def test_wheel_and_source_distribution_hold_what_they_should():
     included = wheel["force-include"]
     cards = {
         "crops/cards",
-        *(f"results/published/{name}/card.json" for name in ("fast", "recommended")),
+        *(f"results/published/{name}/card.json" for name in ("fast", "goji_berry")),
     }
     expected = {"Snakefile", "config", "profiles", "resources", "workflow"} | cards
     assert set(included) == expected

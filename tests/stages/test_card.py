@@ -37,7 +37,7 @@ from repose.stages import card, card_study, card_text
 from repose.stages.card import schema
 from repose.stages.card_study import describe_response
 
-STUDY = ROOT / "results/published/recommended"
+STUDY = ROOT / "results/published/goji_berry"
 HEIGHT = TARGETS[1]
 FIXED = {"e_gp": {"fixed": 0.3}}
 HELD = {"low", "high", "at_bound", "widened"}

@@ -23,7 +23,7 @@ TARGETS = Targets.of(shared.TARGETS)
 RECORDED = bench("funnel").recorded
 DEFINITIONS = {"aor_deg": {"measure.response": "whole"}}
 VALUES = (0.2, 0.6, 0.04, 0.25, 0.5, 0.18)
-STUDY = ROOT / "results/published/recommended"
+STUDY = ROOT / "results/published/goji_berry"
 
 
 @pytest.fixture

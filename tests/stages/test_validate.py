@@ -382,7 +382,7 @@ def test_a_law_of_further_parameters_keeps_them_and_leaves_the_published_sets_ou
 
 
 def test_the_stage_lists_the_sets_of_a_kept_study(command, tmp_path):
-    kept = shared.ROOT / "results/published/recommended"
+    kept = shared.ROOT / "results/published/goji_berry"
     arguments = (
         "--config",
         kept / "config.json",

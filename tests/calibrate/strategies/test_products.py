@@ -193,7 +193,7 @@ def test_the_verbs_that_the_rules_call_write_card_and_report(
         "--representative=representative.csv",
     ]
     grain = [
-        f"--{name}={ROOT / 'results/published/recommended/berry' / name}.json"
+        f"--{name}={ROOT / 'results/published/goji_berry/berry' / name}.json"
         for name in ("berry", "particle")
     ]
     command("stage", "material_card", *options, *grain, *answered, "--out=card.json")
