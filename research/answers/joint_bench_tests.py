@@ -4,7 +4,7 @@
 
 The rule `joint_targets` runs all samples in the vessels of `config/config.yaml`, for many hours. Here drum and funnel
 hold 300 berries in place of 900 and 500, and the drum is 115 mm long in place of 340 mm. The piles are those of the
-recommended study, measured already. The stages and the seeds are those of the workflow, called in one process; a run
+default study, measured already. The stages and the seeds are those of the workflow, called in one process; a run
 that was stopped goes on after its last finished job. The bench tests are run in turn, sample by sample, so that a
 stopped run has all of them for the same samples. `responses/` ranks them by bits a minute of work.
 """

@@ -21,6 +21,7 @@ PAGES = (
     "docs/uncertainty.md",
     "docs/article.md",
     "docs/bench_measurements.md",
+    "docs/network.md",
     "docs/refinement.md",
     "research/docs/drum_slip.md",
 )
@@ -102,6 +103,15 @@ PAPER = RUN_OF_FOLDER["paper"]
 MATCHED = RUN_OF_FOLDER["matched"]
 # Names of the columns of Table 4 that belong to a target.
 COLUMN_STEMS = {ANGLE: "aor", HEIGHT: "height"}
+# What the parameters are, as a sentence names them.
+KIND = {
+    "e_gg": "the restitution between berries",
+    "mus_gg": "the static friction between berries",
+    "mur_gg": "the rolling friction between berries",
+    "e_gp": "the restitution of a berry on plate and wall",
+    "mus_gp": "the static friction on plate and wall",
+    "mur_gp": "the rolling friction on plate and wall",
+}
 LINES = {
     "flank, 30 to 80 %, levels (calibrated)": "flank",
     "straightest window, at least a third of the side": "straightest",
@@ -185,7 +195,7 @@ def answers():
     rows = [
         ["article", *values, *ARTICLE_CHECK],
         [
-            "article's set, poured here",
+            "article's set, poured in this simulator",
             *values,
             cell_of_set(poured, "representative", ANGLE),
             cell_of_set(poured, "representative", HEIGHT),
@@ -205,7 +215,7 @@ def answers():
     shares = [
         f"{100 * covered_share(DEFAULT, meeting, name):.0f} %" for name in PARAMETERS
     ]
-    inside = f"{len(meeting)} of {len(samples)} samples, share of range"
+    inside = f"share of the range that {len(meeting)} of the {len(samples)} samples of `goji_berry` cover"
     ranges = [
         "{:g} to {:g}".format(*target["range"])
         for target in DEFAULT.settings()["targets"]
@@ -251,7 +261,7 @@ def share_without_discrepancy(parameter):
 
 
 def design():
-    """What the design of the default run already meets, and what the pile determines."""
+    """What the design of `goji_berry` already meets, and what the pile determines."""
     samples, meeting = meeting_samples(DEFAULT)
     shares = {name: covered_share(DEFAULT, meeting, name) for name in PARAMETERS}
     least, most = min(shares, key=shares.get), max(shares, key=shares.get)
@@ -260,7 +270,7 @@ def design():
     without = 100 * share_without_discrepancy(least)
     return (
         "Many different parameter sets give the measured pile, so the pile alone cannot tell them apart.\n"
-        f"In the default run, {len(meeting)} of the {len(samples)} simulated parameter sets met both targets before the search had begun. "
+        f"In the run `goji_berry`, {len(meeting)} of the {len(samples)} simulated parameter sets met both targets before the search had begun. "
         f"They are spread over {100 * shares[least]:.0f} (`{least}`) to {100 * shares[most]:.0f} % (`{most}`) of the searched ranges.\n"
         "A statistical analysis with ten measured piles gives a 95 % interval of each parameter. "
         f"These intervals are still {100 * narrowest:.0f} to {100 * widest:.0f} % as wide as without any measurement.\n"
@@ -271,7 +281,7 @@ def design():
 
 
 def bounds():
-    """How many solutions of the default run lie at a bound of the searched ranges."""
+    """How many solutions of `goji_berry` lie at a bound of the searched ranges."""
     solutions = DEFAULT.table(DEFAULT.solutions)
     warnings = solutions["warning"].dropna()
     at_bound = warnings[warnings.str.startswith("at a bound: ")]
@@ -287,7 +297,7 @@ def bounds():
     return (
         "If many solutions lie at the end of a searched range, better ones may lie beyond it. "
         "A solution is a parameter set that is predicted to meet the targets.\n"
-        f"In the default run, {'; '.join(listed_bounds)}, the static friction between two berries, "
+        f"In the run `goji_berry`, {'; '.join(listed_bounds)}, the static friction between two berries, "
         f"and the answer lies {100 * distance:.0f} % of that range above it.\n"
         "Since we took this bound from the article (Table 2), it may have cut the search off. "
         "A run with a wider range showed that it hardly did (see the run `wider` in the results).\n"
@@ -321,7 +331,7 @@ def overlap(found, published):
 
 
 def common_parameters(run):
-    """The parameters whose intervals of found solutions overlap the article's, and all."""
+    """The parameters whose spans of found solutions overlap the article's, and all."""
     table3 = pd.read_csv(ARTICLE / "table3.csv").set_index("parameter")
     published = {name: tuple(table3.loc[name, ["low", "high"]]) for name in PARAMETERS}
     solutions = run.table(run.solutions)
@@ -338,13 +348,14 @@ def overlaps():
     apart = [name for name, count in counts.items() if count == 0]
     common = [f"in {name} {count} do" for name, count in counts.items() if count]
     return (
-        "The article gives an interval of solutions for each parameter (its Table 3).\n"
-        f"In {listed(apart)} none of the six intervals found here overlaps it; {listed(common)}.\n"
+        "The article's Table 3 gives the span of its 90 solutions in each parameter. "
+        "Our searches keep 90 solutions, too.\n"
+        f"In {listed(apart)} none of the six spans overlaps the article's; {listed(common)}.\n"
     )
 
 
 def intervals():
-    """The intervals of the solutions found beside the article's Table 3."""
+    """The spans of the solutions found beside the article's Table 3."""
     head = ["", *(f"`{name}`" for name in PARAMETERS), "overlap with the article"]
     rows = []
     for run in RUNS:
@@ -421,8 +432,8 @@ def published_sets():
     head = [
         "set",
         "article: angle, Height",
-        "here: angle, °",
-        "here: Height, mm",
+        "this simulator: angle, °",
+        "Height, mm",
         "pours",
         "earlier draws: angle, °",
         "Height, mm",
@@ -473,7 +484,7 @@ def published_verdict():
 
 
 def verdict():
-    """The verdict of the default run as the terminal prints it."""
+    """The verdict of `goji_berry` as the terminal prints it."""
     card = json.loads((KEPT / DEFAULT.folder / "card.json").read_text())
     verdicts = {"met": "targets met", "not met": "targets NOT met"}
     means = []
@@ -563,7 +574,7 @@ def within_cell(run):
 
 
 def default_run():
-    """The default run's check and network beside the article's."""
+    """The check and network of `goji_berry` beside the article's."""
     check = check_cells(DEFAULT)
     rmse, noise = test_errors(DEFAULT)
     rows = [
@@ -601,7 +612,7 @@ def default_run():
         ["root mean square error on the test samples", "1.06°, 0.84 mm", rmse],
         ["noise of a test sample (standard error of six pours)", "-", noise],
     ]
-    return markdown(["number", "article", "here"], rows)
+    return markdown(["number", "article", "`goji_berry`"], rows)
 
 
 def sets_flatter_than_predicted():
@@ -612,34 +623,34 @@ def sets_flatter_than_predicted():
 
 def beside_article():
     """README's short table: checks and predictions beside the article's."""
-    default, refined = check_cells(DEFAULT), check_cells(RUN_OF_FOLDER["refined"])
+    ours, refined = check_cells(DEFAULT), check_cells(RUN_OF_FOLDER["refined"])
     article = pd.read_csv(ARTICLE / "table4.csv").set_index("solution")
     article_sets = poured_published_sets().loc[article.index, ANGLE]
     rows = [
         [
             "angle of the answer, measured 32.87°",
             "one simulation, 0.76 % off",
-            f"default: {default[ANGLE][1]}; `refined`: {refined[ANGLE][1]}",
+            f"`goji_berry`: {ours[ANGLE][1]}; `refined`: {refined[ANGLE][1]}",
         ],
         [
             "Height of the answer, measured 65.57 mm",
             "one simulation, 1.33 % off",
-            f"default: {default[HEIGHT][1]}; `refined`: {refined[HEIGHT][1]}",
+            f"`goji_berry`: {ours[HEIGHT][1]}; `refined`: {refined[HEIGHT][1]}",
         ],
         [
             "predicted against simulated angle, six sets (article: five)",
             "below 5 %",
-            f"{deviation_range(DEFAULT, ANGLE)}; {sets_flatter_than_predicted()} of them flatter than predicted",
+            f"`goji_berry`: {deviation_range(DEFAULT, ANGLE)}; {sets_flatter_than_predicted()} of them flatter than predicted",
         ],
         [
             "predicted against simulated Height",
             "below 5 %",
-            deviation_range(DEFAULT, HEIGHT),
+            f"`goji_berry`: {deviation_range(DEFAULT, HEIGHT)}",
         ],
         [
             "R² on test samples, angle and Height",
             "0.94, 0.94",
-            f"{r_squared(DEFAULT)}; [a perfect model](docs/network.md#what-the-articles-094-would-take) "
+            f"`goji_berry`: {r_squared(DEFAULT)}; [a perfect model](docs/network.md#what-the-articles-094-would-take) "
             f"would reach about {perfect_r_squared(DEFAULT)}",
         ],
         [
@@ -649,11 +660,11 @@ def beside_article():
             "(docs/results.md#the-published-parameter-sets-in-this-simulator), target 31 to 34°",
         ],
     ]
-    return markdown(["", "article", "here"], rows)
+    return markdown(["", "article", "this program"], rows)
 
 
 def lines():
-    """The angle of the default run's answer by each line."""
+    """The angle of the answer of `goji_berry` by each line."""
     answer = answer_of(DEFAULT)
     rows = [
         [name, with_error(answer[f"aor_{key}_deg"], answer[f"aor_{key}_se_deg"]) + "°"]
@@ -679,14 +690,14 @@ def drum():
     return (
         f"In our drum, the surface of the berries rises to {means['before_surface_deg']}° just before the bed slips, "
         f"and lies at {means['after_surface_deg']}° afterwards.\n"
-        f"These angles belong to the default run, whose bed slips when the drum has turned by {means['before_turned_deg']}°.\n"
+        f"These angles belong to the run `goji_berry`, whose bed slips when the drum has turned by {means['before_turned_deg']}°.\n"
         f"With the answers of the runs `paper` and `matched`, the bed slips after {drum_means(PAPER)['before_turned_deg']}° "
         f"and {drum_means(MATCHED)['before_turned_deg']}°, so the choice of the answer matters little here.\n"
     )
 
 
 def drum_quantities():
-    """The first slip of the default run's drum."""
+    """The first slip of the drum of `goji_berry`."""
     means = drum_means(DEFAULT)
     rows = [
         ["time since the rotation began", f"{means['before_time_s']} s", "-"],
@@ -726,7 +737,7 @@ def optimism():
     typical_error = others["aor_se_deg"].mean()
     mean_found = with_error(found_others.mean(), typical_error / np.sqrt(len(others)))
     return (
-        f"In the default run, the program expects the true angle of the answer to be {expected_answer} smaller than predicted. "
+        f"In the run `goji_berry`, the program expects the true angle of the answer to be {expected_answer} smaller than predicted. "
         f"Its check found {found_answer}°.\n"
         f"For the other {len(others)} solutions of Table 4 it expects {expected.min():.2f} to {expected.max():.2f}°. "
         f"Their checks found {found_others.min():.1f} to {found_others.max():.1f}°, each with an error of about {typical_error:.1f}°.\n"
@@ -736,17 +747,17 @@ def optimism():
 
 
 def pours_of_default():
-    """How many pours of the default run's design came to rest."""
+    """How many pours of the design of `goji_berry` came to rest."""
     summary = json.loads((KEPT / DEFAULT.folder / "dataset_summary.json").read_text())
     return (
-        f"The default run simulates six piles for each of {summary['samples']} parameter sets. "
+        f"The run `goji_berry` simulates six piles for each of {summary['samples']} parameter sets. "
         f"Of these {summary['runs']} piles, it uses the {summary['runs_ok']} that came to rest, "
         "and leaves out those whose berries still moved after 18 s.\n"
     )
 
 
 def refined_run():
-    """The answers of the default run and of its second stage."""
+    """The answers of `goji_berry` and of its second stage."""
     rows = []
     for run in (DEFAULT, RUN_OF_FOLDER["refined"]):
         answer = answer_of(run)
@@ -834,7 +845,7 @@ def posterior_errors():
         [term, meaning, "{:.2f}°, {:.2f} mm".format(*posterior[key])]
         for term, meaning, key in terms
     ]
-    return markdown(["term", "meaning", "here"], rows)
+    return markdown(["term", "meaning", "`goji_berry`"], rows)
 
 
 def information():
@@ -845,7 +856,7 @@ def information():
     half = "lower" if table.loc[most, "below_centre"] > 0.5 else "upper"
     total = posterior_of(DEFAULT)["information_bits"]
     return (
-        f"In the default run, all six parameters together gain only {total:.2f} bits, so the piles tell very little. "
+        f"In the run `goji_berry`, all six parameters together gain only {total:.2f} bits, so the piles tell very little. "
         f"The largest share belongs to `{most}`, which gains {bits[most]:.2f} bits and probably lies in the {half} half of its range. "
         f"Each of the other five gains at most {bits.drop(most).max():.2f} bits.\n"
     )
@@ -934,7 +945,7 @@ def mean_with_error(values):
 
 
 def sensitivities():
-    """Sobol indices of the default run: first-order, and total in brackets."""
+    """Sobol indices of `goji_berry`: first-order, and total in brackets."""
     sobol = DEFAULT.table("sensitivity/sobol.csv").set_index(["response", "parameter"])
     rows = []
     for target, name in ((ANGLE, "angle"), (HEIGHT, "Height")):
@@ -944,6 +955,31 @@ def sensitivities():
             cells.append(f"{index['first']:.2f} ({index['total']:.2f})")
         rows.append([name, *cells])
     return markdown(["", *(f"`{name}`" for name in PARAMETERS)], rows)
+
+
+def most_sensitive():
+    """Which parameter changes the pile most, and which least, for README."""
+    sobol = DEFAULT.table("sensitivity/sobol.csv").set_index("parameter")
+    shares = {target: sobol[sobol["response"] == target] for target in (ANGLE, HEIGHT)}
+    both = shares[ANGLE]["first"] + shares[HEIGHT]["first"]
+    most = both.idxmax()
+    least = both.idxmin()
+    next_angle = shares[ANGLE]["first"].drop(most).idxmax()
+    next_height = shares[HEIGHT]["first"].drop(most).idxmax()
+
+    def share(target, parameter):
+        return f"{100 * max(0, shares[target].loc[parameter, 'first']):.0f} %"
+
+    def with_interval(target):
+        low, high = 100 * shares[target].loc[most, ["first_low", "first_high"]]
+        return f"{share(target, most)} ({low:.0f} to {high:.0f} %)"
+
+    return (
+        f"The pile responds most to {KIND[most]}, `{most}`: over the searched ranges, it alone explains "
+        f"{with_interval(ANGLE)} of the variance of the angle and {with_interval(HEIGHT)} of that of the Height. "
+        f"`{next_angle}` follows for the angle ({share(ANGLE, next_angle)}) and `{next_height}` for the Height ({share(HEIGHT, next_height)}); "
+        f"`{least}` changes both least ({share(ANGLE, least)} and {share(HEIGHT, least)}).\n"
+    )
 
 
 def split_sizes(run):
@@ -992,7 +1028,7 @@ def article_results():
             "R², angle and Height",
             "0.9415, 0.9429",
             f"{r_squared(DEFAULT)}; `paper` {r_squared(PAPER)}",
-            results.format("the-default-run"),
+            results.format("the-run-goji_berry"),
         ],
         ["RMSE, angle and Height", "1.0633°, 0.8447 mm", rmse, ""],
         ["Eq. 13: R²", "-", "[theory](theory.md#the-surrogate)", ""],
@@ -1009,7 +1045,7 @@ def article_results():
             "O",
         ],
         [
-            "Table 3: intervals of 90 solutions",
+            "Table 3: spans of 90 solutions",
             "3.5 to 19 % of the ranges",
             f"`miga/intervals.csv`; {interval_shares(DEFAULT)}",
             results.format("five-runs-five-parameter-sets"),
@@ -1054,7 +1090,9 @@ def article_results():
             "S",
         ],
     ]
-    return markdown(["article", "number there", "place and number here", "note"], rows)
+    return markdown(
+        ["article", "number there", "place and number in this project", "note"], rows
+    )
 
 
 def paper_run():
@@ -1083,7 +1121,7 @@ def paper_run():
             r_squared(PAPER),
         ],
     ]
-    return markdown(["number", "article", "here, its settings"], rows)
+    return markdown(["number", "article", "`paper`"], rows)
 
 
 def matched_run():
@@ -1123,6 +1161,7 @@ TEXTS = {
     "intervals": intervals,
     "lines": lines,
     "matched_run": matched_run,
+    "most_sensitive": most_sensitive,
     "noise_of_pours": noise_of_pours,
     "open_region": open_region,
     "optimism": optimism,
