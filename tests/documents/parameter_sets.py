@@ -270,7 +270,8 @@ def design():
     without = 100 * share_without_discrepancy(least)
     return (
         "Many different parameter sets give the measured pile, so the pile alone cannot tell them apart.\n"
-        f"In the run `goji_berry`, {len(meeting)} of the {len(samples)} simulated parameter sets met both targets before the search had begun. "
+        f"In the run `goji_berry`, {len(meeting)} of the {len(samples)} simulated parameter sets met both targets "
+        "before the search had begun. "
         f"They are spread over {100 * shares[least]:.0f} (`{least}`) to {100 * shares[most]:.0f} % (`{most}`) of the searched ranges.\n"
         "A statistical analysis with ten measured piles gives a 95 % interval of each parameter. "
         f"These intervals are still {100 * narrowest:.0f} to {100 * widest:.0f} % as wide as without any measurement.\n"
@@ -977,7 +978,8 @@ def most_sensitive():
     return (
         f"The pile responds most to {KIND[most]}, `{most}`: over the searched ranges, it alone explains "
         f"{with_interval(ANGLE)} of the variance of the angle and {with_interval(HEIGHT)} of that of the Height. "
-        f"`{next_angle}` follows for the angle ({share(ANGLE, next_angle)}) and `{next_height}` for the Height ({share(HEIGHT, next_height)}); "
+        f"`{next_angle}` follows for the angle ({share(ANGLE, next_angle)}) "
+        f"and `{next_height}` for the Height ({share(HEIGHT, next_height)}); "
         f"`{least}` changes both least ({share(ANGLE, least)} and {share(HEIGHT, least)}).\n"
     )
 
