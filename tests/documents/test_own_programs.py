@@ -77,7 +77,8 @@ def test_a_failing_program_in_the_script_is_a_failed_run(
 
 def exported_pile(row, folder):
     """Write the particles of a pile whose slope follows the parameters."""
-    slope_deg = 20 + 15 * float(row["friction"]) + 30 * float(row["rolling"])
+    slope_deg = 20 + 15 * float(row["static_friction"])
+    slope_deg += 30 * float(row["rolling_friction"])
     name = f"{row['sample']}_{row['run']}.csv"
     # The foot of the cone has a radius of 160 mm.
     height_m = 0.16 * np.tan(np.radians(slope_deg))
@@ -90,11 +91,11 @@ def exported_pile(row, folder):
 
 @pytest.mark.slow
 def test_a_program_with_a_graphical_interface(tmp_path, monkeypatch):
-    page = "docs/own_simulator.md"
+    page = "docs/edem.md"
     monkeypatch.chdir(tmp_path)
-    for name in ("piles.yaml", "join.py"):
+    for name in ("edem.yaml", "join.py"):
         (tmp_path / name).write_text(files_of(page)[name])
-    design, tell, calibrate = commands_of(page, "piles.yaml")
+    design, tell, calibrate = commands_of(page, "edem.yaml")
     (measure,) = commands_of(page, "repose measure piles")
     assert main(design) == 0
     with open("own/samples.csv", newline="") as file:
