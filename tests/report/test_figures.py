@@ -228,10 +228,11 @@ def test_a_search_without_a_feasible_set_says_how_near_it_came(inputs, tmp_path)
 
 def test_failed_samples_are_counted(inputs):
     files = {"dataset": inputs["dataset"]}
+    texts = drawn_texts(samples.responses_over_parameters, files)
     says(
-        drawn_texts(samples.responses_over_parameters, files),
+        " ".join(texts.split()),
         "3 of 150 samples gave no result",
-        "3 jammed",
+        "3 failed because grains got stuck",
     )
 
 

@@ -363,7 +363,7 @@ def test_a_surrogate_of_curves_moves_two_parameters_together(browser, tmp_path):
 def test_a_phone_keeps_the_columns_on_what_is_open(browser, folder):
     with page_in(browser, folder, 390, 800, is_mobile=True) as tab:
         row = tab.locator("table.answer tbody tr").first
-        for column in ("95 % interval", "left open", "searched", "sets found"):
+        for column in ("95 % interval", "left open", "searched"):
             cell = row.locator(f'td[data-head="{column}"]')
             assert cell.is_visible(), column
             box = cell.bounding_box()

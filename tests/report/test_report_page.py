@@ -208,6 +208,42 @@ def test_the_page_begins_with_whether_the_targets_are_met(
     assert re.search(r"Simulated minus measured: .* [+-]\d+\.\d ± \d+\.\d % \(\d", text)
 
 
+def test_failed_runs_of_the_answer_are_explained_in_words(tmp_path):
+    config, jobs, files = made_up_study(tmp_path, TARGETS)
+    job = json.loads(jobs[0].read_text())
+    n_runs = len(job["runs"])
+    job["runs"][0] |= {"status": "not_at_rest", "reason": "a grain moved 4 mm"}
+    job["runs"][1] |= {"overlap_share": 0.12}
+    jobs[0].write_text(json.dumps(job))
+    table = pd.read_csv(files["dataset"])
+    table["reason"] = "1 of 6 runs not_at_rest (a grain moved 4 mm)"
+    table.to_csv(files["dataset"], index=False)
+    text = written((config, jobs, files), tmp_path, {"Samples": files["dataset"]})
+    clause = "failed because the grains still moved when they should have been at rest"
+    says(
+        text,
+        f"Of these {n_runs} simulations, 1 {clause}.",
+        "In these simulations bodies overlap by up to 12 %",
+        f"1 of 6 runs {clause} (a grain moved 4 mm)",
+    )
+    assert "not_at_rest" not in text
+
+
+def test_the_span_of_the_sets_found_is_apart_from_the_intervals(tmp_path):
+    config, jobs, files = made_up_study(tmp_path, TARGETS)
+    text = written((config, jobs, files), tmp_path)
+    answer, rest = text.split("</table>", maxsplit=1)
+    assert "sets found" not in answer.lower()
+    span = rest[rest.index("Where the search ended") :].partition("</table>")[0]
+    sets = pd.read_csv(files["feasible"])
+    says(
+        span,
+        f"The search kept {len(sets)} parameter sets that are predicted to meet the",
+        "This is no uncertainty of a parameter",
+        *(f"{sets[name].min():.3g} to {sets[name].max():.3g}" for name in PARAMETERS),
+    )
+
+
 def test_a_row_of_the_answer_tells_bounds(tmp_path):
     config, jobs, files = made_up_study(tmp_path, TARGETS)
     table = pd.read_csv(files["posterior"]).set_index("parameter")

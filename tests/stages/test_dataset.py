@@ -104,9 +104,10 @@ def test_run_writes_tables_and_counts(study):
     assert read_definitions(folder / "samples.csv")[0] == {}
     assert summary["by_status"] == {"ok": 2, "jammed": 1}
     assert summary["reasons"] == {"3": "2 of 3 runs jammed (stuck)"}
-    assert (
-        summary["text"]
-        == "2 of 3 samples can be used; 1 left out: 1 jammed. 6 of 9 single runs are ok."
+    assert summary["text"] == (
+        "2 of 3 samples can be used; 1 left out because grains got stuck on their way "
+        "out. 6 of 9 single runs can be measured; 2 failed because grains got stuck on "
+        "their way out, 1 failed because the grains made no pile with a side to measure."
     )
 
 

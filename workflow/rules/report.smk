@@ -66,7 +66,7 @@ TABLES = present(
         "Designs compared": BY_THE_CHAIN and rules.design.output.comparison,
         "Simulated samples": answer().dataset,
         "Parameter sets found": answer().feasible,
-        "Intervals of the sets found": BY_THE_CHAIN and rules.miga.output.intervals,
+        "Span of the sets found": BY_THE_CHAIN and rules.miga.output.intervals,
         "Sets simulated again": BY_THE_CHAIN and rules.validate.output.table4,
         "The drum: angles and first slip": BY_THE_CHAIN
         and "drum" in config

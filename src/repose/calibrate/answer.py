@@ -10,6 +10,7 @@ from typing import Any, Self
 from repose.calibrate.chance import PERCENT, chance_in_range
 from repose.calibrate.responses import named as known_response
 from repose.calibrate.targets import Target
+from repose.common.statuses import in_words
 
 # Remedy if only the prediction meets the targets.
 MORE_POURS = (
@@ -275,7 +276,7 @@ class Check:
     def miss(self) -> str:
         """Clause that describes by how much the simulated mean misses its range."""
         if self.simulated is None:
-            return f"the {self.label} has no number, as its runs ended {self.status}"
+            return f"the {self.label} has no number{self._cause}"
         side = "below" if self.simulated < self.low else "above"
         distance = f"{-self.margin:.2g} {self.unit}".rstrip()
         return f"the simulated {self.label} lies {distance} {side} its range"
@@ -314,16 +315,20 @@ class Check:
     def __str__(self) -> str:
         target = f"target {self.low:g} to {self.high:g} {self.unit}"
         if self.simulated is None:
-            return (
-                f"{self.response}: no number, the runs ended {self.status}; {target}: "
-                "NOT met"
-            )
+            return f"{self.response}: no number{self._cause}; {target}: NOT met"
         side = "inside" if self.margin >= 0 else "outside"
         return (
             f"{self.response}: simulated {self.simulated:.4g}{self._error} {self.unit} "
             f"(runs: {self.runs}), measured {self.measured:.4g}; {target}: "
             f"{self.verdict}, {abs(self.margin):.2g} {self.unit} {side}"
         )
+
+    @property
+    def _cause(self) -> str:
+        """Why there is no number, after a comma; empty where the status does not tell."""
+        if self.status in ("ok", NOT_AGAIN):
+            return ""
+        return f", because {in_words(self.status)}"
 
     @property
     def _error(self) -> str:

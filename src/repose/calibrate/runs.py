@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from repose.calibrate.responses import derived
+from repose.common.statuses import describe_failure
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -171,7 +172,8 @@ def describe(run: Mapping[str, Any], template: str) -> str:
         How the bench test writes the responses, as for `str.format`.
     """
     if run["status"] != "ok":
-        return f"seed {run['seed']}: {run['status']}: {run['reason']}"
+        failure = describe_failure(run["status"], run["reason"])
+        return f"seed {run['seed']}: {failure}"
     warning = ""
     if overlaps := overlap_warning([run]):
         warning = f"; WARNING: {overlaps}"

@@ -1,13 +1,15 @@
 """Stages of a study with a program of the user's own: its runs, and their responses."""
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from repose.cli.options import SAMPLES
 from repose.cli.parameter_sets import STUDY_SEEDS
 from repose.cli.registry import Option, load, verb
 from repose.common.errors import InputError
+from repose.common.statuses import describe_failure
 from repose.config.pipeline import PipelineConfig
 
 if TYPE_CHECKING:
@@ -65,7 +67,7 @@ def simulate(args: argparse.Namespace, study: PipelineConfig) -> None:
         seed=simulate.seed_of(study_seed, args.purpose, args.sample, args.run),
         out_dir=args.out,
     )
-    print(" ".join(filter(None, [record["status"], record["reason"]])))
+    print(_ending(record))
 
 
 @verb(
@@ -95,4 +97,13 @@ def measure_simulated(args: argparse.Namespace, study: PipelineConfig) -> None:
             measure=study.settings.measure,
         )
         for run in job["runs"]:
-            print(f"{folder}, seed {run['seed']}: {run['status']} {run['reason']}")
+            print(f"{folder}, seed {run['seed']}: {_ending(run)}")
+
+
+def _ending(run: Mapping[str, Any]) -> str:
+    """Describe how a run ended."""
+    from repose.stages.simulate import OK
+
+    if run["status"] == OK:
+        return OK
+    return describe_failure(run["status"], run["reason"])

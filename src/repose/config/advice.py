@@ -12,6 +12,7 @@ from repose.bench.funnel import NAME, PACKING, FunnelSettings
 from repose.bench.settings import SceneSettings
 from repose.common.keys import Config
 from repose.common.numbers import rounded
+from repose.common.statuses import in_words
 from repose.config.computed import Grain, diameter_mm
 from repose.dem.laws import ROLLING_LAWS
 from repose.grain.particle import Particle
@@ -85,7 +86,7 @@ def funnel_hints(
     if ROLLING_LAWS.entry(law).creeps:
         yield (
             f"rolling law: WARNING: with {law} grains creep under a torque, so runs may "
-            "end as not_at_rest"
+            f"fail because {in_words('not_at_rest')}"
         )
     yield f"stiffness: {_describe_stiffness(config, grain, longest_step_s)}"
     volume = filling(config, particle.volume_m3)

@@ -10,6 +10,7 @@ from typing import Any
 from repose.calibrate.parameter_types import wide_ranges
 from repose.calibrate.strategies import strategy
 from repose.common.errors import InputError
+from repose.common.statuses import describe_failure
 from repose.config.cost import Pours, strategy_pours
 from repose.config.models import StudySettings
 from repose.config.pipeline import PipelineConfig
@@ -88,7 +89,7 @@ def try_once(study: PipelineConfig, simulator: SimulatorSettings) -> Iterator[st
         raise InputError(
             folder / "1",
             "trial run",
-            f"{run['status']}: {run['reason']}",
+            describe_failure(run["status"], run["reason"]),
             f"a run that ends well; {simulate.PRINTED} there has what the program "
             "printed",
         )

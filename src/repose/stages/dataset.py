@@ -22,6 +22,7 @@ from repose.calibrate.seeds import UNNAMED
 from repose.calibrate.targets import OWN, Target, Targets
 from repose.common.errors import InputError
 from repose.common.files import Path_, read_json, write_json, write_table
+from repose.common.statuses import explain
 from repose.measure.angles import CALIBRATED_ANGLE
 from repose.measure.settings import MeasureSettings, line_of
 from repose.stages.parameter_sets import parameter_columns, read_samples
@@ -109,15 +110,6 @@ def counts(dataset: pd.DataFrame, runs: pd.DataFrame) -> dict[str, Any]:
     n_runs_ok = runs_by_status.get("ok", 0)
 
     left_out = dataset[dataset["status"] != "ok"]
-    left_out_text = "none left out"
-    if len(left_out):
-        failures = ", ".join(
-            f"{count} {status}"
-            for status, count in samples_by_status.items()
-            if status != "ok"
-        )
-        left_out_text = f"{len(left_out)} left out: {failures}"
-
     return {
         "samples": len(dataset),
         "ok": n_ok,
@@ -127,11 +119,25 @@ def counts(dataset: pd.DataFrame, runs: pd.DataFrame) -> dict[str, Any]:
         "runs": len(runs),
         "runs_ok": n_runs_ok,
         "runs_by_status": runs_by_status,
-        "text": (
-            f"{n_ok} of {len(dataset)} samples can be used; {left_out_text}. "
-            f"{n_runs_ok} of {len(runs)} single runs are ok."
-        ),
+        "text": describe_counts(samples_by_status, runs_by_status),
     }
+
+
+def describe_counts(samples: Mapping[str, int], runs: Mapping[str, int]) -> str:
+    """Describe in two sentences how many samples and runs can be used, and why not all.
+
+    Both are numbers by status.
+    """
+    left_out = {status: count for status, count in samples.items() if status != "ok"}
+    failed = {status: count for status, count in runs.items() if status != "ok"}
+    left_out_text = explain(left_out, "left out") or "none left out"
+    failed_text = explain(failed, "failed") or "none failed"
+    return (
+        f"{samples.get('ok', 0)} of {sum(samples.values())} samples can be used; "
+        f"{left_out_text}. "
+        f"{runs.get('ok', 0)} of {sum(runs.values())} single runs can be measured; "
+        f"{failed_text}."
+    )
 
 
 def run(

@@ -101,7 +101,7 @@ def test_network_search_and_intervals_come_from_the_table_alone(
         assert row["dispersion_percent"] == pytest.approx(share)
 
     page = (out / "report.html").read_text()
-    for words in ("Intervals of the sets found", "that it has not learned from"):
+    for words in ("Span of the sets found", "that it has not learned from"):
         assert words in page
 
 

@@ -1,5 +1,7 @@
 """Figures of the design: its points, and the simulated responses over them."""
 
+import textwrap
+
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -8,6 +10,7 @@ from matplotlib.figure import Figure
 from repose.calibrate.designs.latin_hypercube import METHODS
 from repose.calibrate.responses import Response
 from repose.common.files import read_table
+from repose.common.statuses import explain
 from repose.report.study_view import cell_edges
 
 from . import panels, style
@@ -15,6 +18,8 @@ from .registry import Inputs, StudyView
 
 # Fewest good samples for which a rank correlation is written.
 FEWEST_CORRELATED = 4
+# Longest line of the note below a figure.
+NOTE_CHARACTERS = 120
 
 
 def design_matrix(inputs: Inputs, study: StudyView) -> Figure:
@@ -139,9 +144,9 @@ def _account(table: pd.DataFrame) -> str:
     failed = table[table["status"] != "ok"]
     if failed.empty:
         return f"{explanation}; all {len(table)} samples gave a result"
-    counts = failed["status"].value_counts().sort_index()
-    reasons = ", ".join(f"{count} {status}" for status, count in counts.items())
-    return (
+    reasons = explain(failed["status"].value_counts().to_dict(), "failed")
+    note = (
         f"{explanation}; {len(failed)} of {len(table)} samples gave no result (×, at "
         f"the bottom): {reasons}"
     )
+    return textwrap.fill(note, NOTE_CHARACTERS)

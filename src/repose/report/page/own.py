@@ -56,7 +56,7 @@ def write(calibration: Calibration, out_path: str | os.PathLike[str]) -> None:
     }
     notes = calibration.answer.notes
     if INTERVALS in notes:
-        tables["Intervals of the sets found"] = notes[INTERVALS]
+        tables["Span of the sets found"] = notes[INTERVALS]
     page.write_study(results, tables, out_path)
 
 

@@ -1,5 +1,6 @@
 """What each section of the report says, as plain values for its template."""
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -14,10 +15,11 @@ from repose.calibrate.card import widen_to_value, with_remark
 from repose.calibrate.designs.latin_hypercube import METHODS
 from repose.calibrate.designs.settings import DesignSettings
 from repose.calibrate.responses import deviation_percent
-from repose.calibrate.runs import error_of
+from repose.calibrate.runs import error_of, overlap_warning
 from repose.calibrate.targets import Target
 from repose.calibrate.uncertainty.posterior import LARGEST_R_HAT
 from repose.common.files import read_json, read_table
+from repose.common.statuses import explain
 from repose.measure.angles import MEAN_KEYS
 from repose.measure.settings import line_for, line_of
 from repose.report.page import captions
@@ -26,7 +28,6 @@ from repose.report.page.pictures import EmbeddedPicture, embed_known
 from repose.report.page.prediction import has_network, without_scales
 from repose.report.page.study import Results
 from repose.report.page.tables import FoldedTable, Table, folded_table
-from repose.report.page.templates import cell_text
 from repose.report.page.verdict import VerdictText, checks_of, percent_text, verdict_of
 from repose.report.study_view import parameter_ranges
 from repose.stages.card import read as read_card
@@ -74,7 +75,8 @@ class CheckSection:
 
     responses: Table
     has_simulations: bool  # new ones, of the answer
-    failures: str  # of the new simulations, in words
+    failures: str  # of the new simulations; empty without any
+    overlaps: str  # a warning of deep overlaps in them
     angle_definitions: Table | None
     has_view: bool  # of the pile in 3-D
     pile_pictures: list[EmbeddedPicture]
@@ -109,6 +111,8 @@ class MethodSection:
     """The steps to the answer, a sentence each, with their figures."""
 
     steps: list[str]
+    search_result: str  # how many sets the search kept, a sentence
+    sets_found: Table | None  # their span; None for a single set
     figures: list[EmbeddedPicture]
 
 
@@ -217,7 +221,7 @@ def _parameter_table(study: Results) -> Table:
     columns = ["parameter", "meaning", "value"]
     if study.posterior is not None:
         columns += ["95 % interval", "left open"]
-    columns += ["searched", "sets found"]
+    columns.append("searched")
     rows = [
         _parameter_row(study, name, value)
         for name, value in zip(
@@ -233,7 +237,7 @@ def _parameter_row(study: Results, name: str, value: float) -> list[str]:
     label = LABELS.get(name, "")  # empty for parameters of another simulator
     if name in parameters.fixed:
         interval_cells = [] if study.posterior is None else ["", ""]
-        return [name, label, f"{value:.4g}", *interval_cells, "fixed", ""]
+        return [name, label, f"{value:.4g}", *interval_cells, "fixed"]
 
     if study.posterior is None:
         interval_cells = []
@@ -253,10 +257,8 @@ def _parameter_row(study: Results, name: str, value: float) -> list[str]:
         ]
     low, high = parameter_ranges(parameters)[name]
     searched = f"{low:.3g} to {high:.3g}"
-    values_of_sets = study.solutions[name]
-    sets_found = f"{values_of_sets.min():.3g} to {values_of_sets.max():.3g}"
     meaning = with_remark(label, interval).removeprefix("; ")
-    return [name, meaning, f"{value:.4g}", *interval_cells, searched, sets_found]
+    return [name, meaning, f"{value:.4g}", *interval_cells, searched]
 
 
 def _share_left_open(share: float) -> str:
@@ -299,13 +301,23 @@ def check(study: Results) -> CheckSection:
     return CheckSection(
         responses=_response_table(study),
         has_simulations=study.number("n_seeds") is not None,
-        failures=cell_text(study.answer_row.get("reason")),
+        failures=_failures(study),
+        overlaps=overlap_warning(study.runs_of_answer),
         angle_definitions=_table_of_angle_definitions(study),
         has_view="trajectory" in study.files,
         pile_pictures=embed_known(study.files, captions.PILE_PICTURES),
         checked_sets=_table_of_checked_sets(study),
         has_published_sets=len(study.published_sets) > 0,
     )
+
+
+def _failures(study: Results) -> str:
+    """Say how many of the answer's runs failed and why; empty if none did."""
+    statuses = [run["status"] for run in study.runs_of_answer]
+    failures = Counter(status for status in statuses if status != "ok")
+    if not failures:
+        return ""
+    return f"Of these {len(statuses)} simulations, {explain(failures, 'failed')}."
 
 
 def _response_table(study: Results) -> Table:
@@ -514,7 +526,33 @@ def other_parameters(study: Results) -> OtherParametersSection | None:
 
 def method(study: Results) -> MethodSection:
     """Describe the steps to the answer with their figures."""
-    return MethodSection(_steps(study), embed_known(study.files, study.captions))
+    return MethodSection(
+        steps=_steps(study),
+        search_result=_search_result(study),
+        sets_found=_table_of_sets_found(study),
+        figures=embed_known(study.files, study.captions),
+    )
+
+
+def _search_result(study: Results) -> str:
+    """Say how many parameter sets the search kept."""
+    kind = "meet the targets" if study.summary["feasible"] else "come nearest"
+    return (
+        f"The search kept {len(study.solutions)} parameter sets that are predicted to "
+        f"{kind}."
+    )
+
+
+def _table_of_sets_found(study: Results) -> Table | None:
+    """Tabulate the span of the sets that the search kept; None for a single set."""
+    if len(study.solutions) < 2:
+        return None
+    rows = []
+    for name, (low, high) in parameter_ranges(study.parameters).items():
+        values = study.solutions[name]
+        searched = f"{low:.3g} to {high:.3g}"
+        rows.append([name, f"{values.min():.3g} to {values.max():.3g}", searched])
+    return Table(["parameter", "smallest to largest value", "searched"], rows, "lines")
 
 
 def _steps(study: Results) -> list[str]:

@@ -98,6 +98,8 @@ class Results:
         Parameter sets of a publication, with its predicted and simulated responses.
     captions
         Captions of the figures by name.
+    runs_of_answer
+        The runs that check the answer: the status of each, and its responses.
     """
 
     label: str
@@ -120,6 +122,7 @@ class Results:
     files: Mapping[str, Any] = field(default_factory=dict)
     published_sets: pd.DataFrame = field(default_factory=pd.DataFrame)
     captions: Mapping[str, str] = field(default_factory=lambda: captions.STUDY_FIGURES)
+    runs_of_answer: Sequence[Mapping[str, Any]] = ()
 
     @property
     def answer(self) -> np.ndarray:
@@ -195,6 +198,7 @@ def read(config: Config, jobs: Sequence[str], files: Files) -> Results:
         settings=study.settings,
         files=files,
         published_sets=_read_published_sets(files),
+        runs_of_answer=[run for of_bench in runs.values() for run in of_bench],
     )
 
 

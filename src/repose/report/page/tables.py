@@ -6,6 +6,7 @@ from typing import Any
 
 import pandas as pd
 
+from repose.common.statuses import reword
 from repose.stages.published import STALE
 
 # Columns of words, which the style sheet aligns to the left.
@@ -48,6 +49,8 @@ def folded_table(title: str, frame: pd.DataFrame) -> FoldedTable:
     if "stale" in frame and frame["stale"].any():
         title = f"{title}, {STALE}"
     columns = [str(column) for column in frame.columns]
+    if "reason" in frame:
+        frame = frame.assign(reason=frame["reason"].map(reword, na_action="ignore"))
     rows = frame.astype(object).where(frame.notna(), None).values.tolist()
     return FoldedTable(f"{title} ({len(frame)} rows)", Table(columns, rows))
 
