@@ -268,11 +268,15 @@ def design():
     narrowest, widest = share_left_open()
     discrepancy = posterior_of(DEFAULT)["discrepancy_sd"]
     without = 100 * share_without_discrepancy(least)
+    # Between the smallest and the largest of n points drawn evenly from a range.
+    random_share = (len(meeting) - 1) / (len(meeting) + 1)
     return (
         "Many different parameter sets give the measured pile, so the pile alone cannot tell them apart.\n"
-        f"In the run `goji_berry`, {len(meeting)} of the {len(samples)} simulated parameter sets met both targets "
-        "before the search had begun. "
-        f"They are spread over {100 * shares[least]:.0f} (`{least}`) to {100 * shares[most]:.0f} % (`{most}`) of the searched ranges.\n"
+        f"In the run `goji_berry`, {len(meeting)} of the {len(samples)} simulated parameter sets, called samples, met both targets "
+        "before the search had begun, as the last row of the table shows. "
+        f"They are spread over {100 * shares[least]:.0f} (`{least}`) to {100 * shares[most]:.0f} % (`{most}`) of the searched ranges, "
+        "from the smallest to the largest value. "
+        f"As many points drawn at random would cover about {100 * random_share:.0f} %.\n"
         "A statistical analysis with ten measured piles gives a 95 % interval of each parameter. "
         f"These intervals are still {100 * narrowest:.0f} to {100 * widest:.0f} % as wide as without any measurement.\n"
         f"The analysis allows for an error of the simulator, of {discrepancy[0]:.1f}° and {discrepancy[1]:.1f} mm. "
@@ -296,12 +300,11 @@ def bounds():
     low, high = bounds_of(DEFAULT, "mus_gg")
     distance = (answer["mus_gg"] - low) / (high - low)
     return (
-        "If many solutions lie at the end of a searched range, better ones may lie beyond it. "
-        "A solution is a parameter set that is predicted to meet the targets.\n"
+        "If many solutions lie at an end of a searched range, a bound, better ones may lie beyond it.\n"
         f"In the run `goji_berry`, {'; '.join(listed_bounds)}, the static friction between two berries, "
         f"and the answer lies {100 * distance:.0f} % of that range above it.\n"
         "Since we took this bound from the article (Table 2), it may have cut the search off. "
-        "A run with a wider range showed that it hardly did (see the run `wider` in the results).\n"
+        "The run `wider`, which searches a wider range, showed that it [hardly did](results.md#five-runs-five-parameter-sets).\n"
     )
 
 
@@ -349,7 +352,8 @@ def overlaps():
     apart = [name for name, count in counts.items() if count == 0]
     common = [f"in {name} {count} do" for name, count in counts.items() if count]
     return (
-        "The article's Table 3 gives the span of its 90 solutions in each parameter. "
+        "The article's search ends with 90 solutions, parameter sets that are predicted to meet the targets. "
+        "Its Table 3 gives their span in each parameter, from the smallest to the largest value. "
         "Our searches keep 90 solutions, too.\n"
         f"In {listed(apart)} none of the six spans overlaps the article's; {listed(common)}.\n"
     )
@@ -649,7 +653,7 @@ def beside_article():
             f"`goji_berry`: {deviation_range(DEFAULT, HEIGHT)}",
         ],
         [
-            "R² on test samples, angle and Height",
+            "R² of the network on test samples (1 is perfect), angle and Height",
             "0.94, 0.94",
             f"`goji_berry`: {r_squared(DEFAULT)}; [a perfect model](docs/network.md#what-the-articles-094-would-take) "
             f"would reach about {perfect_r_squared(DEFAULT)}",

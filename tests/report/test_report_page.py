@@ -106,7 +106,7 @@ def test_any_number_of_targets_and_fixed_parameters(targets, fixed, tmp_path):
     assert values["copy"].startswith(
         "# made <up> & small: A small run, its numbers are no calibration: targets "
     )
-    table4 = text[text.index("Table 4") :]
+    table4 = text[text.index("<h3>Parameter sets that were") :]
     assert all(
         f"simulated ({entry.response.unit})" in table4 for entry in Targets.of(targets)
     )
@@ -130,7 +130,9 @@ def test_the_page_has_the_same_piles_by_other_lines_and_calls_stale_sets_so(tmp_
         (config, jobs, files), tmp_path, {"Published": tmp_path / "sets.csv"}
     )
     lines = text[
-        text.index("The same piles by other lines") : text.index("<h3>Table 4")
+        text.index("The same piles by other lines") : text.index(
+            "<h3>Parameter sets that were"
+        )
     ]
     measure = MeasureSettings.with_defaults(**config["measure"])
     for k, name in enumerate(MEAN_KEYS):
@@ -429,7 +431,7 @@ def test_table_4_has_parameters_errors_and_the_published_sets(tmp_path):
     sets.to_csv(tmp_path / "published.csv", index=False)
     files["published"] = tmp_path / "published.csv"
     text = written((config, jobs, files), tmp_path)
-    start = text.index("<h3>Table 4")
+    start = text.index("<h3>Parameter sets that were")
     table4 = text[start : text.index("Error: of the prediction")]
     rows = [
         re.findall(r"<td[^>]*>([^<]*)</td>", row)

@@ -206,7 +206,10 @@ class AnyCard(Section):
     parameters: Annotated[dict[str, Parameter], Field(min_length=1)]
     interval: Literal[
         "central 95 % of the posterior", "range of the parameter sets found"
-    ] = Field(description="what low and high are")
+    ] = Field(
+        description="what low and high are; a range of sets shows where a search ended "
+        "and is no uncertainty"
+    )
     correlations: dict[str, dict[str, Annotated[float, Field(ge=-1, le=1)]]] = Field(
         description="of the free parameters, within the same sets"
     )

@@ -13,7 +13,7 @@ from repose.calibrate.answer import (
     in_one_line,
     nearness,
 )
-from repose.calibrate.card import with_remark
+from repose.calibrate.card import RANGE, with_remark
 
 # A correlation of this size and more is named.
 STRONG = 0.5
@@ -58,7 +58,7 @@ def describe(card: Card) -> str:
         lines.append(card["reason"])
     lines += _subject_lines(card)
 
-    lines.append(f"parameters [{card['interval']}]:")
+    lines.append(f"parameters [{_kind_of_interval(card)}]:")
     for name, parameter in card["parameters"].items():
         meaning = with_remark(parameter["meaning"], parameter)
         lines.append(f"  {name:7} {_value(parameter):32} {meaning}")
@@ -79,6 +79,13 @@ def describe(card: Card) -> str:
         lines.append(f"  {name}: {_settings(settings)}")
     lines.append(_made_by_line(card["made_by"]))
     return "\n".join(lines)
+
+
+def _kind_of_interval(card: Card) -> str:
+    """Name what stands in brackets behind each parameter."""
+    if card["interval"] == RANGE:
+        return f"{RANGE}, which is no uncertainty"
+    return str(card["interval"])
 
 
 def _subject_lines(card: Card) -> Iterator[str]:

@@ -198,10 +198,10 @@ FIGURES: dict[str, Drawn] = {
         title="Credible intervals",
         inputs={"posterior": "posterior/posterior.csv"},
         caption=(
-            "Does the pile determine the parameters? Credible intervals of the free "
-            "parameters with the published intervals and the intervals of the "
-            "feasible solutions, as parts of the parameter's range. An interval "
-            "that covers the whole range determines nothing."
+            "Does the pile determine the parameters? The 95 % interval of each free "
+            "parameter as a part of its range; one that covers the whole range "
+            "determines nothing. The thin lines span the solutions found and the "
+            "published ones; they show where two searches ended, no uncertainty."
         ),
         reads=("parameters", "targets"),
         folder="posterior",

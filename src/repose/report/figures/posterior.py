@@ -38,11 +38,12 @@ EXTRAPOLATED_SHARE = 0.5
 CREDIBLE_COLUMNS = ["credible_low", "credible_high"]
 SEARCH_COLUMNS = ["miga_low", "miga_high"]
 PUBLISHED_COLUMNS = ["published_low", "published_high"]
-# Intervals of a parameter: their columns, place above the middle, colour and label.
-INTERVALS = (
-    (CREDIBLE_COLUMNS, 0.22, style.BLUE, "posterior, 95 % and median"),
-    (SEARCH_COLUMNS, 0.0, style.RED, SEARCH_SOLUTIONS),
-    (PUBLISHED_COLUMNS, -0.22, style.ORANGE, "published interval"),
+# Bars of a parameter: their columns, place above the middle, colour, width and label.
+# The spans of solutions are thin, since they are no uncertainty.
+BARS = (
+    (CREDIBLE_COLUMNS, 0.22, style.BLUE, 3.0, "95 % interval and median"),
+    (SEARCH_COLUMNS, 0.0, style.RED, 1.2, "span of the solutions found"),
+    (PUBLISHED_COLUMNS, -0.22, style.ORANGE, 1.2, "span of the published solutions"),
 )
 # Published sets have a marker for each source.
 PUBLISHED_MARKERS = ("D", "^", "s", "v")
@@ -416,8 +417,8 @@ def _draw_interval_strip(
     `places` turns values of the parameter into places in its range, from 0 to 1.
     """
     panel.barh(y, 1, height=0.8, color=style.STRIP_COLOUR, zorder=0)
-    for columns, offset, colour, label in INTERVALS:
-        # If the table lacks this interval, its ends are empty and nothing is drawn.
+    for columns, offset, colour, width, label in BARS:
+        # If the table lacks this bar, its ends are empty and nothing is drawn.
         ends = row.reindex(columns).dropna().astype(float).to_numpy()
         positions = places(ends)
         panel.plot(
@@ -425,7 +426,7 @@ def _draw_interval_strip(
             [y + offset] * len(positions),
             "-|",
             color=colour,
-            lw=3,
+            lw=width,
             ms=7,
             label=label if is_first and len(positions) else None,
         )

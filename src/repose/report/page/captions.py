@@ -8,8 +8,9 @@ STUDY_FIGURES = {
     "pareto_screening": "Effect of each parameter on the responses",
     "contours": "The fitted surfaces about their optimum",
     "intervals": (
-        "Does the pile determine the parameters? The 95 % interval of each in its range, "
-        "with the sets found and the published intervals"
+        "Does the pile determine the parameters? The 95 % interval of each in its range. "
+        "The thin lines span the sets found and the published ones, and are no "
+        "uncertainty"
     ),
     "figure13": (
         "Does the surrogate predict samples that it has not seen, as well as their "

@@ -618,7 +618,27 @@ def _accuracy(study: Results) -> str:
     if not accuracies:
         return "its accuracy was not tested."
     predictions = " and the ".join(accuracies)
-    return f"on samples that it had not learned from, it predicts the {predictions}."
+    return (
+        f"on samples that it had not learned from, it predicts the {predictions}."
+        f"{_noise_of_samples(study)}"
+    )
+
+
+def _noise_of_samples(study: Results) -> str:
+    """Describe the errors of the samples, a sentence; empty for single runs."""
+    clauses = []
+    for target in study.targets:
+        errors = study.samples.get(target.response.standard_error)
+        if errors is None or errors.isna().all():
+            continue
+        noise = np.sqrt((errors**2).mean())
+        clauses.append(f"{noise:.2g} {target.response.unit}".rstrip())
+    if not clauses:
+        return ""
+    return (
+        f" The means of the samples have standard errors of {' and '.join(clauses)}, "
+        "which no model can predict."
+    )
 
 
 def folded_tables(tables: Mapping[str, pd.DataFrame]) -> list[FoldedTable]:
