@@ -98,7 +98,10 @@ def made_up_study(folder, targets, surrogate="network", fixed=(), runs=12):
         frame.to_csv(folder / f"{name}.csv", index=False)
     texts = {
         "metrics": {"test": {name: {"r2": 0.9, "rmse": 0.5} for name in found.names}},
-        "dataset_summary": {"text": "60 of 60 samples can be used."},
+        "dataset_summary": {
+            "by_status": {"ok": 60},
+            "runs_by_status": {"ok": 178, "jammed": 2},
+        },
         "summary": {"feasible": True, "message": "6 sets found."},
     }
     files = {name: folder / f"{name}.csv" for name in frames}

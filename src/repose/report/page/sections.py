@@ -31,6 +31,7 @@ from repose.report.page.tables import FoldedTable, Table, folded_table
 from repose.report.page.verdict import VerdictText, checks_of, percent_text, verdict_of
 from repose.report.study_view import parameter_ranges
 from repose.stages.card import read as read_card
+from repose.stages.dataset import describe_counts
 
 # The last step of a study whose runs another program made.
 OTHER_PROGRAM = (
@@ -81,6 +82,7 @@ class CheckSection:
     has_view: bool  # of the pile in 3-D
     pile_pictures: list[EmbeddedPicture]
     checked_sets: Table | None
+    abbreviations: str  # of responses in the columns of this table
     has_published_sets: bool  # in the table of the checked sets
 
 
@@ -307,6 +309,7 @@ def check(study: Results) -> CheckSection:
         has_view="trajectory" in study.files,
         pile_pictures=embed_known(study.files, captions.PILE_PICTURES),
         checked_sets=_table_of_checked_sets(study),
+        abbreviations=_abbreviations(study),
         has_published_sets=len(study.published_sets) > 0,
     )
 
@@ -420,6 +423,15 @@ def _table_of_checked_sets(study: Results) -> Table | None:
         style="sets",
         screen_rows=len(study.published_sets),
     )
+
+
+def _abbreviations(study: Results) -> str:
+    """Write out the symbols of the responses that have another name in words."""
+    sentences = []
+    for response in study.targets.responses:
+        if response.symbol != response.label:
+            sentences.append(f"{response.symbol}: {response.label}.")
+    return " ".join(sentences)
 
 
 def _cells_of_set(
@@ -566,11 +578,13 @@ def _steps_of_strategy(study: Results) -> list[str]:
     """Say the steps that the strategy reports, or those of the article's method."""
     if "steps" in study.summary:
         return list(study.summary["steps"])
-    simulated = read_json(study.files["dataset_summary"], {"text": str})
+    counted = {"by_status": dict, "runs_by_status": dict}
+    simulated = read_json(study.files["dataset_summary"], counted)
+    counts = describe_counts(simulated["by_status"], simulated["runs_by_status"])
     steps = []
     if study.settings is not None:
         steps.append(_design_step(study, study.settings.design))
-    steps.append(f"{_simulation(study)}: {simulated['text']}")
+    steps.append(f"{_simulation(study)}: {counts}")
     if study.surrogate is not None:
         surrogate = study.surrogate.name.replace("_", " ")
         steps.append(f"Surrogate ({surrogate}): {_accuracy(study)}")
