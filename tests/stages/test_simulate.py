@@ -10,10 +10,14 @@ import textwrap
 import time
 
 import pytest
+from refusals import input_error
 from test_particles import RADIUS, SETTINGS, cone, dump_text
 
 from repose.calibrate.seeds import pour_seeds
+from repose.common import ledger
 from repose.common.errors import InputError
+from repose.common.files import write_json
+from repose.config import results_folder
 from repose.measure import particle_files
 from repose.measure.particles import measure_particles
 from repose.stages import simulate, simulated
@@ -158,6 +162,94 @@ def test_a_good_run_is_kept_and_a_failed_one_is_made_again(tmp_path):
     run(tmp_path, failing)
     (tmp_path / "program.py").write_text("open('out.json', 'w').write('{}')")
     assert run(tmp_path, failing)["status"] == "ok"
+
+
+def edit(first, _):
+    first.write_text(first.read_text().replace("2", "3"))
+
+
+def truncate(first, _):
+    first.write_bytes(first.read_bytes()[:-3])
+
+
+def exchange_files(first, second):
+    parked = first.with_name("parked")
+    first.rename(parked)
+    second.rename(first)
+    parked.rename(second)
+
+
+def exchange_folders(first, second):
+    exchange_files(first.parent, second.parent)
+
+
+@pytest.mark.parametrize(
+    ("change", "n_changed"),
+    [(edit, 1), (truncate, 1), (exchange_files, 2), (exchange_folders, 2)],
+)
+def test_a_changed_output_is_named_and_its_run_made_again(tmp_path, change, n_changed):
+    section = settings(tmp_path, GOOD)
+    results = tmp_path / "results"
+    write_json(results / "config.json", {})
+    folders = [results / "runs" / f"00{sample}" for sample in (1, 2, 3)]
+    outputs = [folder / "1" / "out.json" for folder in folders]
+
+    def make_all():
+        for k, folder in enumerate(folders):
+            run(tmp_path, section, sample=1 + k, seed=1 + k, out_dir=folder)
+
+    def check_folder():
+        rules = [f"{results}/runs/{{sample}}/{{run}}.json"]
+        results_folder.check_no_foreign_files(str(results), rules)
+
+    make_all()
+    check_folder()
+    texts = [path.read_text() for path in outputs]
+    times = [path.stat().st_mtime_ns for path in outputs]
+    change(*outputs[:2])
+
+    # A run of the workflow names each file, and what to do.
+    lines = str(input_error("its run wrote it", check_folder)).splitlines()
+    assert len(lines) == n_changed
+    for line, output in zip(lines, outputs, strict=False):
+        record = output.parent.with_suffix(".json")
+        assert line.startswith(f"{output}: content is 'something else'; expected")
+        assert (
+            f"remove this file, which is damaged or edited, and {record}, and" in line
+        )
+
+    # So does the stage that would read it.
+    message = r"001/1/out\.json: content .* remove it, .* and .*001/1\.json, and run"
+    read = (outputs[0].parent, section, ("angle",), None)
+    input_error(message, simulated.read_responses, *read)
+
+    # What the message says makes such a run again, and keeps the others.
+    for output in outputs[:n_changed]:
+        output.unlink()
+        output.parent.with_suffix(".json").unlink()
+    check_folder()
+    make_all()
+    check_folder()
+    assert [path.read_text() for path in outputs] == texts
+    kept = outputs[n_changed:]
+    assert [path.stat().st_mtime_ns for path in kept] == times[n_changed:]
+
+
+def test_an_edited_output_is_not_kept_and_a_run_without_a_list_is(tmp_path):
+    section = settings(tmp_path, GOOD)
+    run(tmp_path, section)
+    output = tmp_path / "001" / "1" / "out.json"
+    text = output.read_text()
+    output.write_text("{}")
+    run(tmp_path, section)
+    assert output.read_text() == text
+
+    # Earlier versions listed no outputs; their runs are not lost.
+    (tmp_path / "001" / ledger.LEDGER).write_text("")
+    (tmp_path / "001" / "1.json").unlink()
+    before = output.stat().st_mtime_ns
+    run(tmp_path, section)
+    assert output.stat().st_mtime_ns == before
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"inputs": 1}', "{}"])

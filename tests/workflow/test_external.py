@@ -127,6 +127,21 @@ def test_the_article_s_method_from_design_to_card(folder):
     repose(folder, "run", "--cores", "2", "--forcerun", "simulate", *until)
     assert made.stat().st_mtime_ns == before
 
+    # An edited output is named, also by a dry run; its run alone is made again.
+    text = made.read_text()
+    made.write_text(text.replace(".", "9.", 1))
+    until = ["--cores", "1", *until]
+    refusal = repose(folder, "run", "-n", status=2)
+    assert "results/runs/001/1/responses.json: content is 'something else'" in refusal
+    assert "results/runs/001/1.json, and give the same command again" in refusal
+    other = results / "runs" / "002" / "1" / "responses.json"
+    others_before = other.stat().st_mtime_ns
+    made.unlink()
+    (results / "runs" / "001" / "1.json").unlink()
+    repose(folder, "run", *until)
+    assert made.read_text() == text
+    assert other.stat().st_mtime_ns == others_before
+
 
 @pytest.mark.slow
 def test_other_strategies_ask_for_runs_until_they_have_an_answer(tmp_path):

@@ -48,7 +48,7 @@ def write_whole(path: str | os.PathLike, write: Callable[[IO[bytes]], Any]) -> N
         write(handle)
         handle.flush()
         # List the file before the move. Unlisted, it would pass for a file of the user.
-        _note(path, _hash(handle.name))
+        _note(path.parent, path.name, _hash(handle.name))
 
     try:
         write_in_one_move(path, write_and_note)
@@ -85,7 +85,25 @@ def adopt(path: str | os.PathLike) -> None:
 
     It may be a copy of one of its own files, or an edited one.
     """
-    _note(Path(path), _hash(path))
+    path = Path(path)
+    _note(path.parent, path.name, _hash(path))
+
+
+def adopt_below(
+    folder: str | os.PathLike, name: str, source: str | os.PathLike
+) -> None:
+    """Note in a folder's ledger a file that another program wrote, to be kept below it.
+
+    Parameters
+    ----------
+    folder : path
+        The folder of the ledger.
+    name : str
+        The path of the file from there, with slashes, at which it is going to lie.
+    source : path
+        The file where it lies now.
+    """
+    _note(Path(folder), name, _hash(source))
 
 
 def remove(path: str | os.PathLike) -> None:
@@ -100,16 +118,27 @@ def names(folder: str | os.PathLike) -> set[str]:
 
 
 def changed(folder: str | os.PathLike) -> list[Path]:
-    """List the files of a folder that this program wrote and that were changed since.
+    """List the files in a folder's ledger that were changed since.
 
-    Somebody edited them, or they are damaged. Subfolders have ledgers of their own.
+    Somebody edited them, or they are damaged. Files that this program wrote in
+    subfolders have ledgers of their own, so only those of `adopt_below` lie there.
     """
-    paths = []
-    for name, digests in sorted(_digests(Path(folder)).items()):
-        path = Path(folder) / name
-        if path.is_file() and _hash(path) not in digests:
-            paths.append(path)
-    return paths
+    folder = Path(folder)
+    listed = _digests(folder)
+    paths = {folder / name: listed[name] for name in sorted(listed)}
+    return [path for path, digests in paths.items() if _differs(path, digests)]
+
+
+def is_changed(folder: str | os.PathLike, name: str) -> bool:
+    """Tell whether a file in a folder's ledger was changed since; see `changed`."""
+    folder = Path(folder)
+    digests = _digests(folder)
+    return name in digests and _differs(folder / name, digests[name])
+
+
+def _differs(path: Path, digests: set[str]) -> bool:
+    """Tell whether a file is there and has none of the hashes."""
+    return path.is_file() and _hash(path) not in digests
 
 
 def _digests(folder: Path) -> dict[str, set[str]]:
@@ -137,14 +166,14 @@ def _digests(folder: Path) -> dict[str, set[str]]:
     return digests
 
 
-def _note(path: Path, digest: str) -> None:
-    """Add a file to its folder's ledger."""
-    if digest in _digests(path.parent)[path.name]:
+def _note(folder: Path, name: str, digest: str) -> None:
+    """Add a file to a folder's ledger."""
+    if digest in _digests(folder)[name]:
         return
-    with open_descriptor(path.parent / LEDGER, os.O_APPEND) as handle:
+    with open_descriptor(folder / LEDGER, os.O_APPEND) as handle:
         # One write, so that lines of jobs do not mix. It begins with a new line, so
         # that it is whole after a line that a full disk cut off.
-        os.write(handle, os.fsencode(f"\n{digest}  {path.name}\n"))
+        os.write(handle, os.fsencode(f"\n{digest}  {name}\n"))
 
 
 @contextmanager

@@ -184,8 +184,9 @@ def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
     unknown = []
     for folder, files in _folders_of_results(results_dir, names):
         for changed in ledger.changed(folder):
-            if changed.name in files:
-                faults[str(changed)] = _changed_result(str(changed))
+            # Beside the results of a study, other files may lie at the top.
+            if folder != results_dir or changed.name in names:
+                faults[str(changed)] = _changed_result(changed, Path(folder))
         listed = ledger.names(folder)
         # To snakemake a folder in the place of a result is the result.
         places = (f"{folder}/{name}" for name in listed)
@@ -284,14 +285,24 @@ def take_over(results_dir: str, outputs: Iterable[str]) -> int:
     return len(results)
 
 
-def _changed_result(path: str) -> InputError:
-    """Make the fault of a result that was changed after a study wrote it."""
+def _changed_result(path: Path, folder: Path) -> InputError:
+    """Make the fault of a result that was changed after a study wrote it.
+
+    `folder` is that of the ledger that lists the result.
+    """
+    source = "repose"
+    removed = "this file, which is damaged or edited"
+    # A run of another program is made again where its record is missing.
+    if path.parent != folder:
+        run = path.relative_to(folder).parts[0]
+        source = "its run"
+        removed = f"{removed}, and {folder / run}.json"
     return InputError(
         path,
         "content",
         "something else",
-        "a result as repose wrote it; remove this file, which is damaged or edited, and "
-        "give the same command again",
+        f"a result as {source} wrote it; remove {removed}, and give the same command "
+        "again",
     )
 
 

@@ -2,7 +2,8 @@
 
 Each run has a folder SAMPLE/RUN with its deck, its parameters, what the program printed
 (`PRINTED`) and the files that are read or kept. SAMPLE/RUN.json is the record of the
-run: it is written last. A run that fails is a result with a status and a reason.
+run: it is written last. A run that fails is a result with a status and a reason. The
+ledger of SAMPLE lists the files of a good run that are read, so that a change is found.
 """
 
 import json
@@ -23,7 +24,7 @@ from jinja2.sandbox import SandboxedEnvironment
 
 from repose.calibrate.seeds import pour_seeds
 from repose.calibrate.targets import OWN
-from repose.common import provenance
+from repose.common import ledger, provenance
 from repose.common.errors import InputError, YamlError, raise_together
 from repose.common.files import Path_, write_json
 from repose.stages.settings import SimulatorSettings
@@ -417,8 +418,36 @@ def _kept(
     except (OSError, ValueError):
         return None
     is_same = about == _about(inputs)
-    is_whole = all((folder / name).is_file() for name in settings.files_read)
+    is_whole = not any(fault_of_file(folder, name) for name in settings.files_read)
     return Ending(OK) if is_same and is_whole else None
+
+
+def fault_of_file(folder: Path, name: str) -> InputError | None:
+    """Find what is wrong with a file that a good run left.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the run; the ledger of the folder around it lists the file.
+    name : str
+        One of `SimulatorSettings.files_read`.
+
+    Returns
+    -------
+    InputError or None
+        The fault, with what to remove so that the run is made again.
+    """
+    path = folder / name
+    if not path.is_file():
+        words = f"the file of this run; remove {folder}.json, and run again"
+        return InputError(path, "file", "lost", words)
+    if ledger.is_changed(folder.parent, f"{folder.name}/{name}"):
+        words = (
+            "the file as this run left it; remove it, which is damaged or edited, and "
+            f"{folder}.json, and run again"
+        )
+        return InputError(path, "content", "something else", words)
+    return None
 
 
 def _about(inputs: Mapping[str, Any]) -> dict[str, str]:
@@ -461,6 +490,9 @@ def _make(
     # Only a good run is taken again: what made another one fail may be repaired.
     if ending.status == OK:
         (work / ABOUT).write_text(json.dumps(_about(inputs)), encoding="utf-8")
+        for name in settings.files_read:
+            listed = f"{folder.name}/{name}"
+            ledger.adopt_below(folder.parent, listed, source=work / name)
     shutil.rmtree(folder, ignore_errors=True)
     os.replace(work, folder)
     return ending

@@ -19,7 +19,7 @@ from repose.calibrate.strategies.runs import (
 from repose.common.errors import InputError, NoFlankError
 from repose.common.files import Path_, read_json, write_json
 from repose.stages.settings import SimulatorSettings
-from repose.stages.simulate import MOST_CHARACTERS, Ending
+from repose.stages.simulate import MOST_CHARACTERS, Ending, fault_of_file
 
 if TYPE_CHECKING:
     from repose.measure.settings import MeasureSettings
@@ -112,14 +112,14 @@ def read_responses(
     Raises
     ------
     InputError
-        If a file of the run was lost since.
+        If a file of the run was lost or changed since.
     """
     nothing: dict[str, float | None] = dict.fromkeys(responses)
     found: dict[str, Any] = {}
     for name in settings.files_read:
-        if not (folder / name).is_file():
-            words = f"the file of this run; remove {folder}.json, and run again"
-            raise InputError(folder / name, "file", "lost", words)
+        fault = fault_of_file(folder, name)
+        if fault is not None:
+            raise fault
     try:
         if settings.particles is not None:
             found |= measured_pile(folder, settings, measure)
