@@ -149,7 +149,7 @@ def response_surface(simulator, goal, targets, config, random, budgets):
             )
 
         first = screening.design(space, section)
-        corners, middle = screening.corners_and_centre(first)
+        corners, middle = screening.corners_and_centre(first, section.centres)
         data = poured(first)
         models = screening.fit_models(corners, data, targets, "linear")
         centre = (

@@ -224,20 +224,32 @@ class ParameterSpace:
     def violation(self, unit: np.ndarray) -> np.ndarray:
         """Compute by how much points (n, d) of the unit cube violate the constraints.
 
-        It is the sum of the excesses (n,), each as a share of the largest that the
-        ranges allow; 0 where all constraints are obeyed.
+        It is the sum of the excesses (n,) above 0; 0 where all constraints are obeyed.
         """
         total = np.zeros(len(unit))
+        for excess in self.excesses(unit).T:
+            total += np.maximum(excess, 0.0)
+        return total
+
+    def excesses(self, unit: np.ndarray) -> np.ndarray:
+        """Compute by how much points (n, d) of the unit cube exceed each constraint.
+
+        Returns
+        -------
+        numpy.ndarray, (n, constraints)
+            Each as a share of the largest that the ranges allow; above 0 where the
+            constraint is violated.
+        """
         if not self.constraints:
-            return total
+            return np.zeros((len(unit), 0))
         values = self.values(unit)
         low, high = self.complete(np.array([self.low, self.high]))
         largest = np.maximum(np.abs(low), np.abs(high))[None]
+        columns = []
         for constraint in self.constraints:
             excess = constraint.excess(values, self.names)
-            size = constraint.size(largest, self.names)
-            total += np.maximum(excess / size, 0.0)
-        return total
+            columns.append(excess / constraint.size(largest, self.names))
+        return np.column_stack(columns)
 
     @cached_property
     def _spread(self) -> np.ndarray:

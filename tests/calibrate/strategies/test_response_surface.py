@@ -1,6 +1,7 @@
 """The response surface strategy with a simulator of one line: every step reads the result of the step before."""
 
 import json
+from itertools import combinations
 
 import numpy as np
 import pandas as pd
@@ -307,3 +308,128 @@ def test_the_check_has_the_mean_of_its_good_runs_and_the_standard_error_of_the_m
     one_run = surface.add_check(predicted, dataset.head(1)).iloc[0]
     assert one_run["simulated"] == 30.0
     assert np.isnan(one_run["simulated_error"])
+
+
+# Half of the corners of the ranges are forbidden, and the known parameters are allowed.
+RULE = "mur_gg <= 0.09 * mus_gg"
+
+
+def places_of(folder):
+    """The samples of all steps, and which of them obey the rule."""
+    tables = [pd.read_csv(folder / step / "samples.csv") for step in STEPS]
+    table = pd.concat(tables, ignore_index=True)
+    return table, table["mur_gg"] <= 0.09 * table["mus_gg"]
+
+
+@pytest.mark.parametrize("name", ["box_behnken", "rotatable"])
+def test_with_a_constraint_every_run_is_allowed_and_the_target_is_met(name, tmp_path):
+    space = SPACE.constrained_by([RULE])
+    section = SECTION | {"surface": name, "most_factors": 3}
+    check = campaign(tmp_path, 0.0, section, space)
+    assert check["deviation_percent"].abs().max() < 1e-3
+    table, is_allowed = places_of(tmp_path)
+    assert is_allowed.all()
+    # Runs of the designs without constraints stay where they are allowed.
+    first = table[table["sample"] < 2000].reset_index(drop=True)
+    corners = screening.design(SPACE, SETTINGS)
+    is_forbidden = corners["mur_gg"] > 0.09 * corners["mus_gg"]
+    assert 4 <= is_forbidden.sum() <= 8
+    assert (first["is_new"] == is_forbidden).all()
+    kept = list(PARAMETERS)
+    np.testing.assert_allclose(
+        first.loc[~is_forbidden, kept], corners.loc[~is_forbidden, kept]
+    )
+    found = json.loads((tmp_path / "screening.json").read_text())
+    assert found["new_runs"] == is_forbidden.sum()
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    words = f"The constraints forbid {is_forbidden.sum()} of the 17 runs"
+    assert words in summary["steps"][0]
+    if name == "box_behnken":
+        check_masks(tmp_path)
+
+
+def check_masks(folder):
+    """The contours and lines of a surface leave out what is forbidden."""
+    files = {"optimum": str(folder / "optimum.json")}
+    for name in ("samples", "dataset"):
+        files[name] = str(folder / f"surface/{name}.csv")
+    table = pd.read_csv(files["samples"])
+    region = surface.region_of_surface(table, SPACE.constrained_by([RULE]))
+    factors = factors_of(table)
+    optimum = json.loads((folder / "optimum.json").read_text())["coded"]
+
+    def are_allowed(config):
+        """For each panel of contours whether all of its places are allowed."""
+        with style.applied():
+            figure = figures.contours(files, StudyView(config))
+        found = []
+        pairs = 2 * list(combinations(range(len(factors)), 2))
+        for panel, pair in zip(figure.axes, pairs, strict=True):
+            paths = panel.collections[0].get_paths()
+            places = np.vstack([path.vertices for path in paths if len(path.vertices)])
+            coded = np.tile([optimum[name] for name in factors], (len(places), 1))
+            coded[:, pair] = places
+            found.append((region.excesses(coded) < 1e-9).all())
+        return found
+
+    assert all(are_allowed(CONFIG | {"constraints": [RULE]}))
+    assert not all(are_allowed(CONFIG))
+    with style.applied():
+        figure = figures.perturbation(
+            files, StudyView(CONFIG | {"constraints": [RULE]})
+        )
+    for k, line in enumerate(figure.axes[0].lines[: len(factors)]):
+        points = np.zeros((len(line.get_xdata()), len(factors)))
+        points[:, k] = line.get_xdata()
+        is_drawn = np.isfinite(line.get_ydata())
+        assert (is_drawn == region.is_allowed(points)).all()
+
+
+def test_with_a_constraint_the_optimum_is_the_best_allowed_set(tmp_path):
+    # The known parameters are forbidden; the optimum lies on the edge of what is allowed.
+    space = SPACE.constrained_by(["mur_gg <= 0.06 * mus_gg"])
+    campaign(tmp_path, 0.0, SECTION | {"most_factors": 3}, space)
+    table = pd.read_csv(tmp_path / "surface/samples.csv")
+    optimum = json.loads((tmp_path / "optimum.json").read_text())
+    edge = 0.06 * optimum["parameters"]["mus_gg"]
+    assert optimum["parameters"]["mur_gg"] == pytest.approx(edge, abs=2e-3)
+    assert optimum["parameters"]["mur_gg"] <= edge
+    # The twin: points all over the cube of the surface.
+    random = np.random.default_rng(3)
+    coded = random.uniform(-1, 1, (20_000, 3))
+    unit = surface.to_unit_cube(table, coded, SPACE)
+    unit = unit[space.is_allowed(unit)]
+    sets = pd.DataFrame(space.values(unit), columns=list(PARAMETERS))
+    aims = TARGETS.aim
+
+    def miss(sets):
+        return ((responses(sets) / aims - 1) ** 2).sum(axis=1).min()
+
+    best = pd.DataFrame([optimum["parameters"]])
+    assert miss(best) < miss(sets) + 1e-7
+
+
+def test_a_path_goes_on_along_a_constraint():
+    space = SPACE.constrained_by([RULE])
+    study = synthetic.study(space=space, response_surface=SECTION)
+    table = screening.design(space, SETTINGS)
+    models = screening.fit_models(table[:12], dataset(table), TARGETS, "linear")
+    kept = ["mur_gg", "mus_gp", "e_gg"]
+    centre = np.array([20.0, 40.0])
+    path = screening.path(models, centre, kept, study)
+    assert len(path) == SECTION["steps"] + 1
+    # mus_gg stays at its centre, 0.55, so mur_gg ends at 0.0495 and mus_gp goes on.
+    assert path["mur_gg"].max() == pytest.approx(0.0495, abs=1e-6)
+    assert (path["mur_gg"] <= 0.09 * path["mus_gg"]).all()
+    assert path["mus_gp"].is_monotonic_increasing
+    assert path["mus_gp"].iloc[-1] > path["mus_gp"].iloc[-2]
+
+
+def test_a_region_without_room_for_the_model_is_refused_by_name():
+    rules = ["mur_gg <= 0.09 * mus_gg", "mur_gg >= 0.09 * mus_gg"]
+    input_error(
+        "constraints is .*expected constraints that leave room for a linear model",
+        screening.design,
+        SPACE.constrained_by(rules),
+        SETTINGS,
+    )

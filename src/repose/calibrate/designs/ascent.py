@@ -39,10 +39,19 @@ def ascent_direction(
     return gradient / length
 
 
-def path(along: np.ndarray, steps: int) -> np.ndarray:
-    """Space points (steps + 1, k) evenly from the centre to the edge of the cube.
+def path(along: np.ndarray, steps: int, start: np.ndarray | None = None) -> np.ndarray:
+    """Space points (steps + 1, k) evenly from a start to the edge of the cube.
 
-    `along` (k,) is the direction.
+    Parameters
+    ----------
+    along : array (k,)
+        The direction.
+    steps : int
+    start : array (k,), optional
+        A point inside the cube; by default its centre.
     """
-    edge = along / np.abs(along).max()
-    return np.linspace(0.0, 1.0, steps + 1)[:, None] * edge
+    if start is None:
+        start = np.zeros(len(along))
+    # The first factor at an end of its range ends the path.
+    parts = np.abs(along) / (1 - np.sign(along) * start)
+    return start + np.linspace(0.0, 1.0, steps + 1)[:, None] * (along / parts.max())

@@ -1,13 +1,14 @@
 """Optimum of fitted models inside the region of their design."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from repose.calibrate.designs.coding import two_level
 from repose.calibrate.designs.model import Model
+from repose.calibrate.designs.region import Region
 
 # Deviations from the targets, in their scales.
 MET = 1e-6  # below this a target counts as met
@@ -93,6 +94,7 @@ def optimum(
     scale: ArrayLike,
     low: ArrayLike,
     high: ArrayLike,
+    region: Region | None = None,
 ) -> Optimum:
     """Find the point of the cube from -1 to 1 that is nearest to the targets.
 
@@ -109,18 +111,20 @@ def optimum(
         The aim over the root of its weight.
     low, high : array (responses,)
         Ranges of the responses, for the desirability.
+    region : Region or None
+        The part of the cube that is allowed; None for all of it.
     """
     aims = np.asarray(aims, dtype=float)
     deviations = _Deviations(models, aims, np.asarray(scale, dtype=float))
     n_factors = len(models[0].factors)
     bounds = [(-1.0, 1.0)] * n_factors
-    minima = _minima(deviations, bounds)
+    minima = _minima(deviations, bounds, region)
     best = min(minima, key=deviations.squared)
 
     # If the targets can be met, move towards the centre along the points that meet them.
     if deviations.largest(best) < NEARLY_MET:
         central = [
-            _most_central(deviations, point, bounds)
+            _most_central(deviations, point, bounds=bounds, region=region)
             for point in minima
             if deviations.squared(point) < GOOD_START
         ]
@@ -139,12 +143,12 @@ def optimum(
 
 
 def _minima(
-    deviations: _Deviations, bounds: list[tuple[float, float]]
+    deviations: _Deviations, bounds: list[tuple[float, float]], region: Region | None
 ) -> list[np.ndarray]:
     """Minimise the squared deviations from several starts; a point (k,) for each.
 
     The starts are the centre, points half way to each corner, and the middles of the
-    faces of the cube.
+    faces of the cube. Forbidden ones are moved to the edge of what is allowed.
     """
     from scipy import optimize
 
@@ -157,16 +161,26 @@ def _minima(
             -np.eye(n_factors),
         ]
     )
-    return [
+    # SLSQP takes constraints; without any, L-BFGS-B is as in published results.
+    options: dict[str, Any] = {"method": "L-BFGS-B"}
+    if region is not None:
+        starts = np.array([region.pull_inside(start) for start in starts])
+        options = {"method": "SLSQP", "constraints": _constraints(region)}
+    minima = [
         optimize.minimize(
-            deviations.squared, start, bounds=bounds, method="L-BFGS-B", tol=1e-14
+            deviations.squared, start, bounds=bounds, tol=1e-14, **options
         ).x
         for start in starts
     ]
+    return _inside(minima, region)
 
 
 def _most_central(
-    deviations: _Deviations, start: np.ndarray, bounds: list[tuple[float, float]]
+    deviations: _Deviations,
+    start: np.ndarray,
+    *,
+    bounds: list[tuple[float, float]],
+    region: Region | None,
 ) -> np.ndarray:
     """Find the point nearest to the centre at which every target is met.
 
@@ -174,15 +188,31 @@ def _most_central(
     """
     from scipy import optimize
 
-    return optimize.minimize(
+    found = optimize.minimize(
         _squared_length,
         start,
         jac=lambda point: 2 * point,
-        constraints={"type": "eq", "fun": deviations.scaled},
+        constraints=[
+            {"type": "eq", "fun": deviations.scaled},
+            *_constraints(region),
+        ],
         bounds=bounds,
         method="SLSQP",
         options={"ftol": 1e-12, "maxiter": 200},
     ).x
+    return _inside([found], region)[0]
+
+
+def _constraints(region: Region | None) -> list[dict[str, Any]]:
+    """Write a region as constraints of SciPy."""
+    return [] if region is None else [{"type": "ineq", "fun": region.room}]
+
+
+def _inside(points: list[np.ndarray], region: Region | None) -> list[np.ndarray]:
+    """Move points that a search left beyond a constraint to the edge of the region."""
+    if region is None:
+        return points
+    return [region.pull_inside(point) for point in points]
 
 
 def _squared_length(point: np.ndarray) -> float:

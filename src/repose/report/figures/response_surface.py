@@ -9,7 +9,9 @@ from matplotlib.figure import Figure
 
 from repose.bench.parameters import SYMBOLS
 from repose.calibrate.designs.model import Model
+from repose.calibrate.designs.region import Region
 from repose.calibrate.strategies.response_surface.screening import fit_models
+from repose.calibrate.strategies.response_surface.surface import region_of_surface
 from repose.calibrate.targets import Target, Targets
 from repose.common.files import read_json, read_table
 
@@ -71,6 +73,7 @@ def perturbation(inputs: Inputs, study: StudyView) -> Figure:
     """
     targets = study.targets
     models = _fit_models(inputs, targets)
+    region = _allowed_region(inputs, study)
     figure, axes = panels.grid(len(models), 2.9, columns=len(models))
     coded = np.linspace(-1, 1, GRID_POINTS)
     for panel, target, model in zip(axes, targets, models, strict=True):
@@ -80,7 +83,7 @@ def perturbation(inputs: Inputs, study: StudyView) -> Figure:
             points[:, k] = coded
             panel.plot(
                 coded,
-                model.predict(points),
+                _predict_allowed(model, points, region),
                 label=SYMBOLS.get(name, name),
                 **style.series(k),
             )
@@ -97,6 +100,7 @@ def contours(inputs: Inputs, study: StudyView) -> Figure:
     """
     targets = study.targets
     models = _fit_models(inputs, targets)
+    region = _allowed_region(inputs, study)
     optimum = read_json(
         inputs["optimum"], ("coded",), "output of repose stage conclude"
     )["coded"]
@@ -108,28 +112,36 @@ def contours(inputs: Inputs, study: StudyView) -> Figure:
         point = np.array([optimum[name] for name in model.factors])
         for pair in pairs:
             panel = next(next_panels)
-            _draw_contours(panel, model, target=target, pair=pair, point=point)
+            _draw_contours(panel, model, region, target=target, pair=pair, point=point)
     return figure
 
 
 def _draw_contours(
-    panel: Axes, model: Model, target: Target, pair: tuple[int, int], point: np.ndarray
+    panel: Axes,
+    model: Model,
+    region: Region | None,
+    *,
+    target: Target,
+    pair: tuple[int, int],
+    point: np.ndarray,
 ) -> None:
     """Draw one response over two factors with its target and the optimum.
 
-    `pair` are the indices of the factors, `point` the coded optimum.
+    `pair` are the indices of the factors, `point` the coded optimum. Only the region is
+    drawn.
     """
     # A grid of points over the two factors; the others stay at the optimum.
     coded = np.linspace(-1, 1, GRID_POINTS)
     across, up = np.meshgrid(coded, coded)
     points = np.repeat(point[None], GRID_POINTS * GRID_POINTS, axis=0)
     points[:, pair] = np.column_stack([across.ravel(), up.ravel()])
-    values = model.predict(points).reshape(GRID_POINTS, GRID_POINTS)
+    values = _predict_allowed(model, points, region)
+    values = values.reshape(GRID_POINTS, GRID_POINTS)
 
     panel.contourf(across, up, values, levels=12, cmap="viridis", alpha=0.85)
     lines = panel.contour(across, up, values, levels=6, colors="white", linewidths=0.5)
     panel.clabel(lines, fontsize=6)
-    if values.min() < target.aim < values.max():
+    if np.nanmin(values) < target.aim < np.nanmax(values):
         panel.contour(
             across, up, values, levels=[target.aim], colors=style.BLACK, linewidths=1.4
         )
@@ -150,6 +162,24 @@ def _draw_contours(
         ylabel=f"{SYMBOLS.get(y_name, y_name)} (coded)",
         title=style.response_label(target.response),
     )
+
+
+def _allowed_region(inputs: Inputs, study: StudyView) -> Region | None:
+    """Return what constraints allow of the surface's cube; None without constraints."""
+    if not study.parameters.constraints:
+        return None
+    samples = read_table(inputs["samples"], ("sample", *study.parameters.names))
+    return region_of_surface(samples, study.parameters)
+
+
+def _predict_allowed(
+    model: Model, points: np.ndarray, region: Region | None
+) -> np.ndarray:
+    """Predict a response (n,) at points (n, k) in coded units; nan where forbidden."""
+    values = model.predict(points)
+    if region is None:
+        return values
+    return np.where(region.is_allowed(points), values, np.nan)
 
 
 def _fit_models(inputs: Inputs, targets: Targets) -> list[Model]:

@@ -103,8 +103,6 @@ class ResponseSurface(Strategy[ResponseSurfaceSettings]):
 
     settings = ResponseSurfaceSettings
     repeats_points = True
-    # Its designs have fixed places, such as the corners of the ranges.
-    obeys_constraints = False
     files = (
         *(f"screening_{table}.csv" for table in FITTED),
         *(f"surface_{table}.csv" for table in FITTED),

@@ -3,6 +3,9 @@
 A Plackett-Burman design over the whole ranges shows these parameters. Runs at the centre
 belong to the screening: the mean of the corners is no estimate of the centre where the
 response is curved, and the path must know on which side of the targets it begins.
+
+Where constraints forbid a corner, a D-optimal run takes its place. The path goes on along
+a constraint that it meets: each of its points is the nearest allowed one.
 """
 
 from typing import Any
@@ -14,14 +17,20 @@ from repose.calibrate.designs import ascent
 from repose.calibrate.designs.anova import anova, effects, limits, statistics
 from repose.calibrate.designs.model import Model, fit
 from repose.calibrate.designs.plackett_burman import plackett_burman
+from repose.calibrate.designs.region import Region
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.strategies.response_surface import ResponseSurfaceSettings
 from repose.calibrate.strategies.response_surface.steps import (
     CODED,
+    allowed_design,
+    count_new_runs,
     factors_of,
     good_samples,
+    region_of,
     samples,
     scale_of,
+    sentence_of_new_runs,
+    with_new_runs,
 )
 from repose.calibrate.study import Study
 from repose.calibrate.targets import Targets
@@ -74,10 +83,12 @@ def analyse_screening(
     """
     targets = study.targets
     names = targets.names
-    corner_samples, centre_samples = corners_and_centre(table)
+    section = study.settings.response_surface
+    corner_samples, centre_samples = corners_and_centre(table, section.centres)
     models = fit_models(corner_samples, dataset, targets, "linear")
+    corner_means = good_samples(corner_samples, dataset)[list(names)].mean()
     centre_means = good_samples(centre_samples, dataset)[list(names)].mean()
-    kept = kept_factors(models, study.settings.response_surface)
+    kept = kept_factors(models, section)
     try:
         ascent_samples = path(models, centre_means.to_numpy(), kept, study)
     except ValueError as error:
@@ -86,17 +97,16 @@ def analyse_screening(
         ) from None
 
     dropped = [name for name in study.parameters.free if name not in kept]
-    # The constant of a model is the mean response of the corners.
-    corner_means = {
-        name: float(model.constant) for name, model in zip(names, models, strict=True)
-    }
     result = {
         "kept": kept,
         "dropped": dropped,
         "centre": centre_means.to_dict(),
-        "corners": corner_means,
+        "corners": corner_means.to_dict(),
     }
     why = f"kept {', '.join(kept)}; dropped {', '.join(dropped) or 'none'}"
+    if count_new_runs(table):
+        result["new_runs"] = count_new_runs(table)
+        why += "." + sentence_of_new_runs(table).removesuffix(".")
     tables = analysis_tables("screening", models, targets)
     return ascent_samples, {**tables, "screening": result, "why": why}
 
@@ -105,18 +115,34 @@ def design(space: ParameterSpace, section: ResponseSurfaceSettings) -> pd.DataFr
     """List the samples of the screening.
 
     Every free parameter is at an end of its range; the centre follows `centres` times.
+    Constraints may move runs.
+
+    Raises
+    ------
+    InputError
+        If allowed runs do not determine a linear model.
     """
     corners = plackett_burman(space.dimensions, section.screening_runs)
-    centre = np.zeros((section.centres, space.dimensions))
-    coded = np.vstack([corners, centre])
-    return samples("screening", space, (1 + coded) / 2, space.free, coded)
+    region = _region_of_ranges(space)
+    # The linear model is fitted to the corners alone.
+    runs = allowed_design(corners, region, "linear", space)
+    centre = np.zeros(space.dimensions) if region is None else region.centre
+    coded = np.vstack([runs.coded, np.tile(centre, (section.centres, 1))])
+    is_new = np.append(runs.is_new, np.full(section.centres, centre.any()))
+    table = samples("screening", space, (1 + coded) / 2, space.free, coded)
+    return with_new_runs(table, is_new, space)
 
 
-def corners_and_centre(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Split the samples of the screening into the corners and the centre."""
-    coded = table[[CODED + name for name in factors_of(table)]]
-    is_centre = (coded == 0).all(axis=1)
-    return table[~is_centre], table[is_centre]
+def _region_of_ranges(space: ParameterSpace) -> Region | None:
+    """Return what constraints allow of the whole ranges; None without constraints."""
+    return region_of(space, lambda coded: (1 + coded) / 2, space.dimensions)
+
+
+def corners_and_centre(
+    table: pd.DataFrame, centres: int
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Split the samples of the screening into the corners and the `centres` last ones."""
+    return table[:-centres], table[-centres:]
 
 
 def fit_models(
@@ -203,7 +229,8 @@ def path(
 ) -> pd.DataFrame:
     """Sample the steepest ascent from the centre of the ranges towards the targets.
 
-    It ends at the edge of the ranges.
+    It ends at the edge of the ranges. A forbidden point is replaced by the nearest allowed
+    one, so the path follows a constraint that it meets.
 
     Parameters
     ----------
@@ -226,9 +253,21 @@ def path(
     order = [models[0].factors.index(name) for name in kept]
     slopes = np.array([model.coefficients[order] for model in models])
     direction = ascent.ascent_direction(slopes, targets.aim - centre, scale_of(targets))
-    coded = ascent.path(direction, study.settings.response_surface.steps)
-    # Keep the other parameters at 0.5 in the unit cube, which is 0 in coded units.
-    unit = np.full((len(coded), space.dimensions), 0.5)
+    # Keep the other parameters at the centre of the ranges, or of what is allowed.
+    region_of_ranges = _region_of_ranges(space)
+    start = np.zeros(space.dimensions)
+    if region_of_ranges is not None:
+        start = region_of_ranges.centre
     columns = [space.free.index(name) for name in kept]
-    unit[:, columns] += coded / 2
-    return samples("ascent", space, unit, kept, coded)
+
+    def place(coded: np.ndarray) -> np.ndarray:
+        unit = np.repeat((1 + start[None]) / 2, len(coded), axis=0)
+        unit[:, columns] = (1 + coded) / 2
+        return unit
+
+    steps = study.settings.response_surface.steps
+    coded = ascent.path(direction, steps, start[columns])
+    region = region_of(space, place, len(kept))
+    if region is not None:
+        coded = np.array([region.nearest(point) for point in coded])
+    return samples("ascent", space, place(coded), kept, coded)

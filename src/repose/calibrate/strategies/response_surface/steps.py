@@ -3,12 +3,14 @@
 Samples of the first step are numbered from 1001, of the second from 2001, and so on.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pandas as pd
 
 from repose.calibrate.designs.latin_hypercube import parameter_sets
+from repose.calibrate.designs.optimal import AllowedDesign, replace_forbidden
+from repose.calibrate.designs.region import Region
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
@@ -17,6 +19,8 @@ STEPS = ("screening", "ascent", "surface", "check")
 OF_A_STEP = 1000
 # Before the name of a parameter: its column in coded units.
 CODED = "coded_"
+# Whether a run took the place of a forbidden one; a column where there are constraints.
+NEW = "is_new"
 
 
 def samples(
@@ -91,3 +95,86 @@ def scale_of(targets: Targets) -> np.ndarray:
     It is 100 % of each target over the root of its weight.
     """
     return targets.whole / np.sqrt(targets.weight)
+
+
+# --- constraints ----------------------------------------------------------------------
+
+
+def region_of(
+    space: ParameterSpace, place: Callable[[np.ndarray], np.ndarray], factors: int
+) -> Region | None:
+    """Return what constraints allow of the cube of a step; None without constraints.
+
+    Parameters
+    ----------
+    space : ParameterSpace
+    place : callable
+        From points (n, factors) in coded units to points (n, d) of the unit cube.
+    factors : int
+    """
+    if not space.constraints:
+        return None
+    return Region(lambda coded: space.excesses(place(coded)), factors)
+
+
+def allowed_design(
+    coded: np.ndarray, region: Region | None, order: str, space: ParameterSpace
+) -> AllowedDesign:
+    """Move the runs of a design that constraints forbid.
+
+    Runs of a forbidden centre move to the centre of what is allowed. D-optimal runs take
+    the place of the others.
+
+    Parameters
+    ----------
+    coded : numpy.ndarray, (n, factors)
+        The design.
+    region : Region or None
+        What is allowed.
+    order : str
+        Of the model.
+    space : ParameterSpace
+
+    Raises
+    ------
+    InputError
+        If the allowed runs do not determine all coefficients of the model.
+    """
+    if region is None:
+        return replace_forbidden(coded, None, order)
+    try:
+        is_centre = (coded == 0).all(axis=1)
+        moved = np.where(is_centre[:, None], region.centre, coded)
+        runs = replace_forbidden(moved, region, order)
+    except ValueError as error:
+        rules = ", ".join(one.text for one in space.constraints)
+        allowed = (
+            f"constraints that leave room for a {order} model of response_surface; "
+            f"{error}"
+        )
+        raise InputError("configuration", "constraints", rules, allowed) from None
+    is_moved = is_centre & region.centre.any()
+    return AllowedDesign(runs.coded, runs.is_new | is_moved)
+
+
+def with_new_runs(
+    table: pd.DataFrame, is_new: np.ndarray, space: ParameterSpace
+) -> pd.DataFrame:
+    """Add the column `NEW` to the samples of a step, if there are constraints."""
+    return table.assign(**{NEW: is_new}) if space.constraints else table
+
+
+def count_new_runs(table: pd.DataFrame) -> int:
+    """Count the runs of a step that took the place of forbidden ones."""
+    return int(table[NEW].sum()) if NEW in table else 0
+
+
+def sentence_of_new_runs(table: pd.DataFrame) -> str:
+    """Say how many runs of a step were moved; empty if none was."""
+    count = count_new_runs(table)
+    if not count:
+        return ""
+    return (
+        f" The constraints forbid {count} of the {len(table)} runs of the design; "
+        "D-optimal runs and the centre of what is allowed took their places."
+    )

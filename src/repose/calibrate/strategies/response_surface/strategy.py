@@ -12,6 +12,11 @@ from repose.calibrate.strategies.response_surface import (
     screening,
     surface,
 )
+from repose.calibrate.strategies.response_surface.steps import (
+    count_new_runs,
+    factors_of,
+    sentence_of_new_runs,
+)
 from repose.calibrate.strategies.runs import next_number, samples_of_runs
 from repose.calibrate.study import Study
 
@@ -52,12 +57,16 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
         f"{nearest['error_percent']:.2f} % off"
     )
     surface_samples = surface.design(points, space, section)
+    if count_new_runs(surface_samples):
+        sentence = sentence_of_new_runs(surface_samples)
+        notes["why"] += "." + sentence.removesuffix(".")
     if _lacks(data, surface_samples):
         return batch(surface_samples)
 
     # Simulate the optimum of the surface.
     models = screening.fit_models(surface_samples, dataset, targets, "quadratic")
-    optimum = surface.best_point(models, targets)
+    region = surface.region_of_surface(surface_samples, space)
+    optimum = surface.best_point(models, targets, region)
     check = surface.check_samples(surface_samples, optimum, space, section.checks)
     notes |= screening.analysis_tables("surface", models, targets)
     notes["surface"] = surface_samples
@@ -69,9 +78,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     checked = dataset[dataset["sample"].isin(check["sample"])]
     notes["check"] = surface.add_check(notes["predictions"], checked)
     notes["summary"] = {"surfaces_meet_targets": optimum.met}
-    notes["steps"] = _steps(
-        section, kept=notes["screening"]["kept"], n_surface=len(surface_samples)
-    )
+    notes["steps"] = _steps(section, screening_samples, surface_samples)
     unit = surface.to_unit_cube(surface_samples, optimum.coded, space)
     mean = optimum.predicted
     covariance = np.diag(notes["predictions"]["standard_error"] ** 2)
@@ -91,15 +98,20 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
 
 
 def _steps(
-    section: ResponseSurfaceSettings, kept: list[str], n_surface: int
+    section: ResponseSurfaceSettings,
+    screening_samples: pd.DataFrame,
+    surface_samples: pd.DataFrame,
 ) -> tuple[str, ...]:
     """Describe the steps to the answer, in sentences."""
+    kept = ", ".join(factors_of(surface_samples))
     return (
         f"Screening: {section.screening_runs} runs of a Plackett-Burman design and "
-        f"{section.centres} of the centre; kept: {', '.join(kept)}.",
+        f"{section.centres} of the centre; kept: {kept}."
+        f"{sentence_of_new_runs(screening_samples)}",
         "Steepest ascent towards the targets, to the best point of the path.",
-        f"Surface: {n_surface} parameter sets about it ({section.surface}), a quadratic "
-        "model for each response, and its optimum.",
+        f"Surface: {len(surface_samples)} parameter sets about it ({section.surface}), "
+        "a quadratic model for each response, and its optimum."
+        f"{sentence_of_new_runs(surface_samples)}",
     )
 
 

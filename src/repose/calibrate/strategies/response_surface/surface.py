@@ -1,5 +1,10 @@
-"""The response surface about the best point of the path, and its optimum."""
+"""The response surface about the best point of the path, and its optimum.
 
+Where constraints forbid a run of the design, a D-optimal run takes its place. The optimum
+and all further parameter sets are allowed.
+"""
+
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -7,15 +12,19 @@ import pandas as pd
 
 from repose.calibrate.designs.model import Model
 from repose.calibrate.designs.optimum import Optimum, optimum
+from repose.calibrate.designs.region import Region
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.strategies.answer import select_separated
 from repose.calibrate.strategies.response_surface import ResponseSurfaceSettings
 from repose.calibrate.strategies.response_surface.steps import (
     CODED,
+    allowed_design,
     factors_of,
     good_samples,
+    region_of,
     samples,
     scale_of,
+    with_new_runs,
 )
 from repose.calibrate.study import Study
 from repose.calibrate.targets import Targets
@@ -66,6 +75,11 @@ def design(
         The path, from `good_path_points`.
     space : ParameterSpace
     section : ResponseSurfaceSettings
+
+    Raises
+    ------
+    InputError
+        If allowed runs do not determine a quadratic model.
     """
     factors = factors_of(points)
     reach = section.reach
@@ -78,17 +92,40 @@ def design(
     centre = np.clip(best_unit[:, columns], reach, 1 - reach)
 
     # Vary the factors around the centre, and keep the other parameters at the best point.
-    unit = np.repeat(best_unit, len(coded), axis=0)
-    unit[:, columns] = centre + reach / outermost_level * coded
-    return samples("surface", space, unit, factors, coded)
+    def place(coded: np.ndarray) -> np.ndarray:
+        unit = np.repeat(best_unit, len(coded), axis=0)
+        unit[:, columns] = centre + reach / outermost_level * coded
+        return unit
+
+    region = region_of(space, place, len(factors))
+    runs = allowed_design(coded, region, "quadratic", space)
+    table = samples("surface", space, place(runs.coded), factors, runs.coded)
+    return with_new_runs(table, runs.is_new, space)
 
 
-def best_point(models: list[Model], targets: Targets) -> Optimum:
+def region_of_surface(table: pd.DataFrame, space: ParameterSpace) -> Region | None:
+    """Return what constraints allow of the surface's cube; None without constraints.
+
+    `table` has the samples of the surface.
+    """
+    return region_of(space, _place_of(table, space), len(factors_of(table)))
+
+
+def best_point(
+    models: list[Model], targets: Targets, region: Region | None = None
+) -> Optimum:
     """Find the optimum of the quadratic models inside the cube of the design.
 
-    There is one model for each target.
+    There is one model for each target. `region` is what is allowed of the cube.
     """
-    return optimum(models, targets.aim, scale_of(targets), targets.low, targets.high)
+    return optimum(
+        models,
+        targets.aim,
+        scale=scale_of(targets),
+        low=targets.low,
+        high=targets.high,
+        region=region,
+    )
 
 
 def to_unit_cube(
@@ -108,21 +145,38 @@ def to_unit_cube(
     -------
     numpy.ndarray, (n, d)
     """
+    return _place_of(table, space)(points)
+
+
+def _place_of(
+    table: pd.DataFrame, space: ParameterSpace
+) -> Callable[[np.ndarray], np.ndarray]:
+    """Make the function of `to_unit_cube` for the samples of a surface."""
     sample_unit = space.unit(table[list(space.names)].to_numpy(float))
-    points = np.atleast_2d(points)
-    # Parameters other than the factors are the same in all samples.
-    unit = np.repeat(sample_unit[:1], len(points), axis=0)
-    for name, values in zip(factors_of(table), points.T, strict=True):
+    # The position in the range is linear in the coded level. The line is given by the
+    # samples at the lowest and the highest level.
+    columns = []
+    starts = []
+    slopes = []
+    for name in factors_of(table):
         column = space.free.index(name)
         coded = table[CODED + name].to_numpy(float)
-        # The position in the range is linear in the coded level. The line is given by
-        # the samples at the lowest and the highest level.
         lowest = coded.argmin()
         highest = coded.argmax()
         rise = sample_unit[highest, column] - sample_unit[lowest, column]
-        slope = rise / (coded[highest] - coded[lowest])
-        unit[:, column] = sample_unit[lowest, column] + slope * (values - coded[lowest])
-    return unit
+        columns.append(column)
+        starts.append((coded[lowest], sample_unit[lowest, column]))
+        slopes.append(rise / (coded[highest] - coded[lowest]))
+    start_coded, start_unit = np.transpose(starts)
+
+    def place(points: np.ndarray) -> np.ndarray:
+        points = np.atleast_2d(points)
+        # Parameters other than the factors are the same in all samples.
+        unit = np.repeat(sample_unit[:1], len(points), axis=0)
+        unit[:, columns] = start_unit + np.array(slopes) * (points - start_coded)
+        return unit
+
+    return place
 
 
 def alternatives(
@@ -147,6 +201,9 @@ def alternatives(
     # Predict the responses at points all over the cube.
     sequence = qmc.Sobol(len(models[0].factors), rng=settings.design.seed)
     coded = 2 * sequence.random(POINTS) - 1
+    region = region_of_surface(table, space)
+    if region is not None:
+        coded = coded[region.is_allowed(coded)]
     predicted = np.column_stack([model.predict(coded) for model in models])
     is_inside = np.all((predicted >= targets.low) & (predicted <= targets.high), axis=1)
 

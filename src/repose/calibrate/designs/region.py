@@ -1,0 +1,106 @@
+"""The part of a design's cube that constraints allow, in coded units."""
+
+from collections.abc import Callable
+from functools import cached_property
+
+import numpy as np
+
+# Points of the cube that show which part of it is allowed.
+POINTS = 2**13
+SEED = 1  # of their sequence
+# Room inside a constraint for the rounding of a search, as a share of the largest excess.
+ROOM = 1e-9
+# Halvings of the way from a forbidden point to an allowed one.
+HALVINGS = 60
+
+
+class Region:
+    """The points of the cube from -1 to 1 that obey all constraints.
+
+    Parameters
+    ----------
+    excesses : callable
+        From points (n, factors) in coded units to numbers (n, constraints), above 0
+        where a constraint is violated.
+    factors : int
+    """
+
+    def __init__(
+        self, excesses: Callable[[np.ndarray], np.ndarray], factors: int
+    ) -> None:
+        self.excesses = excesses
+        self.factors = factors
+
+    def is_allowed(self, coded: np.ndarray) -> np.ndarray:
+        """Mark the points (n, factors) that obey all constraints."""
+        largest: np.ndarray = self.excesses(coded).max(axis=1)
+        return largest <= 0
+
+    @cached_property
+    def points(self) -> np.ndarray:
+        """Allowed points (n, factors), evenly spread.
+
+        Raises
+        ------
+        ValueError
+            If there are none.
+        """
+        from scipy.stats import qmc
+
+        # Scrambled, because regular points lie exactly on constraints such as a <= b.
+        sequence = qmc.Sobol(self.factors, rng=SEED)
+        cube = 2 * sequence.random(POINTS) - 1
+        allowed = cube[self.is_allowed(cube)]
+        if not len(allowed):
+            raise ValueError(f"none of {POINTS} points of the cube is allowed")
+        return allowed
+
+    @cached_property
+    def centre(self) -> np.ndarray:
+        """The centre (factors,) of the cube, or that of the region if it is forbidden."""
+        centre = np.zeros(self.factors)
+        if self.is_allowed(centre[None])[0]:
+            return centre
+        centroid = self.points.mean(axis=0)
+        if self.is_allowed(centroid[None])[0]:
+            return centroid
+        # A region on a logarithmic scale may be hollow.
+        return self.points[np.argmin(((self.points - centroid) ** 2).sum(axis=1))]
+
+    def room(self, point: np.ndarray) -> np.ndarray:
+        """Compute the room (constraints,) of a point (factors,) to each constraint.
+
+        It is negative where the point is forbidden: a constraint of scipy.optimize.
+        """
+        return -self.excesses(point[None])[0] - ROOM
+
+    def pull_inside(self, point: np.ndarray) -> np.ndarray:
+        """Move a forbidden point straight towards the centre until it is allowed."""
+        if self.is_allowed(point[None])[0]:
+            return point
+        allowed = self.centre
+        forbidden = point
+        for _ in range(HALVINGS):
+            middle = (allowed + forbidden) / 2
+            if self.is_allowed(middle[None])[0]:
+                allowed = middle
+            else:
+                forbidden = middle
+        return allowed
+
+    def nearest(self, point: np.ndarray) -> np.ndarray:
+        """Find the allowed point of the cube that is nearest to a point (factors,)."""
+        from scipy import optimize
+
+        if self.is_allowed(point[None])[0]:
+            return point
+        found = optimize.minimize(
+            lambda other: ((other - point) ** 2).sum(),
+            self.pull_inside(point),
+            jac=lambda other: 2 * (other - point),
+            constraints={"type": "ineq", "fun": self.room},
+            bounds=[(-1.0, 1.0)] * self.factors,
+            method="SLSQP",
+            options={"ftol": 1e-12, "maxiter": 200},
+        )
+        return self.pull_inside(found.x)
