@@ -360,6 +360,36 @@ def test_a_surrogate_of_curves_moves_two_parameters_together(browser, tmp_path):
         check(tab, {})
 
 
+@pytest.mark.parametrize("surrogate", ["network", "quadratic"])
+def test_the_sliders_predict_nothing_that_a_constraint_forbids(
+    browser, tmp_path, surrogate
+):
+    config, jobs, files = made_up_study(tmp_path, TARGETS[:1], surrogate)
+    rule = "e_gp >= 0.5 * mus_gg"
+    assert 0.5 * 0.75 > ANSWER["e_gp"] > 0.5 * ANSWER["mus_gg"]
+    constrained = config | {"constraints": [rule]}
+    page.write(constrained, jobs, files, {}, tmp_path / "report.html")
+    with page_in(browser, tmp_path) as tab:
+        at_answer = tab.text_content("#predicted-aor_deg")
+        assert tab.locator("#forbidden").count() == 0
+        move(tab, "slide-mus_gg", 0.75)
+        words = tab.text_content("#predictions")
+        assert words.startswith("No prediction")
+        assert rule in words
+        assert tab.locator("#predicted-aor_deg").count() == 0
+        assert rule in tab.text_content("#other-parameters ~ p:nth-of-type(2)")
+        # Another parameter makes the set allowed again.
+        move(tab, "slide-e_gp", 0.45)
+        assert tab.locator("#predicted-aor_deg").count() == 1
+        tab.click("#home")
+        assert tab.text_content("#predicted-aor_deg") == at_answer
+    page.write(config, jobs, files, {}, tmp_path / "report.html")
+    with page_in(browser, tmp_path) as tab:
+        move(tab, "slide-mus_gg", 0.75)
+        assert tab.locator("#predicted-aor_deg").count() == 1
+        assert "constraint" not in tab.inner_text("body")
+
+
 def test_a_phone_keeps_the_columns_on_what_is_open(browser, folder):
     with page_in(browser, folder, 390, 800, is_mobile=True) as tab:
         row = tab.locator("table.answer tbody tr").first

@@ -229,6 +229,133 @@ def test_bad_indices_are_refused_and_a_fixed_parameter_has_none():
     assert middle["drum_slip_deg"].item() == pytest.approx(30.4)
 
 
+# The density of x <= y is 2 on a triangle, so a x + b y has
+# (a^2 + a b + b^2) / 18 as its variance, E[y | x] is (1 + x) / 2, E[x | y] is y / 2, and
+# Var(x | y) is y^2 / 12.
+@pytest.mark.parametrize("slopes", [(1.0, 1.0), (2.0, -1.0), (0.0, 3.0)])
+def test_shares_on_a_triangle_are_the_closed_forms(slopes):
+    a, b = slopes
+    found = sensitivity.shares_of_allowed(
+        lambda X: np.column_stack([5 + X @ [a, b], X[:, 0]]),
+        np.zeros(2),
+        np.ones(2),
+        is_allowed=lambda unit: unit[:, 0] <= unit[:, 1],
+        samples=2048,
+        resamples=250,
+        seed=1,
+    )
+    variance = a**2 + a * b + b**2
+    explained = np.array([(a + b / 2) ** 2, (b + a / 2) ** 2]) / variance
+    remaining = 0.75 * np.array([a**2, b**2]) / variance
+    known = {
+        "explained": np.array([explained, [1, 1 / 4]]),
+        "remaining": np.array([remaining, [3 / 4, 0]]),
+    }
+    for name, shares in known.items():
+        assert found[name] == pytest.approx(shares, abs=0.01)
+    for name in ("explained", "remaining"):
+        width = found[f"{name}_high"] - found[f"{name}_low"]
+        assert (width < 0.05).all()
+        assert width.max() > 0.002
+    # Shares by one parameter alone add up to more or less than 1.
+    if slopes == (1.0, 1.0):
+        assert explained.sum() == pytest.approx(1.5)
+
+
+def test_shares_without_a_forbidden_point_are_the_indices():
+    found = sensitivity.shares_of_allowed(
+        ishigami,
+        LOW,
+        HIGH,
+        is_allowed=lambda unit: np.ones(len(unit), dtype=bool),
+        samples=2048,
+        resamples=20,
+        seed=7,
+    )
+    first, total = ishigami_indices()
+    assert found["explained"][0] == pytest.approx(first, abs=0.02)
+    assert found["remaining"][0] == pytest.approx(total, abs=0.02)
+
+
+def test_shares_are_those_of_rejection_sampling():
+    """The twin: nested loops over allowed points, with a curved response."""
+
+    def respond(X):
+        return X[:, 0] ** 2 + 2 * X[:, 1] * X[:, 2]
+
+    def is_allowed(unit):
+        return unit[:, 0] <= 0.7 * unit[:, 1]
+
+    found = sensitivity.shares_of_allowed(
+        respond,
+        np.zeros(3),
+        np.ones(3),
+        is_allowed=is_allowed,
+        samples=4096,
+        resamples=20,
+        seed=1,
+    )
+    random = np.random.default_rng(2)
+    points = random.random((200_000, 3))
+    points = points[is_allowed(points)]
+    variance = respond(points).var()
+    for k in range(3):
+        # Means within narrow slices of input k.
+        slices = np.floor(100 * points[:, k])
+        groups = pd.Series(respond(points)).groupby(slices)
+        weights = groups.size() / len(points)
+        between = (weights * (groups.mean() - respond(points).mean()) ** 2).sum()
+        assert found["explained"][0, k] == pytest.approx(between / variance, abs=0.01)
+        # Variances over new values of input k, the others kept.
+        within = []
+        for point in points[:2000]:
+            line = np.tile(point, (200, 1))
+            line[:, k] = random.random(200)
+            within.append(respond(line[is_allowed(line)]).var())
+        expected = np.mean(within) / variance
+        error = np.std(within) / np.sqrt(len(within)) / variance
+        assert found["remaining"][0, k] == pytest.approx(expected, abs=0.01 + 4 * error)
+
+
+def test_main_effects_are_means_over_what_is_allowed():
+    grid, means = sensitivity.main_effects(
+        lambda X: 3 * X[:, 0] + X[:, 1],
+        np.zeros(2),
+        np.ones(2),
+        seed=1,
+        points=9,
+        is_allowed=lambda unit: unit[:, 0] <= unit[:, 1],
+    )
+    x, y = grid
+    assert means[0, :-1] == pytest.approx(3 * x[:-1] + (1 + x[:-1]) / 2, abs=0.02)
+    assert means[1, 1:] == pytest.approx(y[1:] + 3 * y[1:] / 2, abs=0.02)
+    # Hardly any allowed set has x = 1 or y = 0.
+    assert np.isnan(means[0, -1])
+    assert np.isnan(means[1, 0])
+
+
+def test_with_a_constraint_tables_and_message_name_their_shares():
+    targets = targets_of(aor_deg=30.0)
+    space = ParameterSpace.of(UNIT, constraints=["mus_gg <= mus_gp"])
+    slopes = [{"mus_gg": 1.0, "mus_gp": 1.0}]
+    table, effects = sensitivity.analyse(
+        Linear(targets.names, slopes), space, targets, SETTINGS
+    )
+    assert not {"first", "total"} & set(table)
+    rows = table.set_index("parameter")
+    for name in ("mus_gg", "mus_gp"):
+        assert rows.loc[name, "explained"] == pytest.approx(0.75, abs=0.03)
+        assert rows.loc[name, "remaining"] == pytest.approx(0.25, abs=0.03)
+    assert rows.loc["e_gg", "explained"] == pytest.approx(0, abs=0.03)
+    assert effects.notna().all(axis=None)
+    values = effects.loc[effects["parameter"] == "mus_gg", "value"]
+    assert values.max() < 1
+    words = sensitivity.message(table)
+    assert "explained by it alone (remaining if all others are known)" in words
+    assert "mus_gg 0.7" in words
+    assert "first-order" not in words
+
+
 def sensitivity_of(surrogate_json, targets, folder, space=None):
     return sensitivity.run(
         surrogate_json,

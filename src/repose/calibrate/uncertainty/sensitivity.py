@@ -3,12 +3,21 @@
 There are Sobol indices and main effects. The indices use the estimators of Saltelli et
 al. 2010 (Computer Physics Communications 181, 259) on a Sobol sequence, as
 scipy.stats.sobol_indices has them. The free parameters are independent and uniform on
-their ranges, along their scales; prior knowledge of a parameter does not enter. The intervals contain the
-error of the sampling, by bootstrap over the rows of the sequence. They do not contain
-the surrogate's own error.
+their ranges, along their scales; prior knowledge of a parameter does not enter.
+
+Constraints make the parameters depend on each other, and then the variance has no such
+parts. With constraints the parameters are uniform over what is allowed, and two shares of
+the variance take the place of the indices: `explained`, Var(E[y | x]) / Var(y), by one
+parameter x alone, and `remaining`, E[Var(y | others)] / Var(y), once all others are known.
+Without constraints they are the first-order and the total index. Kucherenko, Klymenko and
+Shah, Sobol' indices for problems defined in non-rectangular domains, Reliability
+Engineering and System Safety 167 (2017) 218-231.
+
+The intervals contain the error of the sampling, by bootstrap over the rows of the
+sequence. They do not contain the surrogate's own error.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -30,8 +39,15 @@ CONFIDENCE = 0.95
 EFFECT_POINTS = 41
 EFFECT_DRAWS = 2048
 ROUNDING = 1e-12  # a constant output varies by no more than this share of it
+# Values of a parameter at which each draw of the others is evaluated, with constraints.
+LINE_POINTS = 32
+# A mean at a value of a parameter takes at least so many of the `EFFECT_DRAWS`.
+LEAST_DRAWS = 20
+RESAMPLES_AT_A_TIME = 100
 
 Function = Callable[[np.ndarray], np.ndarray]
+# Marks the allowed points (n, d) of the unit cube.
+Rule = Callable[[np.ndarray], np.ndarray]
 
 
 class Sensitivity(NamedTuple):
@@ -84,10 +100,7 @@ def indices(
     f_A = _values(function, A, low, high)
     f_B = _values(function, B, low, high)
     f_AB = np.array([_values(function, points, low, high) for points in AB])
-    if not (f_A.std(axis=1) > ROUNDING * np.abs(f_A).max(axis=1)).all():
-        raise ValueError(
-            "an output of the function does not vary; expected outputs that do"
-        )
+    _require_variation(f_A)
 
     def compute(rows: np.ndarray | slice) -> np.ndarray:
         """Compute first-order and total indices (2, outputs, d) of some samples."""
@@ -105,17 +118,142 @@ def indices(
     replicates = [
         compute(random.integers(samples, size=samples)) for _ in range(resamples)
     ]
+    return _with_intervals(
+        ("first", "total"), compute(slice(None)), np.array(replicates)
+    )
+
+
+def shares_of_allowed(
+    function: Function,
+    low: np.ndarray,
+    high: np.ndarray,
+    *,
+    is_allowed: Rule,
+    samples: int,
+    resamples: int,
+    seed: int,
+) -> dict[str, np.ndarray]:
+    """Compute shares of the variance over the allowed part of the ranges.
+
+    Each draw of the other parameters is evaluated at `LINE_POINTS` values of a parameter.
+    The allowed ones are uniform over what is allowed. Their means at each value give
+    Var(E[y | x]), their variances along each line E[Var(y | others)].
+
+    Parameters
+    ----------
+    function, low, high, samples, resamples, seed
+        As of `indices`.
+    is_allowed : callable
+        Marks the allowed points (n, d) of the unit cube.
+
+    Returns
+    -------
+    dict
+        `explained`, `explained_low`, `explained_high`, `remaining`, `remaining_low` and
+        `remaining_high`, each (outputs, d).
+
+    Raises
+    ------
+    ValueError
+        If an output does not vary.
+    """
+    d = len(low)
+    draws = stats.qmc.Sobol(d, rng=seed).random(samples)
+    values = (np.arange(LINE_POINTS) + 0.5) / LINE_POINTS
+    shares = []
+    for k in range(d):
+        outputs = _along_lines(
+            function, draws, k, values=values, ends=(low, high), is_allowed=is_allowed
+        )
+        _require_variation(outputs[:, ~np.isnan(outputs[0])])
+        blocks = []
+        for counts in _counts_of_draws(samples, resamples, seed):
+            blocks.append([_shares(output, counts) for output in outputs])
+        shares.append(np.concatenate(blocks, axis=2))
+    # The estimates come before the resamples: (1 + resamples, share, outputs, d).
+    table = np.transpose(shares, (3, 2, 1, 0))
+    return _with_intervals(("explained", "remaining"), table[0], table[1:])
+
+
+def _counts_of_draws(samples: int, resamples: int, seed: int) -> Iterator[np.ndarray]:
+    """Yield how often each draw counts, in blocks (n, samples) that fit in memory.
+
+    In the first row it is once, in all others as often as the bootstrap drew it.
+    """
+    yield np.ones((1, samples))
+    random = np.random.default_rng(seed)
+    equal = np.full(samples, 1 / samples)
+    for first in range(0, resamples, RESAMPLES_AT_A_TIME):
+        n_rows = min(RESAMPLES_AT_A_TIME, resamples - first)
+        yield random.multinomial(samples, equal, size=n_rows).astype(float)
+
+
+def _along_lines(
+    function: Function,
+    draws: np.ndarray,
+    k: int,
+    *,
+    values: np.ndarray,
+    ends: tuple[np.ndarray, np.ndarray],
+    is_allowed: Rule | None,
+) -> np.ndarray:
+    """Compute outputs (outputs, values, n) at draws (n, d) with other values of input k.
+
+    Draws and values are those of the unit cube. Forbidden points are nan.
+    """
+    points = np.repeat(draws[None], len(values), axis=0)
+    points[:, :, k] = values[:, None]
+    flat = points.reshape(-1, draws.shape[1])
+    is_good = np.ones(len(flat), dtype=bool)
+    if is_allowed is not None:
+        is_good = is_allowed(flat)
+    good = _values(function, flat[is_good], *ends)
+    outputs = np.full((len(good), len(flat)), np.nan)
+    outputs[:, is_good] = good
+    return outputs.reshape(len(good), len(values), len(draws))
+
+
+def _shares(output: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    """Compute the shares (2, resamples) of one output (values, n).
+
+    `counts` (resamples, n) is how often each draw counts.
+    """
+    is_good = ~np.isnan(output)
+    deviation = np.where(is_good, output - np.nanmean(output), 0.0)
+    # Sums over all allowed points, at each value, and along the line of each draw.
+    number = counts @ is_good.T
+    sums = counts @ deviation.T
+    total = number.sum(axis=1)
+    mean = sums.sum(axis=1) / total
+    variance = counts @ (deviation**2).sum(axis=0) / total - mean**2
+    mean_at_value = sums / np.maximum(number, 1)
+    spread = (number * (mean_at_value - mean[:, None]) ** 2).sum(axis=1) / total
+    length = np.maximum(is_good.sum(axis=0), 1)
+    mean_on_line = deviation.sum(axis=0) / length
+    squares = np.where(is_good, (deviation - mean_on_line) ** 2, 0.0).sum(axis=0)
+    return np.array([spread, counts @ squares / total]) / variance
+
+
+def _require_variation(outputs: np.ndarray) -> None:
+    """Refuse outputs (outputs, n) of which one is constant."""
+    if not (outputs.std(axis=1) > ROUNDING * np.abs(outputs).max(axis=1)).all():
+        raise ValueError(
+            "an output of the function does not vary; expected outputs that do"
+        )
+
+
+def _with_intervals(
+    names: tuple[str, str], estimates: np.ndarray, replicates: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Name two estimates (2, ...) and the ends of their bootstrap intervals."""
     tail = (1 - CONFIDENCE) / 2
     lowest, highest = np.quantile(replicates, [tail, 1 - tail], axis=0)
-    first, total = compute(slice(None))
-    return {
-        "first": first,
-        "first_low": lowest[0],
-        "first_high": highest[0],
-        "total": total,
-        "total_low": lowest[1],
-        "total_high": highest[1],
-    }
+    table: dict[str, np.ndarray] = {}
+    for name, estimate, low, high in zip(
+        names, estimates, lowest, highest, strict=True
+    ):
+        table |= {name: estimate, f"{name}_low": low, f"{name}_high": high}
+    return table
 
 
 def _values(
@@ -132,6 +270,7 @@ def main_effects(
     high: np.ndarray,
     seed: int,
     points: int = EFFECT_POINTS,
+    is_allowed: Rule | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Compute the mean outputs along each input, averaged over all other inputs.
 
@@ -141,26 +280,45 @@ def main_effects(
         As of `indices`.
     points : int
         Number of values of each input.
+    is_allowed : callable, optional
+        Marks the allowed points (n, d) of the unit cube; the means are over them.
 
     Returns
     -------
     grid : array (d, points)
         Values of each input.
     means : array (d, points, outputs)
+        nan at values that hardly any allowed point has.
     """
     d = len(low)
-    base = low + (high - low) * stats.qmc.Sobol(d, rng=seed).random(EFFECT_DRAWS)
+    draws = stats.qmc.Sobol(d, rng=seed).random(EFFECT_DRAWS)
+    base = low + (high - low) * draws
     grid = np.linspace(low, high, points, axis=1)
     means = []
     for k in range(d):
         # Set input k to the same value at all points, and keep the other inputs.
         changed = base.copy()
+        unit = draws.copy()
         means_of_input = []
-        for value in grid[k]:
+        for value, share in zip(grid[k], np.linspace(0, 1, points), strict=True):
             changed[:, k] = value
-            means_of_input.append(np.mean(function(changed), axis=0))
+            unit[:, k] = share
+            if is_allowed is None:
+                outputs = np.asarray(function(changed))
+            else:
+                outputs = _outputs_of_allowed(function, changed, is_allowed(unit))
+            means_of_input.append(np.mean(outputs, axis=0))
         means.append(means_of_input)
     return grid, np.array(means)
+
+
+def _outputs_of_allowed(
+    function: Function, points: np.ndarray, is_allowed: np.ndarray
+) -> np.ndarray:
+    """Compute the outputs at allowed points; nan if there are too few for a mean."""
+    if is_allowed.sum() >= LEAST_DRAWS:
+        return np.asarray(function(points[is_allowed]))
+    return np.full_like(function(points[:1]), np.nan, dtype=float)
 
 
 def analyse(
@@ -170,6 +328,8 @@ def analyse(
     settings: SensitivitySettings,
 ) -> Sensitivity:
     """Compute Sobol indices and mean responses of a surrogate.
+
+    With constraints, shares of the variance take the place of the indices.
 
     Parameters
     ----------
@@ -191,7 +351,43 @@ def analyse(
         return model.predict(parameters.complete(values))
 
     low, high = parameters.coordinate_ends
-    arrays = indices(
+    arrays = shares_of_variance(respond, parameters, settings)
+    pairs = pd.MultiIndex.from_product(
+        [targets.names, parameters.free], names=["response", "parameter"]
+    )
+    columns = {name: array.ravel() for name, array in arrays.items()}
+    table = pd.DataFrame(columns, pairs).reset_index()
+
+    is_allowed = parameters.is_allowed if parameters.constraints else None
+    grid, means = main_effects(
+        respond, low, high, seed=settings.seed, is_allowed=is_allowed
+    )
+    grid = parameters.from_coordinates(grid.T).T
+    n_values = grid.shape[1]
+    effects = pd.DataFrame(
+        {"parameter": np.repeat(parameters.free, n_values), "value": grid.ravel()}
+    )
+    effects[list(targets.names)] = means.reshape(len(effects), -1)
+    # No allowed parameter set has the values that are left out.
+    return Sensitivity(table, effects.dropna(ignore_index=True))
+
+
+def shares_of_variance(
+    respond: Function, parameters: ParameterSpace, settings: SensitivitySettings
+) -> dict[str, np.ndarray]:
+    """Compute Sobol indices, or with constraints the shares of `shares_of_allowed`."""
+    low, high = parameters.coordinate_ends
+    if parameters.constraints:
+        return shares_of_allowed(
+            respond,
+            low,
+            high,
+            is_allowed=parameters.is_allowed,
+            samples=settings.samples,
+            resamples=settings.resamples,
+            seed=settings.seed,
+        )
+    return indices(
         respond,
         low=low,
         high=high,
@@ -199,20 +395,6 @@ def analyse(
         resamples=settings.resamples,
         seed=settings.seed,
     )
-    pairs = pd.MultiIndex.from_product(
-        [targets.names, parameters.free], names=["response", "parameter"]
-    )
-    columns = {name: array.ravel() for name, array in arrays.items()}
-    table = pd.DataFrame(columns, pairs).reset_index()
-
-    grid, means = main_effects(respond, low=low, high=high, seed=settings.seed)
-    grid = parameters.from_coordinates(grid.T).T
-    n_values = grid.shape[1]
-    effects = pd.DataFrame(
-        {"parameter": np.repeat(parameters.free, n_values), "value": grid.ravel()}
-    )
-    effects[list(targets.names)] = means.reshape(len(effects), -1)
-    return Sensitivity(table, effects)
 
 
 def run(
@@ -262,13 +444,18 @@ def run(
 
 
 def message(table: pd.DataFrame) -> str:
-    """Write first-order and total indices as text, a line for each response."""
+    """Write the two shares of the variance as text, a line for each response."""
+    names = ("first", "total")
+    words = "first-order (total)"
+    if "explained" in table:
+        names = ("explained", "remaining")
+        words = "explained by it alone (remaining if all others are known)"
     lines = []
     for response, rows in table.groupby("response", sort=False):
-        by_total = rows.sort_values("total", ascending=False)
+        by_second = rows.sort_values(names[1], ascending=False)
+        shares = by_second[["parameter", *names]].itertuples(index=False)
         parameters = ", ".join(
-            f"{row.parameter} {row.first:.2f} ({row.total:.2f})"
-            for row in by_total.itertuples()
+            f"{name} {first:.2f} ({second:.2f})" for name, first, second in shares
         )
-        lines.append(f"{response}: first-order (total) {parameters}")
+        lines.append(f"{response}: {words} {parameters}")
     return "\n".join(lines)

@@ -63,7 +63,7 @@ class SensitivitySettings(Section):
     samples: Literal[64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768, 65536] = (
         Field(
             description="points of the Sobol sequence; the surrogate is evaluated "
-            "eight times as often",
+            "eight times as often, with constraints 32 times for each parameter",
         )
     )
 

@@ -267,9 +267,9 @@ FIGURES: dict[str, Drawn] = {
         caption=(
             "How does a response change with one parameter alone? Each response "
             "over one parameter after the other, the others at the centre of the "
-            "design; grey: the target."
+            "design; grey: the target. Lines end where constraints forbid."
         ),
-        reads=("targets",),
+        reads=("targets", "parameters"),
         folder="response_surface",
         category="Response surface",
     ),
@@ -279,9 +279,10 @@ FIGURES: dict[str, Drawn] = {
         inputs=SURFACE_SAMPLES | {"optimum": "response_surface/optimum.json"},
         caption=(
             "Where is the target met? Each response over every pair of parameters, "
-            "the others at the optimum (star); the black line is the target."
+            "the others at the optimum (star); the black line is the target. What "
+            "constraints forbid is left white."
         ),
-        reads=("targets",),
+        reads=("targets", "parameters"),
         folder="response_surface",
         category="Response surface",
     ),
@@ -384,7 +385,9 @@ FIGURES: dict[str, Drawn] = {
         caption=(
             "Which parameters explain the variance of the responses? First-order "
             "and total Sobol indices of each response of the surrogate, with 95 % "
-            "bootstrap intervals."
+            "bootstrap intervals. With constraints these indices do not exist: then "
+            "the bars are the share that a parameter alone explains, and the share "
+            "that remains if all others are known."
         ),
         reads=("parameters", "targets"),
         folder="sensitivity",
@@ -437,8 +440,8 @@ FIGURES: dict[str, Drawn] = {
             "Figure 10. Which parameters does the trained network use? a: its "
             "structure, {inputs} parameters in, {network[hidden]} hidden neurons, "
             "{outputs} response(s) out. b: the influence of each parameter on what "
-            "the network predicts (total Sobol index, as in "
-            "``sensitivity/sobol.csv``)."
+            "the network predicts (total Sobol index, or with constraints the share "
+            "that remains if all others are known, as in ``sensitivity/sobol.csv``)."
         ),
         reads=("parameters", "design.seed"),
         when=has_network,

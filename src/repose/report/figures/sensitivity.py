@@ -1,4 +1,9 @@
-"""Figures of the sensitivity: Sobol indices and main effects of the parameters."""
+"""Figures of the sensitivity: Sobol indices and main effects of the parameters.
+
+With constraints, two other shares of the variance take the place of the indices.
+"""
+
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -12,33 +17,61 @@ from . import panels, style
 from .registry import Inputs, StudyView
 
 
+class Share(NamedTuple):
+    """A share of the variance: a column of the table."""
+
+    column: str
+    label: str
+
+
+INDICES = (Share("first", "first order"), Share("total", "total"))
+# Of parameters that depend on each other by constraints.
+SHARES = (
+    Share("explained", "explained by it alone, Var(E[y|x]) / Var(y)"),
+    Share("remaining", "remaining if all others are known, E[Var(y|others)] / Var(y)"),
+)
+
+
+def _shares(study: StudyView) -> tuple[Share, Share]:
+    """Return the columns of a study's table."""
+    return SHARES if study.parameters.constraints else INDICES
+
+
 def sobol_indices(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the first-order and total index of each parameter, one panel per response."""
     targets = study.targets
-    table = read_table(inputs["sobol"], ("response", "parameter", "first", "total"))
+    shares = _shares(study)
+    columns = [share.column for share in shares]
+    table = read_table(inputs["sobol"], ("response", "parameter", *columns))
     figure, axes = panels.grid(len(targets), 2.4, sharey=True)
     for k, (panel, target) in enumerate(zip(axes, targets, strict=True)):
         indices_of_target = table[table["response"] == target.name].set_index(
             "parameter"
         )
-        _draw_indices(panel, indices_of_target)
+        _draw_indices(panel, indices_of_target, shares)
         title = f"{style.letter(k)}   {target.response.symbol}"
         panel.set_title(title, fontweight="bold")
         if k % 2 == 0:
             panel.set_ylabel("share of the variance (–)")
-    axes[0].legend(loc="upper left")
+    if study.parameters.constraints:
+        # The long labels stand below the panels.
+        colours = f"blue: {shares[0].label}; orange: {shares[1].label}"
+        style.below(figure, f"{colours}; over what the constraints allow")
+    else:
+        axes[0].legend(loc="upper left")
     return figure
 
 
-def _draw_indices(panel: Axes, table: pd.DataFrame) -> None:
-    """Draw the indices of one response with their intervals.
+def _draw_indices(
+    panel: Axes, table: pd.DataFrame, shares: tuple[Share, Share]
+) -> None:
+    """Draw the two shares of one response with their intervals.
 
     The table has a row for each parameter.
     """
     positions = np.arange(len(table))
-    for column, offset, colour, label in (
-        ("first", -0.2, style.BLUE, "first order"),
-        ("total", 0.2, style.ORANGE, "total"),
+    for (column, label), offset, colour in zip(
+        shares, (-0.2, 0.2), (style.BLUE, style.ORANGE), strict=True
     ):
         index = table[column]
         below = index - table[f"{column}_low"]
@@ -59,8 +92,10 @@ def _draw_indices(panel: Axes, table: pd.DataFrame) -> None:
         positions, [SYMBOLS.get(name, name) for name in table.index], fontsize=9
     )
     panel.margins(y=0.15)
-    total = table["first"].sum()
-    text = f"first orders sum to {total:.2f}\nbars: 95 % intervals"
+    text = "bars: 95 % intervals"
+    if shares == INDICES:
+        total = table["first"].sum()
+        text = f"first orders sum to {total:.2f}\n{text}"
     style.note(panel, text, x=0.97, ha="right")
 
 
@@ -77,8 +112,9 @@ def main_effects(inputs: Inputs, study: StudyView) -> Figure:
         inputs["dataset"], (*parameters.names, "status", *targets.names)
     )
     samples = samples[samples["status"] == "ok"]
-    sobol = read_table(inputs["sobol"], ("response", "parameter", "first"))
-    first_order = sobol.set_index(["response", "parameter"])["first"]
+    column, label = _shares(study)[0]
+    sobol = read_table(inputs["sobol"], ("response", "parameter", column))
+    share_of = sobol.set_index(["response", "parameter"])[column]
 
     figure, parameter_panels = panels.panels_over_parameters(targets, parameters, 1.4)
     for panel, target, name in parameter_panels:
@@ -87,7 +123,7 @@ def main_effects(inputs: Inputs, study: StudyView) -> Figure:
         )
         curve = effects[effects["parameter"] == name]
         panel.plot(curve["value"], curve[target.name], color=style.BLUE, lw=1.8)
-        percent = 100 * max(first_order.loc[(target.name, name)], 0.0)
+        percent = 100 * max(share_of.loc[(target.name, name)], 0.0)
         panel.set_title(
             f"{percent:.0f} %", fontsize=style.SMALL_TEXT_PT, loc="right", pad=2
         )
@@ -95,5 +131,10 @@ def main_effects(inputs: Inputs, study: StudyView) -> Figure:
         "points: samples; line: mean of the surrogate over the other parameters; %: "
         "first-order share of the variance"
     )
+    if study.parameters.constraints:
+        text = (
+            "points: samples; line: mean of the surrogate over what the constraints "
+            f"allow at each value; %: share of the variance {label}"
+        )
     style.below(figure, text)
     return figure

@@ -16,6 +16,7 @@ from repose.calibrate.responses import Response, derived, response
 from repose.calibrate.surrogates import Surrogate, load
 from repose.calibrate.surrogates.accuracy import r2
 from repose.calibrate.targets import Targets
+from repose.calibrate.uncertainty.settings import SensitivitySettings
 from repose.common.files import read_json, read_table
 
 from . import panels, style
@@ -38,6 +39,12 @@ INFLUENCE_WORDS = (
     "than 100 % where parameters interact. Arrow: the response rises or falls from the "
     "input's least to its largest value."
 )
+INFLUENCE_WITH_CONSTRAINTS = (
+    "influence: share of the variance of the predicted response, over what the "
+    "constraints allow, that remains if all other inputs are known, E[Var(y|others)] / "
+    "Var(y). Arrow: the mean response rises or falls from the input's least to its "
+    "largest allowed value."
+)
 ACCURACY_WORDS = (
     "bars: ± 1 standard error of the simulated mean over its pours. A perfect model "
     "predicts the true means. Its R² and RMSE are what the scatter of the simulated means "
@@ -51,7 +58,7 @@ class Influence(NamedTuple):
     It is 0 for a fixed input, and for all inputs if an output is constant.
     """
 
-    share: np.ndarray  # total Sobol index
+    share: np.ndarray  # total Sobol index, or with constraints `remaining`
     direction: np.ndarray  # sign of the output's rise
 
 
@@ -101,7 +108,9 @@ def network_structure(inputs: Inputs, study: StudyView) -> Figure:
     )
     _draw_influence(right, influence, inputs=network["inputs"], symbols=symbols)
     style.name_panels((left, right))
-    style.below(figure, INFLUENCE_WORDS)
+    is_constrained = bool(study.parameters.constraints)
+    words = INFLUENCE_WITH_CONSTRAINTS if is_constrained else INFLUENCE_WORDS
+    style.below(figure, words)
     return figure
 
 
@@ -197,7 +206,10 @@ def influence_of_inputs(
     model: Surrogate, parameters: ParameterSpace, seed: int
 ) -> Influence:
     """Compute how much, and in which direction, each input changes each output."""
-    from repose.calibrate.uncertainty.sensitivity import indices, main_effects
+    from repose.calibrate.uncertainty.sensitivity import (
+        main_effects,
+        shares_of_variance,
+    )
 
     shape = len(model.outputs), len(model.inputs)
     influence = Influence(share=np.zeros(shape), direction=np.zeros(shape))
@@ -207,18 +219,33 @@ def influence_of_inputs(
         values = parameters.from_coordinates(coordinates)
         return model.predict(parameters.complete(values))
 
-    low, high = parameters.coordinate_ends
+    settings = SensitivitySettings.model_construct(
+        samples=INFLUENCE_POINTS, resamples=1, seed=seed
+    )
     try:
-        sobol = indices(
-            respond, low, high=high, samples=INFLUENCE_POINTS, resamples=1, seed=seed
-        )
+        shares = shares_of_variance(respond, parameters, settings)
     except ValueError:
-        # Sobol indices are undefined for a constant output, so leave all at zero.
+        # Shares are undefined for a constant output, so leave all at zero.
         return influence
-    _, means = main_effects(respond, low, high=high, seed=seed, points=2)
-    influence.share[:, free_columns] = sobol["total"]
-    influence.direction[:, free_columns] = np.sign(means[:, 1] - means[:, 0]).T
+    low, high = parameters.coordinate_ends
+    if parameters.constraints:
+        _, means = main_effects(
+            respond, low, high, seed=seed, is_allowed=parameters.is_allowed
+        )
+        rise = np.array([_rise(curve) for curve in means])
+        influence.share[:, free_columns] = shares["remaining"]
+    else:
+        _, means = main_effects(respond, low, high=high, seed=seed, points=2)
+        rise = means[:, 1] - means[:, 0]
+        influence.share[:, free_columns] = shares["total"]
+    influence.direction[:, free_columns] = np.sign(rise).T
     return influence
+
+
+def _rise(curve: np.ndarray) -> np.ndarray:
+    """Compute the rise (outputs,) of a main effect (points, outputs) where it is known."""
+    known = curve[~np.isnan(curve).any(axis=1)]
+    return known[-1] - known[0]
 
 
 def _node_places(x: float, count: int) -> np.ndarray:

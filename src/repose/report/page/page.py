@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from repose.bench.parameters import LABELS
+from repose.calibrate.constraints import Constraint
 from repose.calibrate.targets import Target
 from repose.common.files import read_table, write_text
 from repose.grain.particle import Particle
@@ -86,6 +87,7 @@ def content(study: Results) -> dict[str, Any]:
         model = prediction.for_page(study.surrogate, study.parameters, study.answer)
     return {
         "parameters": parameters,
+        "constraints": [_constraint(one) for one in study.parameters.constraints],
         "targets": [_target(study, target) for target in study.targets],
         "copy": text_to_copy(study),
         "copyMaterial": _material_to_copy(study),
@@ -131,6 +133,15 @@ def _parameter(study: Results, name: str, value: float) -> dict[str, Any]:
     if name in study.parameters.scale:
         parameter["scale"] = study.parameters.scale[name]
     return parameter
+
+
+def _constraint(constraint: Constraint) -> dict[str, Any]:
+    """Return a constraint as plain values: its text and its two terms."""
+    return {
+        "text": constraint.text,
+        "smaller": constraint.smaller._asdict(),
+        "larger": constraint.larger._asdict(),
+    }
 
 
 def _target(study: Results, target: Target) -> dict[str, Any]:

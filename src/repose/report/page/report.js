@@ -186,6 +186,25 @@ function drawPredictions({ mean, std }, isAtAnswer) {
   byId("predictions").replaceChildren(...drawings);
 }
 
+// The texts of the constraints that values of the parameters violate.
+function violatedConstraints(values) {
+  const sizeOf = ({ factor, name }) =>
+    factor * values[content.parameters.findIndex((parameter) => parameter.name === name)];
+  const isViolated = ({ smaller, larger }) => {
+    const left = sizeOf(smaller);
+    const right = sizeOf(larger);
+    // The answer may lie on a constraint, to within the rounding of its table.
+    return left - right > 1e-9 * (Math.abs(left) + Math.abs(right));
+  };
+  return content.constraints.filter(isViolated).map(({ text }) => text);
+}
+
+// The study asks for no run where a constraint is violated, so the surrogate need not hold there.
+function drawForbidden(texts) {
+  const words = `No prediction: the study excludes these values, which violate ${texts.join(" and ")}.`;
+  byId("predictions").replaceChildren(make("p", { class: "bad", id: "forbidden" }, words));
+}
+
 function setUpSliders() {
   const isNetwork = content.model.kind === "network";
   const network = isNetwork ? networkPredictor(content.model) : null;
@@ -226,7 +245,9 @@ function setUpSliders() {
         moveBack((name) => moved.includes(name));
       }
       moveSlider(slider, value);
-      drawPredictions(predict(values, moved), false);
+      const violated = violatedConstraints(values);
+      if (violated.length) drawForbidden(violated);
+      else drawPredictions(predict(values, moved), false);
     });
     const name = make("span", {}, make("code", {}, parameter.name), parameter.label ? ` ${parameter.label}` : "");
     byId("sliders").append(make("label", { for: input.id }, name, output, input));

@@ -106,6 +106,7 @@ class OtherParametersSection(NamedTuple):
 
     surrogate: str
     has_network: bool
+    constraints: str  # those of the study; empty without any
 
 
 @dataclass(frozen=True)
@@ -533,7 +534,11 @@ def other_parameters(study: Results) -> OtherParametersSection | None:
     if study.surrogate is None:
         return None
     surrogate = without_scales(study.surrogate)
-    return OtherParametersSection(surrogate.name, has_network(surrogate))
+    return OtherParametersSection(
+        surrogate.name,
+        has_network(surrogate),
+        constraints=", ".join(one.text for one in study.parameters.constraints),
+    )
 
 
 def method(study: Results) -> MethodSection:
