@@ -356,6 +356,28 @@ def test_with_a_constraint_tables_and_message_name_their_shares():
     assert "first-order" not in words
 
 
+class Logarithms:
+    """A response that is the sum of the logarithms of its inputs."""
+
+    def predict(self, X, return_std=False, noise=True):
+        return np.log(X).sum(axis=1, keepdims=True)
+
+
+def test_with_a_constraint_and_scales_the_sets_are_even_in_the_logarithm():
+    # In the logarithms a <= b is the triangle, and the response is their sum.
+    entry = {"range": [1e-3, 1.0], "scale": "log"}
+    space = ParameterSpace.of({"a": entry, "b": entry}, constraints=["a <= b"])
+    targets = targets_of(aor_deg=30.0)
+    settings = SensitivitySettings(samples=1024, resamples=20, seed=1)
+    table, effects = sensitivity.analyse(Logarithms(), space, targets, settings)
+    assert table["explained"].to_numpy() == pytest.approx(np.full(2, 0.75), abs=0.01)
+    assert table["remaining"].to_numpy() == pytest.approx(np.full(2, 0.25), abs=0.01)
+    rows = effects[effects["parameter"] == "b"]
+    # The mean logarithm of a below b is the middle between that of 1e-3 and of b.
+    expected = 1.5 * np.log(rows["value"]) + 0.5 * np.log(1e-3)
+    assert rows["aor_deg"].to_numpy() == pytest.approx(expected.to_numpy(), abs=0.15)
+
+
 def sensitivity_of(surrogate_json, targets, folder, space=None):
     return sensitivity.run(
         surrogate_json,
