@@ -23,9 +23,9 @@ from repose.config.pipeline import PipelineConfig
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 from repose.export import edem, laws, surface, yade
 from repose.export.job import make, surface_means
-from repose.export.lammps import TSUJI, contact_keywords, damping_numbers
+from repose.export.lammps import TSUJI, compute_restitutions, write_contact_law
 from repose.export.laws import rolling_coefficient
-from repose.export.liggghts import LEAST_RESTITUTION, prime
+from repose.export.liggghts import LEAST_RESTITUTION, find_prime
 from repose.stages import card_study
 
 DECK = {
@@ -79,7 +79,7 @@ def test_liggghts_gets_the_frictions_and_the_duration(job):
 
 def test_lammps_gets_the_moduli_of_the_pair_and_half_the_critical_dashpot(job):
     # two surfaces of this E and nu have the pair's E*; the tangential stiffness is 8 G*
-    keywords = contact_keywords(job, job.on_wall).split()
+    keywords = write_contact_law(job, job.on_wall).split()
     young = float(keywords[1])
     poisson = float(keywords[3])
     expected = job.on_wall.effective_young_pa
@@ -101,13 +101,13 @@ def test_yade_gets_the_spheres_the_mass_and_the_funnel(job):
     rings = ast.literal_eval(assigned["RINGS"])
     assert np.array(spheres) == pytest.approx(job.particle.spheres_m)
     assert mass == pytest.approx(job.particle.mass_kg)
-    assert np.array(rings) == pytest.approx(surface.profile(job.surfaces))
+    assert np.array(rings) == pytest.approx(surface.compute_profile(job.surfaces))
 
 
 def test_the_table_of_edem_has_values_with_units(config):
     study = PipelineConfig.load(CONFIG)
     scene = study.scene(study.parameters.centre, 1)
-    rows = edem.rows(
+    rows = edem.list_values(
         materials_of(scene),
         scene.parameters,
         THREE,
@@ -125,7 +125,7 @@ def test_the_table_of_edem_has_values_with_units(config):
 
 
 def test_liggghts_primes_and_takes_the_facets_around_the_funnel_as_one_face(job):
-    primes = [prime(seed) for seed in range(200)]
+    primes = [find_prime(seed) for seed in range(200)]
     assert len(set(primes)) == 200
     assert min(primes) > 10000
     assert all(all(p % k for k in range(2, 200)) for p in primes)
@@ -248,7 +248,7 @@ def test_a_deck_begins_with_its_versions_and_the_page_has_them(job):
 @pytest.mark.parametrize("restitution", [0.2, 0.5, 1.0])
 def test_the_number_of_older_lammps_gives_the_same_damping(config, restitution):
     job = job_of(config, THREE, e_gg=restitution)
-    number = damping_numbers(job)["tsuji_gg"]
+    number = compute_restitutions(job)["tsuji_gg"]
     expected = math.sqrt(5) * job.grains.damping_ratio
     assert np.polyval(TSUJI, number) == pytest.approx(expected, abs=1e-9)
     assert number < 1.01
@@ -259,7 +259,7 @@ def test_the_members_of_a_yade_clump_have_mass_centre_and_moments_of_the_body(
     config, particle
 ):
     job = job_of(config, particle)
-    weights, member_masses = yade.member_masses(job)
+    weights, member_masses = yade.distribute_mass(job)
     masses = weights * job.particle.mass_kg
     places = job.particle.spheres_m[:, :3]
     assert masses.sum() == pytest.approx(job.particle.mass_kg)
@@ -344,7 +344,7 @@ def test_free_surface_of_two_spheres_that_overlap():
 
 
 def test_the_funnel_is_the_simulated_one(job):
-    line = surface.profile(job.surfaces)
+    line = surface.compute_profile(job.surfaces)
     funnel = job.surfaces
     expected = [0.5 * funnel.inlet_diameter_m, funnel.inlet_height_m]
     assert line[0] == pytest.approx(expected)
@@ -352,7 +352,7 @@ def test_the_funnel_is_the_simulated_one(job):
     cone = funnel.cone_line()
     on_cone = np.abs(line @ [cone.normal_r, cone.normal_z] - cone.offset) < 1e-9
     assert line[on_cone][-1] @ [cone.up_r, cone.up_z] == pytest.approx(cone.first)
-    corners = surface.triangles(funnel)
+    corners = surface.divide_surface(funnel)
     areas = 0.5 * np.linalg.norm(
         np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
     )
@@ -366,7 +366,7 @@ def test_the_funnel_is_the_simulated_one(job):
 
 def test_the_lammps_cone_ends_where_the_funnel_does(job):
     deck = export.PROGRAMS["lammps"](job)["in.pour"]
-    line = surface.profile(job.surfaces)
+    line = surface.compute_profile(job.surfaces)
     (ends,) = re.findall(r"region\s+\S+ cone z 0 0 (\S+) (\S+) (\S+) (\S+)", deck)
     low_radius, high_radius, low, high = map(float, ends)
     assert [high_radius, high] == pytest.approx(line[0], rel=1e-6)
@@ -378,7 +378,7 @@ def test_a_tube_stands_in_surface_and_deck(config):
         "funnel": config["funnel"] | {"tube_length_mm": 20.0, "plate_diameter_mm": 80.0}
     }
     job = job_of(config, THREE)
-    line = surface.profile(job.surfaces)
+    line = surface.compute_profile(job.surfaces)
     assert np.ptp(
         line[np.isclose(line[:, 0], 0.5 * job.surfaces.outlet_diameter_m)][:, 1]
     ) == pytest.approx(0.02)

@@ -24,8 +24,12 @@ Deck = Callable[["Job"], dict[str, str]]
 """Makes the files of a deck by name, the deck itself first."""
 
 
-def _deck_of(module: str) -> Deck:
-    """Return the deck of a module of this package, which is imported when it writes."""
+def _import_deck_when_called(module: str) -> Deck:
+    """Make a function that writes a deck by a module of this package.
+
+    The module is imported when the function is called, so that a list of the programs
+    imports none of them.
+    """
 
     def deck(job: "Job") -> dict[str, str]:
         files: dict[str, str] = import_module(f".{module}", __name__).deck(job)
@@ -34,7 +38,10 @@ def _deck_of(module: str) -> Deck:
     return deck
 
 
-PROGRAMS = {name: _deck_of(name) for name in ("liggghts", "lammps", "yade", "edem")}
+PROGRAMS = {
+    name: _import_deck_when_called(name)
+    for name in ("liggghts", "lammps", "yade", "edem")
+}
 # Laws that every program has. A law that is in no list here is refused.
 CONTACT_LAWS_OF_ALL = ("hertz_mindlin", "hertz_mindlin_rescaled")
 ROLLING_LAWS_OF_ALL = ("budget",)
@@ -58,32 +65,54 @@ def check_laws(job: "Job", program: str) -> None:
         "contact_law",
         job.simulation.contact_law,
         program=program,
-        allowed=_laws_of(program, CONTACT_LAWS, CONTACT_LAWS_OF_ALL),
+        allowed=_list_laws(program, CONTACT_LAWS, CONTACT_LAWS_OF_ALL),
     )
     _check_law(
         "rolling_law",
         job.simulation.rolling_law,
         program=program,
-        allowed=_laws_of(program, ROLLING_LAWS, ROLLING_LAWS_OF_ALL),
+        allowed=_list_laws(program, ROLLING_LAWS, ROLLING_LAWS_OF_ALL),
     )
 
 
-def _laws_of(
+def _list_laws(
     program: str, engine_laws: Iterable[str], laws_of_all: Sequence[str]
 ) -> list[str]:
-    """List the laws of the engine that a program has, first those of all programs."""
+    """List the laws that a program has, under the names of this engine.
+
+    Parameters
+    ----------
+    program : str
+        One of `PROGRAMS`.
+    engine_laws : iterable of str
+        All contact laws of the engine, or all its rolling laws.
+    laws_of_all : sequence of str
+        Those of them that every program has; they come first in the result.
+    """
     other_laws = [name for name in engine_laws if name in OTHER_LAWS[program]]
     return [*laws_of_all, *other_laws]
 
 
 def _check_law(key: str, law: str, program: str, allowed: Sequence[str]) -> None:
-    """Refuse a law of the study that is not among the allowed ones of a program."""
+    """Raise InputError for a law of the study that a program does not have.
+
+    Parameters
+    ----------
+    key : str
+        The key of the law in the section `simulation`.
+    law : str
+        The law of the study.
+    program : str
+        One of `PROGRAMS`.
+    allowed : sequence of str
+        The laws that the program has.
+    """
     if law in allowed:
         return
-    text = f"for {program} {' or '.join(allowed)}"
+    expected = f"for {program} {' or '.join(allowed)}"
     if (program, law) in REASONS:
-        text += f" ({REASONS[program, law]})"
-    raise InputError("configuration", f"simulation.{key}", law, text)
+        expected += f" ({REASONS[program, law]})"
+    raise InputError("configuration", f"simulation.{key}", law, expected)
 
 
 def write(job: "Job", program: str, folder: str | PathLike) -> list[Path]:

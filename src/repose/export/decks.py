@@ -12,11 +12,11 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from repose.dem.laws import ROLLING_LAWS
 from repose.export.job import Job
-from repose.export.laws import law_lines
+from repose.export.laws import describe_law_constants
 
 
 def digits(number: float, count: int = 9) -> str:
-    """Write a number to at most a count of digits."""
+    """Write a number with at most `count` significant digits."""
     return f"{number:.{count}g}"
 
 
@@ -37,14 +37,24 @@ _ENVIRONMENT.filters["digits"] = digits
 
 
 def fill_template(name: str, job: Job, **values: object) -> str:
-    """Fill the template `name` with the numbers of every deck and with `values`."""
-    return _ENVIRONMENT.get_template(name).render(common_values(job) | values)
+    """Fill a template of this folder.
+
+    Parameters
+    ----------
+    name : str
+        File name of the template.
+    job : Job
+        The grain and its pour, whose numbers every template can use.
+    **values : object
+        Values that only this template needs, by their names in it.
+    """
+    return _ENVIRONMENT.get_template(name).render(collect_common_values(job) | values)
 
 
-def common_values(job: Job) -> dict[str, Any]:
-    """Collect the values that all templates share, by name.
+def collect_common_values(job: Job) -> dict[str, Any]:
+    """Collect the values that all templates share, by their names in the templates.
 
-    Lengths are in m, and times are in time steps.
+    Lengths are in m, and durations are numbers of time steps.
     """
     particle = job.particle
     grain_radius_m = particle.bounding_radius_m
@@ -83,19 +93,30 @@ def common_values(job: Job) -> dict[str, Any]:
     }
 
 
-def numbers(values: Iterable[float], separator: str = " ") -> str:
-    """Write numbers to nine digits."""
+def join_numbers(values: Iterable[float], separator: str = " ") -> str:
+    """Write numbers with nine digits, one after the other."""
     return separator.join(map(digits, values))
 
 
 # --- the head of a deck ---------------------------------------------------------------
 
 
-def head(job: Job, program_notes: Sequence[str], comment: str = "# ") -> str:
+def write_head(
+    job: Job, program_differences: Sequence[str], comment: str = "# "
+) -> str:
     """Write the comment lines at the head of a deck.
 
-    They name the study, its numbers, and all differences between the deck and the
-    study. `program_notes` are the differences of this program.
+    They name the study, its parameters, and all differences between deck and study.
+
+    Parameters
+    ----------
+    job : Job
+        The grain and its pour.
+    program_differences : sequence of str
+        How this program differs from the study. The differences of all programs are
+        added.
+    comment : str
+        What begins a comment line in the language of the program.
     """
     grains = job.grains
     on_wall = job.on_wall
@@ -107,51 +128,57 @@ def head(job: Job, program_notes: Sequence[str], comment: str = "# ") -> str:
         f"mu_r {grains.rolling_friction:.6g} between",
         f"grains; e {on_wall.restitution:.6g}, mu_s {on_wall.static_friction:.6g}, "
         f"mu_r {on_wall.rolling_friction:.6g} between grain and wall.",
-        *law_lines(job),
+        *describe_law_constants(job),
         f"Time step {job.time_step_s:g} s: {percent:.1f} % of the Rayleigh time of the "
         "smallest sphere.",
         "Not as in the study:",
     ]
-    notes = (*_common_notes(job), *program_notes, *job.notes)
-    lines += [f"- {note}" for note in notes]
+    differences = (*_list_common_differences(job), *program_differences, *job.notes)
+    lines += [f"- {difference}" for difference in differences]
     return "\n".join(comment + line for line in lines)
 
 
-def _common_notes(job: Job) -> list[str]:
-    """List the differences from the study that all decks have in common."""
-    notes = [_rolling_note(job)]
+def _list_common_differences(job: Job) -> list[str]:
+    """List the differences from the study that the decks of all programs have."""
+    differences = [_describe_rolling_difference(job)]
     if not job.is_sphere:
-        notes.append(
+        differences.append(
             "each pair of spheres is damped with the bodies' masses; in the study the "
             "spheres of one pair of bodies share the damping, and the mass counts the "
             "rotation"
         )
-    notes.append(
+    differences.append(
         "no dashpot along the tangent; in the study Coulomb's limit holds it too. In "
         "LIGGGHTS and YADE it comes on top of that limit, in LAMMPS it winds up the "
         "spring: a grazing impact had 1.7 times the friction, or a sixth"
     )
     if job.simulation.tension == "keep":
-        notes.append(
+        differences.append(
             "Coulomb's limit takes the damped normal force, in the study its elastic part"
         )
-    return notes
+    return differences
 
 
-def _rolling_note(job: Job) -> str:
-    """Describe how rolling resistance differs from that of the study."""
+def _describe_rolling_difference(job: Job) -> str:
+    """Describe how rolling resistance in a deck differs from that of the study.
+
+    A law of the study that acts on each body has no equivalent elsewhere, so decks
+    replace it. Other laws exist in the programs, but act between two spheres.
+    """
     law = job.simulation.rolling_law
     lever_mm = 1e3 * job.lever_m
     if ROLLING_LAWS.entry(law).of_each_body:
-        note = (
+        difference = (
             "rolling resistance is a spring with a limit against the relative rotation "
             "(model C of Ai et al. 2011, without damping or with); in the study a budget "
             "of each body (model A). Its coefficients here are those of the study times "
             f"the mean lever {lever_mm:.3g} mm over the effective radius of two spheres"
         )
         if job.is_sphere:
-            note += "; with mu_r 0.1 piles of spheres stood 5 to 7 degrees lower so"
-        return note
+            difference += (
+                "; with mu_r 0.1 piles of spheres stood 5 to 7 degrees lower so"
+            )
+        return difference
 
     # The program has a law of the same name, but it acts between single spheres.
     resistance = "its own stiffness and damping"

@@ -1,4 +1,4 @@
-"""Write the values that EDEM needs as a table; nobody has tried them there.
+"""Write a table of the values that a user enters in EDEM; nobody has tried it there.
 
 EDEM has windows in place of a deck. The names of its models are from memory.
 """
@@ -11,9 +11,9 @@ from repose.bench.funnel import FunnelSettings
 from repose.bench.parameters import PAIRS
 from repose.bench.settings import SimulationSettings
 from repose.dem.constants import SURFACE_ENERGY
-from repose.export.decks import digits, numbers
+from repose.export.decks import digits, join_numbers
 from repose.export.job import Job
-from repose.export.surface import stl
+from repose.export.surface import write_stl
 
 if TYPE_CHECKING:
     from repose.grain.particle import Particle
@@ -31,7 +31,7 @@ class Row(NamedTuple):
     unit: str = ""
 
 
-def rows(
+def list_values(
     materials: Mapping[str, dem.Material],
     parameters: Mapping[str, float],
     particle: "Particle",
@@ -57,19 +57,22 @@ def rows(
         The time step.
     """
     return [
-        *_material_rows(materials, particle),
-        *_contact_rows(parameters, simulation),
-        *_particle_rows(particle),
-        *_pour_rows(funnel, particle),
+        *_list_materials(materials, particle),
+        *_list_contacts(parameters, simulation),
+        *_list_grain(particle),
+        *_list_pour(funnel, particle),
         Row("Gravity, along -z", simulation.gravity_m_s2, "m/s2"),
         Row("Fixed time step", time_step_s, "s"),
     ]
 
 
-def _material_rows(
+def _list_materials(
     materials: Mapping[str, dem.Material], particle: "Particle"
 ) -> list[Row]:
-    """List density and elastic constants."""
+    """List the density of the grain, and the elastic constants of grain and wall.
+
+    `materials` are those of `list_values`.
+    """
     table = [Row("Solids density, grain", particle.density_kg_m3, "kg/m3")]
     for key, name in (("berry", "grain"), ("wall", "wall")):
         material = materials[key]
@@ -81,10 +84,14 @@ def _material_rows(
     return table
 
 
-def _contact_rows(
+def _list_contacts(
     parameters: Mapping[str, float], simulation: SimulationSettings
 ) -> list[Row]:
-    """List the coefficients of the contacts grain-grain and grain-wall."""
+    """List the coefficients of the contacts grain-grain and grain-wall.
+
+    `parameters` has the coefficients by name. The names end with the pair: `e_gg` is
+    the restitution between two grains, `e_gp` that between grain and wall.
+    """
     rows = []
     for pair, name in PAIRS.items():
         rows += [
@@ -101,8 +108,11 @@ def _contact_rows(
     return rows
 
 
-def _particle_rows(particle: "Particle") -> list[Row]:
-    """List mass, volume and moments of the body, which its spheres do not give."""
+def _list_grain(particle: "Particle") -> list[Row]:
+    """List mass, volume and moments of inertia of the grain.
+
+    EDEM cannot compute them, because the grain's spheres overlap.
+    """
     table = [
         Row("Mass of a grain", particle.mass_kg, "kg"),
         Row("Volume of a grain", particle.volume_m3, "m3"),
@@ -112,8 +122,9 @@ def _particle_rows(particle: "Particle") -> list[Row]:
     return table
 
 
-def _pour_rows(funnel: FunnelSettings, particle: "Particle") -> list[Row]:
-    """List plate and factory."""
+def _list_pour(funnel: FunnelSettings, particle: "Particle") -> list[Row]:
+    """List the sizes of the plate, and of the disc in which the grains appear."""
+    # The settings are in mm, the table is in m. Whole grains appear inside the disc.
     factory_radius = 0.5e-3 * funnel.factory_diameter_mm - particle.bounding_radius_m
     factory_height = funnel.funnel.inlet_height_m + 1e-3 * funnel.factory_height_mm
     return [
@@ -128,7 +139,7 @@ def _pour_rows(funnel: FunnelSettings, particle: "Particle") -> list[Row]:
 def deck(job: Job) -> dict[str, str]:
     """Write the files for EDEM by name: edem.md, spheres.csv, funnel.stl."""
     materials = {"berry": job.grain, "wall": job.wall}
-    table = rows(
+    table = list_values(
         materials=materials,
         parameters=job.parameters,
         particle=job.particle,
@@ -137,16 +148,20 @@ def deck(job: Job) -> dict[str, str]:
         time_step_s=job.time_step_s,
     )
     spheres = ["x,y,z,radius"]
-    spheres += [numbers(sphere, ",") for sphere in job.particle.spheres_m]
+    spheres += [join_numbers(sphere, ",") for sphere in job.particle.spheres_m]
     return {
-        "edem.md": _page(job, table),
+        "edem.md": _write_page(job, table),
         "spheres.csv": "".join(f"{line}\n" for line in spheres),
-        "funnel.stl": stl(job.surfaces),
+        "funnel.stl": write_stl(job.surfaces),
     }
 
 
-def _page(job: Job, table: list[Row]) -> str:
-    """Write the table with the models, the files to import and the differences."""
+def _write_page(job: Job, table: list[Row]) -> str:
+    """Write the page edem.md as Markdown.
+
+    It names the models to choose and the files to import, and has the table of values
+    and the differences from the study.
+    """
     law = job.simulation.contact_law
     contact_model = CONTACT_MODELS.get(law, DEFAULT_CONTACT_MODEL)
     lines = [
@@ -162,22 +177,22 @@ def _page(job: Job, table: list[Row]) -> str:
         "",
         "Not as in the study:",
         "",
-        *(f"- {note}" for note in (*_notes(job), *job.notes)),
+        *(f"- {note}" for note in (*_list_differences(job), *job.notes)),
     ]
     return "\n".join([*lines, ""])
 
 
-def _notes(job: Job) -> list[str]:
-    """List the differences of EDEM from the study."""
-    notes = [
+def _list_differences(job: Job) -> list[str]:
+    """List the differences between EDEM and the study."""
+    differences = [
         "its rolling friction has the lever from the contact to the centre of mass, as "
         "the study's: the coefficients are entered as they are"
     ]
     if job.simulation.tension == "release":
-        notes.append(
+        differences.append(
             "its damped force may pull at the end of an impact; in the study it never "
             "pulls, and is damped so that the restitution is as set"
         )
     if not job.is_sphere:
-        notes.append("each pair of spheres is damped by itself")
-    return notes
+        differences.append("each pair of spheres is damped by itself")
+    return differences

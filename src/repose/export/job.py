@@ -196,19 +196,19 @@ def make(
     """
     scene = Scene.of(config, parameters, grain, particle)
     funnel = scene.settings.section("funnel", FunnelSettings)
-    notes = list(_notes(scene.settings, funnel))
+    notes = list(_list_missing_features(scene.settings, funnel))
 
-    # Use one sphere or a clump as the body, since other programs know only spheres.
+    # Other programs know only spheres, so the body is a clump of spheres or one sphere.
     body = particle
     if one_sphere or is_sphere(particle):
         body = sphere_of_volume(particle)
-        notes += _sphere_notes(particle, body)
+        notes += _list_losses_of_sphere(particle, body)
         scene = replace(scene, particle=body)
     if not body.is_clump:
         allowed = "multisphere: other programs take spheres"
         raise InputError("particle", "kind", body.kind, allowed)
 
-    # The contact laws of a sphere need means over the surface of the whole body.
+    # Rolling resistance acts over the mean distance of the surface from the centre.
     materials = materials_of(scene)
     surface = surface_means(body.spheres_m)
     rayleigh_s = rayleigh_time_s(
@@ -224,8 +224,8 @@ def make(
         lever_m=surface.distance_m,
         grain=materials["berry"],
         wall=materials["wall"],
-        grains=_pair(scene, "gg", "berry", 0.5 * surface.radius_m),
-        on_wall=_pair(scene, "gp", "wall", surface.radius_m),
+        grains=_make_pair(scene, "gg", "berry", 0.5 * surface.radius_m),
+        on_wall=_make_pair(scene, "gp", "wall", surface.radius_m),
         simulation=scene.settings.simulation,
         funnel=funnel,
         time_step_s=_advised_step_s(scene, rayleigh_s),
@@ -247,15 +247,26 @@ def _advised_step_s(scene: Scene, rayleigh_s: float) -> float:
     return float(f"{advised_s:.2g}")
 
 
-def _pair(scene: Scene, pair: str, other: str, effective_radius_m: float) -> Pair:
-    """Make the contact of the grain with another material, ``berry`` or ``wall``.
+def _make_pair(scene: Scene, pair: str, other: str, effective_radius_m: float) -> Pair:
+    """Make the contact of the grain with another material.
 
-    `pair` ends the names of its parameters.
+    Parameters
+    ----------
+    scene : Scene
+        The study's scene, with the calibrated parameters by name.
+    pair : str
+        The pair that ends the names of its parameters: ``gg`` for two grains, ``gp``
+        for grain and wall.
+    other : str
+        The other material, ``berry`` or ``wall``.
+    effective_radius_m : float
+        Effective radius R* of a contact of the mean sphere.
     """
     parameters = scene.parameters
     materials = materials_of(scene)
     young_pa, shear_pa = effective_moduli(materials["berry"], materials[other])
     restitution = parameters[f"e_{pair}"]
+    # A contact law may need further constants, such as a surface energy.
     constants = {
         parameter.constant.name: parameters[name]
         for name, parameter in LAW_PARAMETERS.items()
@@ -289,7 +300,7 @@ def is_sphere(particle: "Particle") -> bool:
 def sphere_of_volume(particle: "Particle") -> "Particle":
     """Replace a particle by a sphere of its volume and mass: a clump of one sphere.
 
-    If the particle is a clump of one sphere already, it keeps its radius.
+    A clump of one sphere keeps its radius. Its volume becomes that of the sphere.
     """
     mass_kg = particle.mass_kg
     if len(particle.spheres_m) == 1:
@@ -310,8 +321,10 @@ def sphere_of_volume(particle: "Particle") -> "Particle":
     )
 
 
-def _notes(settings: SceneSettings, funnel: FunnelSettings) -> Iterator[str]:
-    """Yield the features of the study that no deck can represent."""
+def _list_missing_features(
+    settings: SceneSettings, funnel: FunnelSettings
+) -> Iterator[str]:
+    """Yield the features of the study that no deck can represent, a sentence each."""
     if settings.size_distribution != "none":
         yield "the study's grains differ in size; here all are the mean grain"
     if funnel.orientation != "random":
@@ -322,8 +335,8 @@ def _notes(settings: SceneSettings, funnel: FunnelSettings) -> Iterator[str]:
     yield "the plate here is endless; the study's ends at its edge"
 
 
-def _sphere_notes(particle: "Particle", sphere: "Particle") -> Iterator[str]:
-    """Yield what is lost where a sphere stands for a particle."""
+def _list_losses_of_sphere(particle: "Particle", sphere: "Particle") -> Iterator[str]:
+    """Yield what is lost where a sphere replaces the grain, a sentence or nothing."""
     if not is_sphere(particle):
         radius_mm = 1e3 * sphere.bounding_radius_m
         yield f"every grain is the sphere of its volume, radius {radius_mm:.4g} mm"
@@ -376,7 +389,7 @@ def surface_means(spheres_m: np.ndarray, n_points: int = 2000) -> SurfaceMeans:
     smallest_distances = spheres_m[:, 3] * (1.0 - 1e-9)
     directions = sphere_directions(n_points)
 
-    # Sums over all free points, weighted by their areas.
+    # Add up radius and distance over all free points, weighted by their areas.
     area_sum = 0.0
     radius_sum = 0.0
     distance_sum = 0.0

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from repose.export.decks import fill_template, head, numbers
+from repose.export.decks import fill_template, join_numbers, write_head
 from repose.export.job import Job, Pair
 from repose.export.laws import (
     equivalent_restitution,
@@ -31,39 +31,51 @@ def deck(job: Job) -> dict[str, str]:
     text = fill_template(
         "lammps.in.jinja",
         job,
-        head=head(job, _notes(job)),
-        law_gg=contact_keywords(job, job.grains),
-        law_gp=contact_keywords(job, job.on_wall),
+        head=write_head(job, _list_differences(job)),
+        law_gg=write_contact_law(job, job.grains),
+        law_gp=write_contact_law(job, job.on_wall),
         tube_radius=0.5 * job.surfaces.outlet_diameter_m,
         cone_low_radius=cone.offset * cone.normal_r + cone.first * cone.up_r,
         cone_low=cone.offset * cone.normal_z + cone.first * cone.up_z,
         cone_high_radius=cone.offset * cone.normal_r + cone.last * cone.up_r,
         cone_high=cone.offset * cone.normal_z + cone.last * cone.up_z,
         near=2.0 * float(job.particle.spheres_m[:, 3].max()),
-        **damping_numbers(job),
+        **compute_restitutions(job),
     )
-    return {"in.pour": text, "grain.mol": molecule(job)}
+    return {"in.pour": text, "grain.mol": write_molecule(job)}
 
 
-def _notes(job: Job) -> list[str]:
-    """List the differences of LAMMPS from the study."""
-    notes = ["the edge of the outlet is sharp"]
+def _list_differences(job: Job) -> list[str]:
+    """List the differences between LAMMPS and the study."""
+    differences = ["the edge of the outlet is sharp"]
     if job.simulation.tension == "release":
-        notes.append(
+        differences.append(
             "the second number of hertz/material is the restitution that gives the "
             "study's damping; with limit_damping an impact then ends with the restitution "
             "calibrated"
         )
-    return notes
+    return differences
 
 
-def contact_keywords(job: Job, pair: Pair) -> str:
+def write_contact_law(job: Job, pair: Pair) -> str:
     """Write the contact law of a pair in the keywords of `pair_style granular`.
 
-    The deck defines the variables damping, e_gg and e_gp. The moduli are those of two
-    equal surfaces that together have the E* of the pair.
+    Parameters
+    ----------
+    job : Job
+        The grain and its pour.
+    pair : Pair
+        The contact, `job.grains` or `job.on_wall`.
+
+    Returns
+    -------
+    str
+        The keywords. They use variables that the deck defines: damping, e_gg for the
+        restitution between grains and e_gp for that between grain and wall.
     """
     restitution = "${e_gg}" if pair is job.grains else "${e_gp}"
+    # LAMMPS computes E* of a contact from the modulus of one material. Give it the
+    # modulus at which two equal surfaces have the E* of the pair.
     poisson = job.grain.poisson_ratio
     young_pa = 2.0 * (1.0 - poisson**2) * pair.effective_young_pa
     tangential_spring = SPRINGS[job.simulation.contact_law]
@@ -87,18 +99,23 @@ def contact_keywords(job: Job, pair: Pair) -> str:
     return keywords
 
 
-def damping_numbers(job: Job) -> dict[str, float]:
-    """Compute the restitutions with which LAMMPS has the damping of the study, by name.
+def compute_restitutions(job: Job) -> dict[str, float]:
+    """Compute the restitutions with which LAMMPS has the damping of the study.
 
-    ``e_gg`` and ``e_gp`` are for the damping `coeff_restitution`. ``tsuji_gg`` and
-    ``tsuji_gp`` are for `tsuji` in older versions. They are negative if no restitution
-    gives this damping.
+    Returns
+    -------
+    dict
+        ``e_gg`` and ``e_gp``, between grains and between grain and wall, for the
+        damping `coeff_restitution`. ``tsuji_gg`` and ``tsuji_gp`` for the damping
+        `tsuji` of older versions; they are negative if no restitution gives this
+        damping.
     """
     numbers_by_name = {}
     for name, pair in job.pairs.items():
         numbers_by_name[f"e_{name}"] = equivalent_restitution(pair, LEAST_RESTITUTION)
 
-        # Find the restitution at which the polynomial gives the study's damping.
+        # Find the restitution at which the polynomial gives the study's damping: the
+        # smallest real root of the polynomial less this damping.
         constant = TSUJI[-1] - math.sqrt(5.0) * pair.damping_ratio
         roots = np.roots((*TSUJI[:-1], constant))
         real_roots = roots[np.abs(roots.imag) < 1e-9].real
@@ -106,13 +123,16 @@ def damping_numbers(job: Job) -> dict[str, float]:
     return numbers_by_name
 
 
-def molecule(job: Job) -> str:
-    """Write the grain as the text of a LAMMPS molecule template."""
+def write_molecule(job: Job) -> str:
+    """Write the grain as the text of a molecule template of LAMMPS.
+
+    A molecule has spheres that move as one rigid body.
+    """
     spheres_m = job.particle.spheres_m
     mass_kg = job.particle.mass_kg
     n_spheres = len(spheres_m)
     # The particle is in principal axes, so its products of inertia are zero.
-    inertia = numbers((*job.particle.inertia_kg_m2, 0.0, 0.0, 0.0))
+    inertia = join_numbers((*job.particle.inertia_kg_m2, 0.0, 0.0, 0.0))
     lines = [
         "a grain, from repose export",
         "",
@@ -124,7 +144,7 @@ def molecule(job: Job) -> str:
 
     # Every section has one numbered row per sphere.
     sections = {
-        "Coords": [numbers(sphere[:3]) for sphere in spheres_m],
+        "Coords": [join_numbers(sphere[:3]) for sphere in spheres_m],
         "Types": ["1"] * n_spheres,
         "Diameters": [f"{2.0 * sphere[3]:.9g}" for sphere in spheres_m],
         "Masses": [f"{mass_kg / n_spheres:.9g}"] * n_spheres,

@@ -31,7 +31,11 @@ def equivalent_restitution(pair: Pair, least: float = 0.0) -> float:
 
 
 def rolling_coefficient(job: Job, pair: Pair) -> float:
-    """Compute the rolling friction for a lever that is the effective radius of two spheres.
+    """Compute the coefficient of rolling friction of a pair for another program.
+
+    The study's torque has the mean distance from the surface to the grain's centre as
+    lever, the program's has the effective radius of two spheres. The result gives the
+    same torque.
 
     In laws that resist the rotation of one grain against the other, the lever of two
     grains is half of one grain's.
@@ -44,12 +48,22 @@ def rolling_coefficient(job: Job, pair: Pair) -> float:
 
 
 def rolling_stiffness(pair: Pair) -> float:
-    """Compute the stiffness of a rolling spring [N m], that of the tangent times R*^2."""
+    """Compute the stiffness of a rolling spring [N m].
+
+    It is the tangential stiffness of the contact times the squared effective radius.
+    """
     return pair.tangential_stiffness_n_m * pair.effective_radius_m**2
 
 
-def law_lines(job: Job) -> list[str]:
-    """Describe the constants of the contact laws besides the usual coefficients."""
+def describe_law_constants(job: Job) -> list[str]:
+    """Describe the constants of the contact laws besides the usual coefficients.
+
+    Returns
+    -------
+    list of str
+        A line for each constant, with its values between grains and between grain and
+        wall. The list is empty for a law without such constants.
+    """
     grains = job.grains.constants
     on_wall = job.on_wall.constants
     law = job.simulation.contact_law

@@ -4,10 +4,10 @@ import math
 
 from repose.dem.constants import COHESION_ENERGY_DENSITY
 from repose.dem.laws.epsd import ETA
-from repose.export.decks import fill_template, head, numbers
+from repose.export.decks import fill_template, join_numbers, write_head
 from repose.export.job import Job
 from repose.export.laws import equivalent_restitution, rolling_coefficient
-from repose.export.surface import AROUND, stl
+from repose.export.surface import AROUND, write_stl
 
 # LIGGGHTS refuses a coefficient of restitution of 0.05 and less.
 LEAST_RESTITUTION = 0.0501
@@ -18,10 +18,12 @@ FOLD_SHARE = 1.1
 
 
 def deck(job: Job) -> dict[str, str]:
-    """Write the input files of LIGGGHTS: in.pour, funnel.stl and clump.txt.
+    """Write the input files of a LIGGGHTS run: in.pour, funnel.stl and clump.txt.
 
-    The result maps the names of the files to their texts. A single sphere needs no
-    clump.txt.
+    Returns
+    -------
+    dict
+        The texts of the files by name. A single sphere needs no clump.txt.
     """
     simulation = job.simulation
     spheres_m = job.particle.spheres_m
@@ -31,7 +33,8 @@ def deck(job: Job) -> dict[str, str]:
     if has_cohesion:
         model = f"cohesion sjkr {model}"
 
-    # The names of the numbers of a contact end with the name of the pair.
+    # Numbers of a contact between grains end with gg in the template, those of a contact
+    # between grain and wall with gp.
     pair_values: dict[str, object] = {}
     for name, pair in job.pairs.items():
         pair_values[f"e_{name}"] = equivalent_restitution(pair, LEAST_RESTITUTION)
@@ -42,8 +45,8 @@ def deck(job: Job) -> dict[str, str]:
     text = fill_template(
         "liggghts.in.jinja",
         job,
-        head=head(job, _notes(job)),
-        seed=prime(job.seed),
+        head=write_head(job, _list_differences(job)),
+        seed=find_prime(job.seed),
         model=model,
         sjkr=has_cohesion,
         epsd=rolling_law == "epsd",
@@ -53,39 +56,43 @@ def deck(job: Job) -> dict[str, str]:
         n_spheres=len(spheres_m),
         **pair_values,
     )
-    files = {"in.pour": text, "funnel.stl": stl(job.surfaces)}
+    files = {"in.pour": text, "funnel.stl": write_stl(job.surfaces)}
     if not job.is_sphere:
-        files["clump.txt"] = "".join(f"{numbers(sphere)}\n" for sphere in spheres_m)
+        files["clump.txt"] = "".join(
+            f"{join_numbers(sphere)}\n" for sphere in spheres_m
+        )
     return files
 
 
-def _notes(job: Job) -> list[str]:
-    """List how LIGGGHTS differs from the study."""
-    notes = []
+def _list_differences(job: Job) -> list[str]:
+    """List the differences between LIGGGHTS and the study."""
+    differences = []
     if job.simulation.contact_law != "hertz_mindlin":
-        notes.append(
+        differences.append(
             "a tangential force grows and falls with the normal load; in the study it "
             "stays on loading and falls on unloading"
         )
     if job.simulation.tension == "release":
-        notes.append(
+        differences.append(
             "coefficientRestitution is the number that gives the study's damping; with "
             "limitForce an impact then ends with the restitution calibrated"
         )
     for bodies, pair in (("grains", job.grains), ("grain and wall", job.on_wall)):
         if equivalent_restitution(pair, LEAST_RESTITUTION) == LEAST_RESTITUTION:
-            notes.append(
+            differences.append(
                 f"{bodies}: the study's damping is stronger than coefficientRestitution "
                 f"{LEAST_RESTITUTION:g} gives, the least that LIGGGHTS takes"
             )
-    return notes
+    return differences
 
 
-def prime(seed: int) -> int:
-    """Find a prime above 10000, as LIGGGHTS needs for its random numbers.
+def find_prime(seed: int) -> int:
+    """Find the prime with which LIGGGHTS seeds its random numbers.
 
-    It is different for each seed, 0 or more.
+    LIGGGHTS requires a prime above 10000. Each seed of the study, 0 or more, gives
+    another prime.
     """
+    # The first odd number to try. There is a prime among the next hundred odd numbers.
     number = 20001 + 200 * seed
     while any(number % k == 0 for k in range(3, math.isqrt(number) + 1, 2)):
         number += 2

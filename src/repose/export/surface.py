@@ -1,4 +1,4 @@
-"""Divide the inner surface of the funnel into triangles."""
+"""Divide the inner surface of the funnel into triangles, for other programs."""
 
 import math
 from itertools import pairwise
@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from repose.bench.funnel import Funnel
-from repose.export.decks import numbers
+from repose.export.decks import join_numbers
 
 # Facets around the axis.
 AROUND = 36
@@ -16,22 +16,31 @@ ARC_DEG = 30.0
 LONGEST_ROW_M = 0.024
 
 
-def profile(funnel: Funnel) -> np.ndarray:
+def compute_profile(funnel: Funnel) -> np.ndarray:
     """Compute the inner profile of the funnel in the half plane (r, z).
 
     The line follows the cone to the neck, the rounded edge there, the tube if there is
     one, and the rounded edge of the outlet.
 
+    Parameters
+    ----------
+    funnel : Funnel
+        Sizes of the funnel.
+
     Returns
     -------
-    array
-        Points (N, 2) [m] from the inlet to the underside of the outlet's edge.
+    ndarray
+        Points (N, 2) [m] from the inlet to the underside of the outlet's edge: distance
+        from the axis, and height.
     """
     # The centres of both arcs lie at the same distance from the axis.
     edge_radius = funnel.rim_radius_m
     centre_r = 0.5 * funnel.outlet_diameter_m + edge_radius
 
-    def arc(centre_z: float, start_deg: float, end_deg: float) -> list[list[float]]:
+    def make_arc(
+        centre_z: float, start_deg: float, end_deg: float
+    ) -> list[list[float]]:
+        """List points (r, z) on a rounded edge, from one angle to another."""
         n_points = 1 + math.ceil((end_deg - start_deg) / ARC_DEG)
         angles = np.radians(np.linspace(start_deg, end_deg, n_points))
         points = []
@@ -44,8 +53,8 @@ def profile(funnel: Funnel) -> np.ndarray:
     inlet = [0.5 * funnel.inlet_diameter_m, funnel.inlet_height_m]
     # The neck's arc begins where the cone touches it.
     touching_deg = 90.0 + math.degrees(math.radians(funnel.cone_angle_deg))
-    neck = arc(funnel.neck_height_m, touching_deg, 180.0)
-    lip = arc(funnel.outlet_height_m, 180.0, 270.0)
+    neck = make_arc(funnel.neck_height_m, touching_deg, 180.0)
+    lip = make_arc(funnel.outlet_height_m, 180.0, 270.0)
     if not funnel.tube_length_m:
         # Without a tube the second arc begins at the last point of the first.
         lip = lip[1:]
@@ -53,7 +62,18 @@ def profile(funnel: Funnel) -> np.ndarray:
 
 
 def _divide_line(points: np.ndarray) -> np.ndarray:
-    """Divide the segments of a line (N, 2) into pieces of at most `LONGEST_ROW_M`."""
+    """Divide the segments of a line into pieces of at most `LONGEST_ROW_M`.
+
+    Parameters
+    ----------
+    points : ndarray
+        Points (N, 2) of the line in m.
+
+    Returns
+    -------
+    ndarray
+        The given points and those between them, (M, 2).
+    """
     divided = [points[:1]]
     for start, end in pairwise(points):
         length_m = np.linalg.norm(end - start)
@@ -63,16 +83,21 @@ def _divide_line(points: np.ndarray) -> np.ndarray:
     return np.concatenate(divided)
 
 
-def triangles(funnel: Funnel) -> np.ndarray:
-    """Divide the funnel's surface into triangles.
+def divide_surface(funnel: Funnel) -> np.ndarray:
+    """Divide the inner surface of the funnel into triangles.
+
+    Parameters
+    ----------
+    funnel : Funnel
+        Sizes of the funnel.
 
     Returns
     -------
-    array
-        Corners (T, 3, 3) [m], counterclockwise as seen from the axis.
+    ndarray
+        Corners (T, 3, 3) of T triangles [m], counterclockwise as seen from the axis.
     """
     # Rotate the profile about the axis: each of its N points becomes a ring of points.
-    line = profile(funnel)
+    line = compute_profile(funnel)
     radii = line[:, :1]
     heights = line[:, 1:]
     angles = 2.0 * math.pi * np.arange(AROUND) / AROUND
@@ -82,7 +107,8 @@ def triangles(funnel: Funnel) -> np.ndarray:
     rings = np.stack([x, y, z], axis=-1)  # (N, AROUND, 3)
 
     # Two neighbours on a ring and the two below them are the corners of a quadrilateral.
-    # Divide each quadrilateral into two triangles.
+    # Divide each quadrilateral into two triangles. Rolling a ring by one point puts the
+    # neighbour of each point in its place.
     upper = rings[:-1]
     lower = rings[1:]
     next_upper = np.roll(upper, -1, axis=1)
@@ -92,9 +118,10 @@ def triangles(funnel: Funnel) -> np.ndarray:
     return np.concatenate([first.reshape(-1, 3, 3), second.reshape(-1, 3, 3)])
 
 
-def stl(funnel: Funnel) -> str:
-    """Write the surface of the funnel as the text of an STL file, in metres."""
-    facets = triangles(funnel)
+def write_stl(funnel: Funnel) -> str:
+    """Write the inner surface of the funnel as the text of an STL file, in metres."""
+    # The normal of a facet is the unit vector across two of its edges.
+    facets = divide_surface(funnel)
     first_edges = facets[:, 1] - facets[:, 0]
     second_edges = facets[:, 2] - facets[:, 0]
     normals = np.cross(first_edges, second_edges)
@@ -102,9 +129,9 @@ def stl(funnel: Funnel) -> str:
 
     lines = ["solid funnel"]
     for normal, facet in zip(normals, facets, strict=True):
-        lines.append(f"facet normal {numbers(normal)}")
+        lines.append(f"facet normal {join_numbers(normal)}")
         lines.append("outer loop")
-        lines += [f"vertex {numbers(corner)}" for corner in facet]
+        lines += [f"vertex {join_numbers(corner)}" for corner in facet]
         lines.append("endloop")
         lines.append("endfacet")
     return "\n".join([*lines, "endsolid funnel", ""])

@@ -38,10 +38,11 @@ def write_template(
     Parameters
     ----------
     job_of : callable
+        Makes the `Job` of parameters by name. It is called once for each name more.
     parameters : mapping
-        Values by name.
+        Values of the parameters by name.
     names : sequence of str
-        The parameters that become names.
+        The parameters whose names take the place of their numbers.
     program : str
         One of `repose.export.PROGRAMS`.
     folder : path
@@ -63,16 +64,18 @@ def write_template(
             raise InputError("command line", "--names", name, allowed)
     job = job_of(parameters)
     check_laws(job, program)
+    # The first file is the deck itself. Only the deck becomes a template.
     files = PROGRAMS[program](job)
-    deck = next(iter(files))
+    deck_name = next(iter(files))
 
-    def text_of(values: Mapping[str, float]) -> str:
-        return PROGRAMS[program](job_of(values))[deck]
+    def write_deck(values: Mapping[str, float]) -> str:
+        """Write the text of the deck with other values of the parameters."""
+        return PROGRAMS[program](job_of(values))[deck_name]
 
-    files[deck] = template_of(text_of, parameters, names)
+    files[deck_name] = template_of(write_deck, parameters, names)
     paths = []
     for name, text in files.items():
-        path = Path(folder) / (f"{name}{ENDING}" if name == deck else name)
+        path = Path(folder) / (f"{name}{ENDING}" if name == deck_name else name)
         write_text(path, text)
         paths.append(path)
     return paths
@@ -83,22 +86,31 @@ def template_of(
     parameters: Mapping[str, float],
     names: Sequence[str],
 ) -> str:
-    """Put names in place of the numbers of a text that follow a parameter in proportion.
+    """Replace the numbers of a text that are in proportion to a parameter by its name.
+
+    The text is written again with another value of each parameter. The numbers that
+    change belong to this parameter.
 
     Parameters
     ----------
     text_of : callable
-        Writes the text of parameters by name.
+        Writes the text with the parameters that it is given, by name.
     parameters : mapping
-        Values by name.
+        Values of the parameters by name.
     names : sequence of str
-        The parameters that become names.
+        The parameters whose names take the place of their numbers.
+
+    Returns
+    -------
+    str
+        The template. A number that is twice `mus_gg` becomes ``{{ 2 * mus_gg }}``.
 
     Raises
     ------
     InputError
         If a parameter changes no number, or one that is not in proportion to it.
     """
+    # Words and numbers alternate: even entries are words, odd ones are numbers.
     parts = NUMBER.split(text_of(parameters))
     template = list(parts)
     for name in names:
@@ -110,13 +122,14 @@ def template_of(
         if not changed:
             raise _not_in_proportion(name)
         for k in changed:
-            # Odd entries are the numbers.
-            is_number = k % 2 == 1 and template[k] == parts[k]
-            if not is_number or not _are_equal(
-                float(changed_parts[k]), CHANGE * float(parts[k])
-            ):
+            # The part must be a number that no other parameter has replaced.
+            is_free_number = k % 2 == 1 and template[k] == parts[k]
+            if not is_free_number:
                 raise _not_in_proportion(name)
-            template[k] = _in_braces(name, float(parts[k]) / value)
+            number = float(parts[k])
+            if not _are_equal(float(changed_parts[k]), CHANGE * number):
+                raise _not_in_proportion(name)
+            template[k] = _in_braces(name, number / value)
     return "".join(template)
 
 
@@ -126,14 +139,14 @@ def _are_equal(first: float, second: float) -> bool:
 
 
 def _in_braces(name: str, factor: float) -> str:
-    """Write a name with the factor of its number."""
+    """Write a name in double braces, with the factor between number and parameter."""
     if _are_equal(factor, 1.0):
         return f"{{{{ {name} }}}}"
     return f"{{{{ {factor:.7g} * {name} }}}}"
 
 
 def _not_in_proportion(name: str) -> InputError:
-    """Say that a deck has no number in proportion to a parameter."""
+    """Make the error for a parameter to which no number is in proportion."""
     words = (
         "parameters to which numbers of the deck are in proportion, such as coefficients "
         "of friction; give others by --set"

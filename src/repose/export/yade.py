@@ -5,47 +5,47 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from repose.export.decks import fill_template, head, numbers
+from repose.export.decks import fill_template, join_numbers, write_head
 from repose.export.job import Job, Pair
 from repose.export.laws import rolling_stiffness
-from repose.export.surface import AROUND, profile
+from repose.export.surface import AROUND, compute_profile
 
 
 def deck(job: Job) -> dict[str, str]:
     """Write the file of a YADE run by name: pour.py."""
-    weights, inertia = member_masses(job)
+    weights, inertia = distribute_mass(job)
     widest_m = max(job.plate_radius_m, 0.5 * job.surfaces.inlet_diameter_m)
     text = fill_template(
         "yade.py.jinja",
         job,
-        head=head(job, _notes(job)),
-        spheres=_list_text(job.particle.spheres_m),
-        masses=_list_text(weights * job.particle.mass_kg),
-        inertia=_list_text(inertia),
-        damping_gg=_damping_share(job.grains),
-        damping_gp=_damping_share(job.on_wall),
+        head=write_head(job, _list_differences(job)),
+        spheres=_write_list(job.particle.spheres_m),
+        masses=_write_list(weights * job.particle.mass_kg),
+        inertia=_write_list(inertia),
+        damping_gg=_compute_damping_share(job.grains),
+        damping_gp=_compute_damping_share(job.on_wall),
         eta=job.grains.rolling_friction * job.lever_m / job.mean_radius_m,
         krot=rolling_stiffness(job.grains),
         moment_gp=job.on_wall.rolling_friction * job.lever_m,
         krot_gp=rolling_stiffness(job.on_wall),
-        profile=_list_text(profile(job.surfaces)),
+        profile=_write_list(compute_profile(job.surfaces)),
         around=AROUND,
         plate_side=4.0 * widest_m,
     )
     return {"pour.py": text}
 
 
-def _damping_share(pair: Pair) -> float:
-    """Compute the damping of a pair over the critical damping."""
+def _compute_damping_share(pair: Pair) -> float:
+    """Compute the damping of a pair as a share of its critical damping."""
     return math.sqrt(5.0 / 6.0) * pair.damping_ratio
 
 
-def _notes(job: Job) -> list[str]:
-    """List how YADE differs from the study."""
+def _list_differences(job: Job) -> list[str]:
+    """List the differences between YADE and the study."""
     behaviour = "stays on loading and falls on unloading"
     if job.simulation.contact_law == "hertz_mindlin":
         behaviour = "grows and falls with the normal load"
-    notes = [
+    differences = [
         "a tangential force stays as it is when the normal load changes; in the study it "
         f"{behaviour}",
         "on a facet YADE takes two thirds of a sphere's radius as the effective one: "
@@ -53,22 +53,28 @@ def _notes(job: Job) -> list[str]:
         "a contact with a wall rolls in its first step with the coefficient of the grains",
     ]
     if job.simulation.tension == "keep":
-        notes.append("the normal force never pulls, damped as if it could")
-    return notes
+        differences.append("the normal force never pulls, damped as if it could")
+    return differences
 
 
-def member_masses(job: Job) -> tuple[np.ndarray, np.ndarray]:
-    """Distribute mass and inertia over the spheres of a clump.
+def distribute_mass(job: Job) -> tuple[np.ndarray, np.ndarray]:
+    """Distribute mass and inertia of a grain over its spheres.
 
-    Together the spheres must have the mass, the centre of mass and the moments of
-    inertia of the body.
+    YADE adds up the spheres of a clump. Together they must have the mass, the centre of
+    mass and the moments of inertia of the grain.
+
+    Parameters
+    ----------
+    job : Job
+        The grain and its pour.
 
     Returns
     -------
-    shares : array
-        Share (M,) of each sphere in the mass. The shares are as equal as possible. Their
-        sum is 1, their centre is the origin and their products of inertia are zero.
-    inertia : array
+    shares : ndarray
+        Share (M,) of each sphere in the mass. The shares are as equal as possible.
+        Their sum is 1, their centre is the origin and their products of inertia are
+        zero.
+    inertia : ndarray
         Moments of inertia (3,) of each sphere [kg m2]. Together they supply what the
         masses at the centres of the spheres lack.
     """
@@ -100,10 +106,10 @@ def member_masses(job: Job) -> tuple[np.ndarray, np.ndarray]:
     return shares, missing_inertia / n_spheres
 
 
-def _list_text(values: ArrayLike) -> str:
-    """Write a list of numbers, or a list of such lists, as text of Python."""
+def _write_list(values: ArrayLike) -> str:
+    """Write numbers (N,), or rows of numbers (N, M), as a list of Python."""
     values = np.asarray(values)
     if values.ndim == 1:
-        return f"[{numbers(values, ', ')}]"
-    rows = "".join(f"    {_list_text(row)},\n" for row in values)
+        return f"[{join_numbers(values, ', ')}]"
+    rows = "".join(f"    {_write_list(row)},\n" for row in values)
     return f"[\n{rows}]"
