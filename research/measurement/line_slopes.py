@@ -72,13 +72,13 @@ def sample(
 ) -> dict[str, float]:
     """Means of a sample's good pours: ``Height`` [mm] and each line [deg]; empty if there are none."""
     npz = Path(npz)
-    arrays = saved_pours.saved_positions(npz)
+    arrays = saved_pours.read_positions(npz)
     found = []
     for record in saved_pours.read_pours(npz.with_name(npz.stem + saved_pours.POURS))[
         "pours"
     ]:
         if record["status"] == "ok":
-            poured = saved_pours.pour_arrays(arrays, record["seed"], npz)
+            poured = saved_pours.select_pour(arrays, record["seed"], npz)
             try:
                 found.append(measured(poured, particle, settings))
             except NoFlankError:

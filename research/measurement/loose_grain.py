@@ -104,4 +104,4 @@ def _first_good(npz: Path) -> dict[str, np.ndarray]:
     """Arrays of the first pour of a job that can be measured."""
     job = saved_pours.read_pours(npz.with_name(npz.stem + saved_pours.POURS))
     seed = next(record["seed"] for record in job["pours"] if record["status"] == "ok")
-    return saved_pours.pour_arrays(saved_pours.saved_positions(npz), seed, npz)
+    return saved_pours.select_pour(saved_pours.read_positions(npz), seed, npz)

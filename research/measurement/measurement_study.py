@@ -125,11 +125,11 @@ def measured_piles(
     npz = Path(npz)
     job = saved_pours.read_pours(npz.with_name(npz.stem + saved_pours.POURS))
     rows = []
-    arrays = saved_pours.saved_positions(npz)
+    arrays = saved_pours.read_positions(npz)
     for record in job["pours"]:
         if record["status"] != "ok":
             continue
-        poured = saved_pours.pour_arrays(arrays, record["seed"], npz)
+        poured = saved_pours.select_pour(arrays, record["seed"], npz)
         try:
             found = variants_of(poured, particle, settings)
         except NoFlankError:

@@ -28,11 +28,11 @@ def of_pours(
     rows = []
     for path in map(Path, pours_json):
         job = saved_pours.read_pours(path)
-        arrays = saved_pours.saved_positions(saved_pours.positions_file(path))
+        arrays = saved_pours.read_positions(saved_pours.positions_file(path))
         for record in job["pours"]:
             if (job["sample"], record["seed"]) not in good:
                 continue
-            saved = saved_pours.pour_arrays(arrays, record["seed"], path)
+            saved = saved_pours.select_pour(arrays, record["seed"], path)
             try:
                 _, views = pile.draw_views(
                     Grains.of(saved, particle), settings, saved["in_pile"]
@@ -40,7 +40,7 @@ def of_pours(
             except NoFlankError:
                 continue
             profiles = [pile.find_profile(view)[0] for view in views]
-            widths = further_responses.mean_half_width(
+            widths = further_responses.measure_half_widths(
                 profiles, settings.mm_per_pixel, levels_mm
             )
             rows.append([job["sample"], record["seed"], *widths])

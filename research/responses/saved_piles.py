@@ -11,7 +11,7 @@ from repose.common.errors import InputError, NoFlankError
 from repose.common.files import read_table, write_table
 from repose.grain.particle import Particle
 from repose.measure import pile, saved_pours
-from repose.measure.further_responses import BENCH, MEASURED, of_pour
+from repose.measure.further_responses import BENCH, MEASURED, measure_pour
 from research.responses.offered import offered
 
 
@@ -29,11 +29,11 @@ def of_pours(
     found = {}
     for path in map(Path, pours_json):
         job = saved_pours.read_pours(path)
-        arrays = saved_pours.saved_positions(saved_pours.positions_file(path))
+        arrays = saved_pours.read_positions(saved_pours.positions_file(path))
         for record in job["pours"]:
             key = (job["sample"], record["seed"])
             if key in good:
-                saved = saved_pours.pour_arrays(arrays, record["seed"], path)
+                saved = saved_pours.select_pour(arrays, record["seed"], path)
                 found[key] = _or_nothing(saved, particle, settings, plate_mm)
     return found
 
@@ -109,6 +109,6 @@ def _of_the_pile(runs):
 def _or_nothing(saved, particle, settings, plate_mm):
     """Measure the responses of a pour; empty without a pile."""
     try:
-        return of_pour(saved, particle, settings, plate_mm)
+        return measure_pour(saved, particle, settings, plate_mm)
     except NoFlankError:
         return {}

@@ -11,7 +11,7 @@ import numpy as np
 from repose.grain.particle import Particle
 from repose.measure import pile
 from repose.measure.angles import MEAN_KEYS
-from repose.measure.further_responses import mean_half_width
+from repose.measure.further_responses import measure_half_widths
 from repose.measure.profile_points import FLANK_RULES
 from repose.measure.silhouette import Grains
 
@@ -86,7 +86,7 @@ def core_density(
     if top <= 1.5 * berry_mm:
         return None
     levels = (np.arange(LEVELS) + 0.5) * top / LEVELS
-    radii = mean_half_width(profiles, mm_per_pixel, levels + berry_mm)
+    radii = measure_half_widths(profiles, mm_per_pixel, levels + berry_mm)
     volume_mm3 = (
         math.pi * float((_weight(levels, berry_mm) * radii**2).sum()) * top / LEVELS
     )

@@ -14,7 +14,7 @@ from pinhole import Heap, Scene, Truth, photograph, truth
 
 from repose.measure.photographs import photograph as photographs
 from repose.measure.photographs import sheet
-from repose.measure.photographs.drawing import overlay, overlay_of_refused
+from repose.measure.photographs.drawing import overlay, overlay_refused
 from repose.measure.settings import MeasureSettings
 
 NUMBER = 60
@@ -150,7 +150,7 @@ def show(found: photographs.Photograph, path: Path) -> None:
     shown = (
         overlay(found.view, seen)
         if seen is not None
-        else overlay_of_refused(found.view, found.pile)
+        else overlay_refused(found.view, found.pile)
     )
     cv2.imwrite(str(path.with_name(f"{path.stem}_found.png")), shown)
 

@@ -80,7 +80,7 @@ def test_the_secant_of_a_cone_is_steeper_by_the_height_over_what_stands_above_th
     height = 240.0
     line = angles.fit_secant(cone(slope, height), berry)
     assert line.angle_deg == pytest.approx(degrees(slope * height / (height - berry)))
-    assert angles.secant_of_pile(line, line) == pytest.approx(line.angle_deg)
+    assert angles.compute_secant(line, line) == pytest.approx(line.angle_deg)
 
 
 def test_the_secant_takes_the_whole_width():
@@ -88,8 +88,8 @@ def test_the_secant_takes_the_whole_width():
     right = angles.fit_secant(cone(0.8, 240.0), 48.0)
     width = 192.0 / 0.4 + 192.0 / 0.8
     expected = degrees(2 * 240.0 / width)
-    assert angles.secant_of_pile(left, right) == pytest.approx(expected)
-    assert angles.secant_of_pile(left, right) < (left.angle_deg + right.angle_deg) / 2
+    assert angles.compute_secant(left, right) == pytest.approx(expected)
+    assert angles.compute_secant(left, right) < (left.angle_deg + right.angle_deg) / 2
 
 
 def test_a_trapezoid_is_a_cone_up_to_its_top():
@@ -272,10 +272,12 @@ def test_sides_hold_every_definition_or_say_why_not():
 def test_windows_levels_and_lines_are_what_their_words_say():
     height = np.arange(30.0)
     distance = 2.0 * height + np.random.default_rng(1).normal(scale=3.0, size=30)
-    slope = angles.window_slopes(distance, height, np.array([5.0]), np.array([20.0]))
+    slope = angles.compute_window_slopes(
+        distance, height, np.array([5.0]), np.array([20.0])
+    )
     expected = np.polyfit(distance[5:21], height[5:21], 1)[0]
     assert slope[0] == pytest.approx(expected, rel=1e-9)
-    middle, heights = profile_points.points_by_levels(
+    middle, heights = profile_points.select_by_levels(
         np.array([0.0, 10.0, 20.0, 10.0, 20.0, 30.0]), 14.5, 16.5
     )
     assert heights.tolist() == [15.0, 16.0]

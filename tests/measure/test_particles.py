@@ -138,11 +138,11 @@ def test_loose_grains_are_counted_and_leave_the_pile(tmp_path):
     path.write_text(dump_text(np.vstack([centres, loose])))
     found = measure_particles(particle_files.read(path), SETTINGS)
     percent = 100 * 3 / (len(centres) + 3)
-    assert found.additional["loose_percent"] == pytest.approx(percent)
+    assert found.other_responses["loose_percent"] == pytest.approx(percent)
     path.write_text(dump_text(centres))
     alone = measure_particles(particle_files.read(path), SETTINGS)
     assert found.result.aor_deg == alone.result.aor_deg
-    assert alone.additional["loose_percent"] == 0.0
+    assert alone.other_responses["loose_percent"] == 0.0
 
 
 def test_grains_that_fell_from_the_plate_do_not_move_the_base(tmp_path):

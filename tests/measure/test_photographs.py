@@ -271,7 +271,7 @@ def test_a_level_length_gives_the_scale_and_turns_the_photograph(tmp_path, measu
     assert values["left_deg"] == pytest.approx(values["right_deg"], abs=0.3)
     assert values["height_mm"] == pytest.approx(80, abs=0.7)
     assert values["mm_per_pixel"] == pytest.approx(0.5, abs=1e-3)
-    assert photographs.scale_of_level_length(10.0, 1.0, 1.0, 41.0, 1.0) == (0.25, 0.0)
+    assert photographs.measure_level_length(10.0, 1.0, 1.0, 41.0, 1.0) == (0.25, 0.0)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 from refusals import input_error, raised
 
 from repose.measure import pile as piles
-from repose.measure.photographs.drawing import overlay, process_panels
+from repose.measure.photographs.drawing import draw_steps, overlay
 from repose.measure.photographs.segmentation import find_plate_row
 from repose.measure.pile import MeasureSettings, NoFlankError, read_image
 from repose.measure.profile_points import FLANK_RULES
@@ -321,7 +321,7 @@ def test_the_base_is_the_given_one_or_a_plate_as_dark_as_the_pile_and_jpeg_round
 
 def test_the_panels_of_a_picture_are_those_of_the_workflow():
     picture = toned(drawn(lambda u: triangle(30, u), half_width(30)), 40, 220)
-    panels = process_panels(picture, MM, FLANK)
+    panels = draw_steps(picture, MM, FLANK)
     assert list(panels) == ["grey", "binary", "edge", "boundary"]
     assert np.array_equal(panels["grey"], picture)
     assert (

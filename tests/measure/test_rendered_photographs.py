@@ -111,7 +111,9 @@ def test_a_cone_seen_from_above_or_below_gets_its_angle_and_its_foot_back(above,
     pile = Segmentation(
         255 * mask, mask.astype(np.float32), 0.5, mask, base, "brighter"
     )
-    photograph = photographs.Photograph(Path(), mask, pile, facts={"mm_per_pixel": px})
+    photograph = photographs.Photograph(
+        Path(), mask, pile, geometry={"mm_per_pixel": px}
+    )
     settings = MeasureSettings.with_defaults(berry_height_mm=6.0)
     flat = photographs._measure_view(photograph, settings)
     assert (flat.aor_deg < 30.9) == (above != 0)

@@ -170,8 +170,8 @@ def test_further_responses_are_measured_where_they_are_targets(saved):
     result = measure_job(Scene.of(whole, {}, AXES, whole_berry), saved)
     settings = pile.MeasureSettings.with_defaults(**whole["measure"]).for_grain(AXES)
     plate = whole["funnel"]["plate_diameter_mm"]
-    poured = saved_pours.first_pour(saved.with_name("007.npz"))
-    expected = further_responses.of_pour(poured, whole_berry, settings, plate)
+    poured = saved_pours.read_first_pour(saved.with_name("007.npz"))
+    expected = further_responses.measure_pour(poured, whole_berry, settings, plate)
     first, _, jammed = result["runs"]
     assert {name: first[name] for name in FURTHER} == {
         name: expected[name] for name in FURTHER
@@ -191,7 +191,7 @@ def test_a_picture_of_a_simulated_pile_is_measured_as_its_first_view(
         **config(fit_from=fit_from)["measure"]
     ).for_grain(AXES)
     assert settings.berry_height_mm == pytest.approx(BERRY_MM)
-    poured = saved_pours.first_pour(saved.with_name("007.npz"))
+    poured = saved_pours.read_first_pour(saved.with_name("007.npz"))
     run = funnel.FunnelTest().measure(
         one_pour(1), poured, Scene.of(config(fit_from=fit_from), {}, AXES, PARTICLE)
     )
@@ -225,7 +225,7 @@ def test_the_lines_of_the_overlay_are_those_of_the_response_and_a_given_height_o
         .berry_height_mm
         is None
     )
-    poured = saved_pours.first_pour(saved.with_name("007.npz"))
+    poured = saved_pours.read_first_pour(saved.with_name("007.npz"))
     lines = set()
     for name in DEFINITIONS:
         settings = pile.MeasureSettings.with_defaults(

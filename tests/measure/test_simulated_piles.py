@@ -98,7 +98,7 @@ def test_the_members_alone_are_measured():
     )
     members = np.arange(502) < 500
     alone = measure_pile(Grains(centres, q, BERRY))
-    masked = measure_pile(with_stray, members=members)
+    masked = measure_pile(with_stray, in_pile=members)
     assert masked.aor_deg == alone.aor_deg
     assert masked.height_mm == alone.height_mm
     assert alone.aor[alone.response].shape == alone.view_height_mm.shape == (18,)
@@ -117,7 +117,7 @@ def test_what_is_no_pile_is_refused():
     flat = np.column_stack([rng.uniform(-0.1, 0.1, (80, 2)), np.full(80, 0.005)])
     lying = Grains(flat, np.tile([1.0, 0, 0, 0], (80, 1)), BERRY)
     raised(NoFlankError, "mm high", measure_pile, lying)
-    raised(NoFlankError, "no grain", measure_pile, lying, members=np.zeros(80, bool))
+    raised(NoFlankError, "no grain", measure_pile, lying, in_pile=np.zeros(80, bool))
 
 
 def test_too_coarse_a_pixel_is_refused():
@@ -213,8 +213,8 @@ def test_half_widths_are_those_of_cones():
     wide = cone(31.0)
     low = cone(31.0, height_mm=20.0)
     level = np.array([10.0, 40.0])
-    half_width = further_responses.mean_half_width([wide], MM_PER_PIXEL, level)
-    both = further_responses.mean_half_width([wide, low], MM_PER_PIXEL, level)
+    half_width = further_responses.measure_half_widths([wide], MM_PER_PIXEL, level)
+    both = further_responses.measure_half_widths([wide, low], MM_PER_PIXEL, level)
     expected = [50 / math.tan(math.radians(31)), 20 / math.tan(math.radians(31))]
     assert half_width == pytest.approx(expected, abs=0.3)
     assert both[1] == pytest.approx(half_width[1] / 2)

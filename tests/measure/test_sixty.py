@@ -12,7 +12,7 @@ from repose.common.errors import NoFlankError
 from repose.measure.photographs import finding, sheet
 from repose.measure.photographs import photograph as photographs
 from repose.measure.photographs.camera import Pose, calibrate
-from repose.measure.photographs.doubts import doubts_of_pile
+from repose.measure.photographs.doubts import list_doubts_of_pile
 from repose.measure.photographs.segmentation import Segmentation
 from repose.measure.photographs.tables import describe, tables
 from repose.measure.pile import measure_segmented
@@ -148,7 +148,7 @@ def outlined(*tops):
 def test_what_is_found_is_asked_whether_it_is_a_heap(tops, doubt):
     settings = MeasureSettings.with_defaults(mm_per_pixel=0.5, berry_height_mm=6.0)
     pile = outlined(*tops)
-    doubts = doubts_of_pile(pile, measure_segmented(pile, settings), 6.0, 0.5)
+    doubts = list_doubts_of_pile(pile, measure_segmented(pile, settings), 6.0, 0.5)
     assert bool(doubts) == bool(doubt)
     assert any(doubt in line for line in doubts) or not doubt
 
@@ -178,7 +178,9 @@ def test_a_second_heap_beside_it_is_doubtful(tmp_path):
 def test_a_doubt_is_printed_beside_its_photograph_and_a_layer_is_refused(tmp_path):
     settings = MeasureSettings.with_defaults(mm_per_pixel=0.5)
     pile = outlined((150, 60), (450, 62))
-    doubt = doubts_of_pile(pile, seen := measure_segmented(pile, settings), 6.0, 0.5)[0]
+    doubt = list_doubts_of_pile(
+        pile, seen := measure_segmented(pile, settings), 6.0, 0.5
+    )[0]
     photograph = photographs.Photograph(
         tmp_path / "a.png",
         pile.grey,
@@ -195,7 +197,7 @@ def test_a_doubt_is_printed_beside_its_photograph_and_a_layer_is_refused(tmp_pat
     raised(
         NoFlankError,
         "a layer, no pile",
-        doubts_of_pile,
+        list_doubts_of_pile,
         pile,
         measure_segmented(pile, settings),
         12.0,

@@ -45,7 +45,7 @@ def test_every_file_gives_the_angles_of_the_dump():
         assert pile.result.aor_deg == pytest.approx(dump.result.aor_deg, abs=0.05), path
         assert pile.result.height_mm == pytest.approx(dump.result.height_mm, abs=0.01)
         assert (pile.up, pile.n_grains, pile.n_particles) == ("z", 30, 30)
-        assert pile.additional["loose_percent"] == 0.0
+        assert pile.other_responses["loose_percent"] == 0.0
 
 
 def test_files_of_vtk_without_particles_are_refused(tmp_path):

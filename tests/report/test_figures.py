@@ -316,7 +316,7 @@ def test_bad_names_of_figures_and_inputs_are_named(inputs, tmp_path):
         lambda case: figures.draw(*case, tmp_path / "x.png", CONFIG), cases, InputError
     )
     np.savez(tmp_path / "x.npz", other=np.zeros(3))
-    input_error("position_SEED", saved_pours.first_pour, tmp_path / "x.npz")
+    input_error("position_SEED", saved_pours.read_first_pour, tmp_path / "x.npz")
 
 
 def test_sizes_have_an_axis_of_whole_numbers(drawn):
@@ -397,7 +397,7 @@ def test_the_angle_has_its_lines_in_figure_6(inputs, drawn):
         read_grain(files["berry"])
     )
     image = side_view(
-        saved_pours.first_pour(files["heap"]),
+        saved_pours.read_first_pour(files["heap"]),
         Particle.load(files["particle"]),
         settings,
     )

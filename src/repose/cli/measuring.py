@@ -196,7 +196,7 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
                 "up": pile.up,
                 "base": pile.base,
                 **pile.result.record(),
-                **pile.additional,
+                **pile.other_responses,
             }
         )
     table = pd.DataFrame(rows)
@@ -314,7 +314,7 @@ def _measure_piles(
     from repose.measure.photographs import drawing
     from repose.measure.photographs import photograph as photographs
     from repose.measure.photographs.tables import (
-        as_record,
+        convert_to_records,
         describe,
         tables,
         write_tables,
@@ -326,7 +326,7 @@ def _measure_piles(
     )
     for photograph, overlay in zip(results, overlays, strict=True):
         if photograph.measurement is None:
-            image = drawing.overlay_of_refused(photograph.view, photograph.pile)
+            image = drawing.overlay_refused(photograph.view, photograph.pile)
         else:
             image = drawing.overlay(photograph.view, photograph.measurement)
         write_image(overlay, image)
@@ -346,7 +346,7 @@ def _measure_piles(
     responses = _photographed_piles()[args.bench]
     write_tables(measured, settings, out=out, bench=args.bench, responses=responses)
     if args.json:
-        print(json_text(as_record(measured)))
+        print(json_text(convert_to_records(measured)))
     else:
         print(describe(results, measured, settings=settings, out=out))
 
@@ -365,7 +365,7 @@ def _measure_apparatus(
     from repose.bench.settings import SceneSettings
     from repose.bench.turning import TurningSettings
     from repose.common.files import write_image, write_table
-    from repose.measure.photographs.tables import as_record, write_tables
+    from repose.measure.photographs.tables import convert_to_records, write_tables
 
     if args.config is None:
         raise InputError(
@@ -400,7 +400,7 @@ def _measure_apparatus(
         turning = scene.section("turning", TurningSettings)
         write_table(out / "profile.csv", photographs.profile(results, turning))
     if args.json:
-        print(json_text(as_record(measured)))
+        print(json_text(convert_to_records(measured)))
     else:
         print(photographs.describe(results, measured, out))
 
@@ -435,11 +435,11 @@ def _scale_of_length(args: argparse.Namespace) -> "Scale":
         LEAST_LENGTH_PX,
         MOST_LEVEL_DEG,
         Scale,
-        scale_of_level_length,
+        measure_level_length,
     )
 
     _require_between("--length", args.length[0], 1, 1e5)
-    result = scale_of_level_length(*args.length)
+    result = measure_level_length(*args.length)
     if result is None:
         raise InputError(
             "command line",
@@ -556,13 +556,13 @@ def silhouette(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.common.files import write_image
     from repose.grain.particle import Particle
     from repose.measure.saved_piles import side_view
-    from repose.measure.saved_pours import first_pour
+    from repose.measure.saved_pours import read_first_pour
 
     require_option(
         math.isfinite(args.azimuth), "--azimuth", args.azimuth, "a finite angle"
     )
     settings = study.settings.measure
-    pile = first_pour(args.heap)
+    pile = read_first_pour(args.heap)
     particle = Particle.load(args.particle)
     write_image(
         args.out, side_view(pile, particle, settings=settings, azimuth_deg=args.azimuth)

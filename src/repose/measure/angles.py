@@ -38,8 +38,8 @@ from repose.measure.definitions import (  # noqa: F401 (imported from here elsew
 from repose.measure.profile_points import (
     MIN_LEVELS,
     NO_FOOT,
-    outermost_crossing,
-    points_between,
+    find_outermost_crossing,
+    select_points,
 )
 from repose.measure.settings import ONE_GRAIN, MeasureSettings
 
@@ -82,13 +82,32 @@ class _Moments(NamedTuple):
 def fit_flank(
     profile: np.ndarray, low: float, high: float, rule: str = "columns"
 ) -> Line:
-    """Fit the definition "flank": the regression of height on distance in a band."""
-    distance, height = points_between(profile, low, high, rule)
+    """Fit the definition "flank": the regression of height on distance in a band.
+
+    Parameters
+    ----------
+    profile : ndarray
+        Heights (M,) of one side in pixels, from outside the foot to the crest.
+    low, high : float
+        Lower and upper end of the band.
+    rule : str
+        The rule of `FLANK_RULES` that selects the points.
+
+    Raises
+    ------
+    NoFlankError
+        If the band has no line.
+    """
+    distance, height = select_points(profile, low, high, rule)
     return fit_line(distance, height, low, high)
 
 
 def fit_whole_side(profile: np.ndarray, rule: str = "columns") -> Line:
-    """Fit the definition "whole": the regression over all of the side."""
+    """Fit the definition "whole": the regression over all of a side.
+
+    The arguments are those of `fit_flank`. The band begins at the lowest pixel and ends
+    at the crest.
+    """
     return fit_flank(profile, FOOT, float(profile[-1]), rule)
 
 
@@ -101,8 +120,15 @@ def fit_steepest(
     flatter than the whole: a regression on the distance flattens where its heights are
     cut off, the more the shorter the stretch is. The maximum of many slopes exceeds
     their mean, so on a lumpy flank this definition biases the angle upwards.
+
+    The arguments are those of `fit_flank`.
+
+    Raises
+    ------
+    NoFlankError
+        If half of the band is too low, or if no stretch rises.
     """
-    distance, height = points_between(profile, low, high, rule)
+    distance, height = select_points(profile, low, high, rule)
     min_height = (high - low) / 2
     if min_height < MIN_LEVELS:
         raise NoFlankError(
@@ -114,11 +140,13 @@ def fit_steepest(
     # A stretch is the band without some whole pixels at its lower and its upper end,
     # together at most half of the band.
     cuts = np.arange(math.floor(min_height) + 1)
+    # Entry (i, j) cuts off cuts[i] pixels below and cuts[j] pixels above.
     is_long_enough = cuts[:, None] + cuts <= min_height
     lower_index, upper_index = np.nonzero(is_long_enough)
     lows = low + cuts[lower_index]
     highs = high - cuts[upper_index]
-    best = _best_window(window_slopes(distance, height, lows, highs))
+    # Slopes of all stretches are fast to compute; only the steepest gets a line.
+    best = _find_best_window(compute_window_slopes(distance, height, lows, highs))
     steepest_low = float(lows[best])
     steepest_high = float(highs[best])
     is_inside = (height >= steepest_low) & (height <= steepest_high)
@@ -130,16 +158,29 @@ def fit_straightest(
 ) -> Line:
     """Fit the definition "straightest": the window of the largest correlation.
 
-    A window is a stretch of the side's points, at least the share `smallest` of them.
-    Li et al. let windows grow from the open end to the centre and take the angle of the
-    one in which distance and height correlate most; they do not give their smallest
-    window.
+    A window is a stretch of successive points of the side. Li et al. let windows grow
+    from the open end to the centre and take the angle of the one in which distance and
+    height correlate most; they do not give their smallest window.
+
+    Parameters
+    ----------
+    profile : ndarray
+        Heights (M,) of one side in pixels, from outside the foot to the crest.
+    smallest : float
+        Share of the side's points that a window has at least.
+    rule : str
+        The rule of `FLANK_RULES` that selects the points.
+
+    Raises
+    ------
+    NoFlankError
+        If the side has too few points, or if no window rises.
 
     References
     ----------
     Li, Ucgul, Lee, Saunders (2020). Comput. Electron. Agric. 172, 105356.
     """
-    distance, height = points_between(profile, FOOT, float(profile[-1]), rule)
+    distance, height = select_points(profile, FOOT, float(profile[-1]), rule)
     n_points = distance.size
     min_points = max(MIN_LEVELS, math.ceil(smallest * n_points))
     if n_points < min_points:
@@ -148,11 +189,12 @@ def fit_straightest(
     # borders that are far enough apart is a window.
     n_steps = min(n_points, WINDOW_STEPS)
     borders = np.linspace(0, n_points, n_steps + 1).round().astype(int)
+    # Entry (i, j) is the number of points between borders i and j.
     n_inside = borders - borders[:, None]
     first_index, last_index = np.nonzero(n_inside >= min_points)
     first = borders[first_index]
     last = borders[last_index]
-    best = _best_window(window_correlations(distance, height, first, last))
+    best = _find_best_window(compute_window_correlations(distance, height, first, last))
     window = slice(first[best], last[best])
     window_height = height[window]
     low = float(window_height.min())
@@ -160,10 +202,23 @@ def fit_straightest(
     return fit_line(distance[window], window_height, low, high)
 
 
-def _best_window(values: np.ndarray) -> int:
-    """Find the window with the largest slope or correlation (windows,).
+def _find_best_window(values: np.ndarray) -> int:
+    """Find the window of the largest slope or correlation.
 
-    NoFlankError if all windows are walls (NaN), or none rises.
+    Parameters
+    ----------
+    values : ndarray
+        Slope or correlation of each window (windows,); NaN for a wall.
+
+    Returns
+    -------
+    int
+        Number of the window.
+
+    Raises
+    ------
+    NoFlankError
+        If all windows are walls, or if none rises.
     """
     if np.isnan(values).all():
         raise NoFlankError(WALL)
@@ -172,22 +227,34 @@ def _best_window(values: np.ndarray) -> int:
     return int(np.nanargmax(values))
 
 
-def window_correlations(
+def compute_window_correlations(
     distance: np.ndarray, height: np.ndarray, first: np.ndarray, last: np.ndarray
 ) -> np.ndarray:
-    """Compute the correlation (windows,) of distance and height in each window.
+    """Compute the correlation of distance and height in each of many windows of points.
 
-    A window has the points from `first` to `last` - 1. NaN stands for a wall.
+    Parameters
+    ----------
+    distance, height : ndarray
+        The points (N,) of one side, in order.
+    first, last : ndarray
+        Number of the first point of each window, and of the point after its last one
+        (windows,).
+
+    Returns
+    -------
+    ndarray
+        Correlations (windows,); NaN for a wall.
     """
     x = distance - distance.mean()
     z = height - height.mean()
-    moments = _window_moments(x, z, first, last)
+    moments = _compute_window_moments(x, z, first, last)
     is_usable = (moments.xx >= moments.n * WALL_SD**2) & (moments.zz > 0)
+    # Windows that are not usable get a 1, to avoid a division by zero.
     squared_norm = np.where(is_usable, moments.xx * moments.zz, 1.0)
     return np.where(is_usable, moments.xz / np.sqrt(squared_norm), np.nan)
 
 
-def window_slopes(
+def compute_window_slopes(
     distance: np.ndarray, height: np.ndarray, lows: np.ndarray, highs: np.ndarray
 ) -> np.ndarray:
     """Compute the slope of the regression line in each of many windows of heights.
@@ -210,24 +277,35 @@ def window_slopes(
     last = np.searchsorted(height[order], highs, side="right")
     x = distance[order] - distance.mean()
     z = height[order] - height.mean()
-    moments = _window_moments(x, z, first, last)
+    moments = _compute_window_moments(x, z, first, last)
     has_points = moments.n >= MIN_LEVELS
     is_usable = has_points & (moments.xx >= moments.n * WALL_SD**2)
+    # The slope is the covariance over the variance of the distance.
     divisor = np.where(is_usable, moments.xx, 1.0)
     return np.where(is_usable, moments.xz / divisor, np.nan)
 
 
-def _window_moments(
+def _compute_window_moments(
     x: np.ndarray, z: np.ndarray, first: np.ndarray, last: np.ndarray
 ) -> _Moments:
-    """Compute the moments of the points `first` to `last` - 1 of each window.
+    """Compute the sums of squares and products of the points in each window.
 
     Differences of running sums make it fast for many windows.
+
+    Parameters
+    ----------
+    x, z : ndarray
+        Distances and heights (N,) of the points.
+    first, last : ndarray
+        Number of the first point of each window, and of the point after its last one
+        (windows,).
     """
+    # Running sums, which begin with 0 before the first point
     sums = np.cumsum([x, z, x * x, z * z, x * z], axis=1)
     sums = np.concatenate([np.zeros((len(sums), 1)), sums], axis=1)
     in_window = sums.take(last, axis=1) - sums.take(first, axis=1)
     sum_x, sum_z, sum_xx, sum_zz, sum_xz = in_window
+    # Subtracting the squared mean refers the sums to the means of the window.
     n = np.maximum(last - first, 1)
     return _Moments(
         n=n,
@@ -238,10 +316,19 @@ def _window_moments(
 
 
 def fit_line(distance: np.ndarray, height: np.ndarray, low: float, high: float) -> Line:
-    """Fit the regression line of height on distance through the points (N,) of a side.
+    """Fit the regression line of height on distance through the points of a side.
 
-    The line ends at the heights `low` and `high`. Raises NoFlankError if the points are
-    too few or a wall, or if the line does not rise.
+    Parameters
+    ----------
+    distance, height : ndarray
+        The points (N,).
+    low, high : float
+        Heights at which the line ends.
+
+    Raises
+    ------
+    NoFlankError
+        If the points are too few or a wall, or if the line does not rise.
     """
     if distance.size < MIN_LEVELS:
         raise NoFlankError(WALL)
@@ -260,8 +347,19 @@ def fit_line(distance: np.ndarray, height: np.ndarray, low: float, high: float) 
 def fit_secant(profile: np.ndarray, grain: float) -> Line:
     """Fit the definition "secant" to one side: the line from its foot to the crest.
 
-    The foot lies on the plate, below the outermost place that is as high as a grain,
-    `grain` pixels. Raises NoFlankError for a pile of one layer, and without a foot.
+    The foot lies on the plate, below the outermost place that is as high as a grain.
+
+    Parameters
+    ----------
+    profile : ndarray
+        Heights (M,) of the side in pixels, from outside the foot to the crest.
+    grain : float
+        Height of a grain in pixels.
+
+    Raises
+    ------
+    NoFlankError
+        For a pile of one layer, and without a foot.
     """
     crest = profile.size - 1
     height = float(profile[-1])
@@ -269,15 +367,16 @@ def fit_secant(profile: np.ndarray, grain: float) -> Line:
         raise NoFlankError("the pile is not higher than one grain")
     if profile[0] >= grain:
         raise NoFlankError(NO_FOOT)
-    foot = float(outermost_crossing(profile, np.array([grain]))[0])
+    foot = float(find_outermost_crossing(profile, np.array([grain]))[0])
     angle_deg = math.degrees(math.atan2(height, crest - foot))
     return Line(angle_deg, ((foot, 0.0), (float(crest), height)))
 
 
-def secant_of_pile(left: Line, right: Line) -> float:
+def compute_secant(left: Line, right: Line) -> float:
     """Compute the secant of a pile in degrees from the lines of its two sides.
 
-    It is atan(2 H / D), where D is the sum of both widths.
+    It is atan(2 H / D), where H is the height of the crest and D the sum of the widths
+    of both sides.
     """
     (left_foot, _), (left_crest, height) = left.ends
     (right_foot, _), (right_crest, _) = right.ends
@@ -298,7 +397,7 @@ def measure_sides(
     profile : ndarray
         Heights (W,) of both sides over the plate in pixels.
     crest : int
-        The column that divides the sides.
+        The column that divides the sides; it belongs to both.
     settings : MeasureSettings
         Settings of the lines.
     definitions : sequence of str
@@ -306,9 +405,12 @@ def measure_sides(
 
     Returns
     -------
-    tuple
-        The angles by definition, and the reasons why others could not be measured.
+    measured : dict
+        The angles by definition.
+    reasons : dict
+        Why the other angles could not be measured, by definition.
     """
+    # Both sides run from outside the foot to the crest, so the right one is reversed.
     left_side = profile[: crest + 1]
     right_side = profile[crest:][::-1]
     measured = {}
@@ -321,7 +423,7 @@ def measure_sides(
             reasons[name] = error.reason
             continue
         if name == "secant":
-            angle_deg = secant_of_pile(left, right)
+            angle_deg = compute_secant(left, right)
         else:
             angle_deg = 0.5 * (left.angle_deg + right.angle_deg)
         measured[name] = PileAngle(angle_deg, left, right)
@@ -329,21 +431,34 @@ def measure_sides(
 
 
 def _fit_side(side: np.ndarray, definition: str, settings: MeasureSettings) -> Line:
-    """Fit the line of one side (M,), from outside the foot to the crest.
+    """Fit the line of one side by one definition.
 
-    Raises NoFlankError if the side has no such line, and ValueError for an unknown
-    definition.
+    Parameters
+    ----------
+    side : ndarray
+        Heights (M,) of the side in pixels, from outside the foot to the crest.
+    definition : str
+        One of `DEFINITIONS`.
+    settings : MeasureSettings
+        Settings of the lines.
+
+    Raises
+    ------
+    NoFlankError
+        If the side has no such line.
+    ValueError
+        For an unknown definition.
     """
     if definition == "whole":
         return fit_whole_side(side)
     if definition == "straightest":
         return fit_straightest(side, settings.smallest_window)
     if definition == "secant":
-        return fit_secant(side, _grain_height_px(settings))
-    # The other two are of a part of the side, between two heights.
+        return fit_secant(side, _compute_grain_height(settings))
+    # The flank and its steepest part lie between two heights.
     height = float(side[-1])
-    low = _height_of_end(settings.fit_from, height, settings)
-    high = _height_of_end(settings.fit_to, height, settings)
+    low = _compute_end_height(settings.fit_from, height, settings)
+    high = _compute_end_height(settings.fit_to, height, settings)
     if definition == "flank":
         return fit_flank(side, low, high, settings.flank)
     if definition == "steepest":
@@ -351,15 +466,27 @@ def _fit_side(side: np.ndarray, definition: str, settings: MeasureSettings) -> L
     raise ValueError(f"no definition of the angle is named {definition}")
 
 
-def _height_of_end(end: float | str, height: float, settings: MeasureSettings) -> float:
-    """Compute the height of an end of the flank in pixels, from that of the crest."""
+def _compute_end_height(
+    end: float | str, height: float, settings: MeasureSettings
+) -> float:
+    """Compute the height in pixels of an end of the flank.
+
+    Parameters
+    ----------
+    end : float or str
+        A share of the height, or `ONE_GRAIN` for the height of a grain.
+    height : float
+        Height of the crest in pixels.
+    settings : MeasureSettings
+        Settings with the scale and the height of a grain.
+    """
     if end == ONE_GRAIN:
-        return _grain_height_px(settings)
+        return _compute_grain_height(settings)
     return float(end) * height
 
 
-def _grain_height_px(settings: MeasureSettings) -> float:
-    """Compute a grain's height in pixels; NoFlankError if it is unknown."""
+def _compute_grain_height(settings: MeasureSettings) -> float:
+    """Compute the height of a grain in pixels; NoFlankError if it is unknown."""
     if settings.berry_height_mm is None:
         raise NoFlankError("the grain's height is not known")
     return settings.berry_height_mm / settings.mm_per_pixel

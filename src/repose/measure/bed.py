@@ -63,18 +63,24 @@ def surface_of(
 ) -> Surface:
     """Find the surface of a bed and fit a line through its middle part.
 
-    The surface is the upper edge of the bed in each column of the picture.
+    The surface is the upper edge of the bed in each column of the picture. The picture
+    shows the drum's section, and its middle is the axis.
 
     Parameters
     ----------
     filled : ndarray
-        The pixels (H, W) of the drum's section that the bed covers.
+        Mask (H, W) of the pixels that the bed covers.
     radius_m : float
         Inner radius of the drum.
     mm_per_pixel : float
         Scale of the picture.
     fit_share : float
         Share of the surface's width that is fitted; the wall lifts grains at its ends.
+
+    Returns
+    -------
+    Surface
+        The surface, in m from the axis.
 
     Raises
     ------
@@ -108,9 +114,21 @@ def surface_of(
 def side_view(
     grains: silhouette.Grains, radius_m: float, mm_per_pixel: float
 ) -> np.ndarray:
-    """Mark the pixels (H, W) of a drum's section that grains cover, along the axis.
+    """Draw the view of grains along the axis of a drum.
 
-    `radius_m` is the drum's inner radius.
+    Parameters
+    ----------
+    grains : silhouette.Grains
+        The grains; the axis of the drum is the y axis.
+    radius_m : float
+        Inner radius of the drum.
+    mm_per_pixel : float
+        Scale of the picture.
+
+    Returns
+    -------
+    ndarray
+        Mask (H, W) of the pixels of the drum's section that grains cover.
     """
     # Silhouettes begin at z = 0, here the drum's lowest point.
     lift = np.array([0.0, 0.0, radius_m])
@@ -123,7 +141,20 @@ def side_view(
 def occupied_share(
     frames: Iterable[silhouette.Grains], radius_m: float, mm_per_pixel: float
 ) -> np.ndarray:
-    """Compute the share (H, W) of frames in which the bed covers a pixel."""
+    """Compute the share of frames in which the bed covers each pixel.
+
+    Parameters
+    ----------
+    frames : iterable of silhouette.Grains
+        The grains at several times.
+    radius_m, mm_per_pixel : float
+        As of `side_view`.
+
+    Returns
+    -------
+    ndarray
+        Shares (H, W), 0 to 1.
+    """
     views = [side_view(grains, radius_m, mm_per_pixel) for grains in frames]
     return np.mean(views, axis=0)
 
@@ -166,8 +197,9 @@ def surface_heights(
     has_bed = is_covered.any(axis=0)
     top_rows = is_covered.argmax(axis=0)
 
-    # Interpolate between the uppermost covered pixel and the one above it. The middle of
-    # row k lies k + 1/2 pixels below the upper border.
+    # Interpolate between the uppermost covered pixel and the one above it, to where the
+    # share equals `covered`. The middle of row k lies k + 1/2 pixels below the upper
+    # border.
     inner_share = occupied[top_rows, columns]
     outer_share = np.where(top_rows > 0, occupied[top_rows - 1, columns], 0.0)
     step = np.where(has_bed, inner_share - outer_share, 1.0)
@@ -180,7 +212,20 @@ def surface_heights(
 
 
 def to_drum_frame(centres_m: np.ndarray, turned_rad: float) -> np.ndarray:
-    """Compute positions (..., 3) in the frame of a drum that has turned by an angle."""
+    """Compute positions in the frame of a drum that has turned.
+
+    Parameters
+    ----------
+    centres_m : ndarray
+        Positions (..., 3) in the frame at rest.
+    turned_rad : float
+        Angle by which the drum has turned about -y.
+
+    Returns
+    -------
+    ndarray
+        Positions (..., 3) in m in the frame that turned with the drum.
+    """
     cos = math.cos(turned_rad)
     sin = math.sin(turned_rad)
     x = centres_m[..., 0]
@@ -301,7 +346,8 @@ def slip_displacement(
     distance = position @ along
     depth = -(position @ normal)
 
-    # A grain that only turned with the drum has not moved.
+    # Compare both positions in the drum's frame, as it was before the slip. A grain that
+    # only turned with the drum has not moved.
     displacement = to_drum_frame(after_m, turned_rad) - before_m
     motion = -displacement[:, ::2] @ along
     is_beyond = (distance < 0.0) | (distance > line_length)

@@ -1,4 +1,4 @@
-"""Clusters of bodies that touch each other, such as the pile among loose grains."""
+"""Find clusters of bodies that touch each other, such as a pile among loose grains."""
 
 import numpy as np
 

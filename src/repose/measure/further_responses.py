@@ -36,7 +36,7 @@ from repose.measure import pile
 from repose.measure.definitions import (  # noqa: F401 (imported from here elsewhere)
     CALIBRATED_ANGLE,
 )
-from repose.measure.profile_points import outermost_crossing
+from repose.measure.profile_points import find_outermost_crossing
 from repose.measure.saved_pours import Arrays
 from repose.measure.settings import MeasureSettings
 from repose.measure.silhouette import Grains, SolidBody
@@ -57,22 +57,22 @@ SCATTER_SHARE = 0.9  # of the grains, within `radius_90_mm`
 N_LEVELS = 200  # heights at which the silhouette's width is measured for the volume
 
 
-def mean_half_width(
+def measure_half_widths(
     profiles: Sequence[np.ndarray], mm_per_pixel: float, levels_mm: ArrayLike
 ) -> np.ndarray:
-    """Compute half the width of a pile at several heights, as the mean over its views.
+    """Measure half the width of a pile at several heights, as the mean over its views.
 
     The width goes from the outermost boundary on the left to that on the right.
 
     Parameters
     ----------
     profiles : sequence of ndarray
-        For each view the heights over the plate of all columns in pixels.
+        For each view the heights (W,) of all columns over the plate in pixels.
     mm_per_pixel : float
         Scale of the views.
     levels_mm : array_like
-        Heights (N,) over the plate. A view that does not reach a height has the width 0
-        there.
+        Heights (N,) over the plate at which the width is measured. In a view that does
+        not reach a height the width is 0.
 
     Returns
     -------
@@ -84,10 +84,10 @@ def mean_half_width(
     for profile in profiles:
         is_reached = levels < profile.max()
         reached_levels = levels[is_reached]
-        left = outermost_crossing(profile, reached_levels)
+        left = find_outermost_crossing(profile, reached_levels)
         # The right side is searched backwards, from the last column.
         last_column = len(profile) - 1
-        right = last_column - outermost_crossing(profile[::-1], reached_levels)
+        right = last_column - find_outermost_crossing(profile[::-1], reached_levels)
         sum_of_half_widths[is_reached] += 0.5 * (right - left)
     return sum_of_half_widths / len(profiles) * mm_per_pixel
 
@@ -131,7 +131,7 @@ def measure_silhouettes(
             f"half of {height_mm:.1f} mm is not above a grain, {grain_mm:.1f} mm"
         )
     upper_mm = UPPER_FLANK_TO * height_mm
-    base_radius, middle_radius, upper_radius = mean_half_width(
+    base_radius, middle_radius, upper_radius = measure_half_widths(
         profiles, mm_per_pixel, [grain_mm, middle_mm, upper_mm]
     )
     lower_slope = math.atan2(middle_mm - grain_mm, base_radius - middle_radius)
@@ -140,7 +140,7 @@ def measure_silhouettes(
     # The volume of the pile is a stack of thin discs.
     disc_mm = height_mm / N_LEVELS
     disc_middles_mm = disc_mm * (np.arange(N_LEVELS) + 0.5)
-    radii = mean_half_width(profiles, mm_per_pixel, disc_middles_mm)
+    radii = measure_half_widths(profiles, mm_per_pixel, disc_middles_mm)
     volume_mm3 = math.pi * disc_mm * (radii**2).sum()
     return {
         "base_radius_mm": float(base_radius),
@@ -186,13 +186,32 @@ def measure_scatter(
     }
 
 
-def of_pour(
+def measure_pour(
     arrays: Arrays, particle: SolidBody, settings: MeasureSettings, plate_mm: float
 ) -> dict[str, float]:
     """Measure all responses of `MEASURED` of one pour.
 
-    The arguments are those of `repose.measure.saved_piles.pile_responses`. Raises
-    NoFlankError if there is no pile.
+    Parameters
+    ----------
+    arrays : mapping
+        The pour's arrays by name: ``position``, ``quaternion``, ``in_pile`` and, if
+        sizes differ, ``scale``.
+    particle : SolidBody
+        The grains' body.
+    settings : MeasureSettings
+        Settings of the measurement.
+    plate_mm : float
+        Diameter of the plate.
+
+    Returns
+    -------
+    dict
+        The responses by name.
+
+    Raises
+    ------
+    NoFlankError
+        If there is no pile.
     """
     settings = pile.with_grain_height(settings, particle)
     assert settings.berry_height_mm is not None
@@ -200,7 +219,7 @@ def of_pour(
     in_pile = arrays["in_pile"]
     height_m, views = pile.draw_views(grains, settings, in_pile)
     profiles = [pile.find_profile(view)[0] for view in views]
-    # The volume is that of the grains in the silhouettes.
+    # The packing needs the volume of the grains that the silhouettes show.
     scales = grains.scales[in_pile] if settings.largest_pile_only else grains.scales
     relative_volume = float((scales**3).sum())
     shape = measure_silhouettes(

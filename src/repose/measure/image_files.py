@@ -1,4 +1,4 @@
-"""Reading of picture files, which are checked before they are decoded.
+"""Read picture files, which are checked before they are decoded.
 
 OpenCV and Pillow are imported where a file is read: a process that only measures
 simulated piles needs neither of them for it.
@@ -71,15 +71,18 @@ def read_image(path: str | PathLike) -> np.ndarray:
         raise InputError(path, "picture", problem, allowed)
 
     if image.dtype == np.uint16:
-        return _upper_bits(image)
+        return _keep_upper_bits(image)
     if image.dtype != np.uint8:
         allowed = "a picture of 8 to 16 bits a colour: save it so"
         raise InputError(path, "picture", f"of {image.dtype} numbers", allowed)
     return image
 
 
-def _upper_bits(image: np.ndarray) -> np.ndarray:
-    """Keep the upper eight of the bits that a picture of 16 bits uses."""
+def _keep_upper_bits(image: np.ndarray) -> np.ndarray:
+    """Convert a picture of 16 bits to 8 bits a colour.
+
+    The upper eight of the bits that the picture uses are kept.
+    """
     # Not the maximum, which may be that of a single hot pixel
     peak = int(np.quantile(image[::8, ::8], 0.999))
     shift = max(peak.bit_length() - 8, 0)
@@ -87,7 +90,12 @@ def _upper_bits(image: np.ndarray) -> np.ndarray:
 
 
 def _check_header(path: Path) -> None:
-    """Raise InputError if the header shows a HEIC file, several pages or a bad size."""
+    """Check a picture by its header, before it is decoded.
+
+    Raises InputError for a HEIC file, for several pages and for a picture that is too
+    small or too large. A file whose header Pillow cannot read passes: OpenCV decides
+    then whether it is a picture.
+    """
     from PIL import Image, UnidentifiedImageError
 
     with path.open("rb") as file:
@@ -101,7 +109,7 @@ def _check_header(path: Path) -> None:
     try:
         with Image.open(path) as picture:
             width, height = picture.size
-            n_pages = _page_count(picture)
+            n_pages = _count_pages(picture)
     except (UnidentifiedImageError, OSError, SyntaxError, ValueError):
         return  # OpenCV decides whether it is a picture
     finally:
@@ -117,7 +125,7 @@ def _check_header(path: Path) -> None:
         raise InputError(path, "size", size, allowed)
 
 
-def _page_count(picture: "PillowImage") -> int:
+def _count_pages(picture: "PillowImage") -> int:
     """Count the pages of a picture; a phone's JPEG with a second view counts as one."""
     if picture.format == "MPO":
         return 1

@@ -1,4 +1,4 @@
-"""Files of particles, as simulators write them: positions with sizes.
+"""Read files of particles, as simulators write them: positions with sizes.
 
 Four formats are read.
 
@@ -7,7 +7,8 @@ dump
 table
     A CSV file, or columns separated by blanks, with a header.
 Yade
-    Text of ``yade.export.text``, whose first line names the columns: ``#format x_y_z_r``.
+    Text of ``yade.export.text``, whose first line names the columns: ``#format
+    x_y_z_r``.
 VTK
     Points with values, by `repose.measure.vtk_files`.
 
@@ -111,30 +112,43 @@ def read(path: Path_) -> Particles:
     table = _read_table(Path(path))
     if table.empty:
         raise InputError(path, "file", "without a particle", "a row for each particle")
-    columns = _columns_of(table)
-    _require_each_once(path, table)
-    _require(path, table, columns, POSITION)
+    columns = _find_columns(table)
+    _require_unique_ids(path, table)
+    _require_columns(path, table, columns, POSITION)
     centres = _read_numbers(path, table, columns, POSITION)
     semi_axes = _read_semi_axes(path, table, columns)
     # Without an orientation the axes of a particle are those of the file.
     quaternions = np.tile([1.0, 0.0, 0.0, 0.0], (len(table), 1))
     if "qw" in columns:
-        _require(path, table, columns, QUATERNION)
-        quaternions = _unit(path, _read_numbers(path, table, columns, QUATERNION))
-    return Particles(centres, semi_axes, quaternions, _grains_of(table, columns))
+        _require_columns(path, table, columns, QUATERNION)
+        quaternions = _normalise(path, _read_numbers(path, table, columns, QUATERNION))
+    return Particles(centres, semi_axes, quaternions, _find_grains(table, columns))
 
 
-def _grains_of(table: pd.DataFrame, columns: dict[str, str]) -> np.ndarray:
-    """Find the grain (N,) of each particle, as a number.
+def _find_grains(table: pd.DataFrame, columns: dict[str, str]) -> np.ndarray:
+    """Find the grain to which each particle belongs.
 
-    Without the number of a clump each particle is a grain, and so is one whose number is
-    negative: Yade and LIGGGHTS mark a particle outside clumps by -1.
+    Without the number of a clump each particle is a grain of its own, and so is one
+    whose number is negative: Yade and LIGGGHTS mark a particle outside clumps by -1.
+
+    Parameters
+    ----------
+    table : DataFrame
+        The table of the file, a row for each particle.
+    columns : dict
+        Column of each quantity in the table, from `_find_columns`.
+
+    Returns
+    -------
+    ndarray of int
+        Number (N,) of the grain of each particle; spheres of a clump share it.
     """
     rows = np.arange(len(table))
     if "grain" not in columns:
         return rows
     clumps = table[columns["grain"]]
     is_alone = pd.to_numeric(clumps, errors="coerce") < 0
+    # A name that no clump has makes such a particle a grain of its own.
     alone = [f"alone {row}" for row in rows]
     return pd.factorize(np.where(is_alone, alone, clumps.astype(str)))[0]
 
@@ -143,10 +157,10 @@ def _grains_of(table: pd.DataFrame, columns: dict[str, str]) -> np.ndarray:
 
 
 def _read_table(path: Path) -> pd.DataFrame:
-    """Read a file in one of the formats as a table.
+    """Read a file in one of the formats as a table, a row for each particle.
 
-    They are VTK, a dump of LAMMPS or LIGGGHTS, a text file of Yade, and any table with
-    a header.
+    The formats are VTK, a dump of LAMMPS or LIGGGHTS, a text file of Yade, and any
+    table with a header. The first bytes of the file tell the format.
     """
     with path.open("rb") as file:
         start = file.read(vtk_files.START_BYTES)
@@ -161,7 +175,7 @@ def _read_table(path: Path) -> pd.DataFrame:
     if text.startswith(YADE_FORMAT):
         header, _, rows = text.partition("\n")
         names = header.removeprefix(YADE_FORMAT).split("_")
-        return _split(path, names, rows.splitlines())
+        return _split_rows(path, names, rows.splitlines())
     # Columns without commas, semicolons or tabs are separated by blanks; otherwise
     # pandas finds the separator.
     header = text.lstrip("\ufeff").partition("\n")[0]
@@ -174,7 +188,21 @@ def _read_table(path: Path) -> pd.DataFrame:
 
 
 def _read_dump(path: Path, text: str) -> pd.DataFrame:
-    """Read the last time step of a dump of LAMMPS or LIGGGHTS."""
+    """Read the last time step of a dump of LAMMPS or LIGGGHTS.
+
+    Parameters
+    ----------
+    path : Path
+        The file, for messages.
+    text : str
+        Its content.
+
+    Raises
+    ------
+    InputError
+        If the dump has no particles, or if its last time step is not whole.
+    """
+    # Each time step has a line before its number of particles, and a header of its rows.
     lines = text.splitlines()
     header_lines = []
     count_lines = []
@@ -198,11 +226,14 @@ def _read_dump(path: Path, text: str) -> pd.DataFrame:
     if len(rows) != int(count):
         allowed = f"{count} rows, a whole dump"
         raise InputError(path, "ITEM: ATOMS", f"{len(rows)} rows", allowed)
-    return _split(path, names, rows)
+    return _split_rows(path, names, rows)
 
 
-def _split(path: Path, names: list[str], rows: list[str]) -> pd.DataFrame:
-    """Split rows at blanks into the columns `names`."""
+def _split_rows(path: Path, names: list[str], rows: list[str]) -> pd.DataFrame:
+    """Split rows at blanks into the columns `names`.
+
+    Raises InputError for a row that has another number of values.
+    """
     cells = [row.split() for row in rows if row.strip()]
     for number, row in enumerate(cells, start=1):
         if len(row) != len(names):
@@ -215,15 +246,19 @@ def _split(path: Path, names: list[str], rows: list[str]) -> pd.DataFrame:
 # --- columns --------------------------------------------------------------------------
 
 
-def _columns_of(table: pd.DataFrame) -> dict[str, str]:
+def _find_columns(table: pd.DataFrame) -> dict[str, str]:
     """Find the column of each quantity by its names; case does not count.
 
-    Returns the name of the column in the file by quantity; quantities that the file
-    lacks are left out.
+    Returns
+    -------
+    dict
+        The name of the column in the file, by quantity of `COLUMNS`. Quantities that
+        the file lacks are left out.
     """
     column_by_name = {str(name).strip().lower(): name for name in table.columns}
     columns = {}
     for quantity, names in COLUMNS.items():
+        # The first name that the file has is preferred.
         for name in names:
             if name in column_by_name:
                 columns[quantity] = column_by_name[name]
@@ -231,10 +266,22 @@ def _columns_of(table: pd.DataFrame) -> dict[str, str]:
     return columns
 
 
-def _require(
+def _require_columns(
     path: Path_, table: pd.DataFrame, columns: dict[str, str], needed: tuple[str, ...]
 ) -> None:
-    """Refuse a table without one of the needed quantities."""
+    """Raise InputError for a table without one of the needed quantities.
+
+    Parameters
+    ----------
+    path : path
+        The file, for messages.
+    table : DataFrame
+        Its table.
+    columns : dict
+        Column of each quantity in the table, from `_find_columns`.
+    needed : tuple of str
+        Quantities of `COLUMNS`.
+    """
     for quantity in needed:
         if quantity not in columns:
             found = ", ".join(map(str, table.columns))
@@ -242,8 +289,8 @@ def _require(
             raise InputError(path, f"column {quantity}", "missing", allowed)
 
 
-def _require_each_once(path: Path_, table: pd.DataFrame) -> None:
-    """Refuse a table in which two particles have one number."""
+def _require_unique_ids(path: Path_, table: pd.DataFrame) -> None:
+    """Raise InputError for a table in which two particles have the same number."""
     names = [name for name in table.columns if str(name).strip().lower() == NUMBER]
     for name in names:
         is_repeated = table[name].duplicated()
@@ -256,9 +303,28 @@ def _require_each_once(path: Path_, table: pd.DataFrame) -> None:
 def _read_numbers(
     path: Path_, table: pd.DataFrame, columns: dict[str, str], names: tuple[str, ...]
 ) -> np.ndarray:
-    """Return the numbers (N, K) of K quantities, each in its column of the table.
+    """Read the numbers of several quantities from their columns of the table.
 
-    Raises InputError for the first that is no finite number.
+    Parameters
+    ----------
+    path : path
+        The file, for messages.
+    table : DataFrame
+        Its table of N rows.
+    columns : dict
+        Column of each quantity in the table, from `_find_columns`.
+    names : tuple of str
+        The K quantities.
+
+    Returns
+    -------
+    ndarray
+        Numbers (N, K).
+
+    Raises
+    ------
+    InputError
+        For the first value that is no finite number.
     """
     numbers = np.empty((len(table), len(names)))
     for k, name in enumerate(names):
@@ -276,10 +342,20 @@ def _read_numbers(
 def _read_semi_axes(
     path: Path_, table: pd.DataFrame, columns: dict[str, str]
 ) -> np.ndarray:
-    """Return the semi-axes (N, 3) of the particles; three equal ones for a sphere.
+    """Read the semi-axes of the particles from the columns that give their sizes.
 
-    Raises InputError without a size, for a size that is not positive, and for
-    particles that are no spheres and have no orientation.
+    The arguments are those of `_read_numbers`.
+
+    Returns
+    -------
+    ndarray
+        Semi-axes (N, 3); three equal ones for a sphere.
+
+    Raises
+    ------
+    InputError
+        Without a size, for a size that is not positive, and for particles that are no
+        spheres and have no orientation.
     """
     has_semi_axes = set(SEMI_AXES) <= set(columns)
     has_full_axes = set(FULL_AXES) <= set(columns)
@@ -311,8 +387,8 @@ def _read_semi_axes(
     return semi_axes
 
 
-def _unit(path: Path_, quaternions: np.ndarray) -> np.ndarray:
-    """Return quaternions (N, 4) of length 1."""
+def _normalise(path: Path_, quaternions: np.ndarray) -> np.ndarray:
+    """Scale quaternions (N, 4) to length 1; InputError for one of length 0."""
     lengths = np.linalg.norm(quaternions, axis=1, keepdims=True)
     if (lengths == 0).any():
         row = int(np.flatnonzero(lengths[:, 0] == 0)[0])

@@ -1,4 +1,4 @@
-"""A pile of any simulator, measured from the positions and sizes of its particles.
+"""Measure a pile of any simulator from positions and sizes of its particles.
 
 The pile is turned until gravity points down and shifted until its base lies at z = 0.
 Then it is measured as a simulated pile of this program: from several sides, by the code
@@ -81,7 +81,7 @@ class ParticlePile:
     ----------
     result : PileResult
         Angles by every line, and the Height.
-    additional : dict
+    other_responses : dict
         ``packing_percent``, ``loose_percent`` and others of
         `repose.measure.further_responses`.
     up : str
@@ -92,7 +92,7 @@ class ParticlePile:
     """
 
     result: PileResult
-    additional: dict[str, float]
+    other_responses: dict[str, float]
     up: str
     base: float
     n_grains: int
@@ -136,7 +136,7 @@ def measure_particles(
     NoFlankError
         If there is no pile.
     """
-    # `metres` converts a length of the file to metres.
+    # A radius that no grain has shows that the unit of lengths is wrong.
     radius = particles.mean_radius
     metres = UNITS[unit]
     low, high = RADII_M
@@ -151,40 +151,40 @@ def measure_particles(
     # Turn the pile upright, and shift its base to z = 0.
     if up is None:
         up = find_up(particles, source)
-    bottoms = _lowest_points(particles, np.array(DIRECTIONS[up]))
+    bottoms = _find_lowest_points(particles, np.array(DIRECTIONS[up]))
     if base is None:
-        base = _base_of(bottoms, LAYER * radius)
+        base = _find_base(bottoms, LAYER * radius)
 
-    rotation = _rotation_to_z(np.array(DIRECTIONS[up]))
+    rotation = _make_rotation_to_z(np.array(DIRECTIONS[up]))
     centres = particles.centres @ rotation.T
     highest = centres[:, 2].max()
     if base > highest:
         allowed = f"a height of the plate below all grains, at most {highest:.4g}"
         raise InputError(source, "base", base, allowed)
     centres[:, 2] -= base
-    grains = _as_grains(particles, centres * metres, rotation, metres)
+    grains = _make_grains(particles, centres * metres, rotation, metres)
 
     # Contacts, which tell the pile from loose grains, are known of spheres only.
     in_pile = None
     if particles.are_spheres:
-        in_pile = _largest_pile(particles, centres)
+        in_pile = _mark_pile(particles, centres)
 
     settings = settings or MeasureSettings.with_defaults(mm_per_pixel=AUTO)
     if settings.mm_per_pixel == AUTO:
-        settings = settings.with_scale(_mm_per_pixel(2e3 * radius * metres))
-    settings = _with_grain_height(settings, particles, metres)
+        settings = settings.with_scale(_choose_scale(2e3 * radius * metres))
+    settings = _complete_grain_height(settings, particles, metres)
     height_m, views = pile.draw_views(grains, settings, in_pile)
     profiles = [pile.find_profile(view) for view in views]
     shape = _measure_shape(
         [profile for profile, _ in profiles],
         height_m,
         settings,
-        _pile_volume_m3(particles, in_pile, metres),
+        _compute_pile_volume(particles, in_pile, metres),
     )
     scatter = {} if in_pile is None else _measure_scatter(grains, in_pile)
     return ParticlePile(
         result=pile.measure_profiles(profiles, height_m, settings),
-        additional=shape | scatter,
+        other_responses=shape | scatter,
         up=up,
         base=base,
         n_grains=len(np.unique(particles.grains)),
@@ -208,8 +208,8 @@ def find_up(particles: Particles, source: object = "particles") -> str:
     radius = particles.mean_radius
     counts = {}
     for name, direction in DIRECTIONS.items():
-        bottoms = _lowest_points(particles, np.array(direction))
-        base = _base_of(bottoms, LAYER * radius)
+        bottoms = _find_lowest_points(particles, np.array(direction))
+        base = _find_base(bottoms, LAYER * radius)
         is_on_base = np.abs(bottoms - base) < LAYER * radius
         # No grain of a pile lies below the plate on which the pile stands.
         is_below = bottoms < base - LAYER * radius
@@ -226,19 +226,42 @@ def find_up(particles: Particles, source: object = "particles") -> str:
     return first
 
 
-def _lowest_points(particles: Particles, up: np.ndarray) -> np.ndarray:
-    """Compute the heights (N,) of the lowest point of each body along `up` (3,)."""
+def _find_lowest_points(particles: Particles, up: np.ndarray) -> np.ndarray:
+    """Compute the height of the lowest point of each body.
+
+    Parameters
+    ----------
+    particles : Particles
+        N bodies.
+    up : ndarray
+        Unit vector (3,) against gravity.
+
+    Returns
+    -------
+    ndarray
+        Heights (N,) along `up`, in the unit of the file.
+    """
+    # The reach of an ellipsoid along a direction is the length of that direction, given
+    # in the body's frame, with each component times the semi-axis.
     up_body = np.einsum("nij,i->nj", rotation_matrices(particles.quaternions), up)
     reach = np.linalg.norm(particles.semi_axes * up_body, axis=1)
     return particles.centres @ up - reach
 
 
-def _base_of(bottoms: np.ndarray, layer: float) -> float:
+def _find_base(bottoms: np.ndarray, layer: float) -> float:
     """Find the height of the plate: the median of the lowest layer of grains.
 
-    It is the densest layer of that thickness, so that grains that fell from the plate do
-    not count. Of several equal ones it is the lowest.
+    It is the densest layer of that thickness, so that grains that fell from the plate
+    do not count. Of several equal ones it is the lowest.
+
+    Parameters
+    ----------
+    bottoms : ndarray
+        Heights (N,) of the lowest points of the bodies.
+    layer : float
+        Thickness of the layer, in the same unit.
     """
+    # Let a layer begin at each bottom, and count the bottoms up to its thickness above.
     ordered = np.sort(bottoms)
     ends = np.searchsorted(ordered, ordered + layer, side="right")
     counts = ends - np.arange(len(ordered))
@@ -246,27 +269,47 @@ def _base_of(bottoms: np.ndarray, layer: float) -> float:
     return float(np.median(ordered[first : ends[first]]))
 
 
-def _rotation_to_z(up: np.ndarray) -> np.ndarray:
-    """Make the rotation matrix (3, 3) that turns `up` (3,), along an axis, into z."""
-    k = int(np.argmax(np.abs(up)))
-    if k == 2:
-        # half a turn about x where z points down
+def _make_rotation_to_z(up: np.ndarray) -> np.ndarray:
+    """Make the rotation matrix that turns a direction along an axis into z.
+
+    Parameters
+    ----------
+    up : ndarray
+        Unit vector (3,) along one of the axes, in either sense.
+
+    Returns
+    -------
+    ndarray
+        Rotation matrix (3, 3), whose third row is `up`.
+    """
+    axis = int(np.argmax(np.abs(up)))
+    if axis == 2:
+        # Half a turn about x where `up` points along -z, else no rotation
         return np.diag([1.0, up[2], up[2]])
+    # The other horizontal axis becomes x: y for a pile along x, x for one along y.
     across = np.zeros(3)
-    across[1 - k] = 1.0
+    across[1 - axis] = 1.0
     return np.array([across, np.cross(up, across), up])
 
 
 # --- the pile -------------------------------------------------------------------------
 
 
-def _as_grains(
+def _make_grains(
     particles: Particles, centres_m: np.ndarray, rotation: np.ndarray, metres: float
 ) -> Grains:
-    """Make the bodies that the silhouettes show, turned by `rotation` (3, 3).
+    """Make the bodies that the silhouettes show, in their new positions and units.
 
-    Their centres (N, 3) are given in their new positions. `metres` converts a length of
-    the file to metres.
+    Parameters
+    ----------
+    particles : Particles
+        N bodies in the frame and the unit of the file.
+    centres_m : ndarray
+        Their centres (N, 3) in the new frame, in m.
+    rotation : ndarray
+        Rotation (3, 3) from the file's frame to the new one.
+    metres : float
+        Metres in a unit of length of the file.
     """
     from scipy.spatial.transform import Rotation
 
@@ -285,10 +328,23 @@ def _as_grains(
     )
 
 
-def _largest_pile(particles: Particles, centres: np.ndarray) -> np.ndarray:
-    """Mark the spheres (N,) of the largest set of touching grains.
+def _mark_pile(particles: Particles, centres: np.ndarray) -> np.ndarray:
+    """Mark the spheres of the largest set of touching grains, which is the pile.
 
-    A grain is a sphere or a clump of several; clumps touch where two of their spheres do.
+    A grain is a sphere or a clump of several; clumps touch where two of their spheres
+    do.
+
+    Parameters
+    ----------
+    particles : Particles
+        N spheres.
+    centres : ndarray
+        Their centres (N, 3), in the unit of the file.
+
+    Returns
+    -------
+    ndarray
+        Mask (N,) of the spheres in the pile.
     """
     from scipy.spatial import cKDTree
 
@@ -301,6 +357,7 @@ def _largest_pile(particles: Particles, centres: np.ndarray) -> np.ndarray:
     distances = np.linalg.norm(centres[first] - centres[second], axis=1)
     is_touching = distances <= radii[first] + radii[second] + gap
 
+    # Contacts of spheres are contacts of their grains.
     grains = particles.grains
     contacts = grains[pairs[is_touching]]
     n_grains = int(grains.max()) + 1
@@ -308,42 +365,69 @@ def _largest_pile(particles: Particles, centres: np.ndarray) -> np.ndarray:
     return is_in_pile[grains]
 
 
-def _mm_per_pixel(diameter_mm: float) -> float:
-    """Choose the scale of the views for grains of this diameter, within its bounds."""
+def _choose_scale(diameter_mm: float) -> float:
+    """Choose the scale of the views in mm per pixel, so that they resolve a grain.
+
+    `diameter_mm` is the diameter of a grain. The scale stays within its bounds.
+    """
     scale = diameter_mm / PIXELS_PER_GRAIN
     return min(max(scale, FINEST_MM_PER_PIXEL), COARSEST_MM_PER_PIXEL)
 
 
-def _with_grain_height(
+def _complete_grain_height(
     settings: MeasureSettings, particles: Particles, metres: float
 ) -> MeasureSettings:
-    """Complete the settings with the height of a grain, if it is missing."""
+    """Complete the settings with the height of a grain, if it is missing.
+
+    It is the diameter of a sphere of the grains' mean volume.
+
+    Parameters
+    ----------
+    settings : MeasureSettings
+        Settings with or without the height of a grain.
+    particles : Particles
+        The bodies.
+    metres : float
+        Metres in a unit of length of the file.
+    """
     if settings.berry_height_mm is not None:
         return settings
-    volume_m3 = _volumes(particles).sum() * metres**3
+    volume_m3 = _compute_volumes(particles).sum() * metres**3
     n_grains = len(np.unique(particles.grains))
     diameter_mm = 1e3 * (6 / math.pi * volume_m3 / n_grains) ** (1 / 3)
     return settings.with_grain_height(diameter_mm)
 
 
-def _volumes(particles: Particles) -> np.ndarray:
+def _compute_volumes(particles: Particles) -> np.ndarray:
     """Compute the volumes (N,) of the bodies; spheres of a clump may overlap."""
     return 4 / 3 * math.pi * particles.semi_axes.prod(axis=1)
 
 
-def _pile_volume_m3(
+def _compute_pile_volume(
     particles: Particles, in_pile: np.ndarray | None, metres: float
 ) -> float | None:
-    """Compute the volume of the particles in the pile, by default of all.
+    """Compute the volume of the particles in the pile in m³.
 
-    It is None for clumps, whose spheres overlap by unknown volumes.
+    Parameters
+    ----------
+    particles : Particles
+        N bodies.
+    in_pile : ndarray or None
+        Mask (N,) of the bodies in the pile; None counts all bodies.
+    metres : float
+        Metres in a unit of length of the file.
+
+    Returns
+    -------
+    float or None
+        None for clumps, whose spheres overlap by unknown volumes.
     """
     n_grains = len(np.unique(particles.grains))
     if n_grains < len(particles.grains):
         return None
     if in_pile is None:
         in_pile = np.ones(len(particles.grains), bool)
-    volumes_m3 = _volumes(particles)[in_pile] * metres**3
+    volumes_m3 = _compute_volumes(particles)[in_pile] * metres**3
     return float(volumes_m3.sum())
 
 
@@ -353,10 +437,23 @@ def _measure_shape(
     settings: MeasureSettings,
     volume_m3: float | None,
 ) -> dict[str, float]:
-    """Measure base, flanks and packing by the profiles (W,) of all views.
+    """Measure base, flanks and packing of the pile.
 
-    The packing needs the volume of the grains. Nothing is measured on a pile that is
-    hardly higher than a grain.
+    Parameters
+    ----------
+    profiles : sequence of ndarray
+        For each view the heights (W,) of all columns over the plate in pixels.
+    height_m : float
+        Height of the pile.
+    settings : MeasureSettings
+        Settings with the height of a grain.
+    volume_m3 : float or None
+        Volume of the grains in the pile; without it there is no packing.
+
+    Returns
+    -------
+    dict
+        The responses by name; empty for a pile that is hardly higher than a grain.
     """
     assert settings.berry_height_mm is not None
     try:
@@ -377,7 +474,8 @@ def _measure_shape(
 def _measure_scatter(grains: Grains, in_pile: np.ndarray) -> dict[str, float]:
     """Measure how the grains lie scattered around the middle of the pile.
 
-    The plate has no edge: the file does not tell its radius.
+    `in_pile` is the mask (N,) of the grains in the pile. The plate has no edge: the
+    file does not tell its radius.
     """
     middle = grains.centres_m[in_pile].mean(axis=0) * [1.0, 1.0, 0.0]
     return measure_scatter(grains.centres_m - middle, in_pile, math.inf)

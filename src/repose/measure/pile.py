@@ -1,4 +1,4 @@
-"""Angle of repose and Height of a pile, from a picture or from a simulation.
+"""Measure the angle of repose and the Height of a pile, in a picture or a simulation.
 
 The steps are those of the paper (section 2.3, Figure 6): grey, threshold, edge,
 boundary, and a straight line through each flank. The angle of repose is the mean of the
@@ -28,8 +28,8 @@ from repose.measure.silhouette import (
     PILE_TONE,
     ConvexBody,
     Grains,
+    find_extent,
     find_top,
-    frame_outlines,
     outlines,
     paint,
 )
@@ -61,9 +61,14 @@ def measure_image(
     mm_per_pixel : float
         Its scale.
     settings : MeasureSettings, optional
-        Settings of the lines.
+        Settings of the lines; the default ones if left out.
     base_row : float, optional
         Row of the plate; the default is the pile's lowest row.
+
+    Returns
+    -------
+    Measurement
+        Angles and Height.
 
     Raises
     ------
@@ -80,7 +85,11 @@ def measure_image(
 
 
 def with_response(measurement: Measurement) -> Measurement:
-    """Return the measurement, or raise NoFlankError if it lacks its response."""
+    """Return a measurement that has its response; raise NoFlankError for any other.
+
+    The response is the angle by the definition that the settings name. The error has
+    the reason why it could not be measured.
+    """
     if measurement.response not in measurement.angles:
         raise NoFlankError(measurement.reasons[measurement.response])
     return measurement
@@ -89,14 +98,22 @@ def with_response(measurement: Measurement) -> Measurement:
 def find_profile(pile: "Segmentation") -> tuple[np.ndarray, int]:
     """Compute the profile of a pile and find its crest.
 
+    Parameters
+    ----------
+    pile : Segmentation
+        The pile in a picture of W columns.
+
     Returns
     -------
-    tuple
-        Heights (W,) of the pile's upper edge over its base in pixels, and the highest
-        column, the middle one of several.
+    profile : ndarray
+        Heights (W,) of the pile's upper edge over its base in pixels; 0 beside the
+        pile.
+    crest : int
+        The highest column, the middle one of several.
     """
     from repose.measure.photographs.segmentation import find_upper_edge
 
+    # A column without a pile has no edge (NaN).
     edge = find_upper_edge(pile.mask, pile.contrast, pile.level)
     height = np.maximum(pile.base_row - edge, 0.0)
     profile = np.where(np.isnan(edge), 0.0, height)
@@ -107,15 +124,22 @@ def find_profile(pile: "Segmentation") -> tuple[np.ndarray, int]:
 def measure_segmented(pile: "Segmentation", settings: MeasureSettings) -> Measurement:
     """Measure a picture that is split into pile and background.
 
-    The angle of a definition that cannot be measured is missing. It may be that of the
-    response (`with_response`).
+    An angle that cannot be measured is left out of the result, which has the reason.
+    The response may be such an angle: then `with_response` raises an error.
+
+    Parameters
+    ----------
+    pile : Segmentation
+        The pile in the picture.
+    settings : MeasureSettings
+        Settings of the lines, with the scale of the picture.
     """
     profile, crest = find_profile(pile)
     measured, reasons = measure_sides(profile, crest, settings)
     angles = {}
     for name, (aor_deg, left, right) in measured.items():
-        # Lines become columns and rows of the picture. The right side was measured
-        # backwards, from its foot to the crest.
+        # Distances and heights become columns and rows of the picture. The right side was
+        # measured backwards, from its foot to the crest.
         last_column = profile.size - 1
         left_line = tuple(
             (distance, pile.base_row - height) for distance, height in left.ends
@@ -149,7 +173,7 @@ def measure_segmented(pile: "Segmentation", settings: MeasureSettings) -> Measur
 def measure_pile(
     grains: Grains,
     settings: MeasureSettings | None = None,
-    members: np.ndarray | None = None,
+    in_pile: np.ndarray | None = None,
 ) -> PileResult:
     """Measure simulated bodies on the plate z = 0 from `settings.views` sides.
 
@@ -158,10 +182,15 @@ def measure_pile(
     grains : Grains
         The N bodies.
     settings : MeasureSettings, optional
-        Settings of the measurement.
-    members : ndarray, optional
+        Settings of the measurement; the default ones if left out.
+    in_pile : ndarray, optional
         Mask (N,) of the largest cluster in contact. Without it, the pile is the largest
         connected part of each silhouette, which may include a loose grain in front.
+
+    Returns
+    -------
+    PileResult
+        Angles by each definition in each view, and the Height.
 
     Raises
     ------
@@ -170,7 +199,7 @@ def measure_pile(
     """
     settings = settings or MeasureSettings.with_defaults()
     settings = with_grain_height(settings, grains.particle)
-    height_m, views = draw_views(grains, settings, members)
+    height_m, views = draw_views(grains, settings, in_pile)
     profiles = (find_profile(view) for view in views)
     return measure_profiles(profiles, height_m, settings)
 
@@ -191,6 +220,11 @@ def measure_profiles(
         Height of the highest point of the pile.
     settings : MeasureSettings
         Settings of the measurement.
+
+    Returns
+    -------
+    PileResult
+        Angles by each definition in each view, and the Height.
     """
     # An angle that cannot be measured in a view stays NaN there.
     angles = {name: np.full(settings.views, np.nan) for name in DEFINITIONS}
@@ -213,27 +247,33 @@ def measure_profiles(
 
 
 def draw_views(
-    grains: Grains, settings: MeasureSettings, members: np.ndarray | None = None
+    grains: Grains, settings: MeasureSettings, in_pile: np.ndarray | None = None
 ) -> tuple[float, Iterator["Segmentation"]]:
     """Find the height of a simulated pile, and prepare its views.
 
     Parameters
     ----------
-    grains, settings, members
-        As of `measure_pile`; the settings have the height of a grain.
+    grains : Grains
+        The N bodies.
+    settings : MeasureSettings
+        Settings of the measurement, with the height of a grain.
+    in_pile : ndarray, optional
+        Mask (N,) of the largest cluster in contact, see `measure_pile`.
 
     Returns
     -------
-    tuple
-        The height of the highest point in m, and an iterator that draws the views.
+    height_m : float
+        Height of the highest point.
+    views : iterator of Segmentation
+        The views, one after the other. A view is drawn when it is asked for.
 
     Raises
     ------
     NoFlankError
         If there is no grain, or the pile is too low.
     """
-    if members is not None and settings.largest_pile_only:
-        grains = grains[np.asarray(members, bool)]
+    if in_pile is not None and settings.largest_pile_only:
+        grains = grains[np.asarray(in_pile, bool)]
     if len(grains.centres_m) == 0:
         raise NoFlankError("no grain lies in the pile")
     height_m = find_top(grains)
@@ -244,14 +284,32 @@ def draw_views(
             f"the pile is {1e3 * height_m:.1f} mm high; a flank needs "
             f"{1e3 * lowest_m:.1f} mm"
         )
-    return height_m, _views(grains, settings)
+    return height_m, _draw_silhouettes(grains, settings)
 
 
-def _views(grains: Grains, settings: MeasureSettings) -> Iterator["Segmentation"]:
+def _draw_silhouettes(
+    grains: Grains, settings: MeasureSettings
+) -> Iterator["Segmentation"]:
     """Draw the silhouettes of bodies, one view after the other.
 
-    The views are spread evenly over half a turn. Raises NoFlankError if a picture has
-    too few pixels.
+    The views are spread evenly over half a turn about the z axis.
+
+    Parameters
+    ----------
+    grains : Grains
+        The bodies.
+    settings : MeasureSettings
+        Number and scale of the views.
+
+    Yields
+    ------
+    Segmentation
+        A view, split into pile and background.
+
+    Raises
+    ------
+    NoFlankError
+        If a picture has too few pixels.
     """
     from repose.measure.photographs.segmentation import MIN_SIDE_PX, segment_silhouette
 
@@ -259,7 +317,7 @@ def _views(grains: Grains, settings: MeasureSettings) -> Iterator["Segmentation"
     azimuths_deg = np.arange(settings.views) * 180.0 / settings.views
     # OpenCV fills half a pixel too many all around, so the outlines are moved inwards.
     for polygons in outlines(grains, azimuths_deg, inset_m=scale * 0.5e-3):
-        image = paint(polygons, scale, frame_outlines(polygons, scale))
+        image = paint(polygons, scale, find_extent(polygons, scale))
         if min(image.shape) < MIN_SIDE_PX:
             rows, columns = image.shape
             raise NoFlankError(

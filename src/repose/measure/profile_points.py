@@ -1,4 +1,4 @@
-"""Points of a pile's boundary for the line along a flank.
+"""Select the points of a pile's boundary to which the line along a flank is fitted.
 
 A profile is one side of a pile, as in `repose.measure.angles`. On a lumpy boundary a
 rule selects the points; `FLANK_RULES` names the rules, and a new rule is added there:
@@ -36,69 +36,113 @@ class Points(NamedTuple):
     height: np.ndarray  # (N,), over the plate
 
 
-def levels_between(low: float, high: float) -> np.ndarray:
+def list_levels(low: float, high: float) -> np.ndarray:
     """List the whole heights in pixels inside a band, rising; may be empty."""
     return np.arange(math.ceil(low), math.floor(high) + 1, dtype=float)
 
 
-def crossing(profile: np.ndarray, index: np.ndarray, heights: np.ndarray) -> np.ndarray:
-    """Interpolate where a profile crosses heights (N,) just before columns `index`."""
+def interpolate_crossing(
+    profile: np.ndarray, index: np.ndarray, heights: np.ndarray
+) -> np.ndarray:
+    """Interpolate where a profile crosses given heights, to a fraction of a column.
+
+    Parameters
+    ----------
+    profile : ndarray
+        Heights (M,) of one side in pixels.
+    index : ndarray of int
+        For each height the column (N,) just after the crossing, at least 1.
+    heights : ndarray
+        The heights (N,).
+
+    Returns
+    -------
+    ndarray
+        Distances (N,) from the beginning of the profile in pixels.
+    """
     before = profile[index - 1]
     after = profile[index]
     return index - (after - heights) / (after - before)
 
 
-def outermost_crossing(profile: np.ndarray, heights: np.ndarray) -> np.ndarray:
-    """Find where a profile first reaches each height (N,), from the foot inwards.
+def find_outermost_crossing(profile: np.ndarray, heights: np.ndarray) -> np.ndarray:
+    """Find where a profile first reaches several heights, from the foot inwards.
 
-    The results lie between pixel columns.
+    Parameters
+    ----------
+    profile : ndarray
+        Heights (M,) of one side in pixels, from outside the foot to the crest. It
+        begins below all of the heights and reaches them.
+    heights : ndarray
+        The heights (N,).
+
+    Returns
+    -------
+    ndarray
+        Distances (N,) from the beginning of the profile in pixels.
     """
     highest_so_far = np.maximum.accumulate(profile)
-    return crossing(profile, np.searchsorted(highest_so_far, heights), heights)
+    return interpolate_crossing(
+        profile, np.searchsorted(highest_so_far, heights), heights
+    )
 
 
-def innermost_crossing(profile: np.ndarray, heights: np.ndarray) -> np.ndarray:
-    """Find where a profile last rises through each height (N,), from the foot inwards.
+def find_innermost_crossing(profile: np.ndarray, heights: np.ndarray) -> np.ndarray:
+    """Find where a profile last rises through each of several heights.
 
-    The results lie between pixel columns.
+    Arguments and result are those of `find_outermost_crossing`.
     """
     lowest_from_here = np.minimum.accumulate(profile[::-1])[::-1]
-    return crossing(profile, np.searchsorted(lowest_from_here, heights), heights)
+    return interpolate_crossing(
+        profile, np.searchsorted(lowest_from_here, heights), heights
+    )
 
 
-def points_by_levels(profile: np.ndarray, low: float, high: float) -> Points:
+def select_by_levels(profile: np.ndarray, low: float, high: float) -> Points:
     """Select by rule "levels": the middle of both crossings of each height."""
-    heights = levels_between(low, high)
-    outermost = outermost_crossing(profile, heights)
-    innermost = innermost_crossing(profile, heights)
+    heights = list_levels(low, high)
+    outermost = find_outermost_crossing(profile, heights)
+    innermost = find_innermost_crossing(profile, heights)
     return Points(0.5 * (outermost + innermost), heights)
 
 
-def points_by_rows(profile: np.ndarray, low: float, high: float) -> Points:
+def select_by_rows(profile: np.ndarray, low: float, high: float) -> Points:
     """Select by rule "rows": the outermost crossing of each height."""
-    heights = levels_between(low, high)
-    return Points(outermost_crossing(profile, heights), heights)
+    heights = list_levels(low, high)
+    return Points(find_outermost_crossing(profile, heights), heights)
 
 
-def points_by_columns(profile: np.ndarray, low: float, high: float) -> Points:
+def select_by_columns(profile: np.ndarray, low: float, high: float) -> Points:
     """Select by rule "columns": the tops of the columns inside the band."""
     columns = np.flatnonzero((profile >= low) & (profile <= high))
     return Points(columns.astype(float), profile[columns])
 
 
 FLANK_RULES = {
-    "levels": points_by_levels,
-    "rows": points_by_rows,
-    "columns": points_by_columns,
+    "levels": select_by_levels,
+    "rows": select_by_rows,
+    "columns": select_by_columns,
 }
 
 
-def points_between(profile: np.ndarray, low: float, high: float, rule: str) -> Points:
-    """Select the points of one side inside a band, by a rule of `FLANK_RULES`.
+def select_points(profile: np.ndarray, low: float, high: float, rule: str) -> Points:
+    """Select the points of one side inside a band of heights, by a rule.
 
-    NoFlankError if the band is too low, or begins below the profile's first column.
+    Parameters
+    ----------
+    profile : ndarray
+        Heights (M,) of one side in pixels, from outside the foot to the crest.
+    low, high : float
+        Lower and upper end of the band.
+    rule : str
+        One of `FLANK_RULES`.
+
+    Raises
+    ------
+    NoFlankError
+        If the band is too low, or begins below the profile's first column.
     """
-    if levels_between(low, high).size < MIN_LEVELS:
+    if list_levels(low, high).size < MIN_LEVELS:
         raise NoFlankError(
             f"the flank is only {high - low:.0f} pixels high, {MIN_LEVELS} are needed"
         )

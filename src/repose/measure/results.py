@@ -1,4 +1,4 @@
-"""Results of a pile: of one picture, or of all views of a simulation."""
+"""Results of a measured pile: of one picture, or of all views of a simulation."""
 
 from dataclasses import dataclass
 
@@ -41,10 +41,11 @@ class Measurement:
         return self.angle.aor_deg
 
     def record(self) -> dict[str, float | None]:
-        """List the numbers by name, rounded to 0.001.
+        """List the numbers of the picture by name, rounded to 0.001.
 
-        These are both sides of the response, the Height and every definition, None for
-        what could not be measured.
+        These are the angles of both sides and of the pile by the response's definition,
+        the Height, and the angle of the pile by every definition. What could not be
+        measured is None.
         """
         record: dict[str, float | None] = {
             "left_deg": round(self.angle.left_deg, 3),
@@ -69,9 +70,10 @@ class PileResult:
     reasons: dict  # by definition: the reason in the first view without it
 
     def mean_deg(self, name: str) -> float | None:
-        """Compute the mean of a definition over the views.
+        """Compute the mean angle of the pile by a definition, over the views.
 
-        Return None if it could not be measured in more than half of them.
+        Views in which it could not be measured do not count. The result is None if
+        these are more than half of the views.
         """
         angles = self.aor[name]
         is_measured = np.isfinite(angles)
@@ -85,7 +87,10 @@ class PileResult:
         return self.mean_deg(self.response)
 
     def record(self) -> dict[str, float | None]:
-        """List all responses of the pile by name; None if not measured."""
+        """List all responses of the pile by name; None if not measured.
+
+        These are the means over all views, and the values in the first view.
+        """
         record: dict[str, float | None] = {
             "aor_deg": self.aor_deg,
             "height_mm": self.height_mm,

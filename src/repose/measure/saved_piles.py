@@ -1,4 +1,4 @@
-"""Responses of a pile from the final positions of its grains."""
+"""Measure a pile from the final positions of its grains, as a pour saves them."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -43,6 +43,7 @@ def pile_responses(
     tuple
         The responses by name, and the reasons for those that are missing.
     """
+    # Measure angles and Height.
     responses: dict[str, Any] = {}
     reasons: dict[str, str] = {}
     grains = Grains.of(arrays, particle)
@@ -58,11 +59,14 @@ def pile_responses(
             reasons[MEAN_KEYS[definition]] = reason
         if settings.response in result.reasons:
             reasons[CALIBRATED_ANGLE] = result.reasons[settings.response]
+    # Measure the other responses that are asked for.
     if extra_names:
         from repose.measure import further_responses
 
         try:
-            measured = further_responses.of_pour(arrays, particle, settings, plate_mm)
+            measured = further_responses.measure_pour(
+                arrays, particle, settings, plate_mm
+            )
         except NoFlankError as error:
             reasons |= dict.fromkeys(extra_names, error.reason)
         else:
@@ -76,9 +80,23 @@ def side_view(
     settings: MeasureSettings,
     azimuth_deg: float = 0.0,
 ) -> np.ndarray:
-    """Draw the silhouette (H, W) of a pour's pile, the plate at its lower border.
+    """Draw the silhouette of a pour's pile.
 
-    `arrays` are those of `pile_responses`.
+    Parameters
+    ----------
+    arrays : mapping
+        The pour's arrays by name, as for `pile_responses`.
+    particle : ConvexBody
+        The grains' body.
+    settings : MeasureSettings
+        Scale of the picture, and whether loose grains are left out.
+    azimuth_deg : float
+        Direction of the view about the z axis.
+
+    Returns
+    -------
+    ndarray
+        The picture (H, W), dark on light; the plate is its lower border.
     """
     grains = Grains.of(arrays, particle)
     if settings.largest_pile_only:

@@ -1,4 +1,4 @@
-"""Saved pours: their records and arrays are read and checked.
+"""Read and check saved pours: their records and the final positions of their grains.
 
 NAME.pours.json holds the status of each pour of a job, NAME.npz the final positions.
 """
@@ -27,8 +27,21 @@ Arrays = Mapping[str, np.ndarray]  # of a pour, by name
 def read_pours(path: str | PathLike) -> dict[str, Any]:
     """Read the JSON file of a job's pours.
 
-    Each of its ``pours`` has a seed, a status, a reason and numbers. Raises InputError
-    for any other file.
+    Parameters
+    ----------
+    path : path
+        NAME.pours.json.
+
+    Returns
+    -------
+    dict
+        The content of the file. Each of its ``pours`` has a seed, a status, a reason
+        and numbers.
+
+    Raises
+    ------
+    InputError
+        For any other file.
     """
     job = read_json(path, what=WHAT)
     # Another file of the program has no list of pours, or another name.
@@ -44,9 +57,16 @@ def read_pours(path: str | PathLike) -> dict[str, Any]:
 
 
 def _check_pour(pour: Any, path: str | PathLike) -> None:
-    """Raise InputError for an impossible record of a pour.
+    """Raise InputError for an impossible record of a pour, and complete its reason.
 
     A record without a reason gets an empty one.
+
+    Parameters
+    ----------
+    pour : dict
+        The record, which is changed.
+    path : path
+        The file, for messages.
     """
     has_keys = isinstance(pour, dict) and "seed" in pour
     if not has_keys or not isinstance(pour.get("status"), str):
@@ -62,12 +82,12 @@ def _check_pour(pour: Any, path: str | PathLike) -> None:
             raise InputError(path, key, value, "a finite number, or null")
 
 
-def saved_positions(path: str | PathLike) -> dict[str, np.ndarray]:
+def read_positions(path: str | PathLike) -> dict[str, np.ndarray]:
     """Read all arrays of a job's .npz file, with the keys NAME_SEED."""
     return read_npz(path, what="the .npz file that the verb pour wrote")
 
 
-def pour_arrays(
+def select_pour(
     arrays: Arrays, seed: object, source: object, kinds: Iterable[str] = KINDS
 ) -> dict[str, np.ndarray]:
     """Select the arrays of one pour from those of its job, and check them.
@@ -86,7 +106,7 @@ def pour_arrays(
     Returns
     -------
     dict
-        All arrays of the pour by name.
+        All arrays of the pour, by their names without the seed.
 
     Raises
     ------
@@ -110,8 +130,15 @@ def pour_arrays(
 def _check_grains(arrays: Arrays, source: object, ending: str) -> None:
     """Raise InputError for arrays of different numbers of grains, or bad values.
 
-    Positions may be those of one time (N, 3) or of several (T, N, 3). `ending` completes
-    the name of an array in messages.
+    Parameters
+    ----------
+    arrays : mapping
+        Arrays of a pour by name. Positions may be those of one time (N, 3) or of
+        several (T, N, 3).
+    source : object
+        The file, for messages.
+    ending : str
+        What follows the name of an array in the file, for messages.
     """
     # The shape (N,) of an array with a number for each of the N grains of `position`;
     # it is empty if that is no table of positions.
@@ -139,16 +166,17 @@ def _check_grains(arrays: Arrays, source: object, ending: str) -> None:
             raise InputError(source, key, float(values.min()), allowed)
 
 
-def first_pour(path: str | PathLike) -> dict[str, np.ndarray]:
+def read_first_pour(path: str | PathLike) -> dict[str, np.ndarray]:
     """Read the arrays of the first pour in a job's .npz file.
 
-    Their names, such as ``position``, are those of the file without the seed.
+    Their names, such as ``position``, are those of the file without the seed. Raises
+    InputError if the file has no pour.
     """
-    arrays = saved_positions(path)
+    arrays = read_positions(path)
     for key in arrays:
         match = re.fullmatch(r"position_(.+)", key)
         if match:
-            return pour_arrays(arrays, match.group(1), path)
+            return select_pour(arrays, match.group(1), path)
     allowed = "position_SEED, quaternion_SEED, in_pile_SEED"
     raise InputError(path, "arrays", sorted(arrays), allowed)
 

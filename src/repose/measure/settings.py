@@ -100,7 +100,12 @@ class MeasureSettings(Section):
     def for_grain(self, grain: Mapping[str, Any]) -> Self:
         """Copy the settings, with the height of a grain if they have none.
 
-        It is the equivalent diameter of the axes of `grain`, if they are there.
+        Parameters
+        ----------
+        grain : mapping
+            Measurements of the grain. The height is the equivalent diameter of its axes
+            ``long_mm``, ``major_mm`` and ``minor_mm``; without them the settings stay
+            as they are.
         """
         if any(grain.get(axis) is None for axis in AXES):
             return self
@@ -126,24 +131,38 @@ def line_of(settings: MeasureSettings, definition: str | None = None) -> str:
     if definition == "straightest":
         smallest = settings.smallest_window
         return f"straightest window, at least {smallest:.2g} of the side, columns"
-    lower = _end_of_flank(settings.fit_from)
-    upper = _end_of_flank(settings.fit_to)
+    lower = _describe_end(settings.fit_from)
+    upper = _describe_end(settings.fit_to)
     unit = "" if settings.fit_to == ONE_GRAIN else " % of the height"
     part = "steepest half or more of the " if definition == "steepest" else ""
     return f"{part}flank, {lower} to {upper}{unit}, {settings.flank}"
 
 
-def _end_of_flank(end: float | str) -> str:
-    """Describe an end of the flank: in percent of the height, or as a grain."""
+def _describe_end(end: float | str) -> str:
+    """Describe an end of the flank, as `fit_from` and `fit_to` give it.
+
+    A share of the height is written in percent, without its unit.
+    """
     if end == ONE_GRAIN:
         return "one grain"
     return f"{100 * float(end):g}"
 
 
-def line_for(settings: MeasureSettings | None, response: str) -> str:
-    """Describe in words the line by which a response that is an angle is measured.
+def describe_line_of_response(settings: MeasureSettings | None, response: str) -> str:
+    """Describe in words the line by which a response is measured.
 
-    The text is empty for any other response, and without settings.
+    Parameters
+    ----------
+    settings : MeasureSettings or None
+        Settings of the measurement; None for a study that measures no piles.
+    response : str
+        Name of a response.
+
+    Returns
+    -------
+    str
+        The text of `line_of` for an angle of repose; empty for any other response, and
+        without settings.
     """
     if settings is None:
         return ""

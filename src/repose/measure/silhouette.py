@@ -1,4 +1,4 @@
-"""Silhouettes of simulated bodies: outlines and pictures seen from the side.
+"""Draw the silhouettes of simulated bodies: outlines and pictures from the side.
 
 Their outlines are filled into a picture that is measured like a photograph. Rows count
 downwards from the picture's top. The centre of a pixel has whole coordinates, as in
@@ -138,6 +138,7 @@ def outlines(
     angles = np.arange(OUTLINE_DIRECTIONS) * (2 * math.pi / OUTLINE_DIRECTIONS)
     circle = np.column_stack([np.cos(angles), np.sin(angles)])
 
+    # A sphere is a circle in every view.
     spheres = place_spheres(grains)
     if spheres is not None:
         u, z = np.broadcast_arrays(rights @ spheres[:, :3].T, spheres[:, 2])
@@ -148,7 +149,7 @@ def outlines(
     rotations = rotation_matrices(grains.quaternions)
     polygons = np.empty((len(rights), len(rotations), *circle.shape))
     for polygon, right in zip(polygons, rights, strict=True):
-        polygon[:] = _convex_outlines(grains, rotations, right, circle)
+        polygon[:] = _compute_convex_outlines(grains, rotations, right, circle)
         polygon -= inset_m * circle
         # Move the outlines to the centres of their bodies.
         polygon[..., 0] += (grains.centres_m @ right)[:, None]
@@ -156,7 +157,7 @@ def outlines(
     return polygons
 
 
-def _convex_outlines(
+def _compute_convex_outlines(
     grains: Grains, rotations: np.ndarray, right: np.ndarray, circle: np.ndarray
 ) -> np.ndarray:
     """Compute the outlines of N convex bodies about their centres in one view.
@@ -183,6 +184,7 @@ def _convex_outlines(
     # The axes of the picture in the frame of each body
     body_right = np.einsum("nij,i->nj", rotations, right)
     body_up = rotations[:, 2, :]
+    # A point of the outline is where a plane across a direction of the picture touches.
     half_circle = circle[: OUTLINE_DIRECTIONS // 2]
     cos, sin = np.split(half_circle, 2, axis=1)
     normals = cos * body_right[:, None, :] + sin * body_up[:, None, :]
@@ -215,8 +217,10 @@ def place_spheres(grains: Grains) -> np.ndarray | None:
 def find_top(grains: Grains) -> float:
     """Compute the height in m of the highest point of bodies over z = 0.
 
-    It is exact, from the bodies themselves.
+    It is exact, because it comes from the bodies and not from a picture.
     """
+    # The third row of a rotation matrix is the world's z axis in the body's frame. The
+    # highest point of a body is where a level plane touches it from above.
     up_body = rotation_matrices(grains.quaternions)[:, 2, :]
     points = grains.support_points(up_body[:, None])[:, 0]
     support = (points * up_body).sum(axis=1)
@@ -274,8 +278,16 @@ def paint(polygons_m: np.ndarray, mm_per_pixel: float, extent: Extent) -> np.nda
     return image
 
 
-def frame_outlines(polygons_m: np.ndarray, mm_per_pixel: float) -> Extent:
-    """Compute the extent of the view that holds all outlines and a margin."""
+def find_extent(polygons_m: np.ndarray, mm_per_pixel: float) -> Extent:
+    """Compute the part of a side view that holds all outlines and a margin.
+
+    Parameters
+    ----------
+    polygons_m : ndarray
+        Outlines (N, K, 2) of the bodies, u and z.
+    mm_per_pixel : float
+        Scale of the picture; the margin is `MARGIN_PX` pixels wide.
+    """
     margin = MARGIN_PX * mm_per_pixel * 1e-3
     left, _ = np.min(polygons_m, axis=(0, 1)).tolist()
     right, top = np.max(polygons_m, axis=(0, 1)).tolist()
@@ -288,12 +300,26 @@ def silhouette(
     mm_per_pixel: float = 0.25,
     extent: Extent | None = None,
 ) -> np.ndarray:
-    """Draw the exact orthographic side view (H, W) of bodies on the plate z = 0.
+    """Draw the exact orthographic side view of bodies on the plate z = 0.
 
-    The pile is dark on a light background. By default the view holds all bodies.
+    Parameters
+    ----------
+    grains : Grains
+        The bodies.
+    azimuth_deg : float
+        Direction of the view about the z axis, as in `outlines`.
+    mm_per_pixel : float
+        Scale of the picture.
+    extent : Extent, optional
+        Part of the view that is drawn; the default holds all bodies.
+
+    Returns
+    -------
+    ndarray
+        The picture (H, W), dark on light.
     """
     inset_m = mm_per_pixel * 0.5e-3  # half a pixel, see `paint`
     polygons = outlines(grains, [azimuth_deg], inset_m)[0]
     if extent is None:
-        extent = frame_outlines(polygons, mm_per_pixel)
+        extent = find_extent(polygons, mm_per_pixel)
     return paint(polygons, mm_per_pixel, extent)

@@ -1,7 +1,7 @@
-"""Files of VTK, as simulators write them for ParaView: points with values.
+"""Read files of VTK, as simulators write them for ParaView: points with values.
 
-pyvista reads them, which comes with the extra `vtk`. LIGGGHTS writes them by
-``dump custom/vtk``, Yade by ``VTKRecorder`` and ``export.VTKExporter``.
+pyvista reads them, which comes with the extra `vtk`. LIGGGHTS writes them by ``dump
+custom/vtk``, Yade by ``VTKRecorder`` and ``export.VTKExporter``.
 """
 
 import re
@@ -39,7 +39,7 @@ def read_table(path: Path) -> pd.DataFrame:
     InputError
         Without pyvista, or for a file that it cannot read.
     """
-    ending = _ending_of(path)
+    ending = _find_ending(path)
     try:
         import pyvista
     except ModuleNotFoundError as error:
@@ -58,8 +58,12 @@ def read_table(path: Path) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
-def _ending_of(path: Path) -> str:
-    """Return the ending of the format of a file, which its name may not have."""
+def _find_ending(path: Path) -> str:
+    """Find the ending by which pyvista knows the format of a file.
+
+    The name of the file may have another one. Raises InputError for a kind of data that
+    holds no particles.
+    """
     with path.open("rb") as file:
         start = file.read(START_BYTES)
     if start.startswith(LEGACY):

@@ -20,7 +20,7 @@ from repose.common.errors import InputError, require
 from repose.common.files import Path_, read_json
 from repose.common.tables import Column
 from repose.common.tables import read as read_cells
-from repose.measure.settings import MeasureSettings, line_for
+from repose.measure.settings import MeasureSettings, describe_line_of_response
 from repose.stages.parameter_sets import parameter_columns
 
 # Remedy by strategy, if only the prediction meets the targets.
@@ -103,7 +103,7 @@ def read(  # noqa: PLR0913  (each describes the study of the answer)
 
     checks = []
     for target in targets:
-        line = line_for(measure, target.name)
+        line = describe_line_of_response(measure, target.name)
         checks.append(_check(target, rows[target.name], line))
 
     # Every row repeats two kinds of probability for all targets together. `within`: that

@@ -394,9 +394,9 @@ def _describe_lines(
         response is the angle of a pile.
     """
     from repose.measure.angles import MEAN_KEYS
-    from repose.measure.settings import line_for, line_of
+    from repose.measure.settings import describe_line_of_response, line_of
 
-    line = line_for(measure, name)
+    line = describe_line_of_response(measure, name)
     if not line:
         return {}
     has_all_angles = set(MEAN_KEYS.values()) <= set(row)

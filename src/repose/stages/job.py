@@ -25,9 +25,9 @@ from repose.common.ledger import check_replaceable
 from repose.measure.saved_pours import (
     POURS,
     positions_file,
-    pour_arrays,
+    read_positions,
     read_pours,
-    saved_positions,
+    select_pour,
 )
 from repose.stages.kept_runs import KeptRuns, read_measurement, write_measurement
 
@@ -192,12 +192,12 @@ def measured(scene: Scene, path: Path) -> dict[str, Any]:
         if pour["status"] not in test.statuses:
             allowed = ", ".join(test.statuses)
             raise InputError(path, "status", pour["status"], allowed)
-    positions = saved_positions(positions_file(path))
+    positions = read_positions(positions_file(path))
     runs = []
     for pour in pours:
         # The arrays of a failed run may be incomplete, so none is required.
         needed = test.required_arrays if pour["status"] == "ok" else ()
-        arrays = pour_arrays(positions, pour["seed"], source=path, kinds=needed)
+        arrays = select_pour(positions, pour["seed"], source=path, kinds=needed)
         runs.append(test.result(pour, arrays, scene))
     targets = test.target_responses(scene.settings.config)
     columns = test.recorded.beginning_with(tuple(target.name for target in targets))

@@ -22,7 +22,7 @@ from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
 from repose.common.files import Path_, read_table, write_table
 from repose.measure.angles import CALIBRATED_ANGLE, MEAN_KEYS
-from repose.measure.settings import MeasureSettings, line_for, line_of
+from repose.measure.settings import MeasureSettings, describe_line_of_response, line_of
 from repose.stages.dataset import Jobs, assemble, read_jobs
 from repose.stages.parameter_sets import parameter_columns, read_samples
 from repose.stages.published import (
@@ -206,7 +206,7 @@ def calibrated_line(responses: Iterable[Response], measure: MeasureSettings) -> 
     """
     lines = []
     for response in responses:
-        line = line_for(measure, response.name)
+        line = describe_line_of_response(measure, response.name)
         if line and line not in lines:
             lines.append(line)
     if not lines:
@@ -253,7 +253,7 @@ def against_physical(
             comparison["optimism"] = row[target.response.optimism]
             comparison["optimism_se"] = row[target.response.optimism_error]
         if measure is not None:
-            comparison["line"] = line_for(measure, target.name)
+            comparison["line"] = describe_line_of_response(measure, target.name)
         rows.append(comparison)
     return pd.DataFrame(rows)
 

@@ -1,4 +1,4 @@
-"""The camera of a photograph with the sheet, and the upright side view that it gives.
+"""Calibrate the camera of a photograph with the sheet, and draw the upright side view.
 
 Coordinates of the world are in mm: x to the right along the sheet, y away from the
 camera, z up. The origin is the sheet's lower left corner, and z = 0 is the plate. The
@@ -129,8 +129,8 @@ def calibrate(
     """
     longer_side = max(size)
     assumed_focal = PHONE_FOCAL * longer_side if focal_px is None else focal_px
-    focal = _focal_without_distortion(views, assumed_focal, size)
-    guess = _camera_matrix(focal, size)
+    focal = _estimate_focal(views, assumed_focal, size)
+    guess = _make_camera_matrix(focal, size)
     # Fit two coefficients of distortion, then one, then none, until the fit is reliable.
     for fixed in (0, cv2.CALIB_FIX_K2, cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2):
         fit = _fit_lens(views, size, guess, fixed)
@@ -153,9 +153,21 @@ def _fit_lens(
 ) -> _LensFit | None:
     """Fit the focal length and some coefficients of distortion to views of the sheet.
 
-    `guess` (3, 3) is the camera matrix from which the fit begins, and `fixed` has the
-    OpenCV flags of the coefficients that stay 0. Return None if there are too few
-    corners for the number of unknowns.
+    Parameters
+    ----------
+    views : sequence of SheetCorners
+        The sheet in each photograph.
+    size : tuple of int
+        Width and height of the photographs in pixels.
+    guess : ndarray
+        Camera matrix (3, 3) from which the fit begins.
+    fixed : int
+        OpenCV's flags of the coefficients that stay 0.
+
+    Returns
+    -------
+    _LensFit or None
+        None if there are too few corners for the number of unknowns.
     """
     object_points = [view.object_points_mm.astype(np.float32) for view in views]
     image_points = [view.pixels.astype(np.float32) for view in views]
@@ -191,6 +203,15 @@ def _is_reliable(fit: _LensFit, undistorted_focal: float, longer_side: int) -> b
     and has a small error, and the error of the distortion hardly moves a point. A
     singular fit has an error of 0, or ends far from the focal length that fits best
     without distortion.
+
+    Parameters
+    ----------
+    fit : _LensFit
+        The fit.
+    undistorted_focal : float
+        Focal length [px] that fits best without distortion.
+    longer_side : int
+        Longer side of the photographs in pixels.
     """
     focal = fit.matrix[0, 0]
     change = focal / undistorted_focal
@@ -212,45 +233,67 @@ def _is_reliable(fit: _LensFit, undistorted_focal: float, longer_side: int) -> b
     return bool(is_regular and has_focal and has_distortion)
 
 
-def _focal_without_distortion(
+def _estimate_focal(
     views: Sequence[SheetCorners], assumed: float, size: tuple[int, int]
 ) -> float:
-    """Find the focal length [px] of a lens without distortion that fits the views best.
+    """Estimate the focal length [px] of a lens without distortion.
 
-    Several trial values are compared. The assumed focal length is kept if it lies within
-    three standard errors of the best.
+    It is that of several trial values which fits the views best. The assumed focal
+    length is kept if it lies within three standard errors of the best.
+
+    Parameters
+    ----------
+    views : sequence of SheetCorners
+        The sheet in each photograph.
+    assumed : float
+        The assumed focal length [px], which is one of the trial values.
+    size : tuple of int
+        Width and height of the photographs in pixels.
     """
     trials = np.append(max(size) * TRIAL_FOCALS, assumed)
     residuals = np.array(
-        [_squared_residuals(views, _camera_matrix(focal, size)) for focal in trials]
+        [
+            _sum_squared_residuals(views, _make_camera_matrix(focal, size))
+            for focal in trials
+        ]
     )
+    # Variance of a coordinate of a corner, from what the best fit leaves
     n_values = 2 * sum(len(view.pixels) for view in views)
     n_unknowns = 6 * len(views) + 1  # a pose for each view, and the focal length
     variance = residuals.min() / (n_values - n_unknowns)
+    # Three standard errors away, the sum of squares is 9 variances larger.
     if residuals[-1] - residuals.min() < 9 * variance:
         return float(assumed)
     return float(trials[residuals.argmin()])
 
 
-def _camera_matrix(focal: float, size: tuple[int, int]) -> np.ndarray:
-    """Make the matrix of a camera whose lens is centred on the picture."""
+def _make_camera_matrix(focal: float, size: tuple[int, int]) -> np.ndarray:
+    """Make the matrix (3, 3) of a camera whose lens is centred on the picture.
+
+    `focal` is its focal length in pixels, `size` the width and height of its pictures.
+    """
     middle_column = size[0] / 2 - 0.5
     middle_row = size[1] / 2 - 0.5
     return np.array([[focal, 0, middle_column], [0, focal, middle_row], [0, 0, 1.0]])
 
 
-def _squared_residuals(views: Sequence[SheetCorners], matrix: np.ndarray) -> float:
+def _sum_squared_residuals(views: Sequence[SheetCorners], matrix: np.ndarray) -> float:
     """Sum the squared distances [px2] of the corners from those of flat sheets.
 
-    The flat sheet of each view is projected by a camera matrix (3, 3) without
-    distortion.
+    Parameters
+    ----------
+    views : sequence of SheetCorners
+        The sheet in each photograph.
+    matrix : ndarray
+        Camera matrix (3, 3), by which the flat sheet of each view is projected without
+        distortion.
     """
     total = 0.0
     no_distortion = np.zeros(5)
     for view in views:
         # A flat sheet may have two poses; the better one counts.
         residuals = []
-        for rotation, translation in _poses(view, matrix, no_distortion):
+        for rotation, translation in _find_poses(view, matrix, no_distortion):
             projected, _ = cv2.projectPoints(
                 view.object_points_mm, rotation, translation, matrix, no_distortion
             )
@@ -259,13 +302,27 @@ def _squared_residuals(views: Sequence[SheetCorners], matrix: np.ndarray) -> flo
     return total
 
 
-def _poses(
+def _find_poses(
     view: SheetCorners, matrix: np.ndarray, distortion: np.ndarray
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Find the two poses of a flat sheet that fit its corners, the better one first.
+    """Find the two poses of a flat sheet that fit its corners.
 
-    A pose is a rotation vector and a translation. From a distance both are nearly
-    alike.
+    From a distance both are nearly alike.
+
+    Parameters
+    ----------
+    view : SheetCorners
+        The sheet in a photograph.
+    matrix : ndarray
+        Camera matrix (3, 3).
+    distortion : ndarray
+        Coefficients (5,) of the distortion, in OpenCV's order.
+
+    Returns
+    -------
+    list of tuple
+        The poses, the better one first: a rotation vector and a translation, each (3,
+        1).
     """
     points = view.object_points_mm
     _, rotations, translations, _ = cv2.solvePnPGeneric(
@@ -303,7 +360,7 @@ class Pose:
         self.camera = camera
         self.size = size
         self.paper_mm = size_mm(sheet.square_mm)
-        rotation, translation = _poses(sheet, camera.matrix, camera.distortion)[0]
+        rotation, translation = _find_poses(sheet, camera.matrix, camera.distortion)[0]
         self.rotation = cv2.Rodrigues(rotation)[0] @ WORLD_TO_SHEET
         self.translation = translation
         self.position_mm = (-self.rotation.T @ translation).ravel()
@@ -343,7 +400,10 @@ class Pose:
         return np.stack([column, row], axis=-1)
 
     def facing_plane(self, axis_mm: float) -> Plane:
-        """Make the vertical plane through (axis, 0) that faces the camera."""
+        """Make the vertical plane through the pile's axis that faces the camera.
+
+        `axis_mm` is the distance of the axis from the sheet's lower left corner.
+        """
         x, y, _ = self.position_mm
         view_direction = np.array([axis_mm - x, -y, 0.0])
         normal = np.array([view_direction[1], -view_direction[0], 0.0])
@@ -354,6 +414,13 @@ class Pose:
         """Compute the angle below the horizontal at which the camera sees a crest.
 
         It is negative if the camera looks up.
+
+        Parameters
+        ----------
+        axis_mm : float
+            Distance of the crest from the sheet's lower left corner, along the sheet.
+        height_mm : float
+            Height of the crest over the plate.
         """
         x, y, z = self.position_mm
         distance = math.hypot(x - axis_mm, y)
@@ -390,6 +457,11 @@ def side_view(
     crop : Extent, optional
         The part that is drawn; the default is all that the photograph shows.
 
+    Returns
+    -------
+    SideView
+        The view, with its scale and the pixels that do not show the plane.
+
     Raises
     ------
     NoFlankError
@@ -405,7 +477,7 @@ def side_view(
             f"the camera is tilted by {tilt_deg:.0f} degrees (180: upside down); "
             f"{LARGEST_TILT_DEG:.0f} can be corrected"
         )
-    extent = _visible_extent(pose, plane)
+    extent = _find_visible_extent(pose, plane)
     if crop is not None:
         extent = Extent(
             left=max(extent.left, crop.left),
@@ -423,6 +495,7 @@ def side_view(
     rows = math.ceil(height_mm / scale)
     base_row = rows - 1 - BELOW_MM / scale
 
+    # Find the place in the photograph of each pixel of the view, and take its colour.
     along = extent.left + scale * np.arange(columns)
     up = scale * (base_row - np.arange(rows))
     pixels = pose.project(plane.points(along, up)).astype(np.float32)
@@ -437,13 +510,14 @@ def side_view(
         cv2.INTER_LINEAR,
         borderMode=cv2.BORDER_REPLICATE,
     )
+    # Mark the pixels outside the photograph, and those that the sheet hides.
     width, height = pose.size
     is_outside = (
         (pixels <= 0).any(-1)
         | (pixels[..., 0] >= width - 1)
         | (pixels[..., 1] >= height - 1)
     )
-    outline = _outline_of_sheet(pose, plane)
+    outline = _find_outline_of_sheet(pose, plane)
     outline_px = np.column_stack(
         [(outline[:, 0] - extent.left) / scale, base_row - outline[:, 1] / scale]
     )
@@ -458,8 +532,15 @@ def side_view(
     )
 
 
-def _outline_of_sheet(pose: Pose, plane: Plane) -> np.ndarray:
+def _find_outline_of_sheet(pose: Pose, plane: Plane) -> np.ndarray:
     """Find the part of a plane that the sheet, with a margin, hides from the camera.
+
+    Parameters
+    ----------
+    pose : Pose
+        The camera's pose.
+    plane : Plane
+        The plane of a side view.
 
     Returns
     -------
@@ -481,10 +562,21 @@ def _outline_of_sheet(pose: Pose, plane: Plane) -> np.ndarray:
     return points
 
 
-def _visible_extent(pose: Pose, plane: Plane) -> Extent:
-    """Compute the part of a plane that a photograph shows.
+def _find_visible_extent(pose: Pose, plane: Plane) -> Extent:
+    """Find the part of a plane that a photograph shows.
 
-    NoFlankError if the photograph shows more than the plane, or nothing over the plate.
+    Parameters
+    ----------
+    pose : Pose
+        The camera's pose.
+    plane : Plane
+        The plane of a side view.
+
+    Raises
+    ------
+    NoFlankError
+        If a part of the photograph does not show the plane, or if the photograph shows
+        nothing over the plate.
     """
     # Points on the border of the photograph, as shares of its width and height
     shares = np.linspace(0, 1, 9)
@@ -515,10 +607,24 @@ def _visible_extent(pose: Pose, plane: Plane) -> Extent:
 def _intersect(
     position: np.ndarray, directions: np.ndarray, plane: Plane
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Intersect rays (N, 3) from a camera's position with a plane.
+    """Intersect rays from a camera with a plane.
 
-    Return the distance (N,) of each intersection, in lengths of the ray's direction,
-    and its place (N, 2) on the plane, along and up in mm.
+    Parameters
+    ----------
+    position : ndarray
+        Position (3,) of the camera in mm.
+    directions : ndarray
+        Directions (N, 3) of the rays.
+    plane : Plane
+        The plane.
+
+    Returns
+    -------
+    distances : ndarray
+        Distance (N,) of each intersection, in lengths of the ray's direction; negative
+        behind the camera.
+    places : ndarray
+        Its place (N, 2) on the plane, along and up in mm.
     """
     normal = np.cross(plane.right, [0, 0, 1.0])
     distances = (plane.origin - position) @ normal / (directions @ normal)

@@ -1,4 +1,4 @@
-"""Doubts about a measured photograph: signs that it does not show a single heap.
+"""List doubts about a measured photograph: signs that it does not show a single heap.
 
 A sign that leaves the measurement possible is a doubt: a sentence for the reader, with
 which the photograph does not count. Others raise NoFlankError, which refuses the
@@ -62,17 +62,36 @@ class _Foot(NamedTuple):
     right: np.ndarray  # (N,), pixels between the pile and the right border
 
 
-def usual_grain_mm(height_mm: float) -> float:
-    """Estimate the height of a grain from that of a pile."""
+def estimate_grain_mm(height_mm: float) -> float:
+    """Estimate the height of a grain, if it is not known, from that of a pile."""
     return height_mm / 8
 
 
-def doubts_of_pile(
+def list_doubts_of_pile(
     pile: Segmentation, measurement: Measurement, grain_mm: float, mm_per_pixel: float
 ) -> list[str]:
-    """List the doubts whether a pile is a single heap of enough pixels, as sentences.
+    """List the doubts whether a pile is a single heap of enough pixels.
 
-    Raises NoFlankError for a layer of grains.
+    Parameters
+    ----------
+    pile : Segmentation
+        The pile in the photograph.
+    measurement : Measurement
+        Its result.
+    grain_mm : float
+        Height of a grain.
+    mm_per_pixel : float
+        Scale of the photograph.
+
+    Returns
+    -------
+    list of str
+        A sentence for each doubt; empty without one.
+
+    Raises
+    ------
+    NoFlankError
+        For a layer of grains.
     """
     height_mm = measurement.height_mm
     if height_mm < LOWEST_PILE_GRAINS * grain_mm:
@@ -86,21 +105,32 @@ def doubts_of_pile(
     sides = (profile[: crest + 1][::-1], profile[crest:])
     size = _Size(height_mm, grain_mm, mm_per_pixel)
     doubts = [
-        _doubt_of_rise(sides, size),
-        _doubt_of_drop(sides, size),
-        _doubt_of_flanks(measurement, pile.base_row, mm_per_pixel),
+        _check_rise(sides, size),
+        _check_drop(sides, size),
+        _check_flanks(measurement, pile.base_row, mm_per_pixel),
     ]
     if pile.has_neighbour:
         doubts.append(f"{DOUBT}: another heap stands beside it")
-    doubts.append(_doubt_of_resolution(measurement, mm_per_pixel))
+    doubts.append(_check_resolution(measurement, mm_per_pixel))
     return [doubt for doubt in doubts if doubt]
 
 
-def _doubt_of_rise(sides: Sequence[np.ndarray], size: _Size) -> str:
-    """Write a doubt if the outline rises again on its way from the crest, else nothing.
+def _check_rise(sides: Sequence[np.ndarray], size: _Size) -> str:
+    """Write a doubt if the outline rises again on its way from the crest.
 
-    A side has the heights in pixels from the crest outwards.
+    Parameters
+    ----------
+    sides : sequence of ndarray
+        For each side the heights in pixels, from the crest outwards.
+    size : _Size
+        Size of the pile.
+
+    Returns
+    -------
+    str
+        The doubt; empty if there is none.
     """
+    # The rise at a place is its height over the lowest place between it and the crest.
     rises = [float((side - np.minimum.accumulate(side)).max()) for side in sides]
     rise_mm = size.mm_per_pixel * max(rises)
     limit_mm = max(
@@ -114,10 +144,10 @@ def _doubt_of_rise(sides: Sequence[np.ndarray], size: _Size) -> str:
     )
 
 
-def _doubt_of_drop(sides: Sequence[np.ndarray], size: _Size) -> str:
-    """Write a doubt if the outline falls steeply within half a grain, else nothing.
+def _check_drop(sides: Sequence[np.ndarray], size: _Size) -> str:
+    """Write a doubt if the outline falls steeply within half a grain.
 
-    Each side has the heights in pixels from the crest outwards.
+    Arguments and result are those of `_check_rise`.
     """
     half_grain_px = max(1, round(0.5 * size.grain_mm / size.mm_per_pixel))
     drops_px = []
@@ -136,18 +166,30 @@ def _doubt_of_drop(sides: Sequence[np.ndarray], size: _Size) -> str:
     )
 
 
-def _doubt_of_flanks(
+def _check_flanks(
     measurement: Measurement, base_row: float, mm_per_pixel: float
 ) -> str:
     """Write a doubt if the lines of both flanks do not meet near the crest.
 
-    The text is empty if they meet near it, or if there are no lines.
+    Parameters
+    ----------
+    measurement : Measurement
+        Result of the photograph.
+    base_row : float
+        Row of the plate.
+    mm_per_pixel : float
+        Scale of the photograph.
+
+    Returns
+    -------
+    str
+        The doubt; empty if they meet near the crest, or if there are no lines.
     """
     flank = measurement.angles.get("flank")
     if flank is None:
         return ""
     height_mm = measurement.height_mm
-    meeting_mm = _meeting_height(flank.lines, base_row) * mm_per_pixel
+    meeting_mm = _compute_meeting_height(flank.lines, base_row) * mm_per_pixel
     if LOWEST_MEETING * height_mm < meeting_mm < HIGHEST_MEETING * height_mm:
         return ""
     if meeting_mm > height_mm:
@@ -160,12 +202,12 @@ def _doubt_of_flanks(
     )
 
 
-def _doubt_of_resolution(measurement: Measurement, mm_per_pixel: float) -> str:
-    """Write a doubt if the pile has too few pixels, else nothing."""
+def _check_resolution(measurement: Measurement, mm_per_pixel: float) -> str:
+    """Write a doubt if the pile has too few pixels, else an empty text."""
     height_px = math.floor(measurement.height_mm / mm_per_pixel)
     if height_px >= MIN_HEIGHT_PX:
         return ""
-    angle_error = _angle_error_deg(measurement)
+    angle_error = _compute_angle_error(measurement)
     return (
         f"{DOUBT}: the photograph is too coarse: the pile is {height_px} pixels high, "
         f"{MIN_HEIGHT_PX} are needed; the angle may be off by {angle_error:.1f} "
@@ -173,17 +215,27 @@ def _doubt_of_resolution(measurement: Measurement, mm_per_pixel: float) -> str:
     )
 
 
-def _angle_error_deg(measurement: Measurement) -> float:
-    """Compute the angle's error for an error of a pixel at either end of a line."""
+def _compute_angle_error(measurement: Measurement) -> float:
+    """Compute the angle's error in degrees if an end of a line is off by a pixel."""
     (_, lower_row), (_, upper_row) = measurement.angle.lines[0]
     sine = math.sin(2 * math.radians(measurement.aor_deg))
     return math.degrees(sine / abs(lower_row - upper_row))
 
 
-def _meeting_height(lines: tuple, base_row: float) -> float:
-    """Compute the height over the plate in pixels at which two lines meet.
+def _compute_meeting_height(lines: tuple, base_row: float) -> float:
+    """Compute the height over the plate at which the lines of both flanks meet.
 
-    Each line has two ends (column, row).
+    Parameters
+    ----------
+    lines : tuple
+        The left and the right line, each by two ends (column, row).
+    base_row : float
+        Row of the plate.
+
+    Returns
+    -------
+    float
+        Height in pixels.
     """
     ((x1, row1), (x2, row2)), ((x3, row3), (x4, row4)) = lines
     slope = (row2 - row1) / (x2 - x1)
@@ -224,10 +276,10 @@ def require_foot(
     widths = pile.mask.sum(axis=1, dtype=int)
     rows = np.flatnonzero(widths)
     if grain_mm is None:
-        grain_mm = usual_grain_mm(rows.size * mm_per_pixel)
+        grain_mm = estimate_grain_mm(rows.size * mm_per_pixel)
     grain_px = grain_mm / mm_per_pixel
 
-    shadow_rows = finding.shadow_below(image, pile.mask)
+    shadow_rows = finding.count_shadow_rows(image, pile.mask)
     if shadow_rows > LARGEST_SHADOW_GRAINS * grain_px:
         part = "grains, with the colour of the background"
         raise NoFlankError(LOW_BASE.format(depth=shadow_rows / rows.size, part=part))
@@ -241,10 +293,24 @@ def require_foot(
         raise NoFlankError(LOW_BASE.format(depth=depth, part="widest row"))
 
 
-def doubts_of_base(image: np.ndarray, pile: Segmentation, grain_px: float) -> list[str]:
+def list_doubts_of_base(
+    image: np.ndarray, pile: Segmentation, grain_px: float
+) -> list[str]:
     """List the doubts whether a base and flanks found without the sheet are the pile's.
 
-    `grain_px` is the height of a grain in pixels.
+    Parameters
+    ----------
+    image : ndarray
+        The picture (H, W, 3), BGR, or (H, W).
+    pile : Segmentation
+        The pile found in it.
+    grain_px : float
+        Height of a grain in pixels.
+
+    Returns
+    -------
+    list of str
+        A sentence for each doubt; empty without one.
     """
     # The numbers of columns to the left and to the right of the pile, in each row
     rows = np.flatnonzero(pile.mask.any(axis=1))
@@ -255,7 +321,7 @@ def doubts_of_base(image: np.ndarray, pile: Segmentation, grain_px: float) -> li
     )
     doubts = []
 
-    upright_px = max(_upright_rows(foot.left), _upright_rows(foot.right))
+    upright_px = max(_count_upright_rows(foot.left), _count_upright_rows(foot.right))
     if upright_px > max(LARGEST_UPRIGHT_GRAINS * grain_px, LARGEST_UPRIGHT_PX):
         doubts.append(
             f"{DOUBT}: an end of its foot is upright over {upright_px} pixels, as of a "
@@ -268,7 +334,7 @@ def doubts_of_base(image: np.ndarray, pile: Segmentation, grain_px: float) -> li
             f"plate's: {BASE_ROW}"
         )
 
-    shadow_share = finding.shadow_share(image, pile.mask)
+    shadow_share = finding.compute_shadow_share(image, pile.mask)
     if shadow_share > LARGEST_SHADOW_SHARE:
         doubts.append(
             f"{DOUBT}: {100 * shadow_share:.0f} % of it is darker background, as of a "
@@ -277,10 +343,15 @@ def doubts_of_base(image: np.ndarray, pile: Segmentation, grain_px: float) -> li
     return doubts
 
 
-def _upright_rows(distance: np.ndarray) -> int:
-    """Count the rows in which the pile is as wide as at its widest, within two pixels.
+def _count_upright_rows(distance: np.ndarray) -> int:
+    """Count the rows in which one side of a pile is as far out as anywhere.
 
-    `distance` is that of the pile from one border of the picture, by row.
+    Two pixels less count, too. Many such rows are an upright edge.
+
+    Parameters
+    ----------
+    distance : ndarray
+        Distance (N,) of the pile from the border of the picture on this side, by row.
     """
     return int((distance <= distance.min() + 2).sum())
 
@@ -292,6 +363,17 @@ def _continues_below(
 
     Three colours are compared: that of the grains, that below the middle of the foot,
     and that beside the foot, as low.
+
+    Parameters
+    ----------
+    image : ndarray
+        The picture (H, W, 3), BGR, or (H, W).
+    pile : Segmentation
+        The pile found in it.
+    foot : _Foot
+        Its distance from both borders of the picture.
+    grain_px : float
+        Height of a grain in pixels.
     """
     channels = image.reshape(*image.shape[:2], -1)
     # The strip below the base, about a grain high, and its parts beside the foot
@@ -310,6 +392,7 @@ def _continues_below(
     middle = slice(columns[len(columns) // 3], columns[2 * len(columns) // 3] + 1)
     grains = channels[rows[len(rows) // 2] : rows[-1], middle]
 
+    # Below a pile on a plate the picture looks like that beside it, not like grains.
     grain_colour = np.median(grains, axis=(0, 1))
     colour_below = np.median(strip[:, middle], axis=(0, 1))
     side_colour = np.median(sides, axis=(0, 1))

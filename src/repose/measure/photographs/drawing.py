@@ -1,4 +1,4 @@
-"""Pictures of a measurement: boundary, lines and Height in the measured picture."""
+"""Draw a measurement into its picture: boundary, lines and Height."""
 
 import cv2
 import numpy as np
@@ -55,10 +55,21 @@ def overlay(image: np.ndarray, measurement: Measurement) -> np.ndarray:
     return picture
 
 
-def overlay_of_refused(image: np.ndarray, pile: Segmentation | None) -> np.ndarray:
+def overlay_refused(image: np.ndarray, pile: Segmentation | None) -> np.ndarray:
     """Draw what was taken for the pile into a refused picture: boundary and base.
 
-    Nothing is drawn if `pile` is None.
+    Parameters
+    ----------
+    image : ndarray
+        The picture, (H, W) or BGR (H, W, 3).
+    pile : Segmentation or None
+        What was taken for the pile; None if nothing was found, and then nothing is
+        drawn.
+
+    Returns
+    -------
+    ndarray
+        The picture (H, W, 3), BGR.
     """
     if pile is None:
         no_contour = np.empty((0, 2), int)
@@ -101,11 +112,23 @@ def _draw_outline(image: np.ndarray, contour: np.ndarray) -> tuple[np.ndarray, i
 def draw_line(
     picture: np.ndarray, start: tuple, end: tuple, colour: tuple, thickness: int
 ) -> None:
-    """Draw a smooth line between two points (column, row), also between pixels."""
+    """Draw a smooth line into a picture, between places that may lie between pixels.
+
+    Parameters
+    ----------
+    picture : ndarray
+        The picture (H, W, 3), BGR, which is changed.
+    start, end : tuple
+        Column and row of both ends.
+    colour : tuple
+        Blue, green and red.
+    thickness : int
+        Width in pixels.
+    """
     cv2.line(
         picture,
-        _fixed_point(start),
-        _fixed_point(end),
+        _convert_to_fixed_point(start),
+        _convert_to_fixed_point(end),
         colour,
         thickness,
         cv2.LINE_AA,
@@ -113,13 +136,13 @@ def draw_line(
     )
 
 
-def _fixed_point(point: tuple) -> tuple[int, ...]:
-    """Write a point in OpenCV's whole numbers of 1/256 pixel."""
+def _convert_to_fixed_point(point: tuple) -> tuple[int, ...]:
+    """Convert a place to whole numbers of 1/256 pixel, as OpenCV takes them."""
     limit = LARGEST_COORDINATE
     return tuple(round(256 * min(max(value, -limit), limit)) for value in point)
 
 
-def process_panels(
+def draw_steps(
     image: np.ndarray,
     mm_per_pixel: float,
     settings: MeasureSettings | None = None,
@@ -128,10 +151,22 @@ def process_panels(
 ) -> dict[str, np.ndarray]:
     """Draw the steps of the measurement of a picture.
 
+    Parameters
+    ----------
+    image : ndarray
+        The picture, (H, W) or BGR (H, W, 3).
+    mm_per_pixel : float
+        Its scale.
+    settings : MeasureSettings, optional
+        Settings of the lines; the default ones if left out.
+    base_row : float, optional
+        Row of the plate; the default is the pile's lowest row.
+
     Returns
     -------
     dict
-        In this order ``grey``, ``binary``, ``edge`` and ``boundary`` (the overlay).
+        Pictures by name, in this order: ``grey``, ``binary`` (the pile is white),
+        ``edge`` and ``boundary`` (the overlay).
     """
     settings = settings or MeasureSettings.with_defaults()
     settings = settings.with_scale(mm_per_pixel)

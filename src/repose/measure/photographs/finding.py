@@ -111,9 +111,10 @@ def find(view: SideView, by_roughness: bool = False) -> tuple[np.ndarray, bool]:
 
     Returns
     -------
-    tuple
-        The mask (H, W), uint8, 1 in the pile, and whether another heap stands beside
-        it.
+    mask : ndarray
+        The pile (H, W), uint8, 1 in it.
+    has_neighbour : bool
+        Whether another heap stands beside it.
 
     Raises
     ------
@@ -122,32 +123,41 @@ def find(view: SideView, by_roughness: bool = False) -> tuple[np.ndarray, bool]:
     """
     n_rows = math.ceil(view.base_row)  # above the plate
     hidden = view.hidden[:n_rows]
-    features = _view_features(view, n_rows, SMALL_GRAIN_PX if by_roughness else None)
-    scatter = _local_scatter(features[..., 2])
+    features = _compute_view_features(
+        view, n_rows, SMALL_GRAIN_PX if by_roughness else None
+    )
+    scatter = _compute_local_scatter(features[..., 2])
 
     # The background is fitted twice, the second time without the pile of the first
     # guess.
     not_background = hidden
     for _ in range(2):
         background = _fit_background(features, not_background)
-        guess = _first_guess(features - background, scatter, hidden)
+        guess = _guess_pile(features - background, scatter, hidden)
         pile = cv2.dilate(guess.pile.astype(np.uint8), np.ones((9, 9), np.uint8))
         not_background = hidden | (pile > 0)
 
     # Other objects are painted over, and GrabCut separates the pile.
     painted = np.where(guess.others[..., None], background, features)
-    mask = _grab_cut(painted, _coarse_marks(guess, hidden))
+    mask = _apply_grab_cut(painted, _make_coarse_marks(guess, hidden))
     mask = _remove_shadow(mask, painted - background, scatter)
-    mask = _largest_part(mask)
+    mask = _keep_largest_part(mask)
     below_plate = np.zeros((len(view.image) - n_rows, mask.shape[1]), np.uint8)
     return np.vstack([mask, below_plate]), guess.has_neighbour
 
 
-def _coarse_marks(guess: _Guess, hidden: np.ndarray) -> np.ndarray:
+def _make_coarse_marks(guess: _Guess, hidden: np.ndarray) -> np.ndarray:
     """Make the marks (H, W) with which GrabCut begins in a coarse view.
 
     Pile and background are probable, except for hidden pixels, other objects and the
     picture's border outside of the pile, which are certainly background.
+
+    Parameters
+    ----------
+    guess : _Guess
+        The first guess of the pile.
+    hidden : ndarray
+        Mask (H, W) of pixels that do not show the scene.
     """
     marks = np.where(guess.pile, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
     # The border is at both sides and at the top; the pile stands at the bottom.
@@ -175,6 +185,11 @@ def refine(
     by_roughness : bool
         Whether roughness takes the place of brightness.
 
+    Returns
+    -------
+    Refined
+        The pile, and how much of its boundary is faint.
+
     Raises
     ------
     NotPlainError
@@ -185,35 +200,37 @@ def refine(
     n_rows = math.ceil(view.base_row)  # above the plate
     coarse = coarse[:n_rows]
     hidden = view.hidden[:n_rows]
-    features = _view_features(view, n_rows, grain_px if by_roughness else None, coarse)
+    features = _compute_view_features(
+        view, n_rows, grain_px if by_roughness else None, coarse
+    )
     near_px = NEAR * grain_px
 
     # Decide the pixels near the coarse boundary
     reach = max(4, round((1.0 if by_roughness else 0.4) * grain_px))
-    marks = _fine_marks(coarse, hidden, reach)
-    mask = _grab_cut(features, marks)
+    marks = _make_fine_marks(coarse, hidden, reach)
+    mask = _apply_grab_cut(features, marks)
     if not by_roughness:
         mask = _remove_penumbra(mask, features, grain_px)
-    is_near_hidden = cv2.dilate(hidden.astype(np.uint8), _disc(reach)) > 0
+    is_near_hidden = cv2.dilate(hidden.astype(np.uint8), _make_disc(reach)) > 0
     is_free = (marks >= cv2.GC_PR_BGD) & ~is_near_hidden
 
     # Move the boundary by colours, then more finely by light
     _, mask = _move_boundary(
         features,
-        _largest_part(mask),
+        _keep_largest_part(mask),
         is_free,
         neighbourhood_px=near_px,
         reach_px=near_px,
         certain_share=CERTAIN_SHARE,
     )
-    light = features if by_roughness else _light(view, n_rows)
+    light = features if by_roughness else _compute_light(view, n_rows)
     share, mask = _move_boundary(
         light, mask, is_free, neighbourhood_px=near_px, reach_px=LIGHT_PX
     )
 
     # Remove loose grains
-    mask = _remove_floating(_largest_part(mask), GAP * grain_px)
-    mask = _largest_part(_remove_touching(mask, round(NECK * grain_px)))
+    mask = _remove_floating(_keep_largest_part(mask), GAP * grain_px)
+    mask = _keep_largest_part(_remove_touching(mask, round(NECK * grain_px)))
     require_upright(mask)
 
     grey = cv2.cvtColor(view.image[:n_rows], cv2.COLOR_BGR2GRAY)
@@ -229,30 +246,50 @@ def refine(
         pile_is="darker" if is_darker else "brighter",
     )
     weights = np.ones(3, np.float32) if by_roughness else FULL_BRIGHTNESS
-    return Refined(pile, _faint_share(features, mask, near_px, weights))
+    return Refined(pile, _compute_faint_share(features, mask, near_px, weights))
 
 
-def _fine_marks(coarse: np.ndarray, hidden: np.ndarray, reach: int) -> np.ndarray:
+def _make_fine_marks(coarse: np.ndarray, hidden: np.ndarray, reach: int) -> np.ndarray:
     """Make the marks (H, W) with which GrabCut begins in a fine view.
 
-    Only pixels within `reach` of the boundary of the coarse mask (H, W) are uncertain.
+    Parameters
+    ----------
+    coarse : ndarray
+        The pile's mask (H, W), accurate to half a grain.
+    hidden : ndarray
+        Mask (H, W) of pixels that do not show the scene.
+    reach : int
+        Distance from the boundary of the coarse mask within which pixels are uncertain.
     """
     # Continue the pile below the plate, so that its base is no boundary.
     n_rows = len(coarse)
     extended = cv2.copyMakeBorder(coarse, 0, reach, 0, 0, cv2.BORDER_REPLICATE)
-    is_inside = cv2.erode(extended, _disc(reach))[:n_rows] > 0
-    is_outside = cv2.dilate(extended, _disc(reach))[:n_rows] == 0
+    is_inside = cv2.erode(extended, _make_disc(reach))[:n_rows] > 0
+    is_outside = cv2.dilate(extended, _make_disc(reach))[:n_rows] == 0
     marks = np.where(coarse > 0, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
     marks[is_inside] = cv2.GC_FGD
     marks[is_outside | hidden] = cv2.GC_BGD
     return marks
 
 
-def _faint_share(
+def _compute_faint_share(
     colours: np.ndarray, mask: np.ndarray, near_px: float, weights: np.ndarray
 ) -> float:
-    """Compute the share of the upper boundary at which both sides hardly differ."""
-    pile, background = _side_means(colours, mask, near_px)
+    """Compute the share of the upper boundary at which both sides hardly differ.
+
+    Parameters
+    ----------
+    colours : ndarray
+        Features (H, W, 3).
+    mask : ndarray
+        The pile (H, W).
+    near_px : float
+        Radius of the neighbourhood that gives the features of both sides.
+    weights : ndarray
+        Weights (3,) of the features.
+    """
+    # The difference of both sides at the highest pixel of each column
+    pile, background = _average_sides(colours, mask, near_px)
     difference = pile - background
     columns = np.flatnonzero(mask.any(axis=0))
     rows = mask.argmax(axis=0)[columns]
@@ -260,10 +297,22 @@ def _faint_share(
     return float((contrast < FAINT).mean())
 
 
-def _light(view: SideView, n_rows: int) -> np.ndarray:
-    """Compute the light (H, W, 3) above the plate.
+def _compute_light(view: SideView, n_rows: int) -> np.ndarray:
+    """Compute the light of a view above the plate.
 
     At a boundary a camera mixes light, and only then converts it to tones.
+
+    Parameters
+    ----------
+    view : SideView
+        The view.
+    n_rows : int
+        Number of rows above the plate.
+
+    Returns
+    -------
+    ndarray
+        Light (n_rows, W, 3) of the three colours, 0 to 1.
     """
     light = (view.image.astype(np.float32) / 255) ** TONE_CURVE
     smooth = cv2.GaussianBlur(light, (0, 0), 0.8)
@@ -306,11 +355,11 @@ def _move_boundary(
         The share of the pile (H, W), and the mask.
     """
     reach = max(LIGHT_PX, round(reach_px))
-    boundary = cv2.morphologyEx(mask, cv2.MORPH_GRADIENT, _disc(reach))
+    boundary = cv2.morphologyEx(mask, cv2.MORPH_GRADIENT, _make_disc(reach))
     may_change = is_free & (boundary > 0)
     # Each move changes the local means, which are then computed again.
     for _ in range(N_ROUNDS):
-        pile, background = _side_means(values, mask, neighbourhood_px)
+        pile, background = _average_sides(values, mask, neighbourhood_px)
         span = pile - background
         # The share is the place of a value along the line between the two means.
         projection = ((values - background) * span).sum(-1)
@@ -319,25 +368,38 @@ def _move_boundary(
         is_pile = may_change & (share >= certain_share)
         is_background = may_change & (share < 1 - certain_share)
         mask = np.where(is_pile, 1, np.where(is_background, 0, mask))
-        mask = _largest_part(mask.astype(np.uint8))
+        mask = _keep_largest_part(mask.astype(np.uint8))
     return share, mask
 
 
 def _remove_penumbra(
     mask: np.ndarray, features: np.ndarray, grain_px: float
 ) -> np.ndarray:
-    """Remove the shadow along the boundary of a mask (H, W), up to a grain wide.
+    """Remove the shadow along the boundary of a pile, up to a grain wide.
 
-    A shadow has the ratios of the background's colours, which are the first two of the
-    `features` (H, W, 3); the third is the brightness. Nothing is removed where
-    pile and background have nearly the same ratios.
+    A shadow has the ratios of the background's colours. Nothing is removed where pile
+    and background have nearly the same ratios.
+
+    Parameters
+    ----------
+    mask : ndarray
+        The pile (H, W).
+    features : ndarray
+        Features (H, W, 3): two ratios of the colours, and the brightness.
+    grain_px : float
+        Height of a grain in pixels.
+
+    Returns
+    -------
+    ndarray
+        The pile (H, W) without the shadow.
     """
     # Colours of the pile and of the background near each pixel, away from the boundary
-    disc = _disc(max(3, round(grain_px)))
+    disc = _make_disc(max(3, round(grain_px)))
     core = cv2.erode(mask, disc, borderValue=1)
     surroundings = 1 - cv2.dilate(mask, disc[::2, ::2])
-    pile = _local_mean(features, core, 2 * grain_px)
-    background = _local_mean(features, surroundings, 2 * grain_px)
+    pile = _average_locally(features, core, 2 * grain_px)
+    background = _average_locally(features, surroundings, 2 * grain_px)
 
     # Share of the pile in the ratios of a pixel
     ratio_span = (pile - background)[..., :2]
@@ -365,16 +427,23 @@ def _remove_penumbra(
     return np.where(shadow > 0, 0, mask).astype(np.uint8)
 
 
-def shadow_below(image: np.ndarray, mask: np.ndarray) -> int:
+def count_shadow_rows(image: np.ndarray, mask: np.ndarray) -> int:
     """Count the lowest rows of a pile that are mostly shadow on the background.
 
     The count is 0 for grains of the background's colour, as in a grey picture, where
-    shadow and grain look the same. `mask` (H, W) is the pile in the picture.
+    shadow and grain look the same.
+
+    Parameters
+    ----------
+    image : ndarray
+        The picture (H, W, 3), BGR, or (H, W).
+    mask : ndarray
+        The pile (H, W) in it.
     """
     # The comparison is made in a reduced picture.
     comparison = _compare_with_sides(image, mask)
     small_mask = comparison.mask
-    shadow = _shadow_in_pile(small_mask, comparison.difference)
+    shadow = _mark_shadow(small_mask, comparison.difference)
     rows = np.flatnonzero(small_mask.any(axis=1))
     shadow_widths = shadow[rows].sum(axis=1)
     pile_widths = small_mask[rows].sum(axis=1, dtype=int)
@@ -386,14 +455,22 @@ def shadow_below(image: np.ndarray, mask: np.ndarray) -> int:
     return comparison.step * n_shadow_rows
 
 
-def shadow_share(image: np.ndarray, mask: np.ndarray) -> float:
+def compute_shadow_share(image: np.ndarray, mask: np.ndarray) -> float:
     """Compute the share of a pile's area that is a patch of shadow on the background.
 
     It is 0 for a pile of the background's colour, where shadow and grain look the same.
+
+    Parameters
+    ----------
+    image : ndarray
+        The picture (H, W, 3), BGR, or (H, W).
+    mask : ndarray
+        The pile (H, W) in it.
     """
     comparison = _compare_with_sides(image, mask)
     pile = comparison.mask
     difference = comparison.difference
+    # Without a colour of its own, nothing tells the pile from a shadow.
     area = pile.sum(dtype=int)
     has_colour = np.hypot(difference[..., 0], difference[..., 1]) >= SHADOW_COLOUR
     coloured_area = ((pile > 0) & has_colour).sum()
@@ -402,13 +479,21 @@ def shadow_share(image: np.ndarray, mask: np.ndarray) -> float:
     # Smaller dark spots are gaps between grains.
     patch_size = max(5, len(pile) // 30)
     patch = np.ones((patch_size, patch_size), np.uint8)
-    is_darker = _darker_background(pile, difference)
+    is_darker = _mark_darker_background(pile, difference)
     shadow = cv2.morphologyEx(is_darker.astype(np.uint8), cv2.MORPH_OPEN, patch)
     return float(shadow.sum(dtype=int) / area)
 
 
 def _compare_with_sides(image: np.ndarray, mask: np.ndarray) -> _SideComparison:
-    """Compare the features of each pixel with the median of its row's two ends."""
+    """Compare each pixel of a picture with the median of its row's two ends.
+
+    Parameters
+    ----------
+    image : ndarray
+        The picture (H, W, 3), BGR, or (H, W). A large one is reduced.
+    mask : ndarray
+        The pile (H, W) in it.
+    """
     step = max(1, max(mask.shape) // COMPARED_PX)
     colours = compute_features(np.ascontiguousarray(image[::step, ::step]))
     # Narrow ends: a shadow may be wider than the pile.
@@ -419,9 +504,17 @@ def _compare_with_sides(image: np.ndarray, mask: np.ndarray) -> _SideComparison:
 
 
 def compute_features(image: np.ndarray) -> np.ndarray:
-    """Compute two ratios of the channels and the brightness of a picture, BGR.
+    """Compute the features of a picture: two ratios of channels, and brightness.
 
-    They are logarithms, scaled to lie around 128: float32 (H, W, 3).
+    Parameters
+    ----------
+    image : ndarray
+        The picture (H, W, 3), BGR.
+
+    Returns
+    -------
+    ndarray
+        Features (H, W, 3), float32. They are logarithms, scaled to lie around 128.
     """
     smooth = cv2.GaussianBlur(image, (0, 0), 0.8).astype(np.float32) + DARK
     blue, green, red = cv2.split(smooth)
@@ -431,35 +524,65 @@ def compute_features(image: np.ndarray) -> np.ndarray:
     return 128 + np.stack([red_ratio, blue_ratio, brightness], axis=-1)
 
 
-def _view_features(
+def _compute_view_features(
     view: SideView,
     n_rows: int,
     grain_px: float | None,
     pile: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Compute the features (H, W, 3) of a view above the plate.
+    """Compute the features of a view above the plate.
 
-    With the height of a grain, roughness takes the place of brightness; `pile` is a
-    mask of the pile, if it is known.
+    Parameters
+    ----------
+    view : SideView
+        The view.
+    n_rows : int
+        Number of rows above the plate.
+    grain_px : float or None
+        Height of a grain in pixels, with which roughness takes the place of brightness;
+        None keeps the brightness.
+    pile : ndarray, optional
+        Mask (n_rows, W) of the pile, if it is known; only the roughness needs it.
+
+    Returns
+    -------
+    ndarray
+        Features (n_rows, W, 3).
     """
     colours = _fill_hidden(compute_features(view.image), view.hidden)[:n_rows]
     if grain_px is not None:
         hidden = view.hidden[:n_rows]
-        colours[..., 2] = _roughness(colours[..., 2], hidden, grain_px, pile)
+        colours[..., 2] = _compute_roughness(colours[..., 2], hidden, grain_px, pile)
     return colours
 
 
-def _roughness(
+def _compute_roughness(
     brightness: np.ndarray,
     hidden: np.ndarray,
     grain_px: float,
     pile: np.ndarray | None,
 ) -> np.ndarray:
-    """Compute the roughness (H, W) of a picture as a feature around 128.
+    """Compute the roughness of a picture as a feature around 128.
 
     Roughness is the smallest gradient over all directions (Shi and Tomasi 1994): a
     straight edge, such as that of a table, has none. It is counted from that of the
     row's background, in units of the background's scatter.
+
+    Parameters
+    ----------
+    brightness : ndarray
+        Brightness (H, W).
+    hidden : ndarray
+        Mask (H, W) of pixels that do not show the scene.
+    grain_px : float
+        Height of a grain in pixels.
+    pile : ndarray or None
+        Mask (H, W) of the pile, if it is known. It does not count as background.
+
+    Returns
+    -------
+    ndarray
+        Roughness (H, W).
     """
     smallest_gradient = cv2.cornerMinEigenVal(
         np.ascontiguousarray(brightness), WINDOW_PX
@@ -467,14 +590,14 @@ def _roughness(
     # Close the gaps between grains, and take back what the window adds around them.
     radius = max(1, round(0.25 * grain_px))
     gradient_root = np.sqrt(np.maximum(smallest_gradient, 0))
-    closed = cv2.dilate(gradient_root, _disc(radius))
-    rough = cv2.erode(closed, _disc(radius + WINDOW_PX // 2))
+    closed = cv2.dilate(gradient_root, _make_disc(radius))
+    rough = cv2.erode(closed, _make_disc(radius + WINDOW_PX // 2))
 
     not_background = hidden
     if pile is not None:
-        not_background = hidden | (cv2.dilate(pile, _disc(radius)) > 0)
+        not_background = hidden | (cv2.dilate(pile, _make_disc(radius)) > 0)
     # A quantile below the median: the pile may fill half of a row.
-    background = _visible(rough, not_background)
+    background = _hide_excluded(rough, not_background)
     roughness = rough - np.nanquantile(background, SIDES, axis=1, keepdims=True)
     # The factor turns a median deviation into a standard deviation.
     scatter = 1.4826 * np.median(np.abs(roughness[~not_background]))
@@ -482,13 +605,24 @@ def _roughness(
     return 128 + np.clip(scaled, 0, 127)
 
 
-def _visible(values: np.ndarray, excluded: np.ndarray) -> np.ndarray:
-    """Replace excluded values (H, W) by NaN, except in rows where all are excluded."""
+def _hide_excluded(values: np.ndarray, excluded: np.ndarray) -> np.ndarray:
+    """Replace excluded values by NaN, so that statistics of a row leave them out.
+
+    A row that is excluded as a whole stays as it is, because its statistics would be
+    NaN.
+
+    Parameters
+    ----------
+    values : ndarray
+        Values (H, W).
+    excluded : ndarray
+        Mask (H, W) of the values to replace.
+    """
     return np.where(excluded & ~excluded.all(axis=1, keepdims=True), np.nan, values)
 
 
 def _fill_hidden(colours: np.ndarray, hidden: np.ndarray) -> np.ndarray:
-    """Give hidden pixels (H, W) the colour of the nearest visible one in their row.
+    """Give hidden pixels the colour of the nearest visible one in their row.
 
     A row without a visible pixel stays as it is.
 
@@ -498,6 +632,11 @@ def _fill_hidden(colours: np.ndarray, hidden: np.ndarray) -> np.ndarray:
         The colours (H, W, N).
     hidden : ndarray
         Mask (H, W) of the hidden pixels.
+
+    Returns
+    -------
+    ndarray
+        The completed colours (H, W, N).
     """
     columns = np.arange(hidden.shape[1])
     # The last visible column up to each pixel, and the first from it on
@@ -506,6 +645,7 @@ def _fill_hidden(colours: np.ndarray, hidden: np.ndarray) -> np.ndarray:
     from_right = np.where(hidden, beyond, columns)[:, ::-1]
     right = np.minimum.accumulate(from_right, axis=1)[:, ::-1]
 
+    # Of both, the nearer one gives its colour.
     left_distance = np.where(left >= 0, columns - left, beyond)
     right_distance = right - columns
     nearest = np.where(left_distance <= right_distance, left, right)
@@ -579,10 +719,20 @@ def _fit_lines(
     return mean + covariance / spread * (x - mean_x), n_pixels
 
 
-def _local_scatter(brightness: np.ndarray) -> np.ndarray:
-    """Compute the standard deviation (H, W) of the brightness around each pixel.
+def _compute_local_scatter(brightness: np.ndarray) -> np.ndarray:
+    """Compute the standard deviation of the brightness around each pixel.
 
     Grains with gaps between them have a large one, a shadow has a small one.
+
+    Parameters
+    ----------
+    brightness : ndarray
+        Brightness (H, W).
+
+    Returns
+    -------
+    ndarray
+        Scatter (H, W).
     """
     size = (5, 5)
     mean_square = cv2.blur(brightness * brightness, size)
@@ -590,7 +740,7 @@ def _local_scatter(brightness: np.ndarray) -> np.ndarray:
     return np.sqrt(np.maximum(variance, 0))
 
 
-def _first_guess(
+def _guess_pile(
     difference: np.ndarray, scatter: np.ndarray, hidden: np.ndarray
 ) -> _Guess:
     """Guess where the pile is: the largest part that stands on the plate.
@@ -606,6 +756,11 @@ def _first_guess(
     hidden : ndarray
         Mask (H, W) of pixels that do not show the scene.
 
+    Returns
+    -------
+    _Guess
+        The pile and other objects.
+
     Raises
     ------
     NotPlainError
@@ -613,7 +768,7 @@ def _first_guess(
     """
     # The strength of the difference, in colour, brightness and scatter. The scatter is
     # compared with its row: an edge of the table is rough, too.
-    row_scatter = np.nanmedian(_visible(scatter, hidden), axis=1, keepdims=True)
+    row_scatter = np.nanmedian(_hide_excluded(scatter, hidden), axis=1, keepdims=True)
     squares = (
         (difference[..., :2] ** 2).sum(-1)
         + (0.5 * difference[..., 2]) ** 2
@@ -633,14 +788,14 @@ def _first_guess(
         if lower_level < SMALLEST_LEVEL:
             break
         stands_out = (strength > lower_level).astype(np.uint8)
-        pile, others = _standing_parts(stands_out)
+        pile, others = _find_standing_parts(stands_out)
         if pile is not None:
             others = cv2.dilate(others.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
             return _Guess(pile, others, has_another_heap(stands_out))
     raise NotPlainError(NO_PILE)
 
 
-def _standing_parts(mask: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
+def _find_standing_parts(mask: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
     """Find the pile and other objects among the parts of a mask (H, W).
 
     Returns
@@ -666,8 +821,24 @@ def _standing_parts(mask: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
     return pile, is_high[labels]
 
 
-def _grab_cut(colours: np.ndarray, marks: np.ndarray) -> np.ndarray:
-    """Find the pile's mask by GrabCut, from its start marks."""
+def _apply_grab_cut(colours: np.ndarray, marks: np.ndarray) -> np.ndarray:
+    """Find the pile by GrabCut, from marks of what is pile and what is background.
+
+    The result is the same each time, because OpenCV's random numbers begin with the
+    same seed.
+
+    Parameters
+    ----------
+    colours : ndarray
+        Features (H, W, 3).
+    marks : ndarray
+        OpenCV's marks (H, W): pile or background, certainly or probably.
+
+    Returns
+    -------
+    ndarray
+        The pile (H, W), without specks.
+    """
     picture = np.clip(colours, 0, 255).astype(np.uint8)
     result = marks.copy()
     cv2.setRNGSeed(1)
@@ -689,22 +860,39 @@ def _grab_cut(colours: np.ndarray, marks: np.ndarray) -> np.ndarray:
 def _remove_shadow(
     mask: np.ndarray, difference: np.ndarray, scatter: np.ndarray
 ) -> np.ndarray:
-    """Remove smooth parts of the background's colour that are darker than it."""
+    """Remove a smooth shadow on the background from the mask of a pile.
+
+    Parameters
+    ----------
+    mask : ndarray
+        The pile (H, W).
+    difference : ndarray
+        Difference (H, W, 3) of the features from the background.
+    scatter : ndarray
+        Local scatter (H, W) of the brightness.
+    """
     is_smooth = scatter < SMOOTH_SHARE * np.median(scatter[mask > 0])
-    shadow = _shadow_in_pile(mask, difference) & is_smooth
+    shadow = _mark_shadow(mask, difference) & is_smooth
     shadow = cv2.morphologyEx(
         shadow.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)
     )
     return np.where(shadow > 0, 0, mask).astype(np.uint8)
 
 
-def _shadow_in_pile(mask: np.ndarray, difference: np.ndarray) -> np.ndarray:
-    """Mark the pixels of a pile (H, W) that look like a shadow on the background.
+def _mark_shadow(mask: np.ndarray, difference: np.ndarray) -> np.ndarray:
+    """Mark the pixels of a pile that look like a shadow on the background.
 
     They have the background's colour and are darker. None are marked if the upper part
     of the pile is like that, too: then the grains have the background's colour.
+
+    Parameters
+    ----------
+    mask : ndarray
+        The pile (H, W).
+    difference : ndarray
+        Difference (H, W, 3) of the features from the background.
     """
-    shadow = _darker_background(mask, difference)
+    shadow = _mark_darker_background(mask, difference)
     rows = np.flatnonzero(mask.any(axis=1))
     if rows.size == 0:
         return shadow
@@ -714,8 +902,11 @@ def _shadow_in_pile(mask: np.ndarray, difference: np.ndarray) -> np.ndarray:
     return shadow
 
 
-def _darker_background(mask: np.ndarray, difference: np.ndarray) -> np.ndarray:
-    """Mark pixels of a mask with the background's colour that are darker than it."""
+def _mark_darker_background(mask: np.ndarray, difference: np.ndarray) -> np.ndarray:
+    """Mark pixels of a pile with the background's colour that are darker than it.
+
+    The arguments are those of `_mark_shadow`.
+    """
     colour_distance = np.sqrt((difference[..., :2] ** 2).sum(-1))
     darkening = -difference[..., 2] / BRIGHTNESS_GAIN
     return (
@@ -729,9 +920,16 @@ def _darker_background(mask: np.ndarray, difference: np.ndarray) -> np.ndarray:
 def _remove_floating(mask: np.ndarray, gap_px: float) -> np.ndarray:
     """Remove parts that float above background, such as a loose grain behind the pile.
 
-    A pixel floats if there are more than `gap_px` pixels of background below it, down to
-    the foot of the pile. The foot is the lowest row at least half as wide as the widest:
-    seen from the side, round grains end a little above the plate's row.
+    The foot of the pile is the lowest row at least half as wide as the widest: seen
+    from the side, round grains end a little above the plate's row.
+
+    Parameters
+    ----------
+    mask : ndarray
+        The pile (H, W).
+    gap_px : float
+        A pixel floats if there are more pixels of background than this below it, down
+        to the foot.
     """
     widths = mask.sum(axis=1, dtype=int)
     is_wide = 2 * widths >= max(widths.max(), 1)
@@ -747,15 +945,21 @@ def _remove_floating(mask: np.ndarray, gap_px: float) -> np.ndarray:
 def _remove_touching(mask: np.ndarray, radius: int) -> np.ndarray:
     """Remove loose grains that touch the foot of a pile.
 
-    They are low parts of the mask (H, W) that only a neck connects with the rest. A neck
-    is at most two radii, in pixels, wide.
+    They are low parts of the mask that only a neck connects with the rest.
+
+    Parameters
+    ----------
+    mask : ndarray
+        The pile (H, W).
+    radius : int
+        Half the width of the widest neck in pixels.
     """
     if radius < 1:
         return mask
 
     # Eroded by the radius, the mask falls apart at its necks.
     extended = cv2.copyMakeBorder(mask, 0, 2 * radius, 0, 0, cv2.BORDER_REPLICATE)
-    core = cv2.erode(extended, _disc(radius))[: len(mask)]
+    core = cv2.erode(extended, _make_disc(radius))[: len(mask)]
     n_labels, labels, boxes, _ = cv2.connectedComponentsWithStats(core)
     if n_labels < 3:  # background and one part
         return mask
@@ -775,23 +979,55 @@ def _remove_touching(mask: np.ndarray, radius: int) -> np.ndarray:
     return np.where(is_loose[parts[nearest]], 0, mask).astype(np.uint8)
 
 
-def _disc(radius: int) -> np.ndarray:
+def _make_disc(radius: int) -> np.ndarray:
     """Make a disc of a radius in pixels, for morphological operations."""
     size = 2 * radius + 1
     return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
 
 
-def _side_means(
+def _average_sides(
     values: np.ndarray, mask: np.ndarray, radius_px: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Average values (H, W, N) of pile and background around each pixel."""
-    pile = _local_mean(values, mask, radius_px)
-    background = _local_mean(values, 1 - mask, radius_px)
+    """Average values of pile and background around each pixel.
+
+    Parameters
+    ----------
+    values : ndarray
+        Values (H, W, N).
+    mask : ndarray
+        The pile (H, W), 0 or 1.
+    radius_px : float
+        Radius of the neighbourhood.
+
+    Returns
+    -------
+    pile, background : ndarray
+        Means (H, W, N) of each side.
+    """
+    pile = _average_locally(values, mask, radius_px)
+    background = _average_locally(values, 1 - mask, radius_px)
     return pile, background
 
 
-def _local_mean(values: np.ndarray, part: np.ndarray, radius_px: float) -> np.ndarray:
-    """Average values (H, W, N) of a part (H, W) around each pixel; 0 without any."""
+def _average_locally(
+    values: np.ndarray, part: np.ndarray, radius_px: float
+) -> np.ndarray:
+    """Average the values of a part of the picture around each pixel.
+
+    Parameters
+    ----------
+    values : ndarray
+        Values (H, W, N).
+    part : ndarray
+        Mask (H, W) of the part, 0 or 1.
+    radius_px : float
+        Radius of the neighbourhood, at least 3 pixels.
+
+    Returns
+    -------
+    ndarray
+        Means (H, W, N); 0 where the part has no pixel nearby.
+    """
     size = 2 * max(3, round(radius_px)) + 1
     count = cv2.boxFilter(
         part.astype(np.float32),
@@ -810,8 +1046,11 @@ def _local_mean(values: np.ndarray, part: np.ndarray, radius_px: float) -> np.nd
     return total / np.maximum(count, 1)[..., None]
 
 
-def _largest_part(mask: np.ndarray) -> np.ndarray:
-    """Keep a mask's largest part and fill its holes; NotPlainError if it is empty."""
+def _keep_largest_part(mask: np.ndarray) -> np.ndarray:
+    """Keep the largest part of a mask and fill its holes.
+
+    Raises NotPlainError if the mask is empty.
+    """
     if not mask.any():
         raise NotPlainError(NO_PILE)
     return pile_component(mask, largest_only=True)

@@ -53,10 +53,11 @@ def remove_perspective(
     tuple
         The view and the pile, redrawn.
     """
+    # Angle of the cone that is seen at the measured angle, and turn of its outline
     n_rows, n_columns = view.shape[:2]
     camera_height = viewpoint.height_px
     tan_down = (camera_height - pile_height_px) / viewpoint.distance_px
-    tan_angles = np.hypot(np.tan(np.radians(angles_deg)), tan_down)  # of the cone
+    tan_angles = np.hypot(np.tan(np.radians(angles_deg)), tan_down)
     sines = tan_down / tan_angles
 
     # Each column of the new view belongs to one side of the pile, 0 left or 1 right.

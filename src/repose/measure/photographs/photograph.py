@@ -1,4 +1,4 @@
-"""Photographs of repeated piles: each is measured or refused.
+"""Measure or refuse photographs of repeated piles.
 
 The printed sheet (`repose.measure.photographs.sheet`) gives scale, tilt, lens and the
 plate. Without it, the photograph must be level, without distortion, and before a plain
@@ -20,10 +20,10 @@ from repose.measure.image_files import read_image
 from repose.measure.photographs import camera, finding, sheet
 from repose.measure.photographs.doubts import (
     DOUBT,
-    doubts_of_base,
-    doubts_of_pile,
+    estimate_grain_mm,
+    list_doubts_of_base,
+    list_doubts_of_pile,
     require_foot,
-    usual_grain_mm,
 )
 from repose.measure.photographs.perspective import Viewpoint, remove_perspective
 from repose.measure.photographs.segmentation import (
@@ -110,7 +110,7 @@ class Photograph:
         None if the photograph was refused.
     refused : str
         The reason why it was refused; empty if it was not.
-    facts : dict
+    geometry : dict
         Its ``mm_per_pixel``, if it is known; with a sheet also ``tilt_deg`` and
         ``look_down_deg``.
     note : str
@@ -124,14 +124,14 @@ class Photograph:
     pile: Segmentation | None = None
     measurement: Measurement | None = None
     refused: str = ""
-    facts: dict[str, float] = field(default_factory=dict)
+    geometry: dict[str, float] = field(default_factory=dict)
     note: str = ""
     doubts: Sequence[str] = ()
 
     @property
     def mm_per_pixel(self) -> float:
         """Its scale; 1 where it is not known, so that lengths are in pixels."""
-        return self.facts.get("mm_per_pixel", 1.0)
+        return self.geometry.get("mm_per_pixel", 1.0)
 
     @property
     def remarks(self) -> str:
@@ -148,7 +148,7 @@ class _Location(NamedTuple):
     side_mm: float  # half the width of a view with the pile and a margin
 
 
-def scale_of_level_length(
+def measure_level_length(
     length_mm: float, x1: float, y1: float, x2: float, y2: float
 ) -> tuple[float, float] | None:
     """Compute scale and slope of a photograph from a length that is level in reality.
@@ -191,7 +191,20 @@ def read_photograph(path: Path) -> tuple[np.ndarray, float]:
 
 
 def split_readable(paths: Paths) -> tuple[list[Path], list[InputError]]:
-    """Split photographs into those that can be read and the faults of the others."""
+    """Split photographs into those that can be read and the faults of the others.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        The photographs.
+
+    Returns
+    -------
+    readable_paths : list of Path
+        The photographs that can be read.
+    faults : list of InputError
+        An error for each of the others.
+    """
     readable_paths = []
     faults = []
     for path in paths:
@@ -211,10 +224,19 @@ def calibrate_cameras(
 
     Photographs of one size are taken to be by one camera.
 
+    Parameters
+    ----------
+    paths : sequence of Path
+        The photographs.
+    square_mm : float
+        Side of a square of the sheet.
+
     Returns
     -------
-    tuple
-        The sheet by photograph, None if it is not found, and the camera by size.
+    sheets : dict
+        The sheet by photograph, None if it is not found.
+    cameras : dict
+        The camera by width and height of its photographs in pixels.
     """
     sheets: dict[Path, sheet.SheetCorners | None] = {}
     views_by_size: dict[Size, list[sheet.SheetCorners]] = {}
@@ -228,7 +250,7 @@ def calibrate_cameras(
             views_by_size.setdefault(size, []).append(corners)
             # The first photograph of a size states the focal length of its camera.
             if size not in focal_by_size:
-                focal_by_size[size] = _stated_focal(path, max(size))
+                focal_by_size[size] = _read_focal(path, max(size))
     cameras = {
         size: camera.calibrate(views, size, focal_by_size[size])
         for size, views in views_by_size.items()
@@ -350,27 +372,45 @@ def _measure_in_pose(
 ) -> None:
     """Find and measure the pile of a photograph whose camera has a known pose.
 
-    The photograph is completed step by step: if the measurement ends with NoFlankError,
-    the photograph shows what was found before.
+    Parameters
+    ----------
+    photograph : Photograph
+        The photograph, which is completed step by step: if the measurement ends with
+        NoFlankError, it shows what was found before.
+    pose : Pose
+        Position and direction of its camera.
+    settings : MeasureSettings
+        Settings of the measurement.
+    by_roughness : bool
+        Whether the pile is found by its roughness in place of its brightness.
+
+    Raises
+    ------
+    NoFlankError
+        If the pile cannot be measured. It is a `NotPlainError` if pile and background
+        are too much alike.
     """
     image = photograph.view
 
     # Find the pile in the plane of the sheet
     coarse = camera.side_view(image, pose, None, COARSE_PX)
     photograph.view = coarse.image
-    photograph.facts = {"mm_per_pixel": coarse.mm_per_pixel, "tilt_deg": pose.tilt_deg}
+    photograph.geometry = {
+        "mm_per_pixel": coarse.mm_per_pixel,
+        "tilt_deg": pose.tilt_deg,
+    }
     coarse_mask, has_neighbour = finding.find(coarse, by_roughness)
-    location = _locate(coarse_mask, coarse)
+    location = _locate_pile(coarse_mask, coarse)
     look_down_deg = pose.look_down_deg(location.crest_mm, location.height_mm)
-    photograph.facts["look_down_deg"] = look_down_deg
+    photograph.geometry["look_down_deg"] = look_down_deg
 
     # Find its boundary in the plane through its axis
     grain_mm = settings.berry_height_mm
     if grain_mm is None:
-        grain_mm = usual_grain_mm(location.height_mm)
-    fine = _fine_view(image, pose, location, grain_mm if by_roughness else None)
+        grain_mm = estimate_grain_mm(location.height_mm)
+    fine = _draw_fine_view(image, pose, location, grain_mm if by_roughness else None)
     photograph.view = fine.image
-    photograph.facts["mm_per_pixel"] = fine.mm_per_pixel
+    photograph.geometry["mm_per_pixel"] = fine.mm_per_pixel
     fine_mask = _transfer_mask(coarse_mask, coarse, fine, location.crest_mm)
     grain_px = grain_mm / fine.mm_per_pixel
     pile, faint_share = finding.refine(fine, fine_mask, grain_px, by_roughness)
@@ -389,7 +429,7 @@ def _measure_in_pose(
     measurement = _measure_view(photograph, settings)
     pile = replace(photograph.pile, has_neighbour=has_neighbour)
     photograph.pile = pile
-    doubts = doubts_of_pile(pile, measurement, grain_mm, fine.mm_per_pixel)
+    doubts = list_doubts_of_pile(pile, measurement, grain_mm, fine.mm_per_pixel)
     if faint_share > LARGEST_FAINT_SHARE:
         raise finding.NotPlainError(
             "the pile hardly differs from its background along its boundary: the "
@@ -414,6 +454,19 @@ def _remove_perspective(
     """Redraw view and pile as a camera at the plate's height sees them from far away.
 
     That depends on the angles of both sides, which are measured first.
+
+    Parameters
+    ----------
+    photograph : Photograph
+        The photograph, whose view and pile are replaced.
+    pose : Pose
+        Position and direction of its camera.
+    location : _Location
+        Crest and height of the pile.
+    fine : SideView
+        The view in which the pile was found.
+    settings : MeasureSettings
+        Settings of the measurement.
     """
     assert photograph.pile is not None
     angle = _measure_view(photograph, settings).angle
@@ -432,8 +485,9 @@ def _remove_perspective(
     )
 
 
-def _locate(mask: np.ndarray, view: camera.SideView) -> _Location:
-    """Locate the pile of a mask in the view of the sheet's plane."""
+def _locate_pile(mask: np.ndarray, view: camera.SideView) -> _Location:
+    """Locate the pile of a mask (H, W) in the view of the sheet's plane."""
+    # The crest is the middle of the pile's highest row.
     rows = np.flatnonzero(mask.any(axis=1))
     columns = np.flatnonzero(mask.any(axis=0))
     crest = float(np.median(np.flatnonzero(mask[rows[0]])))
@@ -445,13 +499,22 @@ def _locate(mask: np.ndarray, view: camera.SideView) -> _Location:
     )
 
 
-def _fine_view(
+def _draw_fine_view(
     image: np.ndarray, pose: camera.Pose, location: _Location, grain_mm: float | None
 ) -> camera.SideView:
-    """Draw the view of the plane through the pile's axis.
+    """Draw the view of the plane through the pile's axis, cut to the pile.
 
-    It is cut to the pile with a margin. `grain_mm`, the height of a grain, is given
-    where roughness is measured: then grains must be small enough in pixels.
+    Parameters
+    ----------
+    image : ndarray
+        The photograph (H, W, 3), BGR.
+    pose : Pose
+        Position and direction of its camera.
+    location : _Location
+        Crest, height and width of the pile.
+    grain_mm : float or None
+        Height of a grain, where roughness is measured: then grains must be small enough
+        in pixels. None draws the finest view.
     """
     top_mm = TOP_MARGIN * location.height_mm
     longest_side_px = FINE_PX
@@ -466,7 +529,17 @@ def _fine_view(
 def _measure_view(photograph: Photograph, settings: MeasureSettings) -> Measurement:
     """Measure the part of a photograph that was taken for the pile.
 
-    Raises NoFlankError if it has no flank, or if its sides differ much.
+    Parameters
+    ----------
+    photograph : Photograph
+        The photograph, in which a pile was found.
+    settings : MeasureSettings
+        Settings of the measurement.
+
+    Raises
+    ------
+    NoFlankError
+        If the pile has no flank, or if its sides differ much.
     """
     assert photograph.pile is not None
     settings = settings.with_scale(photograph.mm_per_pixel)
@@ -485,8 +558,22 @@ def _transfer_mask(
 ) -> np.ndarray:
     """Draw a mask of the coarse view in the pixels of the fine one.
 
-    `axis_mm` is the distance of the fine view's axis from the sheet's left edge, from
-    which columns of the coarse view are counted.
+    Parameters
+    ----------
+    mask : ndarray
+        The pile (H, W) in the coarse view.
+    coarse : SideView
+        The view of the sheet's plane.
+    fine : SideView
+        The view of the plane through the pile's axis.
+    axis_mm : float
+        Distance of that axis from the sheet's left edge, from which columns of the
+        coarse view are counted.
+
+    Returns
+    -------
+    ndarray
+        The pile in the fine view.
     """
     # Place each column and row of the fine view in the coarse one.
     n_rows, n_columns = fine.image.shape[:2]
@@ -504,6 +591,7 @@ def _transfer_mask(
 
 def _require_complete(mask: np.ndarray, hidden: np.ndarray) -> None:
     """Raise NoFlankError if the pile touches a border of the view or hidden pixels."""
+    # Hidden pixels within two pixels of the pile count, up to a few for its noise.
     grown = cv2.dilate(mask, np.ones((5, 5), np.uint8)) > 0
     n_touching = (grown & hidden[: len(mask)]).sum()
     touches_border = mask[:, :2].any() or mask[:, -2:].any()
@@ -516,23 +604,36 @@ def _require_complete(mask: np.ndarray, hidden: np.ndarray) -> None:
 def measure_plain(path: Path, settings: MeasureSettings, scale: Scale) -> Photograph:
     """Measure a photograph without a sheet, or a silhouette.
 
-    If `scale` has no `mm_per_pixel`, only the angles that need no length are measured.
+    Parameters
+    ----------
+    path : Path
+        The photograph.
+    settings : MeasureSettings
+        Settings of the measurement.
+    scale : Scale
+        What the user tells of its scale. Without `mm_per_pixel`, only the angles that
+        need no length are measured.
+
+    Returns
+    -------
+    Photograph
+        The result, or the reason why it was refused.
     """
     image, reduction = read_photograph(path)
     size = (round(image.shape[1] * reduction), round(image.shape[0] * reduction))
     # Rows of the file become rows of the reduced and levelled picture.
     base_row = None if scale.base_row is None else scale.base_row / reduction
-    image, base_row = _level(image, scale.level_deg, base_row)
+    image, base_row = _level_photograph(image, scale.level_deg, base_row)
     photograph = Photograph(path, image)
     if scale.mm_per_pixel is None:
         # Lengths are in pixels now, and that of a grain is not known in them.
         settings = settings.model_copy(update={"berry_height_mm": None})
         photograph.note = NO_LENGTH
     else:
-        photograph.facts["mm_per_pixel"] = scale.mm_per_pixel * reduction
+        photograph.geometry["mm_per_pixel"] = scale.mm_per_pixel * reduction
     try:
         _require_ends_inside(scale.ends, size)
-        _measure_level(photograph, settings, base_row)
+        _measure_level_photograph(photograph, settings, base_row)
     except (NoFlankError, InputError) as error:  # such as a base below the picture
         photograph.refused = str(error)
         if scale.mm_per_pixel is None:
@@ -543,21 +644,41 @@ def measure_plain(path: Path, settings: MeasureSettings, scale: Scale) -> Photog
 
 
 def _require_ends_inside(ends: Sequence[float], size: tuple[int, int]) -> None:
-    """Refuse a level line that ends outside a picture of this width and height."""
+    """Raise InputError for a level line that ends outside its picture.
+
+    Parameters
+    ----------
+    ends : sequence of float
+        Column and row of both ends, or empty without a line.
+    size : tuple of int
+        Width and height of the picture.
+    """
     limits = size * (len(ends) // 2)
     is_inside = all(0 <= end <= limit for end, limit in zip(ends, limits, strict=True))
     allowed = f"ends inside the picture, of {size[0]} x {size[1]} pixels"
     require(is_inside, "command line", "--length", tuple(ends), allowed)
 
 
-def _measure_level(
+def _measure_level_photograph(
     photograph: Photograph, settings: MeasureSettings, base_row: float | None
 ) -> None:
     """Find and measure the pile of a level photograph before a plain background.
 
-    The results are written into the photograph. `base_row` is the row of the plate, if
-    the user gave it; otherwise the base is found and judged. Raises NoFlankError if
-    there is no pile, and InputError if its base is impossible.
+    Parameters
+    ----------
+    photograph : Photograph
+        The photograph, into which the results are written.
+    settings : MeasureSettings
+        Settings of the measurement.
+    base_row : float or None
+        Row of the plate, if the user gave it. With None the base is found and judged.
+
+    Raises
+    ------
+    NoFlankError
+        If there is no pile.
+    InputError
+        If its base is impossible.
     """
     image = photograph.view
     mm_per_pixel = photograph.mm_per_pixel
@@ -569,15 +690,15 @@ def _measure_level(
         require_foot(image, pile, grain_mm, mm_per_pixel)
     measurement = _measure_view(photograph, settings)
     if grain_mm is None:
-        grain_mm = usual_grain_mm(measurement.height_mm)
-    doubts = doubts_of_pile(pile, measurement, grain_mm, mm_per_pixel)
+        grain_mm = estimate_grain_mm(measurement.height_mm)
+    doubts = list_doubts_of_pile(pile, measurement, grain_mm, mm_per_pixel)
     if base_row is None:
-        doubts += doubts_of_base(image, pile, grain_mm / mm_per_pixel)
+        doubts += list_doubts_of_base(image, pile, grain_mm / mm_per_pixel)
     photograph.measurement = measurement
     photograph.doubts = doubts
 
 
-def _level(
+def _level_photograph(
     image: np.ndarray, level_deg: float, base_row: float | None
 ) -> tuple[np.ndarray, float | None]:
     """Turn a photograph so that a line which rises to the right becomes level.
@@ -589,12 +710,14 @@ def _level(
     level_deg : float
         Rise of the line.
     base_row : float or None
-        Row of the plate in the middle column.
+        Row of the plate in the middle column, if it is known.
 
     Returns
     -------
-    tuple
-        The turned photograph, and the row of the plate there.
+    image : ndarray
+        The turned photograph.
+    base_row : float or None
+        The row of the plate there.
     """
     if level_deg == 0:
         return image, base_row
@@ -609,17 +732,29 @@ def _level(
         flags=cv2.INTER_LINEAR,
         borderMode=cv2.BORDER_REPLICATE,
     )
+    # The distance of the plate's row from the middle shrinks by the turn.
     if base_row is not None:
         distance = base_row - middle_row
         base_row = middle_row + distance * math.cos(math.radians(level_deg))
     return image, base_row
 
 
-def _stated_focal(path: Path, longer_side: float) -> float | None:
+def _read_focal(path: Path, longer_side: float) -> float | None:
     """Read the focal length in pixels from a photograph's EXIF data.
 
-    The entry is the equivalent focal length in mm on film that is 36 mm wide. Return
-    None without a plausible one.
+    The entry is the equivalent focal length in mm on film that is 36 mm wide.
+
+    Parameters
+    ----------
+    path : Path
+        The photograph.
+    longer_side : float
+        Its longer side in pixels.
+
+    Returns
+    -------
+    float or None
+        None without a plausible entry.
     """
     try:
         with Image.open(path) as picture:

@@ -1,4 +1,4 @@
-"""Splits a picture into pile and background, to a fraction of a pixel.
+"""Split a picture into pile and background, to a fraction of a pixel.
 
 Rows count downwards from the picture's top. The centre of a pixel has whole
 coordinates, as in OpenCV.
@@ -40,7 +40,7 @@ class Segmentation:
     @property
     def contour(self) -> np.ndarray:
         """Column and row (M, 2) of the pixels on the pile's boundary."""
-        return np.concatenate(_contours(self.mask))[:, 0, :]
+        return np.concatenate(_find_contours(self.mask))[:, 0, :]
 
 
 def segment(
@@ -119,9 +119,18 @@ def segment(
 def segment_silhouette(
     picture: np.ndarray, pile_tone: int, background: int, largest_only: bool
 ) -> Segmentation:
-    """Split a simulated pile's picture (H, W), whose two tones and base are known.
+    """Split a simulated pile's picture, whose two tones and base are known.
 
     The result is that of `segment`, to the last bit.
+
+    Parameters
+    ----------
+    picture : ndarray
+        The picture (H, W), uint8; its lower border is the plate.
+    pile_tone, background : int
+        The two tones.
+    largest_only : bool
+        Whether the pile is the largest part alone, without loose grains.
     """
     is_pile = (picture == pile_tone).view(np.uint8)
     contrast = is_pile * np.float32(abs(background - pile_tone))
@@ -140,10 +149,19 @@ def segment_silhouette(
 
 
 def prepare_picture(image: np.ndarray) -> np.ndarray:
-    """Check a picture, and return it as contiguous bytes (H, W, 3) or (H, W).
+    """Check a picture, and return it as contiguous bytes.
 
-    A picture whose three channels are the same gets a single one. Raises InputError if
-    the picture is unusable.
+    A picture whose three channels are the same gets a single one.
+
+    Parameters
+    ----------
+    image : ndarray
+        The picture, (H, W, 3) or (H, W).
+
+    Raises
+    ------
+    InputError
+        If the picture is unusable.
     """
     image = np.asarray(image)
     if image.dtype != np.uint8:
@@ -158,7 +176,18 @@ def prepare_picture(image: np.ndarray) -> np.ndarray:
 
 
 def mark_border(shape: tuple[int, ...]) -> np.ndarray:
-    """Mark (H, W) the strip that shows background: the upper edge and both sides."""
+    """Mark the strip of a picture that shows background: the upper edge and both sides.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Shape of the picture, (H, W) or (H, W, 3).
+
+    Returns
+    -------
+    ndarray
+        Mask (H, W) of the strip.
+    """
     width = max(2, round(BORDER_SHARE * min(shape)))
     strip = np.zeros(shape[:2], dtype=bool)
     strip[:width] = True
@@ -168,12 +197,21 @@ def mark_border(shape: tuple[int, ...]) -> np.ndarray:
 
 
 def compute_two_tone_contrast(grey: np.ndarray) -> np.ndarray | None:
-    """Compute the distance (H, W) from the background's tone in a picture of two tones.
+    """Compute how much pixels differ from the background in a picture of two tones.
 
-    Return None if the picture has more than two.
+    Parameters
+    ----------
+    grey : ndarray
+        The picture (H, W).
+
+    Returns
+    -------
+    ndarray or None
+        Distances (H, W) in tones; None if the picture has more than two tones.
     """
     if not ((grey == grey.min()) | (grey == grey.max())).all():
         return None
+    # The background has the tone that is most frequent in the border strip.
     background = np.bincount(grey[mark_border(grey.shape)], minlength=256).argmax()
     return cv2.absdiff(grey, np.full_like(grey, background)).astype(np.float32)
 
@@ -199,7 +237,7 @@ def compute_background_contrast(image: np.ndarray) -> np.ndarray:
     x = np.linspace(-1, 1, n_columns, dtype=np.float32)
     is_strip = mark_border(image.shape)
     strip_rows, strip_columns = is_strip.nonzero()
-    strip_terms = _quadratic_terms(x[strip_columns], y[strip_rows, 0])
+    strip_terms = _compute_quadratic_terms(x[strip_columns], y[strip_rows, 0])
 
     squared_distance = np.zeros((n_rows, n_columns), np.float32)
     for channel in image.reshape(n_rows, n_columns, -1).transpose(2, 0, 1):
@@ -213,7 +251,7 @@ def compute_background_contrast(image: np.ndarray) -> np.ndarray:
     return np.sqrt(squared_distance)
 
 
-def _quadratic_terms(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _compute_quadratic_terms(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Compute the terms (N, 6) of a quadratic surface at points x, y (N,)."""
     terms = (np.ones_like(x), x, x**2, y, y**2, x * y)
     return np.stack(terms, axis=1).astype(float)
@@ -249,9 +287,24 @@ def _fit_without_outliers(terms: np.ndarray, tones: np.ndarray) -> np.ndarray:
 
 
 def threshold(contrast: np.ndarray) -> tuple[float, np.ndarray]:
-    """Find Otsu's level of a contrast, and the mask (H, W) of the pixels above it.
+    """Find Otsu's level of a contrast, and the pixels above it.
 
-    Raises NoFlankError if nothing stands out.
+    Parameters
+    ----------
+    contrast : ndarray
+        Difference (H, W) of a picture from its background.
+
+    Returns
+    -------
+    level : float
+        The contrast that separates pile and background.
+    mask : ndarray
+        Mask (H, W) of the pixels above it, uint8.
+
+    Raises
+    ------
+    NoFlankError
+        If nothing stands out.
 
     References
     ----------
@@ -276,9 +329,18 @@ def threshold(contrast: np.ndarray) -> tuple[float, np.ndarray]:
 def find_plate_row(mask: np.ndarray) -> float | None:
     """Find the upper edge of a plate that has the tone of the pile.
 
-    A plate covers the mask (H, W) from border to border, and above it the mask narrows
-    abruptly; above the foot of a pile that the picture cuts off it does not. Return a
-    row between two pixels, or None without a plate.
+    A plate covers the mask from border to border, and above it the mask narrows
+    abruptly; above the foot of a pile that the picture cuts off it does not.
+
+    Parameters
+    ----------
+    mask : ndarray
+        Mask (H, W) of pile and plate.
+
+    Returns
+    -------
+    float or None
+        A row between two pixels; None without a plate.
     """
     covered_share = mask.mean(axis=1)
     reaches_left = mask[:, :3].any(axis=1)
@@ -294,12 +356,27 @@ def find_plate_row(mask: np.ndarray) -> float | None:
 
 
 def pile_component(mask: np.ndarray, largest_only: bool) -> np.ndarray:
-    """Select the pile of a mask (H, W) and fill its holes.
+    """Select the pile of a mask and fill its holes.
 
-    The pile is the largest part, or all parts of at least 1 % of its area. Raises
-    NoFlankError if the mask is empty.
+    Parameters
+    ----------
+    mask : ndarray
+        Mask (H, W), uint8, of all that differs from the background.
+    largest_only : bool
+        Whether the pile is the largest part alone. Otherwise it is all parts of at
+        least 1 % of its area.
+
+    Returns
+    -------
+    ndarray
+        Mask (H, W), uint8, of the pile.
+
+    Raises
+    ------
+    NoFlankError
+        If the mask is empty.
     """
-    contours = _contours(mask)
+    contours = _find_contours(mask)
     if not contours:
         raise NoFlankError("the picture shows no pile above its base")
     areas = np.array([cv2.contourArea(contour) for contour in contours])
@@ -313,16 +390,21 @@ def pile_component(mask: np.ndarray, largest_only: bool) -> np.ndarray:
     return filled
 
 
-def _contours(mask: np.ndarray) -> Sequence[np.ndarray]:
+def _find_contours(mask: np.ndarray) -> Sequence[np.ndarray]:
     """Find the outer boundary of each part of a mask, pixel by pixel."""
     contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     return contours
 
 
 def has_another_heap(mask: np.ndarray) -> bool:
-    """Return whether a second heap stands beside the largest part of a mask (H, W).
+    """Return whether a second heap stands beside the largest part of a mask.
 
     It stands as low, is wider than high, and at least `SECOND_HEAP` times as high.
+
+    Parameters
+    ----------
+    mask : ndarray
+        Mask (H, W), uint8, of all that differs from the background.
     """
     _, _, boxes, _ = cv2.connectedComponentsWithStats(mask)
     parts = boxes[1:]  # without the background
@@ -342,6 +424,11 @@ def require_upright(mask: np.ndarray) -> None:
     """Raise NoFlankError if the pile touches the upper border or stands on its top.
 
     The centroid of a pile that widens downwards lies below the middle of its height.
+
+    Parameters
+    ----------
+    mask : ndarray
+        The pile (H, W).
     """
     if mask[0].any():
         raise NoFlankError(
@@ -395,10 +482,12 @@ def find_upper_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> np.
 def find_lower_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> float:
     """Find the row of the pile's lowest point, between pixels.
 
-    If the picture cuts the pile off, it is the picture's lower border.
+    If the picture cuts the pile off, it is the picture's lower border. The arguments
+    are those of `find_upper_edge`.
     """
     rows = mask.shape[0]
     if mask[-1].any():
         return rows - 0.5
+    # In the picture upside down the lower edge is the upper one.
     edge_from_below = find_upper_edge(mask[::-1], contrast[::-1], level)
     return rows - 1 - float(np.nanmin(edge_from_below))

@@ -1,8 +1,8 @@
-"""The printed sheet, whose pattern gives a photograph scale, tilt and lens.
+"""Find and draw the printed sheet, which gives a photograph scale, tilt and lens.
 
 It is a chessboard with markers (ChArUco). It stands upright with its lower edge on the
-plate, in the plane of the pile's crest, and faces the camera. Positions on it are
-(x, z) in millimetres from its lower left corner.
+plate, in the plane of the pile's crest, and faces the camera. Positions on it are (x,
+z) in millimetres from its lower left corner.
 """
 
 from dataclasses import dataclass
@@ -58,7 +58,7 @@ def find(image: np.ndarray, square_mm: float = SQUARE_MM) -> SheetCorners | None
     SheetCorners or None
         None if fewer than 8 corners are visible, or if all of them lie on one line.
     """
-    board = _board(square_mm)
+    board = _make_board(square_mm)
     parameters = cv2.aruco.CharucoParameters()
     # With this check, one pattern of the background mistaken for a marker would reject
     # the whole board. A wrong corner is detected later, by the pose of the camera.
@@ -82,19 +82,30 @@ def find(image: np.ndarray, square_mm: float = SQUARE_MM) -> SheetCorners | None
 def draw(
     square_mm: float = SQUARE_MM, pixels_per_mm: int = 8
 ) -> tuple[np.ndarray, int]:
-    """Draw the sheet with its margin as a grey picture (H, W).
+    """Draw the sheet with its margin as a grey picture.
+
+    Parameters
+    ----------
+    square_mm : float
+        Side of a square.
+    pixels_per_mm : int
+        Resolution of the picture.
 
     Returns
     -------
-    tuple
-        The picture and its number of pixels per mm.
+    picture : ndarray
+        The picture (H, W).
+    pixels_per_mm : int
+        Its resolution.
     """
     # All lengths in pixels
     width_mm, height_mm = size_mm(square_mm)
     width = round(width_mm * pixels_per_mm)
     height = round(height_mm * pixels_per_mm)
     margin = round(MARGIN_SHARE * square_mm * pixels_per_mm)
-    board = _board(square_mm).generateImage((width - 2 * margin, height - 2 * margin))
+    board = _make_board(square_mm).generateImage(
+        (width - 2 * margin, height - 2 * margin)
+    )
     picture = np.full((height, width), 255, np.uint8)
     picture[margin : height - margin, margin : width - margin] = board
     return picture, pixels_per_mm
@@ -103,7 +114,15 @@ def draw(
 def pdf(square_mm: float = SQUARE_MM) -> bytes:
     """Draw the sheet as a PDF page (A4) with a cutting line and a line of known length.
 
-    Squares of up to 25 mm fit on the page.
+    Parameters
+    ----------
+    square_mm : float
+        Side of a square. Squares of up to 25 mm fit on the page.
+
+    Returns
+    -------
+    bytes
+        The content of the file.
     """
     import io
 
@@ -159,7 +178,7 @@ def pdf(square_mm: float = SQUARE_MM) -> bytes:
     return stream.getvalue()
 
 
-def _board(square_mm: float) -> cv2.aruco.CharucoBoard:
+def _make_board(square_mm: float) -> cv2.aruco.CharucoBoard:
     """Make OpenCV's description of the board."""
     markers = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
     marker_mm = MARKER_SHARE * square_mm

@@ -1,4 +1,4 @@
-"""Tables and texts of measured photographs, and the targets made from them.
+"""Write the tables and texts of measured photographs, and the targets made from them.
 
 There is a row for each photograph, and a mean of all; the targets are those of a
 configuration.
@@ -59,7 +59,7 @@ def tables(
     doubtful : bool
         Whether photographs with a doubt count in the summary, too.
     """
-    rows = [_row(photograph, settings) for photograph in measured]
+    rows = [_make_row(photograph, settings) for photograph in measured]
     table = pd.DataFrame(rows)
     counted_rows = table
     if not doubtful:
@@ -69,12 +69,12 @@ def tables(
     return Tables(table, summary, doubtful)
 
 
-def _row(photograph: Photograph, settings: MeasureSettings) -> dict[str, Any]:
-    """Make the row of a photograph: its numbers and remarks by column."""
+def _make_row(photograph: Photograph, settings: MeasureSettings) -> dict[str, Any]:
+    """Make the row of a photograph in the table: its numbers and remarks by column."""
     row: dict[str, Any] = {"photograph": photograph.path.name}
     if photograph.measurement is not None:
         row |= photograph.measurement.record()
-    for name, value in photograph.facts.items():
+    for name, value in photograph.geometry.items():
         row[name] = round(value, 5)
     row["grain_mm"] = settings.berry_height_mm
     row["refused"] = photograph.refused
@@ -87,7 +87,18 @@ def summarise_columns(
 ) -> pd.DataFrame:
     """Compute mean, standard deviation and number of measured values of columns.
 
-    Columns without any value are left out.
+    Parameters
+    ----------
+    photographs : DataFrame
+        A row for each photograph; a value that was not measured is empty.
+    columns : sequence of str
+        The columns to summarise.
+
+    Returns
+    -------
+    DataFrame
+        A row for each column with a value: response (its name), value (the mean), sd,
+        repetitions.
     """
     numbers = photographs[list(columns)].astype(float)
     statistics = numbers.agg(["mean", "std", "count"]).T.round(3)
@@ -139,8 +150,19 @@ def targets(
 
     Parameters
     ----------
-    results, settings, bench, responses
-        As of `write_tables`.
+    results : Tables
+        The tables.
+    settings : MeasureSettings
+        Settings of the measurement, which are written beside the targets.
+    bench : str
+        Bench test of the targets.
+    responses : mapping
+        The bench test's response for each number of the summary that becomes a target.
+
+    Returns
+    -------
+    str
+        The sections `measure` and `targets`.
     """
     measure_entries = [f"{key}: {getattr(settings, key)}" for key in LINE_SETTINGS]
     if settings.berry_height_mm is not None:
@@ -152,12 +174,22 @@ def targets(
     ]
     is_target = results.summary["response"].isin(list(responses))
     for row in results.summary[is_target].itertuples():
-        lines += _lines_of_target(row, bench, responses[row.response])
+        lines += _write_target(row, bench, responses[row.response])
     return "\n".join(lines) + "\n"
 
 
-def _lines_of_target(row: Any, bench: str, response: str) -> list[str]:
-    """Write a row of the summary as the entry of a target of a bench test."""
+def _write_target(row: Any, bench: str, response: str) -> list[str]:
+    """Write a row of the summary as the entry of a target, in lines of YAML.
+
+    Parameters
+    ----------
+    row : namedtuple
+        A row of the summary: value, sd and repetitions.
+    bench : str
+        Bench test of the target.
+    response : str
+        Name of the bench test's response.
+    """
     if math.isnan(row.sd):
         sd = "null # one pile gives no scatter"
         target_range = "[null, null] # what counts as met"
@@ -175,15 +207,15 @@ def _lines_of_target(row: Any, bench: str, response: str) -> list[str]:
     ]
 
 
-def as_record(results: Tables) -> dict[str, list]:
-    """Turn the tables into lists of rows; a missing number is None."""
+def convert_to_records(results: Tables) -> dict[str, list]:
+    """Convert the tables to lists of rows by name; a missing number is None."""
     return {
-        "photographs": _records(results.photographs),
-        "summary": _records(results.summary),
+        "photographs": _list_rows(results.photographs),
+        "summary": _list_rows(results.summary),
     }
 
 
-def _records(table: pd.DataFrame) -> list[dict]:
+def _list_rows(table: pd.DataFrame) -> list[dict]:
     """List the rows of a table, with None for a missing value."""
     return [
         {column: None if pd.isna(value) else value for column, value in row.items()}
@@ -197,14 +229,24 @@ def describe(
     settings: MeasureSettings,
     out: Path,
 ) -> str:
-    """Write the text that the command prints.
+    """Write the text that the command prints after a measurement.
 
-    It has a line for each photograph, the means, notes and what to look at next. `out`
-    is the folder of the overlays.
+    It has a line for each photograph, the means, notes and what to look at next.
+
+    Parameters
+    ----------
+    photographs : sequence of Photograph
+        The results.
+    results : Tables
+        Their tables.
+    settings : MeasureSettings
+        Settings of the measurement.
+    out : Path
+        The folder of the overlays.
     """
-    lines = _lines_of_photographs(photographs)
+    lines = _describe_photographs(photographs)
     lines.append("mean, standard deviation, number of photographs:")
-    lines += _lines_of_means(results, settings)
+    lines += _describe_means(results, settings)
     grain_mm = settings.berry_height_mm
     grain = "not known" if grain_mm is None else f"{grain_mm:.2f} mm"
     lines.append(f"height of a grain: {grain}")
@@ -227,8 +269,8 @@ def describe(
     return "\n".join(lines)
 
 
-def _lines_of_photographs(photographs: Sequence[Photograph]) -> list[str]:
-    """Write a line for each photograph: its numbers, or why it was refused."""
+def _describe_photographs(photographs: Sequence[Photograph]) -> list[str]:
+    """Describe each photograph in a line: its numbers, or why it was refused."""
     name_width = max(len(photograph.path.name) for photograph in photographs)
     lines = []
     for photograph in photographs:
@@ -242,7 +284,7 @@ def _lines_of_photographs(photographs: Sequence[Photograph]) -> list[str]:
 
 
 def _describe_measurement(measurement: Measurement) -> list[str]:
-    """Write the angles and the Height of a pile, and why other angles are missing."""
+    """Describe a measured pile: angles, Height, and why other angles are missing."""
     numbers = (
         f"left {measurement.angle.left_deg:.2f} deg, "
         f"right {measurement.angle.right_deg:.2f} deg, "
@@ -257,8 +299,11 @@ def _describe_measurement(measurement: Measurement) -> list[str]:
     return [numbers, *missing]
 
 
-def _lines_of_means(results: Tables, settings: MeasureSettings) -> list[str]:
-    """Write a line for the Height and for each definition of the angle."""
+def _describe_means(results: Tables, settings: MeasureSettings) -> list[str]:
+    """Describe the mean Height and the mean angle by each definition, a line each.
+
+    A line has the mean, the standard deviation and the number of photographs.
+    """
     summary = results.summary.set_index("response")
     quantities = [("Height", "height_mm", "mm")]
     for definition in DEFINITIONS:

@@ -9,7 +9,7 @@ from repose.grain.particle import Particle
 from repose.measure import pile
 from repose.measure.angles import DEFINITIONS
 from repose.measure.saved_piles import side_view
-from repose.measure.saved_pours import first_pour
+from repose.measure.saved_pours import read_first_pour
 from repose.measure.settings import MeasureSettings
 from repose.measure.silhouette import Grains
 
@@ -34,7 +34,7 @@ BACKGROUND_GREY = 255
 def definitions(inputs: Inputs, study: StudyView) -> Figure:
     """Draw every definition on one view of a pile, and its values in all views."""
     settings = study.settings.measure.for_grain(read_grain(inputs["berry"]))
-    pour = first_pour(inputs["heap"])
+    pour = read_first_pour(inputs["heap"])
     particle = Particle.load(inputs["particle"])
     figure = style.new_figure(style.PAGE, 4.4)
     above, below = figure.subplots(2, 1, height_ratios=(1.5, 1))

@@ -10,7 +10,7 @@ from repose.calibrate.targets import Target, Targets
 from repose.grain.berry_files import read_grain
 from repose.grain.particle import Particle
 from repose.measure import pile
-from repose.measure.saved_pours import first_pour
+from repose.measure.saved_pours import read_first_pour
 from repose.measure.settings import MeasureSettings
 from repose.measure.silhouette import Grains
 
@@ -36,7 +36,7 @@ class Outline(NamedTuple):
 def outline_and_measurement(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the outlines of a simulated pile over the measured height and slope."""
     settings = study.settings.measure.for_grain(read_grain(inputs["berry"]))
-    pour = first_pour(inputs["heap"])
+    pour = read_first_pour(inputs["heap"])
     particle = Particle.load(inputs["particle"])
     grains = Grains.of(pour, particle)
     _, views = pile.draw_views(grains, settings, pour["in_pile"])

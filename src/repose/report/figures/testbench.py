@@ -14,7 +14,7 @@ from repose.grain.berry_files import read_grain
 from repose.grain.particle import Particle
 from repose.measure import pile
 from repose.measure.saved_piles import side_view
-from repose.measure.saved_pours import first_pour
+from repose.measure.saved_pours import read_first_pour
 from repose.measure.settings import MeasureSettings
 from repose.measure.silhouette import Grains, outlines
 
@@ -39,7 +39,7 @@ def simulated_pile(inputs: Inputs, study: StudyView) -> Figure:
     from repose.report.renderer.render import render_pile
     from repose.report.renderer.scenery import boxes, look_at
 
-    pour = first_pour(inputs["heap"])
+    pour = read_first_pour(inputs["heap"])
     particle = Particle.load(inputs["particle"])
     centres = pour["position"]
     is_in_pile = pour["in_pile"]
@@ -85,10 +85,10 @@ def measurement(inputs: Inputs, study: StudyView) -> Figure:
 
     settings = study.settings.measure.for_grain(read_grain(inputs["berry"]))
     particle = Particle.load(inputs["particle"])
-    image = side_view(first_pour(inputs["heap"]), particle, settings)
+    image = side_view(read_first_pour(inputs["heap"]), particle, settings)
     scale = settings.mm_per_pixel
     base_row = image.shape[0] - 0.5
-    steps = drawing.process_panels(image, scale, settings, base_row=base_row)
+    steps = drawing.draw_steps(image, scale, settings, base_row=base_row)
     measured = pile.measure_image(image, scale, settings, base_row=base_row)
 
     figure = style.new_figure(style.PAGE, 3.6)

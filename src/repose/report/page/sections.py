@@ -21,7 +21,7 @@ from repose.calibrate.uncertainty.posterior import LARGEST_R_HAT
 from repose.common.files import read_json, read_table
 from repose.common.statuses import explain
 from repose.measure.angles import MEAN_KEYS
-from repose.measure.settings import line_for, line_of
+from repose.measure.settings import describe_line_of_response, line_of
 from repose.report.page import captions
 from repose.report.page.material import law_table, material_table
 from repose.report.page.pictures import EmbeddedPicture, embed_known
@@ -381,7 +381,9 @@ def _table_of_angle_definitions(study: Results) -> Table | None:
     measure = study.measure
     if measure is None:
         return None
-    calibrated_lines = {line_for(measure, name) for name in study.targets.names}
+    calibrated_lines = {
+        describe_line_of_response(measure, name) for name in study.targets.names
+    }
     rows = []
     for definition, column in MEAN_KEYS.items():
         line = line_of(measure, definition)

@@ -13,7 +13,7 @@ from repose.calibrate.answer import (
     in_one_line,
     out_of_reach,
 )
-from repose.measure.settings import line_for
+from repose.measure.settings import describe_line_of_response
 from repose.report.page.study import Results
 from repose.report.page.templates import cell_text
 
@@ -186,7 +186,7 @@ def checks_of(study: Results) -> Iterator[Check]:
             runs=int(n_runs or 0),
             status=status,
             predicted=study.number(response.predicted),
-            line=line_for(study.measure, target.name),
+            line=describe_line_of_response(study.measure, target.name),
             optimism=study.number(response.optimism),
             optimism_error=study.number(response.optimism_error),
         )
