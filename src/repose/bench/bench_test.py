@@ -1,12 +1,4 @@
-"""The interface of all bench tests, and their registry.
-
-A bench test is one module: its responses, the model of its section in the configuration,
-and a class that builds its scene, runs it and measures a run. Pours, tables and workflow
-find it in the registry by its name.
-
-To add a bench test, write a subclass of `BenchTest` in a module of its own, decorate it
-with `register("its_name")`, and import the module in `repose.bench`.
-"""
+"""Define the interface of all bench tests, and register them by name."""
 
 import math
 from abc import ABC, abstractmethod
@@ -217,9 +209,26 @@ class BenchTest(ABC, Generic[S]):
         frames: Any = None,
         **numbers: float,
     ) -> Run:
-        """Judge a run and write its record; a number that is not finite becomes None.
+        """Judge a run and write its record.
 
-        Overlaps above `NOTED_OVERLAP` are noted as ``overlap_share``.
+        Parameters
+        ----------
+        scene : Scene
+            What the run depends on.
+        outcome : Outcome
+            The state of the grains at its end.
+        arrays : dict
+            Arrays that are kept, by name.
+        frames : mapping, optional
+            Frames of the film; None if none were requested.
+        **numbers : float
+            Numbers for the record. One that is not finite becomes None.
+
+        Returns
+        -------
+        Run
+            The record with seed, status and reason. Overlaps above `NOTED_OVERLAP` are
+            noted as ``overlap_share``.
         """
         verdict = self.status_of(outcome, scene.settings)
         record: dict[str, Any] = {
@@ -251,8 +260,20 @@ class BenchTest(ABC, Generic[S]):
     ) -> dict[str, Any]:
         """Measure a run.
 
-        Returns its record with every response and number; they are None where they
-        cannot be measured, as in every run that is not ``ok``.
+        Parameters
+        ----------
+        record : mapping
+            The record of the run.
+        arrays : mapping
+            Its arrays by name.
+        scene : Scene
+            What it depends on.
+
+        Returns
+        -------
+        dict
+            The record with every response and number; they are None where they cannot
+            be measured, as in every run that is not ``ok``.
         """
         if record["status"] == "ok":
             measured = {**record, **self.measure_arrays(arrays, scene)}
@@ -296,7 +317,11 @@ class BenchTest(ABC, Generic[S]):
     def result(
         self, record: Mapping[str, Any], arrays: Arrays, scene: Scene
     ) -> dict[str, Any]:
-        """Measure a run; one with a response outside its limits is not ``ok``."""
+        """Measure a run, and refuse a response outside its limits.
+
+        The arguments are those of `measure`. The result is that of `measure`; a run
+        with a response outside its limits gets the status `OUT_OF_BOUNDS` and a reason.
+        """
         measured = self.measure(record, arrays, scene)
         if measured["status"] != "ok":
             return measured

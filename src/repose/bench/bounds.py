@@ -1,18 +1,4 @@
-"""Checks of speed, energy and overlap that end a run whose simulation is unstable.
-
-A time step that is too long feeds energy into contacts, and grains fly off. Grains that
-are too soft pass through each other and through walls. Either may end in a pile that
-looks like one. So a run is checked now and then, and ends with the status ``unstable``
-if it breaks one of three bounds:
-
-- speed: at most `SPEED_LIMIT` times the speed of a fall through the whole scene, added to
-  the largest speed that grains or walls are given;
-- energy: the kinetic and potential energy of all grains together is at most that at the
-  top of the scene with the speed that they are given, and the share `ENERGY_TOLERANCE` more;
-- overlap: at most `OVERLAP_LIMIT` of the smallest extent of the smaller grain.
-
-A check changes nothing in the simulation.
-"""
+"""Check speed, energy and overlap, and end a run whose simulation is unstable."""
 
 import math
 from collections.abc import Iterator
@@ -116,8 +102,17 @@ class Bounded:
     def run_to(self, step: int) -> None:
         """Advance to a time step, and check the grains at regular intervals.
 
-        Do nothing if the simulation is there already. Raises `Unstable` if a bound is
-        broken on the way.
+        Do nothing if the simulation is there already.
+
+        Parameters
+        ----------
+        step : int
+            The time step, counted from the beginning of the simulation.
+
+        Raises
+        ------
+        Unstable
+            If a bound is broken on the way.
         """
         simulation = self.simulation
         full_check_interval = SPEED_CHECKS_PER_FULL_CHECK * CHECK_INTERVAL
@@ -136,9 +131,18 @@ class Bounded:
                 self.look(everywhere=is_full_check)
 
     def look(self, everywhere: bool = True) -> None:
-        """Check the speeds now, and with `everywhere` also energy and overlaps.
+        """Check the grains as they are now.
 
-        Raises `Unstable` if a bound is broken.
+        Parameters
+        ----------
+        everywhere : bool
+            Whether to check energy and overlaps too, which takes longer than the
+            speeds.
+
+        Raises
+        ------
+        Unstable
+            If a bound is broken.
         """
         self._last_check = self.simulation.steps
         if not self.simulation.n_bodies:
@@ -149,7 +153,7 @@ class Bounded:
             self._check_overlaps()
 
     def _check_speeds(self) -> None:
-        """Raise if a position is not finite, or a speed is larger than any fall gives."""
+        """Raise `Unstable` for a position that is not finite, or an impossible speed."""
         simulation = self.simulation
         squared_speeds = np.square(simulation.velocities).sum(axis=1)
         has_finite_speed = np.isfinite(squared_speeds)
@@ -170,7 +174,7 @@ class Bounded:
         )
 
     def _check_energy(self) -> None:
-        """Raise if all grains together have more energy than they were given.
+        """Raise `Unstable` if the grains together have more energy than they were given.
 
         They were given at most that of a fall from the top of the scene, and that of
         the largest speed of grains and walls.
@@ -194,13 +198,14 @@ class Bounded:
             )
 
     def _check_overlaps(self) -> None:
-        """Raise if grains pass through each other or through walls.
+        """Raise `Unstable` if grains pass through each other or through walls.
 
         The largest overlap of all contacts is kept as `overlap_share`.
         """
         simulation = self.simulation
         self.overlap_share = 0.0
 
+        # An overlap is judged by the thickness of the smaller grain.
         pairs, pair_overlaps = simulation.overlaps()
         smaller_scales = simulation.scales[pairs].min(axis=1)
         pair = self._find_excess(pair_overlaps, smaller_scales)

@@ -225,10 +225,20 @@ class Vessel:
 
 
 def points_of(particle: "Particle") -> np.ndarray:
-    """Spread points (POINTS, 3) [m] evenly over a body, in the body's own frame.
+    """Spread points evenly over a body.
 
     They are the first points of a Kronecker sequence in the body's box that lie in the
     body. The sequence is the same each time, and more even than random points.
+
+    Parameters
+    ----------
+    particle : Particle
+        The body.
+
+    Returns
+    -------
+    array
+        Points (POINTS, 3) [m] in the body's own frame.
     """
     # Steps of the sequence along the axes: powers of the root of x^4 = x + 1.
     steps = 1.2207440846057596 ** -np.arange(1.0, 4.0)
@@ -269,6 +279,13 @@ def tap(trial: Trial, height_m: float) -> None:
     In the frame of the cylinder the stop at the end of its fall throws the grains up by
     that height. So for one time step gravity points up, and gives all grains the speed
     of the fall.
+
+    Parameters
+    ----------
+    trial : Trial
+        The filled cylinder, which is advanced.
+    height_m : float
+        Height of the fall.
     """
     simulation = trial.simulation
     settings = trial.scene.simulation
@@ -342,7 +359,10 @@ class CylinderTest(BenchTest[CylinderSettings]):
     }
 
     def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
-        """Describe the cylinder with its collar."""
+        """Describe the cylinder with its collar, as `repose.dem.Simulation` takes it.
+
+        The collar is the part of the wall above the rim. All lengths are in m.
+        """
         section = self.section(scene.settings)
         vessel = Vessel.of(section)
         radius = vessel.radius_m
@@ -472,7 +492,10 @@ class CylinderTest(BenchTest[CylinderSettings]):
     def contradictions(self, settings: SceneSettings) -> Contradictions:
         """Yield keys of a cylinder that cannot be filled or tapped, or has no core.
 
-        With each key comes what is allowed.
+        Yields
+        ------
+        tuple of str
+            A key of the configuration, and what is allowed.
         """
         section = self.section(settings)
         last_s = last_berry_s(section)

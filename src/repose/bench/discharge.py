@@ -1,14 +1,4 @@
-"""The funnel with a lid: it is filled, the lid is taken away, and the grains flow out.
-
-A stopwatch gives the time until the funnel is empty, a balance below it the rate. The
-rate is taken over the middle of the discharge, where the flow has begun and the funnel
-still holds grains: it hardly depends on how high the grains stand (Beverloo et al. 1961,
-Chem. Eng. Sci. 15, 260). An outlet of fewer than about five grains across jams.
-
-The funnel is that of `repose.bench.funnel`, its outlet at z = 0, with a cylinder above
-its inlet. The lid is a disc in the outlet. It is taken away downwards, faster than the
-grains fall, so that it drags none of them along.
-"""
+"""Bench test of a funnel with a lid: it is filled, opened, and the grains flow out."""
 
 import math
 from collections.abc import Sequence

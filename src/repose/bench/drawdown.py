@@ -1,15 +1,4 @@
-"""The drawdown box: a chamber with a slot in its floor drains into the chamber below.
-
-One filling gives two angles. Above, the grains that stay lean against both walls and
-fall off towards the slot: the angle at which a bed drains. Below, those that fell lie as
-a pile of the box's depth: the angle at which a poured heap comes to rest, flatter for
-the fall. Mass and rate of what drains come with them.
-
-The two wedges above, put back to back, have the shape of a pile. So both angles are
-measured by the code and the definition (`measure.response`) of every pile, in the view
-along the slot. The gate is taken away downwards, faster than the grains fall, so that it
-drags none of them along.
-"""
+"""Bench test of the drawdown box: a chamber drains through a slot into one below."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -489,7 +478,13 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         return 2.0 * section.open_from_s + section.longest_s
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
-        """Yield keys of a box that cannot be built or filled, with what is allowed."""
+        """Yield keys of a box that cannot be built or filled.
+
+        Yields
+        ------
+        tuple of str
+            A key of the configuration, and what is allowed.
+        """
         section = self.section(settings)
         yield from too_early(section, NAME, "open_from_s")
         if section.slot_mm >= section.width_mm:
@@ -525,7 +520,18 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
 def _measure_flow(arrays: Arrays, particle: "Particle") -> dict[str, Any]:
     """Measure mass, rate and number of the grains that drained through the slot.
 
-    The rate is None if too few grains drained, or all at once.
+    Parameters
+    ----------
+    arrays : mapping
+        Arrays of the run: ``scale`` (N,) and ``exit_s`` (N,), which is not finite for a
+        grain that stayed above.
+    particle : Particle
+        Body of the grains.
+
+    Returns
+    -------
+    dict
+        The numbers by name. The rate is None if too few grains drained, or all at once.
     """
     scales = np.asarray(arrays["scale"], float)
     exit_s = np.asarray(arrays["exit_s"], float)

@@ -137,7 +137,15 @@ class _Tracker:
         return heights
 
     def hit(self) -> bool:
-        """Advance until the grain has left the plate; False if it does not."""
+        """Advance until the grain has left the plate.
+
+        The steps between two looks grow with the time of the contact.
+
+        Returns
+        -------
+        bool
+            Whether the grain has left the plate within `LONGEST_HIT_S`.
+        """
         simulation = self.simulation
         first_step = simulation.steps
         last_step = first_step + self.settings.steps(LONGEST_HIT_S)
@@ -260,7 +268,11 @@ class DropTest(BenchTest[DropTestSettings]):
         return OK
 
     def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
-        """Measure both restitutions."""
+        """Measure the restitution by the rebound's height, and by the time of its flight.
+
+        The arguments are those of every bench test. Both are the ratio of the speed
+        after the contact to that before it.
+        """
         time_s = np.asarray(arrays["time_s"], float)
         height_m = np.asarray(arrays["height_m"], float)
         drop_m = float(arrays["drop_m"][0])

@@ -1,9 +1,4 @@
-"""The rotating drum (paper, section 4.2.2): it turns slowly until its bed slips.
-
-The axis is y, the origin lies on it half-way along. The drum turns about -y, which
-carries the bed towards +x. When a slip is found the drum stops, as in the experiment, and
-the bed comes to rest.
-"""
+"""Bench test of the drum that turns until its bed slips (paper, section 4.2.2)."""
 
 import contextlib
 import math
@@ -214,7 +209,24 @@ class RotatingDrum(BenchTest[R]):
         interval_s: float | None = None,
         progress: Progress | None = None,
     ) -> tuple[Trial, Factory]:
-        """Make the trial with the empty drum within its bounds, and its factory."""
+        """Make the trial with the empty drum within its bounds, and its factory.
+
+        Parameters
+        ----------
+        scene : Scene
+            What the run depends on.
+        interval_s : float, optional
+            Time between the frames of a film; None records none.
+        progress : Progress, optional
+            What is told of the progress.
+
+        Returns
+        -------
+        trial : Trial
+            The trial without grains.
+        factory : Factory
+            What fills it.
+        """
         section = self.section(scene.settings)
         drum = Drum.of(section)
         trial = Trial(self.build, scene, section.berries, interval_s, progress)
@@ -264,6 +276,11 @@ class RotatingDrum(BenchTest[R]):
             Positions (N, 3) [m], orientations (N, 4) and relative sizes (N,).
         scene : Scene
             The scene, with the particle and the settings of the measurement.
+
+        Returns
+        -------
+        bed.Surface
+            The surface, with its angle.
 
         Raises
         ------
@@ -316,7 +333,12 @@ class RotatingDrum(BenchTest[R]):
         """Yield keys of a drum that cannot be filled or recorded as they say.
 
         The drum may have no room, turn before it is full, or be recorded more often
-        than once a time step. With each key comes what is allowed.
+        than once a time step.
+
+        Yields
+        ------
+        tuple of str
+            A key of the configuration, and what is allowed.
         """
         section = self.section(settings)
         radius_mm = inner_radius_mm(section)
@@ -344,7 +366,19 @@ class RotatingDrum(BenchTest[R]):
     ) -> Contradictions:
         """Yield keys of a drum in which a mean grain has no room where grains appear.
 
-        It has room if it fits in any orientation. With each key comes what is allowed.
+        It has room if it fits in any orientation.
+
+        Parameters
+        ----------
+        settings : SceneSettings
+            Sections of the configuration.
+        axes_mm : sequence of float
+            Full axes of the mean grain.
+
+        Yields
+        ------
+        tuple of str
+            A key of the configuration, and what is allowed.
         """
         section = self.section(settings)
         longest_mm = max(axes_mm)
@@ -622,6 +656,19 @@ class DrumTest(RotatingDrum[DrumSettings]):
         The rotation lasts until a slip is found (`bed.find_slip`), at most
         `drum.longest_rotation_s`. The run ends when the bed rests, at most
         `drum.settle_s` after the drum stopped, and not before `drum.report_s`.
+
+        Parameters
+        ----------
+        scene : Scene
+            What the run depends on.
+        progress : Progress, optional
+            What is told of the progress.
+
+        Returns
+        -------
+        Rotation
+            The record, the grains at each of its times, and the slip, None if there is
+            none.
         """
         section = self.section(scene.settings)
         record_interval = max(1, scene.simulation.steps(section.record_s))
@@ -774,11 +821,21 @@ class DrumTest(RotatingDrum[DrumSettings]):
     def _motion_in_slip(
         self, record: Mapping[str, Any], arrays: Arrays, scene: Scene
     ) -> tuple[dict[str, float | None], np.ndarray]:
-        """Measure the motion in the slip: three numbers, and the profile by depth.
+        """Measure the motion of the grains in the slip.
 
-        The profile has a row for each layer, the uppermost first: depth, mean motion and
-        its standard deviation, all in mm, and the number of grains. The motion at the
-        surface and at the wall are None if the profile has no layer.
+        Parameters
+        ----------
+        record, arrays, scene
+            As of `measured_run`.
+
+        Returns
+        -------
+        numbers : dict
+            Share of grains that moved, and motion at the surface and at the wall in mm;
+            both motions are None if the profile has no layer.
+        profile : array
+            A row for each layer, the uppermost first (layers, 4): depth, mean motion
+            and its standard deviation, all in mm, and the number of grains.
         """
         from repose.measure import bed
 

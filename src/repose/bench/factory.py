@@ -101,13 +101,14 @@ def free_point(
 ) -> np.ndarray | None:
     """Find a random point of an area where a new grain touches no other.
 
-    Up to `POINTS_TRIED` points are tried, one after the other. The generator is left as
-    if no point after the free one had been drawn.
+    Up to `POINTS_TRIED` points are tried, one after the other. Afterwards, the
+    generator is in the state as if only the points up to the free one had been drawn.
+    So the next numbers do not depend on how many points are computed at once.
 
     Parameters
     ----------
     rng : Generator
-        Random numbers.
+        Random numbers, which are drawn from it.
     simulation : repose.dem.Simulation
         The simulation with its grains.
     area : Disc or Strip
@@ -118,7 +119,8 @@ def free_point(
     array or None
         The point (3,) [m]; None if no point that was tried is free.
     """
-    # Two grains whose centres are farther apart than this cannot touch.
+    # Two grains whose centres are farther apart than this cannot touch. Only grains near
+    # or above the area can be so near to a new one.
     contact_distance = 2.0 * simulation.radius
     positions = simulation.positions
     is_high = positions[:, 2] > area.height_m - contact_distance
@@ -135,8 +137,8 @@ def free_point(
     if is_free(point):
         return point
 
-    # Compute the distances of all other points at once, which is quicker, and check
-    # one by one those that seem free.
+    # Draw all other points and compute their distances at once, which is quicker than
+    # one by one. A point that seems free is checked again, without rounding errors.
     state = rng.bit_generator.state
     numbers = rng.random((POINTS_TRIED - 1, 2))
     offsets = area.points(numbers)[:, None, :] - neighbours
@@ -145,7 +147,7 @@ def free_point(
     for k in np.flatnonzero(seems_free).tolist():
         point = np.array(area.point(*numbers[k].tolist()))
         if is_free(point):
-            # Draw again only the numbers up to this point.
+            # Go back to the state before, and draw only the numbers up to this point.
             rng.bit_generator.state = state
             rng.random((k + 1, 2))
             return point
@@ -321,7 +323,18 @@ def _add_grains(
 ) -> None:
     """Add a number of grains at the rate of a factory, up to a last time step.
 
-    Grains that have not been added by then are left out.
+    Parameters
+    ----------
+    trial : Trial
+        The trial, which is advanced.
+    factory : Factory
+        Area, rate, speed and orientation of the grains.
+    n_grains : int
+        Their number. Those that have not been added by the last time step are left out.
+    last_step : int
+        The time step, counted from the beginning of the simulation.
+    rng : Generator
+        Random numbers for places and orientations.
     """
     simulation = trial.simulation
     n_before = simulation.n_bodies

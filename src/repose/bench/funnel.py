@@ -1,7 +1,4 @@
-"""The funnel: grains are poured onto a plate and form a pile (paper, section 3.1).
-
-A pour without a pile to measure has a status and a reason instead of numbers.
-"""
+"""Bench test of the funnel: poured grains form a pile (paper, section 3.1)."""
 
 import math
 import time
@@ -302,8 +299,15 @@ def _is_over(
 ) -> bool:
     """Return whether a pour is over: all grains have left the funnel and lie still.
 
-    `history` has the positions (N, 3) [m] of the grains at the checks of the last rest
-    window, the present ones last.
+    Parameters
+    ----------
+    simulation : repose.dem.Simulation
+        The simulation.
+    section : FunnelSettings
+        The section `funnel` of the configuration.
+    history : sequence of array
+        Positions (N, 3) [m] of the grains at the checks of the last rest window, the
+        present ones last.
     """
     present = simulation.present
     is_poured = simulation.n_bodies >= section.berries and present.any()
@@ -527,7 +531,21 @@ class FunnelTest(BenchTest[FunnelSettings]):
         return _final_state(trial, funnel.outlet_height_m, centres_before, wall_time)
 
     def judge(self, outcome: Pour, settings: SceneSettings) -> Verdict:
-        """Judge a stable pour before its pile is measured."""
+        """Judge a stable pour before its pile is measured.
+
+        Parameters
+        ----------
+        outcome : Pour
+            The grains at the end of the pour.
+        settings : SceneSettings
+            Sections of the configuration.
+
+        Returns
+        -------
+        Verdict
+            `OK`, or the first of these faults: grains in the funnel, too many beside
+            the plate, grains in motion, no pile.
+        """
         section = self.section(settings)
         n_grains = section.berries
         n_waiting = n_grains - len(outcome.centres_m)
@@ -598,9 +616,21 @@ class FunnelTest(BenchTest[FunnelSettings]):
     ) -> dict[str, Any]:
         """Measure a pour.
 
-        Returns its verdict, the `BASIC_NUMBERS`, other responses that are targets, and
-        the numbers of its record. Of a run that is not ``ok`` nothing is measured: its
-        responses are None.
+        Parameters
+        ----------
+        record : mapping
+            The record of the pour.
+        arrays : mapping
+            Its arrays by name.
+        scene : Scene
+            What it depends on.
+
+        Returns
+        -------
+        dict
+            The verdict, the `BASIC_NUMBERS`, other responses that are targets, and the
+            numbers of the record. Of a run that is not ``ok`` nothing is measured: its
+            responses are None.
         """
         from repose.measure.saved_piles import pile_responses
 
@@ -636,7 +666,10 @@ class FunnelTest(BenchTest[FunnelSettings]):
     def contradictions(self, settings: SceneSettings) -> Contradictions:
         """Yield keys of a funnel that cannot be built, or of a pour that cannot end.
 
-        With each key comes what is allowed.
+        Yields
+        ------
+        tuple of str
+            A key of the configuration, and what is allowed.
         """
         section = self.section(settings)
         window_s = section.rest_window_s
@@ -679,8 +712,13 @@ class FunnelTest(BenchTest[FunnelSettings]):
 def _extra_numbers(targets: Sequence[Response], record: Mapping[str, Any]) -> list[str]:
     """List the numbers that targets need and that are not measured on every pile.
 
-    A computed target needs the numbers it is computed from. What the record of the run
-    has is not measured.
+    Parameters
+    ----------
+    targets : sequence of Response
+        Responses that are targets. A computed one needs the numbers it is computed
+        from.
+    record : mapping
+        The record of the run. What it has is not measured.
     """
     names = []
     for target in targets:

@@ -1,4 +1,4 @@
-"""The funnel as walls: a cone with rounded edges, and a tube below it."""
+"""Make the funnel as walls: a cone with rounded edges, and a tube below it."""
 
 import math
 from collections.abc import Mapping
@@ -114,10 +114,15 @@ class Funnel:
         )
 
     def walls(self, material: str) -> "dict[str, Cone | RingEdge]":
-        """Make the walls of a material by name.
+        """Make the walls of the funnel by name.
 
         They are the cone and the rounded edge of its outlet. A funnel with a tube also
         has the tube, and the rounded edge where the cone meets it, the neck.
+
+        Parameters
+        ----------
+        material : str
+            Name of the material of all walls.
         """
         # Directions (r, z) of the walls that meet at an edge; zeros stand for no wall.
         along_cone = (math.cos(self._slope), math.sin(self._slope))
@@ -156,9 +161,19 @@ class Funnel:
 
 
 def impossible_surfaces(hopper: Hopper, name: str) -> Contradictions:
-    """Yield keys of a funnel that cannot be built, with what is allowed.
+    """Yield keys of a funnel that cannot be built.
 
-    `name` is the name of the section.
+    Parameters
+    ----------
+    hopper : Hopper
+        A section of the configuration with a funnel.
+    name : str
+        Name of the section.
+
+    Yields
+    ------
+    tuple of str
+        A key of the configuration, and what is allowed.
     """
     inlet_mm = hopper.inlet_diameter_mm
     outlet_mm = hopper.outlet_diameter_mm

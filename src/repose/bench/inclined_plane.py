@@ -1,21 +1,4 @@
-"""The inclined plane: it tilts slowly until a sled slides, and until a grain rolls.
-
-A sled, grains glued side by side, cannot roll: it slides where the slope is the
-coefficient of friction, at atan(mu_s). Here it is one grain whose rolling friction is so
-high that it cannot roll, for Coulomb's limit is the same for any load. A sphere rolls
-where the slope exceeds its coefficient of rolling friction, unless it slides before. A
-grain of another shape tips over, or rolls about the axis on which it happens to lie.
-
-Gravity turns and the plane stays. In the frame of the plane this is exact but for the
-forces of a turning frame: at 1 degree per second and 100 mm from the axis they are 3e-6
-of the weight. So nothing turns against space, and every law of rolling resistance,
-relative to space or to the other body, resists the rotation on the plane. A plane that
-turns would need `rolling_frame_rad_s`.
-
-The grain begins to move with an acceleration that grows evenly with the angle, so its
-speed goes with the square of the angle beyond the limit. The motion begins where the
-line through the root of the speed over the angle meets zero.
-"""
+"""Bench test of the inclined plane: it tilts until a sled slides and a grain rolls."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -154,6 +137,11 @@ def layer(particle: "Particle", azimuth: float = 0.0) -> Layer:
         Body of the grains.
     azimuth : float, optional
         Angle [rad] by which the layer is turned about z.
+
+    Returns
+    -------
+    Layer
+        Centres and orientation of the grains, and half of their thickness.
     """
     from scipy.spatial.transform import Rotation
 
@@ -252,6 +240,13 @@ def _lay_down(trial: Trial, section: InclinedPlaneSettings) -> None:
     """Lay a grain on the level plane and wait until it rests.
 
     Its long axis is level and points in a random direction.
+
+    Parameters
+    ----------
+    trial : Trial
+        The plane, or the plane with its glued layer; it is advanced.
+    section : InclinedPlaneSettings
+        The section `inclined_plane` of the configuration.
     """
     settings = trial.scene.simulation
     # A glued layer is as high above its centres as a grain is thick.
@@ -276,8 +271,20 @@ def _is_at_rest(trial: Trial) -> bool:
 def _tilt(trial: Trial, section: InclinedPlaneSettings) -> list[_Motion]:
     """Tilt the plane until the grain has moved or the plane is at its steepest.
 
-    The plane stays level, and gravity is turned instead. Return the motion of the grain
-    at each look; none if the grain does not rest at the beginning.
+    The plane stays level, and gravity is turned instead.
+
+    Parameters
+    ----------
+    trial : Trial
+        The plane with a grain that rests on it; it is advanced.
+    section : InclinedPlaneSettings
+        The section `inclined_plane` of the configuration.
+
+    Returns
+    -------
+    list of _Motion
+        The motion of the grain at each look; empty if the grain does not rest at the
+        beginning.
     """
     if not _is_at_rest(trial):
         return []
@@ -311,10 +318,19 @@ def _tilt(trial: Trial, section: InclinedPlaneSettings) -> list[_Motion]:
 def _read_motion(
     simulation: "dem.Simulation", angle_deg: float, surface: str
 ) -> _Motion:
-    """Read the motion of the free grain, the last body, at an angle of the plane.
+    """Read the motion of the free grain, the last body of the simulation.
 
     It slides at the speed of its lowest point on the plane. On a glued layer there is
     no such point, and the speed is 0.
+
+    Parameters
+    ----------
+    simulation : repose.dem.Simulation
+        The simulation.
+    angle_deg : float
+        Present angle of the plane.
+    surface : str
+        Kind of the surface; ``glued`` stands for a layer of grains.
     """
     velocity = simulation.velocities[-1]
     slide_m_s = 0.0
@@ -577,7 +593,8 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
         """Measure the angles at which the sled slips and the grain rolls.
 
         An angle is None if the body stays or stops, or if the grain slides. ``motion``
-        describes the motion of both in words.
+        describes the motion of both in words. The arguments are those of every bench
+        test.
         """
         steepest_deg = self.section(scene.settings).steepest_deg
         measured: dict[str, Any] = {SLIP.name: None, ROLL.name: None, "motion": None}

@@ -1,19 +1,4 @@
-"""The lifted cylinder: an open tube is filled and lifted, and the grains form a pile.
-
-The commonest test of the field's papers. Fast lifting takes the support away at once and
-the grains run wide, so the angle falls with the speed: one simulated set of wheat gave
-18.4, 12.3 and 10.4 degrees at 10, 25 and 50 mm/s (the project
-JoshuaMayo-vectr/DEM-calibration). The pile is measured as the funnel's, by the same code.
-
-How much is filled in is a number of grains or, as the papers state it, the filling
-height: the level of the bed in the tube, twice the height of its centre of mass. Grains
-are poured in steps, each as many as the packing of those that rest says, until the
-nearest whole number is in.
-
-The tube's wall has no thickness but for its rounded lower edge, which grains also touch
-from outside. The rising wall drags grains along by friction. Nothing turns, so rolling is
-resisted against space.
-"""
+"""Bench test of the lifted cylinder: a tube is filled, lifted, and leaves a pile."""
 
 import math
 from collections.abc import Sequence
@@ -273,7 +258,11 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
     }
 
     def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
-        """Describe the tube on its plate; all lengths are in m."""
+        """Describe the tube on its plate, as `repose.dem.Simulation` takes it.
+
+        All lengths are in m. `largest_radius_m` is the bounding radius of the largest
+        grain.
+        """
         section = self.section(scene.settings)
         radius = 1e-3 * (0.5 * section.diameter_mm)
         length = 1e-3 * section.length_mm
@@ -481,7 +470,17 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
     ) -> Contradictions:
         """Yield keys of a tube that is too narrow or short, or takes too many grains.
 
-        With each key comes what is allowed for a mean grain with these axes.
+        Parameters
+        ----------
+        settings : SceneSettings
+            Sections of the configuration.
+        axes_mm : sequence of float
+            Full axes of the mean grain, the longest first.
+
+        Yields
+        ------
+        tuple of str
+            A key of the configuration, and what is allowed.
         """
         section = self.section(settings)
         sizes_mm = {"diameter_mm": axes_mm[0], "length_mm": axes_mm[0]}

@@ -1,9 +1,4 @@
-"""The contact parameters that are calibrated.
-
-Six belong to every study: restitution, static and rolling friction of the contacts
-grain-grain and grain-wall. Some force laws add more. Every table has the six first, then
-those of the laws.
-"""
+"""Name and limit the contact parameters that are calibrated."""
 
 import re
 from collections.abc import Iterable

@@ -1,11 +1,4 @@
-"""Photographs of a turning drum and of a drawdown box, without the printed sheet.
-
-The user points at the apparatus: three points of the drum's rim, or the two lower inner
-corners of the box. Its measures in the configuration give the scale. The picture is drawn
-anew to scale and level, and its bed is measured by the code that measures the
-simulation's. The lens and the perspective are not corrected: a slope between two plates
-looks the same from any distance, other than a cone's.
-"""
+"""Measure photographs of a turning drum or of a drawdown box, without the sheet."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -118,6 +111,11 @@ def measure_all(
     pile_settings : MeasureSettings
         Settings of the measurement of a pile.
 
+    Returns
+    -------
+    list of PhotographResult
+        The results in the order of the photographs.
+
     Raises
     ------
     InputError
@@ -143,9 +141,24 @@ def measure_all(
 
 
 def _check_points(points_px: Sequence[float], bench: str) -> np.ndarray:
-    """Read the points of an apparatus as columns and rows (n_points, 2).
+    """Read the points of an apparatus, and check them.
 
-    Raises InputError if they cannot be the points of this apparatus.
+    Parameters
+    ----------
+    points_px : sequence of float
+        Column and row of each point, one after the other.
+    bench : str
+        The bench test: ``turning`` or ``drawdown``.
+
+    Returns
+    -------
+    array
+        Columns and rows (n_points, 2).
+
+    Raises
+    ------
+    InputError
+        If they cannot be the points of this apparatus.
     """
     rule = POINTS[bench]
     numbers = np.array(points_px, float)
@@ -224,7 +237,21 @@ def _draw_surface(
 ) -> np.ndarray:
     """Draw the edge of a bed and the line through it into the picture of the drum.
 
-    The surface is in m from the axis, z up; rows of the picture are counted downwards.
+    Parameters
+    ----------
+    picture : array
+        The square picture (H, H, 3) of the drum, BGR.
+    surface : bed.Surface
+        The surface in m from the axis, z up; rows of the picture are counted downwards.
+    radius_m : float
+        Inner radius of the drum.
+    mm_per_pixel : float
+        Scale of the picture.
+
+    Returns
+    -------
+    array
+        The picture with the drawing.
     """
     drawn = np.ascontiguousarray(picture)
     thickness = max(1, len(drawn) // 400)
@@ -246,10 +273,20 @@ def _circle(points: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def _find_bed(picture: np.ndarray) -> np.ndarray:
-    """Mark the bed (H, W) in a square picture of the drum.
+    """Mark the bed in a square picture of the drum.
 
     It is the largest part that differs in colour from the drum's upper part, which is
     empty.
+
+    Parameters
+    ----------
+    picture : array
+        The picture (H, H, 3), BGR; the rim touches its borders.
+
+    Returns
+    -------
+    array
+        Mask (H, H) of the bed, uint8.
     """
     # Coordinates from -1 to 1 over the picture, so that the rim has the radius 1
     size = len(picture)
@@ -326,6 +363,11 @@ def measure_box(
     pile_settings : MeasureSettings
         Settings of the measurement of a pile.
 
+    Returns
+    -------
+    PhotographResult
+        The angles above and below, with a picture of each.
+
     Raises
     ------
     NoFlankError
@@ -364,6 +406,13 @@ def _cut_wedges(picture: "_BoxPicture", box: Box) -> View:
     """Cut out the wedges in the upper chamber, and put them back to back.
 
     Together they have the shape of a pile, see `drawdown.back_to_back`.
+
+    Parameters
+    ----------
+    picture : _BoxPicture
+        The photograph with the measures of the box in it.
+    box : Box
+        Sizes of the box.
     """
     # The picture need not show all of the upper chamber.
     heights = (box.floor, min(box.top, picture.top_m))
@@ -448,7 +497,12 @@ def _redraw(
 def tables(results: Sequence[PhotographResult], bench: str) -> Tables:
     """Make a table with a row for each photograph, and a summary of its columns.
 
-    At least one photograph was measured.
+    Parameters
+    ----------
+    results : sequence of PhotographResult
+        The results, of which at least one was not refused.
+    bench : str
+        The bench test: ``turning`` or ``drawdown``.
     """
     names = RESPONSES[bench]
     rows = []
@@ -463,7 +517,17 @@ def tables(results: Sequence[PhotographResult], bench: str) -> Tables:
 
 
 def describe(results: Sequence[PhotographResult], made: Tables, out: Path) -> str:
-    """Write the text that the verb prints; `out` is the folder of the files."""
+    """Write the text that the command prints.
+
+    Parameters
+    ----------
+    results : sequence of PhotographResult
+        The results.
+    made : Tables
+        Their tables.
+    out : Path
+        The folder of the files.
+    """
     lines = []
     for result in results:
         if result.refused:
@@ -485,6 +549,13 @@ def describe(results: Sequence[PhotographResult], made: Tables, out: Path) -> st
 
 def profile(results: Sequence[PhotographResult], section: Rotating) -> pd.DataFrame:
     """Find the surface below which the bed lies in half of the photographs of a drum.
+
+    Parameters
+    ----------
+    results : sequence of PhotographResult
+        The results, of which at least one was not refused.
+    section : Rotating
+        Measures of the drum.
 
     Returns
     -------

@@ -1,10 +1,4 @@
-"""Whether piles of a study's grains can have the angle and the Height of its targets.
-
-Grains keep their volume V, so an angle goes with each Height: a cone of Height H has
-tan a = sqrt(pi H^3 / (3 V)). How far the angle by a line is from the cone's was measured:
-the table beside this module has the ratio of the two tangents for the samples of the goji
-berry's design (`python -m research.measurement line_slopes`).
-"""
+"""Assess whether piles of a study can have the angle and Height of its targets."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -269,6 +263,18 @@ def band_of_table(definition: str, pile: Pile) -> Band:
     The table has ratios of the angle's tangent to that of the cone with the Height and
     the volume of the pile. Its piles have `GRAINS` grains, so the angles are changed to
     the number of grains of this pile.
+
+    Parameters
+    ----------
+    definition : str
+        Definition of the angle.
+    pile : Pile
+        The study's pile: number and size of its grains, and its Height.
+
+    Returns
+    -------
+    Band
+        Mean, scatter and largest of the angles, and where they come from.
     """
     assert pile.measure.berry_height_mm is not None
     grain_share = pile.measure.berry_height_mm / pile.height_mm

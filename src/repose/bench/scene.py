@@ -116,6 +116,11 @@ def longest_time_step(scene: Scene) -> "time_steps.Limit":
     """Compute the longest time step that is stable for the smallest grain of a scene.
 
     It depends on the stiffest contact between grains, or of a grain with the wall.
+
+    Parameters
+    ----------
+    scene : Scene
+        The grain, its contact parameters and the settings of the simulation.
     """
     from repose.dem import time_steps
     from repose.dem.contact_table import pairs_of

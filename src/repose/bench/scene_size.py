@@ -1,10 +1,4 @@
-"""The number of grains that a poured pile needs, since angle and Height depend on it.
-
-The table beside this module has piles of two grains in a funnel whose lengths go with the
-cube root of the number (`benchmarks/number_of_grains.py`). An angle that is fitted to a
-flank grows with the number: the flat toe, as high as a grain, becomes a smaller part of
-it.
-"""
+"""Find how many grains a poured pile needs, since angle and Height depend on it."""
 
 import functools
 from collections.abc import Iterator, Mapping
@@ -82,8 +76,8 @@ def numbers() -> list[int]:
 def change(before: float, after: float, definition: str) -> Change:
     """Find how angle and Height of a pile change with the number of grains.
 
-    They are interpolated in the table of poured piles, over the logarithm of the number,
-    and averaged over its crops. Numbers outside the table count as its ends.
+    They are interpolated in the table of poured piles, over the logarithm of the
+    number, and averaged over its crops. Numbers outside the table count as its ends.
 
     Parameters
     ----------
@@ -91,6 +85,12 @@ def change(before: float, after: float, definition: str) -> Change:
         The numbers of grains.
     definition : str
         Definition of the angle, a column of the table.
+
+    Returns
+    -------
+    Change
+        What is added to the angle, and the factor of the Height besides that of the
+        lengths.
     """
     angle_changes = []
     height_ratios = []
@@ -125,6 +125,11 @@ def scaled(
         Diameter of a grain.
     poured : int, optional
         Number that this funnel poured; by default the section's.
+
+    Returns
+    -------
+    dict
+        The section by key. Keys that are computed are ``auto``.
     """
     scale = (grains / (poured or funnel.berries)) ** (1 / 3)
     inlet_mm = funnel.inlet_diameter_mm
@@ -193,10 +198,21 @@ class SmallerScene:
 
 
 def smaller_scene(n_grains: int, definition: str) -> SmallerScene | None:
-    """Find the smallest scene with nearly the angle of a scene of `n_grains` grains.
+    """Find the smallest scene with nearly the angle of a larger one.
 
-    None if no smaller number of the table has that angle. For more grains than the
-    table has, it is then a scene of the table's largest number, whose angle is unknown.
+    Parameters
+    ----------
+    n_grains : int
+        Number of grains of the larger scene.
+    definition : str
+        Definition of the angle, a column of the table.
+
+    Returns
+    -------
+    SmallerScene or None
+        None if no smaller number of the table has that angle. For more grains than the
+        table has, it is then a scene of the table's largest number, whose change of the
+        angle is unknown.
     """
     largest = max(numbers())
     n_enough = fewest_grains(min(n_grains, largest), definition)
@@ -278,7 +294,14 @@ def _scale_effect(n_grains: int, definition: str) -> str:
 def _enough_grains(n_grains: int, definition: str) -> str:
     """Describe from which number of grains on the angle hardly changes.
 
-    If there is no such number, describe it for the angle that depends least on it.
+    If there is no such number, it is described for the angle that depends least on it.
+
+    Parameters
+    ----------
+    n_grains : int
+        Number of grains to compare with.
+    definition : str
+        Definition of the angle, a column of the table.
     """
     n_reference = min(n_grains, max(numbers()))
     close = f"within {ANGLE_TOLERANCE_DEG:g} deg of that of {n_reference}"

@@ -1,10 +1,4 @@
-"""Speed of the engine on this machine, and of the machine itself.
-
-The reference kernel is a loop of dependent roots and divisions, so it measures the
-present speed of one processor. The ratio of a time step to it compares engines on
-machines of one type, but not types of machines: a step also depends on vectors and
-caches.
-"""
+"""Measure the speed of the engine on this machine, and of the machine itself."""
 
 import math
 import timeit
@@ -135,6 +129,19 @@ def timed_pour(
 
     The pile of a second, longer pour lies at rest in the last second of its time, in
     which the time steps are timed.
+
+    Parameters
+    ----------
+    config
+        The configuration of a study.
+    parameters
+        The contact parameters.
+    seed
+        The seed of both pours.
+    particle
+        The grains' body.
+    berry
+        The moduli of the grain.
     """
     scene = Scene.of(config, parameters, berry, particle, seed)
     pour = FunnelTest().pour(scene)

@@ -99,6 +99,13 @@ class Trial:
         """Advance to a time step, and record each frame on the way.
 
         Frames are recorded at multiples of `_steps_per_frame`.
+
+        Parameters
+        ----------
+        last_step : int
+            The time step, counted from the beginning of the simulation.
+        recorder : repose.dem.Recorder
+            What keeps the frames.
         """
         step = self.simulation.steps
         while step < last_step:

@@ -287,8 +287,20 @@ def _measured_elasticity(
 ) -> _Elasticity:
     """Compute Poisson's ratio and shear modulus from compression tests.
 
-    A ratio or a modulus that is given replaces the measured one. Raises InputError if
-    the tests are missing or not plausible.
+    Parameters
+    ----------
+    sizes_csv, sizes
+        The file of the grains' sizes and its table, which show wrong units in the
+        tests.
+    compression_csv : path or None
+        The file of the tests.
+    poisson_ratio, shear_modulus_pa : float or None
+        A number that is given replaces the measured one.
+
+    Raises
+    ------
+    InputError
+        If the tests are missing or not plausible.
     """
     if compression_csv is None:
         allowed = "a file, unless poisson_ratio and shear_modulus_pa are both given"
@@ -322,7 +334,19 @@ def _size_faults(
 ) -> list[InputError]:
     """Find the first column of the tests whose sizes are far from those of the grains.
 
-    Then the columns are hardly in the same unit. Return its fault, or no fault.
+    Then the columns are hardly in the same unit.
+
+    Parameters
+    ----------
+    tests_csv, tests
+        The file of the tests and its table.
+    sizes_csv, sizes
+        The file of the grains' sizes and its table.
+
+    Returns
+    -------
+    list of InputError
+        The fault; empty if the sizes agree.
     """
     for column, axis in LOADED.items():
         tested_mm = float(tests[column].median())
@@ -341,6 +365,18 @@ def _force_faults(tests_csv: str | PathLike, tests: pd.DataFrame) -> list[InputE
 
     The modulus of a test may differ too much from the median, and the mean modulus may
     be impossible for a grain.
+
+    Parameters
+    ----------
+    tests_csv : path
+        The file of the tests, for messages.
+    tests : DataFrame
+        Its table.
+
+    Returns
+    -------
+    list of InputError
+        The faults; empty if all forces are plausible.
     """
     faults = []
     moduli_pa = _elastic_moduli(tests)
@@ -396,7 +432,13 @@ def _size_spread(
 ) -> size_distribution.Spread:
     """Compute how much the equivalent diameters of the grains scatter.
 
-    For reconstructed sizes it comes from the published range, if there is one.
+    Parameters
+    ----------
+    sizes : DataFrame
+        Axes of the grains, with the attribute ``reconstruction`` of `read_sizes`.
+    published : DataFrame
+        The published statistics, which may be empty. Reconstructed sizes take the
+        spread from their range, if it is there.
     """
     dimension = "equivalent_diameter_mm"
     rows = published.set_index("dimension")

@@ -1,4 +1,4 @@
-"""Files of measured grains: sizes and compression tests, checked value by value."""
+"""Read and check the files of measured grains: sizes and compression tests."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -137,6 +137,16 @@ def _strain_faults(tests: "pd.DataFrame") -> list[Fault]:
 
     The load makes a grain narrower along its width and longer across it, but by at most
     the share `MOST_STRAIN`.
+
+    Parameters
+    ----------
+    tests : DataFrame
+        A row for each test, with the columns `COMPRESSION_COLUMNS`.
+
+    Returns
+    -------
+    list of tuple
+        Row (from 0), column, value and allowed values of each fault.
     """
     faults: list[Fault] = []
     for index, test in enumerate(tests.itertuples(index=False)):
@@ -168,6 +178,11 @@ def read_grain(
         The file.
     needed : iterable of str
         Keys that it must have.
+
+    Returns
+    -------
+    dict
+        The content of the file.
 
     Raises
     ------
@@ -204,10 +219,20 @@ def _far_from_median(column: "pd.Series") -> list[Fault]:
 
 
 def _read_numbers(path: str | PathLike, names: Sequence[str]) -> "pd.DataFrame":
-    """Read a table with columns of positive numbers; its rows are numbered from 1.
+    """Read a table with columns of positive numbers.
 
-    A column `test` has labels instead of numbers. The attribute ``reconstruction`` of
-    the table tells whether a comment in the file says that its rows were not measured.
+    Parameters
+    ----------
+    path : path
+        The file.
+    names : sequence of str
+        The columns. A column `test` has labels instead of numbers.
+
+    Returns
+    -------
+    DataFrame
+        The columns, with rows numbered from 1. The attribute ``reconstruction`` tells
+        whether a comment in the file says that its rows were not measured.
     """
     import pandas as pd  # slow to import: where there is a table
 

@@ -1,9 +1,4 @@
-"""The simulated particle of a grain, made from the mesh of its surface.
-
-A particle is an ellipsoid, a smooth body, or spheres that fill the mesh. All kinds are
-made from the same mesh in its principal pose and compared with it: volume, mass,
-principal moments and extents.
-"""
+"""Make the simulated particle of a grain from the mesh of its surface."""
 
 import functools
 import math
@@ -328,7 +323,24 @@ def _mesh_content_of_axes(
 ) -> bytes:
     """Make the content of the mesh file of a grain without a scan.
 
-    The mesh has the axes and the mass; without a mass it is the ellipsoid of the axes.
+    Parameters
+    ----------
+    axes_mm : tuple of float
+        Full axes of the grain, the longest first.
+    mass_g : float or None
+        Mass of the grain, which the mesh has. None makes the ellipsoid of the axes.
+    density_kg_m3 : float
+        Density of the grain.
+
+    Returns
+    -------
+    bytes
+        An STL file.
+
+    Raises
+    ------
+    InputError
+        If no grain has these axes and this mass.
     """
     if mass_g is None:
         return write_stl(ellipsoid_mesh(list(axes_mm)))

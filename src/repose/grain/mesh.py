@@ -1,4 +1,4 @@
-"""Meshes of grains: reading, checks and principal pose; properties of their bodies."""
+"""Read and check meshes of grains, and compute the properties of their bodies."""
 
 import re
 from io import BytesIO
@@ -39,9 +39,24 @@ def ellipsoid_mesh(axes_mm: ArrayLike, subdivisions: int = 4) -> trimesh.Trimesh
 
 
 def load_mesh(path: str | PathLike) -> trimesh.Trimesh:
-    """Read a mesh [mm] in a format of trimesh, such as STL.
+    """Read a mesh in a format of trimesh, such as STL.
 
     It is checked (`check_mesh`) and turned into its principal pose.
+
+    Parameters
+    ----------
+    path : path
+        The file, with lengths in mm.
+
+    Returns
+    -------
+    Trimesh
+        The mesh in mm.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or has no mesh of a grain.
     """
     path = Path(path)
     if not path.is_file():
@@ -55,7 +70,22 @@ def load_mesh(path: str | PathLike) -> trimesh.Trimesh:
 def _complete_stl(content: bytes, source: object) -> bytes:
     """Return the one body of an STL file, without what follows it.
 
-    Raises InputError if the file is cut off, or has two bodies.
+    Parameters
+    ----------
+    content : bytes
+        Content of the file, as text or binary.
+    source : object
+        The file, for messages.
+
+    Returns
+    -------
+    bytes
+        An STL file of one body.
+
+    Raises
+    ------
+    InputError
+        If the file is cut off, or has two bodies.
     """
     text = content.removeprefix(BYTE_ORDER_MARK).lower().replace(b"\r", b"\n")
     beginning = text[:BEGINNING]
@@ -73,7 +103,17 @@ def _complete_stl(content: bytes, source: object) -> bytes:
 def _complete_text_stl(text: bytes, source: object) -> bytes:
     """Check an STL in lower-case text, and end it with a single `endsolid`.
 
-    Raises InputError if the file is cut off within a facet.
+    Parameters
+    ----------
+    text : bytes
+        Content of the file in lower case.
+    source : object
+        The file, for messages.
+
+    Raises
+    ------
+    InputError
+        If the file is cut off within a facet.
     """
     n_beginnings = len(re.findall(rb"(?m)^\s*facet\b", text))
     n_ends = len(re.findall(rb"(?m)^\s*endfacet\b", text))
@@ -90,7 +130,17 @@ def _complete_text_stl(text: bytes, source: object) -> bytes:
 def _complete_binary_stl(content: bytes, source: object) -> bytes:
     """Return a binary STL without bytes behind the facets that its header counts.
 
-    Raises InputError if the file is cut off, or if another body follows.
+    Parameters
+    ----------
+    content : bytes
+        Content of the file.
+    source : object
+        The file, for messages.
+
+    Raises
+    ------
+    InputError
+        If the file is cut off, or if another body follows.
     """
     # The header ends with the number of facets, in four bytes.
     n_in_header = int.from_bytes(content[STL_HEADER - 4 : STL_HEADER], "little")
@@ -111,8 +161,14 @@ def _complete_binary_stl(content: bytes, source: object) -> bytes:
 def _read(file: Any, file_type: str | None, source: object) -> trimesh.Trimesh:
     """Read a mesh by trimesh, check it and turn it into its principal pose.
 
-    `file` is a path or an open file, and `file_type` a format of trimesh; without it
-    the ending of the path tells the format.
+    Parameters
+    ----------
+    file : path or file
+        What trimesh reads.
+    file_type : str or None
+        Format of trimesh; None leaves it to the ending of the path.
+    source : object
+        The file, for messages.
     """
     try:
         mesh: Any = trimesh.load(file, file_type=file_type, force="mesh")
@@ -142,11 +198,18 @@ def read_stl(stl: bytes, source: object) -> trimesh.Trimesh:
 
 
 def check_mesh(mesh: trimesh.Trimesh, source: object) -> trimesh.Trimesh:
-    """Return a mesh [mm] that can be that of a grain, or raise InputError.
+    """Return a mesh that can be that of a grain, or raise InputError.
 
     It is one closed body, its faces look outwards, it has a plausible size and is
-    nearly convex. Facets without an area, and some that are there twice, are removed
-    from it.
+    nearly convex.
+
+    Parameters
+    ----------
+    mesh : Trimesh
+        The mesh in mm. Facets without an area, and some that are there twice, are
+        removed from it.
+    source : object
+        The mesh's file, for messages.
     """
     if len(mesh.faces) < 4:
         allowed = "a closed surface of at least 4 faces"
@@ -185,8 +248,19 @@ def _check_sides(mesh: trimesh.Trimesh, source: object) -> None:
 def _remove_bad_facets(mesh: trimesh.Trimesh, source: object) -> None:
     """Remove facets without an area, then facets that are there twice.
 
-    Raises InputError if these are half of the facets. A closed mesh stays as it is: a
-    facet without an area may close a joint.
+    A closed mesh stays as it is: a facet without an area may close a joint.
+
+    Parameters
+    ----------
+    mesh : Trimesh
+        The mesh, which is changed.
+    source : object
+        The mesh's file, for messages.
+
+    Raises
+    ------
+    InputError
+        If half of the facets are bad.
     """
     for find_good_facets in (mesh.nondegenerate_faces, mesh.unique_faces):
         is_good = find_good_facets()

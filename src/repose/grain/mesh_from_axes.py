@@ -1,11 +1,4 @@
-"""A closed mesh for a grain without a scan, made from three axes and a mass.
-
-The cross-section is an ellipse whose size follows a profile r(t) = (1 - |t|^m)^k along
-the axis, with t from -1 to 1. With m = 2 and k = 1/2 it is an ellipsoid. A fuller body
-has m > 2 and k = 1/m (a superellipse: m = 3 is a plump grain, large m a cylinder). A
-leaner body has m = 2 and k > 1/2 (pointed ends). The fullness
-V / (L W T) = pi/4 B(1/m, 2k + 1) / m then follows from the mass and the density.
-"""
+"""Make a closed mesh for a grain without a scan, from three axes and a mass."""
 
 import math
 from collections.abc import Sequence
@@ -84,9 +77,23 @@ def _profile(shape: float, taper: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _mesh(axes_mm: Axes, shape: float, details: _Details) -> trimesh.Trimesh:
-    """Make the closed mesh [mm] of a grain with a shape number, its long axis along x.
+    """Make the closed mesh of a grain, its long axis along x.
 
     It has rings of points around the long axis, and a point at each tip.
+
+    Parameters
+    ----------
+    axes_mm : sequence of float
+        Full axes, the longest first.
+    shape : float
+        Shape number, see `profile_exponents`: the larger, the fuller is the grain.
+    details : _Details
+        Taper and grooves.
+
+    Returns
+    -------
+    Trimesh
+        The mesh in mm.
     """
     places, sizes = _profile(shape, details.taper)
     angles = np.arange(SECTORS) * (2 * math.pi / SECTORS)
@@ -111,8 +118,18 @@ def _mesh(axes_mm: Axes, shape: float, details: _Details) -> trimesh.Trimesh:
 def _list_faces(n_rings: int) -> np.ndarray:
     """List the triangles of a mesh of rings of points and two tips.
 
-    The points are numbered ring by ring, and the tips come last. Each triangle has the
-    numbers of its three corners, which go around it counter-clockwise seen from outside.
+    The points are numbered ring by ring, and the tips come last.
+
+    Parameters
+    ----------
+    n_rings : int
+        Number of rings, of `SECTORS` points each.
+
+    Returns
+    -------
+    ndarray of int
+        Numbers (T, 3) of the three corners of each triangle, which go around it
+        counter-clockwise seen from outside.
     """
     n_points = n_rings * SECTORS + 2
     sector = np.arange(SECTORS)
@@ -120,7 +137,7 @@ def _list_faces(n_rings: int) -> np.ndarray:
     last_ring = (n_rings - 1) * SECTORS
     first_tip = np.full(SECTORS, n_points - 2)
     last_tip = np.full(SECTORS, n_points - 1)
-    # A fan of triangles closes the first end.
+    # A fan of triangles around the tip closes the first end.
     faces = [np.column_stack([first_tip, next_sector, sector])]
     # Between two rings there are quadrilaterals a b d c, each of two triangles.
     for ring in range(0, last_ring, SECTORS):
@@ -215,7 +232,17 @@ def _check_axes(axes_mm: Axes, source: object) -> np.ndarray:
 
 
 def _check_details(details: _Details, axes: np.ndarray, source: object) -> None:
-    """Raise InputError for an impossible taper or impossible wrinkles."""
+    """Raise InputError for an impossible taper or impossible grooves.
+
+    Parameters
+    ----------
+    details : _Details
+        Taper and grooves.
+    axes : ndarray
+        Full axes (3,) in mm, the longest first, which limit the depth of the grooves.
+    source : object
+        Where the numbers come from, for messages.
+    """
     if not abs(details.taper) <= LARGEST_TAPER:
         allowed = f"from -{LARGEST_TAPER:g} to {LARGEST_TAPER:g}"
         raise InputError(source, "taper", details.taper, allowed)

@@ -187,9 +187,13 @@ class Particle:
 
     @classmethod
     def of_record(cls, record: Mapping[str, Any]) -> "Particle":
-        """Make a particle from the values of its file; see `record`.
+        """Make a particle from the values of its file.
 
-        Lengths, volumes and others are converted from the units of the file.
+        Parameters
+        ----------
+        record : mapping
+            Values by key, as `record` makes them. Lengths, volumes and others are in
+            the units of the file, and are converted.
         """
         values = {name: record[name] for name in TEXT_AND_DENSITY}
         for name, (key, unit) in FIELDS.items():
@@ -211,7 +215,13 @@ class Particle:
 
     @classmethod
     def load(cls, path: str | PathLike) -> "Particle":
-        """Read a file of `save`; InputError for any other file."""
+        """Read a particle from a file that `save` wrote.
+
+        Raises
+        ------
+        InputError
+            If the file is another one, or has an impossible number.
+        """
         number_keys = [key for key, _ in FIELDS.values()]
         record = read_json(path, (*TEXT_AND_DENSITY, *number_keys), WHAT)
         if record["kind"] not in KINDS:
@@ -230,8 +240,19 @@ class Particle:
 def _check_numbers(path: str | PathLike, key: str, value: object) -> None:
     """Check the numbers of a key in the file of a particle.
 
-    Raises InputError for a wrong shape, and for numbers that are not finite or not
-    positive.
+    Parameters
+    ----------
+    path : path
+        The file, for messages.
+    key : str
+        The key, which tells the shape of its numbers.
+    value : object
+        The value.
+
+    Raises
+    ------
+    InputError
+        For a wrong shape, and for numbers that are not finite or not positive.
     """
     error = InputError(path, key, value, f"finite numbers in {WHAT}")
     # NumPy would take text and booleans for numbers.

@@ -1,7 +1,4 @@
-"""Checks whether one mean grain can stand for all of the measured grains.
-
-The sizes may form two groups, and a volume may be larger than the axes allow.
-"""
+"""Check whether one mean grain can stand for all of the measured grains."""
 
 import math
 from collections.abc import Sequence
@@ -55,10 +52,21 @@ class SizeGroups(NamedTuple):
 
 
 def best_split(values: np.ndarray) -> Split:
-    """Split values (N,) into small and large ones so that most variance is explained.
+    """Split values into small and large ones so that most variance is explained.
 
     This is the exact solution of k-means for two groups in one dimension. Of many
     normal values the best split explains the share 2/pi, of many uniform ones 3/4.
+
+    Parameters
+    ----------
+    values : ndarray
+        The values (N,), in any order.
+
+    Returns
+    -------
+    Split
+        The number of small values, and the share of the variance that the split
+        explains.
     """
     ordered = np.sort(np.asarray(values, float))
     deviations = ordered - ordered.mean()
@@ -95,10 +103,15 @@ def explained_by_chance(n_values: int) -> float:
 
 
 def find_groups(diameters_mm: np.ndarray) -> SizeGroups | None:
-    """Find out whether equivalent diameters (N,) form two groups.
+    """Find out whether the sizes of grains form two groups.
 
     They do if the best split of their logarithms explains more of the variance than
     chance does (`explained_by_chance`).
+
+    Parameters
+    ----------
+    diameters_mm : ndarray
+        Equivalent diameters (N,) of the grains.
 
     Returns
     -------

@@ -1,8 +1,4 @@
-"""Sizes of single grains, drawn from a truncated normal distribution.
-
-A scale is the size of a grain over the particle's. The mean volume of all grains is
-that of the particle.
-"""
+"""Draw the sizes of single grains from a truncated normal distribution."""
 
 import math
 from collections.abc import Mapping
@@ -92,7 +88,8 @@ def draw(
         return np.ones(count)
     from scipy.special import ndtr, ndtri  # slow to import: where sizes differ
 
-    # A uniform number between the probabilities of both ends gives a size between them.
+    # Draw uniform numbers between the probabilities of both ends, and convert them to
+    # sizes by the inverse of the normal distribution.
     low_probability = ndtr((low - 1) / sd)
     high_probability = ndtr((high - 1) / sd)
     numbers = rng.random(count)
@@ -104,8 +101,17 @@ def draw(
 def _spread(distribution: str, grain: Mapping[str, float]) -> Spread:
     """Read the spread of the sizes from the values of a mean grain.
 
-    Without a distribution all grains have the same size. Raises InputError if a value
-    is missing or impossible.
+    Parameters
+    ----------
+    distribution : str
+        The key `size_distribution`. With ``none`` all grains have the same size.
+    grain : mapping
+        Values of the mean grain by key.
+
+    Raises
+    ------
+    InputError
+        If a value is missing or impossible.
     """
     if distribution == "none":
         return Spread(0.0, 1.0, 1.0)

@@ -1,24 +1,4 @@
-"""A clump of spheres that fills a mesh, as multi-sphere programs use it.
-
-The kind of surface decides how spheres are placed:
-
-smooth
-    Few large overlapping balls, inscribed in the mesh. A greedy search adds the ball
-    that lowers the mean squared distance of the mesh's surface from the balls most, and
-    then exchanges single balls for better ones. At last all radii grow by one length
-    until the union has the mesh's volume.
-rough
-    Balls of one smaller radius that touch the surface from inside, as far apart as
-    possible, so that bumps stand between them. Their union holds less than the mesh.
-rough_full
-    The same, grown until the union has the mesh's volume.
-
-Nothing is random. The number of spheres may be "fewest": the fewest, from 14 to 60,
-whose union is within 2 % of the mesh's volume and within 3 % of its shortest axis. They
-grow no further than these 3 % allow. Spheres that act at the same place add up in
-stiffness, so a clump of many spheres needs a shorter time step
-(`repose.dem.time_steps`).
-"""
+"""Fill a mesh with a clump of spheres, as multi-sphere programs use it."""
 
 import math
 from dataclasses import dataclass
@@ -136,9 +116,22 @@ class _Filling:
         return spheres
 
     def fill_with_fewest(self, source: object) -> np.ndarray:
-        """Find the fewest spheres (M, 4) with nearly the mesh's volume and shortest axis.
+        """Find the fewest spheres with nearly the mesh's volume and shortest axis.
 
-        Raises InputError if no number of spheres is enough.
+        Parameters
+        ----------
+        source : object
+            The mesh's file, for messages.
+
+        Returns
+        -------
+        ndarray
+            Centres and radii (M, 4) in mm.
+
+        Raises
+        ------
+        InputError
+            If no number of spheres is enough.
         """
         for count in range(FEWEST_FROM, FEWEST_TO + 1):
             spheres = self.place(count)
@@ -155,10 +148,19 @@ class _Filling:
         raise InputError(source, "spheres", FEWEST, allowed)
 
     def _grow_within_tolerances(self, spheres: np.ndarray) -> np.ndarray | None:
-        """Grow spheres (M, 4) until they have the mesh's volume and shortest axis.
+        """Grow spheres until they have nearly the mesh's volume and shortest axis.
 
-        Return None if they cannot have both within the tolerances. Rough surfaces do
-        not grow.
+        Rough surfaces do not grow; their spheres are only checked.
+
+        Parameters
+        ----------
+        spheres : ndarray
+            Centres and radii (M, 4) in mm.
+
+        Returns
+        -------
+        ndarray or None
+            The grown spheres; None if they cannot have both within the tolerances.
         """
         extents = np.ptp(self.box, axis=0)
         axis = int(extents.argmin())
@@ -196,6 +198,13 @@ def sample_surface(
     mesh: trimesh.Trimesh, count: int = N_SURFACE_POINTS
 ) -> tuple[np.ndarray, np.ndarray]:
     """Distribute points evenly over a mesh's area, the same ones every time.
+
+    Parameters
+    ----------
+    mesh : Trimesh
+        The mesh.
+    count : int
+        Number of points.
 
     Returns
     -------
@@ -308,7 +317,24 @@ def _growth(
     The grown union holds the points whose distance from the spheres is less than the
     growth. In a box of evenly spread points, their share must be the mesh's share of
     the box.
+
+    Parameters
+    ----------
+    spheres : ndarray
+        Centres and radii (M, 4) in mm.
+    mesh : Trimesh
+        The mesh in mm.
+    box : ndarray
+        Lower and upper corner (2, 3) of the mesh.
+    count : int
+        Number of points, which are the same each time.
+
+    Returns
+    -------
+    float
+        The growth in mm; negative if the radii must shrink.
     """
+    # The box is a little larger than the mesh, as the spheres may stand out of it.
     margin = 0.2 * np.abs(box).max()
     low = box[0] - margin
     high = box[1] + margin

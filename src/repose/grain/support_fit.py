@@ -1,10 +1,4 @@
-"""Fits of a particle's shape to a mesh: a sum of ellipsoids, or a single one.
-
-The support function h(n) of a body is its extent in direction n from its centre. An
-ellipsoid with half axes s has h = sqrt(sum s_i^2 n_i^2). A sum of support functions is
-that of a Minkowski sum: a body whose h is the sum of a few ellipsoids with common axes
-is smooth, convex and has a closed form.
-"""
+"""Fit a particle's shape to a mesh: a sum of ellipsoids, or a single one."""
 
 import math
 from collections.abc import Sequence
@@ -88,9 +82,21 @@ def recognise_ellipsoid(
 
 
 def _fit_quadric(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Fit the quadric x'Ax + b'x = 1 to points (N, 3); return A (3, 3) and b (3,).
+    """Fit the quadric x'Ax + b'x = 1 to points.
 
     The equation is linear in its nine coefficients: six of the symmetric A, three of b.
+
+    Parameters
+    ----------
+    points : ndarray
+        The points (N, 3).
+
+    Returns
+    -------
+    matrix : ndarray
+        The matrix A (3, 3).
+    linear : ndarray
+        The vector b (3,).
     """
     # A coefficient beside the diagonal of A occurs twice.
     terms = []
@@ -157,11 +163,23 @@ def fit_components(
 def _even_deviations(
     n: np.ndarray, measured: np.ndarray, radius: float, semi_axes: np.ndarray
 ) -> np.ndarray:
-    """Change half axes (K, 3) of a fit so that its largest deviation becomes smaller.
+    """Change the half axes of a fit so that its largest deviation becomes smaller.
 
     The sum of the sixth powers of the deviations is minimised, which raises their rms.
-    The other arguments are those of `fit_components`.
+
+    Parameters
+    ----------
+    n, measured, radius
+        As of `fit_components`.
+    semi_axes : ndarray
+        Half axes (K, 3) of the fit.
+
+    Returns
+    -------
+    ndarray
+        The changed half axes (K, 3).
     """
+    # The third powers are squared by the fit. The logarithms keep the axes positive.
     largest = np.abs(support(semi_axes, n) - measured).max()
 
     def residuals(logs: np.ndarray) -> np.ndarray:
@@ -175,9 +193,23 @@ def _even_deviations(
 
 
 def _starts(count: int, extents: np.ndarray, radius: float) -> list[np.ndarray]:
-    """Make several start values (count, 3) for a fit with `count` ellipsoids.
+    """Make several start values for a fit with a number of ellipsoids.
 
-    Each divides the body's half extents (3,) among the ellipsoids in another way.
+    Each divides the half extents of the body among the ellipsoids in another way.
+
+    Parameters
+    ----------
+    count : int
+        Number of ellipsoids.
+    extents : ndarray
+        Half extents (3,) of the body.
+    radius : float
+        Mean radius of the body.
+
+    Returns
+    -------
+    list of ndarray
+        Half axes (count, 3) to start from; the same each time.
     """
     if count == 1:
         return [extents[None]]
@@ -198,9 +230,21 @@ def _starts(count: int, extents: np.ndarray, radius: float) -> list[np.ndarray]:
 def _least_squares_fit(
     n: np.ndarray, measured: np.ndarray, radius: float, start: np.ndarray
 ) -> _Fit:
-    """Fit half axes (K, 3) to support values by least squares, from a start.
+    """Fit half axes to support values by least squares, from a start.
 
     The unknowns are the logarithms of the axes, which keeps the axes positive.
+
+    Parameters
+    ----------
+    n, measured, radius
+        As of `fit_components`.
+    start : ndarray
+        Half axes (K, 3) from which the fit begins.
+
+    Returns
+    -------
+    _Fit
+        Half axes (K, 3), and the rms of the deviations.
     """
     squared_n = np.square(n)
 
@@ -226,11 +270,23 @@ def _least_squares_fit(
 def _surface_quadrature(
     n_latitudes: int = 200, n_longitudes: int = 250
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Make directions (N, 3) and weights (N,) for integrals over the solid angle.
+    """Make directions and weights for integrals over the solid angle.
 
     They are for functions that are even in x, y and z: the directions fill one octant,
-    and the weights stand for all eight. Along x the rule is Gauss-Legendre, around x the
-    steps are equal.
+    and the weights stand for all eight. Along x the rule is Gauss-Legendre, around x
+    the steps are equal.
+
+    Parameters
+    ----------
+    n_latitudes, n_longitudes : int
+        Numbers of directions along and around x.
+
+    Returns
+    -------
+    directions : ndarray
+        Unit vectors (N, 3).
+    weights : ndarray
+        Their weights (N,), with the sum 4 pi.
     """
     # Move the nodes from the interval (-1, 1) to (0, 1).
     nodes, node_weights = np.polynomial.legendre.leggauss(n_latitudes)
@@ -291,7 +347,12 @@ def volume_integrals(semi_axes: np.ndarray) -> tuple[float, np.ndarray]:
 def bounding_radius(semi_axes: np.ndarray) -> float:
     """Compute the distance of the farthest surface point of a body from its centre.
 
-    It is the maximum of the support function h of the half axes (K, 3).
+    It is the maximum of the support function h.
+
+    Parameters
+    ----------
+    semi_axes : ndarray
+        Half axes (K, 3) of the ellipsoids whose sum is the body.
     """
     # Begin at the best of many directions.
     trial_directions = np.concatenate([np.eye(3), sphere_directions(1000)])
