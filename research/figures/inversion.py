@@ -184,7 +184,9 @@ def whole(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
             _off_the_target(panel, table[table["data"] == kind], key)
         row[0].set_ylabel(_off_label(response))
     for k, kind in enumerate(kinds):
-        panels[0, k].set_title(f"{style.letter(k)}   {KINDS[kind]}", fontweight="bold")
+        panels[0, k].set_title(
+            f"{style.panel_letter(k)}   {KINDS[kind]}", fontweight="bold"
+        )
         panels[-1, k].set_xlabel("simulations spent")
     figure.legend(
         *panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3

@@ -55,7 +55,7 @@ def what_to_measure_next(
     _map(widths, narrowing, order, base_name, percents)
     base = first.loc[base_name]
     text = f"{base_name} alone:\n{base['bits']:.2f} ± {base['bits_se']:.2f} bits"
-    style.note(bars, text, x=0.98, y=0.98, ha="right")
+    style.write_note(bars, text, x=0.98, y=0.98, ha="right")
     return figure
 
 

@@ -344,7 +344,7 @@ def test_the_pile_shows_the_definitions_of_its_angle(drawn):
     labels = [text.get_text().split("°  ")[1] for text in legend.get_texts()]
     assert labels[0] == f"flank: {LINE}, used"
     expected = [
-        f"{name}: {style.line_in_words(settings, name)}" for name in DEFINITIONS[1:]
+        f"{name}: {style.describe_line(settings, name)}" for name in DEFINITIONS[1:]
     ]
     assert labels[1:] == expected
     for panel in figure.axes:
@@ -497,7 +497,7 @@ def test_a_scale_bar_has_its_length():
     camera = look_at(corners, 600, 300, 0.0, -90.0)
     with style.applied():
         panel = style.new_figure(4, 2).subplots()
-        style.scale_bar(panel, camera, np.array([0.02, 0.0, 0.0]), 0.2)
+        style.draw_scale_bar(panel, camera, np.array([0.02, 0.0, 0.0]), 0.2)
     (bar,) = panel.lines
     # the bar has a round length of at most 0.3 of 200 mm
     assert [text.get_text() for text in panel.texts] == ["50 mm"]
@@ -534,6 +534,6 @@ def test_the_outline_has_the_measured_height_and_slope_at_one_scale(drawn):
 def test_the_mean_outline_of_equal_triangles_is_the_triangle():
     x = np.arange(-40.0, 40.5, 0.5)
     triangle = outline.Outline(x, np.maximum(0.0, 20.0 - abs(x)))
-    mean = outline._mean_outline([triangle, triangle])
+    mean = outline._average_outlines([triangle, triangle])
     expected = np.maximum(0.0, 20.0 - abs(mean.x_mm))
     np.testing.assert_allclose(mean.height_mm, expected, atol=1e-9)

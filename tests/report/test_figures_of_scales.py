@@ -20,7 +20,7 @@ def test_cells_are_equal_parts_of_the_logarithm():
     edges = cell_edges(SPACE, "gamma", 4)
     assert edges == pytest.approx([1e-4, 1e-3, 1e-2, 1e-1, 1.0])
     assert cell_edges(SPACE, "mu", 4).tolist() == np.linspace(0.1, 0.9, 5).tolist()
-    assert region._cell_edges(SPACE, 4)[0] == pytest.approx(edges)
+    assert region._compute_cell_edges(SPACE, 4)[0] == pytest.approx(edges)
 
 
 def test_axes_of_the_parameter_are_logarithmic_with_room_at_both_ends():
@@ -42,7 +42,7 @@ def test_the_density_of_a_histogram_is_that_along_the_scale():
     heights = [bar.get_height() for bar in panel.patches]
     density = 1 / np.log(1e4)
     assert heights == pytest.approx([density] * posterior.BINS, rel=0.02)
-    prior_values, prior = posterior._prior_density(SPACE, "gamma")
+    prior_values, prior = posterior._compute_prior_density(SPACE, "gamma")
     assert prior == pytest.approx(np.full(201, density))
     assert prior_values[100] == pytest.approx(1e-2)
 

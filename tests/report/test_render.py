@@ -88,7 +88,7 @@ def test_the_kernels_have_the_places_of_the_camera():
         place,
     )
     np.testing.assert_allclose(place, camera.eye_m + 0.7 * camera.rays()[7, 31])
-    light = shading._light_axes(camera)
+    light = shading._compute_light_axes(camera)
     np.testing.assert_allclose(light @ light.T, np.eye(3), atol=1e-12)
 
 

@@ -1,4 +1,4 @@
-"""The study behind a picture: the configuration, or the sections that the picture reads."""
+"""Give pictures access to their study: its configuration, or the sections that they read."""
 
 from collections.abc import Mapping
 from functools import cached_property
@@ -56,7 +56,15 @@ class StudyView:
         return None if section is None else str(section["name"])
 
     def section(self, name: str, model: type[S]) -> S:
-        """Return the section of a bench test besides the funnel, by its model."""
+        """Return the section of a bench test besides the funnel, typed by its model.
+
+        Parameters
+        ----------
+        name : str
+            Name of the section.
+        model : type
+            Its model, a subclass of `Section`. The values are not checked again.
+        """
         return model.model_construct(**self.config[name])
 
     @cached_property
@@ -73,9 +81,21 @@ class StudyView:
 
 
 def cell_edges(parameters: ParameterSpace, name: str, count: int) -> np.ndarray:
-    """Return the edges (count + 1,) of equal parts of a free parameter's range.
+    """Divide the range of a free parameter into equal cells, along its scale.
 
-    They are equal along the scale of the parameter.
+    Parameters
+    ----------
+    parameters : ParameterSpace
+        The parameters of the study.
+    name : str
+        Name of the parameter.
+    count : int
+        Number of cells.
+
+    Returns
+    -------
+    ndarray
+        The edges (count + 1,) of the cells.
     """
     if name in parameters.scale:
         return parameters.values_at(name, np.linspace(0, 1, count + 1))

@@ -1,4 +1,4 @@
-"""Figures from the tables of the workflow, with the numbers of the paper if it has any."""
+"""Draw figures from the tables of the workflow, with published numbers if there are."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Figures 2 and 7: the grains' sizes, and the particle made from the mesh."""
+"""Draw Figures 2 and 7: the grains' sizes, and the particle made from the mesh."""
 
 import textwrap
 from typing import Any
@@ -57,7 +57,7 @@ def sizes_and_sphericity(inputs: Inputs, study: StudyView) -> Figure:
     style.name_panels(histogram_panels)
     size_panels[0].set_ylabel("number of grains")
     size_panels[0].yaxis.set_major_locator(MaxNLocator(integer=True))
-    style.below(
+    style.write_below(
         figure, "curves: normal distributions of these means and standard deviations"
     )
     if sizes.attrs["reconstruction"]:
@@ -68,7 +68,21 @@ def sizes_and_sphericity(inputs: Inputs, study: StudyView) -> Figure:
 def _draw_histogram(
     panel: Axes, values: np.ndarray, label: str, colour: str, unit: str
 ) -> None:
-    """Draw the histogram of a size with the normal curve of its mean and deviation."""
+    """Draw the histogram of a size with the normal curve of its mean and deviation.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    values : ndarray
+        The size of each grain (N,).
+    label : str
+        Label of the axis.
+    colour : str
+        Colour of the bars.
+    unit : str
+        Unit of the size, for the numbers in the panel.
+    """
     from scipy import stats  # slow to import
 
     mean = values.mean()
@@ -94,11 +108,15 @@ def _draw_histogram(
     top = max(panel.get_ylim()[1], 1.35 * counts.max())
     panel.set(xlabel=label, ylim=(0, top))
     text = f"{mean:.2f} ± {sd:.2f} {unit}\nn = {len(values)}"
-    style.note(panel, text, x=0.98, ha="right")
+    style.write_note(panel, text, x=0.98, ha="right")
 
 
 def particle_and_mesh(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw the mesh and each kind of particle made from it, on the same scale."""
+    """Draw the mesh and each kind of particle made from it, on the same scale.
+
+    `particle` is the simulated particle, `stl` the mesh. A kind that cannot be made
+    from the mesh has the reason in place of a picture.
+    """
     # Slow to import, and the other figures do without.
     from repose.grain.mesh import load_mesh
     from repose.report.renderer.render import render_bodies, render_mesh
@@ -128,9 +146,9 @@ def particle_and_mesh(inputs: Inputs, study: StudyView) -> Figure:
     figure.set_layout_engine("compressed")
     mesh_panel, *particle_panels = figure.subplots(1, 4)
     mesh_words = f"{len(mesh.faces)} triangles"
-    _describe(mesh_panel, "a  mesh", body=simulated.mesh, text=mesh_words)
+    _write_description(mesh_panel, "a  mesh", body=simulated.mesh, text=mesh_words)
     mesh_panel.imshow(render_mesh(mesh_in_m, **view))
-    style.scale_bar(
+    style.draw_scale_bar(
         mesh_panel,
         look_at(frame_m, **camera),
         place_m=np.zeros(3),
@@ -139,15 +157,19 @@ def particle_and_mesh(inputs: Inputs, study: StudyView) -> Figure:
     for panel, kind, letter in zip(particle_panels, KINDS, "bcd", strict=True):
         title = f"{letter}  {kind}"
         try:
-            particle = _particle_of_kind(kind, mesh, simulated=simulated, study=study)
+            particle = _make_particle_of_kind(
+                kind, mesh, simulated=simulated, study=study
+            )
         except InputError as error:
             # Not every mesh has a particle of each kind.
             text = "\n".join(textwrap.wrap(str(error), 34))
-            _describe(panel, title, body=None, text=text)
+            _write_description(panel, title, body=None, text=text)
             continue
         if kind == simulated.kind:
             title += " (poured)"
-        _describe(panel, title, body=particle, text=_account(particle))
+        _write_description(
+            panel, title, body=particle, text=_describe_composition(particle)
+        )
         picture = render_bodies(
             np.zeros((1, 3)),
             np.array([[1.0, 0.0, 0.0, 0.0]]),
@@ -159,19 +181,36 @@ def particle_and_mesh(inputs: Inputs, study: StudyView) -> Figure:
     return figure
 
 
-def _account(particle: Particle) -> str:
-    """Say of what a particle consists, and how far its surface is from the mesh."""
+def _describe_composition(particle: Particle) -> str:
+    """Describe what a particle consists of, and its distance from the mesh."""
     return (
-        f"{_parts_in_words(particle)}\n"
+        f"{_describe_parts(particle)}\n"
         f"off by {1e3 * particle.deviation_max_m:.2f} mm at most,\n"
         f"{1e3 * particle.deviation_rms_m:.3f} mm rms"
     )
 
 
-def _particle_of_kind(
+def _make_particle_of_kind(
     kind: str, mesh: Any, simulated: Particle, study: StudyView
 ) -> Particle:
-    """Return the particle of a kind: the simulated one, or another made from the mesh."""
+    """Make the particle of a kind from the mesh, with the settings of the study.
+
+    Parameters
+    ----------
+    kind : str
+        One of `KINDS`.
+    mesh : Trimesh
+        The mesh in mm.
+    simulated : Particle
+        The simulated particle, which is returned for its own kind.
+    study : StudyView
+        The study.
+
+    Raises
+    ------
+    InputError
+        If the mesh has no particle of this kind.
+    """
     from repose.grain import build  # slow to import
 
     if kind == simulated.kind:
@@ -186,16 +225,30 @@ def _particle_of_kind(
     )
 
 
-def _parts_in_words(particle: Particle) -> str:
-    """Say of which parts a particle consists."""
+def _describe_parts(particle: Particle) -> str:
+    """Describe the parts that a particle consists of."""
     if particle.is_clump:
         return f"{len(particle.spheres_m)} spheres"
     count = len(particle.semi_axes_m)
     return "one ellipsoid" if count == 1 else f"sum of {count} ellipsoids"
 
 
-def _describe(panel: Axes, title: str, body: Particle | Body | None, text: str) -> None:
-    """Write name, axes, volume, mass and moments of a body, and text, below its picture."""
+def _write_description(
+    panel: Axes, title: str, body: Particle | Body | None, text: str
+) -> None:
+    """Write the name of a body above its picture, and its properties below.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel of the picture.
+    title : str
+        Name of the body.
+    body : Particle, Body or None
+        The body, with axes, volume, mass and moments; None writes the text alone.
+    text : str
+        Further lines.
+    """
     panel.axis("off")
     panel.set_title(title, loc="center", fontweight="bold")
     if body is not None:
@@ -207,4 +260,4 @@ def _describe(panel: Axes, title: str, body: Particle | Body | None, text: str) 
             f"{axes} mm\nvolume {volume} mm³, mass {mass} g\n"
             f"moments {moments} g mm²\n{text}"
         )
-    style.note(panel, text, x=0.5, y=-0.04, ha="center", fontsize=6.5)
+    style.write_note(panel, text, x=0.5, y=-0.04, ha="center", fontsize=6.5)

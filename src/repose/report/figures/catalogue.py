@@ -1,4 +1,4 @@
-"""The figures of a study: what each shows and reads, its caption, and what draws it.
+"""List the figures of a study: what each shows and reads, and what draws it.
 
 The workflow makes a rule of every entry. It reads this list without loading the modules
 that draw, or the libraries that these need.

@@ -1,4 +1,4 @@
-"""Figures of the check: our solutions (Table 4), and published ones simulated here."""
+"""Draw the check: our solutions (Table 4), and published ones simulated here."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -58,7 +58,7 @@ def validation(inputs: Inputs, study: StudyView) -> Figure:
     axes = figure.subplots(
         len(targets), len(widths), sharey="row", squeeze=False, width_ratios=widths
     )
-    named_solutions = _with_names(solutions)
+    named_solutions = _add_names(solutions)
     for panel, target in zip(axes[:, 0], targets, strict=True):
         _draw_predicted_and_simulated(
             panel, named_solutions, target=target, marks=SIMULATED_HERE
@@ -67,7 +67,7 @@ def validation(inputs: Inputs, study: StudyView) -> Figure:
     axes[0, 0].set_title("this run", fontweight="bold")
     axes[-1, 0].set_xlabel("solution of this run")
     if published_of_targets:
-        named_published = _with_names(published, "P")
+        named_published = _add_names(published, "P")
         for panel, target in zip(axes[:, 1], targets, strict=True):
             if target.response in published_of_targets:
                 _draw_predicted_and_simulated(
@@ -78,20 +78,22 @@ def validation(inputs: Inputs, study: StudyView) -> Figure:
         axes[0, 1].set_title("published", fontweight="bold")
         axes[-1, 1].set_xlabel("published solution (P)")
     figure.align_xlabels(axes[-1])
-    style.one_legend(axes.ravel(), loc="outside upper center", ncols=3)
-    style.below(figure, "percentages: error of the prediction, of the simulated value")
+    style.draw_legend(axes.ravel(), loc="outside upper center", ncols=3)
+    style.write_below(
+        figure, "percentages: error of the prediction, of the simulated value"
+    )
     return figure
 
 
 def _leave_empty(panel: Axes, text: str) -> None:
     """Write in the middle of a panel why it is empty."""
     panel.axis("off")
-    style.note(panel, text, x=0.5, y=0.5, ha="center", color=style.GREY)
+    style.write_note(panel, text, x=0.5, y=0.5, ha="center", color=style.GREY)
 
 
 def published_solutions(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the responses of published solutions, as published and as simulated here."""
-    table = _with_names(read_table(inputs["published"], ("solution",)), "P")
+    table = _add_names(read_table(inputs["published"], ("solution",)), "P")
     targets = [target for target in study.targets if target.response.simulated in table]
     figure, axes = panels.grid(len(targets), 2.3, extra_height=0.3)
     for panel, target in zip(axes, targets, strict=True):
@@ -99,14 +101,25 @@ def published_solutions(inputs: Inputs, study: StudyView) -> Figure:
     style.name_panels(axes)
     if "stale" in table and table["stale"].any():
         figure.suptitle(STALE, fontsize=style.SMALL_TEXT_PT, color=style.RED)
-    style.one_legend(axes, loc="outside lower center", ncols=2)
+    style.draw_legend(axes, loc="outside lower center", ncols=2)
     return figure
 
 
 def _draw_published_and_simulated(
     panel: Axes, table: pd.DataFrame, target: Target
 ) -> None:
-    """Draw one response of the published solutions, as published and as simulated here."""
+    """Draw one response of the published solutions, as published and as simulated here.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    table : DataFrame
+        A row for each solution, with its published and simulated responses. A column of
+        published values may be missing.
+    target : Target
+        The target of the response.
+    """
     response = target.response
     x = _draw_measurement(panel, table, target)
     unpublished = np.empty(0)
@@ -124,7 +137,7 @@ def _draw_published_and_simulated(
     panel.errorbar(x + OFFSET, simulated, error, **SIMULATED_HERE)
     panel.set(ylabel=style.response_label(response), xlabel="published solution (P)")
     panel.margins(y=0.15)
-    _say_below(panel, unpublished, "not\npublished")
+    _write_below(panel, unpublished, "not\npublished")
 
 
 def _draw_predicted_and_simulated(
@@ -132,8 +145,19 @@ def _draw_predicted_and_simulated(
 ) -> None:
     """Draw one response of each solution with the error of its prediction.
 
-    The error is in percent of the simulated value; `marks` is the style of the simulated
-    values.
+    The error is in percent of the simulated value.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    table : DataFrame
+        A row for each solution, with its name and its predicted and simulated
+        responses.
+    target : Target
+        The target of the response.
+    marks : mapping
+        Style of the simulated values, for matplotlib's `errorbar`.
     """
     response = target.response
     x = _draw_measurement(panel, table, target)
@@ -167,11 +191,21 @@ def _draw_predicted_and_simulated(
             color=style.GREY,
         )
     panel.margins(y=0.25)
-    _say_below(panel, x[~np.isfinite(simulated)], "not\nsimulated")
+    _write_below(panel, x[~np.isfinite(simulated)], "not\nsimulated")
 
 
-def _say_below(panel: Axes, places: np.ndarray, text: str) -> None:
-    """Write a short note at positions on the x axis, below everything in a panel."""
+def _write_below(panel: Axes, places: np.ndarray, text: str) -> None:
+    """Write a short note below everything in a panel, at each of some places.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel, which gets room at its lower edge if there is a place.
+    places : ndarray
+        Places (n,) on the x axis.
+    text : str
+        The note.
+    """
     if len(places):
         bottom, top = panel.get_ylim()
         panel.set_ylim(bottom - 0.15 * (top - bottom), top)
@@ -191,9 +225,21 @@ def _say_below(panel: Axes, places: np.ndarray, text: str) -> None:
 def _draw_measurement(panel: Axes, table: pd.DataFrame, target: Target) -> np.ndarray:
     """Draw the target range and the measured mean, and name the solutions.
 
-    Returns the places (n,) of the solutions on the x axis.
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    table : DataFrame
+        A row for each solution, with its name.
+    target : Target
+        The target.
+
+    Returns
+    -------
+    ndarray
+        Places (n,) of the solutions on the x axis.
     """
-    style.band(panel, target.low, high=target.high, label="target range")
+    style.draw_band(panel, target.low, high=target.high, label="target range")
     error = target.standard_error
     panel.axhspan(
         target.value - error,
@@ -209,15 +255,26 @@ def _draw_measurement(panel: Axes, table: pd.DataFrame, target: Target) -> np.nd
     return np.arange(len(table))
 
 
-def _with_names(table: pd.DataFrame, mark: str = "") -> pd.DataFrame:
-    """Add the column `name`, for an axis, and sort the solutions.
+def _add_names(table: pd.DataFrame, mark: str = "") -> pd.DataFrame:
+    """Add the names of the solutions for an axis, and sort the solutions.
 
     The answer comes first, then the others by number, then those without a number.
-    `mark` stands before each name, as P for published solutions.
+
+    Parameters
+    ----------
+    table : DataFrame
+        A row for each solution.
+    mark : str
+        What stands before each name, as P for published solutions.
+
+    Returns
+    -------
+    DataFrame
+        The sorted rows with the columns `name` and `number`.
     """
     is_answer = table.get("role", table["solution"]) == "representative"
     names = [
-        _axis_name(str(solution), is_answer=answer, mark=mark)
+        _name_solution(str(solution), is_answer=answer, mark=mark)
         for solution, answer in zip(table["solution"], is_answer, strict=True)
     ]
     number = pd.to_numeric(table["solution"], errors="coerce").mask(is_answer, -1)
@@ -225,8 +282,18 @@ def _with_names(table: pd.DataFrame, mark: str = "") -> pd.DataFrame:
     return named.sort_values("number", kind="stable", ignore_index=True)
 
 
-def _axis_name(solution: str, is_answer: bool, mark: str) -> str:
-    """Name a solution on an axis; `yu_2022` becomes the authors and the year."""
+def _name_solution(solution: str, is_answer: bool, mark: str) -> str:
+    """Name a solution on an axis.
+
+    Parameters
+    ----------
+    solution : str
+        Its number; or the first author and the year of a publication, as `yu_2022`.
+    is_answer : bool
+        Whether it is the answer.
+    mark : str
+        What stands before its number.
+    """
     if is_answer:
         number = solution.removeprefix("representative")
         return f"{mark}{number}\n(answer)"

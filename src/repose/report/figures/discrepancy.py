@@ -1,4 +1,4 @@
-"""Figure of the information in the measurements, over an assumed simulator error."""
+"""Draw the information in the measurements over an assumed error of the simulator."""
 
 import math
 
@@ -68,7 +68,17 @@ def over_the_discrepancy(inputs: Inputs, study: StudyView) -> Figure:
 def _draw_information(
     panel: Axes, stated_rows: pd.DataFrame, shape_study_rows: pd.DataFrame
 ) -> None:
-    """Draw the information in bits over the assumed error, one line per correlation."""
+    """Draw the information in bits over the assumed error, one line per correlation.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    stated_rows : DataFrame
+        Rows of discrepancy.csv whose error was assumed.
+    shape_study_rows : DataFrame
+        Rows whose error comes from the shape study; may be empty.
+    """
     x = "discrepancy_percent"
     y = "information_bits"
     by_correlation = stated_rows.groupby("discrepancy_correlation")
@@ -76,7 +86,7 @@ def _draw_information(
         correlation_text = "independent between targets"
         if correlation:
             correlation_text = f"correlation {correlation:g}"
-        line_style = style.series(k)
+        line_style = style.series_style(k)
         # The whole line is pale; its reliable parts are drawn again over it.
         reliable = _mask_rough_rows(rows)
         panel.plot(rows[x], rows[y], **line_style, alpha=ROUGH_OPACITY)
@@ -120,11 +130,20 @@ def _draw_intervals(
     """Draw the 95 % interval of one parameter over the assumed error.
 
     Each correlation is a band, and each row of the shape study is a bar.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    name : str
+        Name of the parameter.
+    stated_rows, shape_study_rows : DataFrame
+        As of `_draw_information`.
     """
     ends = [f"{name}_low", f"{name}_high"]
     by_correlation = stated_rows.groupby("discrepancy_correlation")
     for k, (_, rows) in enumerate(by_correlation):
-        line_style = style.series(k)
+        line_style = style.series_style(k)
         # The whole band is pale; its reliable parts are drawn again over it.
         reliable = _mask_rough_rows(rows)
         for part, opacity in ((rows, ROUGH_OPACITY), (reliable, 1.0)):

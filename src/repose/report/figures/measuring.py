@@ -1,4 +1,4 @@
-"""Figure of the definitions of the angle of repose, all drawn on the same pile."""
+"""Draw the definitions of the angle of repose, all on the same pile."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -32,7 +32,11 @@ BACKGROUND_GREY = 255
 
 
 def definitions(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw every definition on one view of a pile, and its values in all views."""
+    """Draw every definition on one view of a pile, and its values in all views.
+
+    `heap` has the pours of a job, of which the first is drawn; `particle` is the
+    grains' body, `berry` the mean grain.
+    """
     settings = study.settings.measure.for_grain(read_grain(inputs["berry"]))
     pour = read_first_pour(inputs["heap"])
     particle = Particle.load(inputs["particle"])
@@ -47,10 +51,23 @@ def definitions(inputs: Inputs, study: StudyView) -> Figure:
 def _draw_first_view(
     panel: Axes, image: np.ndarray, settings: MeasureSettings
 ) -> pile.Measurement:
-    """Draw a silhouette with both lines of each definition, and return its measurement.
+    """Draw a silhouette with both lines of each definition.
 
-    `image` (H, W) is a grey picture. Lengths in the panel are in mm, and distances are
-    measured from the crest.
+    Lengths in the panel are in mm, and distances are measured from the crest.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    image : ndarray
+        The silhouette (H, W) in grey.
+    settings : MeasureSettings
+        Scale of the picture, and settings of the lines.
+
+    Returns
+    -------
+    pile.Measurement
+        The measurement of the silhouette.
     """
     from repose.measure.photographs.segmentation import segment  # slow to import
 
@@ -88,11 +105,23 @@ def _draw_first_view(
 def _draw_definition(
     panel: Axes, measured: pile.Measurement, name: str, settings: MeasureSettings
 ) -> None:
-    """Draw both lines of a definition, with one entry of the legend."""
+    """Draw both lines of a definition, with one entry of the legend.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel of the silhouette.
+    measured : pile.Measurement
+        The measurement of the silhouette.
+    name : str
+        The definition. That of the response gets thicker lines.
+    settings : MeasureSettings
+        Scale of the picture, and settings of the lines.
+    """
     scale = settings.mm_per_pixel
     crest_column = measured.top[0]
     angle = measured.angles[name]
-    text = style.line_in_words(settings, name)
+    text = style.describe_line(settings, name)
     width = 1.5
     if name == settings.response:
         text += ", used"
@@ -103,6 +132,7 @@ def _draw_definition(
         x = (column - crest_column) * scale
         z = (measured.base_row - row) * scale
         panel.plot(x, z, **line_style)
+    # An empty line gives both lines a single entry of the legend.
     panel.plot([], [], label=f"{angle.aor_deg:.1f}°  {name}: {text}", **line_style)
 
 
@@ -127,7 +157,17 @@ def _draw_levels(panel: Axes, height_mm: float, settings: MeasureSettings) -> No
 def _draw_all_views(
     panel: Axes, all_views: pile.PileResult, first_view: pile.Measurement
 ) -> None:
-    """Draw each definition in every view, its mean, and a ring around the first view."""
+    """Draw each definition in every view, its mean, and a ring around the first view.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in, with a row for each definition.
+    all_views : pile.PileResult
+        Angles of the pile in all views.
+    first_view : pile.Measurement
+        The measurement in the view that is drawn above.
+    """
     for k, name in enumerate(DEFINITIONS):
         row = -k
         colour = COLOURS[name]

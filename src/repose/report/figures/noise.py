@@ -1,4 +1,4 @@
-"""Figure of the noise: how far runs with the same parameters scatter."""
+"""Draw the noise: how far runs with the same parameters scatter."""
 
 from collections.abc import Mapping
 
@@ -43,7 +43,7 @@ def noise_floor(inputs: Inputs, study: StudyView) -> Figure:
     for k, (panel, target) in enumerate(zip(response_panels, targets, strict=True)):
         name = target.name
         measured_runs = runs[(runs["status"] == "ok") & runs[name].notna()]
-        line_style = style.series(k)
+        line_style = style.series_style(k)
         _draw_runs(panel, measured_runs, column=name, colour=line_style["color"])
         panel.set(
             xlabel="samples, in order of their mean (line)",
@@ -64,7 +64,19 @@ def noise_floor(inputs: Inputs, study: StudyView) -> Figure:
 
 
 def _draw_runs(panel: Axes, runs: pd.DataFrame, column: str, colour: str) -> None:
-    """Draw the runs of each sample, the samples in order of their means."""
+    """Draw the runs of each sample, the samples in order of their means.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    runs : DataFrame
+        A row for each run, with the number of its sample.
+    column : str
+        Column of the response.
+    colour : str
+        Colour of the runs.
+    """
     means = runs.groupby("sample")[column].mean().sort_values()
     positions = pd.Series(np.arange(len(means)), index=means.index)
     panel.scatter(
@@ -79,7 +91,17 @@ def _draw_runs(panel: Axes, runs: pd.DataFrame, column: str, colour: str) -> Non
 
 
 def _write_deviations(panel: Axes, unit: str, numbers: Mapping[str, float]) -> None:
-    """Write the standard deviations of a response above its runs."""
+    """Write the standard deviations of a response above its runs.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel of the runs, which gets room at its upper edge.
+    unit : str
+        Unit of the response.
+    numbers : mapping
+        Standard deviations within and between samples, and their correlation, by name.
+    """
     lines = (
         f"standard deviation within samples {numbers['sd_within']:.2f} {unit}",
         f"between samples {numbers['sd_between']:.2f} {unit}",
@@ -88,7 +110,7 @@ def _write_deviations(panel: Axes, unit: str, numbers: Mapping[str, float]) -> N
     )
     bottom, top = panel.get_ylim()
     panel.set_ylim(bottom, top + 0.2 * (top - bottom))
-    style.note(panel, "\n".join(lines), y=0.99)
+    style.write_note(panel, "\n".join(lines), y=0.99)
 
 
 def _draw_standard_error(

@@ -1,4 +1,4 @@
-"""Figure of the simulated pile's outline with the measured height and slope."""
+"""Draw the simulated pile's outline with the measured height and slope."""
 
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -34,14 +34,18 @@ class Outline(NamedTuple):
 
 
 def outline_and_measurement(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw the outlines of a simulated pile over the measured height and slope."""
+    """Draw the outlines of a simulated pile over the measured height and slope.
+
+    `heap` has the pours of a job, of which the first is drawn; `particle` is the
+    grains' body, `berry` the mean grain.
+    """
     settings = study.settings.measure.for_grain(read_grain(inputs["berry"]))
     pour = read_first_pour(inputs["heap"])
     particle = Particle.load(inputs["particle"])
     grains = Grains.of(pour, particle)
     _, views = pile.draw_views(grains, settings, pour["in_pile"])
-    outlines = [_outline_of(view, settings) for view in views]
-    mean = _mean_outline(outlines)
+    outlines = [_measure_outline(view, settings) for view in views]
+    mean = _average_outlines(outlines)
 
     figure = style.new_figure(style.PAGE, 2.8)
     panel = figure.subplots()
@@ -65,8 +69,8 @@ def outline_and_measurement(inputs: Inputs, study: StudyView) -> Figure:
     return figure
 
 
-def _outline_of(view: "Segmentation", settings: MeasureSettings) -> Outline:
-    """Measure the upper edge of a view, with x = 0 midway between its flanks."""
+def _measure_outline(view: "Segmentation", settings: MeasureSettings) -> Outline:
+    """Measure the upper edge of a pile in one view, about the middle of the pile."""
     profile, _ = pile.find_profile(view)
     columns = np.arange(profile.size)
     # Midway between the outermost columns that are half as high as the pile.
@@ -76,8 +80,12 @@ def _outline_of(view: "Segmentation", settings: MeasureSettings) -> Outline:
     return Outline((columns - middle) * scale, profile * scale)
 
 
-def _mean_outline(outlines: list[Outline]) -> Outline:
-    """Average outlines; beside its pile, an outline has the height 0."""
+def _average_outlines(outlines: list[Outline]) -> Outline:
+    """Average outlines over their views.
+
+    Beside its pile, an outline has the height 0.
+    """
+    # Bring all outlines to the same places, over the width of the widest.
     low = min(outline.x_mm[0] for outline in outlines)
     high = max(outline.x_mm[-1] for outline in outlines)
     x_mm = np.arange(low, high + GRID_STEP_MM, GRID_STEP_MM)
@@ -89,7 +97,11 @@ def _mean_outline(outlines: list[Outline]) -> Outline:
 
 
 def _draw_measured_height(panel: Axes, targets: Targets, mean: Outline) -> None:
-    """Draw the measured height as a line with its standard deviation, if it is a target."""
+    """Draw the measured height as a line with its standard deviation.
+
+    Nothing is drawn if the height is no target. `mean` is the mean outline, whose width
+    the line has.
+    """
     for target in targets:
         if target.name != HEIGHT:
             continue
@@ -106,14 +118,29 @@ def _draw_measured_height(panel: Axes, targets: Targets, mean: Outline) -> None:
             ends,
             [target.value, target.value],
             color=style.ORANGE,
-            label=f"measured height {_mean_and_sd(target)}",
+            label=f"measured height {_write_mean_and_sd(target)}",
         )
 
 
 def _draw_measured_slope(
     panel: Axes, targets: Targets, mean: Outline, settings: MeasureSettings
 ) -> None:
-    """Draw the measured angle as a line through each flank, if it is a target."""
+    """Draw the measured angle and its deviation as lines through each flank.
+
+    Nothing is drawn if the angle is no target. The measurement gives no width, so the
+    line goes through the middle of the simulated flank.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel of the outlines.
+    targets : Targets
+        The targets of the study.
+    mean : Outline
+        The mean outline of the simulated pile.
+    settings : MeasureSettings
+        Settings of the line, whose heights the drawn line has.
+    """
     angles = [
         target for target in targets if "measure.response" in target.response.definition
     ]
@@ -121,10 +148,11 @@ def _draw_measured_slope(
         return
     target = angles[0]
     symbol = target.response.symbol
-    low, high = _heights_of_line(settings, mean.height_mm.max())
+    low, high = _find_heights_of_line(settings, mean.height_mm.max())
     middle = 0.5 * (low + high)
     heights = np.array([low, high])
-    # The measured angle, and the angle less and plus its standard deviation.
+    # The angle less its standard deviation, the measured angle, and the angle plus it;
+    # for each the distances of both heights from the middle one.
     angles_deg = target.value + np.array([[-target.sd], [0.0], [target.sd]])
     distances = (heights - middle) / np.tan(np.radians(angles_deg))
     for side in (-1, 1):
@@ -141,12 +169,18 @@ def _draw_measured_slope(
             heights,
             color=style.RED,
             lw=1.4,
-            label=f"{label_prefix}measured slope, {symbol} {_mean_and_sd(target)}",
+            label=f"{label_prefix}measured slope, {symbol} {_write_mean_and_sd(target)}",
         )
 
 
-def _heights_of_line(settings: MeasureSettings, top_mm: float) -> tuple[float, float]:
-    """Return the heights in mm between which the line of the angle is fitted."""
+def _find_heights_of_line(
+    settings: MeasureSettings, top_mm: float
+) -> tuple[float, float]:
+    """Find the heights in mm between which the line of the angle is fitted.
+
+    `top_mm` is the height of the pile. Where the settings give no shares of it, the
+    heights are those of `DEFAULT_LEVELS`.
+    """
     low = settings.fit_from
     high = settings.fit_to
     if isinstance(low, str) or isinstance(high, str):
@@ -154,6 +188,6 @@ def _heights_of_line(settings: MeasureSettings, top_mm: float) -> tuple[float, f
     return low * top_mm, high * top_mm
 
 
-def _mean_and_sd(target: Target) -> str:
+def _write_mean_and_sd(target: Target) -> str:
     """Write a measured mean with the standard deviation of a repetition."""
     return f"{target.value:g} ± {target.sd:g} {target.response.unit} (SD)"

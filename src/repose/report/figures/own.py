@@ -1,4 +1,4 @@
-"""Figures of a calibration whose simulator is the user's own program."""
+"""Draw the figures of a calibration whose simulator is the user's own program."""
 
 import math
 import os
@@ -66,10 +66,20 @@ def plot(
 
 
 def parts(calibration: Calibration) -> dict[str, Part]:
-    """Return the figures that a calibration has, by name.
+    """List the figures that a calibration has, by name.
 
     A plane needs at least two targets, a history two batches, a corner plot two
     parameters, and an accuracy a surrogate that was tested on samples of its own.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        The answer of a study.
+
+    Returns
+    -------
+    dict
+        The figures from top to bottom.
     """
     n_free = calibration.study.parameters.dimensions
     targets = calibration.study.targets
@@ -98,7 +108,10 @@ def parts(calibration: Calibration) -> dict[str, Part]:
 
 
 def _draw_planes(calibration: Calibration, figure: FigureBase) -> None:
-    """Draw the samples and the answer in the plane of each pair of targets."""
+    """Draw the samples and the answer in the plane of each pair of targets.
+
+    `figure` is empty.
+    """
     targets = plane.without_profiles(calibration.study.targets)
     samples = calibration.samples
     data = plane.PlaneData(
@@ -111,9 +124,13 @@ def _draw_planes(calibration: Calibration, figure: FigureBase) -> None:
 
 
 def _draw_history(calibration: Calibration, figure: FigureBase) -> None:
-    """Draw the deviations from each target, by batch and for the answer."""
+    """Draw how far samples and answer are off each target, over the batches.
+
+    `figure` is empty. The answer follows the last batch.
+    """
     study = calibration.study
-    batch = _batch_of_sample(calibration)
+    # Of many batches only some are named on the axis.
+    batch = _find_batches(calibration)
     batches = list(range(batch.min(), batch.max() + 1))
     place_of_answer = batch.max() + 1
     ticks = batches[:: math.ceil(len(batches) / MOST_TICKS)]
@@ -121,7 +138,7 @@ def _draw_history(calibration: Calibration, figure: FigureBase) -> None:
 
     axes = panels.panels_in(figure, len(study.targets))
     for k, (panel, target) in enumerate(zip(axes, study.targets, strict=True)):
-        style.off_target(panel, target, percent=tolerance, xlabel="batch")
+        style.prepare_deviations(panel, target, percent=tolerance, xlabel="batch")
         _draw_samples(panel, calibration.samples, target=target, batch=batch)
         _draw_answer(
             panel,
@@ -136,8 +153,15 @@ def _draw_history(calibration: Calibration, figure: FigureBase) -> None:
     )
 
 
-def _batch_of_sample(calibration: Calibration) -> pd.Series:
-    """Return the number of the batch of each sample: that of its first run."""
+def _find_batches(calibration: Calibration) -> pd.Series:
+    """Find the number of the batch of each sample: that of its first run.
+
+    Returns
+    -------
+    Series
+        The number of the batch, with the index of the table of samples.
+    """
+    # A sample may have runs of several batches.
     runs = calibration.runs
     batch_of_run = pd.Series(runs.attrs[TURN], runs["sample"])
     batch_of_sample = batch_of_run.groupby(level=0).first()
@@ -149,7 +173,16 @@ def _draw_samples(
 ) -> None:
     """Draw how far the samples are off a target, those of a batch beside each other.
 
-    `batch` is the number of the batch of each sample.
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    samples : DataFrame
+        A row for each sample, with its responses and standard errors.
+    target : Target
+        The target.
+    batch : Series
+        Number of the batch of each sample.
     """
     # Spread the samples of a batch evenly over 0.6 of the space to the next batch.
     in_batch = samples.groupby(batch)["sample"]
@@ -172,7 +205,19 @@ def _draw_samples(
 def _draw_answer(
     panel: Axes, target: Target, mean: float, error: float, place: int
 ) -> None:
-    """Draw how far the predicted response of the answer is off a target."""
+    """Draw how far the predicted response of the answer is off a target.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    target : Target
+        The target.
+    mean, error : float
+        The predicted response and its standard error.
+    place : int
+        Place of the answer on the x axis.
+    """
     percent_of_target = 100 / target.whole
     panel.errorbar(
         [place],

@@ -1,4 +1,4 @@
-"""Grids of panels, with a panel for each parameter or each pair of parameters."""
+"""Arrange panels in grids: one for each parameter, or for each pair of parameters."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -26,9 +26,29 @@ def grid(
     width: float = PAGE,
     **options: Any,
 ) -> tuple[Figure, list[Axes]]:
-    """Make a figure with `count` panels in rows of a height in inches.
+    """Make a figure with panels in rows of the same height.
 
-    `extra_height` is added to the rows; `options` go to matplotlib's `subplots`.
+    Parameters
+    ----------
+    count : int
+        Number of panels.
+    row_height : float
+        Height of a row in inches.
+    columns : int
+        Number of panels in a row, at most.
+    extra_height : float
+        Height in inches that is added to the rows.
+    width : float
+        Width of the figure in inches.
+    **options
+        Arguments of matplotlib's `subplots`.
+
+    Returns
+    -------
+    figure : Figure
+        The figure.
+    panels : list of Axes
+        Its panels, row by row.
     """
     rows = math.ceil(count / min(columns, count))
     figure = new_figure(width, extra_height + row_height * rows)
@@ -38,7 +58,19 @@ def grid(
 def panels_in(
     figure: FigureBase, count: int, columns: int = 2, **options: Any
 ) -> list[Axes]:
-    """Add `count` panels to an empty figure; the other places of the grid stay empty."""
+    """Add panels to an empty figure, row by row; further places stay empty.
+
+    Parameters
+    ----------
+    figure : FigureBase
+        The figure.
+    count : int
+        Number of panels.
+    columns : int
+        Number of panels in a row, at most.
+    **options
+        Arguments of matplotlib's `subplots`.
+    """
     columns = min(columns, count)
     rows = math.ceil(count / columns)
     panels = figure.subplots(rows, columns, squeeze=False, **options).ravel()
@@ -58,7 +90,24 @@ class ParameterPanel(NamedTuple):
 def panels_over_parameters(
     targets: Targets, parameters: ParameterSpace, row_height: float
 ) -> tuple[Figure, list[ParameterPanel]]:
-    """Make a figure with a row for each target and a column for each free parameter."""
+    """Make a figure with a row for each target and a column for each free parameter.
+
+    Parameters
+    ----------
+    targets : Targets
+        The targets.
+    parameters : ParameterSpace
+        The parameters, whose ranges and scales the x axes have.
+    row_height : float
+        Height of a row in inches.
+
+    Returns
+    -------
+    figure : Figure
+        The figure.
+    panels : list of ParameterPanel
+        Its panels, row by row.
+    """
     free = parameters.free
     ranges = parameter_ranges(parameters)
     figure = new_figure(PAGE, 0.5 + row_height * len(targets))
@@ -84,7 +133,14 @@ def set_scale(
 ) -> None:
     """Give an axis the scale of a parameter, unless that is linear.
 
-    `set_axis` is a method such as `set_xscale` of matplotlib's axes.
+    Parameters
+    ----------
+    set_axis : callable
+        A method of matplotlib's axes that sets a scale, `set_xscale` or `set_yscale`.
+    parameters : ParameterSpace
+        The parameters of the study.
+    name : str
+        Name of the parameter.
     """
     if name in parameters.scale:
         set_axis(parameters.scale[name])
@@ -101,7 +157,8 @@ class PairPanel(NamedTuple):
 def panels_of_pairs(figure: FigureBase, parameters: ParameterSpace) -> list[PairPanel]:
     """Add a square of panels to an empty figure, one for each pair of free parameters.
 
-    The panels lie on the diagonal and below it.
+    The panels lie on the diagonal and below it. On the diagonal both parameters are the
+    same.
     """
     names = parameters.free
     square = figure.subplots(len(names), len(names), sharex="col", squeeze=False)
@@ -119,9 +176,17 @@ def finish_pairs(
 ) -> None:
     """Set the limits, ticks and labels of pair panels that have been drawn.
 
-    `margin` is added to both ends of each axis, as a share of the parameter's range along
-    its scale.
+    Parameters
+    ----------
+    panels : sequence of PairPanel
+        The panels of `panels_of_pairs`.
+    parameters : ParameterSpace
+        The parameters of the study.
+    margin : float
+        Room that is added to both ends of each axis, as a share of the parameter's
+        range along its scale.
     """
+    # The ends of each axis, in the unit of its parameter
     names = parameters.free
     ends = {}
     lows, highs = parameters.coordinate_ends
@@ -151,7 +216,15 @@ def finish_pairs(
 
 
 def label_strips(panel: Axes, names: Sequence[str]) -> None:
-    """Label a panel with a strip for each parameter from the top, its range 0 to 1."""
+    """Label a panel with a horizontal strip for each parameter.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel. Its x axis is the place in the parameter's range, 0 to 1.
+    names : sequence of str
+        Names of the parameters from the top.
+    """
     symbols = [SYMBOLS.get(name, name) for name in reversed(names)]
     panel.set_yticks(range(len(names)), symbols, fontsize=9)
     panel.set_xticks([0, 0.25, 0.5, 0.75, 1.0])

@@ -1,4 +1,4 @@
-"""Figure of each pair of targets: samples, target ranges and answer in a plane."""
+"""Draw each pair of targets as a plane with samples, target ranges and answer."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -79,7 +79,16 @@ def draw(
 ) -> None:
     """Draw two panels for each pair of targets: all samples, and the ranges enlarged.
 
-    The legend's title explains the bars.
+    Parameters
+    ----------
+    axes : sequence of Axes
+        The panels, two for each pair.
+    targets : Targets
+        The targets.
+    data : PlaneData
+        Samples, solutions and answer.
+    legend_title : str
+        Title of the legend, which explains the bars.
     """
     pairs = combinations(targets, 2)
     for k, (across, up) in enumerate(pairs):
@@ -89,11 +98,13 @@ def draw(
             _draw_targets(panel, across, up)
             _draw_solutions(panel, data.solutions, across=across, up=up)
             _draw_answer(panel, data.answer, across=across, up=up)
-        enlarged.set_xlim(_enlarged_ends(across, data.answer))
-        enlarged.set_ylim(_enlarged_ends(up, data.answer))
-        whole.set_title(f"{style.letter(2 * k)}   all samples")
-        enlarged.set_title(f"{style.letter(2 * k + 1)}   the target ranges, enlarged")
-    style.one_legend(
+        enlarged.set_xlim(_compute_axis_limits(across, data.answer))
+        enlarged.set_ylim(_compute_axis_limits(up, data.answer))
+        whole.set_title(f"{style.panel_letter(2 * k)}   all samples")
+        enlarged.set_title(
+            f"{style.panel_letter(2 * k + 1)}   the target ranges, enlarged"
+        )
+    style.draw_legend(
         axes,
         loc="outside lower center",
         ncols=2,
@@ -102,8 +113,24 @@ def draw(
     )
 
 
-def _enlarged_ends(target: Target, answer: pd.Series) -> tuple[float, float]:
-    """Return the limits of an axis that shows the target range and the answer."""
+def _compute_axis_limits(target: Target, answer: pd.Series) -> tuple[float, float]:
+    """Compute the limits of an axis that shows the target range and the answer.
+
+    The limits differ, because the target range is not empty.
+
+    Parameters
+    ----------
+    target : Target
+        The target of the axis.
+    answer : Series
+        The answer with its predicted response and, if it was simulated again, the
+        simulated response with its standard error.
+
+    Returns
+    -------
+    tuple of float
+        The lower and the upper limit, with a margin.
+    """
     response = target.response
     values = [
         target.low,
@@ -118,6 +145,7 @@ def _enlarged_ends(target: Target, answer: pd.Series) -> tuple[float, float]:
             answer[response.simulated] - error,
             answer[response.simulated] + error,
         ]
+    # A single run has no standard error, and its ends are not known.
     known_values = [value for value in values if pd.notna(value)]
     low = min(known_values)
     high = max(known_values)
@@ -128,7 +156,17 @@ def _enlarged_ends(target: Target, answer: pd.Series) -> tuple[float, float]:
 def _draw_samples(
     panel: Axes, samples: Mapping[str, pd.DataFrame], across: Target, up: Target
 ) -> None:
-    """Draw the means of the samples with their standard errors."""
+    """Draw the means of the samples with their standard errors.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    samples : mapping
+        Tables of samples by the names in `SAMPLES`.
+    across, up : Target
+        The targets of the x axis and of the y axis.
+    """
     for key, table in samples.items():
         description, colour = SAMPLES[key]
         x = table[across.name]
@@ -148,7 +186,10 @@ def _draw_samples(
 
 
 def _draw_targets(panel: Axes, across: Target, up: Target) -> None:
-    """Draw the target ranges, and the mean of the measured piles with its error."""
+    """Draw the target ranges, and the mean of the measured piles with its error.
+
+    `across` and `up` are the targets of the x axis and of the y axis.
+    """
     box = Rectangle(
         (across.low, up.low),
         across.high - across.low,
@@ -174,11 +215,11 @@ def _draw_targets(panel: Axes, across: Target, up: Target) -> None:
         zorder=4,
         label=f"measured ± standard error of {across.repetitions} repetitions",
     )
-    panel.set_xlabel(_axis_label(across))
-    panel.set_ylabel(_axis_label(up))
+    panel.set_xlabel(_write_axis_label(across))
+    panel.set_ylabel(_write_axis_label(up))
 
 
-def _axis_label(target: Target) -> str:
+def _write_axis_label(target: Target) -> str:
     """Write the label of an axis, with the name of the response if it has a symbol."""
     response = target.response
     name = "" if response.label == response.symbol else f"{response.label},"
@@ -188,7 +229,10 @@ def _axis_label(target: Target) -> str:
 def _draw_solutions(
     panel: Axes, solutions: pd.DataFrame, across: Target, up: Target
 ) -> None:
-    """Draw the predictions of the solutions."""
+    """Draw the predictions of the solutions of the search.
+
+    `across` and `up` are the targets of the x axis and of the y axis.
+    """
     kind = "nearest solutions, none feasible"
     if solutions["feasible"].any():
         kind = "feasible solutions"
@@ -205,7 +249,17 @@ def _draw_solutions(
 
 
 def _draw_answer(panel: Axes, answer: pd.Series, across: Target, up: Target) -> None:
-    """Draw the predicted answer, and its simulation if there is one."""
+    """Draw the predicted answer, and its simulation if there is one.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    answer : Series
+        The answer with its responses. Columns of simulated responses may be missing.
+    across, up : Target
+        The targets of the x axis and of the y axis.
+    """
     x = across.response
     y = up.response
     panel.plot(

@@ -1,4 +1,4 @@
-"""Figures of the posterior: draws of the parameters in pairs, credible intervals."""
+"""Draw the posterior: draws of the parameters in pairs, and credible intervals."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
@@ -92,7 +92,7 @@ def corner(inputs: Inputs, study: StudyView) -> Figure:
     )
     published_sets: list[PublishedSets] = []
     if "stored" in inputs:
-        published_sets = _published_sets(read_table(inputs["stored"]), names)
+        published_sets = _split_published_sets(read_table(inputs["stored"]), names)
     data = CornerData(
         posterior=posterior,
         sets=read_table(inputs["feasible"], names),
@@ -104,8 +104,23 @@ def corner(inputs: Inputs, study: StudyView) -> Figure:
     return figure
 
 
-def _published_sets(table: pd.DataFrame, names: Iterable[str]) -> list[PublishedSets]:
-    """Split published sets by source and wall; none if the table lacks a column."""
+def _split_published_sets(
+    table: pd.DataFrame, names: Iterable[str]
+) -> list[PublishedSets]:
+    """Split published sets by source and wall.
+
+    Parameters
+    ----------
+    table : DataFrame
+        A row for each set. Its column `wall` is completed.
+    names : iterable of str
+        Names of the parameters.
+
+    Returns
+    -------
+    list of PublishedSets
+        At most as many as there are markers; empty if the table lacks a column.
+    """
     if not {"source", "wall", *names} <= set(table):
         return []
     table["wall"] = table["wall"].fillna("").astype(str)
@@ -122,7 +137,19 @@ def _published_sets(table: pd.DataFrame, names: Iterable[str]) -> list[Published
 def draw_corner(
     figure: FigureBase, parameters: ParameterSpace, targets: Targets, data: CornerData
 ) -> None:
-    """Draw a posterior in an empty figure: each free parameter, and each pair."""
+    """Draw a posterior in an empty figure: each free parameter, and each pair.
+
+    Parameters
+    ----------
+    figure : FigureBase
+        The figure.
+    parameters : ParameterSpace
+        The parameters of the study.
+    targets : Targets
+        The targets, whose predictions are written.
+    data : CornerData
+        The posterior, and the sets that are marked.
+    """
     draws = data.posterior.draws
     table = data.posterior.parameters.set_index("parameter")
     has_published_intervals = "published_low" in table
@@ -142,7 +169,7 @@ def draw_corner(
     figure.text(
         0.47,
         0.975,
-        _account(data.posterior.summary, targets),
+        _describe_draws(data.posterior.summary, targets),
         fontsize=7.5,
         va="top",
         linespacing=1.5,
@@ -159,7 +186,7 @@ def draw_corner(
         bar.set_ticks(RATIO_TICKS, labels=[f"{tick:g}" for tick in RATIO_TICKS])
         bar.minorticks_off()
     last_panel = pair_panels[-1].axes
-    handles = _legend_handles(
+    handles = _make_legend_handles(
         last_panel,
         data,
         has_prior=bool(parameters.prior),
@@ -173,7 +200,17 @@ def draw_corner(
 def _draw_sets(panel: Axes, data: CornerData, across: str, down: str) -> None:
     """Mark the parameter sets and the published ones in the panel of two parameters.
 
-    Sets of another wall are marked only where both parameters are of grain and grain.
+    Published sets of another wall are marked only where both parameters are of grain
+    and grain.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    data : CornerData
+        The sets.
+    across, down : str
+        Names of the parameters along x and along y.
     """
     panel.scatter(
         data.sets[across], data.sets[down], s=5, color=style.RED, lw=0, zorder=4
@@ -195,11 +232,20 @@ def _draw_marginal(
 ) -> None:
     """Draw a histogram of one parameter with its prior and the published interval.
 
-    `row` is the row of the parameter in the table of the posterior.
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    values : Series
+        The draws of the parameter.
+    parameters : ParameterSpace
+        The parameters of the study.
+    row : Series
+        Row of the parameter in the table of the posterior.
     """
     name = row.name
     edges = cell_edges(parameters, name, BINS)
-    # The density is that along the scale of the parameter.
+    # The density is that along the scale of the parameter, on which cells are equal.
     width = parameters.coordinates(name, edges[[0, -1]]) @ [-1, 1] / BINS
     panel.hist(
         values,
@@ -208,7 +254,7 @@ def _draw_marginal(
         color=style.BLUE,
         alpha=0.35,
     )
-    prior_values, density = _prior_density(parameters, name)
+    prior_values, density = _compute_prior_density(parameters, name)
     panel.plot(prior_values, density, color=style.GREY, lw=0.9, ls="--")
     if pd.notna(row.get("published_low")):
         low, high = row[PUBLISHED_COLUMNS]
@@ -218,18 +264,31 @@ def _draw_marginal(
     )
 
 
-def _prior_density(
+def _compute_prior_density(
     parameters: ParameterSpace, name: str
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return values (201,) of a free parameter, and the prior density at each.
+    """Compute the prior density of a free parameter, along its scale.
 
-    The density is that along the scale of the parameter.
+    Parameters
+    ----------
+    parameters : ParameterSpace
+        The parameters of the study.
+    name : str
+        Name of the parameter.
+
+    Returns
+    -------
+    values : ndarray
+        Values (201,) over the range of the parameter.
+    density : ndarray
+        The density (201,) at each.
     """
     index = parameters.free.index(name)
     share_of_range = np.linspace(0, 1, 201)
     values = parameters.values_at(name, share_of_range)
     # `prior_cdf` takes all free parameters; only one of its columns is needed.
     points = np.repeat(share_of_range[:, None], parameters.dimensions, axis=1)
+    # The density is the derivative of the cumulative probability.
     cumulative = parameters.prior_cdf(points)[:, index]
     return values, np.gradient(cumulative, parameters.coordinates(name, values))
 
@@ -237,15 +296,31 @@ def _prior_density(
 def _draw_ratio(
     panel: Axes, across: pd.Series, down: pd.Series, parameters: ParameterSpace
 ) -> QuadMesh:
-    """Draw the ratio of posterior to prior probability of two parameters, cell by cell."""
+    """Draw the ratio of posterior to prior probability of two parameters, cell by cell.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    across, down : Series
+        The draws of both parameters, named by them.
+    parameters : ParameterSpace
+        The parameters of the study.
+
+    Returns
+    -------
+    QuadMesh
+        The cells, for a colour bar.
+    """
     edges = [
         cell_edges(parameters, str(values.name), PAIR_CELLS)
         for values in (across, down)
     ]
     counts, x_edges, y_edges = np.histogram2d(across, down, bins=edges)
+    # In the prior, the parameters are independent of each other.
     prior = np.outer(
-        _prior_of_cells(parameters, str(across.name)),
-        _prior_of_cells(parameters, str(down.name)),
+        _compute_prior_of_cells(parameters, str(across.name)),
+        _compute_prior_of_cells(parameters, str(down.name)),
     )
     ratio = counts / counts.sum() / prior
     # On a logarithmic scale, equal factors above and below 1 have equal colour steps.
@@ -256,8 +331,14 @@ def _draw_ratio(
     )
 
 
-def _prior_of_cells(parameters: ParameterSpace, name: str) -> np.ndarray:
-    """Return the probability of each cell (PAIR_CELLS,) of a free parameter's range."""
+def _compute_prior_of_cells(parameters: ParameterSpace, name: str) -> np.ndarray:
+    """Compute the prior probability of each cell of a free parameter's range.
+
+    Returns
+    -------
+    ndarray
+        Probabilities (PAIR_CELLS,), above 0 so that one can divide by them.
+    """
     index = parameters.free.index(name)
     share_of_range = np.linspace(0, 1, PAIR_CELLS + 1)
     # `prior_cdf` takes all free parameters; only one of its columns is needed.
@@ -269,7 +350,7 @@ def _prior_of_cells(parameters: ParameterSpace, name: str) -> np.ndarray:
 def _draw_published_box(panel: Axes, across: pd.Series, down: pd.Series) -> None:
     """Draw the published intervals of two parameters as a box, if both have one.
 
-    The arguments are rows of the table of the posterior.
+    `across` and `down` are the rows of the parameters in the table of the posterior.
     """
     if pd.isna(across["published_low"]) or pd.isna(down["published_low"]):
         return
@@ -287,8 +368,16 @@ def _draw_published_box(panel: Axes, across: pd.Series, down: pd.Series) -> None
     panel.add_patch(box)
 
 
-def _account(summary: Mapping[str, Any], targets: Targets) -> str:
-    """Describe the predictions of the posterior, and how reliable its draws are."""
+def _describe_draws(summary: Mapping[str, Any], targets: Targets) -> str:
+    """Describe the predictions of the posterior, and how reliable its draws are.
+
+    Parameters
+    ----------
+    summary : mapping
+        Content of posterior.json.
+    targets : Targets
+        The targets of the study.
+    """
     lines = []
     for response in targets.responses:
         predicted = summary["predicted"][response.name]
@@ -313,12 +402,21 @@ def _account(summary: Mapping[str, Any], targets: Targets) -> str:
     return "\n".join(lines)
 
 
-def _legend_handles(
+def _make_legend_handles(
     panel: Axes, data: CornerData, has_prior: bool, has_published_intervals: bool
 ) -> list[Artist]:
-    """Make the legend entries of the figure.
+    """Make the entries of the legend.
 
-    `panel` may be any panel: it receives empty marks that only appear in the legend.
+    Parameters
+    ----------
+    panel : Axes
+        Any panel: it gets empty marks that only appear in the legend.
+    data : CornerData
+        The sets that are marked.
+    has_prior : bool
+        Whether a parameter has a prior that is not uniform.
+    has_published_intervals : bool
+        Whether published intervals are drawn.
     """
     unit_box = {"xy": (0, 0), "width": 1, "height": 1}
     handles: list[Artist] = [
@@ -381,15 +479,25 @@ def intervals(inputs: Inputs, study: StudyView) -> Figure:
 def draw_intervals(
     panel: Axes, table: pd.DataFrame, parameters: ParameterSpace
 ) -> None:
-    """Draw the intervals of posterior.csv, one strip per parameter.
+    """Draw the intervals of all parameters, a strip for each.
 
-    If there is a column `answer`, its values are marked. Places in a range are along the
-    scale of the parameter.
+    Places in a range are along the scale of the parameter.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    table : DataFrame
+        The table of the posterior, a row for each parameter. If there is a column
+        `answer`, its values are marked.
+    parameters : ParameterSpace
+        The parameters of the study.
     """
     n_parameters = len(table)
     for row_number, row in table.iterrows():
         is_first = row_number == 0
         y = n_parameters - 1 - row_number
+        # Turns values of the parameter into places in its range, from 0 to 1.
         places = partial(parameters.shares, row["parameter"])
         _draw_interval_strip(panel, row, places=places, y=y, is_first=is_first)
     panel.text(
@@ -412,9 +520,20 @@ def _draw_interval_strip(
     y: float,
     is_first: bool,
 ) -> None:
-    """Draw the intervals of one parameter, with labels only on the first strip.
+    """Draw the intervals of one parameter in its range, from left to right.
 
-    `places` turns values of the parameter into places in its range, from 0 to 1.
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    row : Series
+        Row of the parameter in the table of the posterior.
+    places : callable
+        Turns values of the parameter into places in its range, from 0 to 1.
+    y : float
+        Height of the strip's middle.
+    is_first : bool
+        Whether the strip adds its labels to the legend.
     """
     panel.barh(y, 1, height=0.8, color=style.STRIP_COLOUR, zorder=0)
     for columns, offset, colour, width, label in BARS:

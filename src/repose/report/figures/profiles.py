@@ -1,4 +1,4 @@
-"""Figure of the profiles among the targets: measured, predicted and simulated."""
+"""Draw the profiles among the targets: measured, predicted and simulated."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -19,8 +19,8 @@ from .registry import Inputs, StudyView
 def profiles(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the answer's profile with each measured one.
 
-    The scores of a profile are the columns of `table4` for its targets, as predicted
-    and as simulated, with their standard error.
+    `table4` has the answer. The scores of a profile are its columns for the profile's
+    targets, as predicted and as simulated, with their standard error.
     """
     targets = study.targets
     scores = [target.response for target in targets if target.profile]
@@ -34,19 +34,32 @@ def profiles(inputs: Inputs, study: StudyView) -> Figure:
     for panel, profile in zip(axes, targets.profiles.values(), strict=True):
         scores_of_profile = [target for target in targets if target.profile == profile]
         responses = [target.response for target in scores_of_profile]
-        lines = _lines_of_answer(profile, responses, answer)
+        lines = _compute_answer_lines(profile, responses, answer)
         height_sd = scores_of_profile[0].sd * np.sqrt(profile.functions)
         draw(panel, profile, sd=height_sd, lines=lines)
     style.name_panels(axes)
     return figure
 
 
-def _lines_of_answer(
+def _compute_answer_lines(
     profile: Profile, scores: Sequence[Response], answer: pd.Series
 ) -> dict[str, tuple[np.ndarray, Any]]:
-    """Return the predicted and the simulated heights of the answer, as for `draw`.
+    """Compute the predicted and the simulated heights of the answer.
 
-    `scores` are the responses of the profile, `answer` a row of Table 4.
+    Parameters
+    ----------
+    profile : Profile
+        The measured profile.
+    scores : sequence of Response
+        The responses that are scores of this profile.
+    answer : Series
+        The answer, a row of Table 4.
+
+    Returns
+    -------
+    dict
+        By label the heights (M,), and half the width of the band around them, as for
+        `draw`.
     """
     predicted = answer[[score.predicted for score in scores]].to_numpy(float)
     simulated = answer[[score.simulated for score in scores]].to_numpy(float)
@@ -91,7 +104,7 @@ def draw(
         label="measured ± SD",
     )
     for k, (label, (heights, half_width)) in enumerate(lines.items()):
-        line_style = style.series(k)
+        line_style = style.series_style(k)
         panel.plot(profile.x, heights, label=label, **line_style)
         panel.fill_between(
             profile.x,

@@ -1,4 +1,4 @@
-"""The region that the measurements do not exclude, by history matching.
+"""Draw the region that the measurements do not exclude, by history matching.
 
 The form is that of Vernon, Goldstein & Bower 2010, Bayesian Analysis 5, 619: the least
 implausibility over all other parameters on one side of the diagonal, the optical depth
@@ -59,7 +59,7 @@ def not_excluded(inputs: Inputs, study: StudyView) -> Figure:
     summary = read_json(inputs["summary"], ("not_implausible_share",))
     names = study.parameters.free
     n_cells = table["x_quantile"].nunique()  # along each parameter
-    edges = _cell_edges(study.parameters, n_cells)
+    edges = _compute_cell_edges(study.parameters, n_cells)
     largest_share = table["share"].max() or 1.0
 
     figure = style.new_figure(style.PAGE, 1.08 * style.PAGE)
@@ -69,7 +69,7 @@ def not_excluded(inputs: Inputs, study: StudyView) -> Figure:
         if row == column:
             _name_parameter(panel, names[row], edges[row])
             continue
-        cells = _cells_of_pair(table, names, row=row, column=column)
+        cells = _select_cells(table, names, row=row, column=column)
         x_edges = edges[column]
         y_edges = edges[row]
         if row > column:
@@ -111,22 +111,47 @@ def not_excluded(inputs: Inputs, study: StudyView) -> Figure:
     return figure
 
 
-def _cell_edges(parameters: ParameterSpace, n_cells: int) -> list[np.ndarray]:
-    """Return the edges (n_cells + 1,) of the cells of each free parameter, in its unit.
+def _compute_cell_edges(parameters: ParameterSpace, n_cells: int) -> list[np.ndarray]:
+    """Compute the edges of the cells of each free parameter, in its unit.
 
     The cells have equal probabilities in the prior.
+
+    Parameters
+    ----------
+    parameters : ParameterSpace
+        The parameters of the study.
+    n_cells : int
+        Number of cells of each parameter.
+
+    Returns
+    -------
+    list of ndarray
+        For each parameter the edges (n_cells + 1,).
     """
     quantile = np.linspace(0, 1, n_cells + 1)[:, None]
     quantiles = np.repeat(quantile, parameters.dimensions, axis=1)
     return list(parameters.free_values(parameters.from_prior(quantiles)).T)
 
 
-def _cells_of_pair(
+def _select_cells(
     table: pd.DataFrame, names: tuple[str, ...], row: int, column: int
 ) -> pd.DataFrame:
-    """Return the cells of two parameters: down the later one, across the earlier one.
+    """Select the cells of two parameters: down the later one, across the earlier one.
 
-    The result has a column for each pair of a column of the table and a cell across.
+    Parameters
+    ----------
+    table : DataFrame
+        A row for each cell of each pair of parameters.
+    names : tuple of str
+        Names of the free parameters.
+    row, column : int
+        Numbers of the two parameters, in any order.
+
+    Returns
+    -------
+    DataFrame
+        For each column of the table a square, with a row for each cell down and a
+        column for each cell across.
     """
     first, second = sorted((row, column))
     is_pair = (table["x"] == names[first]) & (table["y"] == names[second])
@@ -171,7 +196,24 @@ def _draw_share(
     y_edges: np.ndarray,
     largest_share: float,
 ) -> QuadMesh:
-    """Draw the share of possible sets in each cell, and give it for a colour bar."""
+    """Draw the share of possible sets in each cell.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    share : DataFrame
+        Shares (cells, cells), with the first parameter down.
+    x_edges, y_edges : ndarray
+        Edges (cells + 1,) of the cells.
+    largest_share : float
+        Share at the end of the colours.
+
+    Returns
+    -------
+    QuadMesh
+        The cells, for a colour bar.
+    """
     return panel.pcolormesh(
         x_edges,
         y_edges,
@@ -184,7 +226,17 @@ def _draw_share(
 
 
 def _place_ticks(panel: Axes, row: int, column: int, last: int) -> None:
-    """Place ticks away from the diagonal, with numbers at the edges of the square."""
+    """Place ticks away from the diagonal, with numbers at the edges of the square.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel.
+    row, column : int
+        Its place in the square.
+    last : int
+        Number of the last row and column.
+    """
     is_below = row > column
     panel.xaxis.set_ticks_position("bottom" if is_below else "top")
     panel.yaxis.set_ticks_position("left" if is_below else "right")

@@ -1,4 +1,4 @@
-"""What the workflow has to know about a figure, without loading what draws it.
+"""Describe a figure to the workflow, without loading what draws it.
 
 `repose.report.figures.catalogue` lists the figures.
 """

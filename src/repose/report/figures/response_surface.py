@@ -1,4 +1,4 @@
-"""Figures of the response surface strategy: Pareto charts, perturbation plots, contours."""
+"""Draw the response surface strategy: Pareto charts, perturbation plots, contours."""
 
 from itertools import combinations
 
@@ -49,10 +49,18 @@ def pareto(inputs: Inputs, study: StudyView) -> Figure:
 
 
 def _draw_effects(panel: Axes, effects: pd.DataFrame) -> None:
-    """Draw the effects of the terms on one response, with the limits of significance."""
+    """Draw the effects of the terms on one response, with the limits of significance.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    effects : DataFrame
+        A row for each term, with the columns `EFFECT_COLUMNS`.
+    """
     is_rising = effects["coefficient"] > 0
     panel.barh(
-        [_term_label(term) for term in effects["term"]],
+        [_write_term(term) for term in effects["term"]],
         effects["t"],
         color=np.where(is_rising, style.ORANGE, style.BLUE),
         height=0.7,
@@ -85,7 +93,7 @@ def perturbation(inputs: Inputs, study: StudyView) -> Figure:
                 coded,
                 _predict_allowed(model, points, region),
                 label=SYMBOLS.get(name, name),
-                **style.series(k),
+                **style.series_style(k),
             )
         panel.axhline(target.aim, color=style.GREY, lw=0.8)
         panel.set(xlabel="factor (coded)", ylabel=style.response_label(target.response))
@@ -127,8 +135,19 @@ def _draw_contours(
 ) -> None:
     """Draw one response over two factors with its target and the optimum.
 
-    `pair` are the indices of the factors, `point` the coded optimum. Only the region is
-    drawn.
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    model : Model
+        The fitted surface.
+    target : Target
+        The target of the response.
+    pair : tuple of int
+        Numbers of the factors along x and along y.
+    point : ndarray
+        The optimum in coded factors (d,), from -1 to 1.
+    Only the region is drawn.
     """
     # A grid of points over the two factors; the others stay at the optimum.
     coded = np.linspace(-1, 1, GRID_POINTS)
@@ -189,7 +208,7 @@ def _fit_models(inputs: Inputs, targets: Targets) -> list[Model]:
     return fit_models(samples, dataset, targets=targets, order="quadratic")
 
 
-def _term_label(term: str) -> str:
+def _write_term(term: str) -> str:
     """Write a term of a model with the symbols of its parameters."""
     if term.endswith("^2"):
         return f"{SYMBOLS.get(term[:-2], term[:-2])}²"

@@ -1,4 +1,4 @@
-"""Figures of the rotating drum: its bed before and after the first slip."""
+"""Draw the rotating drum: its bed before and after the first slip."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -51,7 +51,7 @@ def states(inputs: Inputs, study: StudyView) -> Figure:
             panel, arrays, state=state, particle=particle, study=study
         )
         turned_deg = float(arrays[f"turned_{state}_deg"])
-        letter = style.letter(k)
+        letter = style.panel_letter(k)
         panel.set_title(f"{letter}  {TITLES[state]}: surface {angle_deg:.1f}°")
         panel.set_xlabel(f"drum turned by {turned_deg:.1f}°")
     if not has_slipped:
@@ -61,7 +61,7 @@ def states(inputs: Inputs, study: StudyView) -> Figure:
     if "runs" in inputs:
         runs = read_table(inputs["runs"], ("status", *SLIP_COLUMNS))
     settings = study.section(DRUM, DrumSettings)
-    text = _slip_in_words(float(arrays["turned_before_deg"]), runs, settings)
+    text = _describe_slip(float(arrays["turned_before_deg"]), runs, settings)
     if settings.report_s == ARTICLE_RUN_S and "turned_report_deg" in arrays:
         end_deg = float(arrays["turned_report_deg"])
         text += f"\nThe article's run ends at {end_deg:.0f}° and shows the bed after a slip."
@@ -69,13 +69,19 @@ def states(inputs: Inputs, study: StudyView) -> Figure:
     return figure
 
 
-def _slip_in_words(
+def _describe_slip(
     turned_deg: float, runs: pd.DataFrame, settings: DrumSettings
 ) -> str:
     """Describe how far and how long the drum turned before the first slip.
 
-    The text describes this run. It adds the mean of the runs that slipped if there are
-    several. `settings` is the section `drum`.
+    Parameters
+    ----------
+    turned_deg : float
+        Angle by which the drum had turned in this run.
+    runs : DataFrame
+        A row for each run, whose mean is added if several slipped; may be empty.
+    settings : DrumSettings
+        The section `drum`.
     """
     seconds = turned_deg / np.degrees(settings.angular_velocity_rad_s)
     text = (
@@ -86,13 +92,13 @@ def _slip_in_words(
         return text
     slipped = runs[runs["status"] == "ok"]
     if len(slipped) > 1:
-        angle = _mean_and_error(slipped["before_turned_deg"])
-        time = _mean_and_error(slipped["before_time_s"])
+        angle = _write_mean_and_error(slipped["before_turned_deg"])
+        time = _write_mean_and_error(slipped["before_time_s"])
         text += f"\nIn {len(slipped)} runs, mean ± standard error: {angle}°, {time} s."
     return text
 
 
-def _mean_and_error(values: pd.Series) -> str:
+def _write_mean_and_error(values: pd.Series) -> str:
     """Write the mean of some values with its standard error."""
     return f"{values.mean():.1f} ± {values.sem():.1f}"
 
@@ -104,7 +110,26 @@ def _draw_side_view(
     particle: Particle,
     study: StudyView,
 ) -> float:
-    """Draw one state with its fitted line, and return the line's angle in degrees."""
+    """Draw one state of the drum with the fitted line of its surface.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    arrays : mapping
+        Arrays of the run by name, as for `states`.
+    state : str
+        The state, one of `TITLES`.
+    particle : Particle
+        The grains' body.
+    study : StudyView
+        The study.
+
+    Returns
+    -------
+    float
+        Angle of the line in degrees.
+    """
     # These imports are slow, and `course` does not need them.
     from repose.report.renderer.film import drum_inside
     from repose.report.renderer.render import render_pile
@@ -139,7 +164,9 @@ def _draw_side_view(
     )
     panel.imshow(picture)
     camera = look_at(frame_m, **view)
-    style.scale_bar(panel, camera, place_m=np.zeros(3), extent_m=2 * inside.radius_m)
+    style.draw_scale_bar(
+        panel, camera, place_m=np.zeros(3), extent_m=2 * inside.radius_m
+    )
 
     # The surface is measured in the silhouette of the bed.
     mm_per_pixel = study.settings.measure.mm_per_pixel
@@ -185,7 +212,16 @@ def _draw_angles(
 ) -> None:
     """Draw the angles of surface and bed over time, and the start of the first slip.
 
-    `settings` is the section `drum`.
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    record : DataFrame
+        A row for each time of each run.
+    runs : DataFrame
+        A row for each run.
+    settings : DrumSettings
+        The section `drum`.
     """
     _draw_angles_of_runs(panel, record, runs)
     slipped = runs[runs["status"] == "ok"]
@@ -210,6 +246,7 @@ def _draw_angles(
         panel.axvline(
             runs["report_time_s"].median(), color=style.ORANGE, lw=1.4, label=label
         )
+    # Leave room below the lowest angle and above the highest.
     lowest = min(-3.0, record["bed_deg"].min() - 2)
     highest = 1.05 * max(record["surface_deg"].max(), record["bed_deg"].max())
     panel.set(
@@ -224,7 +261,7 @@ def _draw_angles(
     rpm = 30 / np.pi * settings.angular_velocity_rad_s
     diameter_mm = settings.outer_diameter_mm
     text = f"drum: diameter {diameter_mm:g} mm,\n{rpm:.2f} turns per minute"
-    style.note(panel, text)
+    style.write_note(panel, text)
 
 
 def _mark_first_slips(
@@ -244,7 +281,10 @@ def _mark_first_slips(
 
 
 def _draw_angles_of_runs(panel: Axes, record: pd.DataFrame, runs: pd.DataFrame) -> None:
-    """Draw the angles of the surface and the centre of mass of each run, up to its slip."""
+    """Draw the angles of surface and centre of mass of each run, up to its slip.
+
+    `record` has a row for each time of each run, `runs` one for each run.
+    """
     for k, (seed, rows) in enumerate(record.groupby("seed")):
         run = runs[runs["seed"] == seed].iloc[0]
         if run["status"] == "ok":
@@ -269,13 +309,16 @@ def _draw_angles_of_runs(panel: Axes, record: pd.DataFrame, runs: pd.DataFrame) 
 
 
 def _draw_layers(panel: Axes, profile: pd.DataFrame) -> None:
-    """Draw how far the layers of grains moved during the slip, by their depth."""
+    """Draw how far the layers of grains moved during the slip, by their depth.
+
+    `profile` has a row for each layer of each run; it is empty if no run slipped.
+    """
     panel.set(
         xlabel="motion against the drum (mm)", ylabel="depth below the surface (mm)"
     )
     panel.invert_yaxis()
     if not len(profile):
-        style.note(panel, "no slip in any run")
+        style.write_note(panel, "no slip in any run")
         return
     for k, (_, rows) in enumerate(profile.groupby("seed")):
         panel.plot(

@@ -1,4 +1,4 @@
-"""Figures of the search: the solutions (Figure 14), and the course of the search."""
+"""Draw the search: its solutions (Figure 14), and its course."""
 
 import re
 from collections.abc import Mapping
@@ -55,19 +55,19 @@ def feasible_solutions(inputs: Inputs, study: StudyView) -> Figure:
     sentences = []
     if study.config.get("miga", {}).get("answer") == LEAST_LOSS:
         sentences.append(LEAST_LOSS_WORDS)
-    sentences += [_predictions_in_words(solutions, target) for target in targets]
+    sentences += [_describe_predictions(solutions, target) for target in targets]
     if published is not None:
-        sentences.append(_overlap_in_words(solutions, study, published))
-    style.below(figure, " ".join(sentences))
+        sentences.append(_describe_overlap(solutions, study, published))
+    style.write_below(figure, " ".join(sentences))
     _write_title(figure, panel, solutions=solutions, summary=summary)
     return figure
 
 
-def _predictions_in_words(solutions: pd.DataFrame, target: Target) -> str:
+def _describe_predictions(solutions: pd.DataFrame, target: Target) -> str:
     """Describe the predicted response of the solutions and of the answer."""
     response = target.response
     predicted = solutions[response.predicted]
-    is_answer = _as_boolean(solutions["representative"])
+    is_answer = _read_booleans(solutions["representative"])
     low = predicted.min()
     high = predicted.max()
     sentence = f"Predicted {response.symbol}: {low:.2f} to {high:.2f} {response.unit}"
@@ -76,10 +76,20 @@ def _predictions_in_words(solutions: pd.DataFrame, target: Target) -> str:
     return f"{sentence} (target range {target.low:g} to {target.high:g})."
 
 
-def _overlap_in_words(
+def _describe_overlap(
     solutions: pd.DataFrame, study: StudyView, published: pd.DataFrame
 ) -> str:
-    """Say for how many parameters the solutions reach into the published interval."""
+    """Describe for how many parameters the solutions reach into the published interval.
+
+    Parameters
+    ----------
+    solutions : DataFrame
+        A row for each solution.
+    study : StudyView
+        The study.
+    published : DataFrame
+        The published intervals, by parameter.
+    """
     names = study.parameters.free
     overlaps = [
         name
@@ -96,10 +106,22 @@ def _overlap_in_words(
 def _write_title(
     figure: Figure, panel: Axes, solutions: pd.DataFrame, summary: Mapping[str, Any]
 ) -> None:
-    """Write the number of solutions as the title, or why none of them is feasible."""
+    """Write the number of solutions as the title, or why none of them is feasible.
+
+    Parameters
+    ----------
+    figure : Figure
+        The figure, which gets the search's message below it if no solution is feasible.
+    panel : Axes
+        Its panel.
+    solutions : DataFrame
+        A row for each solution.
+    summary : mapping
+        Content of miga/summary.json.
+    """
     n_shown = len(solutions)
     if summary["feasible"]:
-        n_feasible = int(_as_boolean(solutions["feasible"]).sum())
+        n_feasible = int(_read_booleans(solutions["feasible"]).sum())
         others = ""
         if n_feasible < n_shown:
             others = f" and the {n_shown - n_feasible} nearest others"
@@ -111,15 +133,18 @@ def _write_title(
     # Replace the names of parameters in the message by their symbols in the figure.
     message = summary.get("message", "")
     message = re.sub("|".join(SYMBOLS), lambda match: SYMBOLS[match[0]], message)
-    style.below(figure, message)
+    style.write_below(figure, message)
 
 
-def _scattered(count: int) -> np.ndarray:
-    """Return places (count,) from -0.5 to 0.5, scattered alike in each figure."""
+def _scatter_places(count: int) -> np.ndarray:
+    """Make places (count,) from -0.5 to 0.5 that scatter alike in each figure.
+
+    Steps of the golden fraction fill the interval evenly.
+    """
     return (np.arange(count) * GOLDEN_FRACTION % 1.0) - 0.5
 
 
-def _as_boolean(column: pd.Series) -> np.ndarray:
+def _read_booleans(column: pd.Series) -> np.ndarray:
     """Read a column of true and false, in any spelling, as a boolean array."""
     return column.astype(str).str.lower().eq("true").to_numpy()
 
@@ -130,10 +155,22 @@ def _draw_parameter_strips(
     study: StudyView,
     published: pd.DataFrame | None,
 ) -> None:
-    """Draw a strip for each free parameter, its range from left to right."""
+    """Draw a strip for each free parameter, its range from left to right.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    solutions : DataFrame
+        A row for each solution.
+    study : StudyView
+        The study.
+    published : DataFrame or None
+        The published intervals by parameter; None draws none.
+    """
     names = study.parameters.free
     ranges = parameter_ranges(study.parameters)
-    is_answer = _as_boolean(solutions["representative"])
+    is_answer = _read_booleans(solutions["representative"])
     for row, name in enumerate(names):
         low, high = ranges[name]
         y = len(names) - 1 - row  # the first parameter is on top
@@ -197,10 +234,20 @@ def _draw_strip(
     is_answer: np.ndarray,
     label_prefix: str,
 ) -> None:
-    """Draw the range of one parameter with its solutions, their interval and the answer.
+    """Draw the range of one parameter with solutions, interval and answer.
 
-    `positions` are the values of the solutions as shares of the range. An underscore as
-    `label_prefix` keeps the labels out of the legend.
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    y : float
+        Height of the strip's middle.
+    positions : ndarray
+        Values (n,) of the solutions as shares of the range.
+    is_answer : ndarray
+        Mask (n,) of the answer.
+    label_prefix : str
+        An underscore keeps the labels out of the legend; empty adds them.
     """
     middle = y + 0.03
     panel.barh(y, 1, height=0.62, color=style.STRIP_COLOUR, zorder=0)
@@ -216,7 +263,7 @@ def _draw_strip(
     others = positions[~is_answer]
     panel.scatter(
         others,
-        middle + 0.34 * _scattered(len(others)),
+        middle + 0.34 * _scatter_places(len(others)),
         s=5,
         color=style.BLUE,
         alpha=0.7,
@@ -259,7 +306,10 @@ def convergence(inputs: Inputs, study: StudyView) -> Figure:
 
 
 def _draw_objective(panel: Axes, history: pd.DataFrame) -> None:
-    """Draw the objective of the best individual and the mean over all of them."""
+    """Draw the objective of the best individual and the mean over all of them.
+
+    `history` has a row for some of the generations.
+    """
     generation = history["generation"].to_numpy()
     mean = history["mean_objective"].to_numpy()
     best = history["best_objective"].to_numpy()
@@ -278,8 +328,16 @@ def _draw_surrogate_error(
 ) -> None:
     """Draw the objective of a set that is off each target by the surrogate's error.
 
-    `errors` are standard errors of the predicted responses, by name.
+    Parameters
+    ----------
+    panel : Axes
+        The panel of the objective.
+    study : StudyView
+        The study, whose targets give weights and ranges.
+    errors : mapping
+        Standard errors of the predicted responses, by name.
     """
+    # Eq. 11-12: the deviations in widths of the target ranges, weighted and added.
     objective = 0.0
     clauses = []
     for target in study.targets:

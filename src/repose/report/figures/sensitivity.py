@@ -1,4 +1,4 @@
-"""Figures of the sensitivity: Sobol indices and main effects of the parameters.
+"""Draw the sensitivity: Sobol indices and main effects of the parameters.
 
 With constraints, two other shares of the variance take the place of the indices.
 """
@@ -38,7 +38,11 @@ def _shares(study: StudyView) -> tuple[Share, Share]:
 
 
 def sobol_indices(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw the first-order and total index of each parameter, one panel per response."""
+    """Draw the first-order and total index of each parameter, one panel per response.
+
+    `sobol` has a row for each parameter and response, with both indices and their
+    intervals.
+    """
     targets = study.targets
     shares = _shares(study)
     columns = [share.column for share in shares]
@@ -49,7 +53,7 @@ def sobol_indices(inputs: Inputs, study: StudyView) -> Figure:
             "parameter"
         )
         _draw_indices(panel, indices_of_target, shares)
-        title = f"{style.letter(k)}   {target.response.symbol}"
+        title = f"{style.panel_letter(k)}   {target.response.symbol}"
         panel.set_title(title, fontweight="bold")
         if k % 2 == 0:
             panel.set_ylabel("share of the variance (–)")
@@ -67,7 +71,12 @@ def _draw_indices(
 ) -> None:
     """Draw the two shares of one response with their intervals.
 
-    The table has a row for each parameter.
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    table : DataFrame
+        A row for each parameter, with both shares and the ends of their intervals.
     """
     positions = np.arange(len(table))
     for (column, label), offset, colour in zip(
@@ -96,7 +105,7 @@ def _draw_indices(
     if shares == INDICES:
         total = table["first"].sum()
         text = f"first orders sum to {total:.2f}\n{text}"
-    style.note(panel, text, x=0.97, ha="right")
+    style.write_note(panel, text, x=0.97, ha="right")
 
 
 def main_effects(inputs: Inputs, study: StudyView) -> Figure:
@@ -136,5 +145,5 @@ def main_effects(inputs: Inputs, study: StudyView) -> Figure:
             "points: samples; line: mean of the surrogate over what the constraints "
             f"allow at each value; %: share of the variance {label}"
         )
-    style.below(figure, text)
+    style.write_below(figure, text)
     return figure

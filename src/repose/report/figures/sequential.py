@@ -1,4 +1,4 @@
-"""Figure of the sequential strategy: probability and predictions over the pours."""
+"""Draw the sequential strategy: probability and predictions over the pours."""
 
 import pandas as pd
 from matplotlib.axes import Axes
@@ -31,12 +31,12 @@ def sequential(inputs: Inputs, study: StudyView) -> Figure:
     figure, axes = panels.grid(1 + len(targets), 2.2, columns=3, extra_height=0.4)
     _draw_probability(axes[0], batches, settings)
     for panel, target in zip(axes[1:], targets, strict=True):
-        style.off_target(
+        style.prepare_deviations(
             panel, target, percent=settings.tolerance_percent, xlabel="pours"
         )
         _draw_predictions(panel, batches, target)
         _draw_check(panel, check, target, x=1.06 * float(batches["pours"].iloc[-1]))
-    style.one_legend(axes, loc="outside lower center", ncols=3)
+    style.draw_legend(axes, loc="outside lower center", ncols=3)
 
     reached = batches["probability"].iloc[-1]
     verdict = "reached" if reached >= settings.probability else "NOT reached"
@@ -53,9 +53,17 @@ def _draw_probability(
 ) -> None:
     """Draw the probability of meeting the targets after each batch.
 
-    The panel shows three curves: the probability of the best point, the highest that the
-    remaining pours can reach, and that of any parameter set. `settings` is the section
-    `sequential`.
+    The panel shows three curves: the probability of the best point, the highest that
+    the remaining pours can reach, and that of any parameter set.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    batches : DataFrame
+        A row for each batch of pours.
+    settings : SequentialSettings
+        The section `sequential`.
     """
     pours = batches["pours"]
     panel.plot(
@@ -110,7 +118,19 @@ def _draw_predictions(panel: Axes, batches: pd.DataFrame, target: Target) -> Non
 
 
 def _draw_check(panel: Axes, check: pd.DataFrame, target: Target, x: float) -> None:
-    """Draw at a place how far the response of the answer is off, as simulated again."""
+    """Draw how far the response of the answer is off its target, as simulated again.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    check : DataFrame
+        The check by response.
+    target : Target
+        The target of the response.
+    x : float
+        Place of the answer on the axis of the pours.
+    """
     row = check.loc[target.name, ["simulated", "simulated_error"]].astype(float)
     simulated, error = row
     panel.errorbar(

@@ -1,4 +1,4 @@
-"""The common style of all figures: sizes, fonts, colours, labels, saving.
+"""Give all figures a common style: sizes, fonts, colours, labels, saving.
 
 Colour-blind readers can tell the colours apart.
 """
@@ -101,13 +101,24 @@ def save(
 ) -> None:
     """Write a figure in the format of its path and in others, the same bytes each time.
 
-    A figure of a small run gets a band that says so.
+    Parameters
+    ----------
+    figure : Figure
+        The figure.
+    out_path : path
+        File that ends in .png, .pdf or .svg.
+    small_run : bool
+        Whether the run is only a trial; then a band says so across the top.
+    other_formats : sequence of str
+        Endings of further files, without the dot.
+    dpi : int
+        Resolution of a PNG.
     """
     if small_run:
         _mark_small_run(figure)
     out_path = Path(out_path)
     for kind in (out_path.suffix.removeprefix("."), *other_formats):
-        content = encoded(figure, kind, dpi).getvalue()
+        content = encode(figure, kind, dpi).getvalue()
         write_bytes(out_path.with_suffix(f".{kind}"), content)
 
 
@@ -131,8 +142,18 @@ def _mark_small_run(figure: Figure) -> None:
     )
 
 
-def encoded(figure: Figure, kind: str = "png", dpi: int = DPI) -> io.BytesIO:
-    """Return a figure as the content of a file; the same bytes each time."""
+def encode(figure: Figure, kind: str = "png", dpi: int = DPI) -> io.BytesIO:
+    """Encode a figure as the content of a file, the same bytes each time.
+
+    Parameters
+    ----------
+    figure : Figure
+        The figure.
+    kind : str
+        Format, one of `UNDATED`.
+    dpi : int
+        Resolution of a PNG.
+    """
     content = io.BytesIO()
     figure.savefig(content, format=kind, dpi=dpi, metadata=UNDATED[kind])
     return content
@@ -149,7 +170,12 @@ def check_ending(path: Path_) -> None:
 def picture_pixels(study: StudyView, at_default: int) -> int:
     """Scale the size of a shaded picture to the resolution of the configuration.
 
-    `at_default` is the size in pixels at the default resolution.
+    Parameters
+    ----------
+    study : StudyView
+        The study, with the section `figures` if it has one.
+    at_default : int
+        The size in pixels at the default resolution.
     """
     dpi = study.config.get("figures", {}).get("dpi", DPI)
     return round(at_default * dpi / DPI)
@@ -179,10 +205,15 @@ def parameter_label(name: str) -> str:
     return f"{SYMBOLS[name]} ({unit or '–'})"
 
 
-def line_in_words(settings: MeasureSettings, definition: str | None = None) -> str:
-    """Describe the line that defines an angle; by default the calibrated angle.
+def describe_line(settings: MeasureSettings, definition: str | None = None) -> str:
+    """Describe the line that defines an angle, in simpler words than `line_of`.
 
-    The wording is simpler than that of `line_of`, which is meant for tables.
+    Parameters
+    ----------
+    settings : MeasureSettings
+        Settings of the lines.
+    definition : str, optional
+        One of `DEFINITIONS`; by default that of the calibrated angle.
     """
     definition = definition or settings.response
     if definition == "secant":
@@ -202,9 +233,19 @@ def line_in_words(settings: MeasureSettings, definition: str | None = None) -> s
 
 
 def explain_symbols(figure: Figure, config: Config) -> None:
-    """Explain the calibrated angle and the subscripts of a figure below it."""
+    """Explain the calibrated angle and the subscripts of a figure below it.
+
+    Only symbols that occur in the texts of the figure are explained.
+
+    Parameters
+    ----------
+    figure : Figure
+        The figure, which is complete otherwise.
+    config : mapping
+        The configuration of the study, or the sections that the figure reads.
+    """
     shown_text = " ".join(text.get_text() for text in figure.findobj(Text))
-    explanations = _angle_explanations(config, shown_text)
+    explanations = _explain_angles(config, shown_text)
     if any(symbol in shown_text for symbol in SYMBOLS.values()):
         explanations.append(SUBSCRIPTS)
     if not explanations:
@@ -212,7 +253,7 @@ def explain_symbols(figure: Figure, config: Config) -> None:
 
     width = int(LETTERS_PER_INCH * figure.get_figwidth())
     words = "\n".join(textwrap.fill(sentence, width) for sentence in explanations)
-    lowest_legend = _legend_at_lower_edge(figure)
+    lowest_legend = _find_lowest_legend(figure)
     if lowest_legend is None:
         words_before = figure.get_supxlabel()
         figure.supxlabel(f"{words_before}\n{words}".lstrip(), fontsize=SMALL_TEXT_PT)
@@ -222,22 +263,35 @@ def explain_symbols(figure: Figure, config: Config) -> None:
         lowest_legend.set_title(f"{title}\n{words}".lstrip(), {"size": SMALL_TEXT_PT})
 
 
-def _angle_explanations(config: Config, shown_text: str) -> list[str]:
-    """Describe the line of each calibrated angle whose symbol is shown."""
+def _explain_angles(config: Config, shown_text: str) -> list[str]:
+    """Describe the line of each calibrated angle whose symbol is shown.
+
+    Parameters
+    ----------
+    config : mapping
+        The configuration. Without targets or a measurement there is nothing to explain.
+    shown_text : str
+        All texts of the figure.
+
+    Returns
+    -------
+    list of str
+        A sentence for each angle.
+    """
     if not {"targets", "measure"} <= config.keys():
         return []
     explanations = []
     for response in targets_of(config).responses:
         is_calibrated_angle = "measure.response" in response.definition
         if is_calibrated_angle and response.symbol in shown_text:
-            line = line_in_words(StudyView(config).settings.measure)
+            line = describe_line(StudyView(config).settings.measure)
             explanations.append(
                 f"{response.symbol}: {response.label} (simulated piles: {line})"
             )
     return explanations
 
 
-def _legend_at_lower_edge(figure: Figure) -> Any:
+def _find_lowest_legend(figure: Figure) -> Any:
     """Find the legend at the lower edge of a figure; None without one."""
     for legend in figure.legends:
         if getattr(legend, "_outside_loc", None) == "lower":
@@ -245,37 +299,49 @@ def _legend_at_lower_edge(figure: Figure) -> Any:
     return None
 
 
-def below(figure: Figure, words: str) -> None:
+def write_below(figure: Figure, words: str) -> None:
     """Write small words below a figure, wrapped to its width."""
     width = int(LETTERS_PER_INCH * figure.get_figwidth())
     figure.supxlabel(textwrap.fill(words, width), fontsize=SMALL_TEXT_PT)
 
 
-def note(
+def write_note(
     axes: Axes, text: str, x: float = 0.03, y: float = 0.97, **options: Any
 ) -> Text:
     """Write small text inside the axes, by default in the upper left corner.
 
-    `x` and `y` are shares of the axes; `options` go to matplotlib's `text`.
+    Parameters
+    ----------
+    axes : Axes
+        The axes.
+    text : str
+        The text.
+    x, y : float
+        Place of its upper left corner, as shares of the axes.
+    **options
+        Arguments of matplotlib's `text`, which may change the alignment.
     """
     look = {"va": "top", "ha": "left", "fontsize": SMALL_TEXT_PT, "linespacing": 1.35}
     return axes.text(x, y, text, transform=axes.transAxes, **(look | options))
 
 
-def letter(k: int) -> str:
-    """Name panel number k, from 0: ``a`` for 0, ``aa`` for 26."""
+def panel_letter(k: int) -> str:
+    """Name panel number `k`, counted from 0: ``a`` for 0, ``aa`` for 26."""
     return ALPHABET[k % 26] * (1 + k // 26)
 
 
 def name_panels(panels: Sequence[Axes]) -> None:
-    """Return each panel its letter as title, in order; a single panel gets none."""
+    """Write the letter of each panel as its title; a single panel gets none."""
     if len(panels) > 1:
         for k, panel in enumerate(panels):
-            panel.set_title(letter(k), fontweight="bold")
+            panel.set_title(panel_letter(k), fontweight="bold")
 
 
-def one_legend(panels: Sequence[Axes], **options: Any) -> None:
-    """Draw one legend for all panels, with each label once; `options` are its own."""
+def draw_legend(panels: Sequence[Axes], **options: Any) -> None:
+    """Draw one legend for all panels of a figure, with each label once.
+
+    `options` are arguments of matplotlib's `legend`.
+    """
     handle_of_label: dict[str, Any] = {}
     for panel in panels:
         handles, labels = panel.get_legend_handles_labels()
@@ -286,28 +352,49 @@ def one_legend(panels: Sequence[Axes], **options: Any) -> None:
 # --- Marks ----------------------------------------------------------------------------
 
 
-def series(k: int) -> dict[str, str]:
-    """Return colour and line style of curve number k, from 0, for matplotlib's `plot`."""
+def series_style(k: int) -> dict[str, str]:
+    """Choose colour and line style of curve `k`, from 0, for matplotlib's `plot`."""
     return {"color": SERIES[k % len(SERIES)], "ls": LINES[k % len(LINES)]}
 
 
-def band(panel: Axes, low: float, high: float, label: str) -> None:
-    """Draw the band of what is measured or near enough, across a panel."""
+def draw_band(panel: Axes, low: float, high: float, label: str) -> None:
+    """Draw a green band across a panel, as of a range that is asked for.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel.
+    low, high : float
+        Ends of the band on the y axis.
+    label : str
+        Its label in the legend.
+    """
     panel.axhspan(low, high, color=GREEN, alpha=0.15, lw=0, label=label)
 
 
-def near_enough(panel: Axes, percent: float) -> None:
+def draw_tolerance(panel: Axes, percent: float) -> None:
     """Draw the tolerance of a deviation in percent as a band about zero."""
-    band(panel, -percent, high=percent, label=f"near enough, ±{percent:g} %")
+    draw_band(panel, -percent, high=percent, label=f"near enough, ±{percent:g} %")
     panel.axhline(0, color=GREY, lw=0.7)
 
 
-def off_target(panel: Axes, target: Target, percent: float, xlabel: str) -> None:
+def prepare_deviations(
+    panel: Axes, target: Target, percent: float, xlabel: str
+) -> None:
     """Prepare a panel for deviations of a response from its target, in percent of it.
 
-    `percent` is the tolerance.
+    Parameters
+    ----------
+    panel : Axes
+        The panel, which gets labels, title and the band of the tolerance.
+    target : Target
+        The target.
+    percent : float
+        The tolerance.
+    xlabel : str
+        Label of the x axis.
     """
-    near_enough(panel, percent)
+    draw_tolerance(panel, percent)
     panel.set(xlabel=xlabel, ylabel="off the target (% of it)")
     response = target.response
     panel.set_title(f"{response.symbol}, target {target.aim:g} {response.unit}")
@@ -319,7 +406,7 @@ def round_length(longest: float) -> float:
     return power * max(digit for digit in (1, 2, 5) if digit * power <= longest)
 
 
-def scale_bar(
+def draw_scale_bar(
     panel: Axes,
     camera: "Camera",
     place_m: np.ndarray,
@@ -328,8 +415,20 @@ def scale_bar(
 ) -> None:
     """Draw a scale bar in the lower right corner of a camera's picture.
 
-    Its length is 1, 2 or 5 times a power of ten, at most 0.3 of an extent, at the scale
-    of a place. `words_after` follow its length.
+    Its length is 1, 2 or 5 times a power of ten, and at most 0.3 of an extent.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel of the picture.
+    camera : Camera
+        The camera that took it.
+    place_m : ndarray
+        Place (3,) in the world for whose distance from the camera the bar is right.
+    extent_m : float
+        Length of what is shown.
+    words_after : str
+        Words that follow the length of the bar.
     """
     length_m = round_length(0.3 * extent_m)
     # Length in pixels of a bar across the view that begins at the place.

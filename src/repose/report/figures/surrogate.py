@@ -1,4 +1,4 @@
-"""Figures 10 and 13: the network, and the quality of its predictions."""
+"""Draw Figures 10 and 13: the network, and the quality of its predictions."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -76,8 +76,8 @@ class Layers(NamedTuple):
 def network_structure(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the layers of the network, and bars for the influence of each input.
 
-    Weights are not drawn: large ones cancel where two hidden neurons pull the same
-    response in opposite directions.
+    `network` is the file of the network. Weights are not drawn: large ones cancel where
+    two hidden neurons pull the same response in opposite directions.
     """
     path = inputs["network"]
     network = read_json(
@@ -86,9 +86,9 @@ def network_structure(inputs: Inputs, study: StudyView) -> Figure:
     n_hidden, n_inputs = np.shape(np.atleast_2d(network["W1"]))
     n_outputs = len(network["outputs"])
     layers = Layers(
-        inputs=_node_places(0, n_inputs),
-        hidden=_node_places(1, n_hidden),
-        outputs=_node_places(2, n_outputs),
+        inputs=_place_nodes(0, n_inputs),
+        hidden=_place_nodes(1, n_hidden),
+        outputs=_place_nodes(2, n_outputs),
     )
     influence = influence_of_inputs(
         load(path), study.parameters, study.settings.design.seed
@@ -102,20 +102,32 @@ def network_structure(inputs: Inputs, study: StudyView) -> Figure:
     n_bars = n_outputs * len(layers.inputs)
     figure = style.new_figure(style.PAGE, max(3.1, 1.0 + 0.17 * n_bars))
     left, right = figure.subplots(1, 2, width_ratios=(1, 1.15))
-    titles = _layer_titles(network, layers)
+    titles = _write_layer_titles(network, layers)
     _draw_network(
         left, layers, titles=titles, inputs=network["inputs"], symbols=symbols
     )
     _draw_influence(right, influence, inputs=network["inputs"], symbols=symbols)
     style.name_panels((left, right))
+<<<<<<< HEAD
     is_constrained = bool(study.parameters.constraints)
     words = INFLUENCE_WITH_CONSTRAINTS if is_constrained else INFLUENCE_WORDS
     style.below(figure, words)
+=======
+    style.write_below(figure, INFLUENCE_WORDS)
+>>>>>>> 81415d37 (Rename functions of the report and document them)
     return figure
 
 
-def _layer_titles(network: Mapping[str, Any], layers: Layers) -> list[str]:
-    """Name each layer with its number of nodes and its activation."""
+def _write_layer_titles(network: Mapping[str, Any], layers: Layers) -> list[str]:
+    """Write a title for each layer, with its number of nodes and its activation.
+
+    Parameters
+    ----------
+    network : mapping
+        Content of the network's file.
+    layers : Layers
+        Places of the nodes.
+    """
     activations = network.get("activation", ACTIVATIONS)
     hidden, output = (ACTIVATIONS.get(name, name) for name in activations)
     names = ("input", f"hidden ({hidden})", f"output ({output})")
@@ -131,8 +143,18 @@ def _draw_network(
 ) -> None:
     """Draw the nodes of the network, and a thin line for each weight.
 
-    `titles` are those of the layers, `inputs` the names of the parameters, `symbols`
-    those of the outputs.
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    layers : Layers
+        Places of the nodes.
+    titles : sequence of str
+        Titles of the layers.
+    inputs : sequence of str
+        Names of the parameters.
+    symbols : sequence of str
+        Symbols of the responses.
     """
     _connect(panel, layers.inputs, layers.hidden)
     _connect(panel, layers.hidden, layers.outputs)
@@ -171,7 +193,19 @@ def _draw_influence(
     """Draw a bar for the influence of each input on each output, in percent.
 
     An arrow beside each bar shows whether the output rises or falls with the input.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    influence : Influence
+        Influence of the inputs on the outputs.
+    inputs : sequence of str
+        Names of the parameters.
+    symbols : sequence of str
+        Symbols of the responses.
     """
+    # The bars of an input lie side by side about its position.
     positions = np.arange(len(inputs))
     height = 0.8 / len(symbols)
     for k, symbol in enumerate(symbols):
@@ -205,17 +239,38 @@ def _draw_influence(
 def influence_of_inputs(
     model: Surrogate, parameters: ParameterSpace, seed: int
 ) -> Influence:
+<<<<<<< HEAD
     """Compute how much, and in which direction, each input changes each output."""
     from repose.calibrate.uncertainty.sensitivity import (
         main_effects,
         shares_of_variance,
     )
+=======
+    """Compute how much, and in which direction, each input changes each output.
+
+    Parameters
+    ----------
+    model : Surrogate
+        The surrogate.
+    parameters : ParameterSpace
+        The parameters, over whose ranges the inputs vary.
+    seed : int
+        Seed of the random points.
+
+    Returns
+    -------
+    Influence
+        Share of the variance and direction, each (outputs, inputs).
+    """
+    from repose.calibrate.uncertainty.sensitivity import indices, main_effects
+>>>>>>> 81415d37 (Rename functions of the report and document them)
 
     shape = len(model.outputs), len(model.inputs)
     influence = Influence(share=np.zeros(shape), direction=np.zeros(shape))
     free_columns = [model.inputs.index(name) for name in parameters.free]
 
     def respond(coordinates: np.ndarray) -> np.ndarray:
+        """Predict the responses at coordinates of the free parameters."""
         values = parameters.from_coordinates(coordinates)
         return model.predict(parameters.complete(values))
 
@@ -242,6 +297,7 @@ def influence_of_inputs(
     return influence
 
 
+<<<<<<< HEAD
 def _rise(curve: np.ndarray) -> np.ndarray:
     """Compute the rise (outputs,) of a main effect (points, outputs) where it is known."""
     known = curve[~np.isnan(curve).any(axis=1)]
@@ -250,8 +306,24 @@ def _rise(curve: np.ndarray) -> np.ndarray:
 
 def _node_places(x: float, count: int) -> np.ndarray:
     """Return the places (count, 2) of a layer's nodes from the top.
+=======
+def _place_nodes(x: float, count: int) -> np.ndarray:
+    """Place the nodes of a layer below each other.
+>>>>>>> 81415d37 (Rename functions of the report and document them)
 
     Few nodes stand closer together.
+
+    Parameters
+    ----------
+    x : float
+        Place of the layer.
+    count : int
+        Number of its nodes.
+
+    Returns
+    -------
+    ndarray
+        Places (count, 2) from the top.
     """
     half_height = 0.0
     if count > 1:
@@ -282,7 +354,7 @@ def predicted_against_simulated(inputs: Inputs, study: StudyView) -> Figure:
     width = 0.5 * style.PAGE * min(len(targets), 2)
     figure, axes = panels.grid(len(targets), 3.9, width=width)
     draw_accuracy(axes, table, targets.responses)
-    style.below(figure, ACCURACY_WORDS)
+    style.write_below(figure, ACCURACY_WORDS)
     return figure
 
 
@@ -291,8 +363,15 @@ def draw_accuracy(
 ) -> None:
     """Draw predicted over simulated responses, each in its panel.
 
-    `table` has `split` and, for each response, its simulated and predicted values and its
-    standard errors.
+    Parameters
+    ----------
+    axes : sequence of Axes
+        A panel for each response.
+    table : DataFrame
+        A row for each sample: `split` and, for each response, its simulated and
+        predicted values and its standard errors.
+    responses : sequence of Response
+        The responses.
     """
     for panel, shown in zip(axes, responses, strict=True):
         _draw_splits(panel, table, shown)
@@ -305,9 +384,20 @@ def draw_accuracy(
 
 
 def _predict_new_points(inputs: Inputs, targets: Targets) -> pd.DataFrame:
-    """Return the mean responses at points outside the design, with predictions.
+    """Predict the responses at points outside the design.
 
-    The predictions are those of the final surrogate.
+    Parameters
+    ----------
+    inputs : mapping
+        Paths of the final surrogate, `network`, and of the simulated points, `fresh`.
+    targets : Targets
+        The targets of the study.
+
+    Returns
+    -------
+    DataFrame
+        The points with their simulated means and the predictions, in the split "new
+        points".
     """
     path = inputs["network"]
     model = load(path)
@@ -322,12 +412,23 @@ def _predict_new_points(inputs: Inputs, targets: Targets) -> pd.DataFrame:
 
 
 def _draw_splits(panel: Axes, table: pd.DataFrame, shown: Response) -> None:
-    """Draw predicted against simulated values of one response, with the accuracy."""
+    """Draw predicted against simulated values of one response, with the accuracy.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    table : DataFrame
+        As of `draw_accuracy`.
+    shown : Response
+        The response.
+    """
     values = table[[shown.name, shown.predicted]].to_numpy()
     margin = 0.06 * (values.max() - values.min())
     ends = np.array([values.min() - margin, values.max() + margin])
     panel.plot(ends, ends, color=style.GREY, lw=0.9, zorder=1)
 
+    # The accuracy is written for samples that the model has not seen.
     lines = []
     for split, colour, marker in SPLITS:
         rows = table[table["split"] == split]
@@ -349,23 +450,37 @@ def _draw_splits(panel: Axes, table: pd.DataFrame, shown: Response) -> None:
             label=f"{split} ({len(rows)})",
         )
         if is_unseen:
-            lines += _accuracy_lines(table, split, shown)
+            lines += _describe_accuracy(table, split, shown)
     panel.set(xlim=ends, ylim=ends, aspect="equal")
     for axis in (panel.xaxis, panel.yaxis):
         axis.set_major_locator(MaxNLocator(6))
-    style.note(panel, "\n".join(lines))
+    style.write_note(panel, "\n".join(lines))
 
 
-def _accuracy_lines(table: pd.DataFrame, split: str, shown: Response) -> list[str]:
+def _describe_accuracy(table: pd.DataFrame, split: str, shown: Response) -> list[str]:
     """Describe the accuracy of the surrogate and of a perfect model on a split.
 
     The errors of a perfect model are the noise of the simulated means.
+
+    Parameters
+    ----------
+    table : DataFrame
+        As of `draw_accuracy`.
+    split : str
+        The split.
+    shown : Response
+        The response.
+
+    Returns
+    -------
+    list of str
+        A line for each of both.
     """
     is_split = table["split"] == split
     rows = table[is_split]
     simulated = rows[shown.name].to_numpy(float)
     predicted = rows[shown.predicted].to_numpy(float)
-    of_model = _accuracy_text(simulated, predicted - simulated, shown.unit)
+    of_model = _write_accuracy(simulated, predicted - simulated, shown.unit)
 
     # The test samples are too few to estimate the noise, so use the whole design.
     noisy_rows = rows
@@ -373,17 +488,26 @@ def _accuracy_lines(table: pd.DataFrame, split: str, shown: Response) -> list[st
         noisy_rows = table[table["split"] != "new points"]
     means = noisy_rows[shown.name].to_numpy(float)
     noise = noisy_rows[shown.standard_error].to_numpy(float)
-    of_perfect_model = _accuracy_text(means, noise, shown.unit)
+    of_perfect_model = _write_accuracy(means, noise, shown.unit)
     return [
         f"{split}: {of_model}",
         f"perfect model, {len(means)} sets: {of_perfect_model}",
     ]
 
 
-def _accuracy_text(simulated: np.ndarray, deviation: np.ndarray, unit: str) -> str:
-    """Write R2 and RMSE of predictions that deviate from the simulated means (n,).
+def _write_accuracy(simulated: np.ndarray, deviation: np.ndarray, unit: str) -> str:
+    """Write R2 and RMSE of predictions.
 
     They are unknown where a deviation is, as the standard error of a single run.
+
+    Parameters
+    ----------
+    simulated : ndarray
+        Simulated means (n,).
+    deviation : ndarray
+        Deviation (n,) of each prediction from the mean.
+    unit : str
+        Unit of the response.
     """
     if not np.isfinite(deviation).all():
         return "unknown"

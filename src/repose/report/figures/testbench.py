@@ -1,4 +1,4 @@
-"""Figures 5, 6 and 8: the simulated pile, its measurement, and the test bench."""
+"""Draw Figures 5, 6 and 8: the simulated pile, its measurement, and the test bench."""
 
 from typing import Any
 
@@ -34,7 +34,11 @@ DIMENSION_FONT_SIZE = 6.5
 
 
 def simulated_pile(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw a shaded picture of the first pour of the file."""
+    """Draw a shaded picture of a pile.
+
+    `heap` has the pours of a job, of which the first is drawn; `particle` is the
+    grains' body.
+    """
     # Slow to import, and the other figures here do without.
     from repose.report.renderer.render import render_pile
     from repose.report.renderer.scenery import boxes, look_at
@@ -67,9 +71,9 @@ def simulated_pile(inputs: Inputs, study: StudyView) -> Figure:
     panel.imshow(picture, aspect="auto")
     panel.axis("off")
     words = f"{len(centres)} grains poured, {is_in_pile.sum()} in the pile"
-    style.note(panel, words, x=0.02, y=0.96, fontsize=8)
+    style.write_note(panel, words, x=0.02, y=0.96, fontsize=8)
     axis_m = np.array([*centres_of_pile[:, :2].mean(axis=0), 0.0])
-    style.scale_bar(
+    style.draw_scale_bar(
         panel,
         look_at(frame_m, **view),
         place_m=axis_m,
@@ -80,7 +84,11 @@ def simulated_pile(inputs: Inputs, study: StudyView) -> Figure:
 
 
 def measurement(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw the steps of the measurement (section 2.3 of the paper)."""
+    """Draw the steps of the measurement (section 2.3 of the paper).
+
+    `heap` has the pours of a job, of which the first is drawn; `particle` is the
+    grains' body, `berry` the mean grain.
+    """
     from repose.measure.photographs import drawing  # slow to import
 
     settings = study.settings.measure.for_grain(read_grain(inputs["berry"]))
@@ -93,6 +101,7 @@ def measurement(inputs: Inputs, study: StudyView) -> Figure:
 
     figure = style.new_figure(style.PAGE, 3.6)
     axes = figure.subplot_mosaic("abc;ddd", height_ratios=(1, 2.2))
+    # The panels are in mm, so that their axes show lengths.
     rows, columns = image.shape
     width_mm = scale * columns
     height_mm = scale * rows
@@ -121,9 +130,18 @@ def _name_lines(
     settings: MeasureSettings,
     height_mm: float,
 ) -> None:
-    """Write the angle of each flank beside its line, and the mean above them.
+    """Write the angle of each flank beside its line, and the angle of the pile above.
 
-    `height_mm` is the height of the picture.
+    Parameters
+    ----------
+    panel : Axes
+        The panel of the picture, in mm.
+    measured : pile.Measurement
+        The measurement of the picture.
+    settings : MeasureSettings
+        Scale of the picture, and settings of the line.
+    height_mm : float
+        Height of the picture.
     """
     from repose.measure.photographs import drawing  # slow to import
 
@@ -147,7 +165,7 @@ def _name_lines(
             color=[value / 255 for value in reversed(blue_green_red)],
         )
     panel.set_title(f"d  boundary, Height {measured.height_mm:.1f} mm")
-    line_words = style.line_in_words(settings)
+    line_words = style.describe_line(settings)
     panel.set_title(
         f"angle of this view {angle.aor_deg:.1f}°, {line_words}", loc="right"
     )
@@ -197,7 +215,17 @@ def apparatus(inputs: Inputs, study: StudyView) -> Figure:
 
 
 def _draw_grains(panel: Axes, inputs: Inputs, colour: str) -> None:
-    """Draw the side view of the grains during a pour, each with its true outline."""
+    """Draw the side view of the grains during a pour, each with its true outline.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel of the test bench, in mm.
+    inputs : mapping
+        Paths of the `trajectory` of the pour and of the `particle`.
+    colour : str
+        Colour of the grains.
+    """
     particle = Particle.load(inputs["particle"])
     record = read_npz(
         inputs["trajectory"],
@@ -237,7 +265,14 @@ def _draw_grains(panel: Axes, inputs: Inputs, colour: str) -> None:
 def _draw_funnel(panel: Axes, walls: Any, settings: FunnelSettings) -> None:
     """Draw the walls of the funnel on both sides, and its rounded rim.
 
-    `settings` is the section `funnel`.
+    Parameters
+    ----------
+    panel : Axes
+        The panel of the test bench, in mm.
+    walls : sequence of Frustum
+        The walls.
+    settings : FunnelSettings
+        The section `funnel`.
     """
     for wall in walls:
         heights = [1e3 * wall.z_low_m, 1e3 * wall.z_high_m]
@@ -254,7 +289,19 @@ def _draw_funnel(panel: Axes, walls: Any, settings: FunnelSettings) -> None:
 def _draw_levels(
     panel: Axes, settings: FunnelSettings, factory: float, half_view: float
 ) -> None:
-    """Draw lines at the place where grains are made, at the outlet and at the plate."""
+    """Draw lines at the place where grains are made, at the outlet and at the plate.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel of the test bench, in mm.
+    settings : FunnelSettings
+        The section `funnel`.
+    factory : float
+        Height at which grains are made.
+    half_view : float
+        Half of the panel's width.
+    """
     levels = {
         "grains are made here": factory,
         "funnel outlet": settings.outlet_height_mm,
@@ -286,7 +333,16 @@ def _draw_dimensions(
 ) -> None:
     """Draw measured arrows: diameters across, heights at the left.
 
-    `settings` is the section `funnel`, `top` the height of the inlet.
+    Parameters
+    ----------
+    panel : Axes
+        The panel of the test bench, in mm.
+    settings : FunnelSettings
+        The section `funnel`.
+    top : float
+        Height of the inlet.
+    half_inlet : float
+        Half of its diameter.
     """
     outlet = settings.outlet_height_mm
     half_outlet = settings.outlet_diameter_mm / 2
@@ -347,7 +403,21 @@ def _draw_dimensions(
 def dimension(
     panel: Axes, start: Place, end: Place, text: str, place: Place, **options: Any
 ) -> None:
-    """Draw a measured arrow with its number at a place; `options` go to its text."""
+    """Draw a measured arrow with its number.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel.
+    start, end : tuple of float
+        Ends of the arrow.
+    text : str
+        The number.
+    place : tuple of float
+        Place of the number.
+    **options
+        Arguments of matplotlib's `text`.
+    """
     arrow = {
         "arrowstyle": "<->",
         "lw": 0.8,

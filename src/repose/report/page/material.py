@@ -1,4 +1,4 @@
-"""The material, the contacts and the simulation as values for another program."""
+"""Tabulate material, contacts and simulation as values for another program."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
@@ -27,10 +27,10 @@ def material_table(card: Mapping[str, Any]) -> Table:
         The content of a material card of a study that repose simulated.
     """
     values = [
-        *_grain_values(card["grain"]),
-        *_wall_values(card["wall"]),
-        *_contact_values(card["parameters"]),
-        *_simulation_values(card.get("simulation", {})),
+        *_list_grain_values(card["grain"]),
+        *_list_wall_values(card["wall"]),
+        *_list_contact_values(card["parameters"]),
+        *_list_simulation_values(card.get("simulation", {})),
     ]
     rows = [[value.name, f"{value.value:.6g}", value.unit] for value in values]
     return Table(["quantity", "value", "unit"], rows, style="material")
@@ -42,7 +42,7 @@ def law_table(card: Mapping[str, Any]) -> Table:
     return Table(["law", "description"], rows, style="laws")
 
 
-def _grain_values(grain: Mapping[str, Any]) -> Iterator[Value]:
+def _list_grain_values(grain: Mapping[str, Any]) -> Iterator[Value]:
     """Yield density, elastic constants, size, mass and moments of a grain."""
     yield Value("grain: density", grain["density_kg_m3"], "kg/m³")
     yield Value("grain: Young's modulus", grain["elastic_modulus_pa"], "Pa")
@@ -57,7 +57,7 @@ def _grain_values(grain: Mapping[str, Any]) -> Iterator[Value]:
         yield Value(f"grain: moment of inertia about {axis}", moment, "kg m²")
 
 
-def _wall_values(wall: Mapping[str, Any]) -> Iterator[Value]:
+def _list_wall_values(wall: Mapping[str, Any]) -> Iterator[Value]:
     """Yield the elastic constants of the walls."""
     material = Material(wall["shear_modulus_pa"], wall["poisson_ratio"])
     yield Value("wall: Young's modulus", material.elastic_modulus_pa, "Pa")
@@ -65,14 +65,14 @@ def _wall_values(wall: Mapping[str, Any]) -> Iterator[Value]:
     yield Value("wall: Poisson's ratio", material.poisson_ratio)
 
 
-def _contact_values(parameters: Mapping[str, Any]) -> Iterator[Value]:
+def _list_contact_values(parameters: Mapping[str, Any]) -> Iterator[Value]:
     """Yield the contact parameters of the answer."""
     for name, parameter in parameters.items():
         # The meaning of a parameter with a unit names the unit.
         yield Value(f"{parameter['meaning']} ({name})", parameter["value"], unit="")
 
 
-def _simulation_values(simulation: Mapping[str, float]) -> Iterator[Value]:
+def _list_simulation_values(simulation: Mapping[str, float]) -> Iterator[Value]:
     """Yield gravity and time step; cards of earlier versions have neither."""
     if simulation:
         yield Value("gravity, along -z", simulation["gravity_m_s2"], "m/s²")

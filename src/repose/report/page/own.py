@@ -67,5 +67,5 @@ def _draw_figures(calibration: Calibration) -> dict[str, io.BytesIO]:
         for name, part in own.parts(calibration).items():
             figure = style.new_figure(style.PAGE, part.height)
             part.draw(figure)
-            files[name] = style.encoded(figure)
+            files[name] = style.encode(figure)
     return files

@@ -178,7 +178,7 @@ def _pour(study: Results) -> dict[str, Any] | None:
     """Return the pour of the 3-D view as plain values; None without a trajectory."""
     if "trajectory" not in study.files or study.settings is None:
         return None
-    pour = scene.for_page(
+    pour = scene.export_pour(
         study.files["trajectory"],
         Particle.load(study.files["particle"]),
         study.settings.funnel,

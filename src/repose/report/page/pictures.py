@@ -33,8 +33,15 @@ class EmbeddedPicture(NamedTuple):
 def embed(source: PictureSource, caption: str) -> EmbeddedPicture:
     """Make a picture a part of the page.
 
-    A photograph is reduced. A figure, a PNG file with a resolution, is not shrunk
-    below `LEAST_SCALE` of its size on paper, so that its text stays readable.
+    A photograph is reduced. A figure, a PNG file with a resolution, is not shrunk below
+    `LEAST_SCALE` of its size on paper, so that its text stays readable.
+
+    Parameters
+    ----------
+    source : path or file
+        The picture, as PNG or JPEG.
+    caption : str
+        Text below it.
 
     Raises
     ------
@@ -48,6 +55,7 @@ def embed(source: PictureSource, caption: str) -> EmbeddedPicture:
             dpi = opened.info.get("dpi", (0,))[0]
     except (UnidentifiedImageError, FileNotFoundError, IsADirectoryError) as error:
         raise InputError(source, "picture", str(error), "a PNG or JPEG file") from error
+    # Pixels over dots per inch are the width on paper in inches.
     least_width = 0
     if is_drawing and dpi:
         least_width = round(LEAST_SCALE * CSS_DPI * image.width / dpi)
@@ -73,7 +81,10 @@ def embed_known(
 
 
 def _data_url(image: Image.Image, is_drawing: bool) -> str:
-    """Encode a picture as an address that holds it: a drawing as PNG, others as JPEG."""
+    """Encode a picture as an address that holds it: a drawing as PNG, others as JPEG.
+
+    A drawing gets a palette of few colours, which makes it small.
+    """
     content = io.BytesIO()
     if is_drawing:
         kind = "png"

@@ -1,10 +1,10 @@
-"""The surrogate in a page without Python: data from which its sliders predict.
+"""Write the surrogate for a page without Python, as data from which sliders predict.
 
 A network, and each network of an ensemble, is stored whole, with the root of the
 covariance of its weights; `network.js` predicts from them like
-`repose.calibrate.surrogates.network_ensemble`. Other surrogates are stored as curves and
-planes: one parameter, or two of them, vary over their ranges, the others stay at the
-answer.
+`repose.calibrate.surrogates.network_ensemble`. Other surrogates are stored as curves
+and planes: one parameter, or two of them, vary over their ranges, the others stay at
+the answer.
 """
 
 import base64
@@ -32,7 +32,12 @@ SCALING_KEYS = ("input_min", "input_max", "output_min", "output_max", "scaled_ra
 def packed(array: np.ndarray, dtype: str) -> str:
     """Write an array as Base64 for a typed array of JavaScript.
 
-    `dtype` is a little-endian type of NumPy, such as ``<f4``.
+    Parameters
+    ----------
+    array : ndarray
+        The numbers.
+    dtype : str
+        A little-endian type of NumPy, such as ``<f4``.
     """
     return base64.b64encode(np.ascontiguousarray(array, dtype=dtype).tobytes()).decode()
 
@@ -63,7 +68,15 @@ def for_page(
 
 
 def _networks(surrogate: BayesianBP | NetworkEnsemble) -> dict[str, Any]:
-    """Return the weights of a network, or of each network of an ensemble."""
+    """Collect the weights of a network, or of each network of an ensemble.
+
+    Returns
+    -------
+    dict
+        `kind` is ``network``. `members` has the weights of each network, and the root
+        of the covariance of the weights as `root`, packed. Besides, there are the
+        scaling of inputs and outputs, which all networks share.
+    """
     if isinstance(surrogate, NetworkEnsemble):
         networks: list[BayesianBP] = surrogate.members_
     else:
@@ -85,9 +98,23 @@ def _curves_and_planes(
 ) -> dict[str, Any]:
     """Predict the responses along each free parameter, and over each pair of them.
 
-    The keys of `curves` are names of parameters, those of `planes` pairs of names, such as
-    ``first second``. Each entry has the mean and the standard deviation. Those of a plane
-    (points, points, responses) are packed, and the first parameter varies with the row.
+    Parameters
+    ----------
+    surrogate : Predictor
+        The surrogate.
+    parameters : ParameterSpace
+        The parameters of the study.
+    answer : ndarray
+        The reported parameter set (d,), at which the other parameters stay.
+
+    Returns
+    -------
+    dict
+        `kind` is ``curves``. The keys of `curves` are names of parameters, those of
+        `planes` pairs of names, such as ``first second``. Each entry has the mean and
+        the standard deviation. Those of a plane (points, points, responses) are packed,
+        and the first parameter varies with the row. `planePoints` is the number of
+        points along a side.
     """
     curves = {}
     for name in parameters.free:
@@ -100,6 +127,7 @@ def _curves_and_planes(
             "std": np.asarray(std).tolist(),
         }
 
+    # Without a pair of parameters there is no plane.
     pairs = list(combinations(parameters.free, 2))
     n_points = 0
     if pairs:
@@ -107,7 +135,7 @@ def _curves_and_planes(
         n_points = plane_points(len(pairs), n_responses)
     planes = {}
     for first, second in pairs:
-        points = _points_of_plane(parameters, answer, (first, second), n_points)
+        points = _make_plane_points(parameters, answer, (first, second), n_points)
         mean, std = surrogate.predict(points, return_std=True, noise=False)
         planes[f"{first} {second}"] = {
             "mean": packed(mean, "<f4"),
@@ -122,21 +150,45 @@ def _curves_and_planes(
 
 
 def plane_points(n_pairs: int, n_responses: int) -> int:
-    """Return the number of points along a side of each plane, so that the page stays small.
+    """Choose the number of points along a side of each plane, so that the page is small.
 
     Mean and standard deviation of each response are stored at each point.
+
+    Parameters
+    ----------
+    n_pairs : int
+        Number of planes.
+    n_responses : int
+        Number of responses.
     """
     most_points = MOST_PLANE_NUMBERS / (2 * n_responses * n_pairs)
     return max(LEAST_PLANE_POINTS, min(PLANE_POINTS, math.isqrt(int(most_points))))
 
 
-def _points_of_plane(
+def _make_plane_points(
     parameters: ParameterSpace,
     answer: np.ndarray,
     pair: Sequence[str],
     n_points: int,
 ) -> np.ndarray:
-    """Return points (n_points^2, d) over the ranges of a pair, the first one down."""
+    """Make the points of a plane, which two parameters span.
+
+    Parameters
+    ----------
+    parameters : ParameterSpace
+        The parameters of the study.
+    answer : ndarray
+        The reported parameter set (d,), at which the other parameters stay.
+    pair : sequence of str
+        Names of both parameters.
+    n_points : int
+        Number of points along each.
+
+    Returns
+    -------
+    ndarray
+        Points (n_points^2, d); the first parameter of the pair changes last.
+    """
     first, second = pair
     down, across = np.meshgrid(
         _spread_over_range(parameters, first, n_points),
@@ -152,9 +204,21 @@ def _points_of_plane(
 def _spread_over_range(
     parameters: ParameterSpace, name: str, n_points: int
 ) -> np.ndarray:
-    """Spread values (n_points,) evenly over the range of a free parameter.
+    """Spread values evenly over the range of a free parameter, along its scale.
 
-    They are even along its scale.
+    Parameters
+    ----------
+    parameters : ParameterSpace
+        The parameters of the study.
+    name : str
+        Name of the parameter.
+    n_points : int
+        Number of values.
+
+    Returns
+    -------
+    ndarray
+        Values (n_points,), with both ends of the range.
     """
     if name in parameters.scale:
         return parameters.values_at(name, np.linspace(0, 1, n_points))

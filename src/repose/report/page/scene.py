@@ -1,4 +1,4 @@
-"""A pour for the page's 3-D view: the triangles of a grain, and the grains' places.
+"""Write a pour for the page's 3-D view: triangles of a grain, and the grains' places.
 
 To take few bytes, positions are whole multiples of 1/65534 of the space of the grains,
 and orientations whole multiples of 1/127: a grain is within 0.02 mm and 1 degree of its
@@ -47,7 +47,7 @@ class Quantised(NamedTuple):
     step: np.ndarray  # (3,)
 
 
-def for_page(
+def export_pour(
     trajectory: str | os.PathLike[str], particle: Particle, section: "FunnelSettings"
 ) -> dict[str, Any]:
     """Return a pour as plain values by name, lengths in mm.
@@ -113,6 +113,18 @@ def choose_frames(times_s: np.ndarray, n_grains: int) -> np.ndarray:
     """Choose the frames of a page: evenly over the time, with the last one.
 
     Their number is limited by `FRAMES` and `MAX_BYTES`.
+
+    Parameters
+    ----------
+    times_s : ndarray
+        Times (T,) of the frames of the trajectory.
+    n_grains : int
+        Number of grains.
+
+    Returns
+    -------
+    ndarray of int
+        Numbers of the chosen frames.
     """
     bytes_per_frame = BYTES_PER_GRAIN * max(n_grains, 1)
     most_frames = max(2, MAX_BYTES // bytes_per_frame)
@@ -122,14 +134,23 @@ def choose_frames(times_s: np.ndarray, n_grains: int) -> np.ndarray:
 
 
 def quantised(positions: np.ndarray) -> Quantised:
-    """Convert positions (T, N, 3) to whole numbers, to save memory.
+    """Convert positions to whole numbers, to save memory.
 
-    A grain is absent while its position is NaN.
+    Parameters
+    ----------
+    positions : ndarray
+        Positions (T, N, 3). A grain is absent while its position is NaN.
+
+    Returns
+    -------
+    Quantised
+        The whole numbers, and how to convert them back.
     """
     is_there = np.isfinite(positions).all(axis=2)
     whole = np.full(positions.shape, ABSENT, np.uint16)
     if not is_there.any():
         return Quantised(whole, low=np.zeros(3), step=np.ones(3))
+    # Divide the space of all grains into equal steps along each axis.
     low = positions[is_there].min(axis=0)
     high = positions[is_there].max(axis=0)
     step = np.maximum(high - low, 1e-9) / STEPS
@@ -138,27 +159,39 @@ def quantised(positions: np.ndarray) -> Quantised:
 
 
 def grain_surface(particle: Particle, most_triangles: int) -> Surface:
-    """Return the surface of a grain as a coarse mesh.
+    """Make the surface of a grain as a coarse mesh.
 
-    `most_triangles` is the largest number of triangles, where the coarsest mesh allows it.
     A grain of spheres loses the triangles that lie inside other spheres.
+
+    Parameters
+    ----------
+    particle : Particle
+        The grain.
+    most_triangles : int
+        Largest number of triangles. The coarsest mesh may have more.
     """
     if not particle.is_clump:
         # n rings of 2 n points have about 4 n^2 triangles.
         n_rings = int(np.clip(np.sqrt(most_triangles / 4), 8, 18))
         points, normals, triangles = tessellate(particle, n_rings, 2 * n_rings)
         return Surface(1e3 * points, normals, triangles)
+    # Use the finer of two meshes of a sphere, if it has few enough triangles.
     spheres = 1e3 * np.asarray(particle.spheres_m, dtype=float)
-    fine = _visible_surface(spheres, trimesh.creation.icosphere(subdivisions=2))
+    fine = _make_visible_surface(spheres, trimesh.creation.icosphere(subdivisions=2))
     if len(fine.triangles) <= most_triangles:
         return fine
-    return _visible_surface(spheres, trimesh.creation.icosphere(subdivisions=1))
+    return _make_visible_surface(spheres, trimesh.creation.icosphere(subdivisions=1))
 
 
-def _visible_surface(spheres: np.ndarray, ball: trimesh.Trimesh) -> Surface:
-    """Return the surface of spheres (M, 4) without triangles inside other spheres.
+def _make_visible_surface(spheres: np.ndarray, ball: trimesh.Trimesh) -> Surface:
+    """Make the surface of a clump without the triangles inside its spheres.
 
-    `ball` is a mesh of the unit sphere.
+    Parameters
+    ----------
+    spheres : ndarray
+        Centres and radii (M, 4) in mm.
+    ball : Trimesh
+        Mesh of the unit sphere, which stands for each of them.
     """
     unit_points = np.asarray(ball.vertices)
     centres = spheres[:, :3]

@@ -254,7 +254,21 @@ def _surrogate(
 ) -> Predictor | None:
     """Load the surrogate from its file, or fit kriging to all runs of a strategy.
 
-    The result is None if there is neither a file nor a table of runs.
+    Parameters
+    ----------
+    files : mapping
+        Paths of the study's files by name.
+    targets : Targets
+        The targets, whose responses it predicts.
+    parameters : ParameterSpace
+        The parameters of the study.
+    names : sequence of str or None
+        Names of the parameters of another simulator; None for those of our own.
+
+    Returns
+    -------
+    Predictor or None
+        None if there is neither a file nor a table of runs.
     """
     if "network" in files:
         return load(files["network"], targets.names)

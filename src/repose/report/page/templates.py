@@ -1,4 +1,4 @@
-"""The Jinja2 templates of the report, which escape every value."""
+"""Fill the Jinja2 templates of the report, which escape every value."""
 
 import math
 from pathlib import Path

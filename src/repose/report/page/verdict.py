@@ -1,4 +1,4 @@
-"""The verdict of a report: whether the targets are met, and how probably."""
+"""Describe whether the targets of a study are met, and how probably."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -88,8 +88,12 @@ def _rating(assessment: Assessment, probability: float | None) -> str:
 def probability_text(study: Results, names_inside: bool = True) -> str:
     """Describe in sentences how probable it is that the answer meets the targets.
 
-    The first sentence, on all target ranges together, is left out without
-    `names_inside`.
+    Parameters
+    ----------
+    study : Results
+        The results of the study.
+    names_inside : bool
+        Whether to begin with the sentence on all target ranges together.
     """
     probability = study.probability["all"]
     if probability is None:

@@ -1,1 +1,1 @@
-"""Pictures of grains and walls."""
+"""Draw shaded pictures and films of grains and walls, without a screen."""

@@ -26,7 +26,7 @@ class DrumInside:
     turned_rad: float = 0.0  # about -y; the marks on the rim show it
 
     def outline(self) -> np.ndarray:
-        """Return points (144, 3) in m that a picture must contain: both rims."""
+        """Compute points (144, 3) in m that a picture must contain: both rims."""
         angle = np.linspace(0.0, 2.0 * math.pi, CIRCLE_POINTS, endpoint=False)
         outer_radius = self.radius_m + self.thickness_m
         x = outer_radius * np.cos(angle)
@@ -81,7 +81,20 @@ class DrumInside:
         return np.where(meets_drum, depth, np.inf), normal
 
     def _shell_depth(self, eye_m: np.ndarray, rays: np.ndarray) -> np.ndarray:
-        """Find the depth (H, W) at which each ray leaves the endless inner cylinder."""
+        """Compute the depth at which each ray leaves the endless inner cylinder.
+
+        Parameters
+        ----------
+        eye_m : array (3,)
+            Place of the camera.
+        rays : array (H, W, 3)
+            Directions of unit depth.
+
+        Returns
+        -------
+        array (H, W)
+            Depth in m, infinite for a ray along the axis.
+        """
         # A point eye + t * ray is on the cylinder where a t^2 + 2 b t + c = 0; the ray
         # leaves the cylinder at the larger root.
         a = rays[..., 0] ** 2 + rays[..., 2] ** 2
@@ -94,7 +107,7 @@ class DrumInside:
     def paint(
         self, place: np.ndarray, normal: np.ndarray, lit: np.ndarray, sky: np.ndarray
     ) -> np.ndarray:
-        """Return the colours of places on the drum.
+        """Compute the colours of places on the drum.
 
         Parameters
         ----------
@@ -124,9 +137,18 @@ class DrumInside:
 
 
 def _is_marked(angle: np.ndarray) -> np.ndarray:
-    """Return which angles (M,) in radians on the rim have a mark.
+    """Return which places on the rim have a mark.
 
     The mark at the bottom of a drum that has not turned is three times as wide.
+
+    Parameters
+    ----------
+    angle : array (M,)
+        Angles of the places in radians, from the drum's own x axis.
+
+    Returns
+    -------
+    array (M,) of bool
     """
     spacing = 2.0 * math.pi / MARKS
     to_nearest_mark = np.abs((angle + 0.5 * spacing) % spacing - 0.5 * spacing)

@@ -108,9 +108,7 @@ def place_bodies(
         centres, turn=turn, shapes=shapes, shape_ids=shape_ids, scales=scales
     )
     # The unit sphere is the last shape; a shape of spheres is not drawn itself.
-    drawn_shapes = [
-        _Ball() if len(_spheres_of_shape(shape)) else shape for shape in shapes
-    ]
+    drawn_shapes = [_Ball() if len(_read_spheres(shape)) else shape for shape in shapes]
     drawn_shapes.append(_Ball())
     tessellated = [tessellate(shape) for shape in drawn_shapes]
     points = np.array([points for points, _, _ in tessellated])
@@ -136,8 +134,8 @@ def place_bodies(
     )
 
 
-def _spheres_of_shape(shape: Drawable) -> np.ndarray:
-    """Return the spheres (M, 4) of a shape; an empty array for a shape of another kind."""
+def _read_spheres(shape: Drawable) -> np.ndarray:
+    """Return the spheres (M, 4) of a shape; empty for a shape of another kind."""
     return np.asarray(getattr(shape, "spheres_m", ()))
 
 
@@ -150,14 +148,24 @@ def _split_into_parts(
 ) -> _Parts:
     """Split bodies of spheres into their spheres; other bodies are one part each.
 
-    `turn` (N, 3, 3) are the rotations of the bodies, the other arguments those of
-    `place_bodies`. A sphere has the number of shapes as the number of its shape.
+    Parameters
+    ----------
+    centres, shapes, shape_ids, scales
+        As of `place_bodies`.
+    turn : array (N, 3, 3)
+        Rotations of the bodies to the world.
+
+    Returns
+    -------
+    _Parts
+        The parts. A sphere gets the number of shapes as the number of its shape,
+        because the unit sphere follows the other shapes.
     """
     ball_id = len(shapes)
     parts_of_shapes = []
     for shape_id, shape in enumerate(shapes):
         bodies = np.flatnonzero(shape_ids == shape_id)
-        spheres = _spheres_of_shape(shape)
+        spheres = _read_spheres(shape)
         if len(spheres):
             parts = _place_spheres(
                 bodies,
@@ -175,6 +183,7 @@ def _split_into_parts(
                 owner=bodies,
             )
         parts_of_shapes.append(parts)
+    # Join the parts of all shapes, field by field.
     columns = zip(*parts_of_shapes, strict=True)
     return _Parts(*(np.concatenate(column) for column in columns))
 
@@ -187,7 +196,19 @@ def _place_spheres(
     scales: np.ndarray,
     ball_id: int,
 ) -> _Parts:
-    """Return the spheres (S, 4) of each of the bodies numbered `bodies` (M,) as parts."""
+    """Place the spheres of several bodies of one shape, each as a part.
+
+    Parameters
+    ----------
+    bodies : array (M,) of int
+        Numbers of the bodies.
+    spheres : array (S, 4)
+        Centres and radii of the spheres of their shape in m.
+    centres, turn, scales
+        Of all bodies, as of `_split_into_parts`.
+    ball_id : int
+        Number of the shape of a sphere.
+    """
     owner = np.repeat(bodies, len(spheres))
     spheres_of_bodies = np.tile(spheres, (len(bodies), 1))
     offsets = np.einsum("nij,nj->ni", turn[owner], spheres_of_bodies[:, :3])

@@ -66,10 +66,10 @@ def animate_pour(
     InputError
         For a bad trajectory, another ending, or a file that stays too large.
     """
-    out_path = _with_known_ending(out_path)
+    out_path = _check_ending(out_path)
     record = read_npz(trajectory, KEYS, "the trajectory of a pour")
     positions = record["position"]
-    scales = _scales(record)
+    scales = _read_scales(record)
     default_view: dict[str, Any] = {
         "width": 360,
         "height": 460,
@@ -80,25 +80,43 @@ def animate_pour(
         **default_view,
         **view,
         "walls": walls,
-        "frame_m": _frame_of_pour(positions[-1], particle, scales=scales, walls=walls),
+        "frame_m": _find_frame_of_pour(
+            positions[-1], particle, scales=scales, walls=walls
+        ),
         "scales": scales,
     }
     pictures = [
         render_pile(positions[k], record["quaternion"][k], particle, **options)
-        for k in _spread(record["time_s"], frames)
+        for k in _choose_frames(record["time_s"], frames)
     ]
-    _write_within(pictures, FRAME_S, out_path=out_path, max_bytes=MAX_BYTES)
+    _write_limited(pictures, FRAME_S, out_path=out_path, max_bytes=MAX_BYTES)
 
 
-def _frame_of_pour(
+def _find_frame_of_pour(
     last_positions: np.ndarray,
     particle: Drawable,
     scales: np.ndarray,
     walls: Sequence[Frustum],
 ) -> np.ndarray:
-    """Return the points (M, 3) that every picture of a pour must contain.
+    """Find the points that each picture of a pour must contain: pile and funnel.
 
-    These are the pile and the funnel. Grains that rolled far away may be cut off.
+    Grains that rolled far away may be cut off.
+
+    Parameters
+    ----------
+    last_positions : array (N, 3)
+        Positions of the grains at the end in m; NaN for a grain that is not there.
+    particle : Drawable
+        The shape of the grains.
+    scales : array (N,)
+        Sizes of the grains as multiples of it.
+    walls : sequence of Frustum
+        The walls of the funnel.
+
+    Returns
+    -------
+    array (M, 3)
+        The points in m.
     """
     is_there = np.isfinite(last_positions).all(axis=1)
     resting = last_positions[is_there].astype(float)
@@ -139,14 +157,14 @@ def animate(
     InputError
         Without a frame, and as of `animate_pour`.
     """
-    out_path = _with_known_ending(out_path)
+    out_path = _check_ending(out_path)
     times = frames["time_s"]
     if not len(times):
         raise InputError(out_path, "frames", 0, "at least one recorded frame")
     shapes = list(simulation.shapes.values())
-    settings = _settings_of(simulation, frames)
+    settings = _list_settings(simulation, frames)
     if view.get("frame_m") is None:
-        view["frame_m"] = _frame_of_ends(shapes, frames, settings[-1])
+        view["frame_m"] = _find_frame_of_ends(shapes, frames, settings[-1])
     drawn = [
         render_bodies(
             frames["position"][k],
@@ -157,17 +175,26 @@ def animate(
             setting=settings[k],
             **view,
         )
-        for k in _spread(times, pictures)
+        for k in _choose_frames(times, pictures)
     ]
-    _write_within(drawn, FRAME_S, out_path=out_path, max_bytes=MAX_BYTES)
+    _write_limited(drawn, FRAME_S, out_path=out_path, max_bytes=MAX_BYTES)
 
 
-def _settings_of(
+def _list_settings(
     simulation: Simulation, frames: Mapping[str, np.ndarray]
 ) -> list[Setting]:
-    """Return the walls in each frame."""
+    """List the walls in each frame of a film.
+
+    Parameters
+    ----------
+    simulation : Simulation
+        The simulation.
+    frames : mapping
+        What `repose.dem.Recorder.frames` returns; without ``planes`` the walls rest, or
+        turn about their axis.
+    """
     if "planes" not in frames:
-        # The walls rest, or turn about their axis.
+        # All frames have the same walls.
         return len(frames["time_s"]) * [setting_of(simulation)]
     walls = zip(frames["planes"], frames["wall_frames"], strict=True)
     return [
@@ -175,10 +202,25 @@ def _settings_of(
     ]
 
 
-def _frame_of_ends(
+def _find_frame_of_ends(
     shapes: Sequence[Drawable], frames: Mapping[str, np.ndarray], last: Setting
 ) -> np.ndarray:
-    """Return points (M, 3) about the bodies of the first and last frame and the walls."""
+    """Find points about the bodies of the first and last frame, and about the walls.
+
+    Parameters
+    ----------
+    shapes : sequence of Drawable
+        The shapes of the bodies.
+    frames : mapping
+        What `repose.dem.Recorder.frames` returns.
+    last : Setting
+        The walls in the last frame.
+
+    Returns
+    -------
+    array (M, 3)
+        The points in m.
+    """
     centres = frames["position"][[0, -1]].reshape(-1, 3)
     centres = centres[np.isfinite(centres).all(axis=1)].astype(float)
     largest_scale = float(frames["scale"].max(initial=0.0))
@@ -196,11 +238,29 @@ def animate_drum(
 ) -> None:
     """Write an endless animation of a turning drum, seen along its axis.
 
-    The marks on its rim turn with it. `trajectory` and `view` are as for `animate_pour`,
-    with turned_deg (T,) in addition; `section` is the section `drum` of the
-    configuration.
+    The marks on its rim turn with it.
+
+    Parameters
+    ----------
+    trajectory : path
+        As for `animate_pour`, with turned_deg (T,) in addition.
+    particle : Drawable
+        The shape of the grains.
+    out_path : path
+        File that ends in .gif or .webp.
+    section : DrumSettings
+        The section `drum` of the configuration.
+    frames : int
+        Number of pictures, spread evenly over the time.
+    **view
+        Further arguments of `repose.report.renderer.render.render_bodies`.
+
+    Raises
+    ------
+    InputError
+        As of `animate_pour`.
     """
-    out_path = _with_known_ending(out_path)
+    out_path = _check_ending(out_path)
     record = read_npz(trajectory, (*KEYS, "turned_deg"), "the trajectory of a drum")
     turned_rad = np.radians(record["turned_deg"])
     default_view: dict[str, Any] = {
@@ -208,10 +268,10 @@ def animate_drum(
         "elevation_deg": 0.0,
         "azimuth_deg": -90.0,
     }
-    options = {**default_view, **view, "scales": _scales(record)}
+    options = {**default_view, **view, "scales": _read_scales(record)}
     options["height"] = options["width"]  # the picture is a square
     pictures = []
-    for k in _spread(record["time_s"], frames):
+    for k in _choose_frames(record["time_s"], frames):
         inside = drum_inside(section, turned_rad[k])
         picture = render_pile(
             record["position"][k],
@@ -222,11 +282,19 @@ def animate_drum(
             **options,
         )
         pictures.append(picture)
-    _write_within(pictures, DRUM_FRAME_S, out_path=out_path, max_bytes=DRUM_MAX_BYTES)
+    _write_limited(pictures, DRUM_FRAME_S, out_path=out_path, max_bytes=DRUM_MAX_BYTES)
 
 
 def drum_inside(section: "DrumSettings", turned_rad: float) -> DrumInside:
-    """Return the drum as a backdrop; `section` is the section `drum`."""
+    """Make the drum of a configuration as a backdrop.
+
+    Parameters
+    ----------
+    section : DrumSettings
+        The section `drum`.
+    turned_rad : float
+        Angle by which the drum has turned.
+    """
     thickness_m = 1e-3 * section.wall_thickness_mm
     radius_m = 0.5e-3 * section.outer_diameter_mm - thickness_m
     return DrumInside(
@@ -237,31 +305,58 @@ def drum_inside(section: "DrumSettings", turned_rad: float) -> DrumInside:
     )
 
 
-def _scales(record: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Return the scales (N,) of the grains of a trajectory."""
+def _read_scales(record: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Read the sizes (N,) of the grains of a trajectory; 1 if it has none."""
     return record.get("scale", np.ones(record["position"].shape[1]))
 
 
-def _with_known_ending(out_path: Path_) -> Path:
-    """Return the path; InputError for an ending that cannot be written."""
+def _check_ending(out_path: Path_) -> Path:
+    """Return a path; raise InputError for an ending that cannot be written."""
     out_path = Path(out_path)
     if out_path.suffix.lower() not in FORMATS:
         raise InputError(out_path, "ending", out_path.suffix, ".gif or .webp")
     return out_path
 
 
-def _spread(times: np.ndarray, frames: int) -> np.ndarray:
-    """Return the indices of at most this number of frames, evenly over the time."""
+def _choose_frames(times: np.ndarray, frames: int) -> np.ndarray:
+    """Choose frames evenly over the time.
+
+    Parameters
+    ----------
+    times : array (T,)
+        Times of all frames.
+    frames : int
+        Number of frames to choose, at most.
+
+    Returns
+    -------
+    array of int
+        Numbers of the chosen frames.
+    """
     shown_times = np.linspace(times[0], times[-1], min(frames, len(times)))
     return np.searchsorted(times, shown_times)
 
 
-def _write_within(
+def _write_limited(
     pictures: Sequence[np.ndarray], frame_s: float, out_path: Path, max_bytes: int
 ) -> None:
-    """Write an animation with the most colours that fit into `max_bytes`.
+    """Write an animation with the most colours that the limit of its size allows.
 
-    InputError if the file is too large even with the fewest colours.
+    Parameters
+    ----------
+    pictures : sequence of array
+        Pictures (H, W, 3) of uint8.
+    frame_s : float
+        Time that each picture is shown; the last one is shown for `LAST_S`.
+    out_path : Path
+        File that ends in .gif or .webp.
+    max_bytes : int
+        Largest size of the file.
+
+    Raises
+    ------
+    InputError
+        If the file is too large even with the fewest colours.
     """
     images = [Image.fromarray(picture) for picture in pictures]
     durations_ms = [round(1000 * frame_s)] * len(images)
@@ -284,7 +379,22 @@ def _write_within(
 def _encode_gif(
     images: Sequence[Image.Image], durations_ms: list[int], colours: int
 ) -> bytes:
-    """Return pictures as the content of a GIF with a number of colours."""
+    """Encode pictures as a GIF.
+
+    Parameters
+    ----------
+    images : sequence of Image
+        The pictures.
+    durations_ms : list of int
+        How long each is shown.
+    colours : int
+        Number of colours.
+
+    Returns
+    -------
+    bytes
+        The content of the file.
+    """
     # One palette for all frames, that of the last one: parts at rest keep their colours.
     palette = images[-1].quantize(colours)
     first, *others = (
@@ -307,7 +417,22 @@ def _encode_gif(
 def _encode_webp(
     images: Sequence[Image.Image], durations_ms: list[int], quality: int
 ) -> bytes:
-    """Return pictures as the content of a WebP file of a quality."""
+    """Encode pictures as a WebP file.
+
+    Parameters
+    ----------
+    images : sequence of Image
+        The pictures.
+    durations_ms : list of int
+        How long each is shown.
+    quality : int
+        Quality from 0 to 100.
+
+    Returns
+    -------
+    bytes
+        The content of the file.
+    """
     first, *others = images
     content = io.BytesIO()
     first.save(

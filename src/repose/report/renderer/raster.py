@@ -1,4 +1,4 @@
-"""Compiled loops over the pixels of a picture: z-buffer, soft shadow, open sky.
+"""Loop over the pixels of a picture in compiled code: z-buffer, soft shadow, open sky.
 
 A `camera` is here the tuple of its place (3,) in m, its axes (3, 3), rows right, up and
 forward, and its focal length in pixels.
@@ -15,9 +15,11 @@ GOLDEN_ANGLE = 2.399963  # in radians
 
 @compiled
 def _rasterise(x, y, near, triangles, nearest, body, weights, triangle):
-    """Draw all triangles that face the viewer into a z-buffer: the largest `near` wins.
+    """Draw all triangles that face the viewer into a z-buffer.
 
-    The arguments are those of `draw`, and the arrays that it returns.
+    A pixel keeps the triangle with the largest `near`, which is the nearest one. The
+    first four arguments are those of `draw`. The others are the arrays that `draw`
+    returns, which are written to.
     """
     rows, columns = nearest.shape
     for b in range(x.shape[0]):
@@ -104,8 +106,8 @@ def draw(
 
 
 @compiled
-def _angle_of_pixel(row, column):
-    """Return a fixed angle that differs between neighbours.
+def _compute_pixel_angle(row, column):
+    """Compute a fixed angle for a pixel that differs between neighbours.
 
     By it few samples give fine grain instead of bands.
     """
@@ -115,8 +117,19 @@ def _angle_of_pixel(row, column):
 
 
 @compiled
-def _spiral(taps):
-    """Return offsets across (taps,) and down (taps,) that fill the unit disc evenly."""
+def _make_spiral(taps):
+    """Make points of a spiral that fill the unit disc evenly.
+
+    Parameters
+    ----------
+    taps : int
+        Number of points.
+
+    Returns
+    -------
+    across, down : array (taps,)
+        Their coordinates.
+    """
     across = np.empty(taps)
     down = np.empty(taps)
     for tap in range(taps):
@@ -172,7 +185,7 @@ def lit_fraction(
     rows, columns = depth.shape
     map_rows, map_columns = light_map.shape
     lit = np.ones((rows, columns), np.float32)
-    across, down = _spiral(taps)
+    across, down = _make_spiral(taps)
     point = np.empty(3)
     place = np.empty(3)  # of the point, in the axes of the light
     reach = 1.0 + softness_m / pixel_m  # of the disc of samples, in pixels of the map
@@ -193,7 +206,7 @@ def lit_fraction(
             if not (-reach < u < map_columns + reach and -reach < v < map_rows + reach):
                 continue
             # The disc is turned by another angle in each pixel.
-            angle = _angle_of_pixel(row, column)
+            angle = _compute_pixel_angle(row, column)
             turn_x = softness_m * math.cos(angle)
             turn_y = softness_m * math.sin(angle)
             open_taps = 0
@@ -238,7 +251,7 @@ def openness(depth, normals, camera, mask, radius_m, taps):
     """
     rows, columns = depth.shape
     open_sky = np.ones((rows, columns), np.float32)
-    across, down = _spiral(taps)
+    across, down = _make_spiral(taps)
     point = np.empty(3)
     neighbour = np.empty(3)
     for row in range(rows):
@@ -246,7 +259,7 @@ def openness(depth, normals, camera, mask, radius_m, taps):
             if not mask[row, column] or math.isinf(depth[row, column]):
                 continue
             place_of(camera, depth.shape, row, column, depth[row, column], point)
-            angle = _angle_of_pixel(row, column)
+            angle = _compute_pixel_angle(row, column)
             # The disc of neighbours in pixels, turned by another angle in each pixel.
             reach_px = radius_m * camera[2] / depth[row, column]
             turn_x = reach_px * math.cos(angle)
@@ -265,6 +278,7 @@ def openness(depth, normals, camera, mask, radius_m, taps):
                     height += step * normals[row, column, k]
                     squared_distance += step * step
                 # A neighbour hides the more of the sky, the higher and the nearer it is.
+                # Neighbours near the plane of the surface, or far away, hide nothing.
                 distance = math.sqrt(squared_distance)
                 hidden += max(0.0, height / distance - 0.08) * max(
                     0.0, 1.0 - 0.4 * distance / radius_m

@@ -1,4 +1,4 @@
-"""Shaded pictures of grains, drawn in software.
+"""Draw shaded pictures of grains in software.
 
 They need no graphics card and no window, and are the same everywhere. Every shape is
 tessellated once by its support points x(n), whose normal is n itself, so the shading is
@@ -110,6 +110,7 @@ def render_bodies(  # noqa: PLR0913  (each has a default that a picture may chan
     array (height, width, 3) of uint8
         Red, green and blue.
     """
+    # Replace the arguments that are left out, and drop the bodies that are not drawn.
     setting = setting or Setting()
     height = height or round(0.6 * width)
     shown = np.flatnonzero(np.isfinite(centres_m).all(axis=1))
@@ -122,6 +123,8 @@ def render_bodies(  # noqa: PLR0913  (each has a default that a picture may chan
         shown_scales = np.ones(len(shown))
     else:
         shown_scales = np.asarray(scales, float)[shown]
+
+    # The pixels of the camera are rays; several of them give a pixel of the picture.
     bodies = place_bodies(
         centres,
         np.asarray(quaternions, float)[shown],
@@ -160,9 +163,27 @@ def render_mesh(
     height: int,
     **angles: Any,
 ) -> np.ndarray:
-    """Draw a shaded picture (height, width, 3) of one mesh in m, alone.
+    """Draw a shaded picture of one mesh, alone.
 
-    `angles` are those of the camera, as for `render_bodies`.
+    Parameters
+    ----------
+    mesh : Trimesh
+        The mesh in m.
+    frame_m : array (M, 3)
+        Points that the picture contains.
+    supersample : int
+        Rays along each side of a pixel.
+    colour : str
+        Of the mesh, as #rrggbb.
+    width, height : int
+        Of the picture in pixels.
+    **angles
+        Those of the camera, as for `render_bodies`.
+
+    Returns
+    -------
+    array (height, width, 3) of uint8
+        Red, green and blue.
     """
     first = np.zeros(1, int)
     bodies = Bodies(
@@ -187,9 +208,19 @@ def render_mesh(
 
 
 def render_simulation(simulation: Simulation, **view: Any) -> np.ndarray:
-    """Draw a shaded picture (height, width, 3) of a simulation as it is.
+    """Draw a shaded picture of a simulation as it is.
 
-    `view` are further arguments of `render_bodies`.
+    Parameters
+    ----------
+    simulation : Simulation
+        The simulation.
+    **view
+        Further arguments of `render_bodies`.
+
+    Returns
+    -------
+    array (height, width, 3) of uint8
+        Red, green and blue.
     """
     centres = np.where(simulation.present[:, None], simulation.positions, np.nan)
     return render_bodies(

@@ -1,4 +1,4 @@
-"""Scenery of a picture of bodies: walls, and the camera."""
+"""Describe the scenery of a picture of bodies: its walls, and the camera."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -74,9 +74,19 @@ class Camera:
     def project(
         self, points_m: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return columns and rows of points in pixels, and their inverse depth in 1/m.
+        """Compute where points of the world lie in the picture.
 
-        Row 0 is on top.
+        Parameters
+        ----------
+        points_m : array (..., 3)
+            The points, in front of the camera.
+
+        Returns
+        -------
+        x, y : array (...,)
+            Columns and rows in pixels; row 0 is on top.
+        near : array (...,)
+            Inverse depth in 1/m.
         """
         seen = (points_m - self.eye_m) @ self.axes.T
         near = 1.0 / seen[..., 2]
@@ -85,9 +95,17 @@ class Camera:
         return x, y, near
 
     def rays(self, rows: slice = slice(None)) -> np.ndarray:
-        """Return the direction (R, width, 3) of the ray of each pixel in the world.
+        """Compute the direction of the ray of each pixel in the world.
 
-        It is scaled to unit depth along the view.
+        Parameters
+        ----------
+        rows : slice
+            Rows of the picture, by default all.
+
+        Returns
+        -------
+        array (R, width, 3)
+            Directions, scaled to unit depth along the view.
         """
         x = (np.arange(self.width) + 0.5 - self.width / 2) / self.focal_px
         y = (self.height / 2 - np.arange(self.height)[rows] - 0.5) / self.focal_px
@@ -97,7 +115,10 @@ class Camera:
     def bands(self, multiple: int = 1) -> Iterator[slice]:
         """Yield the rows of the picture in bands, so that little memory is needed.
 
-        The rows of a band are a multiple of a number.
+        Parameters
+        ----------
+        multiple : int
+            The number of rows of a band is a multiple of it.
         """
         step = multiple * max(1, BAND_PIXELS // (multiple * self.width))
         for first in range(0, self.height, step):
@@ -128,6 +149,11 @@ def look_at(
         Size of the picture as a multiple of that which just holds the points.
     field_of_view_deg : float
         Angle of the longer side of the picture at the camera.
+
+    Returns
+    -------
+    Camera
+        The camera.
     """
     elevation = math.radians(elevation_deg)
     azimuth = math.radians(azimuth_deg)
@@ -160,7 +186,20 @@ def look_at(
 
 
 def boxes(centres: np.ndarray, reach: float) -> np.ndarray:
-    """Return the corners (8 N, 3) in m of a box about each centre (N, 3)."""
+    """Compute the corners of a box about each of N centres.
+
+    Parameters
+    ----------
+    centres : array (N, 3)
+        The centres in m.
+    reach : float
+        Half of the side of a box.
+
+    Returns
+    -------
+    array (8 N, 3)
+        The corners in m.
+    """
     ends = [-reach, reach]
     corners = np.array(np.meshgrid(ends, ends, ends)).reshape(3, -1).T
     return (centres[:, None, :] + corners).reshape(-1, 3)
@@ -172,23 +211,36 @@ def outline(
     walls: Sequence[Frustum],
     panels: Sequence[Panel] = (),
 ) -> np.ndarray:
-    """Return points (M, 3) in m that a picture of bodies and walls must contain.
+    """Compute points that a picture of bodies and walls must contain.
 
-    `reach` is the radius of the largest body. Without panels, the picture also contains
-    the origin.
+    Parameters
+    ----------
+    centres : array (N, 3)
+        Centres of the bodies in m.
+    reach : float
+        Radius of the largest body.
+    walls : sequence of Frustum
+        Walls of revolution.
+    panels : sequence of Panel
+        Flat walls. Without any, the picture also contains the origin.
+
+    Returns
+    -------
+    array (M, 3)
+        The points in m.
     """
     points = [boxes(centres, reach), *(panel.corners_m for panel in panels)]
     for wall in walls:
         for radius, z in ((wall.r_low_m, wall.z_low_m), (wall.r_high_m, wall.z_high_m)):
-            circle = _circle(radius, z)
+            circle = _make_circle(radius, z)
             points.append(in_world(np.asarray(wall.frame, float), circle))
     if not panels:
         points.append(np.zeros((1, 3)))
     return np.concatenate(points)
 
 
-def _circle(radius: float, z: float) -> np.ndarray:
-    """Return points (36, 3) of a level circle about the z axis."""
+def _make_circle(radius: float, z: float) -> np.ndarray:
+    """Make points (36, 3) of a level circle about the z axis."""
     angle = np.linspace(0, 2 * math.pi, CIRCLE_POINTS, endpoint=False)
     return np.column_stack(
         [radius * np.cos(angle), radius * np.sin(angle), np.full(CIRCLE_POINTS, z)]
@@ -196,7 +248,10 @@ def _circle(radius: float, z: float) -> np.ndarray:
 
 
 def funnel_walls(funnel: Funnel) -> list[Frustum]:
-    """Return the funnel's cone and, if it has one, its tube."""
+    """Make the walls of a funnel: its cone and, if it has one, its tube.
+
+    The tube comes first.
+    """
     outlet_radius = funnel.outlet_diameter_m / 2
     inlet_radius = funnel.inlet_diameter_m / 2
     top_m = funnel.inlet_height_m
@@ -218,7 +273,7 @@ def setting_of(
     planes: np.ndarray | None = None,
     frames: np.ndarray | None = None,
 ) -> Setting:
-    """Return the setting of a simulation's walls, at present or in a recorded frame.
+    """Make the setting of a simulation's walls, at present or in a recorded frame.
 
     A level endless plane below all others is the plate; planes end at the simulation's
     box; rounded edges are not drawn.
@@ -236,13 +291,13 @@ def setting_of(
         planes = simulation.walls.planes
     if frames is None:
         frames = simulation.walls.frames
-    plate_m, panels = _plate_and_panels(simulation, planes)
+    plate_m, panels = _split_planes(simulation, planes)
 
     # `frames` lists the cones first, then other walls, and the meshes last.
     cones = simulation.wall_set.of(Cone)
     meshes = simulation.wall_set.of(Mesh)
     frusta = [
-        _frustum_of(cone, frame) for cone, frame in zip(cones, frames, strict=False)
+        _make_frustum(cone, frame) for cone, frame in zip(cones, frames, strict=False)
     ]
     frames_of_meshes = frames[len(frames) - len(meshes) :]
     for mesh, frame in zip(meshes, frames_of_meshes, strict=True):
@@ -251,13 +306,25 @@ def setting_of(
     return Setting(plate_m, tuple(panels), tuple(frusta))
 
 
-def _plate_and_panels(
+def _split_planes(
     simulation: Simulation, planes: np.ndarray
 ) -> tuple[float | None, list[Panel]]:
-    """Return the height of the plate, or None without a plate, and all other planes.
+    """Split the planes of a simulation into its plate and other flat walls.
 
-    A row of `planes` (P, 7) has a point in m, the normal away from the grains, and a
-    radius, which is infinite for an endless plane.
+    Parameters
+    ----------
+    simulation : Simulation
+        The simulation, at whose box planes end.
+    planes : array (P, 7)
+        A row for each plane: a point in m, the normal away from the grains, and a
+        radius, which is infinite for an endless plane.
+
+    Returns
+    -------
+    plate_m : float or None
+        Height of the plate; None without a plate.
+    panels : list of Panel
+        The other planes.
     """
     plate_m = None
     panels = []
@@ -278,7 +345,15 @@ def _plate_and_panels(
     return plate_m, panels
 
 
-def _frustum_of(cone: Cone, frame: np.ndarray) -> Frustum:
-    """Return a cone of a simulation, whose place and rotation are a row of frames (12,)."""
+def _make_frustum(cone: Cone, frame: np.ndarray) -> Frustum:
+    """Make a cone of a simulation as a wall to draw.
+
+    Parameters
+    ----------
+    cone : Cone
+        The cone in its own frame.
+    frame : array (12,)
+        Origin in m, and rotation to the world by rows.
+    """
     (r_low, z_low), (r_high, z_high) = cone_circles(cone.line)
     return Frustum(z_low, r_low, z_high_m=z_high, r_high_m=r_high, frame=tuple(frame))

@@ -70,7 +70,7 @@ class ConeSide(NamedTuple):
 def tints_of(
     body: np.ndarray, shape: np.ndarray, count: int, shapes: int, colour: str = GRAIN
 ) -> np.ndarray:
-    """Return the colours of bodies or parts, slightly different for each body.
+    """Choose the colours of bodies or parts, slightly different for each body.
 
     Parameters
     ----------
@@ -126,11 +126,11 @@ def paint(
         Red, green and blue.
     """
     view = look(camera, bodies, setting)
-    lit, sky = _light_and_sky(camera, bodies, view)
+    lit, sky = _compute_light_and_sky(camera, bodies, view)
     height = camera.height // supersample
     width = camera.width // supersample
     picture = np.empty((height, width, 3), np.uint8)
-    order = _far_to_near(setting.frusta, camera)
+    order = _sort_far_to_near(setting.frusta, camera)
     for rows in camera.bands(supersample):
         rays = camera.rays(rows)
         image = np.broadcast_to(BACKGROUND, rays.shape).copy()
@@ -152,20 +152,32 @@ def paint(
 # --- Light ----------------------------------------------------------------------------
 
 
-def _light_and_sky(
+def _compute_light_and_sky(
     camera: Camera, bodies: Bodies, view: View
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the shares (H, W) of the light and of the sky that reach each pixel.
+    """Compute the shares of the light and of the sky that reach each pixel.
 
-    Both are 1 in a pixel that shows no point.
+    Parameters
+    ----------
+    camera : Camera
+        The camera.
+    bodies : Bodies
+        The bodies.
+    view : View
+        What each pixel shows.
+
+    Returns
+    -------
+    lit, sky : array (H, W)
+        The shares; both are 1 in a pixel that shows no point.
     """
     if not len(bodies.vertices):
         lit, sky = np.ones((2, *view.depth.shape), np.float32)
         return lit, sky
     # The camera as the compiled loops expect it.
     kernel_camera = (camera.eye_m, camera.axes, float(camera.focal_px))
-    light_axes = _light_axes(camera)
-    light_map = _light_map(bodies, light_axes)
+    light_axes = _compute_light_axes(camera)
+    light_map = _draw_light_map(bodies, light_axes)
     lit = raster.lit_fraction(
         view.depth,
         view.normal,
@@ -190,10 +202,13 @@ def _light_and_sky(
     return lit, sky
 
 
-def _light_axes(camera: Camera) -> np.ndarray:
-    """Return the axes (3, 3) of the light: two rows across the light, one towards it.
+def _compute_light_axes(camera: Camera) -> np.ndarray:
+    """Compute the axes of the light, which turns with the camera.
 
-    The light turns with the camera.
+    Returns
+    -------
+    array (3, 3)
+        Rows: two unit vectors across the light, and one towards it.
     """
     right, top_of_picture, forward = camera.axes
     level_forward = forward * (1.0, 1.0, 0.0)
@@ -209,10 +224,15 @@ def _light_axes(camera: Camera) -> np.ndarray:
     return np.stack([across, np.cross(towards_light, across), towards_light])
 
 
-def _light_map(bodies: Bodies, axes: np.ndarray) -> LightMap:
+def _draw_light_map(bodies: Bodies, axes: np.ndarray) -> LightMap:
     """Draw the depth map of the bodies as seen from the light.
 
-    `axes` is the result of `_light_axes`.
+    Parameters
+    ----------
+    bodies : Bodies
+        The bodies, at least one.
+    axes : array (3, 3)
+        Axes of the light, from `_compute_light_axes`.
     """
     points = bodies.vertices @ axes.T
     corner = points[..., :2].min(axis=(0, 1))
@@ -233,9 +253,19 @@ def _light_map(bodies: Bodies, axes: np.ndarray) -> LightMap:
 
 
 def _paint_bodies(band: Band, camera: Camera, tints: np.ndarray) -> None:
-    """Paint bodies by Lambert's law, with a waxy highlight and a rim of sky light."""
+    """Paint bodies by Lambert's law, with a waxy highlight and a rim of sky light.
+
+    Parameters
+    ----------
+    band : Band
+        Rows of the picture, whose pixels are written to.
+    camera : Camera
+        The camera.
+    tints : array (N, 3)
+        Colours of the bodies.
+    """
     hit = band.view.hit
-    towards_light = _light_axes(camera)[2]
+    towards_light = _compute_light_axes(camera)[2]
     colour = np.clip(tints[band.view.body[hit]], 0, 1)
     normal = band.view.normal[hit]
     lit = band.lit[hit]
@@ -261,7 +291,17 @@ def _paint_bodies(band: Band, camera: Camera, tints: np.ndarray) -> None:
 
 
 def _paint_plate(band: Band, camera: Camera, frame: np.ndarray) -> None:
-    """Paint the plate, which fades out far from the middle of the frame."""
+    """Paint the plate, which fades out far from the bodies.
+
+    Parameters
+    ----------
+    band : Band
+        Rows of the picture, whose pixels are written to.
+    camera : Camera
+        The camera.
+    frame : array (M, 3)
+        Points in m about whose middle the plate is visible.
+    """
     mask = band.view.plate
     if not mask.any():
         return
@@ -299,25 +339,52 @@ def _paint_panels(band: Band) -> None:
 # --- Walls of glass -------------------------------------------------------------------
 
 
-def _far_to_near(walls: Sequence[Frustum], camera: Camera) -> list[int]:
-    """Return the numbers of the frusta's sides, far ones first.
+def _sort_far_to_near(walls: Sequence[Frustum], camera: Camera) -> list[int]:
+    """Sort the sides of translucent walls by their distance, far ones first.
 
     A frustum has two sides, numbered one after the other. They are sorted by their
     median distance along some thousands of rays.
+
+    Parameters
+    ----------
+    walls : sequence of Frustum
+        The walls.
+    camera : Camera
+        The camera.
+
+    Returns
+    -------
+    list of int
+        Numbers of the sides.
     """
     step = max(1, camera.height // 100)
     rays = camera.rays(slice(None, None, step))[:, ::step]
     median_distances = [
         np.nanmedian(side.distance)
         for wall in walls
-        for side in _cone_sides(wall, camera, rays)
+        for side in _find_cone_sides(wall, camera, rays)
     ]
     side_numbers = range(len(median_distances))
     return sorted(side_numbers, key=lambda number: -median_distances[number])
 
 
-def _cone_sides(wall: Frustum, camera: Camera, rays: np.ndarray) -> list[ConeSide]:
-    """Find where rays (H, W, 3) meet the endless cone of a frustum: far and near side."""
+def _find_cone_sides(wall: Frustum, camera: Camera, rays: np.ndarray) -> list[ConeSide]:
+    """Find where rays meet the endless cone of a frustum.
+
+    Parameters
+    ----------
+    wall : Frustum
+        The frustum.
+    camera : Camera
+        The camera, from which the rays come.
+    rays : array (H, W, 3)
+        Directions of unit depth.
+
+    Returns
+    -------
+    list of ConeSide
+        The far and the near side.
+    """
     # In the frame of the wall, its axis is the z axis.
     turn = np.reshape(wall.frame[3:], (3, 3)).astype(float)
     eye = (camera.eye_m - wall.frame[:3]) @ turn
@@ -342,14 +409,38 @@ def _cone_sides(wall: Frustum, camera: Camera, rays: np.ndarray) -> list[ConeSid
 def _blend_walls(
     band: Band, camera: Camera, walls: Sequence[Frustum], order: Sequence[int]
 ) -> None:
-    """Draw translucent frusta over the picture, far sides first."""
-    sides = [side for wall in walls for side in _cone_sides(wall, camera, band.rays)]
+    """Draw translucent walls over the picture, far sides first.
+
+    Parameters
+    ----------
+    band : Band
+        Rows of the picture, whose pixels are changed.
+    camera : Camera
+        The camera.
+    walls : sequence of Frustum
+        The walls.
+    order : sequence of int
+        Numbers of their sides from far to near, from `_sort_far_to_near`.
+    """
+    sides = [
+        side for wall in walls for side in _find_cone_sides(wall, camera, band.rays)
+    ]
     for number in order:
         _blend_side(band, camera, sides[number])
 
 
 def _blend_side(band: Band, camera: Camera, side: ConeSide) -> None:
-    """Blend one side of a glass frustum into the picture, where no body hides it."""
+    """Blend one side of a glass wall into the picture, where no body hides it.
+
+    Parameters
+    ----------
+    band : Band
+        Rows of the picture, whose pixels are changed.
+    camera : Camera
+        The camera.
+    side : ConeSide
+        The side, as rays through these pixels meet it.
+    """
     wall, distance, is_met = side
     turn = np.reshape(wall.frame[3:], (3, 3)).astype(float)
     eye = camera.eye_m - wall.frame[:3]
@@ -365,7 +456,8 @@ def _blend_side(band: Band, camera: Camera, side: ConeSide) -> None:
     rays = band.rays[mask]
     point = (eye + distance[mask][:, None] * rays) @ turn
     sight = rays @ turn / np.linalg.norm(rays, axis=1, keepdims=True)
-    towards_light = _light_axes(camera)[2] @ turn
+    towards_light = _compute_light_axes(camera)[2] @ turn
+    # The normal of a cone points away from its axis, and down by the slope.
     normal = point / np.hypot(point[:, 0], point[:, 1])[:, None]
     normal[:, 2] = -wall.slope
     normal /= math.hypot(1.0, wall.slope)

@@ -38,7 +38,17 @@ class View:
 
 
 def look(camera: Camera, bodies: Bodies, setting: Setting) -> View:
-    """Find what each pixel of a camera shows of bodies in a setting."""
+    """Find what each pixel of a camera shows of bodies in a setting.
+
+    Parameters
+    ----------
+    camera : Camera
+        The camera.
+    bodies : Bodies
+        The bodies.
+    setting : Setting
+        Walls, plate and backdrop.
+    """
     shape = (camera.height, camera.width)
     x, y, near = camera.project(bodies.vertices)
     nearest, body, triangle, weights = raster.draw(
@@ -61,7 +71,7 @@ def look(camera: Camera, bodies: Bodies, setting: Setting) -> View:
             setting=setting,
         )
         hit = band.hit
-        band.normal[hit] = _normals_of_bodies(
+        band.normal[hit] = _compute_body_normals(
             bodies,
             band.body[hit],
             triangle=triangle[rows][hit],
@@ -73,21 +83,34 @@ def look(camera: Camera, bodies: Bodies, setting: Setting) -> View:
 def _add_setting(
     view: View, nearest: np.ndarray, eye: np.ndarray, rays: np.ndarray, setting: Setting
 ) -> None:
-    """Write depth, normal and kind of panels, plate and backdrop into a view of bodies.
+    """Add panels, plate and backdrop to a view of bodies.
 
-    `nearest` (H, W) is the inverse depth of the bodies.
+    Parameters
+    ----------
+    view : View
+        The view (H, W), whose depth, normals and kinds of content are written to.
+    nearest : array (H, W)
+        Inverse depth of the bodies; 0 or less where there is none in front of the
+        camera.
+    eye : array (3,)
+        Place of the camera in m.
+    rays : array (H, W, 3)
+        Directions of unit depth.
+    setting : Setting
+        What is added.
     """
     view.body[nearest <= 0] = -1  # behind the camera
     depth = np.where(view.hit, 1.0 / nearest, np.inf)
     view.normal[..., 2] = 1.0
 
     for panel in setting.panels:
-        panel_depth = _panel_depth(panel, eye, rays)
+        panel_depth = _compute_panel_depth(panel, eye, rays)
         is_in_front = panel_depth < depth
         depth[is_in_front] = panel_depth[is_in_front]
         view.normal[is_in_front] = panel.normal
         view.body[is_in_front] = -1
 
+    # The plate and the backdrop are behind bodies and panels.
     if setting.plate_m is not None:
         with np.errstate(divide="ignore"):
             plate_depth = (setting.plate_m - eye[2]) / rays[..., 2]
@@ -104,12 +127,26 @@ def _add_setting(
     view.depth[...] = depth
 
 
-def _normals_of_bodies(
+def _compute_body_normals(
     bodies: Bodies, part: np.ndarray, triangle: np.ndarray, weights: np.ndarray
 ) -> np.ndarray:
-    """Return normals (M, 3) in the world of points on triangles of parts.
+    """Compute the normals of points on triangles of bodies.
 
-    `weights` (M, 2) are the shares of the second and third corner of the triangle.
+    Parameters
+    ----------
+    bodies : Bodies
+        The bodies.
+    part : array (M,) of int
+        Number of the body or part of each point.
+    triangle : array (M,) of int
+        Number of its triangle.
+    weights : array (M, 2)
+        Shares of the second and third corner of the triangle.
+
+    Returns
+    -------
+    array (M, 3)
+        Unit normals in the world.
     """
     # The normal is the mean of those at the corners, weighted by their shares.
     corners = bodies.triangles[triangle]
@@ -121,10 +158,22 @@ def _normals_of_bodies(
     return np.einsum("mij,mj->mi", bodies.turn[part], normals)
 
 
-def _panel_depth(panel: Panel, eye: np.ndarray, rays: np.ndarray) -> np.ndarray:
-    """Return the depth (H, W) at which each ray meets a panel from its visible side.
+def _compute_panel_depth(panel: Panel, eye: np.ndarray, rays: np.ndarray) -> np.ndarray:
+    """Compute the depth at which each ray meets a panel from its visible side.
 
-    It is infinite for a ray that misses the panel.
+    Parameters
+    ----------
+    panel : Panel
+        The panel.
+    eye : array (3,)
+        Place of the camera in m.
+    rays : array (H, W, 3)
+        Directions of unit depth.
+
+    Returns
+    -------
+    array (H, W)
+        Depth in m, infinite for a ray that misses the panel.
     """
     normal = panel.normal
     corners = panel.corners_m
