@@ -400,6 +400,7 @@ def register(name: str) -> Callable[[T], T]:
     """
 
     def add(kind: T) -> T:
+        """Register a subclass of `BenchTest` with its responses, and return it."""
         if name in _REGISTRY:
             raise ValueError(f"bench test {name!r} is registered already")
         kind.name = name

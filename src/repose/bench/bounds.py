@@ -53,6 +53,7 @@ class Bounded:
     def __init__(
         self, simulation: "dem.Simulation", top_m: float, speed_m_s: float = 0.0
     ) -> None:
+        """Compute the bounds of speed and energy from the scene; see the class."""
         self.simulation = simulation
         self.speed_m_s = speed_m_s
         gravity = np.asarray(simulation.physics.gravity)
@@ -60,6 +61,7 @@ class Bounded:
         # Without gravity no direction is up, and all heights are 0.
         self.up = -gravity / (self.gravity or 1.0)
         self.lowest_m, self.fall_m = self._find_lowest_and_fall(top_m)
+        # No grain is faster than after the deepest fall with the largest given speed.
         self.fastest_m_s = SPEED_LIMIT * (
             math.sqrt(2.0 * self.gravity * self.fall_m) + speed_m_s
         )

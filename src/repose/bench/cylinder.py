@@ -362,6 +362,19 @@ class CylinderTest(BenchTest[CylinderSettings]):
         """Describe the cylinder with its collar, as `repose.dem.Simulation` takes it.
 
         The collar is the part of the wall above the rim. All lengths are in m.
+
+        Parameters
+        ----------
+        scene : Scene
+            The settings of the cylinder.
+        largest_radius_m : float
+            Bounding radius of the largest grain, which must fit below the end of the
+            collar.
+
+        Returns
+        -------
+        dict
+            Capacity in grains, walls by name, and lower and upper corner of the box.
         """
         section = self.section(scene.settings)
         vessel = Vessel.of(section)
@@ -387,8 +400,21 @@ class CylinderTest(BenchTest[CylinderSettings]):
     ) -> Run:
         """Fill the cylinder, let the grains rest, and tap it.
 
-        The arrays are ``position`` (N, 3) [m], ``quaternion`` (N, 4) and ``scale`` (N,)
-        before the taps; with taps also ``tapped`` (N, 3) [m], the positions after them.
+        Parameters
+        ----------
+        scene : Scene
+            What the run depends on.
+        interval_s : float, optional
+            Simulated time between the frames of a film; without it none are recorded.
+        progress : function, optional
+            Called with the simulated time [s] after every advance.
+
+        Returns
+        -------
+        Run
+            The arrays are ``position`` (N, 3) [m], ``quaternion`` (N, 4) and ``scale``
+            (N,) before the taps; with taps also ``tapped`` (N, 3) [m], the positions
+            after them.
         """
         section = self.section(scene.settings)
         vessel = Vessel.of(section)
@@ -431,9 +457,21 @@ class CylinderTest(BenchTest[CylinderSettings]):
     def judge(self, outcome: Filling, settings: SceneSettings) -> Verdict:
         """Judge a stable filling.
 
-        The cylinder is full if the grains above the rim would make a layer there as high
-        as a grain is long. The heap in the collar is nearly level, so the rim is then
-        covered everywhere.
+        The cylinder is full if the grains above the rim would make a layer there as
+        high as a grain is long. The heap in the collar is nearly level, so the rim is
+        then covered everywhere.
+
+        Parameters
+        ----------
+        outcome : Filling
+            The grains after the filling or the taps.
+        settings : SceneSettings
+            Sections of the configuration.
+
+        Returns
+        -------
+        Verdict
+            `OK`, or the first fault: a lost grain, motion, a cylinder that is not full.
         """
         section = self.section(settings)
         vessel = Vessel.of(section)
@@ -464,6 +502,18 @@ class CylinderTest(BenchTest[CylinderSettings]):
 
         A grain belongs to the cylinder if its centre does. In the core, which is small,
         a grain counts by the share of its volume that lies in it.
+
+        Parameters
+        ----------
+        arrays : mapping
+            Arrays of the run by name, as from `run`.
+        scene : Scene
+            What the run depends on.
+
+        Returns
+        -------
+        dict
+            The densities, the tapped one None without taps, and the number of grains.
         """
         section = self.section(scene.settings)
         vessel = Vessel.of(section)

@@ -176,9 +176,22 @@ class DischargeTest(BenchTest[DischargeSettings]):
     }
 
     def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
-        """Describe the closed funnel: its walls, with lid and collar, and the box.
+        """Describe the closed funnel, as `repose.dem.Simulation` takes it.
 
         The outlet lies at z = 0, and all lengths are in m.
+
+        Parameters
+        ----------
+        scene : Scene
+            The settings of the funnel.
+        largest_radius_m : float
+            Bounding radius of the largest grain.
+
+        Returns
+        -------
+        dict
+            Capacity in grains, walls with lid and collar by name, corners of the box,
+            and the heights at which grains leave the funnel and vanish.
         """
         section = self.section(scene.settings)
         funnel = section.funnel
@@ -270,7 +283,21 @@ class DischargeTest(BenchTest[DischargeSettings]):
         )
 
     def judge(self, outcome: Discharge, settings: SceneSettings) -> Verdict:
-        """Judge a stable run before it is measured."""
+        """Judge a stable run before it is measured.
+
+        Parameters
+        ----------
+        outcome : Discharge
+            The grains that were filled in and that left.
+        settings : SceneSettings
+            Sections of the configuration.
+
+        Returns
+        -------
+        Verdict
+            `OK`, or the first fault: grains without room, grains that left the closed
+            funnel, motion before the opening, grains that stay in the funnel.
+        """
         section = self.section(settings)
         if outcome.n_filled < section.berries:
             return Verdict(

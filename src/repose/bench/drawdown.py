@@ -407,7 +407,21 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         return self.make_run(scene, outcome, arrays, trial.frames(walls=True))
 
     def judge(self, outcome: Drained, settings: SceneSettings) -> Verdict:
-        """Judge a stable run before it is measured."""
+        """Judge a stable run before it is measured.
+
+        Parameters
+        ----------
+        outcome : Drained
+            The grains at the end of the run.
+        settings : SceneSettings
+            Sections of the configuration.
+
+        Returns
+        -------
+        Verdict
+            `OK`, or the first fault: grains without room, lost grains, motion, grains
+            that rest above the slot.
+        """
         section = self.section(settings)
         if outcome.n_filled < section.berries:
             return Verdict(
@@ -438,6 +452,19 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         """Measure the angles above and below, and mass and rate of what drained.
 
         A grain that passed the slot lies below; the others stayed above.
+
+        Parameters
+        ----------
+        arrays : mapping
+            Arrays of the run by name.
+        scene : Scene
+            What the run depends on.
+
+        Returns
+        -------
+        dict
+            The responses and numbers; an angle that cannot be measured is None. If it
+            is a target, status and reason say so.
         """
         from repose.measure.silhouette import Grains
 

@@ -232,9 +232,21 @@ class DropTest(BenchTest[DropTestSettings]):
     ) -> Run:
         """Drop one grain and follow it until it touches the plate for the second time.
 
-        The arrays are ``time_s`` (T,) and ``height_m`` (T,), of its centre, from when the
-        grain leaves the plate until it touches it again; and ``drop_m`` (1,), the height
-        of its fall.
+        Parameters
+        ----------
+        scene : Scene
+            What the run depends on.
+        interval_s : float, optional
+            Simulated time between the frames of a film; without it none are recorded.
+        progress : function, optional
+            Called with the simulated time [s] after every advance.
+
+        Returns
+        -------
+        Run
+            The arrays are ``time_s`` (T,) and ``height_m`` (T,), of its centre, from
+            when the grain leaves the plate until it touches it again; and ``drop_m``
+            (1,), the height of its fall.
         """
         section = self.section(scene.settings)
         trial = Trial(self.build, scene, 1, interval_s, progress)
@@ -270,8 +282,19 @@ class DropTest(BenchTest[DropTestSettings]):
     def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Measure the restitution by the rebound's height, and by the time of its flight.
 
-        The arguments are those of every bench test. Both are the ratio of the speed
-        after the contact to that before it.
+        Both are the ratio of the speed after the contact to that before it.
+
+        Parameters
+        ----------
+        arrays : mapping
+            Arrays of the run by name, as from `run`.
+        scene : Scene
+            What the run depends on.
+
+        Returns
+        -------
+        dict
+            Both restitutions, the height of the rebound and the time of the flight.
         """
         time_s = np.asarray(arrays["time_s"], float)
         height_m = np.asarray(arrays["height_m"], float)

@@ -194,6 +194,13 @@ class RotatingDrum(BenchTest[R]):
         """Make the empty drum.
 
         Where its axis is tilted, the drum stays level and gravity is tilted instead.
+
+        Parameters
+        ----------
+        scene : Scene
+            What the run depends on.
+        largest_scale : float
+            Size of the largest grain as a multiple of the particle.
         """
         simulation = super().build(scene, largest_scale)
         tilt = math.radians(self.tilt_deg(self.section(scene.settings)))
@@ -218,7 +225,7 @@ class RotatingDrum(BenchTest[R]):
         interval_s : float, optional
             Time between the frames of a film; None records none.
         progress : Progress, optional
-            What is told of the progress.
+            Called with the simulated time [s] after every advance.
 
         Returns
         -------
@@ -662,7 +669,7 @@ class DrumTest(RotatingDrum[DrumSettings]):
         scene : Scene
             What the run depends on.
         progress : Progress, optional
-            What is told of the progress.
+            Called with the simulated time [s] after every advance.
 
         Returns
         -------
@@ -708,6 +715,18 @@ class DrumTest(RotatingDrum[DrumSettings]):
 
         Beyond the faults of every drum, its bed may have moved before it turned, or
         never slipped.
+
+        Parameters
+        ----------
+        outcome : Rotation
+            The run of the drum.
+        settings : SceneSettings
+            Sections of the configuration.
+
+        Returns
+        -------
+        Verdict
+            `OK`, or the first fault.
         """
         assert isinstance(outcome, Rotation)
         verdict = super().judge(outcome, settings)
@@ -735,11 +754,24 @@ class DrumTest(RotatingDrum[DrumSettings]):
         interval_s: float | None = None,
         progress: Progress | None = None,
     ) -> Run:
-        """Fill and turn once; with `interval_s` the frames are at the record's times.
+        """Fill and turn the drum once.
 
-        The arrays are ``scale`` (N,), the columns (T,) of the record, and for each of
-        the `STATES`: ``position_STATE`` (N, 3) [m], ``quaternion_STATE`` (N, 4) and
-        ``turned_STATE_deg``.
+        Parameters
+        ----------
+        scene : Scene
+            What the run depends on.
+        interval_s : float, optional
+            With it the run has frames, at the times of the record; its value does not
+            count.
+        progress : function, optional
+            Called with the simulated time [s] after every advance.
+
+        Returns
+        -------
+        Run
+            The arrays are ``scale`` (N,), the columns (T,) of the record, and for each
+            of the `STATES`: ``position_STATE`` (N, 3) [m], ``quaternion_STATE`` (N, 4)
+            and ``turned_STATE_deg``.
         """
         rotation = self.rotate(scene, progress)
         arrays = rotation.arrays()
@@ -763,6 +795,15 @@ class DrumTest(RotatingDrum[DrumSettings]):
         self, record: Mapping[str, Any], arrays: Arrays, scene: Scene
     ) -> tuple[dict[str, Any], np.ndarray]:
         """Measure a run, and the motion by depth in its slip.
+
+        Parameters
+        ----------
+        record : mapping
+            The record of the run.
+        arrays : mapping
+            Its arrays by name, as from `run`.
+        scene : Scene
+            What it depends on.
 
         Returns
         -------

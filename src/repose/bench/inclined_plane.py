@@ -540,9 +540,21 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
     ) -> Run:
         """Lay down a sled and tilt the plane; then do so with a grain that can roll.
 
-        The arrays are, for each body, ``BODY_angle_deg`` (T,), ``BODY_speed_m_s`` (T,)
-        and ``BODY_slide_m_s`` (T,), the speed of its lowest point. Frames are of the
-        grain that can roll, with gravity down.
+        Parameters
+        ----------
+        scene : Scene
+            What the run depends on.
+        interval_s : float, optional
+            Simulated time between the frames of a film, of the grain that can roll and
+            with gravity down; without it none are recorded.
+        progress : function, optional
+            Called with the simulated time [s] after every advance.
+
+        Returns
+        -------
+        Run
+            The arrays are, for each body, ``BODY_angle_deg`` (T,), ``BODY_speed_m_s``
+            (T,) and ``BODY_slide_m_s`` (T,), the speed of its lowest point.
         """
         section = self.section(scene.settings)
         sled = replace(
@@ -592,9 +604,18 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
     def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Measure the angles at which the sled slips and the grain rolls.
 
-        An angle is None if the body stays or stops, or if the grain slides. ``motion``
-        describes the motion of both in words. The arguments are those of every bench
-        test.
+        Parameters
+        ----------
+        arrays : mapping
+            Arrays of the run by name, as from `run`.
+        scene : Scene
+            What the run depends on.
+
+        Returns
+        -------
+        dict
+            The angles, and ``motion``, the motion of both in words. An angle is None if
+            the body stays or stops, or if the grain slides.
         """
         steepest_deg = self.section(scene.settings).steepest_deg
         measured: dict[str, Any] = {SLIP.name: None, ROLL.name: None, "motion": None}

@@ -260,8 +260,20 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
     def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
         """Describe the tube on its plate, as `repose.dem.Simulation` takes it.
 
-        All lengths are in m. `largest_radius_m` is the bounding radius of the largest
-        grain.
+        All lengths are in m.
+
+        Parameters
+        ----------
+        scene : Scene
+            The settings of the tube, and the particle.
+        largest_radius_m : float
+            Bounding radius of the largest grain.
+
+        Returns
+        -------
+        dict
+            Capacity in grains, walls by name, corners of the box, and the height at
+            which grains vanish.
         """
         section = self.section(scene.settings)
         radius = 1e-3 * (0.5 * section.diameter_mm)
@@ -383,7 +395,21 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         )
 
     def judge(self, outcome: Lifting, settings: SceneSettings) -> Verdict:
-        """Judge a stable run before it is measured."""
+        """Judge a stable run before it is measured.
+
+        Parameters
+        ----------
+        outcome : Lifting
+            The grains at the end of the run.
+        settings : SceneSettings
+            Sections of the configuration.
+
+        Returns
+        -------
+        Verdict
+            `OK`, or the first fault: a wrong filling, grains in the tube, too many
+            beside the plate, motion, no pile.
+        """
         section = self.section(settings)
         n_grains = section.berries or outcome.n_filled
         if outcome.n_filled < n_grains:
@@ -430,7 +456,18 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
     def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Measure the pile by the code of every pile, under the names of this test.
 
-        A response that cannot be measured is None.
+        Parameters
+        ----------
+        arrays : mapping
+            Arrays of the run by name.
+        scene : Scene
+            What the run depends on.
+
+        Returns
+        -------
+        dict
+            The responses; one that cannot be measured is None. If it is a target,
+            status and reason say so.
         """
         from repose.measure.saved_piles import pile_responses
 

@@ -313,6 +313,17 @@ class _BoxPicture:
     """
 
     def __init__(self, image: np.ndarray, corners_px: np.ndarray, box: Box) -> None:
+        """Find direction and scale of the box in a photograph.
+
+        Parameters
+        ----------
+        image : array
+            The photograph (H, W, 3), BGR.
+        corners_px : array
+            Columns and rows of the lower inner corners (2, 2), the left one first.
+        box : Box
+            Sizes of the box.
+        """
         self.image = image
         self.left_px, right_px = corners_px
         self.half_lower_m = box.half_lower

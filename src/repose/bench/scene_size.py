@@ -318,7 +318,15 @@ def _enough_grains(n_grains: int, definition: str) -> str:
 
 
 def _describe(scene: SmallerScene, definition: str) -> str:
-    """Describe a smaller scene in words: its time, angle and Height."""
+    """Describe a smaller scene in words: its time, angle and Height.
+
+    Parameters
+    ----------
+    scene : SmallerScene
+        The smaller scene, compared with the larger one.
+    definition : str
+        Definition of the angle.
+    """
     if scene.angle_change_deg is None:
         angle = "grows by an unknown amount with the number of grains"
     else:

@@ -51,6 +51,7 @@ class Trial:
         interval_s: float | None = None,
         progress: Progress | None = None,
     ) -> None:
+        """Draw the sizes of the grains, and build the empty simulation; see the class."""
         from repose.grain.size_distribution import draw_scales
 
         self.scene = scene

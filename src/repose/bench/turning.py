@@ -229,7 +229,15 @@ class TurningTest(RotatingDrum[TurningSettings]):
     def response_of_name(self, name: str) -> Response | None:
         """Make the response of a name: the angle, or a score of the profile, at a speed.
 
-        None if the name is none of these.
+        Parameters
+        ----------
+        name : str
+            A name, such as ``turning_2_deg``.
+
+        Returns
+        -------
+        Response or None
+            None if the name is none of these.
         """
         match = RESPONSE_NAME.fullmatch(name)
         if match is None:
@@ -252,10 +260,22 @@ class TurningTest(RotatingDrum[TurningSettings]):
     ) -> Run:
         """Fill the drum, turn it at each speed, and keep the bed while it flows.
 
-        The arrays are ``time_s`` (T,), since the drum took its speed, not before
-        `turning.measure_from_s`; at these times ``position`` (T, N, 3) [m] and
-        ``quaternion`` (T, N, 4); ``scale`` (N,); and with several speeds ``speed`` (T,),
-        the index of the speed.
+        Parameters
+        ----------
+        scene : Scene
+            What the run depends on.
+        interval_s : float, optional
+            Simulated time between the frames of a film; without it none are recorded.
+        progress : function, optional
+            Called with the simulated time [s] after every advance.
+
+        Returns
+        -------
+        Run
+            The arrays are ``time_s`` (T,), since the drum took its speed, not before
+            `turning.measure_from_s`; at these times ``position`` (T, N, 3) [m] and
+            ``quaternion`` (T, N, 4); ``scale`` (N,); and with several speeds ``speed``
+            (T,), the index of the speed.
         """
         section = self.section(scene.settings)
         trial, factory = self.empty_drum(scene, interval_s, progress)
@@ -289,7 +309,17 @@ class TurningTest(RotatingDrum[TurningSettings]):
     def _turn(self, trial: Trial, speed: Speed, index: int, frames: _Frames) -> None:
         """Advance the drum at one of its speeds, and keep frames of the flowing bed.
 
-        Frames are kept from the time `Speed.from_s` on, when the flow is steady.
+        Parameters
+        ----------
+        trial : Trial
+            The drum, which turns at this speed; it is advanced.
+        speed : Speed
+            The speed. Frames are kept from its time `from_s` on, when the flow is
+            steady.
+        index : int
+            Its index, which is kept with the frames.
+        frames : _Frames
+            The frames, to which those of this speed are added.
         """
         settings = trial.scene.simulation
         section = self.section(trial.scene.settings)
@@ -308,8 +338,20 @@ class TurningTest(RotatingDrum[TurningSettings]):
     ) -> dict[str, Any]:
         """Measure the mean angle at each speed, and scores of profiles that are targets.
 
-        They are None in a run that is not ``ok``, or whose bed has no surface in one of
-        its frames.
+        Parameters
+        ----------
+        record : mapping
+            The record of the run.
+        arrays : mapping
+            Its arrays by name, as from `run`.
+        scene : Scene
+            What it depends on.
+
+        Returns
+        -------
+        dict
+            The record with the angles and scores. They are None in a run that is not
+            ``ok``, or whose bed has no surface in one of its frames.
         """
         section = self.section(scene.settings)
         profiles = {
@@ -429,8 +471,18 @@ def _impossible_targets(
 ) -> Contradictions:
     """Yield keys of targets at a speed that the drum has not, or beyond its wall.
 
-    With each key comes what is allowed. Malformed entries are skipped: the check of the
-    section `targets` reports them.
+    Parameters
+    ----------
+    section : TurningSettings
+        The section `turning` of the configuration.
+    targets : sequence
+        Its section `targets`. Malformed entries are skipped: the check of that section
+        reports them.
+
+    Yields
+    ------
+    tuple of str
+        A key of the configuration, and what is allowed.
     """
     radius_mm = 1e3 * Drum.of(section).radius_m
     for number, target in enumerate(targets):

@@ -89,8 +89,13 @@ def _list_contacts(
 ) -> list[Row]:
     """List the coefficients of the contacts grain-grain and grain-wall.
 
-    `parameters` has the coefficients by name. The names end with the pair: `e_gg` is
-    the restitution between two grains, `e_gp` that between grain and wall.
+    Parameters
+    ----------
+    parameters : mapping
+        Coefficients by name. A name ends with its pair: `e_gg` is the restitution
+        between two grains, `e_gp` that between grain and wall.
+    simulation : SimulationSettings
+        The contact law, which may need a surface energy.
     """
     rows = []
     for pair, name in PAIRS.items():

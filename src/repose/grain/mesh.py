@@ -231,7 +231,10 @@ def check_mesh(mesh: trimesh.Trimesh, source: object) -> trimesh.Trimesh:
 
 
 def _check_sides(mesh: trimesh.Trimesh, source: object) -> None:
-    """Raise InputError for a mesh that is hardly in mm, or is flat."""
+    """Raise InputError for a mesh that is hardly in mm, or is flat.
+
+    `source` is the mesh's file, for the message.
+    """
     longest = float(mesh.extents.max())
     shortest = float(mesh.extents.min())
     low, high = LENGTHS_MM
@@ -276,7 +279,8 @@ def _remove_bad_facets(mesh: trimesh.Trimesh, source: object) -> None:
 def _open_surface_error(mesh: trimesh.Trimesh, source: object) -> InputError:
     """Make the error of a mesh that is not closed, with the kinds of its bad edges.
 
-    An edge of a closed surface belongs to two facets that look outwards.
+    An edge of a closed surface belongs to two facets that look outwards. `source` is
+    the mesh's file, for the message.
     """
     # Number the edges, each two vertices, and count the facets of each.
     _, edge, n_facets = np.unique(
@@ -299,7 +303,10 @@ def _open_surface_error(mesh: trimesh.Trimesh, source: object) -> InputError:
 
 
 def _check_volume(mesh: trimesh.Trimesh, source: object) -> None:
-    """Raise InputError unless the faces look outwards and the mesh is nearly convex."""
+    """Raise InputError unless the faces look outwards and the mesh is nearly convex.
+
+    `source` is the mesh's file, for the message.
+    """
     volume = float(mesh.volume)
     if volume <= 0:
         allowed = "positive; the faces must look outwards"

@@ -121,7 +121,14 @@ def fit_steepest(
     cut off, the more the shorter the stretch is. The maximum of many slopes exceeds
     their mean, so on a lumpy flank this definition biases the angle upwards.
 
-    The arguments are those of `fit_flank`.
+    Parameters
+    ----------
+    profile : ndarray
+        Heights (M,) of one side in pixels, from outside the foot to the crest.
+    low, high : float
+        Lower and upper end of the band.
+    rule : str
+        The rule of `FLANK_RULES` that selects the points.
 
     Raises
     ------

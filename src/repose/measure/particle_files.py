@@ -344,7 +344,14 @@ def _read_semi_axes(
 ) -> np.ndarray:
     """Read the semi-axes of the particles from the columns that give their sizes.
 
-    The arguments are those of `_read_numbers`.
+    Parameters
+    ----------
+    path : path
+        The file, for messages.
+    table : DataFrame
+        Its table of N rows.
+    columns : dict
+        Column of each quantity in the table, from `_find_columns`.
 
     Returns
     -------

@@ -200,6 +200,18 @@ def find_up(particles: Particles, source: object = "particles") -> str:
 
     The plane is the plate, on which the lowest layer of the pile lies.
 
+    Parameters
+    ----------
+    particles : Particles
+        N bodies.
+    source : object
+        The file, for messages.
+
+    Returns
+    -------
+    str
+        One of `DIRECTIONS`.
+
     Raises
     ------
     InputError

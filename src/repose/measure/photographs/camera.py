@@ -357,6 +357,7 @@ class Pose:
     def __init__(
         self, camera: Camera, sheet: SheetCorners, size: tuple[int, int]
     ) -> None:
+        """Find the pose that fits the corners of the sheet best; see the class."""
         self.camera = camera
         self.size = size
         self.paper_mm = size_mm(sheet.square_mm)

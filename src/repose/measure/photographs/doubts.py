@@ -147,7 +147,17 @@ def _check_rise(sides: Sequence[np.ndarray], size: _Size) -> str:
 def _check_drop(sides: Sequence[np.ndarray], size: _Size) -> str:
     """Write a doubt if the outline falls steeply within half a grain.
 
-    Arguments and result are those of `_check_rise`.
+    Parameters
+    ----------
+    sides : sequence of ndarray
+        For each side the heights in pixels, from the crest outwards.
+    size : _Size
+        Size of the pile.
+
+    Returns
+    -------
+    str
+        The doubt; empty if there is none.
     """
     half_grain_px = max(1, round(0.5 * size.grain_mm / size.mm_per_pixel))
     drops_px = []

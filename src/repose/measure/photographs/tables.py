@@ -70,7 +70,15 @@ def tables(
 
 
 def _make_row(photograph: Photograph, settings: MeasureSettings) -> dict[str, Any]:
-    """Make the row of a photograph in the table: its numbers and remarks by column."""
+    """Make the row of a photograph in the table: its numbers and remarks by column.
+
+    Parameters
+    ----------
+    photograph : Photograph
+        The result. A refused one has no measured numbers.
+    settings : MeasureSettings
+        Settings with the height of a grain, which is a column, too.
+    """
     row: dict[str, Any] = {"photograph": photograph.path.name}
     if photograph.measurement is not None:
         row |= photograph.measurement.record()

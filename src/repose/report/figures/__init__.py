@@ -64,7 +64,17 @@ def draw(
 
 
 def _check_inputs(name: str, figure_type: Drawn, inputs: Inputs) -> None:
-    """Raise InputError for an input that is missing, unknown or no file."""
+    """Raise InputError for an input that is missing, unknown or no file.
+
+    Parameters
+    ----------
+    name : str
+        Name of the figure, for messages.
+    figure_type : Drawn
+        Its entry in the list of figures.
+    inputs : mapping
+        Paths by name.
+    """
     needed = tuple(figure_type.inputs)
     allowed = tuple(figure_type.all_inputs)
     source = f"figure {name}"

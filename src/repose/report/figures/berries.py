@@ -35,8 +35,14 @@ RECONSTRUCTED = (
 def sizes_and_sphericity(inputs: Inputs, study: StudyView) -> Figure:
     """Draw histograms of the axes and of the sphericity of the grains.
 
-    The axes are columns of the table of sizes; the sphericity is computed from them
-    (Eq. 1 and Table 1 of the paper).
+    The sphericity is computed from the axes (Eq. 1 and Table 1 of the paper).
+
+    Parameters
+    ----------
+    inputs : mapping
+        Path of the table of sizes, `sizes`, with the axes of each grain.
+    study : StudyView
+        The study.
     """
     sizes = berry.read_sizes(inputs["sizes"])
     figure, histogram_panels = panels.grid(4, 2.1, columns=4, sharey=True)
@@ -114,8 +120,14 @@ def _draw_histogram(
 def particle_and_mesh(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the mesh and each kind of particle made from it, on the same scale.
 
-    `particle` is the simulated particle, `stl` the mesh. A kind that cannot be made
-    from the mesh has the reason in place of a picture.
+    A kind that cannot be made from the mesh has the reason in place of a picture.
+
+    Parameters
+    ----------
+    inputs : mapping
+        Paths of the simulated `particle` and of its mesh, `stl`.
+    study : StudyView
+        The study.
     """
     # Slow to import, and the other figures do without.
     from repose.grain.mesh import load_mesh

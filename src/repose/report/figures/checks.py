@@ -39,8 +39,15 @@ MEASURED_BY_OTHERS = SIMULATED_BY_OTHERS | {
 def validation(inputs: Inputs, study: StudyView) -> Figure:
     """Draw predicted and simulated responses of our solutions and of published ones.
 
-    A row of panels for each target: left the solutions of `table4`, right those of the
-    table `published`, if there is one.
+    A row of panels for each target: our solutions at the left, published ones at the
+    right.
+
+    Parameters
+    ----------
+    inputs : mapping
+        Paths of our solutions, `table4`, and perhaps of the `published` ones.
+    study : StudyView
+        The study.
     """
     targets = study.targets
     simulated = [target.response.simulated for target in targets]
@@ -92,7 +99,15 @@ def _leave_empty(panel: Axes, text: str) -> None:
 
 
 def published_solutions(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw the responses of published solutions, as published and as simulated here."""
+    """Draw the responses of published solutions, as published and as simulated here.
+
+    Parameters
+    ----------
+    inputs : mapping
+        Path of the table `published`, a row for each solution.
+    study : StudyView
+        The study.
+    """
     table = _add_names(read_table(inputs["published"], ("solution",)), "P")
     targets = [target for target in study.targets if target.response.simulated in table]
     figure, axes = panels.grid(len(targets), 2.3, extra_height=0.3)

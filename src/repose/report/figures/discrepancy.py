@@ -24,10 +24,15 @@ ROUGH_OPACITY = 0.3
 
 
 def over_the_discrepancy(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw information and intervals over the discrepancy.
+    """Draw information and intervals over the discrepancy, an error of the simulator.
 
-    Rows of the table whose `evidence` is ``stated`` have an assumed discrepancy; the
-    others come from the shape study.
+    Parameters
+    ----------
+    inputs : mapping
+        Path of the table `discrepancy`. Rows whose `evidence` is ``stated`` have an
+        assumed discrepancy; the others come from the shape study.
+    study : StudyView
+        The study.
     """
     names = study.parameters.free
     ends = [f"{name}_{end}" for name in names for end in ("low", "high")]

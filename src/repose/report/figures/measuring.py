@@ -34,8 +34,13 @@ BACKGROUND_GREY = 255
 def definitions(inputs: Inputs, study: StudyView) -> Figure:
     """Draw every definition on one view of a pile, and its values in all views.
 
-    `heap` has the pours of a job, of which the first is drawn; `particle` is the
-    grains' body, `berry` the mean grain.
+    Parameters
+    ----------
+    inputs : mapping
+        Paths of the pours of a job, `heap`, of which the first is drawn, of the grains'
+        body, `particle`, and of the mean grain, `berry`.
+    study : StudyView
+        The study.
     """
     settings = study.settings.measure.for_grain(read_grain(inputs["berry"]))
     pour = read_first_pour(inputs["heap"])
@@ -137,7 +142,17 @@ def _draw_definition(
 
 
 def _draw_levels(panel: Axes, height_mm: float, settings: MeasureSettings) -> None:
-    """Draw the limits of the heights used for the fit, and the height of one grain."""
+    """Draw the heights between which lines are fitted, and the height of one grain.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel of the silhouette, in mm.
+    height_mm : float
+        Height of the pile.
+    settings : MeasureSettings
+        Settings of the lines.
+    """
     levels = [(settings.berry_height_mm or 0.0, "one grain")]
     for share in (settings.fit_from, settings.fit_to):
         if not isinstance(share, str):

@@ -20,8 +20,14 @@ PERCENT_TICKS = (0.5, 1, 2, 5)
 def noise_floor(inputs: Inputs, study: StudyView) -> Figure:
     """Draw runs about the mean of their sample, and what a number of seeds buys.
 
-    `runs` has a row for each run, `seeds` the standard error and the reachable R2 for
-    each number of seeds, `noise` the standard deviations of each response.
+    Parameters
+    ----------
+    inputs : mapping
+        Paths: `runs` has a row for each run, `seeds` the standard error and the
+        reachable R2 for each number of seeds, `noise` the standard deviations of each
+        response.
+    study : StudyView
+        The study.
     """
     targets = study.targets
     runs = read_table(inputs["runs"], ("sample", "status", *targets.names))
@@ -125,7 +131,19 @@ def _draw_standard_error(
 def _draw_reachable_r2(
     panel: Axes, seeds: pd.DataFrame, target: Target, line_style: Mapping[str, str]
 ) -> None:
-    """Draw the R2 of a perfect predictor over the number of seeds."""
+    """Draw the R2 of a perfect predictor over the number of seeds.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    seeds : DataFrame
+        A row for each number of seeds.
+    target : Target
+        The target of the response.
+    line_style : mapping
+        Colour and style of the line.
+    """
     response = target.response
     column = f"{response.quantity}_reachable_r2"
     low = seeds[f"{column}_low"]

@@ -36,8 +36,13 @@ class Outline(NamedTuple):
 def outline_and_measurement(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the outlines of a simulated pile over the measured height and slope.
 
-    `heap` has the pours of a job, of which the first is drawn; `particle` is the
-    grains' body, `berry` the mean grain.
+    Parameters
+    ----------
+    inputs : mapping
+        Paths of the pours of a job, `heap`, of which the first is drawn, of the grains'
+        body, `particle`, and of the mean grain, `berry`.
+    study : StudyView
+        The study.
     """
     settings = study.settings.measure.for_grain(read_grain(inputs["berry"]))
     pour = read_first_pour(inputs["heap"])

@@ -126,7 +126,12 @@ def _draw_planes(calibration: Calibration, figure: FigureBase) -> None:
 def _draw_history(calibration: Calibration, figure: FigureBase) -> None:
     """Draw how far samples and answer are off each target, over the batches.
 
-    `figure` is empty. The answer follows the last batch.
+    Parameters
+    ----------
+    calibration : Calibration
+        The answer of a study, which follows the last batch in the figure.
+    figure : FigureBase
+        An empty figure.
     """
     study = calibration.study
     # Of many batches only some are named on the axis.

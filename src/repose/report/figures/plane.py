@@ -51,8 +51,14 @@ def without_profiles(targets: Targets) -> Targets:
 def planes(inputs: Inputs, study: StudyView) -> Figure:
     """Draw samples, target ranges, solutions and the answer for each pair of targets.
 
-    The samples are the rows of `dataset`, `pool` and `fresh` with the status ok, the
-    solutions those of `feasible`, the answer the row of `table4` with its role.
+    Parameters
+    ----------
+    inputs : mapping
+        Paths: the samples are the rows of `dataset`, `pool` and `fresh` with the status
+        ok, the solutions those of `feasible`, the answer the row of `table4` with its
+        role.
+    study : StudyView
+        The study.
     """
     targets = without_profiles(study.targets)
     sample_columns = ("status", *targets.names, *targets.errors)

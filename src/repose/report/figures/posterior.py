@@ -79,8 +79,13 @@ class CornerData(NamedTuple):
 def corner(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the draws of the posterior, alone and in pairs, with solutions.
 
-    `draws` has a parameter set in each row, `posterior` a parameter, `feasible` a
-    solution, `stored` a published set.
+    Parameters
+    ----------
+    inputs : mapping
+        Paths: `draws` has a parameter set in each row, `posterior` a parameter,
+        `feasible` a solution, `stored` a published set; `summary` has the predictions.
+    study : StudyView
+        The study.
     """
     from repose.calibrate.uncertainty.posterior import Posterior  # slow to import
 

@@ -19,8 +19,14 @@ from .registry import Inputs, StudyView
 def profiles(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the answer's profile with each measured one.
 
-    `table4` has the answer. The scores of a profile are its columns for the profile's
-    targets, as predicted and as simulated, with their standard error.
+    Parameters
+    ----------
+    inputs : mapping
+        Path of `table4`, which has the answer. The scores of a profile are its columns
+        for the profile's targets, as predicted and as simulated, with their standard
+        error.
+    study : StudyView
+        The study.
     """
     targets = study.targets
     scores = [target.response for target in targets if target.profile]

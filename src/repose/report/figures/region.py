@@ -53,7 +53,13 @@ SHARE_TITLE = "above the diagonal: share of a cell's parameter sets still possib
 def not_excluded(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the least misfit below the diagonal, the share of possible sets above it.
 
-    `region` has a row for each cell of each pair of parameters.
+    Parameters
+    ----------
+    inputs : mapping
+        Paths: `region` has a row for each cell of each pair of parameters, `summary`
+        the share of the space that is left.
+    study : StudyView
+        The study.
     """
     table = read_table(inputs["region"], COLUMNS)
     summary = read_json(inputs["summary"], ("not_implausible_share",))

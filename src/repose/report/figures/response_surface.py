@@ -32,7 +32,13 @@ EFFECT_COLUMNS = (
 def pareto(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the standardised effects of a step and their limits, the largest first.
 
-    The table of effects has a row for each term, with its effect in the column `t`.
+    Parameters
+    ----------
+    inputs : mapping
+        Path of the table `effects`, a row for each term, with its effect in the column
+        `t`.
+    study : StudyView
+        The study.
     """
     targets = study.targets
     effects = read_table(inputs["effects"], EFFECT_COLUMNS)
@@ -77,7 +83,13 @@ def _draw_effects(panel: Axes, effects: pd.DataFrame) -> None:
 def perturbation(inputs: Inputs, study: StudyView) -> Figure:
     """Draw each response over one factor after the other.
 
-    The surfaces are fitted to `samples` and their responses in `dataset`.
+    Parameters
+    ----------
+    inputs : mapping
+        Paths of the `samples` and of their responses, `dataset`, to which surfaces are
+        fitted.
+    study : StudyView
+        The study.
     """
     targets = study.targets
     models = _fit_models(inputs, targets)
@@ -104,7 +116,13 @@ def perturbation(inputs: Inputs, study: StudyView) -> Figure:
 def contours(inputs: Inputs, study: StudyView) -> Figure:
     """Draw each response over every pair of factors.
 
-    The surfaces are fitted to `samples` and their responses in `dataset`.
+    Parameters
+    ----------
+    inputs : mapping
+        Paths of the `samples` and of their responses, `dataset`, to which surfaces are
+        fitted, and of the `optimum`.
+    study : StudyView
+        The study.
     """
     targets = study.targets
     models = _fit_models(inputs, targets)

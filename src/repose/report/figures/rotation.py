@@ -33,8 +33,14 @@ TITLES = {
 def states(inputs: Inputs, study: StudyView) -> Figure:
     """Draw side views along the axis of the drum with the line of the surface.
 
-    `states` has position_STATE (N, 3) and quaternion_STATE (N, 4) of each state, and
-    turned_STATE_deg; a state without a slip has none before and after it.
+    Parameters
+    ----------
+    inputs : mapping
+        Paths: `states` has position_STATE (N, 3) and quaternion_STATE (N, 4) of each
+        state, and turned_STATE_deg; a run without a slip has none before and after it.
+        `particle` is the grains' body, `runs` has a row for each run.
+    study : StudyView
+        The study.
     """
     arrays = read_npz(
         inputs["states"], ("position_start", "quaternion_start"), "the states of a drum"
@@ -194,8 +200,13 @@ def _draw_side_view(
 def course(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the angles of every run over time, and the motion of the layers by depth.
 
-    `record` has the angles of surface and centre of mass at each time, `profile` the
-    motion in the slip at each depth, `runs` a row for each run.
+    Parameters
+    ----------
+    inputs : mapping
+        Paths: `record` has the angles of surface and centre of mass at each time,
+        `profile` the motion in the slip at each depth, `runs` a row for each run.
+    study : StudyView
+        The study.
     """
     record = read_table(inputs["record"], ("seed", "time_s", "surface_deg", "bed_deg"))
     profile = read_table(inputs["profile"], ("seed", "depth_mm", "moved_mm"))

@@ -1,4 +1,4 @@
-"""Figures of the design: its points, and the simulated responses over them."""
+"""Draw the design: its points, and the simulated responses over them."""
 
 import textwrap
 
@@ -25,8 +25,13 @@ NOTE_CHARACTERS = 120
 def design_matrix(inputs: Inputs, study: StudyView) -> Figure:
     """Draw every pair of free parameters, the histogram of each, and a comparison.
 
-    `samples` has a column for each parameter; `comparison` has the smallest distance of
-    two samples by each method of design.
+    Parameters
+    ----------
+    inputs : mapping
+        Paths: `samples` has a column for each parameter; `comparison` has the smallest
+        distance of two samples by each method of design, and may be missing.
+    study : StudyView
+        The study.
     """
     names = study.parameters.free
     samples = read_table(inputs["samples"], names)
@@ -66,7 +71,15 @@ def design_matrix(inputs: Inputs, study: StudyView) -> Figure:
 
 
 def _compare_methods(figure: Figure, comparison: pd.DataFrame) -> None:
-    """Draw the smallest distance of each method as bars, in the empty corner."""
+    """Draw the smallest distance of each method as bars, in the empty corner.
+
+    Parameters
+    ----------
+    figure : Figure
+        The figure, whose upper right corner is empty.
+    comparison : DataFrame
+        The method and its smallest distance, a row for each.
+    """
     panel = figure.add_axes((0.70, 0.70, 0.27, 0.10))
     panel.set_in_layout(False)
     names = [METHODS[method] for method in comparison["method"]]
@@ -84,8 +97,13 @@ def _compare_methods(figure: Figure, comparison: pd.DataFrame) -> None:
 def responses_over_parameters(inputs: Inputs, study: StudyView) -> Figure:
     """Draw each response over each free parameter; samples that failed are marked.
 
-    `dataset` has a row for each sample: its status, parameters and responses with their
-    standard errors.
+    Parameters
+    ----------
+    inputs : mapping
+        Path of the `dataset`, a row for each sample: its status, parameters and
+        responses with their standard errors.
+    study : StudyView
+        The study.
     """
     targets = study.targets
     parameters = study.parameters
@@ -103,7 +121,19 @@ def responses_over_parameters(inputs: Inputs, study: StudyView) -> Figure:
 def _draw_response(
     panel: Axes, table: pd.DataFrame, name: str, response: Response
 ) -> None:
-    """Draw one response over one parameter, with failed samples as crosses at the bottom."""
+    """Draw one response over one parameter, with failed samples as crosses below.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    table : DataFrame
+        A row for each sample.
+    name : str
+        Name of the parameter.
+    response : Response
+        The response.
+    """
     is_good = table["status"] == "ok"
     good = table[is_good]
     failed = table[~is_good]
@@ -122,6 +152,7 @@ def _draw_response(
     )
     if len(failed):
         # Place the crosses below all values, by a tenth of their range.
+        # Without a good sample, the ends stand for any range.
         bottom = 0.0
         top = 1.0
         if len(good):

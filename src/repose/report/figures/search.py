@@ -36,8 +36,14 @@ HISTORY_COLUMNS = (
 def feasible_solutions(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the parameters of the solutions in their ranges, and their responses.
 
-    `feasible` has a row for each solution with its parameters and predicted responses;
-    `published` has intervals of the parameters (Table 3 of the paper).
+    Parameters
+    ----------
+    inputs : mapping
+        Paths: `feasible` has a row for each solution with its parameters and predicted
+        responses, `summary` the result of the search, `published` intervals of the
+        parameters (Table 3 of the paper).
+    study : StudyView
+        The study.
     """
     targets = study.targets
     solutions = read_table(
@@ -64,7 +70,10 @@ def feasible_solutions(inputs: Inputs, study: StudyView) -> Figure:
 
 
 def _describe_predictions(solutions: pd.DataFrame, target: Target) -> str:
-    """Describe the predicted response of the solutions and of the answer."""
+    """Describe the predicted response of the solutions and of the answer.
+
+    `solutions` has a row for each of them, `target` is that of the response.
+    """
     response = target.response
     predicted = solutions[response.predicted]
     is_answer = _read_booleans(solutions["representative"])
@@ -284,8 +293,13 @@ def _draw_strip(
 def convergence(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the objective over the generations, with the error of the surrogate.
 
-    `history` has a row for some of the generations, with the best and the mean objective;
-    `summary` has the standard errors of the answer's prediction.
+    Parameters
+    ----------
+    inputs : mapping
+        Paths: `history` has a row for some of the generations, with the best and the
+        mean objective; `summary` has the standard errors of the answer's prediction.
+    study : StudyView
+        The study.
     """
     history = read_table(inputs["history"], HISTORY_COLUMNS)
     figure = style.new_figure(style.COLUMN, 2.6)

@@ -40,8 +40,13 @@ def _shares(study: StudyView) -> tuple[Share, Share]:
 def sobol_indices(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the first-order and total index of each parameter, one panel per response.
 
-    `sobol` has a row for each parameter and response, with both indices and their
-    intervals.
+    Parameters
+    ----------
+    inputs : mapping
+        Path of the table `sobol`, a row for each parameter and response, with both
+        indices and their intervals.
+    study : StudyView
+        The study.
     """
     targets = study.targets
     shares = _shares(study)
@@ -111,8 +116,13 @@ def _draw_indices(
 def main_effects(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the mean response along each free parameter, on the simulated points.
 
-    `effects` has the mean of the surrogate at values of each parameter, `dataset` the
-    samples, `sobol` the indices.
+    Parameters
+    ----------
+    inputs : mapping
+        Paths: `effects` has the mean of the surrogate at values of each parameter,
+        `dataset` the samples, `sobol` the indices.
+    study : StudyView
+        The study.
     """
     targets = study.targets
     parameters = study.parameters

@@ -15,7 +15,13 @@ from .registry import Inputs, StudyView
 def sequential(inputs: Inputs, study: StudyView) -> Figure:
     """Draw probability and predicted responses after each batch, and the check.
 
-    `batches` has a row for each batch of pours, `check` a row for each response.
+    Parameters
+    ----------
+    inputs : mapping
+        Paths: `batches` has a row for each batch of pours, `check` a row for each
+        response.
+    study : StudyView
+        The study.
     """
     targets = study.targets
     settings = study.settings.sequential

@@ -76,8 +76,15 @@ class Layers(NamedTuple):
 def network_structure(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the layers of the network, and bars for the influence of each input.
 
-    `network` is the file of the network. Weights are not drawn: large ones cancel where
-    two hidden neurons pull the same response in opposite directions.
+    Weights are not drawn: large ones cancel where two hidden neurons pull the same
+    response in opposite directions.
+
+    Parameters
+    ----------
+    inputs : mapping
+        Path of the file of the `network`.
+    study : StudyView
+        The study.
     """
     path = inputs["network"]
     network = read_json(
@@ -338,8 +345,14 @@ def _place_nodes(x: float, count: int) -> np.ndarray:
 def predicted_against_simulated(inputs: Inputs, study: StudyView) -> Figure:
     """Draw predicted over simulated responses by split, with R2 (Eq. 13) and RMSE.
 
-    `predictions` has the split, the simulated and the predicted responses of each
-    sample, `dataset` their standard errors.
+    Parameters
+    ----------
+    inputs : mapping
+        Paths: `predictions` has the split, the simulated and the predicted responses of
+        each sample, `dataset` their standard errors. With `fresh` and `network`, points
+        outside the design are predicted, too.
+    study : StudyView
+        The study.
     """
     targets = study.targets
     table = read_table(

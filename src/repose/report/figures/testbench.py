@@ -36,8 +36,13 @@ DIMENSION_FONT_SIZE = 6.5
 def simulated_pile(inputs: Inputs, study: StudyView) -> Figure:
     """Draw a shaded picture of a pile.
 
-    `heap` has the pours of a job, of which the first is drawn; `particle` is the
-    grains' body.
+    Parameters
+    ----------
+    inputs : mapping
+        Paths of the pours of a job, `heap`, of which the first is drawn, and of the
+        grains' body, `particle`.
+    study : StudyView
+        The study.
     """
     # Slow to import, and the other figures here do without.
     from repose.report.renderer.render import render_pile
@@ -86,8 +91,13 @@ def simulated_pile(inputs: Inputs, study: StudyView) -> Figure:
 def measurement(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the steps of the measurement (section 2.3 of the paper).
 
-    `heap` has the pours of a job, of which the first is drawn; `particle` is the
-    grains' body, `berry` the mean grain.
+    Parameters
+    ----------
+    inputs : mapping
+        Paths of the pours of a job, `heap`, of which the first is drawn, of the grains'
+        body, `particle`, and of the mean grain, `berry`.
+    study : StudyView
+        The study.
     """
     from repose.measure.photographs import drawing  # slow to import
 
@@ -177,7 +187,13 @@ def _name_lines(
 def apparatus(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the test bench from the side, in mm, with the grains of a pour if given.
 
-    `trajectory` has the places of the grains over the time.
+    Parameters
+    ----------
+    inputs : mapping
+        Perhaps paths of a `trajectory`, the places of the grains over the time, and of
+        the `particle`; without them only the walls are drawn.
+    study : StudyView
+        The study.
     """
     from repose.report.renderer.scenery import funnel_walls  # slow to import
 

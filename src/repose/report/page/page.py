@@ -145,7 +145,11 @@ def _constraint(constraint: Constraint) -> dict[str, Any]:
 
 
 def _target(study: Results, target: Target) -> dict[str, Any]:
-    """Return one target as plain values, with the limits of its gauge as `axis`."""
+    """Return one target as plain values.
+
+    The limits of its gauge, `axis`, show the samples, the target range, the measured
+    mean with its deviation, and the simulated mean.
+    """
     response = target.response
     simulated = study.number(response.simulated)
     values = [

@@ -334,7 +334,10 @@ def _response_table(study: Results) -> Table:
 
 
 def _response_row(study: Results, target: Target) -> list[str]:
-    """Return the cells of one target in the table of the responses."""
+    """Write the cells of one target in the table of the responses.
+
+    They are those of all columns. Without new simulations the last ones are not shown.
+    """
     response = target.response
     unit = response.unit
     measured = f"{target.value:.4g} ± {target.sd:.2g} {unit} (n = {target.repetitions})"
@@ -361,7 +364,10 @@ def _response_row(study: Results, target: Target) -> list[str]:
 
 
 def _prediction_text(study: Results, target: Target) -> str:
-    """Format the predicted response of the answer, with its expected optimism."""
+    """Write the predicted response of the answer, with its expected optimism.
+
+    The text is empty without a prediction.
+    """
     response = target.response
     predicted = study.number(response.predicted)
     if predicted is None:
@@ -475,7 +481,10 @@ def _cells_of_set(
 
 
 def _error_percent(predicted: float | None, simulated: float | None) -> str:
-    """Write the error of a prediction in percent of the simulated value."""
+    """Write the error of a prediction in percent of the simulated value.
+
+    The text is empty without a prediction or a simulated value, and for a simulated 0.
+    """
     if predicted is None or simulated is None:
         return ""
     percent = deviation_percent(predicted, simulated) if simulated else np.nan
@@ -488,7 +497,19 @@ def _mean_with_error(
     unit: str = "",
     missing: str = "no result",
 ) -> str:
-    """Write a mean with its standard error, if it has one; `missing` without a mean."""
+    """Write a mean with its standard error.
+
+    Parameters
+    ----------
+    mean : float or None
+        The mean; None or NaN if there is none.
+    error : float or None
+        Its standard error. None, NaN and a rounding error are left out.
+    unit : str
+        What follows the numbers.
+    missing : str
+        What is written without a mean.
+    """
     if mean is None or pd.isna(mean):
         return missing
     is_rounding_error = error is not None and error < 1e-9 * abs(mean)
