@@ -13,7 +13,7 @@ from repose.measure import particle_files
 from repose.measure.particles import (
     DIRECTIONS,
     Ellipsoids,
-    _rotation_to_z,
+    _make_rotation_to_z,
     find_up,
     measure_particles,
 )
@@ -112,7 +112,7 @@ def sphere_record():
 @pytest.mark.parametrize("up", DIRECTIONS)
 def test_gravity_and_base_are_found_and_change_no_number(up, tmp_path):
     centres = cone()
-    rotation = _rotation_to_z(np.array(DIRECTIONS[up]))
+    rotation = _make_rotation_to_z(np.array(DIRECTIONS[up]))
     assert np.linalg.det(rotation) == pytest.approx(1.0)
     np.testing.assert_allclose(rotation @ DIRECTIONS[up], [0, 0, 1])
     turned = (centres + np.array([0.0, 0.0, 0.3])) @ rotation

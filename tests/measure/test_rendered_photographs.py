@@ -160,16 +160,16 @@ def test_what_floats_over_the_plate_or_in_a_deep_shadow_is_left_out(tmp_path):
     pile = mask.copy()
     cv2.circle(mask, (105, 60), 12, 1, -1)  # behind the pile, on the plate
     assert np.array_equal(
-        finding._largest_part(finding._remove_floating(mask, 6)), pile
+        finding._keep_largest_part(finding._remove_floating(mask, 6)), pile
     )
     cv2.circle(pile, (320, 88), 12, 1, -1)  # at the foot
-    left = finding._largest_part(finding._remove_touching(pile, 7))
+    left = finding._keep_largest_part(finding._remove_touching(pile, 7))
     assert left[:, 316:].sum() == 0
     assert left[:, :290].sum() == pile[:, :290].sum()
     # a post that hides what is behind it, and a speck of its shape
     mask[5:35, 20:24] = 1
     mask[40:52, 360:364] = 1
-    standing, posts = finding._standing_parts(mask)
+    standing, posts = finding._find_standing_parts(mask)
     assert standing[:, 100:301].sum() == standing.sum()
     assert posts[:, :30].sum() == 120
     assert posts[:, 30:].sum() == 0
