@@ -137,7 +137,7 @@ def test_outlines_and_top_of_clumps_are_those_of_a_cloud_of_points(clump):
     turns = rng.normal(size=(4, 4))
     scales = rng.uniform(0.8, 1.2, 4)
     grains = silhouette.Grains(centres, turns, clump, scales)
-    polygons = silhouette.outlines(grains, [0.0, 70.0])
+    polygons = silhouette.compute_outlines(grains, [0.0, 70.0])
     assert polygons.shape == (2, 4 * 14, 64, 2)
     n = rng.normal(size=(4000, 3))
     n /= np.linalg.norm(n, axis=1, keepdims=True)
@@ -164,6 +164,6 @@ def test_scales_move_convex_outlines_too():
     grains = silhouette.Grains(
         np.zeros((2, 3)), np.tile([1.0, 0, 0, 0], (2, 1)), ball, [1.0, 2.0]
     )
-    polygons = silhouette.outlines(grains, [0.0], 1e-3)
+    polygons = silhouette.compute_outlines(grains, [0.0], 1e-3)
     expected = [[4e-3] * 64, [9e-3] * 64]
     np.testing.assert_allclose(np.linalg.norm(polygons[0], axis=-1), expected)

@@ -17,7 +17,7 @@ import numpy as np
 from repose.dem.rotations import rotation_matrices
 from repose.measure import pile
 from repose.measure.photographs import sheet
-from repose.measure.silhouette import Grains, silhouette
+from repose.measure.silhouette import Grains, draw_silhouette
 
 LIGHT = np.array([-0.45, -0.55, 0.72]) / np.linalg.norm([-0.45, -0.55, 0.72])
 GROUND_MM = 1400  # side of the square of plate that is drawn, one pixel a mm
@@ -136,7 +136,9 @@ def truth(scene, settings):
     centres, quaternions, sizes = scene.grains
     body = Ellipsoids(scene.axes)
     azimuth = np.degrees(np.arctan2(scene.position[0], -scene.position[1]))
-    image = silhouette(Grains(1e-3 * centres, quaternions, body, sizes), azimuth, 0.2)
+    image = draw_silhouette(
+        Grains(1e-3 * centres, quaternions, body, sizes), azimuth, 0.2
+    )
     return pile.measure_image(image, 0.2, settings, base_row=image.shape[0] - 0.5)
 
 

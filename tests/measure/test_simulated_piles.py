@@ -12,7 +12,12 @@ from rendered import Ellipsoids
 from repose.measure import further_responses
 from repose.measure.photographs.segmentation import segment, segment_silhouette
 from repose.measure.pile import MeasureSettings, NoFlankError, measure_pile
-from repose.measure.silhouette import BACKGROUND_TONE, PILE_TONE, Grains, silhouette
+from repose.measure.silhouette import (
+    BACKGROUND_TONE,
+    PILE_TONE,
+    Grains,
+    draw_silhouette,
+)
 
 MM = 0.25
 
@@ -45,7 +50,7 @@ def test_silhouette_equals_the_projection_of_a_cloud_of_surface_points(particle)
     azimuth = 37.0
     mm = 0.5
     extent = (-0.05, 0.05, 0.06)
-    image = silhouette(Grains(centres, q, particle), azimuth, mm, extent)
+    image = draw_silhouette(Grains(centres, q, particle), azimuth, mm, extent)
     assert image.shape == (120, 200)
     normals = rng.normal(size=(60_000, 3))
     surface = particle.support_point(
@@ -73,7 +78,9 @@ def test_a_silhouette_has_the_area_of_the_ball():
     ball = Ellipsoids([10.0, 10.0, 10.0])
     areas = []
     for shift in np.linspace(0, 0.25e-3, 7):
-        image = silhouette(Grains([[shift, 0, 0.01]], [[1.0, 0, 0, 0]], ball), 0.0, MM)
+        image = draw_silhouette(
+            Grains([[shift, 0, 0.01]], [[1.0, 0, 0, 0]], ball), 0.0, MM
+        )
         areas.append((image < 128).sum() * MM**2)
         assert (image[-2] < 128).any()
     assert np.mean(areas) == pytest.approx(math.pi * 100, rel=4e-3)
@@ -83,8 +90,8 @@ def test_a_silhouette_from_behind_is_mirrored():
     centres = np.array([[0.03, 0.0, 0.01], [0.0, 0.0, 0.02]])
     q = np.array([[0.5, 0.5, 0.1, 0.7], [1.0, 0, 0, 0]])
     extent = (-0.06, 0.06, 0.04)
-    front = silhouette(Grains(centres, q, BERRY), 0.0, MM, extent)
-    back = silhouette(Grains(centres, q, BERRY), 180.0, MM, extent)
+    front = draw_silhouette(Grains(centres, q, BERRY), 0.0, MM, extent)
+    back = draw_silhouette(Grains(centres, q, BERRY), 180.0, MM, extent)
     assert (front < 128).any(axis=0).nonzero()[0].max() > 300
     assert np.mean(front[:, ::-1] != back) < 2e-3
 
@@ -137,7 +144,7 @@ def test_a_silhouette_is_split_as_any_picture_of_its_tones_to_the_last_bit(
 ):
     centres, q = cone_of_berries(30, np.random.default_rng(3), 250)
     centres[::10, 0] += 0.12  # berries beside the pile, and gaps in it
-    image = silhouette(Grains(centres, q, BERRY), mm_per_pixel=MM)
+    image = draw_silhouette(Grains(centres, q, BERRY), mm_per_pixel=MM)
     known = segment_silhouette(image, PILE_TONE, BACKGROUND_TONE, largest_only)
     found = segment(image, largest_only, base_row=image.shape[0] - 0.5)
     assert known.level == found.level

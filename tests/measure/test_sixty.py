@@ -14,7 +14,7 @@ from repose.measure.photographs import photograph as photographs
 from repose.measure.photographs.camera import Pose, calibrate
 from repose.measure.photographs.doubts import list_doubts_of_pile
 from repose.measure.photographs.segmentation import Segmentation
-from repose.measure.photographs.tables import describe, tables
+from repose.measure.photographs.tables import describe, make_tables
 from repose.measure.pile import measure_segmented
 from repose.measure.settings import MeasureSettings
 
@@ -189,7 +189,9 @@ def test_a_doubt_is_printed_beside_its_photograph_and_a_layer_is_refused(tmp_pat
         note="lens not corrected",
         doubts=[doubt],
     )
-    text = describe([photograph], tables([photograph], settings), settings, tmp_path)
+    text = describe(
+        [photograph], make_tables([photograph], settings), settings, tmp_path
+    )
     assert doubt in next(line for line in text.splitlines() if line.startswith("a.png"))
     assert "note: lens not corrected\n" in text
     settings = MeasureSettings.with_defaults(mm_per_pixel=0.5, berry_height_mm=6.0)

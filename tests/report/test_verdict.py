@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from repose.report.page.verdict import probability_text
+from repose.report.page.verdict import describe_probability
 
 
 @pytest.mark.parametrize(
@@ -23,6 +23,6 @@ def test_the_probability_is_that_of_all_targets(n_targets, beginning):
         targets=[None] * n_targets,
         number=lambda _name: 12.0,
     )
-    text = probability_text(study)
+    text = describe_probability(study)
     assert text.startswith(beginning)
     assert "judged by 12 new simulations" in text

@@ -316,7 +316,7 @@ def _measure_piles(
     from repose.measure.photographs.tables import (
         convert_to_records,
         describe,
-        tables,
+        make_tables,
         write_tables,
     )
 
@@ -342,7 +342,7 @@ def _measure_piles(
             for photograph, overlay in zip(results, overlays, strict=True)
         )
     out = Path(args.out)
-    measured = tables(results, settings, args.doubtful)
+    measured = make_tables(results, settings, args.doubtful)
     responses = _photographed_piles()[args.bench]
     write_tables(measured, settings, out=out, bench=args.bench, responses=responses)
     if args.json:

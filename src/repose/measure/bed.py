@@ -134,7 +134,7 @@ def side_view(
     lift = np.array([0.0, 0.0, radius_m])
     lifted = replace(grains, centres_m=grains.centres_m + lift)
     section = silhouette.Extent(left=-radius_m, right=radius_m, top=2.0 * radius_m)
-    image = silhouette.silhouette(lifted, 0.0, mm_per_pixel, section)
+    image = silhouette.draw_silhouette(lifted, 0.0, mm_per_pixel, section)
     return image == silhouette.PILE_TONE
 
 

@@ -28,9 +28,9 @@ from repose.measure.silhouette import (
     PILE_TONE,
     ConvexBody,
     Grains,
+    compute_outlines,
     find_extent,
     find_top,
-    outlines,
     paint,
 )
 
@@ -316,7 +316,7 @@ def _draw_silhouettes(
     scale = settings.mm_per_pixel
     azimuths_deg = np.arange(settings.views) * 180.0 / settings.views
     # OpenCV fills half a pixel too many all around, so the outlines are moved inwards.
-    for polygons in outlines(grains, azimuths_deg, inset_m=scale * 0.5e-3):
+    for polygons in compute_outlines(grains, azimuths_deg, inset_m=scale * 0.5e-3):
         image = paint(polygons, scale, find_extent(polygons, scale))
         if min(image.shape) < MIN_SIDE_PX:
             rows, columns = image.shape

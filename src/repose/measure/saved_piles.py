@@ -10,7 +10,7 @@ from repose.measure import pile
 from repose.measure.definitions import CALIBRATED_ANGLE, MEAN_KEYS
 from repose.measure.saved_pours import Arrays
 from repose.measure.settings import MeasureSettings
-from repose.measure.silhouette import ConvexBody, Grains, SolidBody, silhouette
+from repose.measure.silhouette import ConvexBody, Grains, SolidBody, draw_silhouette
 
 
 def pile_responses(
@@ -101,4 +101,4 @@ def side_view(
     grains = Grains.of(arrays, particle)
     if settings.largest_pile_only:
         grains = grains[arrays["in_pile"]]
-    return silhouette(grains, azimuth_deg, settings.mm_per_pixel)
+    return draw_silhouette(grains, azimuth_deg, settings.mm_per_pixel)

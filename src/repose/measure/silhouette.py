@@ -105,7 +105,7 @@ class Grains:
         )
 
 
-def outlines(
+def compute_outlines(
     grains: Grains, azimuths_deg: ArrayLike, inset_m: float = 0.0
 ) -> np.ndarray:
     """Compute the outlines of bodies in orthographic side views, as polygons.
@@ -294,7 +294,7 @@ def find_extent(polygons_m: np.ndarray, mm_per_pixel: float) -> Extent:
     return Extent(left - margin, right + margin, max(top, 0.0) + margin)
 
 
-def silhouette(
+def draw_silhouette(
     grains: Grains,
     azimuth_deg: float = 0.0,
     mm_per_pixel: float = 0.25,
@@ -307,7 +307,7 @@ def silhouette(
     grains : Grains
         The bodies.
     azimuth_deg : float
-        Direction of the view about the z axis, as in `outlines`.
+        Direction of the view about the z axis, as in `compute_outlines`.
     mm_per_pixel : float
         Scale of the picture.
     extent : Extent, optional
@@ -319,7 +319,7 @@ def silhouette(
         The picture (H, W), dark on light.
     """
     inset_m = mm_per_pixel * 0.5e-3  # half a pixel, see `paint`
-    polygons = outlines(grains, [azimuth_deg], inset_m)[0]
+    polygons = compute_outlines(grains, [azimuth_deg], inset_m)[0]
     if extent is None:
         extent = find_extent(polygons, mm_per_pixel)
     return paint(polygons, mm_per_pixel, extent)

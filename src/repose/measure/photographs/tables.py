@@ -45,7 +45,7 @@ class Tables(NamedTuple):
     doubtful: bool = False
 
 
-def tables(
+def make_tables(
     measured: Sequence[Photograph], settings: MeasureSettings, doubtful: bool = False
 ) -> Tables:
     """Make a table with a row for each photograph, and a summary of its columns.
@@ -144,10 +144,10 @@ def write_tables(
     if results.summary.empty:
         targets_yaml.unlink(missing_ok=True)
     else:
-        write_text(targets_yaml, targets(results, settings, bench, responses))
+        write_text(targets_yaml, write_targets(results, settings, bench, responses))
 
 
-def targets(
+def write_targets(
     results: Tables, settings: MeasureSettings, bench: str, responses: Mapping[str, str]
 ) -> str:
     """Write the measured responses as targets in the YAML of a configuration.

@@ -164,8 +164,7 @@ def _draw_contours(
     pair : tuple of int
         Numbers of the factors along x and along y.
     point : ndarray
-        The optimum in coded factors (d,), from -1 to 1.
-    Only the region is drawn.
+        The optimum in coded factors (d,), from -1 to 1. Only the region is drawn.
     """
     # A grid of points over the two factors; the others stay at the optimum.
     coded = np.linspace(-1, 1, GRID_POINTS)

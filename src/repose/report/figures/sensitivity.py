@@ -65,7 +65,7 @@ def sobol_indices(inputs: Inputs, study: StudyView) -> Figure:
     if study.parameters.constraints:
         # The long labels stand below the panels.
         colours = f"blue: {shares[0].label}; orange: {shares[1].label}"
-        style.below(figure, f"{colours}; over what the constraints allow")
+        style.write_below(figure, f"{colours}; over what the constraints allow")
     else:
         axes[0].legend(loc="upper left")
     return figure

@@ -115,13 +115,9 @@ def network_structure(inputs: Inputs, study: StudyView) -> Figure:
     )
     _draw_influence(right, influence, inputs=network["inputs"], symbols=symbols)
     style.name_panels((left, right))
-<<<<<<< HEAD
     is_constrained = bool(study.parameters.constraints)
     words = INFLUENCE_WITH_CONSTRAINTS if is_constrained else INFLUENCE_WORDS
-    style.below(figure, words)
-=======
-    style.write_below(figure, INFLUENCE_WORDS)
->>>>>>> 81415d37 (Rename functions of the report and document them)
+    style.write_below(figure, words)
     return figure
 
 
@@ -246,13 +242,6 @@ def _draw_influence(
 def influence_of_inputs(
     model: Surrogate, parameters: ParameterSpace, seed: int
 ) -> Influence:
-<<<<<<< HEAD
-    """Compute how much, and in which direction, each input changes each output."""
-    from repose.calibrate.uncertainty.sensitivity import (
-        main_effects,
-        shares_of_variance,
-    )
-=======
     """Compute how much, and in which direction, each input changes each output.
 
     Parameters
@@ -269,8 +258,10 @@ def influence_of_inputs(
     Influence
         Share of the variance and direction, each (outputs, inputs).
     """
-    from repose.calibrate.uncertainty.sensitivity import indices, main_effects
->>>>>>> 81415d37 (Rename functions of the report and document them)
+    from repose.calibrate.uncertainty.sensitivity import (
+        main_effects,
+        shares_of_variance,
+    )
 
     shape = len(model.outputs), len(model.inputs)
     influence = Influence(share=np.zeros(shape), direction=np.zeros(shape))
@@ -304,19 +295,14 @@ def influence_of_inputs(
     return influence
 
 
-<<<<<<< HEAD
 def _rise(curve: np.ndarray) -> np.ndarray:
     """Compute the rise (outputs,) of a main effect (points, outputs) where it is known."""
     known = curve[~np.isnan(curve).any(axis=1)]
     return known[-1] - known[0]
 
 
-def _node_places(x: float, count: int) -> np.ndarray:
-    """Return the places (count, 2) of a layer's nodes from the top.
-=======
 def _place_nodes(x: float, count: int) -> np.ndarray:
     """Place the nodes of a layer below each other.
->>>>>>> 81415d37 (Rename functions of the report and document them)
 
     Few nodes stand closer together.
 

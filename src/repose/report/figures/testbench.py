@@ -16,7 +16,7 @@ from repose.measure import pile
 from repose.measure.saved_piles import side_view
 from repose.measure.saved_pours import read_first_pour
 from repose.measure.settings import MeasureSettings
-from repose.measure.silhouette import Grains, outlines
+from repose.measure.silhouette import Grains, compute_outlines
 
 from . import panels, style
 from .registry import Inputs, StudyView
@@ -261,7 +261,7 @@ def _draw_grains(panel: Axes, inputs: Inputs, colour: str) -> None:
     # y, are drawn last, over the others.
     nearness = -grains.centres_m[is_there, 1]
     far_to_near = np.flatnonzero(is_there)[np.argsort(nearness)]
-    outlines_m = outlines(grains[far_to_near], [0.0])[0]
+    outlines_m = compute_outlines(grains[far_to_near], [0.0])[0]
     panel.add_collection(
         PolyCollection(
             1e3 * outlines_m,

@@ -60,12 +60,12 @@ def write_study(
         **sections.template_values(study, tables),
         content=content(study),
         style_sheet=asset("report.css"),
-        scripts=_scripts(has_view="trajectory" in study.files),
+        scripts=_list_scripts(has_view="trajectory" in study.files),
     )
     write_text(out_path, text)
 
 
-def _scripts(has_view: bool) -> list[str]:
+def _list_scripts(has_view: bool) -> list[str]:
     """Return the scripts of the page; those of the 3-D view only if it has one."""
     scripts = [asset("network.js")]
     if has_view:

@@ -29,7 +29,7 @@ MOST_PLANE_NUMBERS = 100_000  # of all planes together, 0.5 MB in the page
 SCALING_KEYS = ("input_min", "input_max", "output_min", "output_max", "scaled_range")
 
 
-def packed(array: np.ndarray, dtype: str) -> str:
+def pack_array(array: np.ndarray, dtype: str) -> str:
     """Write an array as Base64 for a typed array of JavaScript.
 
     Parameters
@@ -74,7 +74,7 @@ def _networks(surrogate: BayesianBP | NetworkEnsemble) -> dict[str, Any]:
     -------
     dict
         `kind` is ``network``. `members` has the weights of each network, and the root
-        of the covariance of the weights as `root`, packed. Besides, there are the
+        of the covariance of the weights as `root`, pack_array. Besides, there are the
         scaling of inputs and outputs, which all networks share.
     """
     if isinstance(surrogate, NetworkEnsemble):
@@ -85,7 +85,7 @@ def _networks(surrogate: BayesianBP | NetworkEnsemble) -> dict[str, Any]:
     for network in networks:
         content = network.to_dict()
         member = {key: content[key] for key in OF_EACH}
-        member["root"] = packed(network.posterior_root_, "<f4")
+        member["root"] = pack_array(network.posterior_root_, "<f4")
         members.append(member)
     # All networks share the scaling of the first one.
     first_content = networks[0].to_dict()
@@ -112,7 +112,7 @@ def _curves_and_planes(
     dict
         `kind` is ``curves``. The keys of `curves` are names of parameters, those of
         `planes` pairs of names, such as ``first second``. Each entry has the mean and
-        the standard deviation. Those of a plane (points, points, responses) are packed,
+        the standard deviation. Those of a plane (points, points, responses) are pack_array,
         and the first parameter varies with the row. `planePoints` is the number of
         points along a side.
     """
@@ -138,8 +138,8 @@ def _curves_and_planes(
         points = _make_plane_points(parameters, answer, (first, second), n_points)
         mean, std = surrogate.predict(points, return_std=True, noise=False)
         planes[f"{first} {second}"] = {
-            "mean": packed(mean, "<f4"),
-            "std": packed(std, "<f4"),
+            "mean": pack_array(mean, "<f4"),
+            "std": pack_array(std, "<f4"),
         }
     return {
         "kind": "curves",

@@ -15,7 +15,7 @@ import trimesh
 from repose.common.files import read_npz
 from repose.dem.tessellation import tessellate
 from repose.grain.particle import Particle
-from repose.report.page.prediction import packed
+from repose.report.page.prediction import pack_array
 from repose.report.renderer.film import KEYS
 from repose.report.renderer.scenery import funnel_walls
 
@@ -93,17 +93,17 @@ def export_pour(
     surface = grain_surface(particle, MAX_TRIANGLES // max(n_grains, 1))
     return {
         "body": {
-            "points": packed(surface.points, "<f4"),
-            "normals": packed(surface.normals, "<f4"),
-            "triangles": packed(surface.triangles, "<u4"),
+            "points": pack_array(surface.points, "<f4"),
+            "normals": pack_array(surface.normals, "<f4"),
+            "triangles": pack_array(surface.triangles, "<u4"),
         },
         "count": n_grains,
         "times_s": times_s[frames].astype(float).round(3).tolist(),
         "low": positions.low.tolist(),
         "step": positions.step.tolist(),
-        "positions": packed(positions.whole, "<u2"),
-        "turns": packed(np.rint(ORIENTATION_STEPS * orientations), "<i1"),
-        "scales": None if scales is None else packed(scales, "<f4"),
+        "positions": pack_array(positions.whole, "<u2"),
+        "turns": pack_array(np.rint(ORIENTATION_STEPS * orientations), "<i1"),
+        "scales": None if scales is None else pack_array(scales, "<f4"),
         "walls": walls,
         "plate_mm": section.plate_diameter_mm / 2,
     }

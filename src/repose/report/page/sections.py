@@ -28,7 +28,7 @@ from repose.report.page.pictures import EmbeddedPicture, embed_known
 from repose.report.page.prediction import has_network, without_scales
 from repose.report.page.study import Results
 from repose.report.page.tables import FoldedTable, Table, folded_table
-from repose.report.page.verdict import VerdictText, checks_of, percent_text, verdict_of
+from repose.report.page.verdict import VerdictText, checks_of, verdict_of, write_percent
 from repose.report.study_view import parameter_ranges
 from repose.stages.card import read as read_card
 from repose.stages.dataset import describe_counts
@@ -130,10 +130,10 @@ def answer(study: Results) -> AnswerSection:
         label=study.label,
         verdict=verdict_of(study),
         impossible_targets=impossible_targets(study.files),
-        origin=_origin(study),
-        determination=_determination(study),
+        origin=_describe_origin(study),
+        determination=_describe_determination(study),
         sets_inside=_sets_inside(study),
-        nearness=_nearness(study),
+        nearness=_describe_nearness(study),
         near_bounds=_near_bounds(study),
         table=_parameter_table(study),
         has_intervals=posterior is not None,
@@ -152,7 +152,7 @@ def impossible_targets(files: Mapping[str, str]) -> list[str]:
     return sentences
 
 
-def _origin(study: Results) -> str:
+def _describe_origin(study: Results) -> str:
     """State when and by what the results were made."""
     version = study.origin.get("repose")
     processor = study.origin.get("processor")
@@ -162,7 +162,7 @@ def _origin(study: Results) -> str:
     return f"Results of {study.date}, by repose {version}{commit}, on {processor}."
 
 
-def _determination(study: Results) -> str:
+def _describe_determination(study: Results) -> str:
     """Describe how many parameters the measurements determine; empty without intervals."""
     if study.posterior is None:
         return ""
@@ -205,7 +205,7 @@ def _sets_inside(study: Results) -> str:
     )
 
 
-def _nearness(study: Results) -> str:
+def _describe_nearness(study: Results) -> str:
     """Describe how far the simulated means are from the measured ones; empty without them."""
     if not study.number("n_seeds"):
         return ""
@@ -351,19 +351,19 @@ def _response_row(study: Results, target: Target) -> list[str]:
         percent = 100 * (simulated - target.value) / target.whole_value
         difference = f"{percent:+.1f} %"
 
-    inside = percent_text(study.probability[target.name])
+    inside = write_percent(study.probability[target.name])
     return [
         response.label,
         measured,
         target_range,
-        _prediction_text(study, target),
+        _write_prediction(study, target),
         simulated_text,
         difference,
         inside,
     ]
 
 
-def _prediction_text(study: Results, target: Target) -> str:
+def _write_prediction(study: Results, target: Target) -> str:
     """Write the predicted response of the answer, with its expected optimism.
 
     The text is empty without a prediction.
@@ -598,11 +598,11 @@ def _table_of_sets_found(study: Results) -> Table | None:
 def _steps(study: Results) -> list[str]:
     """Say the steps to the answer, a sentence each."""
     if study.simulator is not None:
-        return [*_steps_of_strategy(study), OTHER_PROGRAM]
-    return _steps_of_strategy(study)
+        return [*_list_strategy_steps(study), OTHER_PROGRAM]
+    return _list_strategy_steps(study)
 
 
-def _steps_of_strategy(study: Results) -> list[str]:
+def _list_strategy_steps(study: Results) -> list[str]:
     """Say the steps that the strategy reports, or those of the article's method."""
     if "steps" in study.summary:
         return list(study.summary["steps"])
@@ -611,11 +611,11 @@ def _steps_of_strategy(study: Results) -> list[str]:
     counts = describe_counts(simulated["by_status"], simulated["runs_by_status"])
     steps = []
     if study.settings is not None:
-        steps.append(_design_step(study, study.settings.design))
-    steps.append(f"{_simulation(study)}: {counts}")
+        steps.append(_describe_design(study, study.settings.design))
+    steps.append(f"{_describe_simulation(study)}: {counts}")
     if study.surrogate is not None:
         surrogate = study.surrogate.name.replace("_", " ")
-        steps.append(f"Surrogate ({surrogate}): {_accuracy(study)}")
+        steps.append(f"Surrogate ({surrogate}): {_describe_accuracy(study)}")
     steps.append(f"Search: {study.summary['message']}")
     n_sets = len(study.checked_sets)
     n_runs = study.answer_row.get("n_seeds", 0)
@@ -626,7 +626,7 @@ def _steps_of_strategy(study: Results) -> list[str]:
     return steps
 
 
-def _simulation(study: Results) -> str:
+def _describe_simulation(study: Results) -> str:
     """Say what was simulated, or by which other program."""
     if study.simulator is not None:
         return f"Simulation by {study.simulator}"
@@ -634,7 +634,7 @@ def _simulation(study: Results) -> str:
     return f"Simulation of the bench test ({bench_tests})"
 
 
-def _design_step(study: Results, design: DesignSettings) -> str:
+def _describe_design(study: Results, design: DesignSettings) -> str:
     """Describe the parameter sets of the design."""
     n_free = study.parameters.dimensions
     n_parameters = len(study.parameters.names)
@@ -645,7 +645,7 @@ def _design_step(study: Results, design: DesignSettings) -> str:
     return f"Design: {design.samples} parameter sets over {searched} ({method})."
 
 
-def _accuracy(study: Results) -> str:
+def _describe_accuracy(study: Results) -> str:
     """Describe the accuracy of the surrogate on samples it was not trained on."""
     metrics_on_test_samples = read_json(study.files["metrics"]).get("test") or {}
     accuracies = []

@@ -183,11 +183,11 @@ def read(config: Config, jobs: Sequence[str], files: Files) -> Results:
         is_small_run=study.settings.small_run,
         targets=targets,
         parameters=study.parameters,
-        answer_row=_representative(checked_sets, files["table4"]),
+        answer_row=_find_representative(checked_sets, files["table4"]),
         probability=chance_of_meeting(runs, targets),
         probability_within=within,
         posterior=_read_posterior(files),
-        surrogate=_surrogate(files, targets, study.parameters, names),
+        surrogate=_load_surrogate(files, targets, study.parameters, names),
         solutions=read_table(files["feasible"], ("solution", *parameters)),
         checked_sets=checked_sets,
         samples=read_table(files["dataset"], ("sample", *parameters, *targets.names)),
@@ -224,7 +224,7 @@ def _require(files: Files, names: Sequence[str]) -> None:
             raise InputError("report", "--input", None, allowed)
 
 
-def _representative(checked_sets: pd.DataFrame, path: str) -> pd.Series:
+def _find_representative(checked_sets: pd.DataFrame, path: str) -> pd.Series:
     """Find the row of the answer among the sets that were simulated again."""
     rows = checked_sets[checked_sets["role"] == "representative"]
     if rows.empty:
@@ -246,7 +246,7 @@ def _read_published_sets(files: Files) -> pd.DataFrame:
     return read_table(files["published"], ("solution", *PARAMETERS))
 
 
-def _surrogate(
+def _load_surrogate(
     files: Files,
     targets: Targets,
     parameters: ParameterSpace,

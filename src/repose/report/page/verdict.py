@@ -17,7 +17,7 @@ from repose.measure.settings import describe_line_of_response
 from repose.report.page.study import Results
 from repose.report.page.templates import cell_text
 
-# Half of the precision with which `percent_text` writes probabilities.
+# Half of the precision with which `write_percent` writes probabilities.
 HALF_PERCENT = 0.005
 
 
@@ -65,15 +65,15 @@ def verdict_of(study: Results) -> VerdictText:
     if assessment.feasible:
         # The reason of an undecided verdict has named the probability of being inside.
         is_named = assessment.verdict is Verdict.UNDECIDED
-        ending = probability_text(study, names_inside=not is_named)
+        ending = describe_probability(study, names_inside=not is_named)
     else:
         # Without a feasible set, the message describes what the search found instead.
         ending = study.summary["message"]
-    rating = _rating(assessment, study.probability["all"])
+    rating = _rate_answer(assessment, study.probability["all"])
     return VerdictText(rating, f"{text} {ending}")
 
 
-def _rating(assessment: Assessment, probability: float | None) -> str:
+def _rate_answer(assessment: Assessment, probability: float | None) -> str:
     """Rate the answer as good, fair or bad.
 
     `probability` is that of meeting all targets; None if it is unknown.
@@ -85,7 +85,7 @@ def _rating(assessment: Assessment, probability: float | None) -> str:
     return "good" if probability >= DECIDED else "fair"
 
 
-def probability_text(study: Results, names_inside: bool = True) -> str:
+def describe_probability(study: Results, names_inside: bool = True) -> str:
     """Describe in sentences how probable it is that the answer meets the targets.
 
     Parameters
@@ -112,22 +112,22 @@ def probability_text(study: Results, names_inside: bool = True) -> str:
     sentences = []
     if names_inside:
         sentences.append(
-            f"With a probability of {percent_text(probability)} "
-            f"{_responses_lie(n_targets)} inside the target range, {evidence}."
+            f"With a probability of {write_percent(probability)} "
+            f"{_write_subject(n_targets)} inside the target range, {evidence}."
         )
     true_means = "the true mean lies" if n_targets == 1 else "all true means lie"
     for percent, within in study.probability_within.items():
         if within is not None:
             sentences.append(
-                f"With a probability of {percent_text(within)} {true_means} within "
+                f"With a probability of {write_percent(within)} {true_means} within "
                 f"{percent:g} % of what was measured."
             )
     if n_runs is None:
-        sentences.append(_optimism_text(study))
+        sentences.append(_write_optimism(study))
     return " ".join(sentences)
 
 
-def _optimism_text(study: Results) -> str:
+def _write_optimism(study: Results) -> str:
     """Describe the expected optimism of the answer's predictions in a sentence."""
     clauses = []
     for target in study.targets:
@@ -147,7 +147,7 @@ def _optimism_text(study: Results) -> str:
     return f"This does not count the expected optimism ({'; '.join(clauses)})."
 
 
-def _responses_lie(n_targets: int) -> str:
+def _write_subject(n_targets: int) -> str:
     """Return the subject and verb of a sentence about all responses."""
     if n_targets == 1:
         return "the response lies"
@@ -156,7 +156,7 @@ def _responses_lie(n_targets: int) -> str:
     return f"all {n_targets} responses lie"
 
 
-def percent_text(probability: float | None) -> str:
+def write_percent(probability: float | None) -> str:
     """Format a probability in whole percent, but never as 0 % or 100 %.
 
     The number of runs does not allow such certainty.

@@ -137,7 +137,7 @@ def render_bodies(  # noqa: PLR0913  (each has a default that a picture may chan
             centres, bodies.largest_m, walls=setting.frusta, panels=setting.panels
         )
     camera = look_at(frame_m, width * supersample, height * supersample, **angles)
-    tints = shading.tints_of(
+    tints = shading.choose_tints(
         shown[bodies.owner],
         shown_ids[bodies.owner],
         count=len(centres_m),
@@ -196,7 +196,7 @@ def render_mesh(
         largest_m=float(np.linalg.norm(mesh.extents)) / 2,
     )
     camera = look_at(frame_m, width * supersample, height * supersample, **angles)
-    tints = shading.tints_of(first, first, count=1, shapes=1, colour=colour)
+    tints = shading.choose_tints(first, first, count=1, shapes=1, colour=colour)
     return shading.paint(
         camera,
         bodies,

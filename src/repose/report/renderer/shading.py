@@ -67,7 +67,7 @@ class ConeSide(NamedTuple):
     is_met: np.ndarray  # (H, W)
 
 
-def tints_of(
+def choose_tints(
     body: np.ndarray, shape: np.ndarray, count: int, shapes: int, colour: str = GRAIN
 ) -> np.ndarray:
     """Choose the colours of bodies or parts, slightly different for each body.
