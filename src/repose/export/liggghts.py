@@ -92,7 +92,7 @@ def find_prime(seed: int) -> int:
     LIGGGHTS requires a prime above 10000. Each seed of the study, 0 or more, gives
     another prime.
     """
-    # The first odd number to try. There is a prime among the next hundred odd numbers.
+    # Begin 200 apart for each seed, which is more than the gap between such primes.
     number = 20001 + 200 * seed
     while any(number % k == 0 for k in range(3, math.isqrt(number) + 1, 2)):
         number += 2

@@ -38,7 +38,8 @@ def write_template(
     Parameters
     ----------
     job_of : callable
-        Makes the `Job` of parameters by name. It is called once for each name more.
+        Makes the `Job` of parameters by name. It is called for the given values, and
+        once for each of `names` with another value of it.
     parameters : mapping
         Values of the parameters by name.
     names : sequence of str

@@ -342,9 +342,11 @@ def fit_line(distance: np.ndarray, height: np.ndarray, low: float, high: float) 
     deviation = distance - distance.mean()
     if deviation @ deviation < distance.size * WALL_SD**2:
         raise NoFlankError(WALL)
+    # Least squares: the slope is the covariance over the variance of the distance.
     slope = float(deviation @ (height - height.mean()) / (deviation @ deviation))
     if slope <= 0:
         raise NoFlankError("the boundary does not rise towards the crest")
+    # The line goes through the means; solve it for the distances of its ends.
     intercept = float(height.mean() - slope * distance.mean())
     lower_end = ((low - intercept) / slope, low)
     upper_end = ((high - intercept) / slope, high)

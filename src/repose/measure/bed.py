@@ -299,12 +299,14 @@ def find_slip(
     Slip or None
         None without a slip.
     """
+    # A slip is detected where the angle has fallen far enough below its highest so far.
     angle = np.asarray(bed_deg, float)
     highest_angle = np.maximum.accumulate(angle)
     slip_rows = np.flatnonzero(highest_angle - angle >= drop_deg)
     if len(slip_rows) == 0:
         return None
     detection = int(slip_rows[0])
+    # From there on, look for its end; its beginning is the highest angle before.
     calm_rows = np.flatnonzero(np.asarray(energy_j)[detection:] < calm_energy_j)
     if len(calm_rows) > 0:
         ends = detection + int(calm_rows[0])

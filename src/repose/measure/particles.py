@@ -437,9 +437,8 @@ def _compute_pile_volume(
     n_grains = len(np.unique(particles.grains))
     if n_grains < len(particles.grains):
         return None
-    if in_pile is None:
-        in_pile = np.ones(len(particles.grains), bool)
-    volumes_m3 = _compute_volumes(particles)[in_pile] * metres**3
+    is_counted = np.ones(len(particles.grains), bool) if in_pile is None else in_pile
+    volumes_m3 = _compute_volumes(particles)[is_counted] * metres**3
     return float(volumes_m3.sum())
 
 

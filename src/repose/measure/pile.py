@@ -272,11 +272,15 @@ def draw_views(
     NoFlankError
         If there is no grain, or the pile is too low.
     """
+    # Loose grains are left out, if the settings say so and the pile is known.
+    pile_grains = grains
     if in_pile is not None and settings.largest_pile_only:
-        grains = grains[np.asarray(in_pile, bool)]
-    if len(grains.centres_m) == 0:
+        pile_grains = grains[np.asarray(in_pile, bool)]
+    if len(pile_grains.centres_m) == 0:
         raise NoFlankError("no grain lies in the pile")
-    height_m = find_top(grains)
+
+    # A layer of grains is no pile.
+    height_m = find_top(pile_grains)
     assert settings.berry_height_mm is not None
     lowest_m = LOWEST_PILE_GRAINS * 1e-3 * settings.berry_height_mm
     if height_m < lowest_m:
@@ -284,7 +288,7 @@ def draw_views(
             f"the pile is {1e3 * height_m:.1f} mm high; a flank needs "
             f"{1e3 * lowest_m:.1f} mm"
         )
-    return height_m, _draw_silhouettes(grains, settings)
+    return height_m, _draw_silhouettes(pile_grains, settings)
 
 
 def _draw_silhouettes(

@@ -113,6 +113,7 @@ def select_pour(
     InputError
         If a needed array is missing, or the grains are impossible.
     """
+    # The names of the pour's arrays end with its seed.
     ending = f"_{seed}"
     selected = {}
     for key, values in arrays.items():

@@ -131,6 +131,7 @@ def line_of(settings: MeasureSettings, definition: str | None = None) -> str:
     if definition == "straightest":
         smallest = settings.smallest_window
         return f"straightest window, at least {smallest:.2g} of the side, columns"
+    # The other two, "flank" and "steepest", lie between two heights.
     lower = _describe_end(settings.fit_from)
     upper = _describe_end(settings.fit_to)
     unit = "" if settings.fit_to == ONE_GRAIN else " % of the height"

@@ -198,6 +198,7 @@ def _check_flanks(
     flank = measurement.angles.get("flank")
     if flank is None:
         return ""
+    # The lines of a cone meet at its crest; those of a level top meet above it.
     height_mm = measurement.height_mm
     meeting_mm = _compute_meeting_height(flank.lines, base_row) * mm_per_pixel
     if LOWEST_MEETING * height_mm < meeting_mm < HIGHEST_MEETING * height_mm:

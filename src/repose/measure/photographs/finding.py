@@ -198,16 +198,16 @@ def refine(
         If the pile is upside down or runs out of the picture at the top.
     """
     n_rows = math.ceil(view.base_row)  # above the plate
-    coarse = coarse[:n_rows]
+    coarse_mask = coarse[:n_rows]
     hidden = view.hidden[:n_rows]
     features = _compute_view_features(
-        view, n_rows, grain_px if by_roughness else None, coarse
+        view, n_rows, grain_px if by_roughness else None, coarse_mask
     )
     near_px = NEAR * grain_px
 
     # Decide the pixels near the coarse boundary
     reach = max(4, round((1.0 if by_roughness else 0.4) * grain_px))
-    marks = _make_fine_marks(coarse, hidden, reach)
+    marks = _make_fine_marks(coarse_mask, hidden, reach)
     mask = _apply_grab_cut(features, marks)
     if not by_roughness:
         mask = _remove_penumbra(mask, features, grain_px)

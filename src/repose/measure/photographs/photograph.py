@@ -542,8 +542,8 @@ def _measure_view(photograph: Photograph, settings: MeasureSettings) -> Measurem
         If the pile has no flank, or if its sides differ much.
     """
     assert photograph.pile is not None
-    settings = settings.with_scale(photograph.mm_per_pixel)
-    measurement = with_response(measure_segmented(photograph.pile, settings))
+    settings_of_view = settings.with_scale(photograph.mm_per_pixel)
+    measurement = with_response(measure_segmented(photograph.pile, settings_of_view))
     difference = abs(measurement.angle.left_deg - measurement.angle.right_deg)
     if difference > LARGEST_DIFFERENCE_DEG:
         raise NoFlankError(
@@ -622,9 +622,9 @@ def measure_plain(path: Path, settings: MeasureSettings, scale: Scale) -> Photog
     image, reduction = read_photograph(path)
     size = (round(image.shape[1] * reduction), round(image.shape[0] * reduction))
     # Rows of the file become rows of the reduced and levelled picture.
-    base_row = None if scale.base_row is None else scale.base_row / reduction
-    image, base_row = _level_photograph(image, scale.level_deg, base_row)
-    photograph = Photograph(path, image)
+    reduced_row = None if scale.base_row is None else scale.base_row / reduction
+    level_image, level_row = _level_photograph(image, scale.level_deg, reduced_row)
+    photograph = Photograph(path, level_image)
     if scale.mm_per_pixel is None:
         # Lengths are in pixels now, and that of a grain is not known in them.
         settings = settings.model_copy(update={"berry_height_mm": None})
@@ -633,11 +633,12 @@ def measure_plain(path: Path, settings: MeasureSettings, scale: Scale) -> Photog
         photograph.geometry["mm_per_pixel"] = scale.mm_per_pixel * reduction
     try:
         _require_ends_inside(scale.ends, size)
-        _measure_level_photograph(photograph, settings, base_row)
+        _measure_level_photograph(photograph, settings, level_row)
     except (NoFlankError, InputError) as error:  # such as a base below the picture
         photograph.refused = str(error)
         if scale.mm_per_pixel is None:
             photograph.refused += f"; {NO_SHEET}"
+    # Without a scale a Height in pixels would be taken for one in mm.
     if photograph.measurement is not None and scale.mm_per_pixel is None:
         photograph.measurement = replace(photograph.measurement, height_mm=math.nan)
     return photograph
@@ -683,11 +684,14 @@ def _measure_level_photograph(
     image = photograph.view
     mm_per_pixel = photograph.mm_per_pixel
     grain_mm = settings.berry_height_mm
+    # Find the pile, and check that it stands on its foot.
     pile = segment(image, settings.largest_pile_only, base_row)
     photograph.pile = pile
     require_upright(pile.mask)
     if base_row is None:
         require_foot(image, pile, grain_mm, mm_per_pixel)
+
+    # Measure it, and look for signs that this is no single heap.
     measurement = _measure_view(photograph, settings)
     if grain_mm is None:
         grain_mm = estimate_grain_mm(measurement.height_mm)
@@ -714,10 +718,10 @@ def _level_photograph(
 
     Returns
     -------
-    image : ndarray
+    level_image : ndarray
         The turned photograph.
-    base_row : float or None
-        The row of the plate there.
+    level_row : float or None
+        The row of the plate in it.
     """
     if level_deg == 0:
         return image, base_row
@@ -725,18 +729,19 @@ def _level_photograph(
     middle_row = (rows - 1) / 2
     middle_column = (columns - 1) / 2
     rotation = cv2.getRotationMatrix2D((middle_column, middle_row), -level_deg, 1.0)
-    image = cv2.warpAffine(
+    level_image = cv2.warpAffine(
         image,
         rotation,
         (columns, rows),
         flags=cv2.INTER_LINEAR,
         borderMode=cv2.BORDER_REPLICATE,
     )
+    if base_row is None:
+        return level_image, None
     # The distance of the plate's row from the middle shrinks by the turn.
-    if base_row is not None:
-        distance = base_row - middle_row
-        base_row = middle_row + distance * math.cos(math.radians(level_deg))
-    return image, base_row
+    distance = base_row - middle_row
+    level_row = middle_row + distance * math.cos(math.radians(level_deg))
+    return level_image, level_row
 
 
 def _read_focal(path: Path, longer_side: float) -> float | None:

@@ -74,43 +74,43 @@ def segment(
     InputError
         If the picture is unusable, or `base_row` lies outside of it.
     """
-    image = prepare_picture(image)
-    grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    picture = prepare_picture(image)
+    is_grey = picture.ndim == 2
+    grey = picture if is_grey else cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
 
     # Find the pixels that differ from the background.
-    contrast = compute_two_tone_contrast(image) if image.ndim == 2 else None
+    contrast = compute_two_tone_contrast(picture) if is_grey else None
     if contrast is not None:
         level, mask = threshold(contrast)
     else:
-        smooth = cv2.GaussianBlur(cv2.medianBlur(image, 3), (0, 0), 1.0)
+        smooth = cv2.GaussianBlur(cv2.medianBlur(picture, 3), (0, 0), 1.0)
         contrast = compute_background_contrast(smooth)
         level, mask = threshold(contrast)
         mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
 
-    # Cut off what lies below the plate.
-    if base_row is None:
-        base_row = find_plate_row(mask)
-    if base_row is not None:
+    # Cut off what lies below the plate, if its row is given or can be found.
+    plate_row = find_plate_row(mask) if base_row is None else base_row
+    if plate_row is not None:
         n_rows = mask.shape[0]
-        if not 0 < base_row <= n_rows:
+        if not 0 < plate_row <= n_rows:
             allowed = f"above 0, at most {n_rows}"
-            raise InputError("picture", "base_row", base_row, allowed)
-        mask[math.ceil(base_row) :] = 0
+            raise InputError("picture", "base_row", plate_row, allowed)
+        mask[math.ceil(plate_row) :] = 0
 
-    # Select the pile.
+    # Select the pile. Without a plate it stands on its lowest row.
     has_neighbour = largest_pile_only and has_another_heap(mask)
-    mask = pile_component(mask, largest_pile_only)
-    if base_row is None:
-        base_row = find_lower_edge(mask, contrast, level)
+    pile_mask = pile_component(mask, largest_pile_only)
+    if plate_row is None:
+        plate_row = find_lower_edge(pile_mask, contrast, level)
 
-    pile_tone = cv2.mean(grey, mask)[0]
+    pile_tone = cv2.mean(grey, pile_mask)[0]
     background_tone = grey[mark_border(grey.shape)].mean()
     return Segmentation(
         grey=grey,
         contrast=contrast,
         level=level,
-        mask=mask,
-        base_row=float(base_row),
+        mask=pile_mask,
+        base_row=float(plate_row),
         pile_is="darker" if pile_tone < background_tone else "brighter",
         has_neighbour=has_neighbour,
     )
@@ -232,6 +232,7 @@ def compute_background_contrast(image: np.ndarray) -> np.ndarray:
     ndarray
         Distances (H, W) in tones, over all channels.
     """
+    # Coordinates from -1 to 1 over the picture keep the terms of similar size.
     n_rows, n_columns = image.shape[:2]
     y = np.linspace(-1, 1, n_rows, dtype=np.float32)[:, None]
     x = np.linspace(-1, 1, n_columns, dtype=np.float32)
@@ -239,10 +240,12 @@ def compute_background_contrast(image: np.ndarray) -> np.ndarray:
     strip_rows, strip_columns = is_strip.nonzero()
     strip_terms = _compute_quadratic_terms(x[strip_columns], y[strip_rows, 0])
 
+    # Add up the squared distances of all channels from their surfaces.
     squared_distance = np.zeros((n_rows, n_columns), np.float32)
     for channel in image.reshape(n_rows, n_columns, -1).transpose(2, 0, 1):
         strip_tones = channel[is_strip].astype(float)
         coefficients = _fit_without_outliers(strip_terms, strip_tones)
+        # The surface at all pixels, with the terms of `_compute_quadratic_terms`
         c = coefficients.astype(np.float32)
         surface = (
             (c[0] + c[1] * x + c[2] * x * x) + (c[3] * y + c[4] * y * y) + c[5] * y * x
@@ -385,6 +388,7 @@ def pile_component(mask: np.ndarray, largest_only: bool) -> np.ndarray:
     else:
         is_large = areas >= SMALLEST_PART * areas.max()
         selected = [contours[index] for index in np.flatnonzero(is_large).tolist()]
+    # Only outer boundaries are drawn, so that holes are filled.
     filled = np.zeros_like(mask)
     cv2.drawContours(filled, selected, -1, 1, cv2.FILLED)
     return filled

@@ -252,6 +252,7 @@ def describe(
     out : Path
         The folder of the overlays.
     """
+    # The numbers of each photograph, and their means
     lines = _describe_photographs(photographs)
     lines.append("mean, standard deviation, number of photographs:")
     lines += _describe_means(results, settings)
@@ -260,6 +261,8 @@ def describe(
     lines.append(f"height of a grain: {grain}")
     if results.summary["sd"].isna().any():
         lines.append(NO_SCATTER)
+
+    # Notes, each once, and doubts
     notes = {photograph.note for photograph in photographs if photograph.note}
     lines += sorted(f"note: {note}" for note in notes)
     n_doubtful = sum(bool(photograph.doubts) for photograph in photographs)
@@ -269,6 +272,8 @@ def describe(
         else:
             effect = "not in the mean; --doubtful counts them"
         lines.append(f"doubtful photographs: {n_doubtful}, {effect}")
+
+    # What to look at next
     if results.summary.empty:
         result = "no targets: no photograph counts"
     else:

@@ -44,6 +44,7 @@ def sizes_and_sphericity(inputs: Inputs, study: StudyView) -> Figure:
     study : StudyView
         The study.
     """
+    # Three panels for the axes, and one for the sphericity.
     sizes = berry.read_sizes(inputs["sizes"])
     figure, histogram_panels = panels.grid(4, 2.1, columns=4, sharey=True)
     *size_panels, sphericity_panel = histogram_panels

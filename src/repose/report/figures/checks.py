@@ -135,6 +135,7 @@ def _draw_published_and_simulated(
     target : Target
         The target of the response.
     """
+    # Published values stand at the left of a tick, those simulated here at the right.
     response = target.response
     x = _draw_measurement(panel, table, target)
     unpublished = np.empty(0)
@@ -174,6 +175,7 @@ def _draw_predicted_and_simulated(
     marks : mapping
         Style of the simulated values, for matplotlib's `errorbar`.
     """
+    # Predictions stand at the left of a tick, simulated values at the right.
     response = target.response
     x = _draw_measurement(panel, table, target)
     predicted = table[response.predicted].to_numpy(float)
@@ -191,6 +193,8 @@ def _draw_predicted_and_simulated(
         label="predicted",
     )
     panel.errorbar(x + OFFSET, simulated, error, **marks)
+
+    # Write the error of each prediction below both marks.
     for place, prediction, simulation in zip(x, predicted, simulated, strict=True):
         if not np.isfinite(simulation) or simulation == 0:
             continue

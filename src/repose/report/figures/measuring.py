@@ -81,6 +81,7 @@ def _draw_first_view(
     silhouette = segment(image, settings.largest_pile_only, plate_row)
     measured = pile.measure_segmented(silhouette, settings)
 
+    # Draw the picture in mm, with the crest at 0.
     height, width = image.shape
     crest_column = measured.top[0]
     greys = np.where(image < 128, PILE_GREY, BACKGROUND_GREY).astype(np.uint8)
@@ -183,6 +184,7 @@ def _draw_all_views(
     first_view : pile.Measurement
         The measurement in the view that is drawn above.
     """
+    # The first definition is on top.
     for k, name in enumerate(DEFINITIONS):
         row = -k
         colour = COLOURS[name]

@@ -52,6 +52,7 @@ def outline_and_measurement(inputs: Inputs, study: StudyView) -> Figure:
     outlines = [_measure_outline(view, settings) for view in views]
     mean = _average_outlines(outlines)
 
+    # Draw the simulated pile, and over it what was measured.
     figure = style.new_figure(style.PAGE, 2.8)
     panel = figure.subplots()
     for k, outline in enumerate(outlines):

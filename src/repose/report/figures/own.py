@@ -53,6 +53,7 @@ def plot(
     if path is not None:
         path = path_of("path", path)
         style.check_ending(path)
+    # Each figure gets a part of the page, as high as it needs.
     all_parts = list(parts(calibration).values())
     heights = [part.height for part in all_parts]
     with style.applied():
@@ -86,6 +87,7 @@ def parts(calibration: Calibration) -> dict[str, Part]:
     n_plane_targets = len(plane.without_profiles(targets))
     n_batches = len(set(calibration.runs.attrs.get(TURN, ())))
 
+    # The height of a figure grows with the number of its rows.
     found = {}
     if n_plane_targets > 1:
         n_planes = math.comb(n_plane_targets, 2)

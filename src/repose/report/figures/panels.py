@@ -114,6 +114,7 @@ def panels_over_parameters(
     panels = figure.subplots(
         len(targets), len(free), sharex="col", sharey="row", squeeze=False
     )
+    # Only the panels at the left and at the bottom have labels.
     for panel, target in zip(panels[:, 0], targets, strict=True):
         panel.set_ylabel(response_label(target.response))
     for panel, name in zip(panels[-1], free, strict=True):

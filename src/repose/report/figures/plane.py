@@ -60,6 +60,7 @@ def planes(inputs: Inputs, study: StudyView) -> Figure:
     study : StudyView
         The study.
     """
+    # Read the samples that could be measured, the solutions, and the answer.
     targets = without_profiles(study.targets)
     sample_columns = ("status", *targets.names, *targets.errors)
     samples = {}
@@ -98,6 +99,7 @@ def draw(
     """
     pairs = combinations(targets, 2)
     for k, (across, up) in enumerate(pairs):
+        # Both panels show the same, within different limits.
         whole, enlarged = axes[2 * k : 2 * k + 2]
         for panel in (whole, enlarged):
             _draw_samples(panel, data.samples, across=across, up=up)
@@ -280,6 +282,7 @@ def _draw_answer(panel: Axes, answer: pd.Series, across: Target, up: Target) -> 
     )
     if x.simulated not in answer:
         return
+    # A mean of a single run has no standard error.
     errors = {}
     if pd.notna(answer[x.standard_error]):
         errors["xerr"] = answer[x.standard_error]

@@ -155,6 +155,7 @@ def draw_corner(
     data : CornerData
         The posterior, and the sets that are marked.
     """
+    # A parameter alone on the diagonal, two of them below it.
     draws = data.posterior.draws
     table = data.posterior.parameters.set_index("parameter")
     has_published_intervals = "published_low" in table
@@ -171,6 +172,8 @@ def draw_corner(
         if has_published_intervals:
             _draw_published_box(panel, table.loc[across], table.loc[down])
     panels.finish_pairs(pair_panels, parameters, margin=0.02)
+
+    # The empty half above the diagonal has room for text and legend.
     figure.text(
         0.47,
         0.975,
@@ -390,6 +393,8 @@ def _describe_draws(summary: Mapping[str, Any], targets: Targets) -> str:
             f"predicted {response.symbol} {predicted['mean']:.1f} {response.unit} "
             f"({predicted['low']:.1f}–{predicted['high']:.1f})"
         )
+
+    # How well the best draw fits, and whether the draws can be trusted
     distance = summary["misfit"]["squared_distance"] ** 0.5
     thin_percent = 100 * summary["thin_share"]
     r_hat = summary["largest_r_hat"]

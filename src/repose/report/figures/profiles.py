@@ -36,6 +36,7 @@ def profiles(inputs: Inputs, study: StudyView) -> Figure:
     table = read_table(inputs["table4"], ("role", *columns))
     answer = table[table["role"] == "representative"].iloc[0]
 
+    # A panel for each profile; its targets are the scores of this profile.
     figure, axes = panels.grid(len(targets.profiles), 2.6)
     for panel, profile in zip(axes, targets.profiles.values(), strict=True):
         scores_of_profile = [target for target in targets if target.profile == profile]

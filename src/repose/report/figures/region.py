@@ -243,6 +243,7 @@ def _place_ticks(panel: Axes, row: int, column: int, last: int) -> None:
     last : int
         Number of the last row and column.
     """
+    # Panels below the diagonal have ticks below and left, the others above and right.
     is_below = row > column
     panel.xaxis.set_ticks_position("bottom" if is_below else "top")
     panel.yaxis.set_ticks_position("left" if is_below else "right")
@@ -254,6 +255,7 @@ def _place_ticks(panel: Axes, row: int, column: int, last: int) -> None:
         length=2,
         labelsize=6.5,
     )
+    # Few ticks fit into a small panel.
     axes: dict[Literal["x", "y"], Axis] = {"x": panel.xaxis, "y": panel.yaxis}
     for name, axis in axes.items():
         if axis.get_scale() == LINEAR:

@@ -42,6 +42,7 @@ def pareto(inputs: Inputs, study: StudyView) -> Figure:
     """
     targets = study.targets
     effects = read_table(inputs["effects"], EFFECT_COLUMNS)
+    # Each response has the same terms, a bar for each.
     n_terms = len(effects) // len(targets)
     row_height = 1.0 + 0.19 * n_terms
     figure, axes = panels.grid(len(targets), row_height, columns=len(targets))
@@ -130,6 +131,7 @@ def contours(inputs: Inputs, study: StudyView) -> Figure:
     optimum = read_json(
         inputs["optimum"], ("coded",), "output of repose stage conclude"
     )["coded"]
+    # A panel for each response and pair, at most three in a row.
     pairs = list(combinations(range(len(models[0].factors)), 2))
     columns = min(3, max(len(pairs), len(models)))
     figure, axes = panels.grid(len(models) * len(pairs), 2.3, columns=columns)

@@ -46,6 +46,7 @@ def states(inputs: Inputs, study: StudyView) -> Figure:
         inputs["states"], ("position_start", "quaternion_start"), "the states of a drum"
     )
     particle = Particle.load(inputs["particle"])
+    # Without a slip the last state is that at the time of the report.
     has_slipped = "position_before" in arrays
     shown = ("start", "before", "after") if has_slipped else ("start", "report")
 
@@ -63,6 +64,8 @@ def states(inputs: Inputs, study: StudyView) -> Figure:
     if not has_slipped:
         figure.supxlabel("NO SLIP in this run", fontsize=7.5, color=style.RED)
         return figure
+
+    # Describe the slip below the pictures.
     runs = pd.DataFrame()
     if "runs" in inputs:
         runs = read_table(inputs["runs"], ("status", *SLIP_COLUMNS))
@@ -339,6 +342,7 @@ def _draw_layers(panel: Axes, profile: pd.DataFrame) -> None:
             lw=0.7,
             label="single run" if k == 0 else "_single run",
         )
+    # The mean over the runs at each depth
     layers = profile.groupby("depth_mm")["moved_mm"].agg(["mean", "sem"])
     panel.errorbar(
         layers["mean"],

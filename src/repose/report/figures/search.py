@@ -55,6 +55,7 @@ def feasible_solutions(inputs: Inputs, study: StudyView) -> Figure:
         published = read_table(inputs["published"], ("parameter", "low", "high"))
         published = published.set_index("parameter")
 
+    # A strip for each parameter, and sentences below them.
     figure = style.new_figure(style.PAGE, 1.5 + 0.42 * study.parameters.dimensions)
     panel = figure.subplots()
     _draw_parameter_strips(panel, solutions, study=study, published=published)
@@ -305,6 +306,7 @@ def convergence(inputs: Inputs, study: StudyView) -> Figure:
     figure = style.new_figure(style.COLUMN, 2.6)
     panel = figure.subplots()
     _draw_objective(panel, history)
+    # An objective below the error of the surrogate is no better.
     if "summary" in inputs:
         summary = read_json(inputs["summary"], ("feasible",))
         errors = summary.get("representative_judged", {}).get("predicted_se")

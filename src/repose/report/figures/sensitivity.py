@@ -87,6 +87,7 @@ def _draw_indices(
     for (column, label), offset, colour in zip(
         shares, (-0.2, 0.2), (style.BLUE, style.ORANGE), strict=True
     ):
+        # Lengths of the error bars below and above the index
         index = table[column]
         below = index - table[f"{column}_low"]
         above = table[f"{column}_high"] - index
@@ -135,6 +136,7 @@ def main_effects(inputs: Inputs, study: StudyView) -> Figure:
     sobol = read_table(inputs["sobol"], ("response", "parameter", column))
     share_of = sobol.set_index(["response", "parameter"])[column]
 
+    # The samples, the mean of the surrogate over them, and the share of the variance
     figure, parameter_panels = panels.panels_over_parameters(targets, parameters, 1.4)
     for panel, target, name in parameter_panels:
         panel.scatter(

@@ -34,6 +34,7 @@ def sequential(inputs: Inputs, study: StudyView) -> Figure:
     check = read_table(inputs["check"], ("response", "simulated", "simulated_error"))
     check = check.set_index("response")
 
+    # One panel for the probability, and one for each response.
     figure, axes = panels.grid(1 + len(targets), 2.2, columns=3, extra_height=0.4)
     _draw_probability(axes[0], batches, settings)
     for panel, target in zip(axes[1:], targets, strict=True):

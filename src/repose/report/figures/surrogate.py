@@ -171,6 +171,7 @@ def _draw_network(
             zorder=2,
         )
         panel.text(x, 1.13, title, ha="center", va="bottom", fontsize=7.5)
+    # Inputs are named at the left, outputs at the right.
     for (x, y), name in zip(layers.inputs, inputs, strict=True):
         symbol = SYMBOLS.get(name, name)
         panel.text(x - 0.12, y, symbol, ha="right", va="center", fontsize=8.5)
@@ -344,6 +345,7 @@ def predicted_against_simulated(inputs: Inputs, study: StudyView) -> Figure:
     table = read_table(
         inputs["predictions"], ("sample", "split", *targets.names, *targets.predicted)
     )
+    # The standard errors are in another table; a sample may have none.
     error_columns = ["sample", *targets.errors]
     errors = read_table(inputs["dataset"], error_columns)[error_columns]
     table = table.merge(errors, on="sample", how="left")

@@ -25,6 +25,7 @@ def write(calibration: Calibration, out_path: str | os.PathLike[str]) -> None:
         If `out_path` is no path.
     """
     out_path = path_of("path", out_path)
+    # Arrange what the calibration knows as the results of a study.
     study = calibration.study
     probability: dict[str, float | None] = dict.fromkeys(study.targets.names)
     probability["all"] = calibration.probability["inside"]

@@ -343,6 +343,7 @@ def _response_row(study: Results, target: Target) -> list[str]:
     measured = f"{target.value:.4g} ± {target.sd:.2g} {unit} (n = {target.repetitions})"
     target_range = f"{target.low:g} to {target.high:g} {unit}"
 
+    # The simulated mean, and how far it is off the measured one.
     simulated = study.number(response.simulated)
     error = study.number(response.standard_error)
     simulated_text = _mean_with_error(simulated, error, f" {unit}")
@@ -540,6 +541,7 @@ def drum(study: Results) -> DrumSection | None:
             f"The article's run ends when its drum has turned by {report_deg:.0f}°, and "
             f"it shows the bed after a slip. Here the bed first slips at {slip_deg:.0f}°."
         )
+        # A bed that slips later was still whole at the end of the article's run.
         if slip_deg > report_deg:
             comparison += " So in this test the simulation disagrees with the article."
     return DrumSection(

@@ -108,6 +108,8 @@ def describe_probability(study: Results, names_inside: bool = True) -> str:
         )
     else:
         evidence = f"judged by {n_runs:.0f} new simulations with these parameters"
+
+    # The probability of all target ranges, then those of the percent about the means.
     n_targets = len(study.targets)
     sentences = []
     if names_inside:

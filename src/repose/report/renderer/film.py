@@ -263,6 +263,7 @@ def animate_drum(
     out_path = _check_ending(out_path)
     record = read_npz(trajectory, (*KEYS, "turned_deg"), "the trajectory of a drum")
     turned_rad = np.radians(record["turned_deg"])
+    # The camera looks along the axis, on which the picture is centred.
     default_view: dict[str, Any] = {
         "width": 380,
         "elevation_deg": 0.0,
