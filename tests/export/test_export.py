@@ -22,7 +22,7 @@ from repose.config import dependencies
 from repose.config.pipeline import PipelineConfig
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 from repose.export import edem, laws, surface, yade
-from repose.export.job import make, surface_means
+from repose.export.job import average_over_surface, make
 from repose.export.lammps import TSUJI, compute_restitutions, write_contact_law
 from repose.export.laws import rolling_coefficient
 from repose.export.liggghts import LEAST_RESTITUTION, find_prime
@@ -318,7 +318,7 @@ def test_a_damping_that_liggghts_cannot_take_is_reported(job):
 
 
 def test_a_sphere_rolls_with_the_calibrated_coefficient_on_a_wall(job):
-    radius, lever = surface_means(np.array([[0.0, 0.0, 0.0, 0.005]]))
+    radius, lever = average_over_surface(np.array([[0.0, 0.0, 0.0, 0.005]]))
     assert radius == pytest.approx(0.005)
     assert lever == pytest.approx(0.005)
     sphere = replace(
@@ -334,7 +334,7 @@ def test_a_sphere_rolls_with_the_calibrated_coefficient_on_a_wall(job):
 
 def test_free_surface_of_two_spheres_that_overlap():
     # of each sphere a cap of height R / 2 is hidden
-    radius, lever = surface_means(
+    radius, lever = average_over_surface(
         np.array([[-0.5, 0.0, 0.0, 1.0], [0.5, 0.0, 0.0, 1.0]]), 20000
     )
     # places on a sphere are even along its axis

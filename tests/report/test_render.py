@@ -13,7 +13,12 @@ from repose.dem.rotations import rotation_matrices
 from repose.dem.tessellation import tessellate
 from repose.grain import build
 from repose.report.renderer import film, raster, render, shading
-from repose.report.renderer.scenery import Frustum, funnel_walls, look_at, outline
+from repose.report.renderer.scenery import (
+    Frustum,
+    find_frame_points,
+    funnel_walls,
+    look_at,
+)
 
 UPRIGHT = np.array([[1.0, 0.0, 0.0, 0.0]])
 HEAP = Funnel(0.15, 0.032, 60.0, 0.02, 0.001, 0.1)
@@ -79,7 +84,7 @@ def test_the_camera_holds_all_points_and_fills_the_picture():
 def test_the_kernels_have_the_places_of_the_camera():
     camera = look_at(np.eye(3), 60, 40, elevation_deg=20, azimuth_deg=35)
     place = np.empty(3)
-    raster.place_of(
+    raster.write_place(
         (camera.eye_m, camera.axes, camera.focal_px),
         (camera.height, camera.width),
         7,
@@ -157,7 +162,7 @@ def test_the_nearer_body_hides_the_farther():
     centres = np.array([[0.03, 0.0, 0.006], [-0.03, 0.0, 0.006]])
     turns = np.repeat(UPRIGHT, 2, axis=0)
     both = render_pile(centres, turns, BALL, 0, 0, 300, 180)
-    frame = outline(centres, BALL.bounding_radius_m, [])
+    frame = find_frame_points(centres, BALL.bounding_radius_m, [])
     ghost = np.where([[False], [True]], np.nan, centres)
     expected = reddish(
         render_pile(ghost, turns, BALL, 0, 0, 300, 180, frame_m=frame)

@@ -34,7 +34,7 @@ MORE = [*TARGETS, target("drum_slip_deg", 44, 2, 40, 48, 5)]
 def test_positions_are_kept_within_half_a_step():
     positions = np.random.default_rng(1).uniform(-300, 300, (4, 50, 3))
     positions[0, :20] = np.nan
-    whole, low, step = scene.quantised(positions)
+    whole, low, step = scene.quantise(positions)
     assert (whole[0, :20] == scene.ABSENT).all()
     present = np.isfinite(positions).all(axis=2)
     assert (whole[present] <= scene.STEPS).all()
@@ -46,7 +46,7 @@ def test_positions_are_kept_within_half_a_step():
 def test_the_surface_of_a_clump_lacks_what_its_spheres_hide():
     """Two large spheres overlap, and hide a small one in the middle."""
     spheres = np.array([[-3e-3, 0, 0, 5e-3], [3e-3, 0, 0, 5e-3], [0, 0, 0, 1e-3]])
-    points, normals, triangles = scene.grain_surface(
+    points, normals, triangles = scene.make_grain_surface(
         SimpleNamespace(is_clump=True, spheres_m=spheres), 10_000
     )
     from_centres = np.linalg.norm(points[:, None] - 1e3 * spheres[:, :3], axis=2)
@@ -169,9 +169,9 @@ def test_a_surrogate_that_is_no_network_is_shown_along_each_parameter(tmp_path):
 
 
 def test_planes_of_many_parameters_keep_the_page_small():
-    assert prediction.plane_points(15, 2) == prediction.PLANE_POINTS
+    assert prediction.choose_plane_points(15, 2) == prediction.PLANE_POINTS
     for n_pairs in (45, 190, 400):
-        count = prediction.plane_points(n_pairs, 2)
+        count = prediction.choose_plane_points(n_pairs, 2)
         numbers = 2 * 2 * n_pairs * count**2
         is_least = count == prediction.LEAST_PLANE_POINTS
         assert is_least or numbers <= prediction.MOST_PLANE_NUMBERS

@@ -210,7 +210,7 @@ def make(
 
     # Rolling resistance acts over the mean distance of the surface from the centre.
     materials = materials_of(scene)
-    surface = surface_means(body.spheres_m)
+    surface = average_over_surface(body.spheres_m)
     rayleigh_s = rayleigh_time_s(
         materials["berry"],
         body.density_kg_m3,
@@ -368,7 +368,7 @@ class SurfaceMeans(NamedTuple):
     distance_m: float  # of a point from the centre of mass
 
 
-def surface_means(spheres_m: np.ndarray, n_points: int = 2000) -> SurfaceMeans:
+def average_over_surface(spheres_m: np.ndarray, n_points: int = 2000) -> SurfaceMeans:
     """Average the radius and the distance from the centre over a clump's surface.
 
     Only the free surface counts, the part that lies in no other sphere.

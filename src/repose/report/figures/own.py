@@ -84,7 +84,7 @@ def parts(calibration: Calibration) -> dict[str, Part]:
     """
     n_free = calibration.study.parameters.dimensions
     targets = calibration.study.targets
-    n_plane_targets = len(plane.without_profiles(targets))
+    n_plane_targets = len(plane.leave_out_profiles(targets))
     n_batches = len(set(calibration.runs.attrs.get(TURN, ())))
 
     # The height of a figure grows with the number of its rows.
@@ -114,7 +114,7 @@ def _draw_planes(calibration: Calibration, figure: FigureBase) -> None:
 
     `figure` is empty.
     """
-    targets = plane.without_profiles(calibration.study.targets)
+    targets = plane.leave_out_profiles(calibration.study.targets)
     samples = calibration.samples
     data = plane.PlaneData(
         samples={"own": samples[samples["runs"] > 0]},

@@ -43,7 +43,7 @@ class PlaneData(NamedTuple):
     answer: pd.Series
 
 
-def without_profiles(targets: Targets) -> Targets:
+def leave_out_profiles(targets: Targets) -> Targets:
     """Leave out the targets that are scores of a profile."""
     return Targets(target for target in targets if target.profile is None)
 
@@ -61,7 +61,7 @@ def planes(inputs: Inputs, study: StudyView) -> Figure:
         The study.
     """
     # Read the samples that could be measured, the solutions, and the answer.
-    targets = without_profiles(study.targets)
+    targets = leave_out_profiles(study.targets)
     sample_columns = ("status", *targets.names, *targets.errors)
     samples = {}
     for key in SAMPLES:

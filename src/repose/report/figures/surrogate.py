@@ -97,7 +97,7 @@ def network_structure(inputs: Inputs, study: StudyView) -> Figure:
         hidden=_place_nodes(1, n_hidden),
         outputs=_place_nodes(2, n_outputs),
     )
-    influence = influence_of_inputs(
+    influence = compute_influence(
         load(path), study.parameters, study.settings.design.seed
     )
     # Targets of another program are no registered responses.
@@ -240,7 +240,7 @@ def _draw_influence(
     panel.legend(loc="lower right")
 
 
-def influence_of_inputs(
+def compute_influence(
     model: Surrogate, parameters: ParameterSpace, seed: int
 ) -> Influence:
     """Compute how much, and in which direction, each input changes each output.

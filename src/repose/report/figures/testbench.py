@@ -46,7 +46,7 @@ def simulated_pile(inputs: Inputs, study: StudyView) -> Figure:
     """
     # Slow to import, and the other figures here do without.
     from repose.report.renderer.render import render_pile
-    from repose.report.renderer.scenery import boxes, look_at
+    from repose.report.renderer.scenery import look_at, make_box_corners
 
     pour = read_first_pour(inputs["heap"])
     particle = Particle.load(inputs["particle"])
@@ -57,7 +57,7 @@ def simulated_pile(inputs: Inputs, study: StudyView) -> Figure:
     # The picture holds the pile; grains that rolled away may leave it.
     centres_of_pile = centres[is_in_pile].astype(float)
     largest_radius_m = particle.bounding_radius_m * scales.max(initial=0.0)
-    frame_m = boxes(centres_of_pile, largest_radius_m)
+    frame_m = make_box_corners(centres_of_pile, largest_radius_m)
     width = style.picture_pixels(study, PILE_PIXELS)
     view: dict[str, Any] = {"width": width, "height": width // 2, "azimuth_deg": 20.0}
     picture = render_pile(

@@ -18,7 +18,7 @@ class Value(NamedTuple):
     unit: str = "–"
 
 
-def material_table(card: Mapping[str, Any]) -> Table:
+def tabulate_material(card: Mapping[str, Any]) -> Table:
     """Tabulate the values that another program needs, in SI units.
 
     Parameters
@@ -36,7 +36,7 @@ def material_table(card: Mapping[str, Any]) -> Table:
     return Table(["quantity", "value", "unit"], rows, style="material")
 
 
-def law_table(card: Mapping[str, Any]) -> Table:
+def tabulate_laws(card: Mapping[str, Any]) -> Table:
     """Tabulate the contact laws by name."""
     rows = [[name, law] for name, law in card["laws"].items()]
     return Table(["law", "description"], rows, style="laws")

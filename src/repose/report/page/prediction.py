@@ -132,7 +132,7 @@ def _curves_and_planes(
     n_points = 0
     if pairs:
         n_responses = len(curves[pairs[0][0]]["mean"][0])
-        n_points = plane_points(len(pairs), n_responses)
+        n_points = choose_plane_points(len(pairs), n_responses)
     planes = {}
     for first, second in pairs:
         points = _make_plane_points(parameters, answer, (first, second), n_points)
@@ -149,7 +149,7 @@ def _curves_and_planes(
     }
 
 
-def plane_points(n_pairs: int, n_responses: int) -> int:
+def choose_plane_points(n_pairs: int, n_responses: int) -> int:
     """Choose the number of points along a side of each plane, so that the page is small.
 
     Mean and standard deviation of each response are stored at each point.

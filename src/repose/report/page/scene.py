@@ -79,7 +79,7 @@ def export_pour(
     times_s = record["time_s"]
     n_grains = record["position"].shape[1]
     frames = choose_frames(times_s, n_grains)
-    positions = quantised(1e3 * record["position"][frames].astype(float))
+    positions = quantise(1e3 * record["position"][frames].astype(float))
     # A quaternion is w, x, y, z in the file, but x, y, z, w in the page.
     quaternions = np.roll(record["quaternion"][frames].astype(float), -1, axis=2)
     # An absent grain has no orientation in the file.
@@ -90,7 +90,7 @@ def export_pour(
         [1e3 * length for length in astuple(wall)[:4]]
         for wall in funnel_walls(section.funnel)
     ]
-    surface = grain_surface(particle, MAX_TRIANGLES // max(n_grains, 1))
+    surface = make_grain_surface(particle, MAX_TRIANGLES // max(n_grains, 1))
     return {
         "body": {
             "points": pack_array(surface.points, "<f4"),
@@ -133,7 +133,7 @@ def choose_frames(times_s: np.ndarray, n_grains: int) -> np.ndarray:
     return np.unique(np.searchsorted(times_s, shown_times_s))
 
 
-def quantised(positions: np.ndarray) -> Quantised:
+def quantise(positions: np.ndarray) -> Quantised:
     """Convert positions to whole numbers, to save memory.
 
     Parameters
@@ -158,7 +158,7 @@ def quantised(positions: np.ndarray) -> Quantised:
     return Quantised(whole, low, step)
 
 
-def grain_surface(particle: Particle, most_triangles: int) -> Surface:
+def make_grain_surface(particle: Particle, most_triangles: int) -> Surface:
     """Make the surface of a grain as a coarse mesh.
 
     A grain of spheres loses the triangles that lie inside other spheres.

@@ -23,7 +23,7 @@ from repose.common.statuses import explain
 from repose.measure.angles import MEAN_KEYS
 from repose.measure.settings import describe_line_of_response, line_of
 from repose.report.page import captions
-from repose.report.page.material import law_table, material_table
+from repose.report.page.material import tabulate_laws, tabulate_material
 from repose.report.page.pictures import EmbeddedPicture, embed_known
 from repose.report.page.prediction import has_network, without_scales
 from repose.report.page.study import Results
@@ -293,7 +293,7 @@ def material(study: Results) -> MaterialSection | None:
             "gravity_m_s2": simulation.gravity_m_s2,
             "time_step_s": simulation.time_step_s,
         }
-    return MaterialSection(values=material_table(card), laws=law_table(card))
+    return MaterialSection(values=tabulate_material(card), laws=tabulate_laws(card))
 
 
 # --- The check ------------------------------------------------------------------------

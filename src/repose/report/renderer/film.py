@@ -14,7 +14,12 @@ from repose.dem import Simulation
 from repose.report.renderer.backdrop import DrumInside
 from repose.report.renderer.bodies import Drawable
 from repose.report.renderer.render import render_bodies, render_pile
-from repose.report.renderer.scenery import Frustum, Setting, outline, setting_of
+from repose.report.renderer.scenery import (
+    Frustum,
+    Setting,
+    find_frame_points,
+    setting_of,
+)
 
 if TYPE_CHECKING:
     from repose.bench.drum import DrumSettings
@@ -123,7 +128,7 @@ def _find_frame_of_pour(
     largest_radius_m = particle.bounding_radius_m * float(scales.max(initial=0.0))
     distance_from_axis = np.hypot(resting[:, 0], resting[:, 1])
     in_pile = resting[distance_from_axis < PILE_MEDIANS * np.median(distance_from_axis)]
-    frame = outline(in_pile, largest_radius_m, walls)
+    frame = find_frame_points(in_pile, largest_radius_m, walls)
     # Leave room for a grain that falls in from above.
     point_above = [[0, 0, frame[:, 2].max() + 2 * largest_radius_m]]
     return np.concatenate([frame, point_above])
@@ -225,7 +230,7 @@ def _find_frame_of_ends(
     centres = centres[np.isfinite(centres).all(axis=1)].astype(float)
     largest_scale = float(frames["scale"].max(initial=0.0))
     radius = max(shape.bounding_radius_m for shape in shapes) * largest_scale
-    return outline(centres, radius, walls=last.frusta, panels=last.panels)
+    return find_frame_points(centres, radius, walls=last.frusta, panels=last.panels)
 
 
 def animate_drum(

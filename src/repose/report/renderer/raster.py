@@ -140,7 +140,7 @@ def _make_spiral(taps):
 
 
 @compiled
-def place_of(camera, shape, row, column, depth, place):
+def write_place(camera, shape, row, column, depth, place):
     """Write the place (3,) in m at a depth along the ray of a pixel into `place`."""
     eye, axes, focal = camera
     right = (column + 0.5 - shape[1] / 2) / focal
@@ -150,7 +150,7 @@ def place_of(camera, shape, row, column, depth, place):
 
 
 @compiled
-def lit_fraction(
+def compute_lit_share(
     depth, normals, camera, light_map, axes, origin, pixel_m, softness_m, bias_m, taps
 ):
     """Compute the share of the light that reaches each visible point; else 1.
@@ -193,7 +193,7 @@ def lit_fraction(
         for column in range(columns):
             if math.isinf(depth[row, column]):
                 continue
-            place_of(camera, depth.shape, row, column, depth[row, column], point)
+            write_place(camera, depth.shape, row, column, depth[row, column], point)
             for axis in range(3):
                 place[axis] = 0.0
                 for k in range(3):
@@ -227,7 +227,7 @@ def lit_fraction(
 
 
 @compiled
-def openness(depth, normals, camera, mask, radius_m, taps):
+def compute_openness(depth, normals, camera, mask, radius_m, taps):
     """Compute the share of the sky that each visible point sees past its neighbours.
 
     Parameters
@@ -258,7 +258,7 @@ def openness(depth, normals, camera, mask, radius_m, taps):
         for column in range(columns):
             if not mask[row, column] or math.isinf(depth[row, column]):
                 continue
-            place_of(camera, depth.shape, row, column, depth[row, column], point)
+            write_place(camera, depth.shape, row, column, depth[row, column], point)
             angle = _compute_pixel_angle(row, column)
             # The disc of neighbours in pixels, turned by another angle in each pixel.
             reach_px = radius_m * camera[2] / depth[row, column]
@@ -270,7 +270,7 @@ def openness(depth, normals, camera, mask, radius_m, taps):
                 c = int(column + turn_x * across[tap] - turn_y * down[tap])
                 if not (0 <= r < rows and 0 <= c < columns) or math.isinf(depth[r, c]):
                     continue
-                place_of(camera, depth.shape, r, c, depth[r, c], neighbour)
+                write_place(camera, depth.shape, r, c, depth[r, c], neighbour)
                 height = 0.0  # of the neighbour above the surface
                 squared_distance = 1e-18
                 for k in range(3):

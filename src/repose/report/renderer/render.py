@@ -19,8 +19,8 @@ from repose.report.renderer.bodies import Bodies, Drawable, place_bodies
 from repose.report.renderer.scenery import (
     Frustum,
     Setting,
+    find_frame_points,
     look_at,
-    outline,
     setting_of,
 )
 
@@ -133,7 +133,7 @@ def render_bodies(  # noqa: PLR0913  (each has a default that a picture may chan
         scales=shown_scales,
     )
     if frame_m is None:
-        frame_m = outline(
+        frame_m = find_frame_points(
             centres, bodies.largest_m, walls=setting.frusta, panels=setting.panels
         )
     camera = look_at(frame_m, width * supersample, height * supersample, **angles)

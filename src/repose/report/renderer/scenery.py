@@ -185,7 +185,7 @@ def look_at(
     )
 
 
-def boxes(centres: np.ndarray, reach: float) -> np.ndarray:
+def make_box_corners(centres: np.ndarray, reach: float) -> np.ndarray:
     """Compute the corners of a box about each of N centres.
 
     Parameters
@@ -205,7 +205,7 @@ def boxes(centres: np.ndarray, reach: float) -> np.ndarray:
     return (centres[:, None, :] + corners).reshape(-1, 3)
 
 
-def outline(
+def find_frame_points(
     centres: np.ndarray,
     reach: float,
     walls: Sequence[Frustum],
@@ -229,7 +229,7 @@ def outline(
     array (M, 3)
         The points in m.
     """
-    points = [boxes(centres, reach), *(panel.corners_m for panel in panels)]
+    points = [make_box_corners(centres, reach), *(panel.corners_m for panel in panels)]
     for wall in walls:
         for radius, z in ((wall.r_low_m, wall.z_low_m), (wall.r_high_m, wall.z_high_m)):
             circle = _make_circle(radius, z)

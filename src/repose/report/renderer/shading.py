@@ -178,7 +178,7 @@ def _compute_light_and_sky(
     kernel_camera = (camera.eye_m, camera.axes, float(camera.focal_px))
     light_axes = _compute_light_axes(camera)
     light_map = _draw_light_map(bodies, light_axes)
-    lit = raster.lit_fraction(
+    lit = raster.compute_lit_share(
         view.depth,
         view.normal,
         kernel_camera,
@@ -196,7 +196,7 @@ def _compute_light_and_sky(
     nearest_m = view.depth[view.hit].min(initial=np.inf)
     reach_px = math.ceil(reach_m * camera.focal_px / nearest_m)
     is_near_body = maximum_filter(view.hit, size=2 * reach_px + 1)
-    sky = raster.openness(
+    sky = raster.compute_openness(
         view.depth, view.normal, kernel_camera, is_near_body, reach_m, SKY_TAPS
     )
     return lit, sky
