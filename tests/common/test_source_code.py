@@ -161,7 +161,7 @@ def test_an_import_for_type_checkers_alone_counts_nothing(package):
 
 def test_modules_that_compute_no_number_exist_and_are_no_dependency():
     for name in WITHOUT_NUMBERS:
-        assert source_code._modules_of(name), name
+        assert source_code._list_modules_of(name), name
     for module in dependencies("stages", "report"):
         assert not source_code.computes_nothing(module)
 

@@ -41,26 +41,48 @@ def plain_file(path: str | PathLike) -> Path:
     return path
 
 
-def in_png(content: bytes, record: Mapping[str, Any]) -> bytes:
-    """Add a record to the texts inside a PNG."""
+def add_to_png(content: bytes, record: Mapping[str, Any]) -> bytes:
+    """Add a record of provenance to the texts inside a PNG.
+
+    Parameters
+    ----------
+    content : bytes
+        The PNG.
+    record : mapping
+        The record; it is stored as JSON under the key `KEY`.
+
+    Returns
+    -------
+    bytes
+        The same picture, with its other texts and its resolution unchanged.
+    """
     from PIL import Image
     from PIL.PngImagePlugin import PngImageFile, PngInfo
 
     texts = PngInfo()
-    changed = io.BytesIO()
+    output = io.BytesIO()
     with Image.open(io.BytesIO(content)) as picture:
         assert isinstance(picture, PngImageFile)
+        # Pillow drops the texts of the original unless they are handed over again.
         for key, text in picture.text.items():
             texts.add_text(key, text)
         texts.add_text(KEY, json.dumps(record))
-        picture.save(changed, "PNG", pnginfo=texts, dpi=picture.info.get("dpi"))
-    return changed.getvalue()
+        picture.save(output, "PNG", pnginfo=texts, dpi=picture.info.get("dpi"))
+    return output.getvalue()
 
 
 def read(path: str | PathLike) -> dict[str, Any] | None:
     """Read the record of provenance of a file.
 
-    Return None if the file has no valid record or cannot be read.
+    Parameters
+    ----------
+    path : path
+        A file of any type. The suffix decides where its record is.
+
+    Returns
+    -------
+    dict or None
+        The record; None if the file has no valid record or cannot be read.
     """
     path = Path(path)
     readers = {".json": _from_json, ".npz": _from_npz, ".png": _from_png}
@@ -75,15 +97,18 @@ def read(path: str | PathLike) -> dict[str, Any] | None:
 
 
 def _from_sidecar(path: Path) -> Any:
+    """Read the record in the file beside a file."""
     return json.loads(Path(f"{path}{SIDECAR}").read_text(encoding="utf-8"))
 
 
 def _from_json(path: Path) -> Any:
+    """Read the record in a JSON file; None if the file holds no mapping."""
     content = json.loads(path.read_text(encoding="utf-8"))
     return content.get(KEY) if isinstance(content, dict) else None
 
 
 def _from_npz(path: Path) -> Any:
+    """Read the record in an .npz file."""
     import numpy as np
 
     with np.load(path, allow_pickle=False) as store:
@@ -91,10 +116,12 @@ def _from_npz(path: Path) -> Any:
 
 
 def _from_png(path: Path) -> Any:
-    from PIL import Image  # not by the processes that pour
+    """Read the record in a PNG; None if the picture is too large to be one of ours."""
+    # Imported late, since the processes that simulate read no picture.
+    from PIL import Image
 
     try:
         with Image.open(path) as picture:
             return json.loads(picture.info[KEY])
-    except Image.DecompressionBombError:  # larger than any picture of ours
+    except Image.DecompressionBombError:
         return None

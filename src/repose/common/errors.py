@@ -20,24 +20,31 @@ class YamlError(InputError):
     def __init__(self, source: object, key: str, value: object, allowed: str) -> None:
         super().__init__(source, key, value, allowed)
         name = key if key.isprintable() else repr(key)
-        self.args = (f"{source}: {name} is {_in_yaml(value)}; expected {self.allowed}",)
+        self.args = (
+            f"{source}: {name} is {_format_yaml(value)}; expected {self.allowed}",
+        )
 
 
 class InputErrors(InputError):
     """Several faults at once, one a line.
 
-    `source`, `key`, `value` and `allowed` are those of the first.
+    Parameters
+    ----------
+    faults : list of InputError
+        At least one. `source`, `key`, `value` and `allowed` are those of the first.
     """
 
     def __init__(self, faults: list[InputError]) -> None:
         first = faults[0]
         super().__init__(first.source, first.key, first.value, first.allowed)
         self.faults = faults
+
+        # The message shows the first faults in full, and only counts the others.
         lines = [str(fault) for fault in faults[:MOST_REPORTED]]
         unreported = faults[MOST_REPORTED:]
         if unreported:
             lines.append(f"{unreported[0].source}: {len(unreported)} more faults")
-        # This replaces the message of the first fault.
+        # The call above made the message of the first fault alone. Replace it.
         self.args = ("\n".join(lines),)
 
 
@@ -102,8 +109,19 @@ def one_message() -> Iterator[None]:
         sys.exit(BAD_INPUT)
 
 
-def _in_yaml(value: object) -> str:
-    """Write a value as it would appear in a YAML file, with texts in quotes."""
+def _format_yaml(value: object) -> str:
+    """Write a value as it would appear in a YAML file, for a message.
+
+    Parameters
+    ----------
+    value : object
+        Any value of a configuration.
+
+    Returns
+    -------
+    str
+        A text has quotes. A long or nested list, and a mapping, are shortened.
+    """
     if value is None:
         return "null"
     if isinstance(value, bool):
@@ -111,7 +129,7 @@ def _in_yaml(value: object) -> str:
     if isinstance(value, list):
         is_nested = any(isinstance(item, list | dict) for item in value)
         if not is_nested:
-            text = f"[{', '.join(map(_in_yaml, value[:MOST_SHOWN]))}]"
+            text = f"[{', '.join(map(_format_yaml, value[:MOST_SHOWN]))}]"
             if len(text) <= MOST_SHOWN:
                 return text
     return shown(value)

@@ -1,4 +1,4 @@
-"""Turn faults of a configuration into messages: file, key, value, allowed values."""
+"""Find faulty keys of a configuration, and describe the values that a key allows."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
@@ -8,7 +8,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from repose.common.errors import MOST_REPORTED, InputError, YamlError
-from repose.common.keys import Origin, at, origin_of, owner_of
+from repose.common.keys import Origin, follow_path, origin_of, owner_of
 from repose.common.section import AUTO, CONTRADICTION
 
 Model = type[BaseModel]
@@ -28,18 +28,40 @@ NUMBERS_OF_RANGE = ("value", "sd", "repetitions")
 
 
 class Checked(NamedTuple):
-    """The faults that a model finds in a configuration."""
+    """The faults that a model finds in a configuration.
+
+    Attributes
+    ----------
+    faults : list of InputError
+        The faults, for the user.
+    keys : set of str
+        The dotted keys with a fault. A mistyped key counts twice: as it is written, and
+        as the key that is missing in its place.
+    """
 
     faults: list[InputError]
-    keys: set[str]  # dotted keys with a fault; a mistyped key counts as missing, too
+    keys: set[str]
 
 
 class _Error(NamedTuple):
-    """An error of a model at a key, or at its section if the key does not exist."""
+    """An error that pydantic found in a configuration.
+
+    Attributes
+    ----------
+    type : str
+        Pydantic's name of the kind of error, such as ``missing``.
+    path : list of str
+        The keys that lead to the faulty value. For a key that does not exist they lead
+        to the section around it.
+    unknown : object
+        The key that does not exist; None for any other error.
+    context : mapping
+        Further details by pydantic.
+    """
 
     type: str
     path: list[str]
-    unknown: Any  # the key that does not exist, in the section at `path`
+    unknown: Any
     context: Mapping[str, Any]
 
 
@@ -57,8 +79,8 @@ def check(config: Any, source: str | Origin, model: Model) -> Checked:
     model : type of pydantic.BaseModel
         What a configuration may hold.
     """
-    errors = _errors(config, model)
-    faults = list(_faults(errors, config, source, model))
+    errors = _find_errors(config, model)
+    faults = list(_make_faults(errors, config, source, model))
     missing = {".".join(error.path) for error in errors if error.type == "missing"}
     return Checked(faults, missing | {fault.key for fault in faults})
 
@@ -67,33 +89,55 @@ def with_whole_numbers(config: Any, model: Model) -> Any:
     """Replace numbers such as 3.0 by 3 wherever a key must be an integer.
 
     R, MATLAB and many JSON writers store whole numbers as 3.0.
+
+    Parameters
+    ----------
+    config : object
+        The configuration as plain values. It is not changed.
+    model : type of pydantic.BaseModel
+        What a configuration may hold.
+
+    Returns
+    -------
+    object
+        The configuration itself, or a copy with such numbers replaced.
     """
-    for error in _errors(config, model):
-        value = at(config, error.path)
+    for error in _find_errors(config, model):
+        value = follow_path(config, error.path)
         if not isinstance(value, float) or not value.is_integer():
             continue
         # A key that allows several types lists them in its schema.
         key_schema = subschema(error.path, model)
-        alternatives = (key_schema, *key_schema.get("anyOf", ()))
-        types = [alternative.get("type") for alternative in alternatives]
-        if "integer" in types:
-            config = _with_value(config, error.path, int(value))
+        schemas = (key_schema, *key_schema.get("anyOf", ()))
+        allowed_types = [one.get("type") for one in schemas]
+        if "integer" in allowed_types:
+            config = _replace_value(config, error.path, int(value))
     return config
 
 
-def _with_value(config: Any, path: Sequence[str], value: Any) -> Any:
+def _replace_value(config: Any, path: Sequence[str], value: Any) -> Any:
     """Return a copy of a configuration in which one key has another value.
 
-    `path` leads to the key: names of keys, and positions in lists.
+    Parameters
+    ----------
+    config : object
+        The configuration, or a part of it. It is not changed.
+    path : sequence of str
+        The way to the key from there: names of keys, and positions in lists. An empty
+        path means the part as a whole.
+    value : object
+        The new value.
     """
     if not path:
         return value
+
+    # Copy this level, and replace the part in it that the first step leads to.
     step, *inner_path = path
     if isinstance(config, Mapping):
-        return {**config, step: _with_value(config[step], inner_path, value)}
+        return {**config, step: _replace_value(config[step], inner_path, value)}
     entries = list(config)
     position = int(step)
-    entries[position] = _with_value(entries[position], inner_path, value)
+    entries[position] = _replace_value(entries[position], inner_path, value)
     return entries
 
 
@@ -106,7 +150,8 @@ def lacks_keys(config: Mapping[str, Any], model: Model) -> bool:
         model.model_validate(config)
     except ValidationError as error:
         for detail in error.errors(include_url=False, include_input=False):
-            section = at(config, detail["loc"][:-1])
+            # In place of a section may stand a number, which is no missing key.
+            section = follow_path(config, detail["loc"][:-1])
             if detail["type"] == "missing" and isinstance(section, Mapping):
                 return True
     return False
@@ -114,7 +159,7 @@ def lacks_keys(config: Mapping[str, Any], model: Model) -> bool:
 
 def is_valid(key: str, value: Any, model: Model) -> bool:
     """Return whether a key outside sections may have a value."""
-    return all(error.path != [key] for error in _errors({key: value}, model))
+    return all(error.path != [key] for error in _find_errors({key: value}, model))
 
 
 def allowed(key: str, model: Model) -> str:
@@ -138,9 +183,23 @@ def subschema(path: Sequence[str], model: Model) -> dict[str, Any]:
 
 
 def allowed_by(schema: Mapping[str, Any]) -> str:
-    """Describe in words which values a JSON schema allows."""
+    """Describe in words which values a JSON schema allows.
+
+    Parameters
+    ----------
+    schema : mapping
+        The schema of a key, without references.
+
+    Returns
+    -------
+    str
+        Such as ``a number from 0 to 1``, to stand after "expected".
+    """
+    # The model of the section may have its own words.
     if "allowed" in schema:
         return schema["allowed"]
+
+    # A few values, several alternatives, or a section.
     if "const" in schema:
         return str(schema["const"])
     if "enum" in schema:
@@ -152,21 +211,22 @@ def allowed_by(schema: Mapping[str, Any]) -> str:
     if "properties" in schema:
         return f"a section with the keys {', '.join(schema['properties'])}"
 
+    # A single value, perhaps with bounds.
     name = TYPE_NAMES[schema["type"]]
     if "exclusiveMinimum" in schema:
-        low = _bound(schema["exclusiveMinimum"])
-        high = _bound(schema["maximum"])
+        low = _format_bound(schema["exclusiveMinimum"])
+        high = _format_bound(schema["maximum"])
         return f"{name} above {low} and up to {high}"
     if "minimum" in schema:
-        low = _bound(schema["minimum"])
-        high = _bound(schema["maximum"])
+        low = _format_bound(schema["minimum"])
+        high = _format_bound(schema["maximum"])
         return f"{name} from {low} to {high}"
     if "maxLength" in schema:
         return f"{name} of 1 to {schema['maxLength']} characters"
     return name
 
 
-def _bound(number: float) -> str:
+def _format_bound(number: float) -> str:
     """Write a bound as a reader would."""
     return str(number) if isinstance(number, int) else f"{number:g}"
 
@@ -189,22 +249,27 @@ def _inner_schema(
     entry_schema = outer.get("items", {})
     inner: Any = None
     if "$ref" in entry_schema:
+        # A list of sections: the step is the position of one of them.
         if str(step).isdigit():
             inner = entry_schema
     elif isinstance(step, str):
+        # A section: the step is one of its keys, or a free name.
         inner = outer.get("properties", {}).get(step)
         if not inner:
             inner = outer.get("additionalProperties") or None
+
+    # Follow references such as #/$defs/NAME to the schema that they stand for.
     while inner and "$ref" in inner:
         name = inner["$ref"].rsplit("/", 1)[1]
         inner = whole["$defs"][name]
     return inner
 
 
-def _errors(config: Any, model: Model) -> list[_Error]:
+def _find_errors(config: Any, model: Model) -> list[_Error]:
     """Validate a configuration and list its errors, unknown keys first.
 
-    An error inside a value is reported for the whole value.
+    An error inside a value is reported for the whole value. The list is empty if the
+    configuration is valid.
     """
     try:
         model.model_validate(config)
@@ -227,8 +292,13 @@ def _errors(config: Any, model: Model) -> list[_Error]:
 def _place_error(detail: ErrorDetails, whole: Mapping[str, Any]) -> _Error:
     """Assign an error of pydantic to a key of the configuration.
 
-    Pydantic's location may continue beyond the key, with a type of the value. `whole`
-    is the schema of the whole configuration.
+    Parameters
+    ----------
+    detail : ErrorDetails
+        The error. Its location is a path of keys, which may continue beyond the key with
+        a type of the value.
+    whole : mapping
+        The schema of the whole configuration.
     """
     # Follow the location as long as it names keys of the schema.
     path: list[str] = []
@@ -253,13 +323,27 @@ def _place_error(detail: ErrorDetails, whole: Mapping[str, Any]) -> _Error:
     )
 
 
-def _faults(
+def _make_faults(
     errors: list[_Error], config: Any, source: str | Origin, model: Model
 ) -> Iterator[InputError]:
-    """Turn errors into faults that name the file of each key."""
+    """Turn the errors of a configuration into faults that name the file of each key.
+
+    Parameters
+    ----------
+    errors : list of _Error
+        As from `_find_errors`, unknown keys first: a key that is missing because it was
+        misspelt is left out, for which the misspelt one must be known.
+    config : object
+        The configuration.
+    source : str or Origin
+        The file that a fault names.
+    model : type of pydantic.BaseModel
+        What a configuration may hold.
+    """
     from difflib import get_close_matches  # slow to import, and few files have faults
 
-    explained_keys = _ranges_without_numbers(errors)
+    # Keys that are missing only because of another fault.
+    explained_keys = _find_ranges_without_numbers(errors)
     n_guesses = 0
     for error in errors:
         key = ".".join(error.path)
@@ -273,25 +357,34 @@ def _faults(
                 n_guesses += 1
             # A misspelt key must not be reported as missing, too.
             explained_keys.add(".".join([*error.path, *similar]))
-            yield _unknown_key(error, config, source, known, similar)
+            yield _describe_unknown_key(error, config, source, known, similar)
         elif error.type == "missing":
             if key not in explained_keys:
                 allowed = allowed_by(subschema(error.path, model))
                 owner = owner_of(source, key)
                 yield YamlError(owner, key, None, f"{allowed}; the key is missing")
         elif error.type == CONTRADICTION:
-            yield from _contradictions(error, config, source)
+            yield from _make_contradiction_faults(error, config, source)
         else:
             # An error without a key concerns the whole configuration.
             allowed = "keys with values"
             if key:
                 allowed = allowed_by(subschema(error.path, model))
-            value = at(config, error.path)
+            value = follow_path(config, error.path)
             yield YamlError(origin_of(source, key), key, value, allowed)
 
 
-def _ranges_without_numbers(errors: list[_Error]) -> set[str]:
-    """Return the keys of ranges that are missing as a number of their target is wrong."""
+def _find_ranges_without_numbers(errors: list[_Error]) -> set[str]:
+    """Find the ranges of targets that are missing because another number is wrong.
+
+    A range that the user leaves out is computed from the other numbers of its target.
+    Without them it cannot be computed, which is no fault of its own.
+
+    Returns
+    -------
+    set of str
+        Dotted keys such as ``targets.0.range``.
+    """
     keys = set()
     for error in errors:
         is_number = error.path[-1:] and error.path[-1] in NUMBERS_OF_RANGE
@@ -300,17 +393,27 @@ def _ranges_without_numbers(errors: list[_Error]) -> set[str]:
     return keys
 
 
-def _unknown_key(
+def _describe_unknown_key(
     error: _Error,
     config: Any,
     source: str | Origin,
     known: Sequence[str],
     similar: Sequence[str],
 ) -> InputError:
-    """Describe a key that does not exist.
+    """Make the fault of a key that does not exist.
 
-    `known` lists the keys of its section. `similar` is empty or holds the one of them
-    that the user probably meant.
+    Parameters
+    ----------
+    error : _Error
+        The error at the key.
+    config : object
+        The configuration.
+    source : str or Origin
+        The file that the fault names.
+    known : sequence of str
+        The keys that its section may have.
+    similar : sequence of str
+        The one of them that the user probably meant; empty if none is similar.
     """
     unknown_name = str(error.unknown)
     key = ".".join([*error.path, unknown_name])
@@ -320,17 +423,21 @@ def _unknown_key(
         hint = f"keys here: {', '.join(known)}"
 
     # Find the value by the key's text: pydantic reports keys such as null or 1.5 as text.
-    section = at(config, error.path)
+    section = follow_path(config, error.path)
     values = {str(name): value for name, value in section.items()}
     value = values[unknown_name]
     return YamlError(origin_of(source, key), key, value, f"a known key; {hint}")
 
 
-def _contradictions(
+def _make_contradiction_faults(
     error: _Error, config: Any, source: str | Origin
 ) -> Iterator[InputError]:
-    """Yield the faults of values that are valid by themselves and contradict others."""
+    """Make the faults of values that are valid by themselves and contradict others.
+
+    The validator of the section has put pairs of a key and its allowed values into the
+    context of the error. The key "" means the section as a whole.
+    """
     for name, words in error.context["found"]:
         path = [*error.path, name] if name else error.path
         key = ".".join(path)
-        yield YamlError(owner_of(source, key), key, at(config, path), words)
+        yield YamlError(owner_of(source, key), key, follow_path(config, path), words)

@@ -36,13 +36,28 @@ KIND_NAMES = {
 
 
 def path_of(name: str, path: Any) -> Path:
-    """Return an argument as a path; raise InputError if it cannot be one."""
+    """Return an argument of a public function as a path.
+
+    Parameters
+    ----------
+    name : str
+        Name of the argument, for the message.
+    path : object
+        What the caller gave for it. The file need not exist.
+
+    Raises
+    ------
+    InputError
+        If it is no text or path, or the system allows no such path.
+    """
     is_path = isinstance(path, Path_) and bool(str(path))
     require(is_path, "study", name, path, "the path of a file")
+    # Ask the system whether it allows such a path. A missing file is no fault here: it is
+    # reported when the file is read or written.
     try:
         os.stat(path)
     except (FileNotFoundError, NotADirectoryError, PermissionError):
-        pass  # reported when the file is read or written
+        pass
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         allowed = f"the path of a file; {reason}"
@@ -59,13 +74,26 @@ def write_text(path: Path_, text: str) -> None:
 
 
 def write_bytes(path: Path_, content: bytes) -> None:
-    """Write bytes with the record of provenance.
+    """Write bytes, with the record of provenance of the current stage if there is one.
 
-    The record goes into a PNG itself, and for any other file into a sidecar.
+    The record goes into a PNG itself. For any other file it is written into a second
+    file beside it, the sidecar.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    content : bytes
+        Its content.
+
+    Raises
+    ------
+    InputError
+        If the path holds a file that this program did not write.
     """
     record = provenance.current()
     if record and content.startswith(attached.PNG):
-        _write(path, attached.in_png(content, record))
+        _write(path, attached.add_to_png(content, record))
         return
     _write(path, content)
     if record:
@@ -82,7 +110,18 @@ def write_json(path: Path_, content: Any, indent: int = 1) -> None:
 def json_text(content: Any, indent: int = 1) -> str:
     """Return content as JSON text; a mapping gets the record of the current stage.
 
-    The record is the last entry of the mapping, on one line.
+    Parameters
+    ----------
+    content : object
+        Mappings, lists and plain values. Numbers and arrays of numpy become plain ones.
+    indent : int, optional
+        Blanks before each entry of the outermost mapping.
+
+    Returns
+    -------
+    str
+        In a mapping the record is the last entry, on one line. Other content, and a
+        mapping outside any stage, has no record.
     """
     text = json.dumps(content, indent=indent, default=_plain)
     record = provenance.current()
@@ -112,7 +151,7 @@ def write_table(
     table : pandas.DataFrame
         The table.
     float_format : str, optional
-        As in ``%.6g``; None for all digits.
+        Format of the numbers, such as ``%.6g``. Without it all digits are written.
     index : bool
         Whether the index is the first column.
 
@@ -128,7 +167,7 @@ def write_table(
 
 
 def write_npz(path: Path_, arrays: Mapping[str, Any]) -> None:
-    """Write named arrays as a compressed .npz file."""
+    """Write named arrays as a compressed .npz file, with the record of the stage."""
     import numpy as np
 
     record = provenance.current()
@@ -147,6 +186,11 @@ def write_image(path: Path_, picture: "np.ndarray") -> None:
         The file.
     picture : ndarray, (height, width) or (height, width, 3)
         Grey values, or colours in the order blue, green, red; uint8.
+
+    Raises
+    ------
+    InputError
+        If no format of pictures has this suffix.
     """
     import cv2
 
@@ -154,6 +198,7 @@ def write_image(path: Path_, picture: "np.ndarray") -> None:
     try:
         is_encoded, content = cv2.imencode(suffix, picture)
     except cv2.error:
+        # This is OpenCV's answer to a suffix that it does not know.
         is_encoded = False
     allowed = "the suffix of a picture, as in .png"
     require(is_encoded, path, "suffix", suffix, allowed)
@@ -213,6 +258,12 @@ def read_json(
     -------
     dict
         Without the record of provenance.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is no mapping, lacks a key or has one twice, or holds
+        a value of another type.
     """
     try:
         text = attached.plain_file(path).read_bytes().decode("utf-8-sig")
@@ -224,10 +275,11 @@ def read_json(
     require(isinstance(content, dict), path, "content", content, what)
     content.pop(attached.KEY, None)
 
+    # Any type will do for keys that are only listed.
     for key in keys:
         kind = keys[key] if isinstance(keys, Mapping) else object
         if key not in content or not isinstance(content[key], kind):
-            raise InputError(path, key, content.get(key), f"{_named(kind)} {what}")
+            raise InputError(path, key, content.get(key), f"{_name_kind(kind)} {what}")
     return content
 
 
@@ -241,8 +293,8 @@ def _each_key_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return content
 
 
-def _named(kind: Kind) -> str:
-    """Name what a key must be, for a message."""
+def _name_kind(kind: Kind) -> str:
+    """Name what a key must be, for a message such as ``a number in`` a file."""
     kinds = kind if isinstance(kind, tuple) else (kind,)
     names = [KIND_NAMES[one] for one in kinds if one in KIND_NAMES]
     return f"{' or '.join(names)} in" if names else "a key of"
@@ -251,7 +303,27 @@ def _named(kind: Kind) -> str:
 def read_npz(
     path: Path_, keys: Iterable[str] = (), what: str = "an .npz file"
 ) -> dict[str, "np.ndarray"]:
-    """Read all arrays of an .npz file by name, and require those in `keys`."""
+    """Read all arrays of an .npz file.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    keys : iterable of str
+        Names of arrays that the file must have.
+    what : str
+        What the file should be, for messages.
+
+    Returns
+    -------
+    dict of str to ndarray
+        The arrays by name, without the record of provenance.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or lacks an array.
+    """
     import numpy as np
 
     # For a plain .npy file numpy returns an array, which is no context manager: TypeError.
@@ -263,6 +335,7 @@ def read_npz(
                 require(key in store.files, path, key, None, f"an array in {what}")
             arrays = {name: store[name] for name in store.files if name != attached.KEY}
     except InputError:
+        # InputError is a ValueError. Keep its message from the next clause.
         raise
     except unreadable as error:
         raise InputError(path, "arrays", str(error), what) from error

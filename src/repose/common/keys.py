@@ -34,8 +34,9 @@ class Origin:
     def of(self, key: str) -> str:
         """Return the name of the file that holds a dotted key.
 
-        An entry of a list belongs to the file of the list.
+        An entry of a list, such as ``targets.0``, belongs to the file of the list.
         """
+        # The part of the key before the first position in a list.
         steps = []
         for step in key.split("."):
             if step.isdigit():
@@ -46,8 +47,11 @@ class Origin:
     def owner(self, key: str) -> str:
         """Return the file in which the user should edit a dotted key.
 
-        It is the file that holds the key, or else the innermost section around it.
+        It is the file that holds the key, or else the innermost section around it. The
+        file of the method does not count, since users do not edit it. Without any such
+        file it is the default.
         """
+        # Look up the key, then the section around it, and so on outwards.
         steps = key.split(".")
         while steps:
             file = self.origin.get(".".join(steps), self.shared)
@@ -67,10 +71,21 @@ def origin_of(source: "str | Origin", key: str) -> str:
     return source.of(key) if isinstance(source, Origin) else source
 
 
-def at(config: Any, path: Iterable[int | str]) -> Any:
-    """Follow a path of keys into a configuration; return None where it leads nowhere.
+def follow_path(config: Any, path: Iterable[int | str]) -> Any:
+    """Follow a path of keys into a configuration.
 
-    A step of the path is a key, which may contain dots, or a position in a list.
+    Parameters
+    ----------
+    config : object
+        The configuration as plain values.
+    path : iterable of int or str
+        Its steps: names of keys, which may contain dots, and positions in lists. A
+        position may be a text of digits.
+
+    Returns
+    -------
+    object
+        The value at the end of the path; None where the path leads nowhere.
     """
     value = config
     for step in path:
@@ -85,7 +100,7 @@ def at(config: Any, path: Iterable[int | str]) -> Any:
 
 def get(config: Any, key: str) -> Any:
     """Return the value of a dotted key; None where there is none."""
-    return at(config, key.split("."))
+    return follow_path(config, key.split("."))
 
 
 def section(config: Mapping[str, Any], name: str) -> Mapping[str, Any]:

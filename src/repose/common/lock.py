@@ -66,7 +66,10 @@ def take_folder(folder: str | os.PathLike) -> Held:
 
 
 def _wait_for_jobs(folder: Path) -> None:
-    """Wait until the jobs of an earlier workflow have ended, and say so once."""
+    """Wait until the jobs of an earlier workflow have ended, and say so once.
+
+    Each job holds the lock of its own file in the folder. The files are removed.
+    """
     has_printed = False
     for path in sorted(folder.glob(f"{JOB}*")):
         lock = _try_lock(path)
@@ -75,6 +78,7 @@ def _wait_for_jobs(folder: Path) -> None:
                 text = "waiting until the jobs of a workflow that was killed have ended"
                 print(f"repose: {folder}: {text}", file=sys.stderr, flush=True)
                 has_printed = True
+            # This call returns when the job has released its lock.
             lock = _lock(path)
         with lock:
             path.unlink(missing_ok=True)
@@ -87,11 +91,18 @@ def join_folder(folder: str | os.PathLike) -> Iterator[None]:
     The next workflow waits for this job. At its end the job notes its processor time.
     In a folder without a workflow, as when a verb runs by hand, nothing is locked or
     noted.
+
+    Parameters
+    ----------
+    folder : path
+        The folder of results. It need not exist.
     """
     folder = Path(folder)
+    # A workflow has written its file into the folder before it starts the first job.
     if not (folder / WORKFLOW).is_file() or not os.access(folder, os.W_OK):
         yield
         return
+    # The name is unlike that of any other job, on this machine or another.
     path = folder / f"{JOB}{platform.node()}-{os.getpid()}-{next(_job_numbers)}"
     with _lock(path):
         try:
@@ -120,10 +131,30 @@ def _try_lock(path: Path) -> Held | None:
 
 
 def _lock(path: Path, wait: bool = True) -> Held:
-    """Take the lock of a file, which is no link."""
+    """Take the lock of a file, which is no link.
+
+    Parameters
+    ----------
+    path : Path
+        The file, which is created if necessary.
+    wait : bool, optional
+        Whether to wait while another process holds the lock. Otherwise this is a
+        `filelock.Timeout`.
+
+    Returns
+    -------
+    context manager
+        The lock, already held. On a file system without locks it holds nothing.
+
+    Raises
+    ------
+    InputError
+        If the user may not write there.
+    """
     # Imported late because it is slow, and the help of a verb does not need it.
     from filelock import FileLock
 
+    # A soft lock is a plain file, which would stay behind if the process is killed.
     lock = FileLock(path, blocking=wait, fallback_to_soft=False)
     try:
         return lock.acquire()

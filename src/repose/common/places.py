@@ -35,17 +35,24 @@ def find(path: str | os.PathLike) -> Path:
 def configs() -> list[Path]:
     """List the default configurations; each overrides the one before it.
 
-    The first is the method. It is followed by the crop of the working folder, or by the
-    built-in crop if the folder has none. A file `config/config.yaml` in the working
-    folder overrides the built-in crop.
+    Returns
+    -------
+    list of Path
+        The first is the method. It is followed by the crop of the working folder, or by
+        the built-in crop if the folder has none. A file `config/config.yaml` in the
+        working folder overrides the built-in crop.
     """
     method = find(METHOD_CONFIG)
-    our_crop = root() / DEFAULT_CONFIG
-    study = Path(DEFAULT_CONFIG)
-    if study.is_file():
+    built_in_crop = root() / DEFAULT_CONFIG
+
+    # The working folder may be laid out like the project ...
+    users_config = Path(DEFAULT_CONFIG)
+    if users_config.is_file():
         # In a checkout of the project both are the same file.
-        if study.resolve() == our_crop.resolve():
-            return [method, study]
-        return [method, our_crop, study]
-    crop = Path("config.yaml")
-    return [method, crop if crop.is_file() else our_crop]
+        if users_config.resolve() == built_in_crop.resolve():
+            return [method, users_config]
+        return [method, built_in_crop, users_config]
+
+    # ... or be the folder of one crop.
+    users_crop = Path("config.yaml")
+    return [method, users_crop if users_crop.is_file() else built_in_crop]

@@ -39,15 +39,33 @@ FORCED_TYPES = ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "OPENBLAS_CORETYPE")
 
 @dataclass
 class _Stage:
-    """The stage that runs."""
+    """The stage that runs.
 
-    heading: dict[str, Any]  # verb, and what else names the stage
-    inputs: list[tuple[Path, Record | None]]  # its files with their records
-    settings_of: Callable[[Config, str | None], Any]  # chooses those that it reads
+    Attributes
+    ----------
+    heading : dict
+        The first entries of its record: the verb, and what else names the stage.
+    inputs : list of (Path, mapping or None)
+        Its input files with their records. A file may have none.
+    settings_of : callable
+        Selects the settings that it reads, as in `stage`.
+    simulates : bool
+        Whether its results are runs of the engine.
+    check : callable or None
+        Refuses files of another study, as in `stage`.
+    config : mapping or None
+        The whole configuration, once `note_config` has told it.
+    record : dict or None
+        The record, which is made when the first file is written.
+    """
+
+    heading: dict[str, Any]
+    inputs: list[tuple[Path, Record | None]]
+    settings_of: Callable[[Config, str | None], Any]
     simulates: bool
-    check: Callable[[Config, Inputs], None] | None  # whether files are of its study
+    check: Callable[[Config, Inputs], None] | None
     config: Config | None = None
-    record: dict[str, Any] | None = None  # made when the first file is written
+    record: dict[str, Any] | None = None
 
 
 _current: ContextVar[_Stage | None] = ContextVar("stage", default=None)
@@ -109,6 +127,7 @@ def stage(
         simulates=runs == "made",
         check=check,
     )
+    # One stage may run within another, which is the current one again afterwards.
     token = _current.set(new_stage)
     try:
         yield
@@ -118,6 +137,11 @@ def stage(
 
 def note_config(config: Config) -> None:
     """Tell the current stage, if there is one, its whole configuration.
+
+    Parameters
+    ----------
+    config : mapping
+        The resolved configuration. Files written from now on record its settings.
 
     Raises
     ------
@@ -131,6 +155,7 @@ def note_config(config: Config) -> None:
     if current_stage.config is None and current_stage.check is not None:
         current_stage.check(config, current_stage.inputs)
     current_stage.config = config
+    # Make the record anew when the next file is written.
     current_stage.record = None
 
 
@@ -150,7 +175,8 @@ def _make_record(current_stage: _Stage) -> dict[str, Any]:
     The origin is a hash of the stage, its settings, the engine and the origins of its
     input files. Results with the same origin are therefore equal.
     """
-    # Simulated runs are by this engine. Other results have the engine of their inputs.
+    # Simulated runs come from the present engine. Other results have the engine of their
+    # input files.
     if current_stage.simulates:
         engine = engine_hash()
     else:
@@ -165,6 +191,7 @@ def _make_record(current_stage: _Stage) -> dict[str, Any]:
         )
         seed = current_stage.config["design"]["seed"]
 
+    # A file without a record is known by its content.
     input_origins = set()
     for path, record in current_stage.inputs:
         input_origins.add(record["origin"] if record else hash_of_file(path))
@@ -204,14 +231,21 @@ def refuse_mixture(inputs: Inputs) -> None:
     ----------
     inputs : iterable of (Path, mapping or None)
         Files with their records.
+
+    Raises
+    ------
+    InputError
+        With the first file that does not go with one before it.
     """
-    # Remember, each with its file, the first engine and the first origin of the runs of
-    # each stage and bench test.
+    # Remember the first engine with its file. Remember also, for the runs of each stage
+    # and bench test, the first origin with its file.
     first_engine: tuple[str, Path] | None = None
     first_origins: dict[tuple[str, str], tuple[str, Path]] = {}
     for path, record in inputs:
         if record is None:
             continue
+
+        # Compare the engine. A result that follows from no run has none.
         engine = record.get("engine")
         if engine:
             if first_engine is None:
@@ -220,6 +254,8 @@ def refuse_mixture(inputs: Inputs) -> None:
             if engine != expected:
                 allowed = f"{expected}, as in {source}: results of one engine"
                 raise InputError(path, "provenance.engine", engine, allowed)
+
+        # Compare the origin. Only runs name their bench test.
         if "apparatus" in record:
             group_of_runs = (record["verb"], record["apparatus"])
             origin = record["origin"]
@@ -279,7 +315,14 @@ def _version(name: str) -> str | None:
 
 
 def _commit() -> str | None:
-    """Find the commit of the checkout or of the build, or return None if unknown."""
+    """Find the commit of this program.
+
+    Returns
+    -------
+    str or None
+        In a checkout, what git says. In an installation, what the build has noted. None
+        where neither is known.
+    """
     root = PACKAGE.parents[1]
     is_checkout = (root / ".git").exists()
     if not is_checkout:

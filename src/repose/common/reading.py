@@ -47,6 +47,13 @@ class StrictLoader(yaml.SafeLoader):
     ) -> dict[Any, Any]:
         """Make the mapping of a node; called by PyYAML.
 
+        Parameters
+        ----------
+        node : yaml.MappingNode
+            The parsed mapping, as pairs of nodes of its keys and values.
+        deep : bool, optional
+            Whether to make inner values at once; PyYAML decides this.
+
         Raises
         ------
         InputError
@@ -66,9 +73,16 @@ class StrictLoader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
     def _construct_key(self, node: yaml.Node, deep: bool) -> str | int | float | None:
-        """Make the key of a node; InputError for true, false, a list or a mapping."""
+        """Make the key of a node.
+
+        Raises
+        ------
+        InputError
+            For true, false, a date, a list or a mapping. The message names its line.
+        """
         key = self.construct_object(node, deep=deep)
         is_allowed = isinstance(key, str | int | float | None)
+        # To Python true and false are integers, too.
         if isinstance(key, bool):
             is_allowed = False
         shown = node.value if isinstance(node.value, str) else "a list or mapping"
@@ -109,6 +123,16 @@ StrictLoader.add_implicit_resolver(
 
 def read(path: str | os.PathLike) -> dict[str, Any]:
     """Read a YAML or JSON file that holds a mapping, without checking its keys.
+
+    Parameters
+    ----------
+    path : path
+        The file, in UTF-8.
+
+    Returns
+    -------
+    dict
+        The content as plain values.
 
     Raises
     ------
@@ -153,14 +177,18 @@ def parse(text: str, name: str) -> Any:
 # The defaults of all studies take 50 ms to parse, and every load reads them anew.
 @functools.lru_cache(maxsize=16)
 def _parse(text: str, name: str) -> Any:
-    """Parse YAML as `parse` does; the caller must not change the result."""
+    """Parse YAML as `parse` does; the caller must not change the result.
+
+    Whatever PyYAML raises becomes an InputError.
+    """
     try:
         return _construct(text, name)
     except InputError:
         raise
     except yaml.MarkedYAMLError as error:
-        raise _syntax_fault(error, text, name) from None
-    except yaml.YAMLError as error:  # such as an invalid byte
+        raise _describe_syntax_error(error, text, name) from None
+    except yaml.YAMLError as error:
+        # Errors without a line, such as an invalid byte.
         one_line = " ".join(str(error).split())
         raise InputError(name, "content", one_line, "valid YAML") from None
     except OTHER_ERRORS as error:
@@ -168,7 +196,25 @@ def _parse(text: str, name: str) -> Any:
 
 
 def _construct(text: str, name: str) -> Any:
-    """Build the value of a YAML document; None for an empty document."""
+    """Build the value of a YAML document.
+
+    Parameters
+    ----------
+    text : str
+        The document.
+    name : str
+        Its file, for messages.
+
+    Returns
+    -------
+    object
+        Plain values; None for an empty document.
+
+    Raises
+    ------
+    InputError
+        If the document is too large once its aliases are replaced.
+    """
     loader = StrictLoader(text)
     try:
         loader.name = name
@@ -189,8 +235,20 @@ def _construct(text: str, name: str) -> Any:
         loader.dispose()
 
 
-def _syntax_fault(error: yaml.MarkedYAMLError, text: str, name: str) -> InputError:
-    """Describe an error of syntax, with advice for common mistakes."""
+def _describe_syntax_error(
+    error: yaml.MarkedYAMLError, text: str, name: str
+) -> InputError:
+    """Describe an error of syntax, with advice for common mistakes.
+
+    Parameters
+    ----------
+    error : yaml.MarkedYAMLError
+        The error of PyYAML, which may have a line.
+    text : str
+        The YAML.
+    name : str
+        Its file, for the message.
+    """
     line_number = error.problem_mark.line + 1 if error.problem_mark else 0
     problem = error.problem or ""
 
@@ -212,6 +270,11 @@ def _syntax_fault(error: yaml.MarkedYAMLError, text: str, name: str) -> InputErr
 
 def _find_line_without_colon(lines: Sequence[str]) -> tuple[int, str] | None:
     """Find the first line at the margin that is not a key with its value.
+
+    Parameters
+    ----------
+    lines : sequence of str
+        The beginning of a document.
 
     Returns
     -------
@@ -241,6 +304,7 @@ def _count_characters(node: yaml.Node, counts: dict[int, int]) -> int:
     counts : dict of int to int
         The counts so far, by `id` of the node. This function adds to them.
     """
+    # Another alias of this value was counted before.
     if id(node) in counts:
         return counts[id(node)]
     # If the value contains itself, the inner one counts as 0.
@@ -248,13 +312,15 @@ def _count_characters(node: yaml.Node, counts: dict[int, int]) -> int:
     if isinstance(node, yaml.ScalarNode):
         n_characters = 1 + len(node.value)
     else:
-        inner_counts = (_count_characters(part, counts) for part in _parts_of(node))
+        inner_counts = (
+            _count_characters(part, counts) for part in _list_inner_nodes(node)
+        )
         n_characters = 1 + sum(inner_counts)
     counts[id(node)] = n_characters
     return n_characters
 
 
-def _parts_of(node: yaml.Node) -> Iterator[yaml.Node]:
+def _list_inner_nodes(node: yaml.Node) -> Iterator[yaml.Node]:
     """Yield the entries of a list, or the keys and values of a mapping."""
     for item in node.value:
         if isinstance(item, tuple):

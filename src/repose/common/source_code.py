@@ -63,11 +63,11 @@ def code_hash(*modules: str, follow_imports: bool = True) -> str:
     if follow_imports:
         names = dependencies(*modules)
     else:
-        names = frozenset(_list_modules(modules))
+        names = frozenset(_expand_packages(modules))
     digest = hashlib.sha256()
     for name in sorted(names):
         digest.update(f"{name} {_hash_module(name)}\n".encode())
-    keep_for_later_calls()
+    store_new_summaries()
     return digest.hexdigest()[:16]
 
 
@@ -85,19 +85,23 @@ def dependencies(*modules: str) -> frozenset[str]:
     frozenset of str
         Full dotted names, without `WITHOUT_NUMBERS`.
     """
-    queue = {name for name in _list_modules(modules) if not computes_nothing(name)}
+    new_modules = {
+        name for name in _expand_packages(modules) if not computes_nothing(name)
+    }
     found_modules: set[str] = set()
-    while queue:
-        found_modules |= queue
-        queue = set().union(*map(_needs, queue)) - found_modules
+    # In each round follow the imports of the modules that the last round has found.
+    while new_modules:
+        found_modules |= new_modules
+        needed_modules = set().union(*map(_find_needed_modules, new_modules))
+        new_modules = needed_modules - found_modules
     return frozenset(found_modules)
 
 
-def _list_modules(names: Iterable[str]) -> list[str]:
+def _expand_packages(names: Iterable[str]) -> list[str]:
     """List the full names of modules, and of all modules in packages, below `repose`."""
     modules = []
     for name in names:
-        modules += _modules_of(f"repose.{name}")
+        modules += _list_modules_of(f"repose.{name}")
     return modules
 
 
@@ -111,66 +115,86 @@ def computes_nothing(module: str) -> bool:
 
 
 @cache
-def _files() -> dict[str, Path]:
-    """Map the full name of each module and package of `repose` to its file."""
+def _map_modules_to_files() -> dict[str, Path]:
+    """Map the full name of each module and package of `repose` to its file.
+
+    The file of a package is its `__init__.py`.
+    """
     files = {}
-    for folder, subfolders, names in os.walk(PACKAGE):
+    for folder, subfolders, file_names in os.walk(PACKAGE):
+        # Do not walk into compiled modules.
         if "__pycache__" in subfolders:
             subfolders.remove("__pycache__")
-        place = Path(folder)
-        package = ".".join(("repose", *place.relative_to(PACKAGE).parts))
-        for name in names:
-            stem, ending = os.path.splitext(name)
+
+        folder_path = Path(folder)
+        package = ".".join(("repose", *folder_path.relative_to(PACKAGE).parts))
+        for file_name in file_names:
+            stem, ending = os.path.splitext(file_name)
             if ending == ".py":
                 module = package if stem == "__init__" else f"{package}.{stem}"
-                files[module] = place / name
+                files[module] = folder_path / file_name
     return files
 
 
 def _file_of(module: str) -> Path:
     """Find the file of a module or package of `repose`."""
-    file = _files().get(module)
+    file = _map_modules_to_files().get(module)
     if file is None:
         message = f"{module}: there is no such module in {PACKAGE}"
         raise ModuleNotFoundError(message, name=module)
     return file
 
 
-def _modules_of(name: str) -> list[str]:
+def _list_modules_of(name: str) -> list[str]:
     """List the full dotted names of a module, or of a package and all its modules."""
     is_package = _file_of(name).name == "__init__.py"
     if not is_package:
         return [name]
     inside = f"{name}."
-    return [name, *(module for module in _files() if module.startswith(inside))]
+    return [
+        name,
+        *(module for module in _map_modules_to_files() if module.startswith(inside)),
+    ]
 
 
 @cache
-def _needs(module: str) -> frozenset[str]:
+def _find_needed_modules(module: str) -> frozenset[str]:
     """Find the modules that a module needs directly and that can change a number.
 
     To import a module, Python also runs the package around it.
     """
     package = module.rpartition(".")[0]
-    needed = {package, *_imports(module)}
+    needed = {package, *_find_imported_modules(module)}
     return frozenset(name for name in needed if not computes_nothing(name))
 
 
-def _imports(module: str) -> set[str]:
+def _find_imported_modules(module: str) -> set[str]:
     """Find the modules of `repose` that a module imports when it runs.
 
     Imports inside functions count, but not those for type checkers only. An import from
     a package counts for the package, and for the imported name if that is a module. A
     module that imports others by computed names, as a table of laws does, depends on
     its whole package.
+
+    Parameters
+    ----------
+    module : str
+        Full dotted name of a module or package.
+
+    Returns
+    -------
+    set of str
+        Full dotted names.
     """
     file = _file_of(module)
     package = module if file.name == "__init__.py" else module.rpartition(".")[0]
     summary = _summarise_file(file)
     names = {_absolute_name(name, level, package) for level, name in summary["imports"]}
     if summary["imports_by_name"]:
-        names.update(_modules_of(package))
-    return names & _files().keys()
+        names.update(_list_modules_of(package))
+
+    # Leave out other libraries, and imported names that are no modules.
+    return names & _map_modules_to_files().keys()
 
 
 def _absolute_name(name: str, level: int, package: str) -> str:
@@ -224,12 +248,23 @@ class _NumbersOnly(ast.NodeTransformer):
 def _hash_module(module: str) -> str:
     """Hash the code of a module, and each data file of its folder that it names.
 
-    The result is a text of hashes, separated by blanks.
+    A result may depend on numbers in such a file as much as on the code that reads them.
+
+    Parameters
+    ----------
+    module : str
+        Full dotted name.
+
+    Returns
+    -------
+    str
+        Hashes, separated by blanks: first that of the code, then those of the data files
+        in alphabetical order.
     """
     file = _file_of(module)
     content = _read(file)
     hashes = [_summarise_file(file)["code"]]
-    for name in _data_files(file.parent):
+    for name in _list_data_files(file.parent):
         is_named = name.encode() in content
         if is_named:
             data = (file.parent / name).read_bytes()
@@ -244,7 +279,7 @@ def _read(file: Path) -> bytes:
 
 
 @cache
-def _data_files(folder: Path) -> list[str]:
+def _list_data_files(folder: Path) -> list[str]:
     """List the names of the data files in a folder of the package."""
     return sorted(name for name in os.listdir(folder) if name.endswith(DATA))
 
@@ -255,6 +290,11 @@ def _summarise_file(file: Path) -> dict[str, Any]:
 
     A file is parsed only once; later calls use the stored summary.
 
+    Parameters
+    ----------
+    file : Path
+        A Python file of the package.
+
     Returns
     -------
     dict
@@ -263,17 +303,20 @@ def _summarise_file(file: Path) -> dict[str, Any]:
         `importlib.import_module`.
     """
     content = _read(file)
+    # A changed file has another key, and so has each form of the summaries.
     key = hashlib.sha256(FORMAT + content).hexdigest()
-    summaries = _stored_summaries()
+    summaries = _load_stored_summaries()
     if key not in summaries:
-        summaries[key] = _summarise(content)
+        summaries[key] = _parse_and_summarise(content)
         _new_keys.append(key)
     return summaries[key]
 
 
-def _summarise(content: bytes) -> dict[str, Any]:
+def _parse_and_summarise(content: bytes) -> dict[str, Any]:
     """Parse the content of a file, and return its summary as `_summarise_file` does."""
     tree = ast.parse(content)
+
+    # Collect the imports, each as its number of leading dots and its name.
     imports: set[tuple[int, str]] = set()
     imports_by_name = False
     for node in _runtime_nodes(tree):
@@ -281,9 +324,10 @@ def _summarise(content: bytes) -> dict[str, Any]:
             imports.update((0, alias.name) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             # In `from a import b`, b may be a module of the package a, or a name in it.
-            origin = node.module or ""
-            prefix = f"{origin}." if origin else ""
-            imports.add((node.level, origin))
+            # Note both: names that are no modules are left out later.
+            source = node.module or ""
+            prefix = f"{source}." if source else ""
+            imports.add((node.level, source))
             imports.update((node.level, prefix + alias.name) for alias in node.names)
         elif isinstance(node, ast.Call):
             function = ast.unparse(node.func).rpartition(".")[2]
@@ -301,48 +345,53 @@ def _summarise(content: bytes) -> dict[str, Any]:
 
 def _runtime_nodes(tree: ast.Module) -> Iterator[ast.AST]:
     """Yield the nodes of a module, except those below ``if TYPE_CHECKING:``."""
-    queue: list[ast.AST] = [tree]
-    while queue:
-        node = queue.pop()
+    waiting: list[ast.AST] = [tree]
+    while waiting:
+        node = waiting.pop()
         yield node
         if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
-            queue.extend(node.orelse)
+            # Go on with the `else` branch alone.
+            waiting.extend(node.orelse)
         else:
-            queue.extend(ast.iter_child_nodes(node))
+            waiting.extend(ast.iter_child_nodes(node))
 
 
-def _store_path() -> Path:
+def _find_store() -> Path:
     """Return the file in the user's cache folder that keeps summaries between calls."""
     cache_folder = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     return Path(cache_folder) / "repose" / "source_code.json"
 
 
 @cache
-def _stored_summaries() -> dict[str, dict[str, Any]]:
+def _load_stored_summaries() -> dict[str, dict[str, Any]]:
     """Read the summaries that earlier calls made, by the hash of a file's content.
 
     They only save time: parsing all modules takes some seconds. A damaged or missing
     file counts as empty.
     """
     try:
-        summaries = json.loads(_store_path().read_text(encoding="utf-8"))
+        summaries = json.loads(_find_store().read_text(encoding="utf-8"))
     except (OSError, ValueError, RuntimeError):  # RuntimeError: no home folder
         return {}
     return summaries if isinstance(summaries, dict) else {}
 
 
-def keep_for_later_calls() -> None:
-    """Store the new summaries in the cache folder, if it can be written."""
+def store_new_summaries() -> None:
+    """Store the new summaries in the user's cache folder, for later calls.
+
+    A folder that cannot be written is no fault: the summaries only save time.
+    """
     if not _new_keys:
         return
     try:
-        path = _store_path()
+        path = _find_store()
         path.parent.mkdir(parents=True, exist_ok=True)
         # Other processes may be reading the file, so replace it in one move.
-        part = path.with_name(f"{path.name}.{os.getpid()}.part")
-        newest = dict(list(_stored_summaries().items())[-MOST_SUMMARIES:])
-        part.write_text(json.dumps(newest), encoding="utf-8")
-        part.replace(path)
+        new_path = path.with_name(f"{path.name}.{os.getpid()}.part")
+        # Keep the newest summaries, which are the last ones.
+        newest = dict(list(_load_stored_summaries().items())[-MOST_SUMMARIES:])
+        new_path.write_text(json.dumps(newest), encoding="utf-8")
+        new_path.replace(path)
     except (OSError, RuntimeError):
         return
     _new_keys.clear()

@@ -49,55 +49,64 @@ def find_summary_row(columns: Mapping[str, Sequence[str]]) -> SummaryRow | None:
         not count. Nor does a row of a design, whose columns have few levels: the centre of
         a design is its mean, and its corners are extremes.
     """
+    # Read the cells as an array of the form (rows, columns).
     cells_of_columns = list(columns.values())
     n_rows = len(cells_of_columns[0]) if cells_of_columns else 0
     numbers = np.full((n_rows, len(cells_of_columns)), math.nan)
-    for k, cells in enumerate(cells_of_columns):
-        numbers[:, k] = [_finite_number(cell) for cell in cells]
+    for column, cells in enumerate(cells_of_columns):
+        numbers[:, column] = [_finite_number(cell) for cell in cells]
 
     # The last rows may be summaries, at most one for each statistic.
     first_row = max(0, n_rows - len(STATISTICS))
     for row in range(first_row, n_rows):
         last_digits = [_last_digit(cells[row]) for cells in cells_of_columns]
-        statistic = _statistic_of(numbers[row], numbers[:row], last_digits)
+        statistic = _find_equal_statistic(numbers[row], numbers[:row], last_digits)
         if statistic:
             return SummaryRow(row, statistic)
     return None
 
 
-def _statistic_of(
-    row: np.ndarray, above: np.ndarray, last_digits: Sequence[float]
+def _find_equal_statistic(
+    row: np.ndarray, rows_above: np.ndarray, last_digits: Sequence[float]
 ) -> str:
-    """Name the statistic of the rows above that a row equals; empty if there is none.
+    """Find the statistic of the rows above that a row equals in every column.
 
     Parameters
     ----------
     row : ndarray, (columns,)
         The numbers of the row. Cells without a number are NaN.
-    above : ndarray, (rows, columns)
-        The rows above.
+    rows_above : ndarray, (rows, columns)
+        The numbers of the rows above.
     last_digits : sequence of float
         Unit of the last digit that the row prints in each column.
+
+    Returns
+    -------
+    str
+        A name of `STATISTICS`; empty if there is no such statistic.
     """
+    # Compare only columns with numbers that vary enough.
     compared_columns = [
-        k
-        for k, last_digit in enumerate(last_digits)
-        if math.isfinite(row[k]) and _varies(above[:, k], last_digit)
+        column
+        for column, last_digit in enumerate(last_digits)
+        if math.isfinite(row[column]) and _varies(rows_above[:, column], last_digit)
     ]
     if len(compared_columns) < FEWEST_COLUMNS:
         return ""
-    is_equal = above[:, compared_columns] == row[compared_columns]
+
+    # A measurement may be repeated by chance, or on purpose.
+    is_equal = rows_above[:, compared_columns] == row[compared_columns]
     repeats_a_row = is_equal.all(axis=1).any()
     if repeats_a_row:
         return ""
 
-    for name, statistic in STATISTICS.items():
+    for name, compute in STATISTICS.items():
         is_close = []
-        for k in compared_columns:
-            column = above[:, k]
-            difference = abs(statistic(column[np.isfinite(column)]) - row[k])
+        for column in compared_columns:
+            numbers = rows_above[:, column]
+            difference = abs(compute(numbers[np.isfinite(numbers)]) - row[column])
             # Half a digit, and room for the rounding of the statistic itself.
-            is_close.append(difference <= 0.501 * last_digits[k])
+            is_close.append(difference <= 0.501 * last_digits[column])
         if all(is_close):
             return name
     return ""
@@ -106,6 +115,7 @@ def _statistic_of(
 def _varies(column: np.ndarray, last_digit: float) -> bool:
     """Tell whether most numbers of a column differ, by enough units of the last digit."""
     numbers = column[np.isfinite(column)]
+    # At most half of the numbers differ: such columns are levels of a design.
     if len(numbers) < FEWEST_ROWS_ABOVE or 2 * len(set(numbers)) <= len(numbers):
         return False
     return bool(np.std(numbers) >= FEWEST_STEPS * last_digit)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Path_ = str | os.PathLike
-# Row from 0, column, value, what is allowed.
+# A faulty cell: its row, counted from 0, its column, its value, and what is allowed.
 Fault = tuple[int, str, Any, str]
 
 TABLE = "a CSV file"
@@ -94,7 +94,7 @@ class Column:
         return f"{text}, or nothing" if self.empty else text
 
     def _allowed_numbers(self) -> str:
-        """Describe the kind of number and its bounds."""
+        """Describe the kind of number and its bounds, as in ``a number above 0``."""
         bounds = ""
         if math.isfinite(self.low):
             preposition = "above" if self.above else "from"
@@ -108,18 +108,37 @@ class Column:
         return f"a number{bounds}" if bounds else "a finite number"
 
     def read(self, cell: Any) -> Any:
-        """Convert a cell to its value; ValueError or TypeError if it is invalid."""
+        """Convert a cell to its value.
+
+        Parameters
+        ----------
+        cell : object
+            A text, or a value that is converted already.
+
+        Returns
+        -------
+        object
+            A value of the column's kind; NaN for an empty number or truth value.
+
+        Raises
+        ------
+        ValueError, TypeError
+            If the cell is not allowed.
+        """
+        # Texts, and cells that are not checked, stay as they are.
         if self.kind is object:
             return cell
         if self.kind is str:
             if not self.empty and not str(cell).strip():
                 raise ValueError("empty")
             return cell
+
         if self.empty and is_missing(cell):
             return math.nan
         if self.kind is bool:
-            return _truth(cell)
+            return _read_truth_value(cell)
 
+        # Any other column holds numbers.
         number = plain_number(cell)
         is_allowed = self._is_inside(number)
         if self.kind is int:
@@ -251,19 +270,13 @@ def read(
         If the file is not a table, lacks a column, has a cell that its column does not
         allow, or ends with a row that sums up the others (`find_summary_row`).
     """
-    # Collect the names of all columns, the required ones, and the rules for cells.
-    declared: dict[str, Column] = {}
-    names = []
-    needed = []
-    for column in columns:
-        if isinstance(column, Column):
-            declared[column.name] = column
-            names.append(column.name)
-            if column.needed:
-                needed.append(column.name)
-        else:
-            names.append(column)
-            needed.append(column)
+    # List the columns with rules for their cells, all names, and the required ones.
+    columns = list(columns)
+    declared = {column.name: column for column in columns if isinstance(column, Column)}
+    names = [
+        column.name if isinstance(column, Column) else column for column in columns
+    ]
+    needed = [name for name in names if name not in declared or declared[name].needed]
 
     # Rename columns whose names differ only in form from those that the caller uses.
     table = sheet(path, what)
@@ -275,9 +288,11 @@ def read(
     checked_columns = list(declared.values())
     for name in table.text:
         if name not in declared:
-            checked_columns.append(_undeclared_column(name, table.text[name], others))
+            checked_columns.append(
+                _describe_undeclared_column(name, table.text[name], others)
+            )
     values, faults = check(table.text, checked_columns)
-    refuse(path, [*faults, *_summary_faults(table.text, declared)])
+    refuse(path, [*faults, *_find_summary_faults(table.text, declared)])
 
     for name in table.text:
         cells = values[name] if name in declared else table.text[name].tolist()
@@ -288,10 +303,20 @@ def read(
     return table
 
 
-def _undeclared_column(
+def _describe_undeclared_column(
     name: str, cells: "pd.Series", has_numbers: Callable[[Iterable[str]], bool]
 ) -> Column:
-    """Describe a column that its reader does not declare, by its cells."""
+    """Describe a column that its reader does not declare, by its cells.
+
+    Parameters
+    ----------
+    name : str
+        Name of the column.
+    cells : pandas.Series
+        Its cells as text.
+    has_numbers : callable
+        Decides from the cells whether the column holds numbers.
+    """
     return Column(
         name,
         kind=float if has_numbers(cells) else object,
@@ -336,7 +361,16 @@ def check(
 
 
 def refuse(source: object, faults: Iterable[Fault]) -> None:
-    """Raise all faults of a table at once, in the order of its rows."""
+    """Raise all faults of a table at once, in the order of its rows.
+
+    Parameters
+    ----------
+    source : object
+        The file of the table, which the messages name.
+    faults : iterable of Fault
+        As from `check`: for each the row, counted from 0, the column, the value and what
+        is allowed. Without faults nothing is raised.
+    """
     raise_together(
         InputError(f"{source}, row {row + 1}", column, value, allowed)
         for row, column, value, allowed in sorted(faults, key=lambda fault: fault[0])
@@ -368,28 +402,40 @@ def check_columns(
         allowed = f"columns {', '.join(needed)}{description}; found: {', '.join(found)}"
         # Point out a column whose name only looks like the missing one.
         for other in found:
-            allowed += _difference(name, other)
+            allowed += _explain_difference(name, other)
         raise InputError(path, f"column {name}", "missing", allowed)
 
 
-def _difference(name: str, other: str) -> str:
-    """Explain how two names that look alike differ; return "" for any other pair.
+def _explain_difference(name: str, other: str) -> str:
+    """Explain how two names of columns that look alike differ.
 
     Names of the same length may look alike if every difference between them involves a
-    character outside ASCII.
+    character outside ASCII, such as a Cyrillic a.
+
+    Parameters
+    ----------
+    name : str
+        The name that is missing in a table.
+    other : str
+        A name that the table has.
+
+    Returns
+    -------
+    str
+        The end of a message; empty if the names do not look alike.
     """
     if len(name) != len(other):
         return ""
-    points = []
+    differences = []
     for character, other_character in zip(name, other, strict=True):
         if character == other_character:
             continue
         if character.isascii() and other_character.isascii():
             return ""
-        points.append(
+        differences.append(
             f"U+{ord(other_character):04X} where {name} has U+{ord(character):04X}"
         )
-    return f"; {other} has {', '.join(points)}" if points else ""
+    return f"; {other} has {', '.join(differences)}" if differences else ""
 
 
 def describe_columns(columns: Mapping[str, Sequence[Any]]) -> list[str]:
@@ -411,20 +457,29 @@ def describe_columns(columns: Mapping[str, Sequence[Any]]) -> list[str]:
     """
     lines = []
     for name, cells in columns.items():
+        # Leave out columns that hold anything but numbers.
         texts = [str(cell).strip() for cell in cells if not is_missing(cell)]
         if not texts or not all(NUMBER.fullmatch(text) for text in texts):
             continue
         numbers = np.array([float(text) for text in texts])
         lines.append(
             f"{name}: {len(numbers)} numbers, mean {numbers.mean():.4g}, "
-            f"from {_extreme(numbers, numbers.min())} "
-            f"to {_extreme(numbers, numbers.max())}"
+            f"from {_describe_extreme(numbers, numbers.min())} "
+            f"to {_describe_extreme(numbers, numbers.max())}"
         )
     return lines
 
 
-def _extreme(numbers: np.ndarray, value: float) -> str:
-    """Write an extreme of a column, with its count if it alone is repeated."""
+def _describe_extreme(numbers: np.ndarray, value: float) -> str:
+    """Write an extreme of a column, with its count if it alone is repeated.
+
+    Parameters
+    ----------
+    numbers : ndarray, (rows,)
+        The numbers of the column.
+    value : float
+        The lowest or the highest of them.
+    """
     _, counts = np.unique(numbers, return_counts=True)
     count = int((numbers == value).sum())
     if count >= MARKED and np.median(counts) == 1:
@@ -472,7 +527,19 @@ def describe_unread(
 
 
 def _list_frequent_values(counts: "Counter[str]") -> str:
-    """List the most frequent values with their counts, and count the other values."""
+    """List the most frequent values of a column with their counts.
+
+    Parameters
+    ----------
+    counts : Counter of str
+        How often the column has each value.
+
+    Returns
+    -------
+    str
+        Such as ``'True' 12 times, 'False' once``. Values beyond `FEW_VALUES` are only
+        counted.
+    """
     texts = []
     for value, count in counts.most_common(FEW_VALUES):
         times = "once" if count == 1 else f"{count} times"
@@ -514,43 +581,56 @@ def sheet(path: Path_, what: str = TABLE) -> Table:
     InputError
         If the file cannot be read as a table, or has a column twice.
     """
-    rows, comments = _lines_and_comments(path, what)
+    lines, comments = _read_lines_and_comments(path, what)
 
     # Split the header from the cells.
-    separator = _separator_of(_header_of(rows))
-    cells_with_header = _split_cells(path, "\n".join(rows), separator, what)
+    separator = _find_separator(_read_header(lines))
+    cells_with_header = _split_cells(path, "\n".join(lines), separator, what)
     # Join cells of the header that span several lines, as Design-Expert writes them.
     names = [" ".join(name.split()) for name in cells_with_header.iloc[0]]
-    _require_whole(path, rows[-1], separator, len(names))
+    _require_complete_last_row(path, lines[-1], separator, len(names))
     cells = cells_with_header.iloc[1:].reset_index(drop=True)
 
-    # Leave out empty columns without a name.
+    # Leave out empty columns without a name. So far the columns are numbered from 0.
     positions = [k for k, name in enumerate(names) if name or (cells[k] != "").any()]
     names = [names[k] for k in positions]
     for name in names:
         require(names.count(name) == 1, path, "header", name, "each column once")
     cells = cells[positions].set_axis(names, axis=1)
     if separator in (";", "\t"):
-        cells = _with_decimal_points(path, cells)
+        cells = _replace_decimal_commas(path, cells)
     return Table(path, cells, comments)
 
 
-def _lines_and_comments(path: Path_, what: str) -> tuple[list[str], list[str]]:
-    """Read the lines of a table, with an empty one for each comment, and the comments.
+def _read_lines_and_comments(path: Path_, what: str) -> tuple[list[str], list[str]]:
+    """Read the lines of a table and, apart from them, its comments.
 
-    The empty lines keep the numbers of the lines in messages right.
+    Parameters
+    ----------
+    path : path
+        The file.
+    what : str
+        What it should be, for messages.
+
+    Returns
+    -------
+    lines : list of str
+        All lines. An empty one stands in place of each comment, so that the numbers of
+        the lines in messages stay right.
+    comments : list of str
+        The lines that begin with ``#``.
     """
     text = _read_text(path, what).replace("\r\n", "\n").replace("\r", "\n")
     comments = []
-    rows = []
+    lines = []
     for line in text.split("\n"):
         # Spreadsheets put a comment into quotes if it contains a separator.
         if line.lstrip(' "').startswith("#"):
             comments.append(line)
-            rows.append("")
+            lines.append("")
         else:
-            rows.append(line)
-    return rows, comments
+            lines.append(line)
+    return lines, comments
 
 
 def text_rows(
@@ -579,8 +659,9 @@ def text_rows(
     InputError
         If the file is not a text, or lacks a column that is needed.
     """
-    lines, _ = _lines_and_comments(path, what)
-    separator = _separator_of(_header_of(lines))
+    # Split the lines into cells. Blanks around a cell and empty rows are left out.
+    lines, _ = _read_lines_and_comments(path, what)
+    separator = _find_separator(_read_header(lines))
     reader = csv.reader(
         (f"{line.strip(' ')}\n" for line in lines),
         delimiter=" " if separator == BLANKS else separator,
@@ -593,6 +674,7 @@ def text_rows(
             rows.append(cells)
     require(len(rows), path, "rows", 0, what)
 
+    # The first row is the header. Give its columns their declared names.
     declared = list(columns)
     new_names = renaming(rows[0], [column.name for column in declared])
     header = [new_names.get(name, name) for name in rows[0]]
@@ -601,14 +683,28 @@ def text_rows(
     return [dict(zip(header, row, strict=False)) for row in rows[1:]]
 
 
-def _require_whole(path: Path_, end: str, separator: str, n_columns: int) -> None:
-    """Refuse a file that ends within a row: without an end of line, and too few cells.
+def _require_complete_last_row(
+    path: Path_, end: str, separator: str, n_columns: int
+) -> None:
+    """Refuse a file that ends within a row.
 
-    `end` is what stands behind the last end of line.
+    Parameters
+    ----------
+    path : path
+        The file, for the message.
+    end : str
+        What stands behind the last end of line. In a complete file it is empty, or a row
+        with all its cells.
+    separator : str
+        What separates the cells: a character, or `BLANKS`.
+    n_columns : int
+        Number of cells of the header.
     """
     # The last line may be the end of a cell in quotes that has several.
     is_within_quotes = end.count('"') % 2 == 1
-    if not end.strip() or is_within_quotes or len(separator) > 1:
+    # Between blanks the cells cannot be counted safely.
+    is_blank_separated = len(separator) > 1
+    if not end.strip() or is_within_quotes or is_blank_separated:
         return
     n_cells = end.count(separator) + 1
     allowed = f"{n_columns} cells, as in the header; was the file cut off?"
@@ -616,7 +712,20 @@ def _require_whole(path: Path_, end: str, separator: str, n_columns: int) -> Non
 
 
 def _read_text(path: Path_, what: str) -> str:
-    """Read a file as text in UTF-8 or UTF-16; messages call the file `what`."""
+    """Read a file as text in UTF-8 or UTF-16.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    what : str
+        What it should be, for messages.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or is no such text.
+    """
     allowed = f"{what} in UTF-8, or in UTF-16 with its mark"
     try:
         content = plain_file(path).read_bytes()
@@ -632,8 +741,11 @@ def _read_text(path: Path_, what: str) -> str:
     return text
 
 
-def _header_of(lines: Iterable[str]) -> str:
-    """Return the header, which ends at a line outside of quotes."""
+def _read_header(lines: Iterable[str]) -> str:
+    """Return the header of a table: its first line with content.
+
+    A name in quotes may span several lines. The header then has all of them.
+    """
     header = ""
     for line in lines:
         header += line
@@ -642,8 +754,14 @@ def _header_of(lines: Iterable[str]) -> str:
     return header
 
 
-def _separator_of(header: str) -> str:
-    """Find what separates the cells of a table from its header."""
+def _find_separator(header: str) -> str:
+    """Find in the header of a table what separates the cells.
+
+    Returns
+    -------
+    str
+        The most frequent of `SEPARATORS`, or `BLANKS` if the header has none of them.
+    """
     separator = max(SEPARATORS, key=header.count)
     if separator not in header and " " in header.strip():
         return BLANKS
@@ -651,8 +769,32 @@ def _separator_of(header: str) -> str:
 
 
 def _split_cells(path: Path_, text: str, separator: str, what: str) -> "pd.DataFrame":
-    """Split a text into cells, stripped of blanks; row 0 is the header."""
-    import pandas as pd  # slow to import, and a process that pours reads no table
+    """Split the text of a table into cells.
+
+    Parameters
+    ----------
+    path : path
+        Its file, for messages.
+    text : str
+        The lines, with the header.
+    separator : str
+        What separates the cells: a character, or the expression `BLANKS`.
+    what : str
+        What the file should be, for messages.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The cells as texts without blanks around them. Row 0 is the header, the columns
+        are numbered, and rows without content are left out.
+
+    Raises
+    ------
+    InputError
+        If the text is empty, or a row has more cells than the first.
+    """
+    # Imported late, since it is slow, and a process that simulates reads no table.
+    import pandas as pd
 
     try:
         cells = pd.read_csv(
@@ -681,8 +823,21 @@ def _split_cells(path: Path_, text: str, separator: str, what: str) -> "pd.DataF
     return cells
 
 
-def _with_decimal_points(path: Path_, cells: "pd.DataFrame") -> "pd.DataFrame":
-    """Replace decimal commas by points; raise InputError if a table has both."""
+def _replace_decimal_commas(path: Path_, cells: "pd.DataFrame") -> "pd.DataFrame":
+    """Replace the decimal commas of numbers by points.
+
+    Parameters
+    ----------
+    path : path
+        The file of the table, for messages.
+    cells : pandas.DataFrame
+        The cells as texts, without the header.
+
+    Raises
+    ------
+    InputError
+        If some numbers have a comma and others a point: it is unclear what they mean.
+    """
     has_comma = cells.map(lambda cell: WITH_COMMA.fullmatch(cell) is not None)
     if not has_comma.to_numpy().any():
         return cells
@@ -710,17 +865,26 @@ def renaming(found: Iterable[str], declared: Iterable[str]) -> dict[str, str]:
     signs such as micro and Greek mu. If several columns share a form, it is unclear
     which of them is meant, so they keep their names.
 
+    Parameters
+    ----------
+    found : iterable of str
+        Names of the columns of a table.
+    declared : iterable of str
+        Names that its reader uses.
+
     Returns
     -------
     dict of str to str
         The declared name for each column to rename.
     """
+    # Declared names that the table lacks, by their form.
     found_names = list(found)
     declared_names = set(declared)
     missing_names = {}
     for name in declared_names.difference(found_names):
         missing_names[normal_form(name)] = name
 
+    # Match them to the other columns of the table.
     undeclared = [name for name in found_names if name not in declared_names]
     form_counts = Counter(normal_form(name) for name in undeclared)
     new_names = {}
@@ -734,7 +898,9 @@ def renaming(found: Iterable[str], declared: Iterable[str]) -> dict[str, str]:
 def normal_form(name: object) -> str:
     """Return a name in the form in which names are compared."""
     # Characters without a width, such as the mark of UTF-8, have the category Cf.
-    visible = [c for c in str(name) if unicodedata.category(c) != "Cf"]
+    visible = [
+        character for character in str(name) if unicodedata.category(character) != "Cf"
+    ]
     form = unicodedata.normalize("NFKC", "".join(visible)).casefold()
     return unicodedata.normalize("NFKC", " ".join(form.split()))
 
@@ -742,7 +908,25 @@ def normal_form(name: object) -> str:
 def _read_column(
     column: Column, cells: Sequence[Any], left_out: Collection[int]
 ) -> tuple[list[Any], list[Fault]]:
-    """Read the cells of a column, as `check` does."""
+    """Convert the cells of a column to values, and list the invalid ones.
+
+    Parameters
+    ----------
+    column : Column
+        The column.
+    cells : sequence
+        Its cells.
+    left_out : collection of int
+        Rows to skip. Their values are NaN.
+
+    Returns
+    -------
+    values : list
+        NaN where a cell is not allowed.
+    faults : list of Fault
+        Cells that are not allowed, and values that are repeated in a column that has
+        each of them once.
+    """
     values: list[Any] = []
     faults: list[Fault] = []
     first_row_of_value: dict[Any, int] = {}
@@ -752,7 +936,7 @@ def _read_column(
             try:
                 value = column.read(cell)
             except (TypeError, ValueError, OverflowError):
-                shown_cell = _shown(column, cell)
+                shown_cell = _format_invalid_cell(column, cell)
                 faults.append((row, column.name, shown_cell, column.allowed))
         values.append(value)
 
@@ -766,8 +950,12 @@ def _read_column(
     return values, faults
 
 
-def _shown(column: Column, cell: Any) -> Any:
-    """Return a cell for a message: a number that is out of bounds without quotes."""
+def _format_invalid_cell(column: Column, cell: Any) -> Any:
+    """Return an invalid cell as a message shows it.
+
+    A finite number, which is out of bounds, becomes a float and so has no quotes. Any
+    other cell is returned as it is.
+    """
     if column.kind is bool:
         return cell
     try:
@@ -788,7 +976,7 @@ def is_missing(cell: Any) -> bool:
     return bool(pd.api.types.is_scalar(cell) and pd.isna(cell))
 
 
-def _truth(cell: Any) -> bool:
+def _read_truth_value(cell: Any) -> bool:
     """Read True or False, with any capitals; ValueError for anything else."""
     text = str(cell).strip().casefold()
     if text not in ("true", "false"):
@@ -796,10 +984,25 @@ def _truth(cell: Any) -> bool:
     return text == "true"
 
 
-def _summary_faults(
+def _find_summary_faults(
     cells: "pd.DataFrame", declared: Mapping[str, Column]
 ) -> list[Fault]:
-    """Report a row at the end that sums up the declared columns of numbers."""
+    """Find a row at the end of a table that sums up the rows above, such as their means.
+
+    Parameters
+    ----------
+    cells : pandas.DataFrame
+        The cells of the table as text.
+    declared : mapping of str to Column
+        The columns that the reader declares, by name. Only those with numbers are
+        compared.
+
+    Returns
+    -------
+    list of Fault
+        One fault, for `refuse`, that names the first cell of the row. Empty if there is
+        no such row.
+    """
     number_columns = {}
     for name, column in declared.items():
         is_text = column.kind in (str, bool)

@@ -1,4 +1,4 @@
-"""Note the processor time of each process of a study's jobs, and add it up.
+"""Record the processor time of each process of a study's jobs, and add it up.
 
 Snakemake's benchmark of a job ends at its last look, a half minute before the end of a
 long one.
@@ -26,16 +26,30 @@ CLOCK_TOLERANCE_S = 1.0
 
 
 class Process(NamedTuple):
-    """A process of a job that has ended, and the processor time that it used."""
+    """A process of a job that has ended.
+
+    Attributes
+    ----------
+    ended_s : float
+        When it ended, in seconds since 1970.
+    cpu_s : float
+        Processor time that it and its children used [s].
+    log : str
+        The log of its job; empty if it is unknown.
+    host : str
+        Name of its machine.
+    ancestors : str
+        Numbers of the processes that started it, separated by blanks.
+    """
 
     ended_s: float
     cpu_s: float
-    log: str  # of its job
+    log: str
     host: str
-    ancestors: str  # the processes that started it
+    ancestors: str
 
 
-def _ended_children_s() -> float:
+def _sum_time_of_ended_children_s() -> float:
     """Add up the processor time of the children of this process that have ended [s]."""
     try:
         import resource
@@ -46,23 +60,31 @@ def _ended_children_s() -> float:
 
 
 # Of the commands that a shell ran before it became this process [s].
-EARLIER_S = _ended_children_s()
+EARLIER_S = _sum_time_of_ended_children_s()
 
 
 def used_here_s() -> float:
     """Add up the processor time of this program and of its children that have ended [s]."""
-    return time.process_time() + _ended_children_s() - EARLIER_S
+    return time.process_time() + _sum_time_of_ended_children_s() - EARLIER_S
 
 
 def note(folder: str | os.PathLike) -> None:
-    """Append this process and its processor time to the table of a results folder."""
+    """Append this process and its processor time to the table of a results folder.
+
+    Nothing is noted without the library psutil, or on a full disk.
+    """
     try:
         import psutil
-    except ImportError:  # no workflow is installed here
+    except ImportError:
+        # An installation without it has no workflow either.
         return
     ancestors = " ".join(str(parent.pid) for parent in psutil.Process().parents())
-    process = Process(time.time(), used_here_s(), _log(), platform.node(), ancestors)
+    process = Process(
+        time.time(), used_here_s(), _find_log(), platform.node(), ancestors
+    )
     line = ",".join(map(str, process)) + "\n"
+
+    # Append it to the table, which begins with a header.
     table = Path(folder) / TABLE
     # Ignore a full disk, since the files of the job itself are complete.
     with suppress(OSError):
@@ -74,7 +96,7 @@ def note(folder: str | os.PathLike) -> None:
             os.write(handle, f"{header}{line}".encode())
 
 
-def _log() -> str:
+def _find_log() -> str:
     """Find the file that takes this process's errors, if the system names it."""
     try:
         path = os.path.relpath(os.readlink("/proc/self/fd/2"))
@@ -84,7 +106,15 @@ def _log() -> str:
 
 
 def since(folder: str | os.PathLike, began_s: float) -> list[Process]:
-    """List the processes that have ended since a given time, from a results folder."""
+    """List the processes in the table of a results folder that ended since a given time.
+
+    Parameters
+    ----------
+    folder : path
+        The folder of results. It may have no table.
+    began_s : float
+        The time, in seconds since 1970.
+    """
     table = Path(folder) / TABLE
     if not table.is_file():
         return []
@@ -93,7 +123,8 @@ def since(folder: str | os.PathLike, began_s: float) -> list[Process]:
 
     processes = []
     for row in rows:
-        if len(row) != len(Process._fields):  # a full disk may have cut a line off
+        # A full disk may have cut a line off.
+        if len(row) != len(Process._fields):
             continue
         ended_s, cpu_s, *texts = row
         process = Process(float(ended_s), float(cpu_s), *texts)
@@ -103,7 +134,16 @@ def since(folder: str | os.PathLike, began_s: float) -> list[Process]:
 
 
 def correct_benchmarks(folder: str | os.PathLike, processes: Iterable[Process]) -> None:
-    """Replace the processor time in snakemake's benchmarks by that of whole jobs."""
+    """Replace the processor time in snakemake's benchmarks by that of whole jobs.
+
+    Parameters
+    ----------
+    folder : path
+        The folder of results. It has a log and a benchmark of one name for each job.
+    processes : iterable of Process
+        The processes of all jobs.
+    """
+    # The processes of a job are those that write into its log.
     folder = Path(folder)
     processes_by_log: dict[str, list[Process]] = defaultdict(list)
     for process in processes:
@@ -124,11 +164,24 @@ def _correct_benchmark(path: Path, processes: Iterable[Process]) -> None:
 
     A benchmark is a table with a header. Its last row belongs to the last run of the
     job.
+
+    Parameters
+    ----------
+    path : Path
+        The benchmark, which is replaced.
+    processes : iterable of Process
+        The processes of the job. Those of earlier runs of it may be among them.
+
+    Raises
+    ------
+    OSError, ValueError
+        If the benchmark is missing or incomplete.
     """
     *rows, last_row = path.read_text(encoding="utf-8").splitlines()
     names = rows[0].split("\t")
     values = last_row.split("\t")
-    # Ignore processes of earlier attempts: count those that ended after this one began.
+    # Snakemake has written the file at the end of the last run, so this began earlier by
+    # its duration. Count only the processes that ended since then.
     wall_s = float(values[names.index("s")])
     began_s = path.stat().st_mtime - wall_s - CLOCK_TOLERANCE_S
     cpu_s = sum(process.cpu_s for process in processes if process.ended_s >= began_s)
