@@ -47,35 +47,39 @@ def column(modulus_pa, height_m, gravity, layers):
 
 
 def test_the_sinking_is_that_of_a_column_and_the_pile_the_cone_of_its_angle(config):
-    found = advice.softening(config, SPHERE | {"shear_modulus_pa": 1e6})
+    found = advice.compute_softening(config, SPHERE | {"shear_modulus_pa": 1e6})
     assert found.sinking == pytest.approx(column(1e6, 0.03, 9.81, 2000), rel=1e-4)
-    softest = advice.softening(config, SPHERE | {"shear_modulus_pa": 7.7e7}).softest_pa
+    softest = advice.compute_softening(
+        config, SPHERE | {"shear_modulus_pa": 7.7e7}
+    ).softest_pa
     assert softest < 7.7e7
-    again = advice.softening(config, SPHERE | {"shear_modulus_pa": softest})
+    again = advice.compute_softening(config, SPHERE | {"shear_modulus_pa": softest})
     assert again.sinking == pytest.approx(advice.LARGEST_SINKING)
     config["targets"] = [target("aor_deg", 30.0)]
-    height = advice.height_m(config, SPHERE)
+    height = advice.estimate_height_m(config, SPHERE)
     assert (
         f"a cone of 30 deg and {1e3 * height:.3g} mm Height"
-        in advice.filling(config, GRAIN_M3)[0]
+        in advice.compare_volumes(config, GRAIN_M3)[0]
     )
     config["targets"] = [target("aor_deg", 45.0)]
-    assert advice.height_m(config, SPHERE) == pytest.approx(height * 3 ** (1 / 3))
+    assert advice.estimate_height_m(config, SPHERE) == pytest.approx(
+        height * 3 ** (1 / 3)
+    )
     config["targets"] = []
-    assert advice.filling(config, GRAIN_M3)[1]
+    assert advice.compare_volumes(config, GRAIN_M3)[1]
 
 
 def test_grains_of_the_cones_volume_fill_it(config):
     cone = math.pi * 0.03**3 / (3 * math.tan(math.radians(30)) ** 2)
     config["funnel"]["berries"] = round(0.6 * cone / GRAIN_M3)
-    assert advice.filling(config, GRAIN_M3)[1]
+    assert advice.compare_volumes(config, GRAIN_M3)[1]
     for factor in (0.5, 2.0):
         config["funnel"]["berries"] = round(factor * 0.6 * cone / GRAIN_M3)
-        sentence, fits = advice.filling(config, GRAIN_M3)
+        sentence, fits = advice.compare_volumes(config, GRAIN_M3)
         assert not fits
         assert sentence.endswith(f"30 mm Height holds {1e6 * cone:.3g} ml")
         expected = math.ceil(0.6 * cone / GRAIN_M3)
-        assert advice.needed_grains(config, GRAIN_M3) == expected
+        assert advice.count_needed_grains(config, GRAIN_M3) == expected
 
 
 def test_a_height_alone_asks_for_a_slope(config):
@@ -83,11 +87,11 @@ def test_a_height_alone_asks_for_a_slope(config):
     config["funnel"]["berries"] = round(
         0.6 * math.pi * 0.03**3 / (3 * math.tan(math.radians(25)) ** 2) / GRAIN_M3
     )
-    sentence, fits = advice.filling(config, GRAIN_M3)
+    sentence, fits = advice.compare_volumes(config, GRAIN_M3)
     assert fits
     assert "a slope of 25 deg" in sentence
     config["funnel"]["berries"] = 50
-    sentence, fits = advice.filling(config, GRAIN_M3)
+    sentence, fits = advice.compare_volumes(config, GRAIN_M3)
     assert not fits
     assert sentence.startswith("WARNING: 50 grains hold")
     assert sentence.endswith("; slopes of poured grains are 15 to 45 deg")
@@ -95,7 +99,7 @@ def test_a_height_alone_asks_for_a_slope(config):
 
 def test_sentences_tell_what_a_softer_grain_brings(config):
     berry = SPHERE | {"shear_modulus_pa": 7.7e7}
-    softest = advice.softening(config, berry).softest_pa
+    softest = advice.compute_softening(config, berry).softest_pa
     moduli = []
 
     def longest_step_s(other):
@@ -103,18 +107,18 @@ def test_sentences_tell_what_a_softer_grain_brings(config):
         return 2.0 * config["simulation"]["time_step_s"]
 
     grain = SimpleNamespace(volume_m3=GRAIN_M3)
-    stiffness, volume, grains, smaller, *_ = advice.funnel_hints(
+    stiffness, volume, grains, smaller, *_ = advice.give_funnel_hints(
         config, berry, grain, longest_step_s
     )
     assert moduli == [softest]
-    sinking = 100 * advice.softening(config, berry)[0]
+    sinking = 100 * advice.compute_softening(config, berry)[0]
     assert stiffness.startswith(
         f"stiffness: the pile sinks by {sinking:.2g} % of its Height"
     )
     assert stiffness.endswith("a run takes 50 % of the time")
     assert volume.startswith("volume: ")
     assert grains.startswith("grains: ok, the pile is 7.5 grains high; ")
-    assert f"of the time of {advice.needed_grains(config, GRAIN_M3)};" in smaller
+    assert f"of the time of {advice.count_needed_grains(config, GRAIN_M3)};" in smaller
 
 
 def test_each_strategy_has_its_own_pours(config):

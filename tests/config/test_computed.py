@@ -46,7 +46,7 @@ def test_what_is_left_out_is_computed(folder, by_hand):
     config = PipelineConfig.load(inputs=True).config
     assert PipelineConfig.load("config.yaml").config == config
     assert json.loads(json.dumps(config)) == config
-    assert not computed.to_compute(config)
+    assert not computed.find_settings_to_compute(config)
     for key in KEYS:
         if key == "network.split":
             assert at(config, key) == at(by_hand, key)

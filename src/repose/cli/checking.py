@@ -114,9 +114,9 @@ def _check_program(
     """Describe a study whose runs another program makes; with --try make one run."""
     from repose.config import check, external_check
 
-    _print_lines(external_check.describe(study, simulator))
+    _print_lines(external_check.describe_program(study, simulator))
     _print_lines(check.warn_of_few_measurements(study))
-    runs = external_check.runs_of(study.settings)
+    runs = external_check.list_runs(study.settings)
     _print_pours(runs)
     count = sum(sets * seeds for _, sets, seeds in runs)
     hours = count * simulator.time_limit_s * simulator.cores / args.cores / 3600
@@ -125,7 +125,7 @@ def _check_program(
         "time limit"
     )
     if args.makes_run:
-        _print_lines(external_check.try_once(study, simulator))
+        _print_lines(external_check.make_trial_run(study, simulator))
 
 
 def _print_computed(files: list[str], study: PipelineConfig) -> None:
@@ -135,7 +135,7 @@ def _print_computed(files: list[str], study: PipelineConfig) -> None:
 
     written = loader.read_layers(files).config
     numbers = []
-    for setting in computed.to_compute(written):
+    for setting in computed.find_settings_to_compute(written):
         value = get(study.config, setting.key)
         text = rounded(value) if isinstance(value, float) else str(value)
         numbers.append(f"{setting.key} {text}")

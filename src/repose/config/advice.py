@@ -1,4 +1,4 @@
-"""Give hints on the scene of the funnel before a study pours.
+"""Give hints on the funnel of a study before any grains are poured.
 
 They are about the stiffness, the volume and the number of its grains.
 """
@@ -50,13 +50,22 @@ class Softening(NamedTuple):
 
 
 class Filling(NamedTuple):
-    """A sentence on the volume of the grains, and whether it fits the targets."""
+    """The volume of the poured grains against that of the target pile.
+
+    Attributes
+    ----------
+    sentence : str
+        Both volumes in words, with a WARNING if no pile of these grains can meet the
+        targets.
+    fits : bool
+        Whether the number of grains suits the targets.
+    """
 
     sentence: str
     fits: bool
 
 
-def funnel_hints(
+def give_funnel_hints(
     config: Config,
     grain: Grain,
     particle: Particle,
@@ -82,19 +91,21 @@ def funnel_hints(
     str
         A line of text.
     """
-    law = SceneSettings(config).simulation.rolling_law
-    if ROLLING_LAWS.entry(law).creeps:
+    # The rolling law, the stiffness of the grains, and their volume.
+    rolling_law = SceneSettings(config).simulation.rolling_law
+    if ROLLING_LAWS.entry(rolling_law).creeps:
         yield (
-            f"rolling law: WARNING: with {law} grains creep under a torque, so runs may "
-            f"fail because {in_words('not_at_rest')}"
+            f"rolling law: WARNING: with {rolling_law} grains creep under a torque, so "
+            f"runs may fail because {in_words('not_at_rest')}"
         )
     yield f"stiffness: {_describe_stiffness(config, grain, longest_step_s)}"
-    volume = filling(config, particle.volume_m3)
-    state = "ok, " if volume.fits else ""
-    yield f"volume: {state}{volume.sentence}"
+    filling = compare_volumes(config, particle.volume_m3)
+    state = "ok, " if filling.fits else ""
+    yield f"volume: {state}{filling.sentence}"
 
-    funnel = _funnel(config)
-    height_mm = 1e3 * height_m(config, grain)
+    # A pile that reaches the outlet blocks it.
+    funnel = _read_funnel_settings(config)
+    height_mm = 1e3 * estimate_height_m(config, grain)
     outlet_mm = funnel.outlet_height_mm
     if height_mm > outlet_mm:
         yield (
@@ -102,14 +113,14 @@ def funnel_hints(
             f"{outlet_mm:g} mm and stops the flow"
         )
 
-    # Size the scene for the number of grains that would fill the pile.
+    # Size the scene for the number of grains that would fill the target pile.
     n_grains = funnel.berries
-    if not volume.fits:
-        n_grains = max(n_grains, needed_grains(config, particle.volume_m3))
+    if not filling.fits:
+        n_grains = max(n_grains, count_needed_grains(config, particle.volume_m3))
     grain_mm = diameter_mm(grain)
     definition = SceneSettings(config).measure_of({}).response
     yield _describe_number(n_grains, height_mm / grain_mm, definition)
-    # The first line says the same at length.
+    # Leave out the first line of this advice, since the last hint says the same.
     _, *smaller_scene = scene_size.advice(
         config, grain_mm, height_mm=height_mm, poured=n_grains
     )
@@ -127,18 +138,30 @@ def _describe_number(n_grains: int, height: float, definition: str) -> str:
         Its height in diameters of a grain.
     definition : str
         Definition of the angle.
+
+    Returns
+    -------
+    str
+        A line of text.
     """
-    # No pile of more grains has been measured.
-    measured = min(n_grains, max(scene_size.numbers()))
-    tabulated = scene_size.TABULATED.get(definition, definition)
-    change_deg = scene_size.change(measured, measured / 2, tabulated).angle_deg
+    # Use the table of measured piles. It has no pile of more grains, and only some
+    # definitions of the angle: others take the nearest one.
+    n_tabulated = min(n_grains, max(scene_size.numbers()))
+    tabulated_angle = scene_size.TABULATED.get(definition, definition)
+
+    # Say by how much half of the grains would change the angle.
+    change_deg = scene_size.change(
+        n_tabulated, n_tabulated / 2, tabulated_angle
+    ).angle_deg
     direction = "lower" if change_deg < 0 else "raise"
     text = (
-        f"grains: ok, the pile is {rounded(height, 2)} grains high; {measured // 2} in "
-        f"place of {measured} would {direction} the {tabulated} angle by "
+        f"grains: ok, the pile is {rounded(height, 2)} grains high; {n_tabulated // 2} "
+        f"in place of {n_tabulated} would {direction} the {tabulated_angle} angle by "
         f"{abs(change_deg):.1f} deg"
     )
-    n_enough = scene_size.fewest_grains(measured, tabulated)
+
+    # Say also how few grains would do.
+    n_enough = scene_size.fewest_grains(n_tabulated, tabulated_angle)
     if n_enough is not None:
         text += f", {n_enough} by at most {scene_size.ANGLE_TOLERANCE_DEG:g}"
     return text
@@ -147,9 +170,19 @@ def _describe_number(n_grains: int, height: float, definition: str) -> str:
 def _describe_stiffness(
     config: Config, grain: Grain, longest_step_s: Callable[[Grain], float]
 ) -> str:
-    """Describe how much a pile sinks, and the speed gained by softer grains."""
+    """Describe how much a pile sinks, and the speed gained by softer grains.
+
+    Parameters
+    ----------
+    config : mapping
+        The configuration.
+    grain : mapping
+        The mean grain, as in berry.json.
+    longest_step_s : callable
+        Returns the longest time step [s] for a given mean grain.
+    """
     modulus_pa = grain["shear_modulus_pa"]
-    sinking, softest_pa = softening(config, grain)
+    sinking, softest_pa = compute_softening(config, grain)
     percent = rounded(100 * sinking, 2)
     sentence = f"the pile sinks by {percent} % of its Height under its own weight"
     if softest_pa >= modulus_pa:
@@ -166,7 +199,7 @@ def _describe_stiffness(
     )
 
 
-def softening(config: Config, grain: Grain) -> Softening:
+def compute_softening(config: Config, grain: Grain) -> Softening:
     """Compute how much a pile sinks under its own weight, and how soft grains may be.
 
     Parameters
@@ -193,7 +226,9 @@ def softening(config: Config, grain: Grain) -> Softening:
 
     # Compute the pressure at the bottom of the pile, and by how much it pushes two
     # grains there into each other.
-    pressure_pa = PACKING * grain["density_kg_m3"] * gravity * height_m(config, grain)
+    pressure_pa = (
+        PACKING * grain["density_kg_m3"] * gravity * estimate_height_m(config, grain)
+    )
     contact_modulus_pa = grain["shear_modulus_pa"] / (1 - grain["poisson_ratio"])  # E*
     approach_m = (
         3
@@ -202,31 +237,39 @@ def softening(config: Config, grain: Grain) -> Softening:
         / (4 * contact_modulus_pa * math.sqrt(diameter_m / 4))
     ) ** (2 / 3)
 
+    # The mean over the depth of the pile, and the modulus at the largest sinking.
     sinking = 0.6 * approach_m / diameter_m
     softest_pa = grain["shear_modulus_pa"] * (sinking / LARGEST_SINKING) ** 1.5
     return Softening(sinking, softest_pa)
 
 
-def height_m(config: Config, grain: Grain) -> float:
-    """Return the expected height of the pile [m].
+def estimate_height_m(config: Config, grain: Grain) -> float:
+    """Estimate the height of the pile from the targets [m].
 
-    If the height is a target, return it. If only the angle is, return the height of a
-    cone of all grains with this angle. Without either target, return half the height of
-    the outlet.
+    If the height is a target, it is this target. If only the angle is, it is the height
+    of a cone of all grains with this angle. Without either target, it is half the height
+    of the outlet.
+
+    Parameters
+    ----------
+    config : mapping
+        The configuration.
+    grain : mapping
+        The mean grain, as in berry.json.
     """
-    funnel = _funnel(config)
-    targets = _pile_targets(config)
+    funnel = _read_funnel_settings(config)
+    targets = _find_pile_targets(config)
     if targets.height_mm is not None:
         return 1e-3 * targets.height_mm
     if targets.angle_deg is not None:
         # All grains together, with the gaps between them, form a cone.
         grain_m3 = math.pi / 6 * (1e-3 * diameter_mm(grain)) ** 3
         volume_m3 = funnel.berries * grain_m3 / PACKING
-        return _cone_height_m(volume_m3, targets.angle_deg)
+        return _compute_cone_height_m(volume_m3, targets.angle_deg)
     return 0.5e-3 * funnel.outlet_height_mm
 
 
-def filling(config: Config, grain_m3: float) -> Filling:
+def compare_volumes(config: Config, grain_m3: float) -> Filling:
     """Compare the volume of the poured grains with that of the target pile.
 
     Parameters
@@ -240,16 +283,16 @@ def filling(config: Config, grain_m3: float) -> Filling:
     -------
     Filling
     """
-    n_grains = _funnel(config).berries
-    height_mm, angle_deg = _pile_targets(config)
+    n_grains = _read_funnel_settings(config).berries
+    height_mm, angle_deg = _find_pile_targets(config)
     volume_m3 = n_grains * grain_m3 / PACKING
-    poured_text = f"{n_grains} grains hold {_litres(volume_m3)} as poured"
+    poured_text = f"{n_grains} grains hold {_format_volume(volume_m3)} as poured"
 
     # Without a target for the height, a cone of any size fits.
     if height_mm is None:
         if angle_deg is None:
             return Filling(poured_text, fits=True)
-        cone_mm = rounded(1e3 * _cone_height_m(volume_m3, angle_deg), 3)
+        cone_mm = rounded(1e3 * _compute_cone_height_m(volume_m3, angle_deg), 3)
         return Filling(
             f"{poured_text}: a cone of {angle_deg:g} deg and {cone_mm} mm Height",
             fits=True,
@@ -257,7 +300,7 @@ def filling(config: Config, grain_m3: float) -> Filling:
 
     # Without a target for the angle, any slope that poured grains can have fits.
     if angle_deg is None:
-        slope_deg = _cone_slope_deg(volume_m3, height_mm)
+        slope_deg = _compute_cone_slope_deg(volume_m3, height_mm)
         cone = f"a cone of {height_mm:g} mm Height with a slope of {slope_deg:.3g} deg"
         low_deg, high_deg = SLOPES_DEG
         if low_deg <= slope_deg <= high_deg:
@@ -269,63 +312,71 @@ def filling(config: Config, grain_m3: float) -> Filling:
         )
 
     # Compare volumes only. `repose.bench.reach` checks the angle against the height.
-    cone_m3 = _cone_volume_m3(height_mm, angle_deg)
+    cone_m3 = _compute_cone_volume_m3(height_mm, angle_deg)
     return Filling(
         f"{poured_text}; the cone of {angle_deg:g} deg and {height_mm:g} mm Height holds "
-        f"{_litres(cone_m3)}",
+        f"{_format_volume(cone_m3)}",
         fits=1 / VOLUME_FACTOR <= volume_m3 / cone_m3 <= VOLUME_FACTOR,
     )
 
 
-def needed_grains(config: Config, grain_m3: float) -> int:
-    """Return how many grains fill the target pile, as near to the setting as possible.
+def count_needed_grains(config: Config, grain_m3: float) -> int:
+    """Count the grains that fill the target pile, as near to the setting as possible.
 
     Without a target for the height this is the configured number. Without a target for
     the angle, any slope that poured grains can have is allowed.
+
+    Parameters
+    ----------
+    config : mapping
+        The configuration.
+    grain_m3 : float
+        Volume of a grain.
     """
-    n_grains = _funnel(config).berries
-    height_mm, angle_deg = _pile_targets(config)
+    n_grains = _read_funnel_settings(config).berries
+    height_mm, angle_deg = _find_pile_targets(config)
     if height_mm is None:
         return n_grains
 
+    # A target for the angle leaves a single slope.
     flattest_deg, steepest_deg = SLOPES_DEG
     if angle_deg is not None:
         flattest_deg = angle_deg
         steepest_deg = angle_deg
     # Among cones of the same height, the steepest has the smallest volume.
-    fewest = _grains_of_cone(height_mm, steepest_deg, grain_m3)
-    most = _grains_of_cone(height_mm, flattest_deg, grain_m3)
+    fewest = _count_grains_of_cone(height_mm, steepest_deg, grain_m3)
+    most = _count_grains_of_cone(height_mm, flattest_deg, grain_m3)
     return min(max(n_grains, fewest), most)
 
 
-def _cone_height_m(volume_m3: float, angle_deg: float) -> float:
+def _compute_cone_height_m(volume_m3: float, angle_deg: float) -> float:
     """Compute the height of a cone from its volume and its slope [m]."""
     return (3 * volume_m3 * math.tan(math.radians(angle_deg)) ** 2 / math.pi) ** (1 / 3)
 
 
-def _cone_slope_deg(volume_m3: float, height_mm: float) -> float:
+def _compute_cone_slope_deg(volume_m3: float, height_mm: float) -> float:
     """Compute the slope of a cone from its volume and its height [deg]."""
     tangent = math.sqrt(math.pi * (1e-3 * height_mm) ** 3 / (3 * volume_m3))
     return math.degrees(math.atan(tangent))
 
 
-def _cone_volume_m3(height_mm: float, angle_deg: float) -> float:
+def _compute_cone_volume_m3(height_mm: float, angle_deg: float) -> float:
     """Compute the volume of a cone from its height and its slope [m3]."""
     tangent = math.tan(math.radians(angle_deg))
     return math.pi * (1e-3 * height_mm) ** 3 / (3 * tangent**2)
 
 
-def _grains_of_cone(height_mm: float, angle_deg: float, grain_m3: float) -> int:
+def _count_grains_of_cone(height_mm: float, angle_deg: float, grain_m3: float) -> int:
     """Count the grains that fill a cone, with the gaps between them."""
-    return math.ceil(PACKING * _cone_volume_m3(height_mm, angle_deg) / grain_m3)
+    return math.ceil(PACKING * _compute_cone_volume_m3(height_mm, angle_deg) / grain_m3)
 
 
-def _funnel(config: Config) -> FunnelSettings:
+def _read_funnel_settings(config: Config) -> FunnelSettings:
     """Return the section of the funnel."""
     return SceneSettings(config).section(NAME, FunnelSettings)
 
 
-def _pile_targets(config: Config) -> PileTargets:
+def _find_pile_targets(config: Config) -> PileTargets:
     """Return the targets for the pile below the funnel."""
     values = {}
     for target in SceneSettings(config).targets_of(NAME):
@@ -333,7 +384,7 @@ def _pile_targets(config: Config) -> PileTargets:
     return PileTargets(values.get("height_mm"), values.get("aor_deg"))
 
 
-def _litres(volume_m3: float) -> str:
+def _format_volume(volume_m3: float) -> str:
     """Write a volume in litres, or a small one in millilitres."""
     if volume_m3 >= 1e-3:
         return f"{rounded(1e3 * volume_m3, 3)} l"

@@ -71,14 +71,18 @@ def propose_smaller_scene(files: Iterable[str], grains: int) -> Iterator[str]:
     """
     if grains <= MOST_BERRIES:
         return
-    # The advice needs a valid study. Load it with the largest allowed number of grains.
+
+    # The advice needs a valid study. Take the largest allowed number of grains, and let
+    # the program compute what depends on it.
     largest_funnel: dict[str, Any] = {"berries": MOST_BERRIES}
     for name in scene_size.COMPUTED_KEYS:
         largest_funnel[name] = "auto"
     overrides = {"funnel": largest_funnel}
+
+    # Other faults of the configuration are reported elsewhere.
     with contextlib.suppress(InputError):
         study = PipelineConfig.load(*files, overrides=overrides, inputs=True)
-        height_mm = 1e3 * advice.height_m(study.config, study.grain)
+        height_mm = 1e3 * advice.estimate_height_m(study.config, study.grain)
         diameter_mm = computed.diameter_mm(study.grain)
         yield from scene_size.advice(
             study.config, diameter_mm, height_mm=height_mm, poured=grains
@@ -90,33 +94,54 @@ def describe_study(study: PipelineConfig) -> Iterator[str]:
 
     The first lines say whether a pile can reach the targets at all. Where a line begins
     with ok, there is nothing to do; a WARNING says what may help.
+
+    Parameters
+    ----------
+    study : PipelineConfig
+        The study, whose grain is made if it was not made before.
+
+    Yields
+    ------
+    str
+        A line of text.
     """
     config = study.config
     grain = study.grain
     particle = study.particle
+
+    # Targets and ranges. The study's own runs, if there are any, show what angles its
+    # piles have.
     dataset_csv = dependencies.find_own_dataset(config)
-    for one in reach.assess_targets(config, particle, dataset_csv).values():
-        yield describe_reach(one)
+    for assessment in reach.assess_targets(config, particle, dataset_csv).values():
+        yield describe_reach(assessment)
     for sentence in wide_ranges(study.settings.parameters.given):
         yield f"ranges: WARNING: {sentence}"
 
-    limit = computed.longest_step(config, particle, grain)
+    # The time step, and what it does to a hit.
+    limit = computed.find_longest_step(config, particle, grain)
     yield describe_time_step(study.settings.simulation.time_step_s, limit)
-    lowest = {name: low for name, (low, _) in computed.ranges_of(config).items()}
-    yield from hits.low_restitutions(study.scene(study.parameters.centre), lowest)
+    lowest_values = {}
+    for name, (low, _) in computed.ranges_of(config).items():
+        lowest_values[name] = low
+    scene = study.scene(study.parameters.centre)
+    yield from hits.low_restitutions(scene, lowest_values)
 
-    def longest_step_s(other_grain: Mapping[str, Any]) -> float:
-        return computed.longest_step(config, particle, other_grain).time_step_s
+    def find_longest_step_s(other_grain: Mapping[str, Any]) -> float:
+        return computed.find_longest_step(config, particle, other_grain).time_step_s
 
-    yield from advice.funnel_hints(
-        config, grain, particle=particle, longest_step_s=longest_step_s
+    # The scene and the grain.
+    yield from advice.give_funnel_hints(
+        config, grain, particle=particle, longest_step_s=find_longest_step_s
     )
     yield from _describe_grain(study)
     yield from _describe_sizes(study)
 
 
 def describe_reach(assessment: reach.Reach) -> str:
-    """Say in short that piles can have the angle of a target, or warn in full."""
+    """Describe in a line whether piles can have the angle of a target.
+
+    If they can, the line is short. Otherwise it has the whole warning.
+    """
     if not assessment.possible:
         return f"reach: WARNING: {assessment.sentence}"
     band = assessment.band
@@ -128,10 +153,10 @@ def describe_reach(assessment: reach.Reach) -> str:
 
 def is_coarse(particle: "Particle") -> bool:
     """Tell whether the volume of a particle is far from that of its mesh."""
-    return abs(_volume_change(particle)) > LARGEST_VOLUME_CHANGE
+    return abs(_compute_volume_change(particle)) > LARGEST_VOLUME_CHANGE
 
 
-def _volume_change(particle: "Particle") -> float:
+def _compute_volume_change(particle: "Particle") -> float:
     """Return by what share a particle is larger than its mesh; 0 without a mesh."""
     if not particle.mesh_volume_m3:
         return 0.0
@@ -139,17 +164,21 @@ def _volume_change(particle: "Particle") -> float:
 
 
 def _describe_grain(study: PipelineConfig) -> Iterator[str]:
-    """Warn of a coarse particle, and of grain settings that have no effect."""
+    """Yield warnings of a coarse particle, and of grain settings without an effect."""
     particle = study.particle
     section = study.settings.berry
     if is_coarse(particle):
-        yield _describe_volume(section, 100 * _volume_change(particle))
+        yield _describe_volume(section, 100 * _compute_volume_change(particle))
+
+    # A scan has a volume, and so with the density a mass.
     if section.stl is not None and section.mass_g is not None:
         mass_g = 1e3 * particle.mass_kg
         yield (
             f"mass: WARNING: the mass of berry.stl is used, {mass_g:.3g} g; "
             "berry.mass_g is not used"
         )
+
+    # Measured forces give the moduli only where the configuration gives none.
     has_moduli = (
         section.shear_modulus_pa is not None and section.poisson_ratio is not None
     )
@@ -175,23 +204,29 @@ def _describe_volume(section: "GrainSettings", percent: float) -> str:
 
 
 def _describe_sizes(study: PipelineConfig) -> Iterator[str]:
-    """Warn if one grain cannot represent the measured sizes, or their mass."""
+    """Yield warnings if one grain cannot represent the measured sizes, or their mass."""
     from repose.grain import berry, size_checks
     from repose.grain.berry_files import SIZE_COLUMNS, read_sizes
 
+    # The volume of each measured grain is proportional to the product of its axes.
     section = study.settings.berry
     axes_mm = read_sizes(section.sizes)[list(SIZE_COLUMNS)]
-    # The volume of each measured grain is proportional to the product of its axes.
     products_mm3 = axes_mm.prod(axis="columns")
-    groups = size_checks.find_groups(np.cbrt(products_mm3))
+
+    # Two kinds of grains in one table.
+    diameters_mm = np.cbrt(products_mm3)
+    groups = size_checks.find_groups(diameters_mm)
     if groups is not None and groups.ratio > 1 + LARGEST_SPREAD:
         yield _describe_groups(groups, section.size_distribution)
 
+    # One kind of grains of widely different sizes: the mean axes hold less than the
+    # mean volume.
     spread = study.grain["scale_sd"]
     if spread > LARGEST_SPREAD:
         lost_share = 1 - axes_mm.mean().prod() / products_mm3.mean()
         yield _describe_spread(section, spread=spread, lost_share=lost_share)
 
+    # Compare the volume by mass and density with the largest body that has these axes.
     # A scan gives the volume directly, so there is nothing to check.
     if section.mass_g is None or section.stl is not None:
         return
@@ -209,7 +244,15 @@ def _describe_sizes(study: PipelineConfig) -> Iterator[str]:
 
 
 def _describe_groups(groups: "SizeGroups", distribution: str) -> str:
-    """Describe two groups of sizes, and what is poured in their place."""
+    """Describe two groups of sizes, and what is poured in their place.
+
+    Parameters
+    ----------
+    groups : SizeGroups
+        The number of grains and the mean diameter of each group.
+    distribution : str
+        `berry.size_distribution`: whether all grains are poured alike.
+    """
     n_grains = sum(groups.counts)
     parts = [
         f"{100 * count / n_grains:.2g} % of the grains have about {diameter:.3g} mm"
@@ -247,7 +290,7 @@ def _describe_spread(
             "different ones"
         )
 
-    # A scanned grain and one of the mean volume lose nothing.
+    # A scanned grain, and a grain of the mean volume, lose no volume.
     loss = (
         f"{100 * lost_share:.2g} % less volume than the measured grains have on average"
     )
@@ -262,7 +305,15 @@ def _describe_spread(
 
 
 def describe_time_step(step_s: float, limit: "Limit") -> str:
-    """Compare the time step with its maximum, and say what a longer one would save."""
+    """Compare the time step with its maximum, and say what a longer one would save.
+
+    Parameters
+    ----------
+    step_s : float
+        The time step of the study [s].
+    limit : Limit
+        The longest stable time step, and what limits it.
+    """
     maximum_s = computed.round_down(limit.time_step_s, digits=3)
     text = f"time step: ok, {step_s:.4g} s; maximum {maximum_s:.3g} s"
     advised_s = computed.advised_step_s(limit.time_step_s)
@@ -312,29 +363,37 @@ def run_trials(
     str
         A line of text.
     """
-    parameter_sets = _trial_sets(study)
+    parameter_sets = _choose_trial_sets(study)
     for name in study.targets.apparatus:
+        # Do not keep the user waiting for minutes.
         expected_s = cost.run_s(study.config, name, grain_step_s)
         if expected_s > LONGEST_TRIAL_S:
             yield f"{name}: no trial runs, as one takes about {expected_s:.0f} s"
             continue
 
+        # Run and measure each set once, with the same seed.
         test = bench(name)
         runs = []
         with show_message(f"three trial runs of {name}, about {3 * expected_s:.0f} s"):
             for parameters in parameter_sets:
                 run, _ = run_once(test, study.scene(parameters, 1))
                 runs.append(run)
+
         for point, run in zip(TRIALS, runs, strict=True):
-            result = describe(run, test.summary).removeprefix("seed 1: ")
-            yield f"{name}: {point}: {result}"
+            sentence = describe(run, test.summary).removeprefix("seed 1: ")
+            yield f"{name}: {point}: {sentence}"
         yield from _warn_of_trials(study, test, runs)
 
 
-def _trial_sets(study: PipelineConfig) -> list[dict[str, float]]:
-    """Return the parameters of the trial runs, in the order of `TRIALS`."""
+def _choose_trial_sets(study: PipelineConfig) -> list[dict[str, float]]:
+    """Return the parameters of the trial runs, in the order of `TRIALS`.
+
+    Each free parameter lies at a share of its range, which `TRIALS` gives for the
+    restitutions and for all other parameters, such as friction.
+    """
     space = study.parameters
     is_restitution = np.array([name.startswith("e_") for name in space.free])
+    # Rows are the trial runs, columns the free parameters.
     shares = np.array(
         [
             np.where(is_restitution, restitution, friction)
@@ -350,19 +409,32 @@ def _trial_sets(study: PipelineConfig) -> list[dict[str, float]]:
 def _warn_of_trials(
     study: PipelineConfig, test: BenchTest[Any], runs: Sequence[Mapping[str, Any]]
 ) -> Iterator[str]:
-    """Warn if no trial run can be measured, or a target lies far outside the results."""
-    measured = [run for run in runs if run["status"] == "ok"]
-    if not measured:
+    """Yield warnings if trial runs fail, or a target lies far outside their results.
+
+    Parameters
+    ----------
+    study : PipelineConfig
+        The study.
+    test : BenchTest
+        The bench test of the runs.
+    runs : sequence of mapping
+        The measured runs: ``status`` is ``ok`` or the reason of a failure, and each
+        response has its name as key.
+    """
+    good_runs = [run for run in runs if run["status"] == "ok"]
+    if not good_runs:
         yield (
             f"{test.name}: WARNING: no trial run can be measured; change the section "
             f"{test.name}, or the ranges"
         )
         return
+
+    # Compare each target of this bench test with the span of the runs.
     responses = test.target_responses(study.config)
     for target in study.targets:
         if target.response not in responses:
             continue
-        values = [run[target.name] for run in measured]
+        values = [run[target.name] for run in good_runs]
         low = min(values)
         high = max(values)
         margin = FAR_FROM_TRIALS * (high - low)
@@ -393,6 +465,7 @@ def tabulate_costs(
     str
         A line of the table; below it, why a strategy is missing from the table.
     """
+    # Find the strategies that cannot run with this configuration.
     settings = study.settings
     misfits: dict[str, str] = {}
     for name in strategies.others():
@@ -400,6 +473,8 @@ def tabulate_costs(
         if reason is not None:
             misfits[name] = reason
 
+    # Write the header and the rows: one for each budget, then one for each other
+    # strategy.
     yield _align_costs({column: column for column in COST_COLUMNS})
     if "sequential" not in misfits:
         section = settings.sequential
@@ -409,13 +484,15 @@ def tabulate_costs(
                 ("batches", n_batches, section.seeds),
                 ("check", 1, section.checks),
             )
-            yield _cost_row(study, "sequential", pours=pours, grain_step_s=grain_step_s)
+            yield _format_cost_row(
+                study, "sequential", pours=pours, grain_step_s=grain_step_s
+            )
     if "response_surface" not in misfits:
         most_pours = cost.strategy_pours(settings, "response_surface")
-        yield _cost_row(
+        yield _format_cost_row(
             study, "response_surface", pours=most_pours, grain_step_s=grain_step_s
         )
-    yield _cost_row(study, "published", pours=None, grain_step_s=grain_step_s)
+    yield _format_cost_row(study, "published", pours=None, grain_step_s=grain_step_s)
 
     for name, reason in misfits.items():
         yield f"{name}: {reason}"
@@ -425,7 +502,7 @@ def tabulate_costs(
     )
 
 
-def _cost_row(
+def _format_cost_row(
     study: PipelineConfig, name: str, pours: cost.Pours | None, grain_step_s: float
 ) -> str:
     """Write the row of a strategy in the table of costs.
@@ -437,9 +514,15 @@ def _cost_row(
     name : str
         The strategy.
     pours : sequence or None
-        Its runs, as in `repose.config.cost.estimate_work`.
+        Its runs: purpose, number of parameter sets, seeds of each. None for the runs of
+        the article's method, which follow from the study.
     grain_step_s : float
         Time for one step of one grain [s].
+
+    Returns
+    -------
+    str
+        The row. A star marks the strategy that the study uses.
     """
     work = cost.estimate_work(study.config, grain_step_s, pours)
     run_counts = [sets * seeds for _, sets, seeds in work["pours"]]
@@ -468,24 +551,36 @@ def _align_costs(cells: Mapping[str, str]) -> str:
 def list_studies(files: list[str]) -> str:
     """List the studies that a configuration can run, each with its cost.
 
+    Parameters
+    ----------
+    files : list of str
+        The files of the configuration; none for the default one.
+
+    Returns
+    -------
+    str
+        A text of several lines. If the configuration is incomplete or faulty, it has no
+        costs.
+
     Raises
     ------
     InputError
-        If a file cannot be read. With an incomplete configuration the costs are left out.
+        If a file cannot be read.
     """
     config, _ = loader.read_layers(files)
     try:
         study = PipelineConfig.load(*files)
         config = study.config
         if study.simulator is not None:
-            return _targets_of_program(study)
+            return _list_studies_of_program(study)
         cost_texts = cost.describe_costs(config)
         for name in strategies.others():
             cost_texts[name] = _describe_strategy_cost(study, name)
     except InputError:
-        listed = ", ".join(files) or "config.yaml"
+        # The studies can be listed all the same.
+        names = ", ".join(files) or "config.yaml"
         unknown = (
-            f"cost: once {listed} is complete; `repose check` lists the missing keys"
+            f"cost: once {names} is complete; `repose check` lists the missing keys"
         )
         cost_texts = dict.fromkeys(cost.SENTENCES, unknown)
 
@@ -497,7 +592,7 @@ def list_studies(files: list[str]) -> str:
     return "\n".join(lines)
 
 
-def _targets_of_program(study: PipelineConfig) -> str:
+def _list_studies_of_program(study: PipelineConfig) -> str:
     """List what a study can run whose runs another program makes."""
     lines = [f"repose run TARGET; without one, all of calibration. Studies of {study}:"]
     for target in ("calibration", "uncertainty", *strategies.others()):

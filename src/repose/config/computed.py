@@ -44,7 +44,7 @@ Grain = Mapping[str, Any]  # the mean grain, as in berry.json
 
 
 class Computed(NamedTuple):
-    """A key that may be `auto`.
+    """A key that may be `auto`: the program can compute its value.
 
     Attributes
     ----------
@@ -73,10 +73,18 @@ class Computed(NamedTuple):
         return "berry" in self.reads
 
 
-def to_compute(config: Config) -> list[Computed]:
-    """List the settings that are `auto` or missing, in the order of computation.
+def find_settings_to_compute(config: Config) -> list[Computed]:
+    """Find the settings that are `auto` or missing and can be computed.
 
-    The configuration need not be valid.
+    Parameters
+    ----------
+    config : mapping
+        The configuration, which need not be valid. Sections that it lacks are left out.
+
+    Returns
+    -------
+    list of Computed
+        In the order of computation: a later number may follow from an earlier one.
     """
     settings = []
     for setting in COMPUTED:
@@ -89,12 +97,12 @@ def to_compute(config: Config) -> list[Computed]:
 
 
 def with_value(config: Config, setting: Computed, value: Any) -> dict[str, Any]:
-    """Copy a configuration, with a value for one of its settings."""
+    """Copy a configuration, and replace the value of one of its settings."""
     section = {**config[setting.section], setting.name: value}
     return {**config, setting.section: section}
 
 
-def longest_step(config: Config, particle: "Particle", mean: Grain) -> "Limit":
+def find_longest_step(config: Config, particle: "Particle", mean: Grain) -> "Limit":
     """Find the longest time step that is stable for every parameter set of a study.
 
     Parameters
@@ -117,8 +125,9 @@ def longest_step(config: Config, particle: "Particle", mean: Grain) -> "Limit":
     settings = valid_sections(config)
     ranges = ranges_of(config)
 
-    # A low restitution means strong damping, which requires a short step. Take the
-    # lowest value of each parameter among all sets that are simulated.
+    # Make the parameter set that needs the shortest step. A low restitution means strong
+    # damping, which requires a short step. Take the lowest value of each parameter among
+    # all sets that are simulated.
     simulated_sets = [{name: ranges[name][0] for name in PARAMETERS}]
     simulated_sets += published_sets(settings.validation.published)
     critical_set = {}
@@ -135,9 +144,12 @@ def longest_step(config: Config, particle: "Particle", mean: Grain) -> "Limit":
 
 
 def ranges_of(config: Config) -> dict[str, tuple[float, float]]:
-    """Return lowest and highest value of each parameter; of a fixed one twice its value."""
-    given = valid_sections(config).parameters.given
-    return {name: range_of(name, entry, ALLOWED) for name, entry in given.items()}
+    """Return the lowest and the highest value of each parameter of a study.
+
+    For a fixed parameter both are its value.
+    """
+    entries = valid_sections(config).parameters.given
+    return {name: range_of(name, entry, ALLOWED) for name, entry in entries.items()}
 
 
 def round_down(value: float, digits: int) -> float:
@@ -164,140 +176,168 @@ def diameter_mm(grain: Grain) -> float:
     return math.prod(axes_mm(grain)) ** (1 / 3)
 
 
-def _split(config: Config, _grain: Grain, _particle: "Particle") -> Any:
-    """Choose the shares of training, validation and test that suit the surrogate."""
+def _choose_split(config: Config, _grain: Grain, _particle: "Particle") -> Any:
+    """Choose the shares of training, validation and test samples for the surrogate."""
     return split_of(valid_sections(config).surrogate)
 
 
-def _mm_per_pixel(_config: Config, grain: Grain, _particle: "Particle") -> float:
-    """Choose pixels so small that a grain is round in the picture."""
+def _choose_mm_per_pixel(_config: Config, grain: Grain, _particle: "Particle") -> float:
+    """Choose the size of a pixel, so small that a grain is round in the picture [mm]."""
     size = float(f"{diameter_mm(grain) / PIXELS_A_GRAIN:.2g}")
     return min(max(size, FINEST_MM_PER_PIXEL), COARSEST_MM_PER_PIXEL)
 
 
-def _factory_height_mm(_config: Config, grain: Grain, _particle: "Particle") -> float:
-    """Choose one diameter of a grain."""
+def _choose_factory_height_mm(
+    _config: Config, grain: Grain, _particle: "Particle"
+) -> float:
+    """Choose the height above the inlet at which grains appear: one diameter [mm]."""
     return float(f"{diameter_mm(grain):.2g}")
 
 
-def _factory_diameter_mm(config: Config, grain: Grain, _particle: "Particle") -> float:
-    """Choose the disc of the inlet without a margin of half a grain."""
-    inlet = valid_sections(config).funnel.inlet_diameter_mm
-    diameter = max(inlet - max(axes_mm(grain)), 0.5 * inlet)
-    return float(f"{diameter:.3g}")
+def _choose_factory_diameter_mm(
+    config: Config, grain: Grain, _particle: "Particle"
+) -> float:
+    """Choose the diameter of the disc in which grains appear [mm].
+
+    It is the inlet without a margin of half a grain, and at least half of the inlet.
+    """
+    inlet_mm = valid_sections(config).funnel.inlet_diameter_mm
+    longest_axis_mm = max(axes_mm(grain))
+    disc_mm = max(inlet_mm - longest_axis_mm, 0.5 * inlet_mm)
+    return float(f"{disc_mm:.3g}")
 
 
-def _duration_s(config: Config, grain: Grain, particle: "Particle") -> float:
+def _estimate_duration_s(config: Config, grain: Grain, particle: "Particle") -> float:
     """Estimate how long all grains take to run out, fall and come to rest [s].
 
     The flow is the rate of pouring or the discharge of the outlet, whichever is
     smaller. If the outlet is too narrow for the law of discharge, only the rate counts.
+
+    Parameters
+    ----------
+    config : mapping
+        The configuration.
+    grain : mapping
+        The mean grain, as in berry.json.
+    particle : Particle
+        Its body.
     """
     settings = valid_sections(config)
     funnel = settings.funnel
-    gravity = settings.simulation.gravity_m_s2
+    gravity_m_s2 = settings.simulation.gravity_m_s2
 
-    discharge_per_s = _discharge_per_s(config, grain, particle)
+    # Time until the last grain has run out.
+    discharge_per_s = _compute_discharge_per_s(config, grain, particle)
     flow_per_s = funnel.rate_per_s
     if discharge_per_s > 0.0:
         flow_per_s = min(flow_per_s, discharge_per_s)
     pour_s = funnel.berries / flow_per_s
 
-    # A negative height is refused by another rule.
+    # Time of its fall. A negative height is refused by another rule.
     fall_m = max(funnel.funnel.inlet_height_m, 0.0)
-    fall_s = math.sqrt(2 * fall_m / gravity)
+    fall_s = math.sqrt(2 * fall_m / gravity_m_s2)
 
-    rest_s = rounded(REST_TIME * _scale(config, particle).time_s, digits=2)
+    # Time until the pile rests.
+    rest_s = rounded(REST_TIME * _make_grain_scale(config, particle).time_s, digits=2)
     duration_s = pour_s + fall_s + rest_s
     # Round up to a tenth of a second.
     return math.ceil(10 * duration_s) / 10
 
 
-def _discharge_per_s(config: Config, grain: Grain, particle: "Particle") -> float:
+def _compute_discharge_per_s(
+    config: Config, grain: Grain, particle: "Particle"
+) -> float:
     """Compute how many grains run out of the funnel in a second, by Beverloo's law.
 
-    It is 0 for an opening too narrow for this law.
+    The law gives the mass per second, C rho sqrt(g) (D - k d)^(5/2), with the bulk
+    density rho and the diameters D of the opening and d of a grain. The result is 0 for
+    an opening too narrow for it.
     """
     settings = valid_sections(config)
-    gravity = settings.simulation.gravity_m_s2
+    gravity_m_s2 = settings.simulation.gravity_m_s2
     empty_edge_mm = BEVERLOO_EMPTY_EDGE * diameter_mm(grain)
     opening_m = 1e-3 * (settings.funnel.outlet_diameter_mm - empty_edge_mm)
-    bulk_density = PACKING * grain["density_kg_m3"]
+    bulk_density_kg_m3 = PACKING * grain["density_kg_m3"]
     return (
         BEVERLOO_FACTOR
-        * bulk_density
-        * math.sqrt(gravity)
+        * bulk_density_kg_m3
+        * math.sqrt(gravity_m_s2)
         * max(opening_m, 0.0) ** 2.5
         / particle.mass_kg
     )
 
 
-def _scale(config: Config, particle: "Particle") -> GrainScale:
-    """Make the units of the grain."""
+def _make_grain_scale(config: Config, particle: "Particle") -> GrainScale:
+    """Make the units of length, time and energy that belong to the grain."""
     return GrainScale.of(particle, valid_sections(config).simulation.gravity_m_s2)
 
 
-def _rest_energy_j(config: Config, _grain: Grain, particle: "Particle") -> float:
+def _choose_rest_energy_j(config: Config, _grain: Grain, particle: "Particle") -> float:
     """Choose a small share of the energy that lifts a grain by its diameter [J]."""
-    return rounded(REST_ENERGY * _scale(config, particle).energy_j, digits=2)
+    return rounded(REST_ENERGY * _make_grain_scale(config, particle).energy_j, digits=2)
 
 
-def _rest_motion_mm(config: Config, _grain: Grain, particle: "Particle") -> float:
+def _choose_rest_motion_mm(
+    config: Config, _grain: Grain, particle: "Particle"
+) -> float:
     """Choose a share of the diameter of a grain [mm]."""
-    diameter_m = _scale(config, particle).diameter_m
+    diameter_m = _make_grain_scale(config, particle).diameter_m
     return rounded(REST_MOTION * 1e3 * diameter_m, digits=2)
 
 
-def _rest_window_s(config: Config, _grain: Grain, particle: "Particle") -> float:
+def _choose_rest_window_s(config: Config, _grain: Grain, particle: "Particle") -> float:
     """Choose a few times in which a grain falls by half of its diameter [s]."""
-    return rounded(REST_WINDOW * _scale(config, particle).time_s, digits=2)
+    return rounded(REST_WINDOW * _make_grain_scale(config, particle).time_s, digits=2)
 
 
-def _time_step_s(config: Config, grain: Grain, particle: "Particle") -> float:
+def _choose_time_step_s(config: Config, grain: Grain, particle: "Particle") -> float:
     """Choose the longest time step that the engine allows, with a margin [s]."""
-    return advised_step_s(longest_step(config, particle, grain).time_step_s)
+    return advised_step_s(find_longest_step(config, particle, grain).time_step_s)
 
 
 COMPUTED = (
-    Computed("network", "split", reads=("surrogate",), compute=_split),
-    Computed("measure", "mm_per_pixel", reads=("berry",), compute=_mm_per_pixel),
+    Computed("network", "split", reads=("surrogate",), compute=_choose_split),
+    Computed("measure", "mm_per_pixel", reads=("berry",), compute=_choose_mm_per_pixel),
     Computed(
-        "funnel", "factory_height_mm", reads=("berry",), compute=_factory_height_mm
+        "funnel",
+        "factory_height_mm",
+        reads=("berry",),
+        compute=_choose_factory_height_mm,
     ),
     Computed(
         "funnel",
         "factory_diameter_mm",
         reads=("berry", "funnel"),
-        compute=_factory_diameter_mm,
+        compute=_choose_factory_diameter_mm,
     ),
     Computed(
         "funnel",
         "rest_motion_mm",
         reads=("berry", "simulation"),
-        compute=_rest_motion_mm,
+        compute=_choose_rest_motion_mm,
     ),
     Computed(
         "funnel",
         "rest_window_s",
         reads=("berry", "simulation"),
-        compute=_rest_window_s,
+        compute=_choose_rest_window_s,
     ),
     Computed(
         "simulation",
         "rest_energy_j",
         reads=("berry", "simulation"),
-        compute=_rest_energy_j,
+        compute=_choose_rest_energy_j,
     ),
     Computed(
         "funnel",
         "duration_s",
         reads=("berry", "funnel", "simulation"),
-        compute=_duration_s,
+        compute=_estimate_duration_s,
     ),
     Computed(
         "simulation",
         "time_step_s",
         reads=("berry", "wall", "parameters", "validation", "simulation"),
-        compute=_time_step_s,
+        compute=_choose_time_step_s,
     ),
 )

@@ -40,52 +40,64 @@ class Rule(NamedTuple):
     faults: Callable[[], Pairs]
 
 
-def rules_before_numbers(config: Mapping[str, Any]) -> list[Rule]:
+def list_rules_before_numbers(config: Mapping[str, Any]) -> list[Rule]:
     """List the rules that are applied before any `auto` is computed.
 
-    A time step needs the constants of the contact law.
+    They protect the computation: a time step needs the constants of the contact law.
+
+    Parameters
+    ----------
+    config : mapping
+        The configuration, in which sections may be missing or faulty.
     """
     settings = valid_sections(config)
     return [
-        Rule(("targets",), partial(_target_faults, settings, config)),
-        Rule(("parameters", "simulation"), partial(_contact_law_faults, settings)),
+        Rule(("targets",), partial(_find_target_faults, settings, config)),
+        Rule(("parameters", "simulation"), partial(_find_contact_law_faults, settings)),
     ]
 
 
-def rules(config: Mapping[str, Any]) -> list[Rule]:
-    """List the rules that find contradictions once every `auto` is a number."""
+def list_rules_after_numbers(config: Mapping[str, Any]) -> list[Rule]:
+    """List the rules that are applied once every `auto` is a number.
+
+    Parameters
+    ----------
+    config : mapping
+        The configuration, in which sections may be missing or faulty.
+    """
     from repose.calibrate.strategies import cost
 
     scene = SceneSettings(config)
     settings = valid_sections(config)
-    tests = tests_in_use(config)
-    test_names = [test.name for test in tests]
+    bench_tests_in_use = tests_in_use(config)
+    test_names = [test.name for test in bench_tests_in_use]
 
+    # Each bench test has rules of its own.
     test_rules = []
-    for test in tests:
-        faults = partial(test.contradictions, scene)
-        test_rules.append(Rule((test.name, "simulation"), faults))
+    for test in bench_tests_in_use:
+        find_faults = partial(test.contradictions, scene)
+        test_rules.append(Rule((test.name, "simulation"), find_faults))
     return [
         *test_rules,
         Rule(
             ("surrogate", "parameters", "network", "design"),
-            partial(_surrogate_faults, settings),
+            partial(_find_surrogate_faults, settings),
         ),
         Rule(
             ("surrogate", "network", "design", "targets"),
-            partial(_validation_faults, settings),
+            partial(_find_validation_faults, settings),
         ),
         Rule(
             ("network", "targets", "strategy", "refine", *test_names),
-            partial(_seed_faults, settings),
+            partial(_find_seed_faults, settings),
         ),
         Rule(
             ("strategy", *cost.others(), "targets", "parameters"),
-            partial(_strategy_faults, settings),
+            partial(_find_strategy_faults, settings),
         ),
         Rule(
             ("strategy", "parameters", "constraints"),
-            partial(_constraint_faults, settings),
+            partial(_find_constraint_faults, settings),
         ),
     ]
 
@@ -95,8 +107,8 @@ def tests_in_use(config: Mapping[str, Any]) -> list[BenchTest[Any]]:
     return [test for test in bench_tests() if test.name in config]
 
 
-def _strategy_faults(settings: StudySettings) -> Pairs:
-    """Refuse values with which the strategy cannot run."""
+def _find_strategy_faults(settings: StudySettings) -> Pairs:
+    """Yield faults of values with which the strategy cannot run."""
     from repose.calibrate.strategies import cost
 
     name = settings.strategy
@@ -108,22 +120,26 @@ def _strategy_faults(settings: StudySettings) -> Pairs:
     )
 
 
-def _constraint_faults(settings: StudySettings) -> Pairs:
-    """Refuse constraints that allow too little, or that the strategy does not obey."""
+def _find_constraint_faults(settings: StudySettings) -> Pairs:
+    """Yield a fault for constraints that the study cannot meet.
+
+    They may allow too little of the ranges, or the strategy does not obey them.
+    """
     if settings.constraints is None:
         return
-    given = settings.parameters.given
-    for key, allowed in constraint_faults(settings.constraints, given, ALLOWED):
+    entries = settings.parameters.given
+    for key, allowed in constraint_faults(settings.constraints, entries, ALLOWED):
+        # The key is a position in the list, or empty for the list as a whole.
         yield f"constraints.{key}".rstrip("."), allowed
     if not strategy(settings.strategy).obeys_constraints:
         yield "strategy", obeying_strategies()
 
 
-def _surrogate_faults(settings: StudySettings) -> Pairs:
-    """Refuse a design with too few training samples for the surrogate."""
+def _find_surrogate_faults(settings: StudySettings) -> Pairs:
+    """Yield a fault if the design has too few training samples for the surrogate."""
     from repose.calibrate.surrogates import names, surrogate_class
 
-    n_training = _count_samples(settings, part=0)
+    n_training = _count_design_samples(settings, part=0)
     n_needed = surrogate_class(settings.surrogate).least_samples(settings.free)
     if n_training >= n_needed:
         return
@@ -141,12 +157,12 @@ def _surrogate_faults(settings: StudySettings) -> Pairs:
     )
 
 
-def _validation_faults(settings: StudySettings) -> Pairs:
-    """Refuse fewer validation samples than show the noise of all targets."""
+def _find_validation_faults(settings: StudySettings) -> Pairs:
+    """Yield a fault if too few validation samples show the noise of all targets."""
     n_targets = len(settings.targets)
     if (
         settings.network.validation_noise
-        and _count_samples(settings, part=1) <= n_targets
+        and _count_design_samples(settings, part=1) <= n_targets
     ):
         yield (
             "network.split",
@@ -155,21 +171,31 @@ def _validation_faults(settings: StudySettings) -> Pairs:
         )
 
 
-def _count_samples(settings: StudySettings, part: int) -> int:
-    """Count the samples of the design for training (part 0) or validation (part 1)."""
+def _count_design_samples(settings: StudySettings, part: int) -> int:
+    """Count the samples of the design in a part of the split.
+
+    Parameters
+    ----------
+    settings : StudySettings
+        The sections `network` and `design` are read.
+    part : int
+        0 for the training samples, 1 for those of the validation.
+    """
     # The floating-point product may lie just below an integer: 0.7 * 90 is 62.99999.
     return int(settings.network.split[part] * settings.design.samples + 1e-9)
 
 
-def _contact_law_faults(settings: StudySettings) -> Pairs:
-    """Refuse contact laws that lack parameters, and parameters that lack their law."""
+def _find_contact_law_faults(settings: StudySettings) -> Pairs:
+    """Yield faults of laws that lack parameters, and of parameters that lack their law."""
     contact_law = settings.simulation.contact_law
     rolling_law = settings.simulation.rolling_law
-    given = settings.parameters.given
+    entries = settings.parameters.given
+
+    # Some contact laws have additional parameters, which the study must give.
     missing = [
         f"parameters.{name} ({LABELS[name]})"
         for name in parameters_of_law(contact_law)
-        if name not in given
+        if name not in entries
     ]
     if missing:
         yield (
@@ -177,9 +203,10 @@ def _contact_law_faults(settings: StudySettings) -> Pairs:
             f"{contact_law} with {' and '.join(missing)}, each a range or a fixed value",
         )
 
-    # Parameters that every study has, whatever its laws, are not in this table.
+    # A parameter of another law would have no effect. Parameters that every study has,
+    # whatever its laws, are not in this table.
     for name, parameter in LAW_PARAMETERS.items():
-        if name not in given:
+        if name not in entries:
             continue
         if contact_law in parameter.laws or rolling_law in parameter.laws:
             continue
@@ -192,22 +219,28 @@ def _contact_law_faults(settings: StudySettings) -> Pairs:
         yield f"parameters.{name}", f"absent: it belongs to {law_setting}"
 
 
-def _seed_faults(settings: StudySettings) -> Pairs:
-    """Refuse too few runs of a sample to compare them, in a bench test of the targets."""
+def _find_seed_faults(settings: StudySettings) -> Pairs:
+    """Yield a fault for each bench test with too few runs of a sample to compare them.
+
+    With `network.replicates` the noise comes from the runs of one sample, so a single
+    run shows none.
+    """
     if not settings.network.replicates:
         return
-    for name in dict.fromkeys(target.apparatus for target in settings.targets):
+    test_names = dict.fromkeys(target.apparatus for target in settings.targets)
+    for name in test_names:
         if settings.design_seeds(name) < 2:
-            key = strategy(settings.strategy).seeds_key
+            # Some strategies have a key of their own for the number of runs.
+            strategy_key = strategy(settings.strategy).seeds_key
             yield (
-                key or f"{name}.seeds",
+                strategy_key or f"{name}.seeds",
                 "at least 2, or network.replicates: false, since single runs show no "
                 "noise",
             )
 
 
-def _target_faults(settings: StudySettings, config: Mapping[str, Any]) -> Pairs:
-    """Refuse targets whose bench test has no section, and repeated responses."""
+def _find_target_faults(settings: StudySettings, config: Mapping[str, Any]) -> Pairs:
+    """Yield faults of targets whose bench test has no section, and of repeated ones."""
     earlier_responses = set()
     for position, target in enumerate(settings.targets):
         key = f"targets.{position}"

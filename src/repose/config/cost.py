@@ -35,7 +35,7 @@ REPEATS = 3
 BYTES_A_GRAIN = 62  # of a saved run, measured
 # Keys with the number of runs of a parameter set end with one of these.
 SEEDS = ("seeds", "checks")
-# Purpose, number of parameter sets, seeds of each parameter set.
+# The runs of a study: purpose, number of parameter sets, seeds of each parameter set.
 Pours = Sequence[tuple[str, int, int]]
 
 
@@ -51,7 +51,7 @@ def run_s(
     config : mapping
         The configuration.
     name : str
-        Of the bench test.
+        Name of the bench test.
     grain_step_s : float
         Time for one step of one grain [s], as from `measure_grain_step_s`.
 
@@ -61,12 +61,13 @@ def run_s(
         Time [s].
     """
     settings = valid_sections(config)
-    duration = bench(name).duration_s(SceneSettings(config))
-    grains = count_grains(settings, name)
-    # While grains are poured, half of them are there on average.
-    filling = min(duration, grains / _rate_per_s(settings, name))
-    filled = duration - 0.5 * filling
-    return grain_step_s * grains * filled / settings.simulation.time_step_s
+    duration_s = bench(name).duration_s(SceneSettings(config))
+    n_grains = count_grains(settings, name)
+
+    # While grains are poured, half of them are there on average. Count this time half.
+    pouring_s = min(duration_s, n_grains / _find_pouring_rate_per_s(settings, name))
+    filled_s = duration_s - 0.5 * pouring_s
+    return grain_step_s * n_grains * filled_s / settings.simulation.time_step_s
 
 
 def count_grains(settings: StudySettings, name: str) -> int:
@@ -81,20 +82,22 @@ def count_grains(settings: StudySettings, name: str) -> int:
     return grains
 
 
-def _rate_per_s(settings: StudySettings, name: str) -> float:
-    """Return how many grains are poured per second; infinite if all start at once."""
+def _find_pouring_rate_per_s(settings: StudySettings, name: str) -> float:
+    """Find how many grains are poured per second; infinite if all start at once."""
     rate: float = getattr(settings.bench(name), "rate_per_s", math.inf)
     return rate
 
 
 def disk_mb(settings: StudySettings, pours: int) -> float:
     """Estimate the disk space of `pours` runs in each bench test of the targets [MB]."""
-    grains = sum(count_grains(settings, name) for name in _tests_of_targets(settings))
+    grains = sum(
+        count_grains(settings, name) for name in _list_tests_of_targets(settings)
+    )
     return 1e-6 * BYTES_A_GRAIN * grains * pours
 
 
-def _tests_of_targets(settings: StudySettings) -> list[str]:
-    """Return the names of the bench tests of the targets, in the order of the targets."""
+def _list_tests_of_targets(settings: StudySettings) -> list[str]:
+    """List the names of the bench tests of the targets, in the order of the targets."""
     return list(dict.fromkeys(target.apparatus for target in settings.targets))
 
 
@@ -117,13 +120,16 @@ def longest_job_s(config: Config) -> float:
     A job runs one parameter set with the largest number of seeds in any section. The
     funnel, the drum and the bench tests of the targets are compared.
     """
-    names = {"funnel", "drum", *_tests_of_targets(valid_sections(config))}
+    names = {"funnel", "drum", *_list_tests_of_targets(valid_sections(config))}
     longest_run_s = max(run_s(config, name) for name in names if name in config)
-    return JOB_START_S + _largest_number_of_seeds(config) * longest_run_s
+    return JOB_START_S + _find_largest_number_of_seeds(config) * longest_run_s
 
 
-def _largest_number_of_seeds(config: Config) -> int:
-    """Find the largest number of runs per parameter set that any section requests."""
+def _find_largest_number_of_seeds(config: Config) -> int:
+    """Find the largest number of runs per parameter set that any section requests.
+
+    A key with such a number is recognised by its ending, one of `SEEDS`.
+    """
     seed_counts: list[int] = []
     for section in config.values():
         if not isinstance(section, Mapping):
@@ -160,10 +166,11 @@ def measure_grain_step_s(
     from repose.bench import Scene
     from repose.bench.funnel import FunnelTest
 
+    # Choose the number of grains by the work, which is grains times steps.
     settings = valid_sections(config)
-    steps = TIMED_S / settings.simulation.time_step_s
+    n_steps = TIMED_S / settings.simulation.time_step_s
     n_grains = max(
-        FEWEST_TIMED, min(settings.funnel.berries, round(TIMED_STEPS / steps))
+        FEWEST_TIMED, min(settings.funnel.berries, round(TIMED_STEPS / n_steps))
     )
 
     # Pour all grains within the first quarter of the simulated time.
@@ -187,7 +194,8 @@ def measure_grain_step_s(
         run = FunnelTest().pour(scene, until_rest=False)
         cpu_s = time.process_time() - cpu_start_s
 
-        # Count only the share of the time in which this process had the core.
+        # The run gives its wall time per step in microseconds. Count only the share of
+        # the time in which this process had the core.
         cpu_share = cpu_s / (time.perf_counter() - start_s)
         grain_steps_s.append(1e-6 * min(1.0, cpu_share) * run.us_per_step / n_grains)
     return min(grain_steps_s)
@@ -218,7 +226,7 @@ def estimate_work(
         study [s].
     """
     settings = valid_sections(config)
-    target_tests = _tests_of_targets(settings)
+    target_tests = _list_tests_of_targets(settings)
 
     # Compute the time of one run in each bench test. The drum is among them because it
     # checks the answer of every study.
@@ -228,28 +236,37 @@ def estimate_work(
         if test not in times_s and settings.bench(test) is not None:
             times_s[test] = run_s(config, test, grain_step_s)
 
+    # Add up the runs. The article's method has further work besides the runs.
     if pours is None:
-        pours = _article_pours(settings)
-        total_s = _article_s(settings, pours, times_s)
+        pours = _list_article_pours(settings)
+        total_s = _compute_article_time_s(settings, pours, times_s)
     else:
-        total_s = _strategy_s(pours, [times_s[test] for test in target_tests])
+        total_s = _compute_strategy_time_s(
+            pours, [times_s[test] for test in target_tests]
+        )
     return {"pours": pours, "pour_s": times_s["funnel"], "total_s": total_s}
 
 
-def _strategy_s(pours: Pours, times_s: Iterable[float]) -> float:
-    """Compute the time of the runs of a strategy [s].
+def _compute_strategy_time_s(pours: Pours, times_s: Iterable[float]) -> float:
+    """Compute the time of the runs of a strategy on one core [s].
 
-    `times_s` holds the time of a run in each bench test of the targets.
+    Parameters
+    ----------
+    pours : sequence of (str, int, int)
+        Its runs: purpose, number of parameter sets, seeds of each set. A parameter set
+        is one job.
+    times_s : iterable of float
+        Time of a run in each bench test of the targets [s].
     """
     total_s = 0.0
     for time_s in times_s:
-        for _, sets, seeds in pours:
-            total_s += sets * (JOB_START_S + seeds * time_s)
+        for _, n_sets, n_seeds in pours:
+            total_s += n_sets * (JOB_START_S + n_seeds * time_s)
     return total_s
 
 
-def _article_pours(settings: StudySettings) -> Pours:
-    """Count the runs of the article's method in the funnel."""
+def _list_article_pours(settings: StudySettings) -> Pours:
+    """List the runs of the article's method in the funnel."""
     validation = settings.validation
     return (
         ("design", settings.design.samples, settings.design_seeds("funnel")),
@@ -258,14 +275,21 @@ def _article_pours(settings: StudySettings) -> Pours:
     )
 
 
-def _article_s(
+def _compute_article_time_s(
     settings: StudySettings, pours: Pours, times_s: Mapping[str, float]
 ) -> float:
-    """Compute how long a study by the article's method takes [s].
+    """Compute how long a study by the article's method takes on one core [s].
 
-    `times_s` maps each bench test to the time of one run [s].
+    Parameters
+    ----------
+    settings : StudySettings
+        The study.
+    pours : sequence of (str, int, int)
+        Its runs in the funnel: purpose, number of parameter sets, seeds of each set.
+    times_s : mapping of str to float
+        Time of one run in each bench test [s].
     """
-    total_s = REST_S + _strategy_s(pours, [times_s["funnel"]])
+    total_s = REST_S + _compute_strategy_time_s(pours, [times_s["funnel"]])
 
     # The drum runs with the answer, whether or not one of the targets is its response.
     if settings.bench("drum") is not None:
@@ -273,7 +297,7 @@ def _article_s(
 
     # Every further bench test of the targets runs all parameter sets.
     n_sets = sum(sets for _, sets, _ in pours)
-    for test in _tests_of_targets(settings):
+    for test in _list_tests_of_targets(settings):
         if test == "funnel":
             continue
         job_s = JOB_START_S + settings.design_seeds(test) * times_s[test]
@@ -307,6 +331,11 @@ def describe_costs(config: Config) -> dict[str, str]:
     """Describe the runs and the time of each study in `SENTENCES`.
 
     Seconds to minutes of work with the surrogate alone are not counted.
+
+    Returns
+    -------
+    dict of str to str
+        Such as ``240 pours, about 90 min on one core``, by the name of the study.
     """
     settings = valid_sections(config)
     calibration = estimate_work(config)
@@ -315,7 +344,8 @@ def describe_costs(config: Config) -> dict[str, str]:
     # Most studies reuse the runs of the calibration.
     descriptions = dict.fromkeys(SENTENCES, "no pours besides the calibration")
 
-    n_calibration = sum(sets * seeds for _, sets, seeds in calibration["pours"])
+    # The calibration itself.
+    n_calibration = sum(n_sets * n_seeds for _, n_sets, n_seeds in calibration["pours"])
     minutes = calibration["total_s"] / 60
     test_names = {test.name for test in tests_in_use(config)}
     other_tests = "" if test_names == {"funnel"} else " and the other bench tests"
@@ -323,10 +353,11 @@ def describe_costs(config: Config) -> dict[str, str]:
         f"{n_calibration} pours{other_tests}, about {minutes:.0f} min on one core"
     )
 
+    # Studies with runs of their own.
     n_refined = settings.refine.pours + settings.refine.seeds
     descriptions["refined"] = _describe_pours(n_refined, pour_s)
 
-    n_published = _n_published_sets(settings) * settings.validation.seeds
+    n_published = _count_published_sets(settings) * settings.validation.seeds
     descriptions["published_sets"] = _describe_pours(n_published, pour_s)
     return descriptions
 
@@ -339,7 +370,7 @@ def _describe_pours(n_pours: int, pour_s: float) -> str:
     )
 
 
-def _n_published_sets(settings: StudySettings) -> int:
+def _count_published_sets(settings: StudySettings) -> int:
     """Count the published parameter sets that this study can simulate."""
     targets = [response(target.response) for target in settings.targets]
     names = parameters_among(settings.parameters.given)

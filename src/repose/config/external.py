@@ -1,4 +1,4 @@
-"""A study whose runs a program of the user's own makes, called by the workflow.
+"""Configure a study whose runs another program makes, which the workflow calls.
 
 Its file has the short form of docs/own_simulator.md, with a section `simulator`. It is
 resolved to the form that the stages read, which RESULTS/config.json holds.
@@ -135,25 +135,30 @@ class ExternalConfig(PipelineConfig):
         InputError
             With all faults.
         """
+        # Check the short form, and complete it by defaults.
         source = layered.origin.default
-        given = _without_our_simulator(layered.config)
-        complete = complete_configuration(given, source, file_model_here())
-        made = cls(_resolved(complete), layered.origin)
+        short_form = _convert_to_short_form(layered.config)
+        complete = complete_configuration(short_form, source, make_file_model())
+
+        study = cls(_convert_to_resolved_form(complete), layered.origin)
         if inputs:
-            made.check_inputs()
-        provenance.note_config(made.config)
-        return made
+            study.check_inputs()
+        provenance.note_config(study.config)
+        return study
 
     @cached_property
     def settings(self) -> StudySettings:
-        models = _section_models()
+        """The configuration as typed sections; without those of our simulator."""
+        models = _map_sections_to_models()
         sections: dict[str, Any] = {}
         for name, value in self.config.items():
             if name in WITH_OTHER_BOUNDS:
-                value = models[name].model_construct(**value)
+                # The values were checked with the bounds of the short form.
+                sections[name] = models[name].model_construct(**value)
             elif name in models and value is not None:
-                value = models[name].model_validate(value)
-            sections[name] = value
+                sections[name] = models[name].model_validate(value)
+            else:
+                sections[name] = value
         sections["targets"] = targets_of(self.config)
         return ExternalSettings.model_construct(**sections)
 
@@ -177,10 +182,18 @@ class ExternalConfig(PipelineConfig):
 
     @cached_property
     def definitions(self) -> Definitions:
+        """The keys that define each response, with their values.
+
+        A response that the program prints is defined by its profile alone, if it has
+        one. Where the program leaves particles, the responses of piles are defined by
+        the section `measure`, too.
+        """
         definitions: dict[str, dict[str, Any]] = {}
         for target in targets_of(self.config):
             if target.profile is not None:
                 definitions[target.response] = {"profile": target.profile.abscissae}
+
+        # Without this section the program measures its own piles.
         if self.config["measure"] is None:
             return definitions
         import repose.bench  # noqa: F401  registers the responses of piles
@@ -192,18 +205,30 @@ class ExternalConfig(PipelineConfig):
         return definitions
 
     def study(self, file: Path_ | None = None) -> Study:
+        """Make a study that asks for the runs of this configuration.
+
+        Parameters
+        ----------
+        file : path, optional
+            CSV file of the runs, as in `repose.Study(..., file=...)`.
+
+        Returns
+        -------
+        Study
+            It knows also what the targets say of their noise and their definition.
+        """
         study = super().study(file)
-        noise = {}
-        words = {}
+        noise_sd = {}
+        definitions = {}
         for entry in self.config["targets"]:
             if "noise_sd" in entry:
-                noise[entry["response"]] = entry["noise_sd"]
+                noise_sd[entry["response"]] = entry["noise_sd"]
             if "definition" in entry:
-                words[entry["response"]] = entry["definition"]
+                definitions[entry["response"]] = entry["definition"]
         changes = {
             "simulator": self.simulator.name,
-            "noise_sd": noise,
-            "definitions": words,
+            "noise_sd": noise_sd,
+            "definitions": definitions,
         }
         study.settings = study.settings.model_copy(update=changes)
         return study
@@ -235,7 +260,7 @@ class ExternalConfig(PipelineConfig):
 
 
 @cache
-def file_model_here() -> type[StudyFile]:
+def make_file_model() -> type[StudyFile]:
     """Make the model of a file, with a section for each further strategy."""
     sections: dict[str, Any] = {}
     for name, field in file_model().model_fields.items():
@@ -244,21 +269,32 @@ def file_model_here() -> type[StudyFile]:
     return create_model("ExternalConfiguration", __base__=ExternalFile, **sections)
 
 
-def _without_our_simulator(content: Mapping[str, Any]) -> Mapping[str, Any]:
+def _convert_to_short_form(content: Mapping[str, Any]) -> Mapping[str, Any]:
     """Turn a study with our simulator, to which a program was added, into the short form.
 
     Its targets are a list. The short form has them by name, and the number of runs and
     the seed of the study at its top. Sections that only our simulator reads are left
     out.
+
+    Parameters
+    ----------
+    content : mapping
+        The values of the files, which were not checked. It is not changed.
+
+    Returns
+    -------
+    mapping
+        The short form, or `content` itself if it has this form already.
     """
+    # Only a study with our simulator has a list.
     targets = content.get("targets")
     if not isinstance(targets, list):
         return content
-    model = file_model_here()
-    kept = model.model_fields
-    short = {name: value for name, value in content.items() if name in kept}
+    known_keys = make_file_model().model_fields
+    short = {name: value for name, value in content.items() if name in known_keys}
 
-    # A response of our bench tests has a unit; a faulty entry is refused later.
+    # Put the targets by name. A response of our bench tests has a unit, which the user
+    # need not give. A faulty entry is refused later.
     import repose.bench  # noqa: F401  registers the responses of piles
 
     short["targets"] = {}
@@ -271,21 +307,26 @@ def _without_our_simulator(content: Mapping[str, Any]) -> Mapping[str, Any]:
         unit = {} if response is None or not response.unit else {"unit": response.unit}
         short["targets"][name] = unit | keys
 
-    for key, place in {"seeds": "funnel.seeds", "seed": "design.seed"}.items():
-        value = get(content, place)
+    # Move the number of runs and the seed to the top.
+    for key, old_key in {"seeds": "funnel.seeds", "seed": "design.seed"}.items():
+        value = get(content, old_key)
         if key not in content and value is not None:
             short[key] = value
     return short
 
 
-def _section_models() -> dict[str, type[Section]]:
-    """Return the models of the resolved sections by name."""
+def _map_sections_to_models() -> dict[str, type[Section]]:
+    """Map the names of sections in the resolved form to their models."""
     models: dict[str, type[Section]] = {}
     for name, field in ExternalSettings.model_fields.items():
         kind = field.annotation
         if isinstance(kind, type) and issubclass(kind, Section):
             models[name] = kind
+
+    # That model is of contact parameters. Parameters of a program have any names.
     del models["parameters"]
+
+    # Strategies may have sections, too.
     for name in names():
         section = strategy(name).settings
         if section is not None:
@@ -293,8 +334,20 @@ def _section_models() -> dict[str, type[Section]]:
     return models
 
 
-def _resolved(complete: Mapping[str, Any]) -> dict[str, Any]:
-    """Turn a complete configuration of the short form into that of the stages."""
+def _convert_to_resolved_form(complete: Mapping[str, Any]) -> dict[str, Any]:
+    """Turn a complete configuration of the short form into that of the stages.
+
+    Parameters
+    ----------
+    complete : mapping
+        The short form, checked and with all defaults.
+
+    Returns
+    -------
+    dict
+        A configuration as RESULTS/config.json holds it.
+    """
+    # Copy the sections that both forms have.
     config: dict[str, Any] = {}
     for name in AS_GIVEN:
         field = ExternalFile.model_fields[name]
@@ -305,6 +358,7 @@ def _resolved(complete: Mapping[str, Any]) -> dict[str, Any]:
     if "constraints" in complete:
         config["constraints"] = complete["constraints"]
 
+    # Make a list of the targets. A range that is not given follows from the scatter.
     targets = []
     for name, entry in complete["targets"].items():
         numbers = (entry["value"], entry["sd"], entry["repetitions"])
@@ -313,15 +367,18 @@ def _resolved(complete: Mapping[str, Any]) -> dict[str, Any]:
         targets.append(target)
     config["targets"] = targets
 
+    # Add the defaults of these sections.
     simulator = SimulatorSettings.model_validate(complete["simulator"])
     config["simulator"] = simulator.model_dump(mode="json", exclude_none=True)
     figures = FiguresSettings.model_validate(complete.get("figures", {}))
     config["figures"] = figures.model_dump(mode="json")
-    # Another program may take an angle in any way.
+    # Piles are measured here only if the program leaves particles. A program that prints
+    # an angle may define it in any way.
     config["measure"] = None
     if simulator.particles is not None:
         config["measure"] = dict(complete["measure"])
 
+    # Sections in which the two forms have different keys.
     sequential = dict(complete["sequential"])
     sequential["most_pours"] = sequential.pop("most_runs")
     sequential["checks"] = complete["validation"]["representative_seeds"]

@@ -1,4 +1,4 @@
-"""What `repose check` says of a study whose runs another program makes."""
+"""Write what `repose check` prints about a study whose runs another program makes."""
 
 import shlex
 import tempfile
@@ -18,56 +18,95 @@ from repose.stages import simulate, simulated
 from repose.stages.settings import SimulatorSettings
 
 
-def describe(study: PipelineConfig, simulator: SimulatorSettings) -> Iterator[str]:
-    """Yield lines on the program, its deck, and what its runs leave."""
+def describe_program(
+    study: PipelineConfig, simulator: SimulatorSettings
+) -> Iterator[str]:
+    """Describe the program of a study, its deck, and what its runs leave.
+
+    Parameters
+    ----------
+    study : PipelineConfig
+        The study.
+    simulator : SimulatorSettings
+        Its section `simulator`, which names the program and its files.
+
+    Yields
+    ------
+    str
+        A line of text.
+    """
     program = simulate.program_of(simulator.command)
     yield f"{simulator.name}: {shlex.join(simulator.command)}; the program is {program}"
+
+    # The deck is the input file, in which the parameters are filled in.
     deck = f"no deck; the program reads {simulate.PARAMETERS}"
     if simulator.template is not None:
         deck = f"{simulate.deck_name(simulator.template)}, from {simulator.template}"
     yield f"deck: {deck}"
     if simulator.template is not None:
-        used = simulate.names_in_deck(simulator)
+        used_names = simulate.names_in_deck(simulator)
         for name, value in study.parameters.fixed.items():
-            if name not in used:
+            if name not in used_names:
                 yield f"{name} is fixed at {value:g}; the deck must hold this number"
+
     for sentence in wide_ranges(study.config["parameters"]):
         yield f"ranges: WARNING: {sentence}"
-    left = ", ".join(simulator.files_read)
-    yield f"responses: {', '.join(study.targets.names)}, from {left}"
+    files = ", ".join(simulator.files_read)
+    yield f"responses: {', '.join(study.targets.names)}, from {files}"
     yield (
         f"a run: cores {simulator.cores}, memory {simulator.memory_mb} MB, at most "
         f"{simulator.time_limit_s:g} s"
     )
 
 
-def runs_of(settings: StudySettings) -> Pours:
-    """List the runs of a study: purpose, number of parameter sets, runs of each."""
+def list_runs(settings: StudySettings) -> Pours:
+    """List the runs of a study.
+
+    Returns
+    -------
+    sequence of (str, int, int)
+        Purpose, number of parameter sets, and runs of each set.
+    """
     name = settings.strategy
-    of_strategy = strategy_pours(settings, name) or ()
+    strategy_runs = strategy_pours(settings, name) or ()
     if not strategy(name).begins_with_design:
-        return of_strategy
+        return strategy_runs
     section = settings.validation
     seeds = settings.design_seeds("")
     return (
         ("design", settings.design.samples, seeds),
         ("answer", 1, section.representative_seeds),
         ("other solutions", section.solutions, section.seeds),
-        *of_strategy,
+        *strategy_runs,
     )
 
 
-def try_once(study: PipelineConfig, simulator: SimulatorSettings) -> Iterator[str]:
-    """Make one run at the centre of the ranges, and yield lines on its responses.
+def make_trial_run(
+    study: PipelineConfig, simulator: SimulatorSettings
+) -> Iterator[str]:
+    """Make one run at the centre of the ranges, and describe its responses.
+
+    Parameters
+    ----------
+    study : PipelineConfig
+        The study.
+    simulator : SimulatorSettings
+        Its section `simulator`.
+
+    Yields
+    ------
+    str
+        A line of text.
 
     Raises
     ------
     InputError
-        If the run failed; its folder is kept then.
+        If the run failed. Its folder is kept in any case.
     """
+    # Run the program in a folder of its own.
     parameters = study.parameters.centre
     folder = Path(tempfile.mkdtemp(prefix="repose_try_"))
-    started = time.perf_counter()
+    start_s = time.perf_counter()
     record = simulate.run_once(
         simulator,
         parameters,
@@ -76,7 +115,9 @@ def try_once(study: PipelineConfig, simulator: SimulatorSettings) -> Iterator[st
         seed=simulate.seed_of(study.settings.design.seed, "design", 1, 1),
         out_dir=folder,
     )
-    elapsed_s = time.perf_counter() - started
+    elapsed_s = time.perf_counter() - start_s
+
+    # Read its responses, or measure its pile.
     job = simulated.measure_sample(
         [folder / "1.json"],
         folder / "measured.json",
@@ -93,8 +134,10 @@ def try_once(study: PipelineConfig, simulator: SimulatorSettings) -> Iterator[st
             f"a run that ends well; {simulate.PRINTED} there has what the program "
             "printed",
         )
-    at = ", ".join(f"{name} {value:.4g}" for name, value in parameters.items())
-    yield f"trial run, seed {record['seed']}, {elapsed_s:.1f} s, at {at}:"
+
+    # Compare them with the targets.
+    point = ", ".join(f"{name} {value:.4g}" for name, value in parameters.items())
+    yield f"trial run, seed {record['seed']}, {elapsed_s:.1f} s, at {point}:"
     for target in study.targets:
         unit = f" {target.response.unit}".rstrip()
         yield (

@@ -1,4 +1,4 @@
-"""Compute the restitution that a hit returns at the time step of a study.
+"""Compute the restitution that a simulated hit really has at the time step of a study.
 
 The damping of a contact is made for a hit that is followed exactly. With a few time steps
 for each contact a hit returns less, and the more so the lower the restitution.
@@ -48,15 +48,19 @@ def returned_restitution(
     from repose.dem.laws.hertz_mindlin import damping_ratio
 
     time_step = 2.943 * 1.25**0.4 / steps_per_contact
+    # The damping force of this law is 2 sqrt(5/6) beta sqrt(stiffness mass) speed, with
+    # the damping ratio beta.
     damping = 2.0 * math.sqrt(5.0 / 6.0) * damping_ratio(restitution, tension)
     speeds = [
-        _rebound_speed(phase, time_step=time_step, damping=damping, tension=tension)
+        _simulate_rebound_speed(
+            phase, time_step=time_step, damping=damping, tension=tension
+        )
         for phase in PHASES
     ]
     return float(np.mean(speeds))
 
 
-def _rebound_speed(
+def _simulate_rebound_speed(
     phase: float, time_step: float, damping: float, tension: str
 ) -> float:
     """Simulate a hit at speed 1 step by step, and return the speed of the rebound.
@@ -72,12 +76,20 @@ def _rebound_speed(
         Damping force, divided by the speed and the square root of the tangent stiffness.
     tension : {"keep", "release"}
         Whether the contact may pull the bodies together as they part.
+
+    Returns
+    -------
+    float
+        The speed, positive as the bodies part. They start at speed 1, so it is the
+        restitution of this hit.
     """
+    # A negative overlap is a gap.
     overlap = -phase * time_step
     approach_speed = 1.0
     for _ in range(MOST_STEPS):
         force = 0.0
         if overlap > 0.0:
+            # The tangent stiffness of the force overlap^1.5.
             stiffness = 1.5 * math.sqrt(overlap)
             force = overlap**1.5 + damping * math.sqrt(stiffness) * approach_speed
             if tension == "release":
@@ -93,16 +105,21 @@ def _rebound_speed(
 
 
 def low_restitutions(scene: Scene, lowest: Mapping[str, float]) -> Iterator[str]:
-    """Say which restitution a hit returns at this time step, if it is a low one.
-
-    Yield one sentence about the restitutions below `LOW_RESTITUTION`, or nothing.
+    """Describe which restitution a hit returns at this time step, if it is a low one.
 
     Parameters
     ----------
     scene : Scene
         Grain, laws and time step.
     lowest : mapping
-        Lowest value of each parameter, ``e_gg`` and ``e_gp`` among them.
+        Lowest value of each parameter in the study. The restitutions between two grains
+        and between grain and wall, ``e_gg`` and ``e_gp``, are among them.
+
+    Yields
+    ------
+    str
+        One sentence about the restitutions below `LOW_RESTITUTION`. Nothing if there is
+        none, or if the contact law is none of `HERTZ_LAWS`.
     """
     from repose.dem.time_steps import FASTEST_IMPACT_M_S
 
@@ -113,11 +130,15 @@ def low_restitutions(scene: Scene, lowest: Mapping[str, float]) -> Iterator[str]
         restitution = lowest[name]
         if restitution >= LOW_RESTITUTION:
             continue
-        contact_s = _contact_time_s(scene, pair, restitution)
+
+        # Follow a hit with as many steps for each contact as in the study.
+        contact_s = _compute_contact_time_s(scene, pair, restitution)
         if contact_s is None:
             return
-        steps = contact_s / settings.time_step_s
-        effective = returned_restitution(restitution, settings.tension, steps)
+        steps_per_contact = contact_s / settings.time_step_s
+        effective = returned_restitution(
+            restitution, settings.tension, steps_per_contact
+        )
         texts.append(f"{effective:.3f} where {name} is {restitution:g}")
     if texts:
         yield (
@@ -126,10 +147,25 @@ def low_restitutions(scene: Scene, lowest: Mapping[str, float]) -> Iterator[str]
         )
 
 
-def _contact_time_s(scene: Scene, pair: str, restitution: float) -> float | None:
-    """Compute how long a hit between the bodies of a pair in `PAIRS` lasts [s].
+def _compute_contact_time_s(
+    scene: Scene, pair: str, restitution: float
+) -> float | None:
+    """Compute how long a hit between two bodies lasts [s].
 
-    Return None for a contact law that `returned_restitution` cannot follow.
+    Parameters
+    ----------
+    scene : Scene
+        Grain, wall and laws.
+    pair : {"gg", "gp"}
+        Which bodies hit each other: two grains, or a grain and the wall.
+    restitution : float
+        The restitution of this pair.
+
+    Returns
+    -------
+    float or None
+        The duration at the fastest impact of the engine's limits. None for a contact law
+        that `returned_restitution` cannot follow.
     """
     from repose.dem.laws import CONTACT_LAWS
     from repose.dem.time_steps import FASTEST_IMPACT_M_S
@@ -150,10 +186,11 @@ def _contact_time_s(scene: Scene, pair: str, restitution: float) -> float | None
     shape = scene.particle.dem_shape("berry")
     materials = materials_of(scene)
     parameters = {**scene.parameters, f"e_{pair}": restitution}
+    contact = contacts_of(parameters)["berry", partner]
     return contact_time(
         materials["berry"],
         materials[partner],
-        contacts_of(parameters)["berry", partner],
+        contact,
         share * shape.mass_kg,
         share * shape.smallest_radius_m,
         FASTEST_IMPACT_M_S,

@@ -14,7 +14,12 @@ from repose.common import faults
 from repose.common.errors import InputError, YamlError, raise_together
 from repose.common.keys import Origin, get, owner_of
 from repose.config import computed, results_folder
-from repose.config.contradictions import Rule, rules, rules_before_numbers, tests_in_use
+from repose.config.contradictions import (
+    Rule,
+    list_rules_after_numbers,
+    list_rules_before_numbers,
+    tests_in_use,
+)
 from repose.config.models import StudySettings, settings_type, valid_sections
 from repose.grain.particle import Particle
 from repose.stages.published import check_published, find_sibling_table, read_stored
@@ -35,7 +40,7 @@ def time_step_faults(
     berry.json.
     """
     settings = valid_sections(config)
-    limit = computed.longest_step(config, particle, mean)
+    limit = computed.find_longest_step(config, particle, mean)
     if settings.simulation.time_step_s <= limit.time_step_s:
         return
     allowed = limit.allowed
@@ -103,7 +108,7 @@ class ConfigChecks:
 
         # List the numbers to compute. Until then each of them is `auto`.
         pending = []
-        for setting in computed.to_compute(self.config):
+        for setting in computed.find_settings_to_compute(self.config):
             if self._may_read(setting.section):
                 pending.append(setting)
                 self.config = computed.with_value(self.config, setting, computed.AUTO)
@@ -113,12 +118,12 @@ class ConfigChecks:
             self._read_files()
         if inputs or any(setting.needs_grain for setting in pending):
             self._make_grain()
-        self._apply(rules_before_numbers(self.config))
+        self._apply(list_rules_before_numbers(self.config))
         for setting in pending:
             self._compute(setting)
 
         # Check keys against each other, and report all faults.
-        self._apply(rules(self.config))
+        self._apply(list_rules_after_numbers(self.config))
         if inputs:
             self._check_fit()
         raise_together(self.faults)
