@@ -76,9 +76,9 @@ def refused_by_check(config, particle, berry):
         * berry["shear_modulus_pa"]
         * (1 + berry["poisson_ratio"])
     }
-    return [key for key, _ in making.time_step_faults(config, particle, berry)] == [
-        "simulation.time_step_s"
-    ]
+    return [
+        key for key, _ in making.find_time_step_faults(config, particle, berry)
+    ] == ["simulation.time_step_s"]
 
 
 def refused_by_pours(config, parameters, particle, berry):

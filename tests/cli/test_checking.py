@@ -125,14 +125,14 @@ def test_files_are_those_of_inputs_by_name_and_none_that_a_step_writes(tmp_path)
         ["stage", "propose", "refined", str(tmp_path)],
     ]
     named = [
-        [path.name for path in stages.files_of(parser().parse_args(given))]
+        [path.name for path in stages.find_input_files(parser().parse_args(given))]
         for given in arguments
     ]
     assert named == [["a.csv"], ["b=1.json"], ["dataset.csv"]]
     # the samples of the next step, from an earlier run, were once an input of the step that writes them
     (tmp_path / "samples.csv").write_text("")
     arguments = ["stage", "propose", "sequential", f"--out={tmp_path}"]
-    assert not list(stages.files_of(parser().parse_args(arguments)))
+    assert not list(stages.find_input_files(parser().parse_args(arguments)))
 
 
 @pytest.mark.parametrize("name", ["config", "out"])

@@ -61,7 +61,7 @@ def test_a_study_of_a_crop_lies_over_the_programs_which_it_replaces(folder):
     assert PipelineConfig.load(inputs=True).config["label"] == "mine"
     # another crop: no layer of the program's lies under it
     config_file.write_text("berry: {sizes: sizes.csv}\n")
-    assert loader.layers([]) == [METHOD, Path("config/config.yaml")]
+    assert loader.list_files_with_defaults([]) == [METHOD, Path("config/config.yaml")]
     config_file.unlink()
     (folder / "config.yaml").write_text("label: mine\n")
     assert places.configs() == [METHOD, Path("config.yaml")]
@@ -75,7 +75,7 @@ def test_a_given_file_lies_over_what_every_crop_or_the_folders_crop_shares(folde
         folder / "wheat.yaml",
         "label: wheat\nberry: {sizes: sizes.csv, density_kg_m3: 1250}\n",
     )
-    assert loader.layers([mine]) == [METHOD, mine]
+    assert loader.list_files_with_defaults([mine]) == [METHOD, mine]
     missing = {
         "parameters",
         "targets",
@@ -88,7 +88,7 @@ def test_a_given_file_lies_over_what_every_crop_or_the_folders_crop_shares(folde
         folder / "mine.yaml",
         "berry: {particle: ellipsoid, mass_g: null}\nfunnel: {seeds: 3}\n",
     )
-    assert loader.layers([mine]) == [METHOD, CONFIG, mine]
+    assert loader.list_files_with_defaults([mine]) == [METHOD, CONFIG, mine]
     mine.write_text("berry: {density_kg_m3: 900}\n")
     # the program's crop, asked for by name
     expected = [
@@ -96,9 +96,13 @@ def test_a_given_file_lies_over_what_every_crop_or_the_folders_crop_shares(folde
         CONFIG,
         mine,
     ]
-    assert loader.layers([CONFIG, mine]) == expected
+    assert loader.list_files_with_defaults([CONFIG, mine]) == expected
     (folder / "config.yaml").write_text("berry: {sizes: sizes.csv}\n")
-    assert loader.layers([mine]) == [METHOD, Path("config.yaml"), mine]
+    assert loader.list_files_with_defaults([mine]) == [
+        METHOD,
+        Path("config.yaml"),
+        mine,
+    ]
 
 
 def test_in_the_programs_own_folder_there_is_one_configuration():

@@ -9,7 +9,7 @@ from repose.calibrate.targets import OWN
 from repose.common.errors import InputError
 from repose.config import dependencies, loader, results_folder
 from repose.config.external import ExternalConfig
-from repose.config.external_check import runs_of, try_once
+from repose.config.external_check import list_runs, try_once
 from repose.config.pipeline import PipelineConfig
 from repose.stages import simulate
 
@@ -129,7 +129,7 @@ def test_a_run_depends_on_deck_and_command_alone():
 
 
 def test_the_runs_of_a_study_are_counted():
-    assert runs_of(loaded().settings) == (
+    assert list_runs(loaded().settings) == (
         ("design", 14, 3),
         ("answer", 1, 5),
         ("other solutions", 2, 4),

@@ -158,8 +158,8 @@ def test_an_example_of_a_bench_test_goes_over_the_default(path):
 
 
 def test_a_key_of_a_section_with_a_fault_is_not_used():
-    of_section = SimpleNamespace(bad={"funnel"})
-    of_key = SimpleNamespace(bad={"funnel.seeds"})
+    of_section = SimpleNamespace(faulty_keys={"funnel"})
+    of_key = SimpleNamespace(faulty_keys={"funnel.seeds"})
     assert not ConfigChecks._may_use(of_section, "funnel.seeds")
     assert not ConfigChecks._may_use(of_key, "funnel.seeds")
     assert ConfigChecks._may_use(of_key, "funnel.berries")

@@ -71,12 +71,12 @@ def test_names_that_studies_have_written_are_still_registered(kind, names_of_kin
 
 
 def test_the_tables_of_the_page_are_those_of_the_sections():
-    text = page.page(PAGE)
+    text = page.update_tables(PAGE)
     assert without_names(text) == without_names(PAGE), (
         "write the page by `python -m repose.config.page`"
     )
     sections = set(page.TABLE.findall(PAGE))
-    assert sections == {name for name in page.tables() if name not in ADDED}
+    assert sections == {name for name in page.make_tables() if name not in ADDED}
 
 
 def test_a_section_without_a_table_on_the_page_is_named(tmp_path, monkeypatch, capsys):

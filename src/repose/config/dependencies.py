@@ -120,9 +120,10 @@ def settings_of(
     stage : str
         Name of the stage.
     apparatus : str, optional
-        Bench test of a stage that simulates or measures; by default the funnel.
+        Bench test of a stage that simulates or measures; by default the funnel. Other
+        stages ignore it.
     name : str, optional
-        Strategy of the stages `propose` and `conclude`.
+        Strategy of the stages `propose` and `conclude`. Other stages have none.
 
     Returns
     -------
@@ -137,66 +138,99 @@ def settings_of(
 def _select_settings(
     config: Config, stage: str, test: str, strategy_name: str | None
 ) -> dict[str, Any]:
-    """Select the settings of a stage, by section or dotted key.
+    """Select the settings of a stage, and of the stages whose results it reads.
 
-    Named files appear as paths. `test` is the bench test of a stage that simulates or
-    measures. `strategy_name` is the strategy of the stages `propose` and `conclude`.
+    Parameters
+    ----------
+    config : mapping
+        A resolved configuration.
+    stage : str
+        Name of the stage, or `RUNS` for the runs of the targets.
+    test : str
+        Bench test of a stage that simulates or measures.
+    strategy_name : str or None
+        Strategy of the stages `propose` and `conclude`; None for any other stage.
+
+    Returns
+    -------
+    dict
+        Values by section or dotted key. Named files appear as paths.
     """
+    # The runs of another program depend on its own section.
     if is_external(config) and stage in (RUNS, "measure_simulated"):
-        return _external_run_settings(config)
-    # Some stages read sections that depend on the bench test.
+        return _select_external_run_settings(config)
+
+    # Stages that simulate or measure read the grain and the section of the bench test.
     grain = {} if is_external(config) else sections(config, *KEYS["shape"])
     if stage == "pour":
         return grain | simulation_settings(config, test)
     if stage == "drum":
         return grain | simulation_settings(config, "drum")
     if stage in ("measure_runs", "heap"):
-        return grain | _run_settings(config, test)
+        return grain | _select_run_settings(config, test)
     if stage == RUNS:
-        return grain | _target_run_settings(config)
+        return grain | _select_target_run_settings(config)
 
-    keys = _keys_of_stage(stage, strategy_name)
+    # Any other stage has a list of keys, or may read any key.
+    keys = _find_keys_of_stage(stage, strategy_name)
     if keys is None:
-        return _all_settings(config)
+        return _select_all_settings(config)
 
-    # A stage also depends on the settings behind the results that it reads.
+    # It also depends on the settings behind the results that it reads.
     selected: dict[str, Any] = {}
     for source_stage in READS.get(stage, ()):
         selected |= _select_settings(config, source_stage, test, None)
     return selected | sections(config, *keys)
 
 
-def _keys_of_stage(stage: str, strategy_name: str | None) -> tuple[str, ...] | None:
-    """Return the keys that a stage itself reads, or None if it may read any key."""
+def _find_keys_of_stage(
+    stage: str, strategy_name: str | None
+) -> tuple[str, ...] | None:
+    """Find the keys that a stage itself reads.
+
+    Parameters
+    ----------
+    stage : str
+        Name of the stage.
+    strategy_name : str or None
+        Strategy of the stages `propose` and `conclude`; None for any other stage.
+
+    Returns
+    -------
+    tuple of str, or None
+        Sections, dotted keys and entries such as `RESPONSES`. None if the stage may read
+        any key.
+    """
     stage_keys = KEYS.get(stage)
     if strategy_name is None:
         return stage_keys
+    # A strategy may leave open what it reads.
     strategy_keys = strategy(strategy_name).reads
     if strategy_keys is None:
         return None
     return (*(stage_keys or ()), *strategy_keys)
 
 
-def _all_settings(config: Config) -> dict[str, Any]:
+def _select_all_settings(config: Config) -> dict[str, Any]:
     """Select all settings on which a result can depend."""
     return {key: value for key, value in config.items() if key not in WITHOUT_EFFECT}
 
 
-def _external_run_settings(config: Config) -> dict[str, Any]:
+def _select_external_run_settings(config: Config) -> dict[str, Any]:
     """Select the settings of the measured runs of a program of the user's own."""
     return sections(config, *KEYS["simulate"], "measure") | responses(config)
 
 
-def _target_run_settings(config: Config) -> dict[str, Any]:
+def _select_target_run_settings(config: Config) -> dict[str, Any]:
     """Select the settings of the measured runs of all targets, and their parameters."""
     selected = sections(config, "parameters")
     tests = dict.fromkeys(target.apparatus for target in targets_of(config))
     for test in tests:
-        selected |= _run_settings(config, test)
+        selected |= _select_run_settings(config, test)
     return selected | responses(config)
 
 
-def _run_settings(config: Config, test: str) -> dict[str, Any]:
+def _select_run_settings(config: Config, test: str) -> dict[str, Any]:
     """Select the settings of a run of a bench test, and of its measurement."""
     return simulation_settings(config, test) | measurement_settings(config, test)
 
@@ -218,27 +252,29 @@ def sections(config: Config, *keys: str) -> dict[str, Any]:
     """
     selected: dict[str, Any] = {}
     for key in keys:
+        # Some entries are no keys of a configuration, but are computed from it.
         if key == RESPONSES:
             selected |= responses(config)
         elif key == SIMULATOR:
-            selected[key] = _simulator_settings(config)
+            selected[key] = _select_simulator_settings(config)
         elif key == SCENE:
             selected[SCENE] = scene(config)
         elif key == MEASURED_BY:
-            selected |= _measuring_settings(config)
+            selected |= _select_measuring_settings(config)
         else:
-            selected[key] = _sort_mappings(_value_at(config, key))
+            selected[key] = _sort_mappings(_look_up(config, key))
+
         # Constraints belong to the parameters, and few studies have any.
         if key == "parameters" and config.get("constraints"):
             selected["constraints"] = list(config["constraints"])
     return selected
 
 
-def _simulator_settings(config: Config) -> dict[str, Any]:
+def _select_simulator_settings(config: Config) -> dict[str, Any]:
     """Select what the runs of a program depend on, with the content of its files.
 
-    A kept run stays as it is where the time limit changes, and one that it ended is made
-    again.
+    Neither its name nor its memory changes a result. A kept run stays as it is where the
+    time limit changes, and one that it ended is made again.
     """
     section = {
         key: value
@@ -246,14 +282,14 @@ def _simulator_settings(config: Config) -> dict[str, Any]:
         if key not in ("name", "memory_mb")
     }
     if "template" in section:
-        section["template"] = _content_hash(section["template"])
+        section["template"] = _hash_content(section["template"])
     section["files"] = {
-        Path(name).name: _content_hash(name) for name in section["files"]
+        Path(name).name: _hash_content(name) for name in section["files"]
     }
     return _sort_mappings(section)
 
 
-def _measuring_settings(config: Config) -> dict[str, Any]:
+def _select_measuring_settings(config: Config) -> dict[str, Any]:
     """Select the keys by which the runs of any configured bench test are measured."""
     selected: dict[str, Any] = {}
     for test in bench_tests():
@@ -262,8 +298,8 @@ def _measuring_settings(config: Config) -> dict[str, Any]:
     return selected
 
 
-def _value_at(config: Config, dotted_key: str) -> Any:
-    """Return the value of a dotted key, such as ``design.seed``."""
+def _look_up(config: Config, dotted_key: str) -> Any:
+    """Look up the value of a dotted key, such as ``design.seed``; KeyError without it."""
     value: Any = config
     for key in dotted_key.split("."):
         value = value[key]
@@ -310,9 +346,21 @@ def scene(config: Config) -> str:
     This is the grain, the bench tests of the targets, and the section `measure` without
     `measure.response`. Each run is measured by every definition of the angle, so the
     choice of the calibrated one does not matter.
+
+    Parameters
+    ----------
+    config : mapping
+        A resolved configuration.
+
+    Returns
+    -------
+    str
+        16 hexadecimal digits.
     """
     if is_external(config):
-        return hash_of(_external_run_settings(config))
+        return hash_of(_select_external_run_settings(config))
+
+    # Leave out which of the angles is calibrated.
     selected = sections(config, "berry", "measure")
     measure = dict(selected["measure"])
     measure.pop("response", None)
@@ -342,6 +390,7 @@ def responses(config: Config, apparatus: str | None = None) -> dict[str, Any]:
         ``responses``: the names, in the order of the targets. ``profiles``: abscissae and
         functions of each profile by its name; this key is absent without profiles.
     """
+    # A profile is defined by the points at which it is compared.
     response_names = []
     profiles = {}
     for target in targets_of(config):
@@ -357,21 +406,28 @@ def responses(config: Config, apparatus: str | None = None) -> dict[str, Any]:
 
 
 def _hash_named_files(selected: dict[str, Any]) -> dict[str, Any]:
-    """Copy settings, with the path of each file replaced by its content's hash."""
+    """Copy settings, and replace the path of each named file by a hash of its content.
+
+    Parameters
+    ----------
+    selected : dict
+        Values by section or dotted key. A file may be named by a dotted key, or inside a
+        section.
+    """
     hashed = dict(selected)
     for dotted_key in named_files():
         # Either the key of the file was selected by itself ...
         if hashed.get(dotted_key) is not None:
-            hashed[dotted_key] = _content_hash(hashed[dotted_key])
+            hashed[dotted_key] = _hash_content(hashed[dotted_key])
         # ... or the whole section around it.
         section_name, _, key = dotted_key.rpartition(".")
         section = hashed.get(section_name, {})
         if section.get(key) is not None:
-            hashed[section_name] = section | {key: _content_hash(section[key])}
+            hashed[section_name] = section | {key: _hash_content(section[key])}
     return hashed
 
 
-def _content_hash(path: str | PathLike) -> str | None:
+def _hash_content(path: str | PathLike) -> str | None:
     """Hash a file; None if it is missing, which its reader reports."""
     return hash_of_file(path) if Path(path).is_file() else None
 
@@ -380,11 +436,21 @@ def _content_hash(path: str | PathLike) -> str | None:
 
 
 class Difference(NamedTuple):
-    """A setting in which a result differs from the study."""
+    """A setting in which a result differs from the study.
+
+    Attributes
+    ----------
+    key : str
+        Dotted key of the setting, or ``engine``.
+    recorded : object
+        Its value in the record of the result.
+    current : object
+        Its value in the study.
+    """
 
     key: str
-    recorded: Any  # value of the result
-    current: Any  # value of the study
+    recorded: Any
+    current: Any
 
 
 def difference(
@@ -421,36 +487,49 @@ def difference(
     if strategy_name is not None and strategy_name not in names():
         return None
 
+    # Compare the settings, and then the engine.
     current = as_recorded(settings_of(config, record["verb"], apparatus, strategy_name))
     if recorded != current:
-        return _first_difference(recorded, current)
+        return _find_first_difference(recorded, current)
     engine = engine_hash()
     if is_of_engine and record["engine"] not in (None, engine):
         return Difference("engine", record["engine"], engine)
     return None
 
 
-def _first_difference(recorded: Any, current: Any, prefix: str = "") -> Difference:
-    """Find the first, innermost key in which two sets of settings differ.
+def _find_first_difference(recorded: Any, current: Any, prefix: str = "") -> Difference:
+    """Find the first, innermost key in which two values that differ do so.
 
-    `prefix` is the dotted key of these settings, with a leading dot.
+    Parameters
+    ----------
+    recorded, current : object
+        Settings of a result and of the study, or parts of them. They are not equal.
+    prefix : str, optional
+        Dotted key of these parts, with a leading dot; empty for the whole settings.
+
+    Returns
+    -------
+    Difference
     """
+    # Go on with the first key, or entry of a list, in which they differ.
     if isinstance(recorded, Mapping) and isinstance(current, Mapping):
-        for key in _keys_scene_last({*recorded, *current}):
+        for key in _sort_keys_scene_last({*recorded, *current}):
             old = recorded.get(key)
             new = current.get(key)
             if old != new:
-                return _first_difference(old, new, f"{prefix}.{key}")
+                return _find_first_difference(old, new, f"{prefix}.{key}")
 
     if _are_lists_of_one_length(recorded, current):
         for position, (old, new) in enumerate(zip(recorded, current, strict=True)):
             # A list of plain values, such as a range, is reported as a whole.
             if old != new and isinstance(old, Mapping):
-                return _first_difference(old, new, f"{prefix}.{position}")
+                return _find_first_difference(old, new, f"{prefix}.{position}")
+
+    # They differ as a whole.
     return Difference(prefix.removeprefix("."), recorded, current)
 
 
-def _keys_scene_last(keys: Iterable[str]) -> list[str]:
+def _sort_keys_scene_last(keys: Iterable[str]) -> list[str]:
     """Sort keys, with that of the scene last.
 
     The scene is a hash, which tells a user less than the keys that it is made of.
@@ -459,7 +538,7 @@ def _keys_scene_last(keys: Iterable[str]) -> list[str]:
 
 
 def _are_lists_of_one_length(one: Any, other: Any) -> bool:
-    """Return whether two values are lists with equally many items."""
+    """Tell whether two values are lists with equally many items."""
     return isinstance(one, list) and isinstance(other, list) and len(one) == len(other)
 
 
@@ -479,7 +558,8 @@ def require_same_study(config: Config, inputs: Inputs, source: str) -> None:
         mismatch = difference(config, record, is_of_engine=False)
         if mismatch is None:
             continue
-        # A missing file has no content to compare.
+        # A difference may only mean that a file of the study is not found from here: a
+        # missing file has no content to compare.
         named_file = get(config, mismatch.key)
         if mismatch.current is None and isinstance(named_file, str):
             raise InputError(
@@ -516,13 +596,18 @@ def find_outdated(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
 
 
 def find_own_dataset(config: Config) -> Path | None:
-    """Find the study's own dataset.csv.
+    """Find the table of the samples that the study itself has made.
+
+    Parameters
+    ----------
+    config : mapping
+        The resolved configuration.
 
     Returns
     -------
     Path or None
-        The path, if table, piles and grain come from these settings and the table is the
-        newest of them; otherwise None.
+        The path of dataset.csv, if table, piles and grain come from these settings and
+        the table is the newest of them. Otherwise None.
     """
     folder = Path(config["results_dir"])
     table = folder / "dataset.csv"
@@ -530,6 +615,7 @@ def find_own_dataset(config: Config) -> Path | None:
     if not piles:
         return None
 
+    # Every file must have a record, and the settings of the study.
     files = [*folder.glob("berry/*.json"), *piles, table]
     if any(attached.read(path) is None for path in files):
         return None

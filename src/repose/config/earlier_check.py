@@ -1,4 +1,4 @@
-"""Keep the result of a configuration's check, so that later runs need not repeat it.
+"""Store the result of a configuration's check, so that later runs need not repeat it.
 
 Snakemake reads the Snakefile for each of its commands. The first command checks the
 configuration with its grain and the files that it names, and computes each `auto`. A run
@@ -27,18 +27,28 @@ ROOMS = ("common", "config", "stages", "bench", "measure", "calibrate", "grain",
 def fingerprint(config: Config) -> str:
     """Hash a configuration as its files have it, the files that it names, and the code."""
     contents = {}
-    for path in _named_paths(config):
+    for path in _list_named_paths(config):
         if path is not None and Path(path).is_file():
             contents[str(path)] = hash_of_file(path)
     code = code_hash(*ROOMS, follow_imports=False)
     return hash_of({"config": config, "files": contents, "code": code})
 
 
-def _named_paths(config: Config) -> list[Any]:
+def _list_named_paths(config: Config) -> list[Any]:
     """List the paths of all files that a check of the configuration reads.
 
-    In an invalid configuration an entry may be None or of any other type.
+    Parameters
+    ----------
+    config : mapping
+        The configuration, which was not checked. It may have no value, or a value of any
+        type, where a path belongs.
+
+    Returns
+    -------
+    list
+        Texts and paths, and whatever else stands in place of a path.
     """
+    # Keys that name a file, and the tables in the folder of published results.
     paths = [get(config, key) for key in named_files()]
     published = get(config, "validation.published")
     if isinstance(published, str):
@@ -54,7 +64,7 @@ def _named_paths(config: Config) -> list[Any]:
 
 
 def resolved(config: Config, checked: str) -> dict[str, Any] | None:
-    """Return what an earlier run made of the same configuration.
+    """Read what an earlier run made of the same configuration.
 
     Parameters
     ----------

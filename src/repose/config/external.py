@@ -239,7 +239,7 @@ class ExternalConfig(PipelineConfig):
         return self.source.default if isinstance(self.source, Origin) else self.source
 
     @cached_property
-    def _making(self) -> "ConfigChecks":
+    def _checks(self) -> "ConfigChecks":
         words = "a study without this section, whose runs repose makes itself"
         raise InputError(self._file, "simulator", self.simulator.name, words)
 

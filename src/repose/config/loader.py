@@ -34,14 +34,30 @@ Read = Callable[[Path_], dict[str, Any]]
 
 
 class Layered(NamedTuple):
-    """A configuration of several files, and the file of each of its keys."""
+    """A configuration that was merged from several files.
+
+    Attributes
+    ----------
+    config : dict
+        The merged values.
+    origin : Origin
+        The file of each of its keys.
+    """
 
     config: dict[str, Any]
     origin: Origin
 
 
 class Layer(NamedTuple):
-    """A file and its values."""
+    """A file of a configuration.
+
+    Attributes
+    ----------
+    path : str
+        Its path.
+    content : mapping
+        Its values, before they are merged with those of other files.
+    """
 
     path: str
     content: Config
@@ -79,14 +95,17 @@ def read_layers(files: Sequence[Path_], overrides: Config | None = None) -> Laye
     InputError
         If a file cannot be read.
     """
-    paths = [places.find(path) for path in files]
     # The files may be merged twice: alone, and over the defaults. Read them once.
+    paths = [places.find(path) for path in files]
     read_once: Any = functools.cache(read)
     if paths:
         layered = _merge_files(paths, overrides, read_once)
-        if not _lacks_keys(layered.config):
+        is_complete = not _lacks_keys(layered.config)
+        if is_complete:
             return layered
-    return _merge_files(layers(paths, read_once), overrides, read_once)
+    return _merge_files(
+        list_files_with_defaults(paths, read_once), overrides, read_once
+    )
 
 
 def read_given(files: Sequence[Path_], overrides: Config | None = None) -> Layered:
@@ -102,27 +121,36 @@ def is_external(config: Config) -> bool:
 def of_workflow(
     given: Config, files: Sequence[Path_] = (), default_source: str = COMMAND_LINE
 ) -> Layered:
-    """Find the file of each of the values that snakemake calls `config`.
+    """Find the file of each value in Snakemake's `config`, without any defaults.
 
     Parameters
     ----------
-    given, files, default_source
-        As in `over_defaults`.
+    given : mapping
+        Snakemake's `config`. Texts from its command line are parsed as YAML.
+    files : sequence of path
+        Its configuration files; each overrides those before it. Without any it is the
+        default configuration of the working folder.
+    default_source : str
+        Source of the values that come from no file.
+
+    Returns
+    -------
+    Layered
     """
-    sources = []
+    layers = []
     for path in files or places.configs()[-1:]:
-        sources.append(Layer(str(path), read(places.find(path))))
+        layers.append(Layer(str(path), read(places.find(path))))
     origin: dict[str, str] = {}
     values = _find_in_files(
-        given, "", sources=sources, origin=origin, default_source=default_source
+        given, "", layers=layers, origin=origin, default_source=default_source
     )
-    return Layered(values, Origin(origin, default=sources[-1].path))
+    return Layered(values, Origin(origin, default=layers[-1].path))
 
 
 def over_defaults(
     given: Config, files: Sequence[Path_] = (), default_source: str = COMMAND_LINE
 ) -> Layered:
-    """Merge the values of Snakemake's `config` over the defaults.
+    """Merge the values in Snakemake's `config` over the defaults.
 
     Snakemake has already merged its configuration files and its command line. This
     function recovers which file holds which key, so that messages about faults can name
@@ -148,21 +176,22 @@ def over_defaults(
 
     # Choose the defaults. Values that define a crop need only those of the method.
     default_files: list[Path_] = [method]
-    if files or not _is_a_crop(given):
+    if files or not _defines_crop(given):
         contents = [*map(read_once, files), given]
-        default_files = layers((), read_once, contents)
+        default_files = list_files_with_defaults((), read_once, contents)
     needed_files = default_files if _lacks_keys(given) else []
     defaults = _merge_files(needed_files, read=read_once)
 
     # Find the file that each value comes from.
-    sources = []
+    layers = []
     for path in (*default_files, study, *files):
-        sources.append(Layer(str(path), read_once(path)))
+        layers.append(Layer(str(path), read_once(path)))
     origin: dict[str, str] = {}
     values = _find_in_files(
-        given, "", sources=sources, origin=origin, default_source=default_source
+        given, "", layers=layers, origin=origin, default_source=default_source
     )
 
+    # Merge the values over the defaults. A missing key belongs into the user's last file.
     config = _merge(defaults.config, values, origin={}, source="")
     return Layered(
         _resolve_named_files(config),
@@ -177,13 +206,11 @@ def over_defaults(
 def _find_in_files(
     value: Any,
     dotted_key: str,
-    sources: Sequence[Layer],
+    layers: Sequence[Layer],
     origin: dict[str, str],
     default_source: str,
 ) -> Any:
     """Find the file that a value of Snakemake comes from, and note it in `origin`.
-
-    Returns the value as the file has it, since Snakemake may have turned it into text.
 
     Parameters
     ----------
@@ -191,52 +218,72 @@ def _find_in_files(
         A single value, or a section, which is searched key by key.
     dotted_key : str
         The key of the value. It is empty for the whole configuration.
-    sources : sequence of Layer
+    layers : sequence of Layer
         The files; each overrides those before it.
     origin : dict
         The source of each dotted key. This function adds to it.
     default_source : str
         Source of the values that come from no file.
+
+    Returns
+    -------
+    object
+        The value as the file has it, since Snakemake may have turned it into text.
     """
+    # A section: search its keys. It belongs to the last file that has it.
     if isinstance(value, Mapping):
         section = {}
         for name, item in value.items():
             section[name] = _find_in_files(
                 item,
                 f"{dotted_key}.{name}" if dotted_key else name,
-                sources=sources,
+                layers=layers,
                 origin=origin,
                 default_source=default_source,
             )
-        section_file = _last_file_with_section(dotted_key, sources)
+        section_file = _last_file_with_section(dotted_key, layers)
         origin[dotted_key] = section_file or default_source
         return section
 
-    # Command lines contain only texts, and files may have numbers such as 1e-5 as text.
-    parsed = value
+    # A single value. Command lines contain only texts, and files may have numbers such as
+    # 1e-5 as text.
+    parsed_value = value
     if default_source == COMMAND_LINE or EXPONENT.match(str(value)):
-        parsed = _parse_texts(value)
-    for source in reversed(sources):
-        value_of_file = _value_at(source.content, dotted_key)
-        if value_of_file in (value, parsed):
-            origin[dotted_key] = source.path
-            return value_of_file
+        parsed_value = _parse_texts(value)
+
+    # It comes from the last file that has an equal value, or else from no file.
+    for layer in reversed(layers):
+        value_in_file = _look_up(layer.content, dotted_key)
+        if value_in_file in (value, parsed_value):
+            origin[dotted_key] = layer.path
+            return value_in_file
     origin[dotted_key] = default_source
-    return parsed
+    return parsed_value
 
 
-def _last_file_with_section(dotted_key: str, sources: Sequence[Layer]) -> str | None:
+def _last_file_with_section(dotted_key: str, layers: Sequence[Layer]) -> str | None:
     """Return the path of the last file that has a section; None if no file has it."""
-    for source in reversed(sources):
-        if isinstance(_value_at(source.content, dotted_key), dict):
-            return source.path
+    for layer in reversed(layers):
+        if isinstance(_look_up(layer.content, dotted_key), dict):
+            return layer.path
     return None
 
 
-def _value_at(content: Any, dotted_key: str) -> Any:
-    """Look up a dotted key in the content of a file; return `MISSING` if it is absent.
+def _look_up(content: Any, dotted_key: str) -> Any:
+    """Look up a dotted key in the content of a file.
 
-    An empty key stands for the whole content.
+    Parameters
+    ----------
+    content : object
+        The values of the file.
+    dotted_key : str
+        The key; empty for the whole content.
+
+    Returns
+    -------
+    object
+        The value of the key. `MISSING` if the file lacks it, since None is a value that
+        a file may have.
     """
     if not dotted_key:
         return content
@@ -257,7 +304,7 @@ def _lacks_keys(config: Config) -> bool:
     return lacks_keys(config, settings_type())
 
 
-def layers(
+def list_files_with_defaults(
     files: Sequence[Path_], read: Read = read, given: Iterable[Config] = ()
 ) -> list[Path_]:
     """List the default files and the user's files of a configuration.
@@ -284,20 +331,32 @@ def layers(
         path for path in defaults if path.resolve() != built_in_crop
     ]
     contents = [read(path) for path in (*defaults_without_crop, *files)]
-    if any(_is_a_crop(content) for content in (*contents, *given)):
+    if any(_defines_crop(content) for content in (*contents, *given)):
         return [*defaults_without_crop, *files]
     return [*defaults, *files]
 
 
 def find_substitute_crop(*files: Path_) -> Path | None:
-    """Return the file of the built-in crop if it stands in for a missing configuration.
+    """Find out whether the built-in crop stands in for a missing configuration.
 
     That is so if the working folder has no configuration and the given files rely on
-    the built-in crop. A file in the folder of the built-in crop was made for it, so
-    that nothing is missing then.
+    the built-in crop.
+
+    Parameters
+    ----------
+    *files : path
+        The files that the user gives.
+
+    Returns
+    -------
+    Path or None
+        The file of the built-in crop, if its numbers are used in this way; otherwise
+        None.
     """
     built_in_crop = places.root() / places.DEFAULT_CONFIG
     paths = [places.find(path) for path in files]
+
+    # A file in the folder of the built-in crop was made for this crop.
     for path in paths:
         if path != built_in_crop and path.parent == built_in_crop.parent:
             return None
@@ -306,20 +365,17 @@ def find_substitute_crop(*files: Path_) -> Path | None:
     if places.configs()[-1] != built_in_crop or is_resolved(*paths):
         return None
 
+    # The given files include it, or are merged over it because they define no crop.
     if built_in_crop in paths:
         return built_in_crop
     is_complete = paths and not _lacks_keys(_merge_files(paths).config)
-    if not is_complete and built_in_crop in layers(paths):
+    if not is_complete and built_in_crop in list_files_with_defaults(paths):
         return built_in_crop
     return None
 
 
-def _is_a_crop(config: Config) -> bool:
-    """Return whether a configuration defines a crop: by sizes, a density or a scan.
-
-    A density given as text comes from the command line. It changes one number of a crop
-    and defines no other.
-    """
+def _defines_crop(config: Config) -> bool:
+    """Tell whether a configuration defines a crop: by sizes, a density or a scan."""
     grain = config.get("berry")
     if not isinstance(grain, dict):
         return False
@@ -327,13 +383,26 @@ def _is_a_crop(config: Config) -> bool:
         return True
     if all(grain.get(key) is None for key in CROP):
         return False
+
+    # A density given as text comes from the command line. It changes one number of a crop
+    # and defines no other.
     return not isinstance(grain.get("density_kg_m3"), str)
 
 
 def _merge_files(
     files: Sequence[Path_], overrides: Config | None = None, read: Read = read
 ) -> Layered:
-    """Merge the values of files and the overrides; note which file holds each key."""
+    """Merge the values of files and the overrides, and note which file holds each key.
+
+    Parameters
+    ----------
+    files : sequence of path
+        Each overrides the ones before it.
+    overrides : mapping, optional
+        Nested values that override all files. Texts among them are parsed as YAML.
+    read : callable, optional
+        Function that reads a file.
+    """
     config: dict[str, Any] = {}
     origin: dict[str, str] = {}
     for path in files:
@@ -350,7 +419,15 @@ def _merge_files(
 def _resolve_named_files(config: dict[str, Any]) -> dict[str, Any]:
     """Replace named files that are not in the working folder by those of the program.
 
-    The configuration is changed in place and returned. It need not be valid.
+    Parameters
+    ----------
+    config : dict
+        The configuration, which need not be valid. It is changed in place.
+
+    Returns
+    -------
+    dict
+        The same configuration.
     """
     from repose.config.models import named_files
 
@@ -382,6 +459,16 @@ def _parse_texts(value: Any) -> Any:
     """Parse each text in a value as YAML.
 
     On the command line numbers and lists arrive as text, such as "2" and "[1, 2]".
+
+    Parameters
+    ----------
+    value : object
+        A single value, or nested mappings and lists.
+
+    Returns
+    -------
+    object
+        A copy with the texts parsed. An empty text stays empty.
     """
     from repose.common.reading import parse
 
@@ -415,7 +502,13 @@ def _merge(
     source : str
         The file that the values come from.
     prefix : str
-        Dotted key of the section to which the values belong, with a trailing dot.
+        Dotted key of the section to which the values belong, with a trailing dot; empty
+        for the whole configuration.
+
+    Returns
+    -------
+    dict
+        The same `config`.
     """
     for key, value in values.items():
         dotted_key = f"{prefix}{key}"
@@ -423,6 +516,8 @@ def _merge(
         if not isinstance(value, dict):
             config[key] = copy.deepcopy(value)
             continue
+
+        # A section. Replace the old one, unless both are to be merged.
         is_merged = dotted_key not in REPLACED and isinstance(config.get(key), dict)
         if not is_merged:
             config[key] = copy.deepcopy(value)

@@ -26,28 +26,41 @@ from repose.stages.published import check_published, find_sibling_table, read_st
 
 # Sections that the mean grain follows from, and those that limit the time step.
 GRAIN = ("berry", "validation")
-STEP = ("simulation", "wall", "parameters", "validation")
+TIME_STEP = ("simulation", "wall", "parameters", "validation")
 
 Result = TypeVar("Result")
 
 
-def time_step_faults(
-    config: Mapping[str, Any], particle: Particle, mean: Mapping[str, Any]
+def find_time_step_faults(
+    config: Mapping[str, Any], particle: Particle, mean_grain: Mapping[str, Any]
 ) -> Iterator[tuple[str, str]]:
-    """Yield a fault if the engine would refuse the time step of a configuration.
+    """Find out whether the engine would refuse the time step of a configuration.
 
-    The fault is a key with its allowed values. `mean` is the mean grain, as in
-    berry.json.
+    Parameters
+    ----------
+    config : mapping
+        The configuration.
+    particle : Particle
+        The body of the mean grain.
+    mean_grain : mapping
+        The mean grain, as in berry.json.
+
+    Yields
+    ------
+    tuple of str
+        The key of the time step and its allowed values, if the time step is too long.
+        Otherwise nothing.
     """
     settings = valid_sections(config)
-    limit = computed.find_longest_step(config, particle, mean)
+    limit = computed.find_longest_step(config, particle, mean_grain)
     if settings.simulation.time_step_s <= limit.time_step_s:
         return
-    allowed = limit.allowed
+
     # Without a modulus in the configuration, it was computed from measured forces. Show
     # it, since forces in a wrong unit give a wrong modulus and so a wrong time step.
+    allowed = limit.allowed
     if settings.berry.shear_modulus_pa is None:
-        modulus = f"{mean['elastic_modulus_pa']:.2g} Pa"
+        modulus = f"{mean_grain['elastic_modulus_pa']:.2g} Pa"
         allowed += f"; the modulus of {settings.berry.compression} is {modulus}"
     yield "simulation.time_step_s", allowed
 
@@ -65,10 +78,10 @@ class ConfigChecks:
         The file that a fault names.
     faults : list of InputError
         The faults found so far.
-    bad : set of str
+    faulty_keys : set of str
         Dotted keys with a fault.
-    mean : dict or None
-        The mean grain, as in berry.json, once it is made.
+    mean_grain : dict or None
+        The mean_grain grain, as in berry.json, once it is made.
     particle : Particle or None
         Its body, once it is made.
     inputs_are_checked : bool
@@ -80,8 +93,8 @@ class ConfigChecks:
         self.config = config
         self.source = source
         self.faults: list[InputError] = []
-        self.bad: set[str] = set()
-        self.mean: Any = None
+        self.faulty_keys: set[str] = set()
+        self.mean_grain: Any = None
         self.particle: Any = None
         self.inputs_are_checked = False
 
@@ -99,38 +112,47 @@ class ConfigChecks:
         InputError
             With all faults.
         """
-        # Check each key separately.
+        # Check each key separately. This replaces the faults of an earlier check.
         self._complete_targets()
         self.config = faults.with_whole_numbers(self.config, settings_type())
         checked = faults.check(self.config, self.source, settings_type())
         self.faults = checked.faults
-        self.bad = checked.keys
+        self.faulty_keys = checked.keys
 
         # List the numbers to compute. Until then each of them is `auto`.
-        pending = []
+        settings_to_compute = []
         for setting in computed.find_settings_to_compute(self.config):
             if self._may_read(setting.section):
-                pending.append(setting)
+                settings_to_compute.append(setting)
                 self.config = computed.with_value(self.config, setting, computed.AUTO)
 
         # Compute these numbers. Some of them depend on the grain.
         if inputs:
             self._read_files()
-        if inputs or any(setting.needs_grain for setting in pending):
+        if inputs or any(setting.needs_grain for setting in settings_to_compute):
             self._make_grain()
-        self._apply(list_rules_before_numbers(self.config))
-        for setting in pending:
-            self._compute(setting)
+        self._apply_rules(list_rules_before_numbers(self.config))
+        for setting in settings_to_compute:
+            self._compute_setting(setting)
 
         # Check keys against each other, and report all faults.
-        self._apply(list_rules_after_numbers(self.config))
+        self._apply_rules(list_rules_after_numbers(self.config))
         if inputs:
             self._check_fit()
         raise_together(self.faults)
         self.inputs_are_checked = inputs
 
-    def checked_grain(self) -> tuple[dict[str, Any], Particle]:
-        """Return the mean grain and its particle, once all inputs are checked.
+    def make_checked_grain(self) -> tuple[dict[str, Any], Particle]:
+        """Make the mean grain and its particle, and check all inputs.
+
+        What was made and checked before is not done again.
+
+        Returns
+        -------
+        mean_grain : dict
+            As in berry.json.
+        particle : Particle
+            Its body.
 
         Raises
         ------
@@ -143,7 +165,7 @@ class ConfigChecks:
             self._check_fit()
             raise_together(self.faults)
             self.inputs_are_checked = True
-        return self.mean, self.particle
+        return self.mean_grain, self.particle
 
     @property
     def settings(self) -> StudySettings:
@@ -164,71 +186,95 @@ class ConfigChecks:
         self.config = self.config | {"targets": targets}
 
     def _may_read(self, *sections: str) -> bool:
-        """Return whether these sections, or keys outside sections, have no fault."""
-        sections_with_faults = {key.partition(".")[0] for key in self.bad}
+        """Tell whether these sections, or keys outside sections, have no fault."""
+        sections_with_faults = {key.partition(".")[0] for key in self.faulty_keys}
         return sections_with_faults.isdisjoint(sections)
 
     def _may_use(self, key: str) -> bool:
-        """Return whether a key has no fault.
+        """Tell whether a key has no fault.
 
         Faults of other keys in its section do not count.
         """
         section = key.partition(".")[0]
-        return self.bad.isdisjoint((key, section))
+        return self.faulty_keys.isdisjoint((key, section))
 
-    def _add(self, pairs: Iterable[tuple[str, str]]) -> None:
+    def _add_faults(self, pairs: Iterable[tuple[str, str]]) -> None:
         """Add a fault for each pair of a dotted key and its allowed values."""
         for key, allowed in pairs:
-            self.faults.append(self._fault(key, get(self.config, key), allowed))
-            self.bad.add(key)
+            self.faults.append(self._make_fault(key, get(self.config, key), allowed))
+            self.faulty_keys.add(key)
 
-    def _fault(self, key: str, value: Any, allowed: str) -> InputError:
+    def _make_fault(self, key: str, value: Any, allowed: str) -> InputError:
         """Make the fault of a dotted key, which names the user's file."""
         return YamlError(owner_of(self.source, key), key, value, allowed)
 
-    def _apply(self, applicable: Iterable[Rule]) -> None:
+    def _apply_rules(self, applicable: Iterable[Rule]) -> None:
         """Add the faults of the rules whose sections have none so far."""
         for rule in applicable:
             if self._may_read(*rule.reads):
-                self._add(rule.faults())
+                self._add_faults(rule.faults())
 
-    def _result_of(
+    def _call(
         self, key: str, function: Callable[..., Result], *arguments: Any
     ) -> Result | None:
         """Call a function that reads the value of a key.
 
-        If it refuses its arguments, add its faults, mark the key, and return None.
+        Parameters
+        ----------
+        key : str
+            The dotted key, or a section, which is marked as faulty if the call fails.
+        function : callable
+            Raises an InputError for a value that it does not allow.
+        *arguments
+            The arguments of the function.
+
+        Returns
+        -------
+        object
+            What the function returns; None if it fails. Its faults are added then.
         """
         try:
             return function(*arguments)
         except InputError as error:
             for fault in getattr(error, "faults", [error]):
-                self.faults.append(self._with_dotted_key(fault, key))
-            self.bad.add(key)
+                self.faults.append(self._name_users_file(fault, key))
+            self.faulty_keys.add(key)
             return None
 
-    def _with_dotted_key(self, fault: InputError, section: str) -> InputError:
-        """Put the user's file into a fault that names a section instead of a file."""
+    def _name_users_file(self, fault: InputError, section: str) -> InputError:
+        """Put the user's file into a fault that names a section in place of a file.
+
+        A fault that names a file already is returned unchanged.
+        """
         if fault.source != section:
             return fault
-        return self._fault(f"{section}.{fault.key}", fault.value, fault.allowed)
+        return self._make_fault(f"{section}.{fault.key}", fault.value, fault.allowed)
 
     def _read_files(self) -> None:
-        """Check that named files exist; read those that no other check reads."""
-        if self._may_read("results_dir"):
-            self._add(results_folder.existing_results(self.settings.results_dir))
+        """Check that the named files exist, and read those that no other check reads.
 
-        paths = self._named_paths()
+        The faults are added to the others. What is read is not kept.
+        """
+        # The folder of results must be free for a folder.
+        if self._may_read("results_dir"):
+            self._add_faults(results_folder.existing_results(self.settings.results_dir))
+
+        # Report all files that are missing.
+        paths = self._find_named_paths()
         missing_keys = [key for key, path in paths.items() if not Path(path).is_file()]
         allowed = "an existing file, relative to the folder of the project"
-        self._add((key, allowed) for key in missing_keys)
+        self._add_faults((key, allowed) for key in missing_keys)
 
-        for key, read in self._readers().items():
+        # Read the others, so that faults in them are reported, too.
+        for key, read in self._choose_readers().items():
             if key in paths and key not in missing_keys:
-                self._result_of(key, read, paths[key])
+                self._call(key, read, paths[key])
 
-    def _named_paths(self) -> dict[str, str]:
-        """Map the dotted key of each named file to its path."""
+    def _find_named_paths(self) -> dict[str, str]:
+        """Map the dotted key of each named file to its path.
+
+        Keys with a fault, and keys without a value, are left out.
+        """
         from repose.config.models import named_files
 
         paths = {}
@@ -240,7 +286,7 @@ class ConfigChecks:
                 paths[key] = path
         return paths
 
-    def _readers(self) -> dict[str, Callable[[str], Any]]:
+    def _choose_readers(self) -> dict[str, Callable[[str], Any]]:
         """Map the dotted keys of named files to the functions that read them."""
         from repose.calibrate.uncertainty.discrepancy import shape_study_discrepancy
         from repose.grain.berry_files import read_sizes
@@ -260,28 +306,40 @@ class ConfigChecks:
         return readers
 
     def _make_grain(self) -> None:
-        """Make the mean grain and its particle, unless they were made before."""
+        """Make the mean grain and its particle, unless they were made before.
+
+        Where their settings have a fault they stay None. Faults in their files are
+        added.
+        """
         from repose.grain import berry, build
 
-        if self.mean is None and self._may_read(*GRAIN):
+        if self.mean_grain is None and self._may_read(*GRAIN):
             settings = self.settings
             table1 = find_sibling_table(settings.validation.published, "table1.csv")
-            result = self._result_of("berry", berry.of_settings, settings.berry, table1)
+            result = self._call("berry", berry.of_settings, settings.berry, table1)
             if result is not None:
-                _, self.mean = result
-        if self.mean is not None and self.particle is None:
-            self.particle = self._result_of(
-                "berry", build.of_settings, self.mean, self.settings.berry
+                _, self.mean_grain = result
+        if self.mean_grain is not None and self.particle is None:
+            self.particle = self._call(
+                "berry", build.of_settings, self.mean_grain, self.settings.berry
             )
 
-    def _compute(self, setting: computed.Computed) -> None:
-        """Replace an `auto` by its number, or mark its key as bad if that fails."""
+    def _compute_setting(self, setting: computed.Computed) -> None:
+        """Replace an `auto` by its number, or mark its key as faulty if that fails.
+
+        Parameters
+        ----------
+        setting : Computed
+            The key, the sections that its number follows from, and the function that
+            computes it.
+        """
+        # It cannot be computed where something that it follows from has a fault.
         lacks_grain = setting.needs_grain and self.particle is None
         if lacks_grain or not self._may_read(*setting.reads):
-            self.bad.add(setting.key)
+            self.faulty_keys.add(setting.key)
             return
-        number = self._result_of(
-            setting.key, setting.compute, self.config, self.mean, self.particle
+        number = self._call(
+            setting.key, setting.compute, self.config, self.mean_grain, self.particle
         )
         if number is None:
             return
@@ -291,15 +349,17 @@ class ConfigChecks:
         for fault in faults.check(self.config, self.source, settings_type()).faults:
             if fault.key == setting.key:
                 allowed = f"{fault.allowed}; `auto` gives this number"
-                self._add([(fault.key, allowed)])
+                self._add_faults([(fault.key, allowed)])
 
     def _check_fit(self) -> None:
         """Check that the grain fits the bench tests and the time step."""
-        if self.mean is None:
+        if self.mean_grain is None:
             return
-        axes_mm = computed.axes_mm(self.mean)
+        axes_mm = computed.axes_mm(self.mean_grain)
         for test in tests_in_use(self.config):
             if self._may_read(test.name):
-                self._add(test.misfits(SceneSettings(self.config), axes_mm))
-        if self.particle is not None and self._may_read(*STEP):
-            self._add(time_step_faults(self.config, self.particle, self.mean))
+                self._add_faults(test.misfits(SceneSettings(self.config), axes_mm))
+        if self.particle is not None and self._may_read(*TIME_STEP):
+            self._add_faults(
+                find_time_step_faults(self.config, self.particle, self.mean_grain)
+            )

@@ -99,11 +99,17 @@ class ParametersSettings(Section):
             yield "", "at least one free parameter: there is nothing to calibrate"
 
 
-def _parameters() -> type[ParametersSettings]:
-    """Make the model of the section `parameters`.
+def _make_parameters_model() -> type[ParametersSettings]:
+    """Make the model of the section `parameters`, with a field for each parameter.
 
     It has the six parameters of Table 2 and the additional ones of the contact laws.
+
+    Returns
+    -------
+    type of ParametersSettings
+        A subclass, whose fields pydantic checks.
     """
+    # Every study has these six.
     fields: dict[str, Any] = {}
     for name in PARAMETERS:
         field = Field(description=LABELS[name], json_schema_extra={"source": "Table 2"})
@@ -111,6 +117,7 @@ def _parameters() -> type[ParametersSettings]:
     # A parameter of a law may be absent, since only studies with this law have it.
     for name, law_parameter in LAW_PARAMETERS.items():
         limits = law_parameter.constant
+        # A bound without a limit would be infinite, which JSON cannot hold.
         highest = min(limits.most, 1.0e9)
         laws = ", ".join(f"`{law}`" for law in law_parameter.laws)
         meaning = f"{law_parameter.label}; with {laws} alone"
@@ -183,7 +190,10 @@ class TargetSettings(Section):
     )
 
     def contradictions(self) -> Contradictions:
-        """Refuse an unknown response, and values outside the allowed range."""
+        """Refuse an unknown response, and values outside the allowed range.
+
+        Only the first fault is reported, because the others would follow from it.
+        """
         known = [response.name for response in responses_of(self.apparatus)]
         if not known:
             yield "apparatus", f"one of {', '.join(names())}"
@@ -201,19 +211,30 @@ class TargetSettings(Section):
                 f"a number, or {response.profile} with the file of its measured heights",
             )
             return
-        yield from self._values_outside_limits(response)
+        yield from self._find_values_outside_limits(response)
 
-    def _values_outside_limits(self, limits: Response) -> Contradictions:
+    def _find_values_outside_limits(self, limits: Response) -> Contradictions:
         """Refuse values beyond the limits of the response or the target's own range.
 
-        Only the first such fault is reported, because the others would follow from it.
+        Parameters
+        ----------
+        limits : Response
+            The response, with its lowest and its highest possible value.
+
+        Yields
+        ------
+        tuple of str
+            A key of this section, and its allowed values. Only the first such fault,
+            because the others would follow from it.
         """
+        # The value itself.
         low, high = self.range
         within_limits = f"from {limits.low:g} to {limits.high:g}"
         if not limits.low <= self.value <= limits.high:
             yield "value", within_limits
             return
 
+        # The range. If it was computed, only the scatter can be to blame.
         is_range_allowed = limits.low <= low and high <= limits.high
         if not is_range_allowed and self._is_range_of_the_scatter():
             yield (
@@ -235,7 +256,7 @@ class TargetSettings(Section):
             yield "aim", inside_range
 
     def _is_range_of_the_scatter(self) -> bool:
-        """Return whether the range follows from the scatter of the repetitions.
+        """Tell whether the range follows from the scatter of the repetitions.
 
         Otherwise the user gave it, or it is the least range around the value.
         """
@@ -364,14 +385,21 @@ class StudySettings(Section):
         return seeds
 
     def design_seeds(self, name: str) -> int:
-        """Return the runs of a sample of the strategy's design in a bench test."""
+        """Return how many runs of a sample the strategy's design has.
+
+        Parameters
+        ----------
+        name : str
+            The bench test of the runs. Its own number of seeds counts, unless the
+            strategy has a key for the number in all bench tests.
+        """
         from repose.calibrate.strategies import strategy
 
-        key = strategy(self.strategy).seeds_key
-        if key is None:
+        seeds_key = strategy(self.strategy).seeds_key
+        if seeds_key is None:
             return self.seeds_of(name)
-        section, field = key.split(".")
-        seeds: int = getattr(getattr(self, section), field)
+        section_name, field_name = seeds_key.split(".")
+        seeds: int = getattr(getattr(self, section_name), field_name)
         return seeds
 
     def of_strategy(self, name: str) -> Section | None:
@@ -397,16 +425,28 @@ def settings_type() -> type[StudySettings]:
     """
     from repose.calibrate import strategies
 
-    return _settings_type(names(), strategies.names())
+    return _make_settings_type(names(), strategies.names())
 
 
 @cache
-def _settings_type(
+def _make_settings_type(
     bench_tests: tuple[str, ...], strategies: tuple[str, ...]
 ) -> type[StudySettings]:
-    """Make the model of a configuration with these bench tests and strategies."""
+    """Make the model of a configuration with these bench tests and strategies.
+
+    Parameters
+    ----------
+    bench_tests, strategies : tuple of str
+        Names of those that are registered. `StudySettings` has the sections of some.
+
+    Returns
+    -------
+    type of StudySettings
+        A subclass with the other sections. That of a bench test may be absent.
+    """
     from repose.calibrate.strategies import strategy
 
+    # Map the name of each further section to its type and its default.
     sections: dict[str, Any] = {}
     for name in strategies:
         model = strategy(name).settings
@@ -418,7 +458,7 @@ def _settings_type(
     return create_model(
         "Configuration",
         __base__=StudySettings,
-        parameters=(_parameters(), ...),
+        parameters=(_make_parameters_model(), ...),
         **sections,
     )
 
@@ -445,8 +485,17 @@ def valid_sections(config: Mapping[str, Any]) -> StudySettings:
     """Return the typed sections of a configuration, without those that have faults.
 
     During a check, a rule or a computed number needs only some sections, while others
-    may be invalid. Reading a section that is missing or invalid raises an
-    AttributeError.
+    may be invalid.
+
+    Parameters
+    ----------
+    config : mapping
+        The configuration, which need not be valid.
+
+    Returns
+    -------
+    StudySettings
+        To read a section that is missing or invalid is an AttributeError.
     """
     model = settings_type()
     sections: dict[str, Any] = {}
@@ -454,9 +503,10 @@ def valid_sections(config: Mapping[str, Any]) -> StudySettings:
         if name not in config:
             continue
         try:
-            sections[name] = _adapter(model, name).validate_python(config[name])
+            sections[name] = _make_validator(model, name).validate_python(config[name])
         except ValidationError:
             continue
+    # This constructor checks nothing, and leaves out the other sections.
     return model.model_construct(**sections)
 
 
@@ -466,14 +516,14 @@ def targets_of(
     """Make the typed targets of a configuration that was checked."""
     if is_external(config):
         return tuple(map(ExternalTarget.model_validate, config["targets"]))
-    adapter = _adapter(settings_type(), "targets")
+    adapter = _make_validator(settings_type(), "targets")
     targets: tuple[TargetSettings, ...] = adapter.validate_python(config["targets"])
     return targets
 
 
 @cache
-def _adapter(model: type[StudySettings], name: str) -> TypeAdapter[Any]:
-    """Return the validator of a top-level key."""
+def _make_validator(model: type[StudySettings], name: str) -> TypeAdapter[Any]:
+    """Make the validator of a key at the top of a configuration."""
     field = model.model_fields[name]
     annotation: Any = field.annotation
     # Pydantic takes the constraints of a field apart from its annotation.
@@ -484,14 +534,22 @@ def _adapter(model: type[StudySettings], name: str) -> TypeAdapter[Any]:
 
 def named_files() -> tuple[str, ...]:
     """Return the dotted keys of the configuration that name a file."""
-    return _files_of(settings_type())
+    return _list_file_keys(settings_type())
 
 
 @cache
-def _files_of(model: type[Section]) -> tuple[str, ...]:
+def _list_file_keys(model: type[Section]) -> tuple[str, ...]:
     """List the keys that name a file, in a section's model and in its inner sections.
 
-    Such a key has a type marked by `FILE`.
+    Parameters
+    ----------
+    model : type of Section
+        The model. The type of a key that names a file is marked by `FILE`.
+
+    Returns
+    -------
+    tuple of str
+        Keys relative to the section, with a dot for each inner section.
     """
     keys: list[str] = []
     for name, field in model.model_fields.items():
@@ -499,5 +557,6 @@ def _files_of(model: type[Section]) -> tuple[str, ...]:
         if FILE in field.metadata:
             keys.append(name)
         elif isinstance(value_type, type) and issubclass(value_type, Section):
-            keys += [f"{name}.{key}" for key in _files_of(value_type)]
+            # An inner section.
+            keys += [f"{name}.{key}" for key in _list_file_keys(value_type)]
     return tuple(keys)

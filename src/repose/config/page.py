@@ -1,4 +1,4 @@
-"""Make the tables of config/README.md from the fields of the sections.
+"""Write the tables of keys in config/README.md from the fields of the sections.
 
 ``python -m repose.config.page`` writes them into the page. A table stands between the
 lines ``<!-- keys: NAME -->`` and ``<!-- end -->``; the text around it is written by hand.
@@ -46,21 +46,40 @@ UNITS = {
 
 
 class Table(NamedTuple):
-    """A table of the page."""
+    """A table of the page.
+
+    Attributes
+    ----------
+    model : type of Section
+        The section, with a field for each row of the table.
+    values : mapping
+        The values of the section in config/method.yaml, which are its defaults.
+    """
 
     model: type[Section]
-    values: Mapping[str, Any]  # of config/method.yaml
+    values: Mapping[str, Any]
 
 
-def page(text: str) -> str:
-    """Return the text of the page with its tables brought up to date."""
-    tables_by_name = tables()
+def update_tables(text: str) -> str:
+    """Replace the tables in the text of the page by up-to-date ones.
+
+    Parameters
+    ----------
+    text : str
+        The page in Markdown. Each table stands between two lines that name it.
+
+    Returns
+    -------
+    str
+        The new page. All other text is as before.
+    """
+    tables_by_name = make_tables()
 
     def write_table(match: re.Match[str]) -> str:
         """Write a table between the two lines that name it in the page."""
         name = match[1]
         rule = "|---" * len(COLUMNS) + "|"
-        lines = [_line(COLUMNS), rule, *_rows(tables_by_name[name])]
+        lines = [_write_line(COLUMNS), rule, *_write_rows(tables_by_name[name])]
         text_of_table = "\n".join(lines)
         return f"<!-- keys: {name} -->\n\n{text_of_table}\n\n<!-- end -->"
 
@@ -70,11 +89,11 @@ def page(text: str) -> str:
 def sections_without_table(text: str) -> list[str]:
     """List the sections of the configuration for which the page has no table."""
     named = TABLE.findall(text)
-    return [name for name in tables() if name not in named]
+    return [name for name in make_tables() if name not in named]
 
 
-def tables() -> dict[str, Table]:
-    """Return all tables by the names that they have in the page."""
+def make_tables() -> dict[str, Table]:
+    """Make all tables, by the names that they have in the page."""
     method = read(places.root() / places.METHOD_CONFIG)
     whole = settings_type()
     tables_by_name = {
@@ -85,58 +104,76 @@ def tables() -> dict[str, Table]:
         "particles": Table(ParticlesSettings, {}),
     }
     for name, field in whole.model_fields.items():
-        model = _section(field)
+        model = _find_section_model(field)
         if model is not None:
             tables_by_name[name] = Table(model, method.get(name, {}))
     return tables_by_name
 
 
-def _section(field: FieldInfo) -> type[Section] | None:
-    """Return the model of a key that is a section; None for any other key."""
+def _find_section_model(field: FieldInfo) -> type[Section] | None:
+    """Find the model of a key that is a section; None for any other key."""
     kind = field.annotation
     if isinstance(kind, type) and issubclass(kind, Section):
         return kind
     return None
 
 
-def _rows(table: Table) -> Iterator[str]:
+def _write_rows(table: Table) -> Iterator[str]:
     """Yield a row of the table for each key that a user may set."""
     for name, field in table.model.model_fields.items():
         # An inner section has its own table. An internal key has no description.
-        if field.description is None or _section(field) is not None:
+        if field.description is None or _find_section_model(field) is not None:
             continue
         extra = field.json_schema_extra
         source = extra.get("source", "ours") if isinstance(extra, dict) else "ours"
         cells = {
             "key": f"`{name}`",
             "meaning": field.description,
-            "unit": _unit(name),
-            "values": _short(faults.allowed(name, table.model)),
-            "default": _default(name, field, table),
+            "unit": _find_unit(name),
+            "values": _shorten_allowed(faults.allowed(name, table.model)),
+            "default": _find_default(name, field, table),
             "source": str(source),
         }
-        yield _line(cells[column] for column in COLUMNS)
+        yield _write_line(cells[column] for column in COLUMNS)
 
 
-def _line(cells: Iterable[str]) -> str:
+def _write_line(cells: Iterable[str]) -> str:
     """Write a line of a table in Markdown."""
     return f"| {' | '.join(cells)} |"
 
 
-def _default(name: str, field: FieldInfo, table: Table) -> str:
-    """Write the default of a key, from the file of the method or from its field."""
+def _find_default(name: str, field: FieldInfo, table: Table) -> str:
+    """Find the default of a key, in the file of the method or in its field.
+
+    Parameters
+    ----------
+    name : str
+        The key.
+    field : FieldInfo
+        Its field in the model of the section.
+    table : Table
+        The table of the section.
+
+    Returns
+    -------
+    str
+        The default as it stands in a file; empty for a key without one.
+    """
     if name in table.values:
-        return _in_yaml(table.values[name])
+        return _format_yaml_value(table.values[name])
     if field.default in (PydanticUndefined, ABSENT):
         return ""
-    return _in_yaml(field.default)
+    return _format_yaml_value(field.default)
 
 
-def _short(allowed: str) -> str:
+def _shorten_allowed(allowed: str) -> str:
     """Shorten the allowed values of a message to a cell of a table."""
+    # A long list of numbers, which are the multiples of the first one.
     numbers = re.fullmatch(r"(\d+)(?: or \d+){9,} or (\d+)", allowed)
     if numbers:
         return f"{numbers[1]}, 2 x {numbers[1]} and so on to {numbers[2]}"
+
+    # The several forms of a contact parameter.
     pair = allowed.replace("a pair [low, high] of numbers", "[low, high]")
     return pair.replace(
         "with low < high; or fixed; or range with scale; or prior with",
@@ -144,15 +181,15 @@ def _short(allowed: str) -> str:
     )
 
 
-def _unit(key: str) -> str:
-    """Return the unit that the name of a key ends with; `-` for a key without unit."""
+def _find_unit(key: str) -> str:
+    """Find the unit that the name of a key ends with; `-` for a key without unit."""
     for end, unit in UNITS.items():
         if f"_{key}".endswith(end):
             return unit
     return "-"
 
 
-def _in_yaml(value: Any) -> str:
+def _format_yaml_value(value: Any) -> str:
     """Write a default as it stands in a file."""
     if isinstance(value, str):
         return f"`{value}`"
@@ -162,7 +199,7 @@ def _in_yaml(value: Any) -> str:
 def main() -> None:
     """Write the tables into the page of the checkout."""
     path = Path(places.root()) / PAGE
-    text = page(path.read_text(encoding="utf-8"))
+    text = update_tables(path.read_text(encoding="utf-8"))
     path.write_text(text, encoding="utf-8")
     for name in sections_without_table(text):
         print(

@@ -1,4 +1,4 @@
-"""The configuration of the pipeline: a study with the simulator of this package."""
+"""Load, check and use the configuration of a study with the simulator of this package."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -77,13 +77,19 @@ class PipelineConfig:
         """
         for file in files:
             path_of("file", file)
+
+        # A resolved file was checked before.
         if not overrides and not inputs and loader.is_resolved(*files):
             return cls.of_results(files[0])
+
+        # A study with another program has other sections and defaults.
         given = loader.read_given(files, overrides)
         if loader.is_external(given.config):
             from repose.config.external import ExternalConfig
 
             return ExternalConfig.of_layers(given, inputs=inputs)
+
+        # Merge the files over the defaults.
         content, source = loader.read_layers(files, overrides)
         config = cls.of(content, source, inputs=inputs)
         provenance.note_config(config.config)
@@ -129,12 +135,13 @@ class PipelineConfig:
                 "a study of our own simulator; for one of yours see "
                 "`repose docs own_simulator` and `repose docs simulators`",
             )
-        making = ConfigChecks(dict(config), source)
-        making.complete(inputs)
-        made = cls(making.config, source)
-        # The checks of grain and particle go on from here.
-        made.__dict__["_making"] = making
-        return made
+        checks = ConfigChecks(dict(config), source)
+        checks.complete(inputs)
+        study = cls(checks.config, source)
+        # Keep the checks, which have made the grain or make it later. The class is
+        # frozen, so set the cached property by hand.
+        study.__dict__["_checks"] = checks
+        return study
 
     @classmethod
     def of_results(cls, path: Path_) -> "PipelineConfig":
@@ -218,6 +225,7 @@ class PipelineConfig:
         """
         from repose.bench import bench_tests
 
+        # Responses of the bench tests, and what the targets select from them.
         definitions: dict[str, dict[str, Any]] = {}
         for test in bench_tests():
             if test.name not in self.targets.apparatus:
@@ -225,6 +233,8 @@ class PipelineConfig:
             responses = (*test.responses, *test.target_responses(self.config))
             for response in responses:
                 definitions[response.name] = response.settings(self.config)
+
+        # Scores of measured profiles.
         for target in self.settings.targets:
             if target.profile is not None:
                 profile = target.profile.abscissae
@@ -283,9 +293,12 @@ class PipelineConfig:
         )
 
     def published(self, table: str) -> Path | None:
-        """Return the path of a table of the published solutions, such as ``table3.csv``.
+        """Find a table beside that of the published solutions, such as ``table3.csv``.
 
-        It is None if the table is not there.
+        Returns
+        -------
+        Path or None
+            Its path; None if there is no such table.
         """
         return find_sibling_table(self.settings.validation.published, table)
 
@@ -297,12 +310,12 @@ class PipelineConfig:
     @property
     def grain(self) -> dict[str, Any]:
         """The mean grain, as in berry.json; the files of the configuration are checked."""
-        return self._making.checked_grain()[0]
+        return self._checks.make_checked_grain()[0]
 
     @property
     def particle(self) -> "Particle":
         """The body of the mean grain; the files of the configuration are checked."""
-        return self._making.checked_grain()[1]
+        return self._checks.make_checked_grain()[1]
 
     def scene(self, parameters: Mapping[str, float], seed: int = 0) -> "Scene":
         """Make the scene of a run of any bench test.
@@ -332,11 +345,15 @@ class PipelineConfig:
         InputError
             With all faults at once.
         """
-        self._making.checked_grain()
+        self._checks.make_checked_grain()
 
     @cached_property
-    def _making(self) -> "ConfigChecks":
-        """The checks of the configuration; loaded where a check is asked for."""
+    def _checks(self) -> "ConfigChecks":
+        """The checks of the configuration, which also make its grain.
+
+        A configuration that was loaded from a folder of results makes them here, when
+        they are needed for the first time.
+        """
         from repose.config.making import ConfigChecks
 
         return ConfigChecks(self.config, self.source)

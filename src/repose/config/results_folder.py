@@ -8,7 +8,7 @@ file of somebody else has the name of a result.
 import os
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from repose import bench as apparatus
@@ -82,9 +82,25 @@ def counted_folders(records: Iterable[str]) -> list[str]:
 def check_is_apart(results_dir: str) -> str:
     """Refuse a folder of results that is one of the project's, or contains the project.
 
-    Returns the path unchanged, as pydantic expects from a validator.
+    Parameters
+    ----------
+    results_dir : str
+        The folder, which need not exist.
+
+    Returns
+    -------
+    str
+        The same path, as pydantic expects from a validator.
+
+    Raises
+    ------
+    PydanticCustomError
+        If results there could be mixed with files of the project or of the user.
     """
-    folder = Path(os.path.realpath(results_dir))  # also of a link to itself
+    # This function, unlike Path.resolve, also resolves a link to itself.
+    folder = Path(os.path.realpath(results_dir))
+
+    # The project may be the working folder, or the place of the installation.
     roots = {Path.cwd(), places.root().resolve()}
     project_folders = [places.PACKAGE]
     for root in roots:
@@ -101,7 +117,13 @@ def check_is_apart(results_dir: str) -> str:
 
 
 def existing_results(results_dir: str) -> Contradictions:
-    """Yield the key, with the allowed values, if the path cannot become a folder."""
+    """Find out whether a path cannot be the folder of results.
+
+    Yields
+    ------
+    tuple of str
+        The key and its allowed values, if a file is in the way. Otherwise nothing.
+    """
     folder = Path(results_dir)
     for path in (folder, *folder.parents):
         if os.path.lexists(path) and not path.is_dir():
@@ -120,20 +142,28 @@ def pattern_of(outputs: Iterable[str]) -> re.Pattern[str]:
     Returns
     -------
     re.Pattern
+        Matches the path of an output in full.
     """
+    # Map the wildcards with known values to expressions. The article's method, called
+    # published, has no batches.
     names = [name for name in strategies.names() if name != "published"]
     wildcards = dict.fromkeys(NUMBERS, r"\d+")
     wildcards["runs"] = "|".join(map(run_folder, (*apparatus.names(), OWN)))
     wildcards["strategy"] = "|".join(names)
-    patterns = [_pattern_of_path(path, wildcards) for path in dict.fromkeys(outputs)]
+    patterns = [_make_path_pattern(path, wildcards) for path in dict.fromkeys(outputs)]
     return re.compile("|".join(patterns))
 
 
-def _pattern_of_path(path: str, wildcards: dict[str, str]) -> str:
+def _make_path_pattern(path: str, wildcards: dict[str, str]) -> str:
     """Turn the path of an output into a regular expression.
 
-    `wildcards` maps names of wildcards to expressions. Any other wildcard matches the
-    name of one file or folder.
+    Parameters
+    ----------
+    path : str
+        The path, with wildcards in braces, such as ``heaps/{sample}.json``.
+    wildcards : dict of str to str
+        Expressions of wildcards by name. Any other wildcard matches the name of one file
+        or folder.
     """
     # Texts and names of wildcards alternate, beginning with a text.
     parts = re.split(WILDCARD, path)
@@ -167,9 +197,11 @@ def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
     """
     if not os.path.isdir(results_dir):
         return
+
+    # Refuse a folder that looks like one of a study, in which no study has written.
     outputs = list(outputs)
-    names = _names_of_results(results_dir, outputs)
-    unlisted = set(_unlisted(results_dir, names))
+    names = _list_names_of_results(results_dir, outputs)
+    unlisted = set(_find_unlisted_results(results_dir, names))
     has_list = (Path(results_dir) / LEDGER).is_file()
     if names and not has_list and not unlisted:
         raise InputError(
@@ -180,45 +212,83 @@ def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
             "study of repose wrote: move it away, or choose another folder",
         )
 
+    # Collect the faults by path, and the files that no study has listed.
     faults: dict[str, InputError] = {}
-    unknown = []
-    for folder, files in _folders_of_results(results_dir, names):
-        for changed in ledger.changed(folder):
-            # Beside the results of a study, other files may lie at the top.
-            if folder != results_dir or changed.name in names:
-                faults[str(changed)] = _changed_result(changed, Path(folder))
-        listed = ledger.names(folder)
-        # To snakemake a folder in the place of a result is the result.
-        places = (f"{folder}/{name}" for name in listed)
-        faults |= {path: _foreign_file(path) for path in filter(os.path.isdir, places)}
+    unknown_files = []
+    for folder, files in _walk_folders_of_results(results_dir, names):
+        faults |= _find_faulty_results(folder, results_dir, names=names)
+        listed_names = ledger.names(folder)
         for name in files:
             path = f"{folder}/{name}"
-            if name not in listed and path not in unlisted:
-                unknown.append(path)
+            if name not in listed_names and path not in unlisted:
+                unknown_files.append(path)
 
-    # A rule may write over a file of repose, and writes no other name.
-    for path in _with_content_and_name_of_results(unknown, outputs):
-        faults[path] = _foreign_file(path)
+    # A rule may write over an unknown file, if this has the name of a result.
+    for path in _select_results_in_the_way(unknown_files, outputs):
+        faults[path] = _describe_foreign_file(path)
     raise_together(faults[path] for path in sorted(faults))
 
 
-def _with_content_and_name_of_results(
+def _find_faulty_results(
+    folder: str, results_dir: str, *, names: Collection[str]
+) -> dict[str, InputError]:
+    """Find the listed results of a folder that are not as a study wrote them.
+
+    Parameters
+    ----------
+    folder : str
+        A folder of results.
+    results_dir : str
+        The top folder of the results. Other files may lie there beside them.
+    names : collection of str
+        Names of results in the top folder.
+
+    Returns
+    -------
+    dict of str to InputError
+        The fault by the path of the result.
+    """
+    # Results that were edited or damaged.
+    faults: dict[str, InputError] = {}
+    for changed in ledger.changed(folder):
+        if folder != results_dir or changed.name in names:
+            faults[str(changed)] = _describe_changed_result(changed, Path(folder))
+
+    # Folders in the place of a result. To snakemake they are the result.
+    for name in ledger.names(folder):
+        path = f"{folder}/{name}"
+        if os.path.isdir(path):
+            faults[path] = _describe_foreign_file(path)
+    return faults
+
+
+def _select_results_in_the_way(
     paths: Sequence[str], outputs: Iterable[str]
 ) -> list[str]:
     """Select the files that are not empty and that a rule would write over.
 
     An empty file holds nothing to lose; snakemake makes such marks.
+
+    Parameters
+    ----------
+    paths : sequence of str
+        Files in the folder of results.
+    outputs : iterable of str
+        Paths that rules write, with wildcards in braces.
     """
     # The pattern is slow to make, and most folders hold files of the study alone.
     if not paths:
         return []
-    is_result = pattern_of(outputs).fullmatch
-    named = [path for path in paths if is_result(path) and os.path.isfile(path)]
-    return [path for path in named if os.path.getsize(path) > 0]
+    is_output = pattern_of(outputs).fullmatch
+    files = [path for path in paths if is_output(path) and os.path.isfile(path)]
+    return [path for path in files if os.path.getsize(path) > 0]
 
 
-def _names_of_results(results_dir: str, outputs: Iterable[str]) -> list[str]:
-    """List what lies in the folder of results and has the name of a study's file."""
+def _list_names_of_results(results_dir: str, outputs: Iterable[str]) -> list[str]:
+    """List what lies in the folder of results and has the name of a study's file.
+
+    Only the names at the top of the folder are compared, in alphabetical order.
+    """
     top_level = {
         path.removeprefix(f"{results_dir}/").partition("/")[0] for path in outputs
     }
@@ -226,7 +296,7 @@ def _names_of_results(results_dir: str, outputs: Iterable[str]) -> list[str]:
     return sorted(name for name in os.listdir(results_dir) if is_name_of_study(name))
 
 
-def _folders_of_results(
+def _walk_folders_of_results(
     results_dir: str, names: list[str]
 ) -> Iterator[tuple[str, list[str]]]:
     """Yield each folder below the folder of results, itself first, with its files.
@@ -237,10 +307,10 @@ def _folders_of_results(
     for name in names:
         path = f"{results_dir}/{name}"
         if name not in WITHOUT_RESULTS and os.path.isdir(path):
-            yield from _walk(path)
+            yield from _walk_folder(path)
 
 
-def _walk(folder: str) -> Iterator[tuple[str, list[str]]]:
+def _walk_folder(folder: str) -> Iterator[tuple[str, list[str]]]:
     """Yield each folder below a folder, itself first, with its files.
 
     A folder that cannot be listed is an OSError.
@@ -253,12 +323,24 @@ def _walk(folder: str) -> Iterator[tuple[str, list[str]]]:
         yield inner, files
 
 
-def _unlisted(results_dir: str, names: list[str]) -> Iterator[str]:
+def _find_unlisted_results(results_dir: str, names: list[str]) -> Iterator[str]:
     """Yield the results in folders that have lost their lists, by their records.
 
-    Copies often leave out hidden files. Only those of the given `names` are searched.
+    Copies often leave out hidden files, and so the lists.
+
+    Parameters
+    ----------
+    results_dir : str
+        The folder of results.
+    names : list of str
+        What to search in it: names of files and folders.
+
+    Yields
+    ------
+    str
+        The path of a file with a record of provenance, in a folder without a list.
     """
-    for folder, files in _folders_of_results(results_dir, names):
+    for folder, files in _walk_folders_of_results(results_dir, names):
         if not (Path(folder) / LEDGER).is_file():
             for name in files:
                 path = f"{folder}/{name}"
@@ -270,13 +352,26 @@ def take_over(results_dir: str, outputs: Iterable[str]) -> int:
     """List the results again in folders that have lost their lists of files.
 
     Results are recognised by their records of provenance. The resolved configuration
-    and the times of the runs have no records and are listed as well. `outputs` are as
-    in `check_no_foreign_files`. Returns the number of results.
+    and the times of the runs have no records and are listed as well.
+
+    Parameters
+    ----------
+    results_dir : str
+        The folder of results.
+    outputs : iterable of str
+        Paths that rules of the workflow write, with wildcards in braces.
+
+    Returns
+    -------
+    int
+        The number of results that were listed.
     """
-    names = _names_of_results(results_dir, outputs)
-    results = list(_unlisted(results_dir, names))
+    names = _list_names_of_results(results_dir, outputs)
+    results = list(_find_unlisted_results(results_dir, names))
     if not results:
         return 0
+
+    # List them with their sidecars, and the files without records.
     records = [f"{path}{attached.SIDECAR}" for path in results]
     files_of_runs = [f"{results_dir}/{name}" for name in WITHOUT_RECORD]
     for path in (*results, *records, *files_of_runs):
@@ -285,7 +380,7 @@ def take_over(results_dir: str, outputs: Iterable[str]) -> int:
     return len(results)
 
 
-def _changed_result(path: Path, folder: Path) -> InputError:
+def _describe_changed_result(path: Path, folder: Path) -> InputError:
     """Make the fault of a result that was changed after a study wrote it.
 
     `folder` is that of the ledger that lists the result.
@@ -306,7 +401,7 @@ def _changed_result(path: Path, folder: Path) -> InputError:
     )
 
 
-def _foreign_file(path: str) -> InputError:
+def _describe_foreign_file(path: str) -> InputError:
     """Make the fault of a file that no study wrote, with the name of a result."""
     return InputError(
         path,
