@@ -1,4 +1,4 @@
-"""The command line: a module for each family of subcommands, which are called verbs.
+"""Run the command line, whose subcommands are called verbs and stand in other modules.
 
 A verb is a function with its options beside it. It hands files and settings to the
 modules of `repose`, which are imported inside the function, so that help and parsing
@@ -76,26 +76,30 @@ def main(words: Sequence[str] | None = None) -> int:
     _prepare_streams()
     words = list(sys.argv[1:] if words is None else words)
     if words:
-        words[0] = _without_case(words[0], (*TYPED, STAGE, HELP))
+        words[0] = _match_case(words[0], (*TYPED, STAGE, HELP))
+
+    # Print the help, or explain that a verb is unknown.
     if words == [HELP, "all"]:
-        print(_verbs_in_groups(GROUPS))
+        print(_list_verbs(GROUPS))
         return 0
     if words[:1] == [HELP]:
         words = [*words[1:], "--help"]
-    problem = _unknown_verb(words)
-    if problem is not None:
-        print_fault(problem)
+    message = _find_unknown_verb(words)
+    if message is not None:
+        print_fault(message)
         return BAD_INPUT
 
-    args, rest = parser().parse_known_args(words)
+    # Parse the options. Only some verbs take further words, for another program.
+    args, further_words = parser().parse_known_args(words)
     verb = VERBS[args.verb]
-    args.rest = rest
+    args.rest = further_words
     args.words = words
-    if rest and not verb.passes_on:
-        parser().error(f"unrecognized arguments: {' '.join(rest)}")
+    if further_words and not verb.passes_on:
+        parser().error(f"unrecognized arguments: {' '.join(further_words)}")
+
     try:
         _check_threads()
-        return _run(verb, args)
+        return _run_verb(verb, args)
     except ModuleNotFoundError as error:
         library = (error.name or "").partition(".")[0]
         if library not in EXTRAS:
@@ -117,16 +121,29 @@ def main(words: Sequence[str] | None = None) -> int:
 
 
 def _prepare_streams() -> None:
-    """Make printing safe where a stream is closed, or lacks a character."""
+    """Make printing safe where a stream is closed, or cannot write a character."""
     sys.stdout = sys.stdout or io.StringIO()
     sys.stderr = sys.stderr or io.StringIO()
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
 
 
-def _run(verb: Verb, args: argparse.Namespace) -> int:
-    """Run a verb as a stage that records its results; return its exit status."""
-    _check_out(args)
+def _run_verb(verb: Verb, args: argparse.Namespace) -> int:
+    """Run a verb as a stage that records its results.
+
+    Parameters
+    ----------
+    verb : Verb
+        The verb.
+    args : argparse.Namespace
+        Its parsed options.
+
+    Returns
+    -------
+    int
+        The exit status of the program.
+    """
+    _check_out_path(args)
     # The jobs of a workflow are recorded one by one, not the verb that starts them.
     context = nullcontext() if verb.passes_on else stage(args, verb.runs)
     with redirect_stdout(Printable(sys.stdout)), context:
@@ -157,23 +174,33 @@ class Printable:
 
     def write(self, text: str) -> int:
         """Write a text."""
-        self.stream.write(CONTROL.sub(_escaped, text))
+        self.stream.write(CONTROL.sub(_escape, text))
         return len(text)
 
 
-def _escaped(match: re.Match[str]) -> str:
+def _escape(match: re.Match[str]) -> str:
     """Write a control character as a backslash escape."""
     return match[0].encode("unicode_escape").decode()
 
 
-def _check_out(args: argparse.Namespace) -> None:
+def _check_out_path(args: argparse.Namespace) -> None:
     """Expand `~` in --out, and refuse a path that cannot be written.
 
-    Some shells leave `~` unchanged after `=`. The root of the file system, an empty
-    path and a path with control characters are refused.
+    Parameters
+    ----------
+    args : argparse.Namespace
+        The parsed options. Their `out` is changed, if the verb has this option.
+
+    Raises
+    ------
+    InputError
+        For the root of the file system, an empty path, and a path with control
+        characters.
     """
     if getattr(args, "out", None) is None:
         return
+
+    # Some shells leave `~` unchanged after `=`.
     args.out = os.path.expanduser(args.out)
     path = Path(os.path.realpath(args.out))
     is_root = path == path.parent
@@ -185,13 +212,16 @@ def _check_out(args: argparse.Namespace) -> None:
 
 @functools.cache
 def parser() -> argparse.ArgumentParser:
-    """Make the parser of all verbs, and of the stages below the verb `stage`."""
+    """Make the parser of all verbs, and of the stages below the verb `stage`.
+
+    Its help lists only the verbs that are enough for a study.
+    """
     main_parser = argparse.ArgumentParser(
         prog=PROGRAM,
         description="Calibrates the contact parameters of a discrete element model\n"
         "from a pile of grains.",
         usage=f"{PROGRAM} [--version] VERB ...",
-        epilog=_verbs_in_groups([FIRST]),
+        epilog=_list_verbs([FIRST]),
         formatter_class=argparse.RawDescriptionHelpFormatter,
         add_help=False,
     )
@@ -205,10 +235,11 @@ def parser() -> argparse.ArgumentParser:
     for name in TYPED:
         VERBS[name].add_to(verbs)
 
+    # Stages are called by two words: repose stage NAME.
     stage_parser = verbs.add_parser(
         STAGE,
         description="One stage of the workflow, as its rules call it.",
-        epilog="\n".join(["stages:", *map(_listed, STAGES)]),
+        epilog="\n".join(["stages:", *map(_write_entry, STAGES)]),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     stages = stage_parser.add_subparsers(
@@ -233,18 +264,29 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-def _unknown_verb(words: list[str]) -> str | None:
-    """Return a message about a verb or stage that does not exist; None if it exists."""
+def _find_unknown_verb(words: list[str]) -> str | None:
+    """Find out whether the first words name no verb or stage.
+
+    Parameters
+    ----------
+    words : list of str
+        The words of the command line after the program.
+
+    Returns
+    -------
+    str or None
+        A message about the unknown name; None if there is nothing to report.
+    """
     if words[:1] == [STAGE]:
-        return _unknown_name(
+        return _describe_unknown_name(
             "stage", words[1:], known=STAGES, listing=f"{PROGRAM} {STAGE} --help"
         )
-    return _unknown_name(
+    return _describe_unknown_name(
         "verb", words, known=(*TYPED, STAGE), listing=f"{PROGRAM} --help"
     )
 
 
-def _unknown_name(
+def _describe_unknown_name(
     kind: str, words: list[str], known: Sequence[str], listing: str
 ) -> str | None:
     """Explain that a verb or stage is unknown, and suggest the nearest name.
@@ -269,15 +311,19 @@ def _unknown_name(
         return None
     name = words[0]
     message = f"unknown {kind} {name!r}: expected one of those that `{listing}` lists"
+
+    # A configuration in the place of the verb.
     if Path(name).suffix in (".yaml", ".yml", ".json"):
         return f"{message}; did you mean {PROGRAM} run --configfile {name}?"
 
-    targets = _targets()
+    # A name that is similar to one of a verb, a stage or a study.
+    targets = _list_targets()
     candidates = (*known, *targets, *STAGES)
     matches = difflib.get_close_matches(name.lower(), candidates, 1)
     if not matches:
         return message
     (similar,) = matches
+
     # Targets and stages are called by two words, such as `run TARGET`.
     if similar in known:
         call = similar
@@ -288,24 +334,36 @@ def _unknown_name(
     return f"{message}; did you mean {call}?"
 
 
-def _without_case(word: str, known: Sequence[str]) -> str:
-    """Return the known name that a word is in capitals; the word if there is none."""
+def _match_case(word: str, known: Sequence[str]) -> str:
+    """Return a word in small letters if this is a known name, or else unchanged."""
     return word.lower() if word.lower() in known else word
 
 
-def _targets() -> tuple[str, ...]:
-    """Name the studies that `repose run` makes."""
+def _list_targets() -> tuple[str, ...]:
+    """List the names of the studies that `repose run` can make."""
     from repose.config import cost
 
     return tuple(name for name in cost.SENTENCES if name.isidentifier())
 
 
-def _verbs_in_groups(group_titles: Iterable[str]) -> str:
-    """List the verbs of each group with their summaries, and then an example."""
+def _list_verbs(group_titles: Iterable[str]) -> str:
+    """List the verbs of some groups for the help.
+
+    Parameters
+    ----------
+    group_titles : iterable of str
+        Keys of `GROUPS`.
+
+    Returns
+    -------
+    str
+        Lines of text: each group with its verbs and their summaries, and then how to
+        learn more.
+    """
     lines: list[str] = []
     for group_title in group_titles:
         lines.append(f"{group_title}:")
-        lines += [_listed(name) for name in GROUPS[group_title]]
+        lines += [_write_entry(name) for name in GROUPS[group_title]]
         lines.append("")
     lines += [
         f"`{PROGRAM} VERB --help` explains a verb, `{PROGRAM} help all` lists all verbs,",
@@ -315,10 +373,11 @@ def _verbs_in_groups(group_titles: Iterable[str]) -> str:
     return "\n".join(lines)
 
 
-def _listed(name: str) -> str:
+def _write_entry(name: str) -> str:
     """Write a verb and the beginning of its summary, in lines of 80 columns."""
     clause = VERBS[name].summary.partition(";")[0].removesuffix(".")
-    clause = clause[:1].lower() + clause[1:]
+    # It goes on behind the name, so it begins with a small letter.
+    summary = clause[:1].lower() + clause[1:]
     return textwrap.fill(
-        clause, 80, initial_indent=f"  {name:20} ", subsequent_indent=23 * " "
+        summary, 80, initial_indent=f"  {name:20} ", subsequent_indent=23 * " "
     )

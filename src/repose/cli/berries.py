@@ -45,17 +45,21 @@ def berry_and_particle(
     from repose.grain import berry_files
     from repose.grain.particle import Particle
 
+    # Get the grain.
     if berry_json is None:
         grain = study.grain
     else:
         columns = (*berry_files.SIZE_COLUMNS, *berry_files.MODULI)
         grain = berry_files.read_grain(berry_json, columns)
 
+    # Get its particle. That of the study belongs only to the grain of the study.
     if particle_json is not None:
         return grain, Particle.load(particle_json)
     if berry_json is None:
         return grain, study.particle
-    # Imported late because it loads a library of meshes.
+
+    # Make the particle of the given grain. Imported late because it loads a library of
+    # meshes.
     from repose.grain import build
 
     return grain, build.of_settings(grain, study.settings.berry)

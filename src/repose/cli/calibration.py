@@ -90,7 +90,7 @@ def miga(args: argparse.Namespace, study: PipelineConfig) -> None:
         definitions=study.definitions,
         settings=study.settings.miga,
         table3_csv=study.published("table3.csv"),
-        support=_support(args, study),
+        support=_find_support(args, study),
         source=args.config,
     )
     print(summary["message"])
@@ -143,7 +143,7 @@ def published_solutions(args: argparse.Namespace, study: PipelineConfig) -> None
     """
     from repose.stages import validate
 
-    published_csv = _published(args, study)
+    published_csv = _require_published_table(args, study)
     out = Path(args.out) / "published_solutions.csv"
     validate.write_published_solutions(published_csv, study.parameters.names, out)
 
@@ -163,17 +163,20 @@ def published_sets(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.config import dependencies
     from repose.stages import validate
 
-    # Refuse runs and measurements that another engine or scene has made.
+    # Refuse runs and measurements that another engine or scene has made. The runs of
+    # NAME.json are described in NAME.pours.json beside it.
     measurements = [Path(job) for job in args.jobs]
     runs = [path.with_suffix(".pours.json") for path in measurements]
-    outdated = dependencies.find_outdated(study.config, [*measurements, *runs])
-    if outdated:
+    outdated_files = dependencies.find_outdated(study.config, [*measurements, *runs])
+    if outdated_files:
         raise InputError(
-            outdated[0],
+            outdated_files[0],
             "provenance",
             "another engine or scene",
             f"runs by this engine as {args.config} asks for",
         )
+
+    # Note in each row what has simulated it, so that the table can be used again.
     record = provenance.current() or {}
     simulator = {
         "engine": record.get("engine"),
@@ -181,7 +184,7 @@ def published_sets(args: argparse.Namespace, study: PipelineConfig) -> None:
     }
     out = Path(args.out) / "published_sets.csv"
     validate.write_published_sets(
-        _published(args, study),
+        _require_published_table(args, study),
         args.jobs,
         out,
         names=study.parameters.names,
@@ -190,8 +193,15 @@ def published_sets(args: argparse.Namespace, study: PipelineConfig) -> None:
     )
 
 
-def _published(args: argparse.Namespace, study: PipelineConfig) -> str:
-    """Return the path of the table of published solutions.
+def _require_published_table(args: argparse.Namespace, study: PipelineConfig) -> str:
+    """Return the path of the table of published solutions, which the study must name.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        The options; the message names their configuration.
+    study : PipelineConfig
+        The study.
 
     Raises
     ------
@@ -230,9 +240,13 @@ def validate(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.common.files import read_table
     from repose.stages import validate
 
+    # Published sets are contact parameters, so another program cannot simulate them.
     published = None
     if study.simulator is None:
-        published = _compared_with_published(study)
+        published = _read_published_comparison(study)
+    optimism = None
+    if args.optimism is not None:
+        optimism = read_table(args.optimism, COLUMNS)
     validate.run(
         args.solutions,
         args.jobs,
@@ -240,14 +254,14 @@ def validate(args: argparse.Namespace, study: PipelineConfig) -> None:
         targets=study.targets,
         measure=study.settings.measure,
         published=published,
-        support=_support(args, study),
-        optimism=None if args.optimism is None else read_table(args.optimism, COLUMNS),
+        support=_find_support(args, study),
+        optimism=optimism,
         names=study.parameter_names,
     )
 
 
-def _compared_with_published(study: PipelineConfig) -> "pd.DataFrame":
-    """Return the stored table of the published sets, for the responses of a study."""
+def _read_published_comparison(study: PipelineConfig) -> "pd.DataFrame":
+    """Read the stored table of the published sets, for the responses of a study."""
     from repose.common.provenance import engine_hash
     from repose.config import dependencies
     from repose.stages import validate
@@ -262,10 +276,20 @@ def _compared_with_published(study: PipelineConfig) -> "pd.DataFrame":
     )
 
 
-def _support(args: argparse.Namespace, study: PipelineConfig) -> "Support | None":
+def _find_support(args: argparse.Namespace, study: PipelineConfig) -> "Support | None":
     """Find the region of parameter space that the samples cover.
 
-    Solutions outside it get a warning. Without --dataset the region is unknown: None.
+    Parameters
+    ----------
+    args : argparse.Namespace
+        The options: `dataset` is the table of the samples.
+    study : PipelineConfig
+        The study.
+
+    Returns
+    -------
+    Support or None
+        The region. Solutions outside it get a warning. None without --dataset.
 
     Raises
     ------

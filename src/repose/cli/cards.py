@@ -37,6 +37,7 @@ def card(args: argparse.Namespace) -> int:
     """
     from repose.stages import card, card_text
 
+    # Read as many cards as the action takes.
     n_cards = N_CARDS[args.action]
     if len(args.cards) != n_cards:
         key = f"card {args.action}"
@@ -49,6 +50,7 @@ def card(args: argparse.Namespace) -> int:
         print(card_text.describe(cards[0]))
         return 0
 
+    # Check the card. The exit status says what the check finds.
     print(card_text.verdict(cards[0]))
     are_met = card_text.state_of(cards[0]).met
     if are_met is None:
@@ -92,6 +94,7 @@ def material_card(args: argparse.Namespace, study: PipelineConfig) -> None:
     """
     from repose.stages import answer, card_study
 
+    # Intervals need both files of the posterior.
     if (args.posterior is None) != (args.draws is None):
         raise InputError(
             "command line", "--posterior", args.posterior, "together with --draws"

@@ -37,14 +37,25 @@ def _load_with_scene_advice(args: argparse.Namespace) -> PipelineConfig:
     try:
         return load(args, inputs=True)
     except InputError as error:
-        n_grains = _refused_number_of_grains(error)
+        n_grains = _find_refused_number_of_grains(error)
         if n_grains is not None:
             _print_smaller_scene(configs_of(args), n_grains)
         raise
 
 
-def _refused_number_of_grains(error: InputError) -> int | None:
-    """Return the number of grains if it is the only fault of a study, else None."""
+def _find_refused_number_of_grains(error: InputError) -> int | None:
+    """Find the number of grains, if it is the only fault of a study.
+
+    Parameters
+    ----------
+    error : InputError
+        What the check of the study has raised.
+
+    Returns
+    -------
+    int or None
+        The number that was refused; None if there is another fault.
+    """
     has_several_faults = isinstance(error, InputErrors)
     if has_several_faults or error.key != "funnel.berries":
         return None
@@ -84,7 +95,7 @@ def check(args: argparse.Namespace, study: PipelineConfig) -> None:
         f"results go to {settings.results_dir}"
     )
     if study.simulator is not None:
-        _check_program(args, study, study.simulator)
+        _describe_external_study(args, study, study.simulator)
         return
     require_option(
         not args.makes_run,
@@ -92,12 +103,14 @@ def check(args: argparse.Namespace, study: PipelineConfig) -> None:
         "given",
         "a study with a section simulator; without it `check` makes trial runs itself",
     )
+    # Describe the study, and make trial runs.
     _print_computed(args.config, study)
     _print_lines(check.describe_study(study))
     _print_lines(check.warn_of_few_measurements(study))
-    grain_step_s = _grain_step_s(study)
+    grain_step_s = _measure_grain_step_s(study)
     _print_lines(check.run_trials(study, grain_step_s, show_elapsed_seconds))
 
+    # Print the number of runs and their time.
     pours = cost.strategy_pours(settings, settings.strategy)
     work = cost.estimate_work(study.config, grain_step_s, pours)
     _print_pours(work["pours"])
@@ -108,20 +121,32 @@ def check(args: argparse.Namespace, study: PipelineConfig) -> None:
     )
 
 
-def _check_program(
+def _describe_external_study(
     args: argparse.Namespace, study: PipelineConfig, simulator: "SimulatorSettings"
 ) -> None:
-    """Describe a study whose runs another program makes; with --try make one run."""
+    """Print what there is to know of a study whose runs another program makes.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        The options: `cores` of the study; with `makes_run` one run is made.
+    study : PipelineConfig
+        The study.
+    simulator : SimulatorSettings
+        Its section `simulator`.
+    """
     from repose.config import check, external_check
 
     _print_lines(external_check.describe_program(study, simulator))
     _print_lines(check.warn_of_few_measurements(study))
     runs = external_check.list_runs(study.settings)
     _print_pours(runs)
-    count = sum(sets * seeds for _, sets, seeds in runs)
-    hours = count * simulator.time_limit_s * simulator.cores / args.cores / 3600
+
+    # The time of a run is unknown, but it has a limit.
+    n_runs = sum(n_sets * n_seeds for _, n_sets, n_seeds in runs)
+    hours = n_runs * simulator.time_limit_s * simulator.cores / args.cores / 3600
     print(
-        f"{count} runs, at most {rounded(hours, 3)} h on {args.cores} cores by their "
+        f"{n_runs} runs, at most {rounded(hours, 3)} h on {args.cores} cores by their "
         "time limit"
     )
     if args.makes_run:
@@ -129,13 +154,21 @@ def _check_program(
 
 
 def _print_computed(files: list[str], study: PipelineConfig) -> None:
-    """Print the numbers of the keys that are `auto` or missing in the files."""
+    """Print the numbers of the keys that are `auto` or missing in the files.
+
+    Parameters
+    ----------
+    files : list of str
+        The files of the study.
+    study : PipelineConfig
+        The study, in which each of these keys has its number.
+    """
     from repose.common.keys import get
     from repose.config import computed, loader
 
-    written = loader.read_layers(files).config
+    config_of_files = loader.read_layers(files).config
     numbers = []
-    for setting in computed.find_settings_to_compute(written):
+    for setting in computed.find_settings_to_compute(config_of_files):
         value = get(study.config, setting.key)
         text = rounded(value) if isinstance(value, float) else str(value)
         numbers.append(f"{setting.key} {text}")
@@ -144,16 +177,22 @@ def _print_computed(files: list[str], study: PipelineConfig) -> None:
 
 
 def _print_lines(lines: Iterable[str]) -> None:
-    """Print each line as soon as it is known."""
+    """Print each line as soon as it is made, since some take long."""
     for line in lines:
         print(line)
 
 
 def _print_pours(pours: "Pours") -> None:
-    """Print a table of the runs of a study."""
+    """Print a table of the runs of a study.
+
+    Parameters
+    ----------
+    pours : sequence of (str, int, int)
+        Purpose, number of parameter sets, and seeds of each set.
+    """
     print(f"{'runs':>14} {'parameter sets':>15} {'seeds':>6} {'pours':>6}")
-    for purpose, sets, seeds in pours:
-        print(f"{purpose:>14} {sets:>15} {seeds:>6} {sets * seeds:>6}")
+    for purpose, n_sets, n_seeds in pours:
+        print(f"{purpose:>14} {n_sets:>15} {n_seeds:>6} {n_sets * n_seeds:>6}")
 
 
 @verb(
@@ -173,23 +212,28 @@ def plan(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.calibrate.strategies import plan
     from repose.config import check
 
-    runs_csv = args.runs or _runs_of(study)
+    # Earlier runs show the noise. Without any it is assumed.
+    runs_csv = args.runs or _find_own_runs(study)
     runs = None
     if runs_csv is not None:
         runs = plan.read_runs(runs_csv, study.targets)
+
     _print_lines(check.describe_study(study))
     result = plan.plan(
         study.parameters, study.targets, study.settings.strategy, runs, runs_csv
     )
     _print_noise(study, result, runs_csv)
     _print_probabilities(result)
+
     # Show these lines now: the costs below wait for a timed pour.
     sys.stdout.flush()
-    _print_lines(check.tabulate_costs(study, result.budgets, _grain_step_s(study)))
+    _print_lines(
+        check.tabulate_costs(study, result.budgets, _measure_grain_step_s(study))
+    )
 
 
-def _runs_of(study: PipelineConfig) -> Path | None:
-    """Return the table of the runs that a study has made; None if it has none."""
+def _find_own_runs(study: PipelineConfig) -> Path | None:
+    """Find the table of the runs that a study has made; None if it has none."""
     for name in ("sequential/runs.csv", "runs.csv"):
         path = study.folder / name
         if path.is_file():
@@ -200,7 +244,17 @@ def _runs_of(study: PipelineConfig) -> Path | None:
 def _print_noise(
     study: PipelineConfig, result: "Plan", runs_csv: str | Path | None
 ) -> None:
-    """Print how much single runs scatter, and how many runs average the scatter out."""
+    """Print how much single runs scatter, and how many runs average the scatter out.
+
+    Parameters
+    ----------
+    study : PipelineConfig
+        The study.
+    result : Plan
+        The scatter for each target, and the numbers of runs by their tolerance.
+    runs_csv : path or None
+        The table in which the scatter was measured; None if there is none.
+    """
     from repose.calibrate.strategies.plan import CERTAINTY
 
     source = "assumed, as there are no runs yet"
@@ -221,7 +275,11 @@ def _print_noise(
 def _print_probabilities(result: "Plan") -> None:
     """Print the probability of success for each budget of runs.
 
-    For a study unlike the campaigns in which it was counted, say so.
+    Parameters
+    ----------
+    result : Plan
+        Its `success` is a table with a row for each budget. It is None for a study
+        unlike the campaigns in which the successes were counted.
     """
     from repose.calibrate.strategies.plan import TOLERANCES
 
@@ -252,7 +310,7 @@ def _print_probabilities(result: "Plan") -> None:
     )
 
 
-def _grain_step_s(study: PipelineConfig) -> float:
+def _measure_grain_step_s(study: PipelineConfig) -> float:
     """Measure the time for one step of one grain on this machine [s].
 
     The first time this takes a minute or two, for which a message is shown.
@@ -271,7 +329,13 @@ def _grain_step_s(study: PipelineConfig) -> float:
 def show_elapsed_seconds(sentence: str) -> Iterator[None]:
     """Show a sentence on stderr while a block of code runs.
 
-    On a terminal a thread appends the elapsed seconds and updates them.
+    On a terminal a thread appends the elapsed seconds and updates them. Elsewhere, as in
+    a log, the sentence is printed once.
+
+    Parameters
+    ----------
+    sentence : str
+        What the block does.
     """
     if not sys.stderr.isatty():
         print(sentence, file=sys.stderr, flush=True)
@@ -280,14 +344,16 @@ def show_elapsed_seconds(sentence: str) -> Iterator[None]:
 
     is_finished = threading.Event()
 
-    def show_seconds() -> None:
-        start = time.monotonic()
+    def update_seconds() -> None:
+        """Write the line again after each tick, until the block has ended."""
+        start_s = time.monotonic()
         while not is_finished.wait(TICK_S):
-            elapsed = time.monotonic() - start
-            print(f"\r{sentence}; {elapsed:.0f} s", end="", file=sys.stderr, flush=True)
+            elapsed_s = time.monotonic() - start_s
+            line = f"\r{sentence}; {elapsed_s:.0f} s"
+            print(line, end="", file=sys.stderr, flush=True)
 
     print(sentence, end="", file=sys.stderr, flush=True)
-    clock = threading.Thread(target=show_seconds, daemon=True)
+    clock = threading.Thread(target=update_seconds, daemon=True)
     clock.start()
     try:
         yield

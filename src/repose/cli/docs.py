@@ -21,11 +21,14 @@ def docs(args: argparse.Namespace) -> None:
     example: photographs
     """
     known = pages()
+
+    # List the pages, with the names in a column.
     if args.name is None:
         width = max(len(name) for name in known)
         for name, path in known.items():
             print(f"{name:{width}}  {title_of(path)}")
         return
+
     require(
         args.name in known,
         "command line",
@@ -51,9 +54,13 @@ def _show_in_pager(text: str) -> None:
 
 
 def pages() -> dict[str, Path]:
-    """Map the name of each documentation page to its path, sorted by name.
+    """Find the pages of the documentation.
 
-    The index page of a folder is named after the folder.
+    Returns
+    -------
+    dict of str to Path
+        The path of each page by its name, in alphabetical order. The index page of a
+        folder is named after the folder.
     """
     folder = places.root() / "docs"
     paths = {}

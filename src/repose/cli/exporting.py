@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from repose.cli.options import require_option
-from repose.cli.parameter_sets import PARAMETER_SET, parameters
+from repose.cli.parameter_sets import PARAMETER_SET, read_parameters
 from repose.cli.registry import CONFIG, Option, load, verb
 from repose.common import provenance
 from repose.common.errors import InputError
@@ -68,17 +68,19 @@ def export(args: argparse.Namespace) -> None:
     from repose.export.template import write_template
     from repose.stages.card_study import read_own
 
+    # Read what is to be exported: the study, the card, or both.
     study = None if args.config is None else load(args)
-    _check_source_of_parameters(args)
+    _require_one_parameter_option(args)
     card = None if args.card is None else read_own(args.card)
     _check_numbers(args)
     if study is None:
         study = _find_study(args, card)
 
     source = _choose_source(args, study, card)
-    values = _parameter_values(args, study, card)
+    values = _choose_parameter_values(args, study, card)
 
-    def job_of(parameters: Mapping[str, float]) -> Job:
+    def make_job(parameters: Mapping[str, float]) -> Job:
+        """Make the simulation that is written, for any values of the parameters."""
         return make(
             config=source.config,
             parameters=parameters,
@@ -88,18 +90,19 @@ def export(args: argparse.Namespace) -> None:
             one_sphere=source.one_sphere,
         )
 
+    # Write a template, in which names stand for some numbers, or a deck.
     if args.names:
         paths = write_template(
-            job_of, values, names=args.names, program=args.to, folder=args.out
+            make_job, values, names=args.names, program=args.to, folder=args.out
         )
     else:
-        paths = write(job_of(values), args.to, args.out)
+        paths = write(make_job(values), args.to, args.out)
     for path in paths:
         print(path)
 
 
-def _check_source_of_parameters(args: argparse.Namespace) -> None:
-    """Refuse none, or more than one, of the ways to give the parameters."""
+def _require_one_parameter_option(args: argparse.Namespace) -> None:
+    """Refuse an export without, or with several, options that give the parameters."""
     has_card = args.card is not None
     has_values = bool(args.set) or args.samples is not None
     require_option(
@@ -122,11 +125,23 @@ def _check_numbers(args: argparse.Namespace) -> None:
 
 
 def _find_study(args: argparse.Namespace, card: Card | None) -> PipelineConfig | None:
-    """Find the study of an export without --config; set `args.config` to its path.
+    """Find the study of an export without --config.
 
     Without a card this is the default study. With a card it is the study in the card's
-    folder. If this is missing, or its files cannot be read, the result is None: the
-    card alone then makes the deck.
+    folder.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        The options. Their `config` is set to the path of the study.
+    card : mapping or None
+        The card of --card, if there is one.
+
+    Returns
+    -------
+    PipelineConfig or None
+        None if the folder of the card has no study, or its files cannot be read. The
+        card alone then makes the deck.
     """
     from repose.stages.card_study import configuration_of_card
 
@@ -145,6 +160,7 @@ def _find_study(args: argparse.Namespace, card: Card | None) -> PipelineConfig |
         study = load(args)
         _ = study.grain
     except InputError as error:
+        # The card may have been moved away from the files of its study.
         args.config = None
         first_line = error.args[0].splitlines()[0]
         print(
@@ -155,30 +171,66 @@ def _find_study(args: argparse.Namespace, card: Card | None) -> PipelineConfig |
     return study
 
 
-def _parameter_values(
+def _choose_parameter_values(
     args: argparse.Namespace, study: PipelineConfig | None, card: Card | None
 ) -> dict[str, float]:
-    """Return the parameters of the card, or else those of the options."""
+    """Read the parameters from the card, or without one from the options.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        The options.
+    study : PipelineConfig or None
+        The study; None only with a card.
+    card : mapping or None
+        The card of --card, if there is one.
+
+    Returns
+    -------
+    dict of str to float
+        Values by name.
+    """
     if card is not None:
         return {name: entry["value"] for name, entry in card["parameters"].items()}
     assert study is not None
-    return parameters(args.set, args.samples, sample=args.sample, study=study)
+    return read_parameters(args.set, args.samples, sample=args.sample, study=study)
 
 
 # --- the grain ------------------------------------------------------------------------
 
 
 class _Source(NamedTuple):
-    """What is exported besides the parameters."""
+    """What is exported besides the parameters.
+
+    Attributes
+    ----------
+    config : mapping
+        The resolved configuration.
+    grain : mapping
+        The mean grain, as in berry.json.
+    particle : Particle
+        Its body.
+    one_sphere : bool
+        Whether the particle becomes the sphere of its volume.
+    """
 
     config: Mapping[str, Any]
     grain: Mapping[str, Any]
     particle: "Particle"
-    one_sphere: bool  # whether the particle becomes the sphere of its volume
+    one_sphere: bool
 
 
-def _n_spheres(args: argparse.Namespace, particle: "Particle") -> int | None:
+def _choose_number_of_spheres(
+    args: argparse.Namespace, particle: "Particle"
+) -> int | None:
     """Choose the number of spheres that represent the grain.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        The options; --spheres gives the number.
+    particle : Particle
+        The body of the grain in the study or on the card.
 
     Returns
     -------
@@ -200,6 +252,15 @@ def _choose_source(
 ) -> _Source:
     """Choose the grain to export: that of the study, or of the card without a study.
 
+    Parameters
+    ----------
+    args : argparse.Namespace
+        The options.
+    study : PipelineConfig or None
+        The study; None only with a card.
+    card : mapping or None
+        The card of --card, if there is one.
+
     Raises
     ------
     InputError
@@ -209,8 +270,8 @@ def _choose_source(
 
     if study is None:
         assert card is not None
-        return _source_of_card(args, card)
-    source = _source_of_study(args, study)
+        return _make_source_of_card(args, card)
+    source = _make_source_of_study(args, study)
     if card is not None:
         require_one_study(
             card, args.card, study=study, source=args.config, grain=source.grain
@@ -218,28 +279,37 @@ def _choose_source(
     return source
 
 
-def _source_of_study(args: argparse.Namespace, study: PipelineConfig) -> _Source:
-    """Make the grain of a study ready for programs that know only spheres."""
+def _make_source_of_study(args: argparse.Namespace, study: PipelineConfig) -> _Source:
+    """Make the grain of a study ready for programs that know only spheres.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        The options; --spheres gives the number of spheres.
+    study : PipelineConfig
+        The study.
+    """
     from repose.cli.berries import berry_and_particle
 
     grain, particle = berry_and_particle(study)
-    n_spheres = _n_spheres(args, particle)
+    n_spheres = _choose_number_of_spheres(args, particle)
     if n_spheres is None:
         return _Source(study.config, grain, particle, one_sphere=False)
     if n_spheres == 1:
         return _Source(study.config, grain, particle, one_sphere=True)
 
-    clump_study = _with_clump(study, n_spheres, args.config)
+    # Fill the mesh of the grain with spheres.
+    clump_study = _replace_particle_by_clump(study, n_spheres, args.config)
     clump_grain, clump = berry_and_particle(clump_study)
     return _Source(study.config, clump_grain, clump, one_sphere=False)
 
 
-def _source_of_card(args: argparse.Namespace, card: Card) -> _Source:
+def _make_source_of_card(args: argparse.Namespace, card: Card) -> _Source:
     """Make the grain of a card ready for programs that know only spheres."""
     from repose.stages import card_study
 
     card_particle = card_study.particle_of(card, None, args.card)
-    n_spheres = _n_spheres(args, card_particle)
+    n_spheres = _choose_number_of_spheres(args, card_particle)
     return _Source(
         config=card_study.configuration_of(card, args.card),
         grain=card["grain"],
@@ -248,11 +318,22 @@ def _source_of_card(args: argparse.Namespace, card: Card) -> _Source:
     )
 
 
-def _with_clump(study: PipelineConfig, n_spheres: int, source: str) -> PipelineConfig:
-    """Return the study with a clump of spheres as its particle.
+def _replace_particle_by_clump(
+    study: PipelineConfig, n_spheres: int, source: str
+) -> PipelineConfig:
+    """Make a copy of a study, with a clump of spheres as its particle.
 
     Spheres that overlap add up in stiffness. A clump may therefore need a shorter time
     step than a smooth body.
+
+    Parameters
+    ----------
+    study : PipelineConfig
+        The study, which is not changed.
+    n_spheres : int
+        Spheres of the clump, at least 2.
+    source : str
+        File of the study, for messages.
     """
     config = copy.deepcopy(study.config)
     config["berry"] |= {

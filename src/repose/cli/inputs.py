@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from repose.calibrate.study import Study
 
 
-def _study_of_grain(args: argparse.Namespace) -> PipelineConfig | None:
-    """Load the study; a mesh that is built from axes needs none."""
+def _load_study_of_grain(args: argparse.Namespace) -> PipelineConfig | None:
+    """Load the study, or return None for a mesh that is built from axes."""
     return None if args.axes or args.stl else load(args)
 
 
@@ -54,7 +54,7 @@ def _study_of_grain(args: argparse.Namespace) -> PipelineConfig | None:
         help="depth of the grooves in mm (0)",
     ),
     out="results/berry",
-    study=_study_of_grain,
+    study=_load_study_of_grain,
 )
 def berry(args: argparse.Namespace, study: PipelineConfig | None) -> None:
     """Compute sphericity from sizes and moduli from compression tests (Eq. 1-4); or build a mesh from axes and mass.
@@ -75,7 +75,14 @@ def berry(args: argparse.Namespace, study: PipelineConfig | None) -> None:
 
 
 def _build_mesh(args: argparse.Namespace) -> None:
-    """Build the mesh of a grain from its axes, mass and density; write it as STL."""
+    """Build the mesh of a grain from its axes, mass and density; write it as STL.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        The options of the verb `berry`. The default of the density is that of the
+        configuration.
+    """
     from repose.grain import mesh_from_axes
 
     if not (args.axes and args.stl and args.mass_g):
@@ -101,6 +108,7 @@ def _build_mesh(args: argparse.Namespace) -> None:
     assert isinstance(stl, bytes)
     write_bytes(args.stl, stl)
 
+    # Say how full the shape is: by its volume in the box around it, and by its profile.
     box_mm3 = args.axes[0] * args.axes[1] * args.axes[2]
     inner_exponent, outer_exponent = mesh_from_axes.profile_exponents(shape_number)
     print(
@@ -137,19 +145,22 @@ def design(args: argparse.Namespace, study: "PipelineConfig | Study") -> None:
     """
     from repose.stages import design
 
+    # With our simulator the design is a table of samples.
     if isinstance(study, PipelineConfig):
         design.run(study.parameters, study.settings.design, args.out)
-        _print_allowed(study.parameters)
+        _print_allowed_share(study.parameters)
         return
+
+    # For a simulator of the user's own it is a table of runs, some with the same sample.
     table = study.ask()
     path = Path(args.out) / "samples.csv"
     write_table(path, table)
     n_samples = table["sample"].nunique()
     print(f"{path}: {len(table)} runs of {n_samples} samples to simulate")
-    _print_allowed(study.parameters)
+    _print_allowed_share(study.parameters)
 
 
-def _print_allowed(space: "ParameterSpace") -> None:
+def _print_allowed_share(space: "ParameterSpace") -> None:
     """Print which part of the ranges a design fills, if there are constraints."""
     if space.constraints:
         rules = ", ".join(one.text for one in space.constraints)

@@ -16,7 +16,7 @@ from repose.common.provenance import hash_of_file
 from repose.config.pipeline import PipelineConfig
 
 if TYPE_CHECKING:
-    from repose.measure.photographs.photograph import Scale
+    from repose.measure.photographs.photograph import Photograph, Scale
     from repose.measure.settings import MeasureSettings
 
 # Pixel sizes from a microscope to a heap in a hall [mm].
@@ -108,15 +108,19 @@ def measure(args: argparse.Namespace) -> None:
 
     example: *.jpg --square-mm 20 --out measured
     """
-    if _are_particle_files(args.pictures):
+    if _hold_particles(args.pictures):
         _measure_particle_files(args)
         return
-    piles = _photographed_piles()
-    _check_bench(args, piles)
-    pictures = _readable_pictures(args.pictures)
-    overlays = _check_overlays(pictures, args.out)
-    scale = _scale(args)
+
+    # Check all options and files before the first photograph is measured.
+    piles = _find_photographed_piles()
+    _check_bench_options(args, piles)
+    pictures = _select_readable_pictures(args.pictures)
+    overlays = _choose_overlay_paths(pictures, args.out)
+    scale = _read_scale(args)
     settings = _measure_settings(args)
+
+    # Measure a pile, or the bed in a drum or a box.
     if args.bench in piles:
         _measure_piles(
             args, pictures, overlays=overlays, scale=scale, settings=settings
@@ -125,8 +129,17 @@ def measure(args: argparse.Namespace) -> None:
         _measure_apparatus(args, pictures, overlays=overlays, settings=settings)
 
 
-def _are_particle_files(names: Sequence[str]) -> bool:
-    """Decide whether the given files hold particles instead of pictures.
+def _hold_particles(names: Sequence[str]) -> bool:
+    """Tell whether files hold particles instead of pictures.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Paths of the files. Those that do not exist are ignored.
+
+    Returns
+    -------
+    bool
 
     Raises
     ------
@@ -150,7 +163,18 @@ def _are_particle_files(names: Sequence[str]) -> bool:
 
 
 def _measure_particle_files(args: argparse.Namespace) -> None:
-    """Measure piles stored as files of particles; write a table and print it."""
+    """Measure piles stored as files of particles; write a table and print it.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        The options of the verb `measure`; `pictures` names the files.
+
+    Raises
+    ------
+    InputError
+        If an option is not allowed, or a pile has no flanks.
+    """
     import pandas as pd
 
     from repose.common.errors import NoFlankError
@@ -174,6 +198,8 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
     if args.config is None:
         # Without a study the grains of each file decide the scale of its views.
         settings = settings.model_copy(update={"mm_per_pixel": AUTO})
+
+    # Measure each file as a row of the table.
     rows = []
     for name in args.pictures:
         particles = particle_files.read(name)
@@ -202,6 +228,8 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
     table = pd.DataFrame(rows)
     path = Path(args.out) / PARTICLE_TABLE
     write_table(path, table)
+
+    # Print the table, or a line for each pile.
     if args.json:
         print(json_text(table.to_dict("records")))
         return
@@ -216,21 +244,38 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
     print(f"angles by every line and more: {path}")
 
 
-def _photographed_piles() -> dict[str, Mapping[str, str]]:
-    """Return for each bench test of a pile the responses that a photograph shows."""
+def _find_photographed_piles() -> dict[str, Mapping[str, str]]:
+    """Find the bench tests whose piles can be photographed.
+
+    Returns
+    -------
+    dict of str to mapping
+        By the name of the bench test: the responses that a photograph shows, each with
+        its column in the table of the photographs.
+    """
     from repose.bench import bench_tests
 
     return {test.name: test.photographed for test in bench_tests() if test.photographed}
 
 
-def _check_bench(args: argparse.Namespace, pile_tests: Iterable[str]) -> None:
-    """Refuse an unknown bench test, and options that this bench test does not use."""
+def _check_bench_options(args: argparse.Namespace, pile_tests: Iterable[str]) -> None:
+    """Refuse an unknown bench test, and options that this bench test does not use.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        The options of the verb `measure`.
+    pile_tests : iterable of str
+        Names of the bench tests that leave a pile. Photographs of other bench tests show
+        a drum or a box.
+    """
     from repose.bench.photographs import RESPONSES
 
     known = (*pile_tests, *RESPONSES)
     allowed = f"one of {', '.join(known)}"
     require_option(args.bench in known, "--bench", args.bench, allowed)
 
+    # The scale of a drum or a box comes from points of known distance.
     unused_options: tuple[str, ...] = ("lens", "mm_per_pixel", "length", "base_row")
     if args.bench in pile_tests:
         unused_options = ("points",)
@@ -242,8 +287,13 @@ def _check_bench(args: argparse.Namespace, pile_tests: Iterable[str]) -> None:
             raise InputError("command line", option, value, allowed)
 
 
-def _readable_pictures(names: Iterable[str]) -> list[Path]:
+def _select_readable_pictures(names: Iterable[str]) -> list[Path]:
     """Select the pictures that can be read, and print why the others are left out.
+
+    Parameters
+    ----------
+    names : iterable of str
+        Paths of the pictures.
 
     Raises
     ------
@@ -260,8 +310,20 @@ def _readable_pictures(names: Iterable[str]) -> list[Path]:
     return pictures
 
 
-def _check_overlays(pictures: list[Path], out: str) -> list[Path]:
-    """Return where to write the overlay of each picture, after checking these paths.
+def _choose_overlay_paths(pictures: list[Path], out: str) -> list[Path]:
+    """Choose where to write the overlay of each picture, and check these paths.
+
+    Parameters
+    ----------
+    pictures : list of Path
+        The photographs.
+    out : str
+        The folder of the overlays.
+
+    Returns
+    -------
+    list of Path
+        A PNG for each picture, named after it.
 
     Raises
     ------
@@ -274,6 +336,7 @@ def _check_overlays(pictures: list[Path], out: str) -> list[Path]:
     overlays = [Path(out) / f"{path.stem}.png" for path in pictures]
     hashes = [hash_of_file(path) for path in pictures]
     for path, overlay, content_hash in zip(pictures, overlays, hashes, strict=True):
+        # Two pictures of one name, or of one content.
         require_option(
             overlays.count(overlay) == 1,
             "pictures",
@@ -307,12 +370,25 @@ def _measure_piles(
 ) -> None:
     """Measure photographs of piles; write overlays and tables, and print the result.
 
-    A photograph without a measurable pile still gets an overlay, which shows what was
-    taken for the pile.
+    Parameters
+    ----------
+    args : argparse.Namespace
+        The options of the verb `measure`.
+    pictures : list of Path
+        The photographs.
+    overlays : list of Path
+        Where to write the overlay of each photograph.
+    scale : Scale
+        Where the scale comes from.
+    settings : MeasureSettings
+        How a pile is measured.
+
+    Raises
+    ------
+    InputError
+        If no photograph has a pile that can be measured.
     """
-    from repose.common.files import write_image
-    from repose.measure.photographs import drawing
-    from repose.measure.photographs import photograph as photographs
+    from repose.measure.photographs.photograph import measure_all
     from repose.measure.photographs.tables import (
         convert_to_records,
         describe,
@@ -321,34 +397,62 @@ def _measure_piles(
     )
 
     lens_pictures = [Path(name) for name in args.lens]
-    results = photographs.measure_all(
-        pictures, settings, scale=scale, lens=lens_pictures
-    )
-    for photograph, overlay in zip(results, overlays, strict=True):
+    photographs = measure_all(pictures, settings, scale=scale, lens=lens_pictures)
+    _write_overlays(photographs, overlays)
+    _require_measured_pile(photographs, overlays)
+
+    # Write and print the numbers.
+    out = Path(args.out)
+    results = make_tables(photographs, settings, args.doubtful)
+    responses = _find_photographed_piles()[args.bench]
+    write_tables(results, settings, out=out, bench=args.bench, responses=responses)
+    if args.json:
+        print(json_text(convert_to_records(results)))
+    else:
+        print(describe(photographs, results, settings=settings, out=out))
+
+
+def _write_overlays(
+    photographs: Sequence["Photograph"], overlays: Sequence[Path]
+) -> None:
+    """Draw what was measured into each photograph, and write the pictures.
+
+    A photograph without a measurable pile gets an overlay, too, which shows what was
+    taken for the pile.
+
+    Parameters
+    ----------
+    photographs : sequence of Photograph
+        The results.
+    overlays : sequence of Path
+        The file of each overlay.
+    """
+    from repose.common.files import write_image
+    from repose.measure.photographs import drawing
+
+    for photograph, path in zip(photographs, overlays, strict=True):
         if photograph.measurement is None:
             image = drawing.overlay_refused(photograph.view, photograph.pile)
         else:
             image = drawing.overlay(photograph.view, photograph.measurement)
-        write_image(overlay, image)
+        write_image(path, image)
 
-    if all(photograph.measurement is None for photograph in results):
-        raise_together(
-            InputError(
-                photograph.path,
-                "pile",
-                photograph.refused,
-                f"{TWO_FLANKS}; {overlay} shows the part taken for the pile",
-            )
-            for photograph, overlay in zip(results, overlays, strict=True)
+
+def _require_measured_pile(
+    photographs: Sequence["Photograph"], overlays: Sequence[Path]
+) -> None:
+    """Raise an InputError with the reason for each photograph if all were refused."""
+    if any(photograph.measurement is not None for photograph in photographs):
+        return
+    raise_together(
+        InputError(
+            photograph.path,
+            "pile",
+            photograph.refused,
+            f"{TWO_FLANKS}; {overlay} shows the part taken for the pile",
         )
-    out = Path(args.out)
-    measured = make_tables(results, settings, args.doubtful)
-    responses = _photographed_piles()[args.bench]
-    write_tables(measured, settings, out=out, bench=args.bench, responses=responses)
-    if args.json:
-        print(json_text(convert_to_records(measured)))
-    else:
-        print(describe(results, measured, settings=settings, out=out))
+        for photograph, overlay in zip(photographs, overlays, strict=True)
+    )
 
 
 def _measure_apparatus(
@@ -357,9 +461,24 @@ def _measure_apparatus(
     overlays: list[Path],
     settings: "MeasureSettings",
 ) -> None:
-    """Measure photographs of a drum or a box; write overlays and tables.
+    """Measure photographs of a drum or a box; write overlays and tables, and print.
 
-    The result is also printed.
+    Parameters
+    ----------
+    args : argparse.Namespace
+        The options of the verb `measure`. The study of --config has the measures of the
+        drum or the box.
+    pictures : list of Path
+        The photographs.
+    overlays : list of Path
+        Where to write the overlay of each photograph.
+    settings : MeasureSettings
+        How an angle is measured, as for piles.
+
+    Raises
+    ------
+    InputError
+        If there is no study, or no photograph can be measured.
     """
     from repose.bench import photographs
     from repose.bench.settings import SceneSettings
@@ -375,22 +494,28 @@ def _measure_apparatus(
             f"a study, whose section {args.bench} has the measures",
         )
     scene = SceneSettings(load(args).config)
+    # Refuse a study without the section of this bench test.
     section(scene.config, args.bench)
+
+    # Measure the photographs, and show in an overlay what was measured.
     points = args.points or ()
     results = photographs.measure_all(pictures, points, scene, args.bench, settings)
-    for photograph, overlay in zip(results, overlays, strict=True):
-        write_image(overlay, photographs.stacked(photograph.views))
+    for result, overlay in zip(results, overlays, strict=True):
+        write_image(overlay, photographs.stacked(result.views))
 
-    if all(photograph.refused for photograph in results):
+    # Without any result, give the reason for each photograph.
+    if all(result.refused for result in results):
         raise_together(
             InputError(
-                photograph.path,
+                result.path,
                 args.bench,
-                photograph.refused,
+                result.refused,
                 "a bed with a surface that differs from its background",
             )
-            for photograph in results
+            for result in results
         )
+
+    # Write and print the numbers.
     out = Path(args.out)
     measured = photographs.tables(results, args.bench)
     # Each response has a column of its own name.
@@ -405,11 +530,16 @@ def _measure_apparatus(
         print(photographs.describe(results, measured, out))
 
 
-def _scale(args: argparse.Namespace) -> "Scale":
+def _read_scale(args: argparse.Namespace) -> "Scale":
     """Read the scale of the photographs from the options.
 
     --mm-per-pixel and --length give it directly. Without either, the sheet of squares
     in each photograph gives it.
+
+    Raises
+    ------
+    InputError
+        If options contradict each other, or a number is not allowed.
     """
     from repose.measure.photographs.photograph import Scale
 
@@ -421,7 +551,7 @@ def _scale(args: argparse.Namespace) -> "Scale":
     )
     _require_between("--square-mm", args.square_mm, 1, 1000)
     if args.length:
-        return _scale_of_length(args)
+        return _compute_scale_of_length(args)
     if args.mm_per_pixel is not None:
         _require_between("--mm-per-pixel", args.mm_per_pixel, *SCALES)
         _refuse_lens(args)
@@ -429,8 +559,20 @@ def _scale(args: argparse.Namespace) -> "Scale":
     return Scale(args.square_mm, base_row=args.base_row)
 
 
-def _scale_of_length(args: argparse.Namespace) -> "Scale":
-    """Compute the scale from a level line of known length, given by --length."""
+def _compute_scale_of_length(args: argparse.Namespace) -> "Scale":
+    """Compute the scale from a level line of known length.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        The options. `length` has the length in mm, and column and row of both ends in
+        pixels.
+
+    Raises
+    ------
+    InputError
+        If the line is too short or not level, or its scale is out of range.
+    """
     from repose.measure.photographs.photograph import (
         LEAST_LENGTH_PX,
         MOST_LEVEL_DEG,
@@ -475,10 +617,10 @@ def _require_between(option: str, value: float, low: float, high: float) -> None
 
 
 def _measure_settings(args: argparse.Namespace) -> "MeasureSettings":
-    """Make the settings of the measurement from a study and the options.
+    """Make the settings of the measurement from the study of --config and the options.
 
-    Without a study the defaults are used, with the grain of sizes.csv in the working
-    folder if there is one.
+    Without a study they are the defaults, with the grain of sizes.csv in the working
+    folder if there is such a file.
     """
     from repose.grain.berry import mean_axes
     from repose.grain.berry_files import read_sizes
@@ -486,6 +628,8 @@ def _measure_settings(args: argparse.Namespace) -> "MeasureSettings":
 
     if args.grain_mm is not None:
         _require_between("--grain-mm", args.grain_mm, 0.1, 1000)
+
+    # Find the settings, and the table of the measured sizes.
     if args.config is None:
         settings = MeasureSettings.with_defaults()
         sizes_csv = SIZES if Path(SIZES).is_file() else None
@@ -564,9 +708,8 @@ def silhouette(args: argparse.Namespace, study: PipelineConfig) -> None:
     settings = study.settings.measure
     pile = read_first_pour(args.heap)
     particle = Particle.load(args.particle)
-    write_image(
-        args.out, side_view(pile, particle, settings=settings, azimuth_deg=args.azimuth)
-    )
+    picture = side_view(pile, particle, settings=settings, azimuth_deg=args.azimuth)
+    write_image(args.out, picture)
 
 
 @verb(
@@ -590,6 +733,7 @@ def measure_silhouette(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.measure import pile
     from repose.measure.photographs import drawing
 
+    # Some of the angles depend on the height of a grain.
     grain = read_grain(args.berry)
     settings = study.settings.measure.for_grain(grain)
     image = pile.read_image(args.picture)

@@ -24,7 +24,7 @@ def new(args: argparse.Namespace) -> None:
     from repose.common.ledger import write_in_one_move
     from repose.config.models import settings_type
 
-    # The name also becomes the label of the study.
+    # Check the name. It also becomes the label of the study.
     model = settings_type()
     require_option(
         faults.is_valid("label", args.name, model),
@@ -32,6 +32,8 @@ def new(args: argparse.Namespace) -> None:
         args.name,
         faults.allowed("label", model),
     )
+
+    # Refuse a folder that is there already, or a link.
     folder = Path(args.name)
     require_option(
         not folder.exists() and not folder.is_symlink(),
@@ -39,12 +41,15 @@ def new(args: argparse.Namespace) -> None:
         args.name,
         "a folder that is not there yet",
     )
+
+    # Copy the template, and put the name of the crop into each file.
     template = Path(__file__).parents[1] / "config" / "new_crop"
     for path in sorted(template.rglob("*.*")):
         text = path.read_text(encoding="utf-8").replace(NAME, args.name)
-        out = folder / path.relative_to(template)
-        out.parent.mkdir(parents=True, exist_ok=True)
-        write_in_one_move(out, methodcaller("write", text.encode()))
+        new_path = folder / path.relative_to(template)
+        new_path.parent.mkdir(parents=True, exist_ok=True)
+        write_in_one_move(new_path, methodcaller("write", text.encode()))
+
     print(
         f"{folder}: made. What to do next is in {folder / 'README.md'}; begin with "
         f"{folder / 'sizes.csv'}."

@@ -50,7 +50,7 @@ def require_option(holds: object, option: str, value: object, allowed: str) -> N
     require(holds, "command line", option, value, allowed)
 
 
-def pairs(entries: Iterable[str], option: str) -> dict[str, str]:
+def split_pairs(entries: Iterable[str], option: str) -> dict[str, str]:
     """Split the NAME=VALUE entries of an option.
 
     Parameters

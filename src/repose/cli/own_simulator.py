@@ -1,4 +1,4 @@
-"""Subcommands for a simulator of the user's own: the runs to make, and the answer."""
+"""Subcommands for a user's own simulator: the runs to make, and the answer."""
 
 import argparse
 import sys
@@ -16,8 +16,20 @@ if TYPE_CHECKING:
 FOLDER = "own"
 
 
-def _study(args: argparse.Namespace) -> "Study":
-    """Make the study of --config; for the verb `ask` with the runs so far."""
+def _load_own_study(args: argparse.Namespace) -> "Study":
+    """Load a study of the user's own simulator, and print warnings about it.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        The options: `config` is the file of the study. For the verb `ask` the study also
+        gets the runs so far, of the file `runs`.
+
+    Raises
+    ------
+    InputError
+        If the file is of a study with our simulator, or has other faults.
+    """
     from repose.calibrate.parameter_types import wide_ranges
     from repose.calibrate.study import Study
     from repose.calibrate.study_file import is_own, unread_keys
@@ -36,6 +48,8 @@ def _study(args: argparse.Namespace) -> "Study":
 
     runs_csv = args.runs if args.verb == "ask" else None
     study = Study.own(args.config, runs_csv)
+
+    # Warn of keys without an effect, and of ranges that are too wide.
     keys = unread_keys(read(args.config))
     if keys:
         strategy = study.settings.strategy
@@ -46,10 +60,10 @@ def _study(args: argparse.Namespace) -> "Study":
 
 
 def load_any_study(args: argparse.Namespace) -> "Study | PipelineConfig":
-    """Load --config, for our simulator or for one of the user's own."""
+    """Load the study of --config, for our simulator or for one of the user's own."""
     from repose.calibrate.study_file import is_own
 
-    return _study(args) if is_own(places.find(args.config)) else load(args)
+    return _load_own_study(args) if is_own(places.find(args.config)) else load(args)
 
 
 def _warn(text: str) -> None:
@@ -60,7 +74,7 @@ def _warn(text: str) -> None:
 @verb(
     Option("runs", help="CSV file, a row for each run: parameters and responses"),
     out=f"{FOLDER}/runs.csv",
-    study=_study,
+    study=_load_own_study,
 )
 def tell(args: argparse.Namespace, study: "Study") -> None:
     """Own simulator: add a table of runs to the record of all runs.
@@ -70,11 +84,14 @@ def tell(args: argparse.Namespace, study: "Study") -> None:
     from repose.calibrate.record import Record
     from repose.common.tables import print_columns
 
+    # Add the new runs, and show what was read of them.
     record = Record(study, args.out)
     record.add_file(args.runs)
     print_columns(args.runs)
     for sentence in record.new_unread_columns():
         _warn(f"{args.runs}: {sentence}")
+
+    # Count the runs of the whole record.
     runs = record.data
     n_failed = int((runs["status"] != "ok").sum())
     failed = f", {n_failed} failed" if n_failed else ""
@@ -89,7 +106,7 @@ def tell(args: argparse.Namespace, study: "Study") -> None:
         help="the record; where it is missing, the start",
     ),
     out=f"{FOLDER}/next.csv",
-    study=_study,
+    study=_load_own_study,
 )
 def ask(args: argparse.Namespace, study: "Study") -> None:
     """Own simulator: list the runs to make next, or say that the answer is good enough.
@@ -103,6 +120,7 @@ def ask(args: argparse.Namespace, study: "Study") -> None:
     )
     from repose.common.files import write_table
 
+    # A record that the user names may be missing at the start, or its name misspelt.
     is_given = "runs" in vars(args).get("given", ())
     if is_given and not Path(args.runs).exists():
         print(
@@ -110,12 +128,15 @@ def ask(args: argparse.Namespace, study: "Study") -> None:
             "start",
             file=sys.stderr,
         )
+
+    # Write the runs to make next.
     table = study.ask()
     proposal = study.proposal
     runs = study.runs
     write_table(args.out, table)
 
-    # Only the first proposal, made before any runs, has no notes.
+    # Print what the strategy has learned from the runs so far. Only the first proposal,
+    # made before any runs, has no notes.
     if proposal.notes:
         observed = arrange_runs(runs, study.parameters, study.targets)
         warning = estimate_noise(study, observed).warning
@@ -136,7 +157,7 @@ def ask(args: argparse.Namespace, study: "Study") -> None:
 @verb(
     Option("runs", help="CSV file, a row for each run: parameters and responses"),
     out=FOLDER,
-    study=_study,
+    study=_load_own_study,
 )
 def calibrate(args: argparse.Namespace, study: "Study") -> None:
     """Own simulator: the parameters that meet the targets, from a table of runs of any simulator.
@@ -154,12 +175,15 @@ def calibrate(args: argparse.Namespace, study: "Study") -> None:
     written = (*calibration.TABLES, *calibration.RECORDS, report_html.name)
     for name in (*written, *strategy(study.settings.strategy).files):
         check_replaceable(Path(args.out) / name)
+
+    # Read the runs, and show what was read.
     rows = read_rows(args.runs, study)
     runs = checked_runs(study, rows, args.runs)
     print_columns(args.runs)
     for sentence in unread_columns(study, rows).values():
         _warn(f"{args.runs}: {sentence}")
 
+    # Calibrate, and print the answer with its warnings.
     result = calibration.calibrate(study, runs)
     result.save(args.out)
     print(result)

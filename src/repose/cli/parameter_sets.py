@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from repose.bench.parameters import LABELS, LAW_PARAMETERS, PARAMETERS, check_value
 from repose.calibrate import seeds as streams
-from repose.cli.options import pairs, require_option
+from repose.cli.options import require_option, split_pairs
 from repose.cli.registry import Option
 from repose.common.errors import InputError, require
 from repose.config.pipeline import PipelineConfig
@@ -37,7 +37,7 @@ PARAMETER_SET = (
 )
 
 
-def _purpose(text: str) -> str | int:
+def _read_purpose(text: str) -> str | int:
     """Read the purpose of a stream of random numbers: its name, or its number.
 
     Other programs use streams by their numbers.
@@ -66,7 +66,7 @@ STUDY_SEEDS = (
     ),
     Option(
         "--purpose",
-        type=_purpose,
+        type=_read_purpose,
         default="design",
         metavar="NAME",
         help="which of the study's streams --seeds draws from (design)",
@@ -74,7 +74,7 @@ STUDY_SEEDS = (
 )
 
 
-def parameters(
+def read_parameters(
     entries: Sequence[str],
     samples: str | None,
     sample: int | None,
@@ -104,7 +104,8 @@ def parameters(
     InputError
         If options contradict each other, or a name or value is not allowed.
     """
-    texts = pairs(entries, "--set")
+    # A sample of a table stands in place of --set.
+    texts = split_pairs(entries, "--set")
     if samples:
         if texts or sample is None:
             allowed = "together with --sample, without --set"
@@ -118,6 +119,8 @@ def parameters(
         labelled = ", ".join(f"{known} ({LABELS[known]})" for known in names)
         allowed = f"a parameter of {labelled}"
         require_option(name in names, f"--set {name}", text, allowed)
+
+    # Begin with the centres of the ranges, and replace what the user gives.
     values = dict(study.parameters.centre)
     for name, text in texts.items():
         values[name] = check_value(name, text, "command line")
@@ -127,7 +130,22 @@ def parameters(
 def _parameters_of_sample(
     samples: str, sample: int, study: PipelineConfig
 ) -> dict[str, float]:
-    """Read a row of a table of parameters, and refuse columns the study does not know."""
+    """Read the parameters of a sample from a table.
+
+    Parameters
+    ----------
+    samples : str
+        The table: a column `sample`, and a column for each parameter.
+    sample : int
+        The number of the sample.
+    study : PipelineConfig
+        The study.
+
+    Raises
+    ------
+    InputError
+        If the table has a column that is no parameter of the study.
+    """
     values = read_sample(samples, sample)
     for name, value in values.items():
         require(
@@ -141,8 +159,17 @@ def _parameters_of_sample(
     return values
 
 
-def run_seeds(seeds: list[int] | None) -> list[int]:
-    """Return the seeds of --seed; without it, seed 1.
+def read_seeds(seeds: list[int] | None) -> list[int]:
+    """Read the seeds of --seed.
+
+    Parameters
+    ----------
+    seeds : list of int or None
+        The values of the option; None without it, which means seed 1.
+
+    Returns
+    -------
+    list of int
 
     Raises
     ------
@@ -160,10 +187,10 @@ def run_seeds(seeds: list[int] | None) -> list[int]:
     return seeds
 
 
-def pour_seeds(
+def choose_seeds(
     args: Namespace, study_seed: int, apparatus: str = streams.UNNAMED
 ) -> list[int]:
-    """Return the seeds of the runs of a parameter set.
+    """Choose the seeds of the runs of a parameter set.
 
     Parameters
     ----------
@@ -185,7 +212,7 @@ def pour_seeds(
         If the options exclude each other, or a number is not allowed.
     """
     if args.seeds is None:
-        return run_seeds(args.seed)
+        return read_seeds(args.seed)
     if args.seed or not 1 <= args.seeds <= MOST_SEEDS:
         raise InputError(
             "command line",

@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from repose.cli.options import pairs
+from repose.cli.options import split_pairs
 from repose.cli.registry import Option, verb
 from repose.config.pipeline import PipelineConfig
 
@@ -30,7 +30,7 @@ def figure(args: argparse.Namespace, study: PipelineConfig) -> None:
     """
     from repose.report import figures
 
-    inputs = pairs(args.input, "--input")
+    inputs = split_pairs(args.input, "--input")
     figures.draw(args.name, inputs, out_path=args.out, config=study.config)
 
 
@@ -51,6 +51,8 @@ def film(args: argparse.Namespace, study: PipelineConfig) -> None:
     settings: Any = study.settings
     particle = Particle.load(args.particle)
     frames = SMALL_FILM_FRAMES if settings.small_run else FILM_FRAMES
+
+    # A drum turns, a pour falls between walls at rest.
     if args.drum:
         film.animate_drum(
             args.trajectory,
@@ -100,6 +102,6 @@ def report(args: argparse.Namespace, study: PipelineConfig) -> None:
     """
     from repose.report.page import page
 
-    files = pairs(args.input, "--input")
-    tables = pairs(args.table, "--table")
+    files = split_pairs(args.input, "--input")
+    tables = split_pairs(args.table, "--table")
     page.write(study.config, args.jobs, files=files, tables=tables, out_path=args.out)

@@ -12,9 +12,9 @@ from repose.cli.parameter_sets import (
     PARAMETER_SET,
     SEED,
     STUDY_SEEDS,
-    parameters,
-    pour_seeds,
-    run_seeds,
+    choose_seeds,
+    read_parameters,
+    read_seeds,
 )
 from repose.cli.registry import Option, verb
 from repose.cli.stages import record_verb
@@ -61,7 +61,7 @@ def warm_up(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.dem.cache import folder
     from repose.stages import warm_up
 
-    scene = _scene(args, study, study.parameters.centre)
+    scene = _make_scene(args, study, study.parameters.centre)
     elapsed_s = warm_up.warm_up(scene, args.cores)
     print(
         f"the engine was ready after {elapsed_s:.1f} s; its compiled code is in "
@@ -77,7 +77,7 @@ def pour(args: argparse.Namespace, study: PipelineConfig) -> None:
     """
     from repose.stages.job import run_job
 
-    job = _job(args, study, args.apparatus)
+    job = _make_job(args, study, args.apparatus)
     pours = run_job(**job, keeps_runs=args.keep_runs)
     print(pours)
     if args.measure:
@@ -90,10 +90,22 @@ def _keep_measurement(
     """Measure saved runs and keep the result, unless this was done before.
 
     The result is recorded as one of the stage measure_runs, which can then reuse it.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        The options of the verb `pour`.
+    study : PipelineConfig
+        The study.
+    scene : Scene
+        The scene of the runs.
+    pours : Path
+        The file NAME.pours.json that describes the saved runs.
     """
     from repose.stages import kept_runs
     from repose.stages.job import measured
 
+    # Act as the verb measure_runs with this file.
     options = vars(args) | {"verb": "measure_runs", "pours": [str(pours)]}
     with record_verb(argparse.Namespace(**options), "measured"):
         provenance.note_config(study.config)
@@ -114,8 +126,9 @@ def heap(args: argparse.Namespace, study: PipelineConfig) -> None:
     """
     from repose.stages.job import measure_job, run_job
 
-    job = _job(args, study, "funnel")
-    result = measure_job(job["scene"], run_job(**job))
+    job = _make_job(args, study, "funnel")
+    pours = run_job(**job)
+    result = measure_job(job["scene"], pours)
     runs = result["runs"]
     if not args.json:
         _print_runs(runs, job["test"].summary)
@@ -129,33 +142,72 @@ def heap(args: argparse.Namespace, study: PipelineConfig) -> None:
 
 
 def _print_runs(runs: Iterable[Mapping[str, Any]], template: str) -> None:
-    """Print measured runs, a line each, by the template of their bench test."""
+    """Print a line for each measured run.
+
+    Parameters
+    ----------
+    runs : iterable of mapping
+        The runs.
+    template : str
+        The summary of their bench test, in which the numbers are filled in.
+    """
     for run in runs:
         print(describe(run, template))
 
 
-def _scene(
+def _make_scene(
     args: argparse.Namespace, study: PipelineConfig, values: Mapping[str, float]
 ) -> "Scene":
-    """Make the scene of a parameter set, with the grain and particle of the options."""
+    """Make the scene of a parameter set.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        The options: `berry` and `particle` may name files, which replace the grain of the
+        study.
+    study : PipelineConfig
+        The study.
+    values : mapping of str to float
+        The contact parameters. A scene that is only measured needs none.
+    """
     from repose.bench import Scene
 
     grain, particle = berry_and_particle(study, args.berry, args.particle)
     return Scene.of(study.config, values, grain=grain, particle=particle)
 
 
-def _job(
+def _make_job(
     args: argparse.Namespace, study: PipelineConfig, apparatus: str
 ) -> dict[str, Any]:
-    """Turn the options into the arguments of `repose.stages.job.run_job`."""
+    """Turn the options of a verb into the arguments of `repose.stages.job.run_job`.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        The options.
+    study : PipelineConfig
+        The study.
+    apparatus : str
+        Name of the bench test.
+
+    Returns
+    -------
+    dict
+        The arguments by name.
+
+    Raises
+    ------
+    InputError
+        If there is no such bench test, or an option is not allowed.
+    """
     from repose.bench import bench
     from repose.bench.settings import SceneSettings
     from repose.dem.io.progress import display
 
     test = bench(apparatus, "command line")
     section(study.config, apparatus)
-    values = parameters(args.set, args.samples, sample=args.sample, study=study)
-    seeds = pour_seeds(args, study.settings.design.seed, apparatus)
+    values = read_parameters(args.set, args.samples, sample=args.sample, study=study)
+    seeds = choose_seeds(args, study.settings.design.seed, apparatus)
 
     # Check the time between two frames of a trajectory.
     step_s = study.settings.simulation.time_step_s
@@ -166,12 +218,13 @@ def _job(
         raise InputError("command line", "--trajectory", interval_s, allowed)
 
     def progress(seed: int) -> Any:
+        """Make the display that shows how far the run of a seed has come."""
         return display(0.0, duration_s, step_s, label=f"seed {seed}")
 
     return {
         "test": test,
-        "scene": _scene(args, study, values),
-        "name": _file_name(args.sample, apparatus),
+        "scene": _make_scene(args, study, values),
+        "name": _choose_file_name(args.sample, apparatus),
         "seeds": seeds,
         "out_dir": args.out,
         "interval_s": interval_s,
@@ -179,8 +232,8 @@ def _job(
     }
 
 
-def _file_name(sample: int | None, apparatus: str) -> str:
-    """Return the name of the files of a job: its sample, or else its bench test."""
+def _choose_file_name(sample: int | None, apparatus: str) -> str:
+    """Choose the name of the files of a job: its sample, or else its bench test."""
     if sample is not None:
         return f"{sample:03d}"
     return "heap" if apparatus == "funnel" else apparatus
@@ -211,7 +264,8 @@ def measure_runs(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.measure.saved_pours import POURS
     from repose.stages.job import measure_job
 
-    scene = _scene(args, study, {})
+    # Measuring needs the grain and the walls, but no contact parameters.
+    scene = _make_scene(args, study, {})
     for path in job_files(args.pours, args.samples, POURS):
         result = measure_job(scene, path, out_dir=args.out, keeps_runs=args.keep_runs)
         template = bench_of(result).summary
@@ -234,9 +288,9 @@ def drum(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.stages import drum_tables
 
     section(study.config, "drum")
-    values = parameters(args.set, args.samples, sample=args.sample, study=study)
-    scene = _scene(args, study, values)
-    results = drum_tables.run_job(scene, run_seeds(args.seed), args.out)
+    values = read_parameters(args.set, args.samples, sample=args.sample, study=study)
+    scene = _make_scene(args, study, values)
+    results = drum_tables.run_job(scene, read_seeds(args.seed), args.out)
     if args.json:
         print(json_text(results))
     else:

@@ -1,4 +1,4 @@
-"""Make functions subcommands of the command line, with options and help."""
+"""Turn functions into subcommands of the command line, with options and help."""
 
 import argparse
 import textwrap
@@ -143,6 +143,7 @@ class Verb(NamedTuple):
         group : str, optional
             The word before the verb in a call.
         """
+        # Without a group, the second of two blanks is removed below.
         call = f"example: {PROGRAM} {group} {self.name} {self.example}"
         parser = subparsers.add_parser(
             self.name,
@@ -152,6 +153,7 @@ class Verb(NamedTuple):
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         parser.set_defaults(verb=self.name)
+        # Note which options the user gives, unless an option has an action of its own.
         for option in self.options:
             keywords = option.keywords
             if not option.is_positional:
@@ -168,7 +170,15 @@ def configs_of(args: argparse.Namespace) -> list[str]:
 
 
 def load(args: argparse.Namespace, inputs: bool = False) -> PipelineConfig:
-    """Load the study of --config; with `inputs` check the files that it names."""
+    """Load the study of --config.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        The parsed options.
+    inputs : bool, optional
+        Whether to check also the files that the configuration names.
+    """
     return PipelineConfig.load(*configs_of(args), inputs=inputs)
 
 
@@ -210,6 +220,7 @@ def verb(
     ValueError
         If the name is taken by another verb.
     """
+    # Options that most verbs have.
     common_options = []
     if isinstance(config, Option):
         common_options.append(config)
@@ -225,6 +236,7 @@ def verb(
     loader = study if config else None
 
     def register(run: Callable) -> Callable:
+        """Register the decorated function, and return it unchanged."""
         new_verb = Verb(run, (*common_options, *options), loader, **fields)
         if new_verb.name in VERBS:
             raise ValueError(f"verb {new_verb.name!r} is registered already")

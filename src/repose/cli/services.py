@@ -43,6 +43,7 @@ def provenance(args: argparse.Namespace) -> None:
     """
     from repose.common import attached
 
+    # Refuse a missing file, and a file without a record.
     allowed = "a file that a verb of repose wrote"
     is_file = Path(args.result).is_file()
     require_option(is_file, "provenance", args.result, allowed)
@@ -51,21 +52,31 @@ def provenance(args: argparse.Namespace) -> None:
         raise InputError(
             args.result, "provenance", None, "a result that a verb of repose wrote"
         )
+
+    # Print the record as it is, or its values in a column.
     if args.json:
         print(json.dumps(record, indent=1))
         return
-    lines = _dotted(record)
-    width = max(len(key) for key in lines)
-    for key, value in lines.items():
+    values = _flatten(record)
+    width = max(len(key) for key in values)
+    for key, value in values.items():
         print(f"{key:<{width}}  {value}")
 
 
-def _dotted(section: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return the values of nested mappings by dotted keys."""
+def _flatten(section: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Put the values of nested mappings into one, by dotted keys.
+
+    Parameters
+    ----------
+    section : mapping
+        Values by key. Mappings may be among them.
+    prefix : str, optional
+        Dotted key of the section, with a trailing dot; empty for the outermost one.
+    """
     values: dict[str, Any] = {}
     for key, value in section.items():
         if isinstance(value, dict):
-            values |= _dotted(value, f"{prefix}{key}.")
+            values |= _flatten(value, f"{prefix}{key}.")
         else:
             values[f"{prefix}{key}"] = value
     return values

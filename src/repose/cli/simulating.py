@@ -19,14 +19,16 @@ SAMPLE = Option("--sample", type=int, default=1, help="number of the sample (1)"
 PURPOSE = STUDY_SEEDS[1]
 
 
-def _load_external(args: argparse.Namespace) -> PipelineConfig:
+def _load_external_study(args: argparse.Namespace) -> PipelineConfig:
     """Load a study with a program of the user's own."""
     study = load(args)
-    _program(args, study)
+    _require_program(args, study)
     return study
 
 
-def _program(args: argparse.Namespace, study: PipelineConfig) -> "SimulatorSettings":
+def _require_program(
+    args: argparse.Namespace, study: PipelineConfig
+) -> "SimulatorSettings":
     """Return the section `simulator` of a study.
 
     Raises
@@ -46,7 +48,7 @@ def _program(args: argparse.Namespace, study: PipelineConfig) -> "SimulatorSetti
     Option("--run", type=int, default=1, help="number of the run of the sample (1)"),
     PURPOSE,
     out="results/runs/001",
-    study=_load_external,
+    study=_load_external_study,
     runs="measured",
 )
 def simulate(args: argparse.Namespace, study: PipelineConfig) -> None:
@@ -60,7 +62,7 @@ def simulate(args: argparse.Namespace, study: PipelineConfig) -> None:
     parameters = read_sample(args.samples, args.sample, study.parameter_names)
     study_seed = study.settings.design.seed
     record = simulate.run_once(
-        _program(args, study),
+        _require_program(args, study),
         parameters,
         sample=args.sample,
         run=args.run,
@@ -78,7 +80,7 @@ def simulate(args: argparse.Namespace, study: PipelineConfig) -> None:
         help="folder of a sample, with the number of its runs",
     ),
     Option("--out", required=True, help="folder for SAMPLE.json", recorded=False),
-    study=_load_external,
+    study=_load_external_study,
     runs="measured",
 )
 def measure_simulated(args: argparse.Namespace, study: PipelineConfig) -> None:
@@ -92,7 +94,7 @@ def measure_simulated(args: argparse.Namespace, study: PipelineConfig) -> None:
         job = simulated.measure_sample(
             records,
             Path(args.out) / f"{folder.name}.json",
-            settings=_program(args, study),
+            settings=_require_program(args, study),
             responses=study.targets.names,
             measure=study.settings.measure,
         )

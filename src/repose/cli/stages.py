@@ -33,6 +33,7 @@ def stage(
     runs : str, optional
         Whether the results are runs, as in `repose.common.provenance.stage`.
     """
+    # A workflow runs its stages with the configuration in its folder of results.
     files = configs_of(args)
     folder = Path(files[-1]).parent if files else Path().parent
     with join_folder(folder), record_verb(args, runs):
@@ -44,10 +45,19 @@ def stage(
 def record_verb(
     args: argparse.Namespace, runs: Literal["", "made", "measured"] = ""
 ) -> AbstractContextManager[None]:
-    """Attach the record of a verb to every file that is written in the context."""
+    """Attach the record of a verb to every file that is written in the context.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        The parsed options of the verb, and its name as `verb`.
+    runs : str, optional
+        Whether the results are runs, as in `repose.common.provenance.stage`.
+    """
     strategy = getattr(args, "strategy", None)
 
     def settings_of(config: Mapping[str, Any], apparatus: str | None) -> Any:
+        """Select the settings on which the results of this verb depend."""
         from repose.config import dependencies
 
         return dependencies.settings_of(
@@ -55,6 +65,7 @@ def record_verb(
         )
 
     def check(config: Mapping[str, Any], inputs: provenance.Inputs) -> None:
+        """Refuse input files of another study."""
         from repose.config import dependencies
 
         source = ", ".join(configs_of(args))
@@ -62,7 +73,7 @@ def record_verb(
 
     return provenance.stage(
         args.verb,
-        files_of(args),
+        find_input_files(args),
         settings_of,
         apparatus=getattr(args, "apparatus", None),
         runs=runs,
@@ -72,7 +83,13 @@ def record_verb(
 
 
 def note_built_in_crop(*files: str) -> None:
-    """Tell the user if the built-in crop stands in for a missing configuration."""
+    """Tell the user if the built-in crop stands in for a missing configuration.
+
+    Parameters
+    ----------
+    *files : str
+        The configuration files of the command.
+    """
     from repose.config import loader
 
     built_in_crop = loader.find_substitute_crop(*files)
@@ -89,7 +106,7 @@ def note_built_in_crop(*files: str) -> None:
     )
 
 
-def files_of(args: argparse.Namespace) -> Iterator[Path]:
+def find_input_files(args: argparse.Namespace) -> Iterator[Path]:
     """Yield the existing input files that the recorded options of a verb name.
 
     If an option names a folder, its dataset.csv is meant.
@@ -97,7 +114,7 @@ def files_of(args: argparse.Namespace) -> Iterator[Path]:
     for option in VERBS[args.verb].options:
         if not option.recorded:
             continue
-        for name in _names_of(args, option.attribute):
+        for name in _list_paths(args, option.attribute):
             file = Path(name)
             if file.is_dir():
                 file = file / "dataset.csv"
@@ -105,9 +122,25 @@ def files_of(args: argparse.Namespace) -> Iterator[Path]:
                 yield file
 
 
-def _names_of(args: argparse.Namespace, option: str) -> list[str]:
-    """Return the values of an option that may be paths of files."""
+def _list_paths(args: argparse.Namespace, option: str) -> list[str]:
+    """List the values of an option that may be paths of files.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        The parsed options, and the name of the verb as `verb`.
+    option : str
+        The attribute of the option.
+
+    Returns
+    -------
+    list of str
+        Paths, and perhaps other texts. Empty for an option that is not given, or is no
+        text.
+    """
     value = getattr(args, option)
+
+    # Options whose value may be a folder, which stands for the files in it.
     if (args.verb, option) in FOLDERS:
         ending = FOLDERS[args.verb, option]
         return [str(path) for path in job_files(value, args.samples, ending)]
@@ -116,6 +149,8 @@ def _names_of(args: argparse.Namespace, option: str) -> list[str]:
 
         records = simulated.record_files(value)
         return [str(path) for paths in records.values() for path in paths]
+
+    # Any other option has one value or several.
     values = value if isinstance(value, list) else [value]
     texts = [text for text in values if isinstance(text, str)]
     if option == "input":

@@ -109,6 +109,7 @@ def next(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.bench import Scene
     from repose.stages import next_measurement
 
+    # Measure every response of the runs, not only those of the targets.
     grain, particle = berry_and_particle(study, args.berry, args.particle)
     every_response = {"targets": next_measurement.every_response()}
     scene = Scene.of(study.config | every_response, {}, grain=grain, particle=particle)
