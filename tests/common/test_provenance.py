@@ -366,14 +366,14 @@ def test_the_processor_type_is_reported_with_what_stands_in_for_another(
     monkeypatch.setattr(provenance, "CPU_INFO", written(tmp_path / "cpuinfo", told))
     for name in provenance.FORCED_TYPES:
         monkeypatch.delenv(name, raising=False)
-    assert provenance._processor() == "AMD EPYC, family 26, model 2"
+    assert provenance._describe_processor() == "AMD EPYC, family 26, model 2"
     monkeypatch.setenv("OPENBLAS_CORETYPE", "Haswell")
     assert (
-        provenance._processor()
+        provenance._describe_processor()
         == "AMD EPYC, family 26, model 2, OPENBLAS_CORETYPE=Haswell"
     )
     monkeypatch.setattr(provenance, "CPU_INFO", tmp_path / "none")
-    assert provenance._processor().endswith(", OPENBLAS_CORETYPE=Haswell")
+    assert provenance._describe_processor().endswith(", OPENBLAS_CORETYPE=Haswell")
 
 
 def test_the_version_and_commit_are_those_of_the_code_that_runs(monkeypatch, tmp_path):
@@ -383,9 +383,9 @@ def test_the_version_and_commit_are_those_of_the_code_that_runs(monkeypatch, tmp
         provenance, "PACKAGE", tmp_path / "lib" / "site-packages" / "repose"
     )
     monkeypatch.setattr(provenance.places, "root", lambda: tmp_path)
-    assert provenance._commit() is None
+    assert provenance._find_commit() is None
     (tmp_path / provenance.BUILT_FROM).write_text("0123456789ab\n")
-    assert provenance._commit() == "0123456789ab"
+    assert provenance._find_commit() == "0123456789ab"
 
 
 def test_the_verbs_write_it_and_a_verb_prints_it(tmp_path, command):

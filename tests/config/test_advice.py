@@ -163,15 +163,17 @@ def test_each_strategy_has_its_own_pours(config):
 
 def test_the_longest_job_is_that_of_the_slowest_bench_test(config):
     config["refine"]["seeds"] = 100
-    slowest = max(cost.run_s(config, name) for name in ("funnel", "drum"))
+    slowest = max(cost.estimate_run_s(config, name) for name in ("funnel", "drum"))
     assert cost.longest_job_s(config) == pytest.approx(cost.JOB_START_S + 100 * slowest)
     config["validation"]["representative_seeds"] = 200
     assert cost.longest_job_s(config) == pytest.approx(cost.JOB_START_S + 200 * slowest)
     config["funnel"] |= {"berries": 100, "rate_per_s": 10.0, "duration_s": 10.0}
     config["simulation"]["time_step_s"] = 1e-4
-    assert cost.run_s(config, "funnel", 1e-7) == pytest.approx(100 * 5.0 / 1e-4 * 1e-7)
-    expected = 3 * cost.run_s(config, "funnel", 1e-7)
-    assert cost.run_s(config, "funnel", 3e-7) == pytest.approx(expected)
+    assert cost.estimate_run_s(config, "funnel", 1e-7) == pytest.approx(
+        100 * 5.0 / 1e-4 * 1e-7
+    )
+    expected = 3 * cost.estimate_run_s(config, "funnel", 1e-7)
+    assert cost.estimate_run_s(config, "funnel", 3e-7) == pytest.approx(expected)
 
 
 def test_time_goes_with_the_steps_and_the_bench_tests(config):
@@ -186,9 +188,9 @@ def test_time_goes_with_the_steps_and_the_bench_tests(config):
     config["simulation"]["time_step_s"] *= 2
     config["targets"].append(shared.target("drum_slip_deg", 40, 1, 35, 45))
     runs = (150 + 1 + 5) * config["drum"]["seeds"]
-    assert cost.estimate_work(config)["total_s"] > work["total_s"] + runs * cost.run_s(
-        config, "drum"
-    )
+    assert cost.estimate_work(config)["total_s"] > work[
+        "total_s"
+    ] + runs * cost.estimate_run_s(config, "drum")
 
 
 @pytest.mark.parametrize(

@@ -48,26 +48,26 @@ def test_a_hit_returns_what_the_engine_returns(restitution, tension):
     contact = Contact(restitution, 0.0, 0.0)
     duration_s = law.contact_time(GOJI, PVC, contact, mass_kg, RADIUS_M, SPEED_M_S)
     expected = np.mean([simulated(restitution, p, tension) for p in hits.PHASES])
-    value = hits.returned_restitution(restitution, tension, duration_s / STEP_S)
+    value = hits.compute_returned_restitution(restitution, tension, duration_s / STEP_S)
     assert value == pytest.approx(expected, abs=2e-3)
     if restitution < hits.LOW_RESTITUTION:
         assert value < 0.9 * restitution
-    assert hits.returned_restitution(restitution, tension, 1000.0) == pytest.approx(
-        restitution, abs=1e-3
-    )
+    assert hits.compute_returned_restitution(
+        restitution, tension, 1000.0
+    ) == pytest.approx(restitution, abs=1e-3)
 
 
 def test_check_names_low_restitutions_with_what_they_return():
     scene = STUDY.scene(STUDY.parameters.centre)
-    (line,) = hits.low_restitutions(scene, {"e_gg": 0.1, "e_gp": 0.2})
+    (line,) = hits.describe_low_restitutions(scene, {"e_gg": 0.1, "e_gp": 0.2})
     assert line == (
         "restitution: at this time step a hit at 2 m/s returns 0.078 where e_gg is 0.1 "
         "and 0.175 where e_gp is 0.2"
     )
-    (line,) = hits.low_restitutions(scene, {"e_gg": 0.3, "e_gp": 0.2})
+    (line,) = hits.describe_low_restitutions(scene, {"e_gg": 0.3, "e_gp": 0.2})
     assert "e_gg" not in line
-    assert not list(hits.low_restitutions(scene, {"e_gg": 0.3, "e_gp": 0.5}))
+    assert not list(hits.describe_low_restitutions(scene, {"e_gg": 0.3, "e_gp": 0.5}))
     config = copy.deepcopy(STUDY.config)
     config["simulation"]["contact_law"] = "linear_spring"
     other = Scene.of(config, scene.parameters, scene.grain, scene.particle)
-    assert not list(hits.low_restitutions(other, {"e_gg": 0.1, "e_gp": 0.2}))
+    assert not list(hits.describe_low_restitutions(other, {"e_gg": 0.1, "e_gp": 0.2}))

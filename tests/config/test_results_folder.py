@@ -21,7 +21,7 @@ def test_the_wildcards_of_outputs_stand_for_what_rules_write():
         "r/{runs}/{sample}.json",
         r"r/{strategy,a|b}/batch_{batch,\d{1,4}}/a.csv",
     ]
-    ours = results_folder.pattern_of(outputs).fullmatch
+    ours = results_folder.make_pattern(outputs).fullmatch
     assert all(
         map(
             ours,

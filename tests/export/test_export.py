@@ -541,7 +541,9 @@ def test_the_verb_writes_a_deck_of_clumps_or_spheres(
             SMOOTH, semi_axes_m=axes
         )
 
-    monkeypatch.setattr("repose.cli.berries.berry_and_particle", berry_and_particle)
+    monkeypatch.setattr(
+        "repose.cli.berries.load_grain_and_particle", berry_and_particle
+    )
     for program, name in (("liggghts", "in.pour"), ("yade", "pour.py")):
         made = [
             "export",
@@ -586,7 +588,7 @@ def test_a_card_brings_the_configuration_beside_it(monkeypatch, tmp_path, comman
     )
     berry = axes | {key: shown["grain"][key] for key in card_study.GRAIN}
     monkeypatch.setattr(
-        "repose.cli.berries.berry_and_particle", lambda *_: (berry, THREE)
+        "repose.cli.berries.load_grain_and_particle", lambda *_: (berry, THREE)
     )
     arguments = [
         "export",

@@ -36,7 +36,13 @@ from repose.common import ledger
 from repose.common.errors import InputError, require
 from repose.common.files import write_table
 from repose.common.lock import exclusive
-from repose.common.tables import Column, check, check_columns, refuse, renaming
+from repose.common.tables import (
+    Column,
+    check,
+    check_columns,
+    match_column_names,
+    refuse,
+)
 
 if TYPE_CHECKING:
     from repose.calibrate.study import Study
@@ -640,7 +646,7 @@ def _checked_table(table: Any, names: Sequence[str]) -> pd.DataFrame:
         raise InputError(SOURCE, "column", repeated[0], "each column once")
     require(not table.empty, SOURCE, "rows", 0, "a row for each run")
 
-    table = table.rename(columns=renaming(table, names))
+    table = table.rename(columns=match_column_names(table, names))
     for key in NUMBERS:
         if key not in table:
             continue

@@ -282,7 +282,7 @@ def complete_configuration(
 
     model = model or file_model()
     config = _with_defaults(content, source, model)
-    config = faults.with_whole_numbers(config, model)
+    config = faults.convert_whole_numbers(config, model)
     raise_together(faults.check(config, str(source), model).faults)
     # Each section with random numbers has the seed of the study.
     for name in SEEDED:

@@ -16,7 +16,7 @@ BERRY_AND_PARTICLE = (
 )
 
 
-def berry_and_particle(
+def load_grain_and_particle(
     study: PipelineConfig,
     berry_json: str | PathLike | None = None,
     particle_json: str | PathLike | None = None,

@@ -238,7 +238,7 @@ def validate(args: argparse.Namespace, study: PipelineConfig) -> None:
     """
     from repose.calibrate.optimism import COLUMNS
     from repose.common.files import read_table
-    from repose.stages import validate
+    from repose.stages import validate as validation
 
     # Published sets are contact parameters, so another program cannot simulate them.
     published = None
@@ -247,7 +247,7 @@ def validate(args: argparse.Namespace, study: PipelineConfig) -> None:
     optimism = None
     if args.optimism is not None:
         optimism = read_table(args.optimism, COLUMNS)
-    validate.run(
+    validation.run(
         args.solutions,
         args.jobs,
         args.out,

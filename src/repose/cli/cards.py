@@ -35,14 +35,15 @@ def card(args: argparse.Namespace) -> int:
 
     example: show results/card.json
     """
-    from repose.stages import card, card_text
+    from repose.stages import card as card_file
+    from repose.stages import card_text
 
     # Read as many cards as the action takes.
     n_cards = N_CARDS[args.action]
     if len(args.cards) != n_cards:
         key = f"card {args.action}"
         raise InputError("command line", key, args.cards, f"files: {n_cards}")
-    cards = [card.read(path) for path in args.cards]
+    cards = [card_file.read(path) for path in args.cards]
     if args.action == "compare":
         print(card_text.compare(*cards))
         return 0

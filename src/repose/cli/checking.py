@@ -87,7 +87,8 @@ def check(args: argparse.Namespace, study: PipelineConfig) -> None:
     example: --config config/paper.yaml
     """
     require_option(args.cores >= 1, "--cores", args.cores, "at least 1")
-    from repose.config import check, cost
+    from repose.config import check as check_lines
+    from repose.config import cost
 
     settings = study.settings
     print(
@@ -105,10 +106,10 @@ def check(args: argparse.Namespace, study: PipelineConfig) -> None:
     )
     # Describe the study, and make trial runs.
     _print_computed(args.config, study)
-    _print_lines(check.describe_study(study))
-    _print_lines(check.warn_of_few_measurements(study))
+    _print_lines(check_lines.describe_study(study))
+    _print_lines(check_lines.warn_of_few_measurements(study))
     grain_step_s = _measure_grain_step_s(study)
-    _print_lines(check.run_trials(study, grain_step_s, show_elapsed_seconds))
+    _print_lines(check_lines.run_trials(study, grain_step_s, show_elapsed_seconds))
 
     # Print the number of runs and their time.
     pours = cost.strategy_pours(settings, settings.strategy)
@@ -209,17 +210,17 @@ def plan(args: argparse.Namespace, study: PipelineConfig) -> None:
 
     example: --config config/fast.yaml
     """
-    from repose.calibrate.strategies import plan
+    from repose.calibrate.strategies import plan as planning
     from repose.config import check
 
     # Earlier runs show the noise. Without any it is assumed.
     runs_csv = args.runs or _find_own_runs(study)
     runs = None
     if runs_csv is not None:
-        runs = plan.read_runs(runs_csv, study.targets)
+        runs = planning.read_runs(runs_csv, study.targets)
 
     _print_lines(check.describe_study(study))
-    result = plan.plan(
+    result = planning.plan(
         study.parameters, study.targets, study.settings.strategy, runs, runs_csv
     )
     _print_noise(study, result, runs_csv)

@@ -289,9 +289,9 @@ def _make_source_of_study(args: argparse.Namespace, study: PipelineConfig) -> _S
     study : PipelineConfig
         The study.
     """
-    from repose.cli.berries import berry_and_particle
+    from repose.cli.berries import load_grain_and_particle
 
-    grain, particle = berry_and_particle(study)
+    grain, particle = load_grain_and_particle(study)
     n_spheres = _choose_number_of_spheres(args, particle)
     if n_spheres is None:
         return _Source(study.config, grain, particle, one_sphere=False)
@@ -300,7 +300,7 @@ def _make_source_of_study(args: argparse.Namespace, study: PipelineConfig) -> _S
 
     # Fill the mesh of the grain with spheres.
     clump_study = _replace_particle_by_clump(study, n_spheres, args.config)
-    clump_grain, clump = berry_and_particle(clump_study)
+    clump_grain, clump = load_grain_and_particle(clump_study)
     return _Source(study.config, clump_grain, clump, one_sphere=False)
 
 

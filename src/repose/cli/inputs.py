@@ -62,13 +62,13 @@ def berry(args: argparse.Namespace, study: PipelineConfig | None) -> None:
     example: --axes 6.6 5.6 4.5 --mass-g 0.11 --density 1250 --stl results/crop.stl
     """
     from repose.common.tables import print_columns
-    from repose.grain import berry
+    from repose.grain import berry as grain_stage
 
     if study is None:
         _build_mesh(args)
         return
     section = study.settings.berry
-    berry.run(section, study.published("table1.csv"), args.out)
+    grain_stage.run(section, study.published("table1.csv"), args.out)
     print_columns(section.sizes)
     if section.compression is not None:
         print_columns(section.compression)
@@ -143,11 +143,11 @@ def design(args: argparse.Namespace, study: "PipelineConfig | Study") -> None:
 
     example: --out results/design
     """
-    from repose.stages import design
+    from repose.stages import design as design_stage
 
     # With our simulator the design is a table of samples.
     if isinstance(study, PipelineConfig):
-        design.run(study.parameters, study.settings.design, args.out)
+        design_stage.run(study.parameters, study.settings.design, args.out)
         _print_allowed_share(study.parameters)
         return
 

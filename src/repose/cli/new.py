@@ -30,7 +30,7 @@ def new(args: argparse.Namespace) -> None:
         faults.is_valid("label", args.name, model),
         "new",
         args.name,
-        faults.allowed("label", model),
+        faults.describe_allowed_values("label", model),
     )
 
     # Refuse a folder that is there already, or a link.

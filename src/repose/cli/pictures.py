@@ -46,7 +46,8 @@ def film(args: argparse.Namespace, study: PipelineConfig) -> None:
     example: results/try/heap_trajectory_1.npz --particle results/berry/particle.json
     """
     from repose.grain.particle import Particle
-    from repose.report.renderer import film, scenery
+    from repose.report.renderer import film as animation
+    from repose.report.renderer import scenery
 
     settings: Any = study.settings
     particle = Particle.load(args.particle)
@@ -54,7 +55,7 @@ def film(args: argparse.Namespace, study: PipelineConfig) -> None:
 
     # A drum turns, a pour falls between walls at rest.
     if args.drum:
-        film.animate_drum(
+        animation.animate_drum(
             args.trajectory,
             particle,
             args.out,
@@ -63,7 +64,7 @@ def film(args: argparse.Namespace, study: PipelineConfig) -> None:
             colour=settings.colour,
         )
     else:
-        film.animate_pour(
+        animation.animate_pour(
             args.trajectory,
             particle,
             args.out,

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from repose.calibrate.runs import describe
-from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
+from repose.cli.berries import BERRY_AND_PARTICLE, load_grain_and_particle
 from repose.cli.options import JSON, SAMPLES
 from repose.cli.parameter_sets import (
     PARAMETER_SET,
@@ -172,7 +172,7 @@ def _make_scene(
     """
     from repose.bench import Scene
 
-    grain, particle = berry_and_particle(study, args.berry, args.particle)
+    grain, particle = load_grain_and_particle(study, args.berry, args.particle)
     return Scene.of(study.config, values, grain=grain, particle=particle)
 
 
@@ -310,5 +310,5 @@ def drum_tables(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.stages import drum_tables
 
     section(study.config, "drum")
-    _, particle = berry_and_particle(study, args.berry, args.particle)
+    _, particle = load_grain_and_particle(study, args.berry, args.particle)
     drum_tables.run(args.runs, study.config, particle, args.out)

@@ -2,7 +2,7 @@
 
 import argparse
 
-from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
+from repose.cli.berries import BERRY_AND_PARTICLE, load_grain_and_particle
 from repose.cli.options import DATASET, FEASIBLE, NETWORK, RUNS
 from repose.cli.registry import Option, verb
 from repose.config.pipeline import PipelineConfig
@@ -110,7 +110,7 @@ def next(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.stages import next_measurement
 
     # Measure every response of the runs, not only those of the targets.
-    grain, particle = berry_and_particle(study, args.berry, args.particle)
+    grain, particle = load_grain_and_particle(study, args.berry, args.particle)
     every_response = {"targets": next_measurement.every_response()}
     scene = Scene.of(study.config | every_response, {}, grain=grain, particle=particle)
     table = next_measurement.run(

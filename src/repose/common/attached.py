@@ -85,29 +85,29 @@ def read(path: str | PathLike) -> dict[str, Any] | None:
         The record; None if the file has no valid record or cannot be read.
     """
     path = Path(path)
-    readers = {".json": _from_json, ".npz": _from_npz, ".png": _from_png}
-    reader = readers.get(path.suffix, _from_sidecar)
+    readers = {".json": _read_json, ".npz": _read_npz, ".png": _read_png}
+    reader = readers.get(path.suffix, _read_sidecar)
     try:
         record = reader(path)
     except UNREADABLE:
         return None
-    if not isinstance(record, dict) or not set(record) >= NEEDED:
-        return None
-    return record
+    # A file of another program may have something else in this place.
+    has_needed_keys = isinstance(record, dict) and set(record) >= NEEDED
+    return record if has_needed_keys else None
 
 
-def _from_sidecar(path: Path) -> Any:
+def _read_sidecar(path: Path) -> Any:
     """Read the record in the file beside a file."""
     return json.loads(Path(f"{path}{SIDECAR}").read_text(encoding="utf-8"))
 
 
-def _from_json(path: Path) -> Any:
+def _read_json(path: Path) -> Any:
     """Read the record in a JSON file; None if the file holds no mapping."""
     content = json.loads(path.read_text(encoding="utf-8"))
     return content.get(KEY) if isinstance(content, dict) else None
 
 
-def _from_npz(path: Path) -> Any:
+def _read_npz(path: Path) -> Any:
     """Read the record in an .npz file."""
     import numpy as np
 
@@ -115,7 +115,7 @@ def _from_npz(path: Path) -> Any:
         return json.loads(str(store[KEY]))
 
 
-def _from_png(path: Path) -> Any:
+def _read_png(path: Path) -> Any:
     """Read the record in a PNG; None if the picture is too large to be one of ours."""
     # Imported late, since the processes that simulate read no picture.
     from PIL import Image

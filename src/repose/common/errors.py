@@ -127,6 +127,7 @@ def _format_yaml(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, list):
+        # Show a short list of plain values in full.
         is_nested = any(isinstance(item, list | dict) for item in value)
         if not is_nested:
             text = f"[{', '.join(map(_format_yaml, value[:MOST_SHOWN]))}]"

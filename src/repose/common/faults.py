@@ -85,7 +85,7 @@ def check(config: Any, source: str | Origin, model: Model) -> Checked:
     return Checked(faults, missing | {fault.key for fault in faults})
 
 
-def with_whole_numbers(config: Any, model: Model) -> Any:
+def convert_whole_numbers(config: Any, model: Model) -> Any:
     """Replace numbers such as 3.0 by 3 wherever a key must be an integer.
 
     R, MATLAB and many JSON writers store whole numbers as 3.0.
@@ -162,9 +162,9 @@ def is_valid(key: str, value: Any, model: Model) -> bool:
     return all(error.path != [key] for error in _find_errors({key: value}, model))
 
 
-def allowed(key: str, model: Model) -> str:
+def describe_allowed_values(key: str, model: Model) -> str:
     """Describe the allowed values of a dotted key."""
-    return allowed_by(subschema(key.split("."), model))
+    return describe_schema(subschema(key.split("."), model))
 
 
 @cache
@@ -178,11 +178,11 @@ def subschema(path: Sequence[str], model: Model) -> dict[str, Any]:
     whole = schema(model)
     node = whole
     for step in path:
-        node = _inner_schema(node, step, whole)
+        node = _find_inner_schema(node, step, whole)
     return node
 
 
-def allowed_by(schema: Mapping[str, Any]) -> str:
+def describe_schema(schema: Mapping[str, Any]) -> str:
     """Describe in words which values a JSON schema allows.
 
     Parameters
@@ -205,13 +205,28 @@ def allowed_by(schema: Mapping[str, Any]) -> str:
     if "enum" in schema:
         return " or ".join(map(str, schema["enum"]))
     if "anyOf" in schema:
-        alternatives = [allowed_by(inner) for inner in schema["anyOf"]]
+        alternatives = [describe_schema(inner) for inner in schema["anyOf"]]
         others = " or ".join(text for text in alternatives if text != AUTO)
         return f"{AUTO}, or {others}" if AUTO in alternatives else others
     if "properties" in schema:
         return f"a section with the keys {', '.join(schema['properties'])}"
 
-    # A single value, perhaps with bounds.
+    return _describe_type(schema)
+
+
+def _describe_type(schema: Mapping[str, Any]) -> str:
+    """Describe in words the type of a single value, and its bounds.
+
+    Parameters
+    ----------
+    schema : mapping
+        The schema of the value. A number has both bounds or none.
+
+    Returns
+    -------
+    str
+        Such as ``an integer from 1 to 100``.
+    """
     name = TYPE_NAMES[schema["type"]]
     if "exclusiveMinimum" in schema:
         low = _format_bound(schema["exclusiveMinimum"])
@@ -231,7 +246,7 @@ def _format_bound(number: float) -> str:
     return str(number) if isinstance(number, int) else f"{number:g}"
 
 
-def _inner_schema(
+def _find_inner_schema(
     outer: Mapping[str, Any], step: int | str, whole: Mapping[str, Any]
 ) -> Any:
     """Return the schema of one key inside an outer schema, or None if it is unknown.
@@ -305,7 +320,7 @@ def _place_error(detail: ErrorDetails, whole: Mapping[str, Any]) -> _Error:
     key_schema = whole
     location = detail["loc"]
     for step in location:
-        inner = _inner_schema(key_schema, step, whole)
+        inner = _find_inner_schema(key_schema, step, whole)
         if inner is None:
             break
         key_schema = inner
@@ -360,18 +375,34 @@ def _make_faults(
             yield _describe_unknown_key(error, config, source, known, similar)
         elif error.type == "missing":
             if key not in explained_keys:
-                allowed = allowed_by(subschema(error.path, model))
-                owner = owner_of(source, key)
-                yield YamlError(owner, key, None, f"{allowed}; the key is missing")
+                yield _describe_missing_key(error, source, model)
         elif error.type == CONTRADICTION:
             yield from _make_contradiction_faults(error, config, source)
         else:
-            # An error without a key concerns the whole configuration.
-            allowed = "keys with values"
-            if key:
-                allowed = allowed_by(subschema(error.path, model))
-            value = follow_path(config, error.path)
-            yield YamlError(origin_of(source, key), key, value, allowed)
+            yield _describe_invalid_value(error, config, source, model)
+
+
+def _describe_missing_key(
+    error: _Error, source: str | Origin, model: Model
+) -> InputError:
+    """Make the fault of a key that the user's file lacks."""
+    key = ".".join(error.path)
+    allowed_values = describe_schema(subschema(error.path, model))
+    words = f"{allowed_values}; the key is missing"
+    return YamlError(owner_of(source, key), key, None, words)
+
+
+def _describe_invalid_value(
+    error: _Error, config: Any, source: str | Origin, model: Model
+) -> InputError:
+    """Make the fault of a value that its key does not allow."""
+    key = ".".join(error.path)
+    # An error without a key concerns the whole configuration, which may be a list.
+    allowed_values = "keys with values"
+    if key:
+        allowed_values = describe_schema(subschema(error.path, model))
+    value = follow_path(config, error.path)
+    return YamlError(origin_of(source, key), key, value, allowed_values)
 
 
 def _find_ranges_without_numbers(errors: list[_Error]) -> set[str]:

@@ -123,7 +123,7 @@ def json_text(content: Any, indent: int = 1) -> str:
         In a mapping the record is the last entry, on one line. Other content, and a
         mapping outside any stage, has no record.
     """
-    text = json.dumps(content, indent=indent, default=_plain)
+    text = json.dumps(content, indent=indent, default=_convert_to_plain)
     record = provenance.current()
     if not record or not isinstance(content, Mapping):
         return text
@@ -218,7 +218,7 @@ def _is_record_of_runs(path: Path_) -> bool:
         return TURN.encode() in file.readline().strip().split(b",")
 
 
-def _plain(value: Any) -> Any:
+def _convert_to_plain(value: Any) -> Any:
     """Turn a number or array of numpy into Python's own, for JSON."""
     if hasattr(value, "tolist"):
         return value.tolist()
@@ -267,7 +267,7 @@ def read_json(
     """
     try:
         text = attached.plain_file(path).read_bytes().decode("utf-8-sig")
-        content = json.loads(text, object_pairs_hook=_each_key_once)
+        content = json.loads(text, object_pairs_hook=_make_mapping)
     except OSError as error:
         raise InputError(path, "file", error.strerror, what) from error
     except (*attached.UNREADABLE, RecursionError) as error:
@@ -283,7 +283,7 @@ def read_json(
     return content
 
 
-def _each_key_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _make_mapping(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """Make the mapping of a JSON object; ValueError if it has a key twice."""
     content: dict[str, Any] = {}
     for key, value in pairs:

@@ -44,7 +44,7 @@ class Origin:
             steps.append(step)
         return self.origin.get(".".join(steps), self.default)
 
-    def owner(self, key: str) -> str:
+    def find_owner(self, key: str) -> str:
         """Return the file in which the user should edit a dotted key.
 
         It is the file that holds the key, or else the innermost section around it. The
@@ -63,7 +63,7 @@ class Origin:
 
 def owner_of(source: "str | Origin", key: str) -> str:
     """Return the name of the user's file to edit for a dotted key."""
-    return source.owner(key) if isinstance(source, Origin) else source
+    return source.find_owner(key) if isinstance(source, Origin) else source
 
 
 def origin_of(source: "str | Origin", key: str) -> str:

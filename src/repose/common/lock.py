@@ -79,7 +79,7 @@ def _wait_for_jobs(folder: Path) -> None:
                 print(f"repose: {folder}: {text}", file=sys.stderr, flush=True)
                 has_printed = True
             # This call returns when the job has released its lock.
-            lock = _lock(path)
+            lock = _acquire_lock(path)
         with lock:
             path.unlink(missing_ok=True)
 
@@ -104,7 +104,7 @@ def join_folder(folder: str | os.PathLike) -> Iterator[None]:
         return
     # The name is unlike that of any other job, on this machine or another.
     path = folder / f"{JOB}{platform.node()}-{os.getpid()}-{next(_job_numbers)}"
-    with _lock(path):
+    with _acquire_lock(path):
         try:
             yield
         finally:
@@ -116,7 +116,7 @@ def join_folder(folder: str | os.PathLike) -> Iterator[None]:
 def exclusive(path: str | os.PathLike) -> Iterator[None]:
     """Hold a file against other processes while it is read, changed and written."""
     path = Path(path)
-    with _lock(path.with_name(f".{path.name}.lock")):
+    with _acquire_lock(path.with_name(f".{path.name}.lock")):
         yield
 
 
@@ -125,12 +125,12 @@ def _try_lock(path: Path) -> Held | None:
     from filelock import Timeout
 
     try:
-        return _lock(path, wait=False)
+        return _acquire_lock(path, wait=False)
     except Timeout:
         return None
 
 
-def _lock(path: Path, wait: bool = True) -> Held:
+def _acquire_lock(path: Path, wait: bool = True) -> Held:
     """Take the lock of a file, which is no link.
 
     Parameters

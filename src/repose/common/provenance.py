@@ -295,15 +295,15 @@ def machine() -> dict[str, str | None]:
     """Find the versions, the commit (None where it is not known) and the processor."""
     return {
         "repose": __version__,
-        "commit": _commit(),
-        "processor": _processor(),
+        "commit": _find_commit(),
+        "processor": _describe_processor(),
         "python": platform.python_version(),
-        "numpy": _version("numpy"),
-        "numba": _version("numba"),
+        "numpy": _find_version("numpy"),
+        "numba": _find_version("numba"),
     }
 
 
-def _version(name: str) -> str | None:
+def _find_version(name: str) -> str | None:
     """Tell the version of a library; None where it is not installed."""
     # Slow to import, which the help of a verb should avoid.
     from importlib import metadata
@@ -314,7 +314,7 @@ def _version(name: str) -> str | None:
         return None
 
 
-def _commit() -> str | None:
+def _find_commit() -> str | None:
     """Find the commit of this program.
 
     Returns
@@ -339,7 +339,7 @@ def _commit() -> str | None:
     return result.stdout.strip()
 
 
-def _processor() -> str:
+def _describe_processor() -> str:
     """Describe the processor, and environment variables that make it act as another.
 
     One name may cover several generations in a virtual machine, so the description also

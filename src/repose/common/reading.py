@@ -81,10 +81,9 @@ class StrictLoader(yaml.SafeLoader):
             For true, false, a date, a list or a mapping. The message names its line.
         """
         key = self.construct_object(node, deep=deep)
-        is_allowed = isinstance(key, str | int | float | None)
         # To Python true and false are integers, too.
-        if isinstance(key, bool):
-            is_allowed = False
+        is_plain = isinstance(key, str | int | float | None)
+        is_allowed = is_plain and not isinstance(key, bool)
         shown = node.value if isinstance(node.value, str) else "a list or mapping"
         allowed = "text; put it in quotes if it is a name"
         require(is_allowed, self.place_of(node), "key", shown, allowed)

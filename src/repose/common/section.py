@@ -90,7 +90,7 @@ class Section(BaseModel):
     """A section: its keys are known, its numbers are finite, and no value is converted.
 
     So true is no number. A whole number may be 8.0 in a file
-    (`repose.common.faults.with_whole_numbers`).
+    (`repose.common.faults.convert_whole_numbers`).
     """
 
     model_config = ConfigDict(

@@ -54,7 +54,7 @@ class Column:
     Parameters
     ----------
     name : str
-        Name in the header, in any form (`renaming`).
+        Name in the header, in any form (`match_column_names`).
     kind : type
         ``float``, ``int`` or ``bool``; ``str`` for a text; ``object`` for a column
         whose cells are not checked.
@@ -280,7 +280,7 @@ def read(
 
     # Rename columns whose names differ only in form from those that the caller uses.
     table = sheet(path, what)
-    new_names = renaming(table.text, [*names, *optional])
+    new_names = match_column_names(table.text, [*names, *optional])
     table.text = table.text.rename(columns=new_names)
     check_columns(path, table.text, needed, what)
 
@@ -294,6 +294,7 @@ def read(
     values, faults = check(table.text, checked_columns)
     refuse(path, [*faults, *_find_summary_faults(table.text, declared)])
 
+    # Store values for the declared columns, and texts for all others.
     for name in table.text:
         cells = values[name] if name in declared else table.text[name].tolist()
         table.values[name] = cells
@@ -633,7 +634,7 @@ def _read_lines_and_comments(path: Path_, what: str) -> tuple[list[str], list[st
     return lines, comments
 
 
-def text_rows(
+def read_text_rows(
     path: Path_, columns: Iterable[Column], what: str = TABLE
 ) -> list[dict[str, str]]:
     """Read the cells of a table as text, without loading pandas.
@@ -645,7 +646,7 @@ def text_rows(
     path : path
         A CSV file in one of the forms that `sheet` accepts.
     columns : iterable of Column
-        Columns that are named as here, in any form (`renaming`).
+        Columns that are named as here, in any form (`match_column_names`).
     what : str
         What the file should be, for messages.
 
@@ -676,7 +677,7 @@ def text_rows(
 
     # The first row is the header. Give its columns their declared names.
     declared = list(columns)
-    new_names = renaming(rows[0], [column.name for column in declared])
+    new_names = match_column_names(rows[0], [column.name for column in declared])
     header = [new_names.get(name, name) for name in rows[0]]
     needed = [column.name for column in declared if column.needed]
     check_columns(path, header, needed, what)
@@ -815,6 +816,8 @@ def _split_cells(path: Path_, text: str, separator: str, what: str) -> "pd.DataF
             "a decimal comma needs ; between the columns"
         )
         raise InputError(path, "cells", fault, allowed) from None
+
+    # Strip the cells, and leave out rows in which all of them are empty.
     for name in cells:
         cells[name] = [cell.strip() for cell in cells[name].tolist()]
     has_content = (cells != "").any(axis=1)
@@ -842,7 +845,7 @@ def _replace_decimal_commas(path: Path_, cells: "pd.DataFrame") -> "pd.DataFrame
     if not has_comma.to_numpy().any():
         return cells
 
-    # Refuse the first number with a point.
+    # Refuse the first number with a point, and name one with a comma.
     has_point = cells.map(lambda cell: WITH_POINT.fullmatch(cell) is not None)
     rows, columns = np.nonzero(has_point.to_numpy())
     if len(rows):
@@ -858,7 +861,7 @@ def _replace_decimal_commas(path: Path_, cells: "pd.DataFrame") -> "pd.DataFrame
     return cells.where(~has_comma, with_points)
 
 
-def renaming(found: Iterable[str], declared: Iterable[str]) -> dict[str, str]:
+def match_column_names(found: Iterable[str], declared: Iterable[str]) -> dict[str, str]:
     """Match columns to declared names that differ from theirs only in form.
 
     Differences in form are capitals, blanks, the composition of accents, and look-alike
@@ -1005,8 +1008,8 @@ def _find_summary_faults(
     """
     number_columns = {}
     for name, column in declared.items():
-        is_text = column.kind in (str, bool)
-        if name in cells and not is_text and is_number(cells[name]):
+        holds_no_numbers = column.kind in (str, bool)
+        if name in cells and not holds_no_numbers and is_number(cells[name]):
             number_columns[name] = cells[name].tolist()
     summary = find_summary_row(number_columns)
     if summary is None:

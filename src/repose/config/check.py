@@ -121,10 +121,10 @@ def describe_study(study: PipelineConfig) -> Iterator[str]:
     limit = computed.find_longest_step(config, particle, grain)
     yield describe_time_step(study.settings.simulation.time_step_s, limit)
     lowest_values = {}
-    for name, (low, _) in computed.ranges_of(config).items():
+    for name, (low, _) in computed.find_ranges(config).items():
         lowest_values[name] = low
     scene = study.scene(study.parameters.centre)
-    yield from hits.low_restitutions(scene, lowest_values)
+    yield from hits.describe_low_restitutions(scene, lowest_values)
 
     def find_longest_step_s(other_grain: Mapping[str, Any]) -> float:
         return computed.find_longest_step(config, particle, other_grain).time_step_s
@@ -366,7 +366,7 @@ def run_trials(
     parameter_sets = _choose_trial_sets(study)
     for name in study.targets.apparatus:
         # Do not keep the user waiting for minutes.
-        expected_s = cost.run_s(study.config, name, grain_step_s)
+        expected_s = cost.estimate_run_s(study.config, name, grain_step_s)
         if expected_s > LONGEST_TRIAL_S:
             yield f"{name}: no trial runs, as one takes about {expected_s:.0f} s"
             continue

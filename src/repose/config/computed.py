@@ -14,7 +14,7 @@ from repose.calibrate.parameter_space import range_of
 from repose.calibrate.study_file import split_of
 from repose.common.keys import Config
 from repose.common.section import AUTO
-from repose.config.models import valid_sections
+from repose.config.models import select_valid_sections
 from repose.measure.settings import COARSEST_MM_PER_PIXEL, FINEST_MM_PER_PIXEL
 from repose.stages.published import published_sets
 
@@ -96,7 +96,7 @@ def find_settings_to_compute(config: Config) -> list[Computed]:
     return settings
 
 
-def with_value(config: Config, setting: Computed, value: Any) -> dict[str, Any]:
+def replace_setting(config: Config, setting: Computed, value: Any) -> dict[str, Any]:
     """Copy a configuration, and replace the value of one of its settings."""
     section = {**config[setting.section], setting.name: value}
     return {**config, setting.section: section}
@@ -122,8 +122,8 @@ def find_longest_step(config: Config, particle: "Particle", mean: Grain) -> "Lim
     from repose.bench import Scene
     from repose.bench.scene import longest_time_step
 
-    settings = valid_sections(config)
-    ranges = ranges_of(config)
+    settings = select_valid_sections(config)
+    ranges = find_ranges(config)
 
     # Make the parameter set that needs the shortest step. A low restitution means strong
     # damping, which requires a short step. Take the lowest value of each parameter among
@@ -143,12 +143,12 @@ def find_longest_step(config: Config, particle: "Particle", mean: Grain) -> "Lim
     return longest_time_step(scene)
 
 
-def ranges_of(config: Config) -> dict[str, tuple[float, float]]:
+def find_ranges(config: Config) -> dict[str, tuple[float, float]]:
     """Return the lowest and the highest value of each parameter of a study.
 
     For a fixed parameter both are its value.
     """
-    entries = valid_sections(config).parameters.given
+    entries = select_valid_sections(config).parameters.given
     return {name: range_of(name, entry, ALLOWED) for name, entry in entries.items()}
 
 
@@ -178,7 +178,7 @@ def diameter_mm(grain: Grain) -> float:
 
 def _choose_split(config: Config, _grain: Grain, _particle: "Particle") -> Any:
     """Choose the shares of training, validation and test samples for the surrogate."""
-    return split_of(valid_sections(config).surrogate)
+    return split_of(select_valid_sections(config).surrogate)
 
 
 def _choose_mm_per_pixel(_config: Config, grain: Grain, _particle: "Particle") -> float:
@@ -201,7 +201,7 @@ def _choose_factory_diameter_mm(
 
     It is the inlet without a margin of half a grain, and at least half of the inlet.
     """
-    inlet_mm = valid_sections(config).funnel.inlet_diameter_mm
+    inlet_mm = select_valid_sections(config).funnel.inlet_diameter_mm
     longest_axis_mm = max(axes_mm(grain))
     disc_mm = max(inlet_mm - longest_axis_mm, 0.5 * inlet_mm)
     return float(f"{disc_mm:.3g}")
@@ -222,7 +222,7 @@ def _estimate_duration_s(config: Config, grain: Grain, particle: "Particle") -> 
     particle : Particle
         Its body.
     """
-    settings = valid_sections(config)
+    settings = select_valid_sections(config)
     funnel = settings.funnel
     gravity_m_s2 = settings.simulation.gravity_m_s2
 
@@ -253,7 +253,7 @@ def _compute_discharge_per_s(
     density rho and the diameters D of the opening and d of a grain. The result is 0 for
     an opening too narrow for it.
     """
-    settings = valid_sections(config)
+    settings = select_valid_sections(config)
     gravity_m_s2 = settings.simulation.gravity_m_s2
     empty_edge_mm = BEVERLOO_EMPTY_EDGE * diameter_mm(grain)
     opening_m = 1e-3 * (settings.funnel.outlet_diameter_mm - empty_edge_mm)
@@ -269,7 +269,9 @@ def _compute_discharge_per_s(
 
 def _make_grain_scale(config: Config, particle: "Particle") -> GrainScale:
     """Make the units of length, time and energy that belong to the grain."""
-    return GrainScale.of(particle, valid_sections(config).simulation.gravity_m_s2)
+    return GrainScale.of(
+        particle, select_valid_sections(config).simulation.gravity_m_s2
+    )
 
 
 def _choose_rest_energy_j(config: Config, _grain: Grain, particle: "Particle") -> float:

@@ -19,7 +19,7 @@ from repose.bench.parameters import (
 from repose.bench.settings import SceneSettings
 from repose.calibrate.parameter_types import constraint_faults
 from repose.calibrate.strategies import obeying_strategies, strategy
-from repose.config.models import StudySettings, valid_sections
+from repose.config.models import StudySettings, select_valid_sections
 
 # Dotted keys, each with its allowed values.
 Pairs = Iterator[tuple[str, str]]
@@ -50,7 +50,7 @@ def list_rules_before_numbers(config: Mapping[str, Any]) -> list[Rule]:
     config : mapping
         The configuration, in which sections may be missing or faulty.
     """
-    settings = valid_sections(config)
+    settings = select_valid_sections(config)
     return [
         Rule(("targets",), partial(_find_target_faults, settings, config)),
         Rule(("parameters", "simulation"), partial(_find_contact_law_faults, settings)),
@@ -68,8 +68,8 @@ def list_rules_after_numbers(config: Mapping[str, Any]) -> list[Rule]:
     from repose.calibrate.strategies import cost
 
     scene = SceneSettings(config)
-    settings = valid_sections(config)
-    bench_tests_in_use = tests_in_use(config)
+    settings = select_valid_sections(config)
+    bench_tests_in_use = find_tests_in_use(config)
     test_names = [test.name for test in bench_tests_in_use]
 
     # Each bench test has rules of its own.
@@ -102,7 +102,7 @@ def list_rules_after_numbers(config: Mapping[str, Any]) -> list[Rule]:
     ]
 
 
-def tests_in_use(config: Mapping[str, Any]) -> list[BenchTest[Any]]:
+def find_tests_in_use(config: Mapping[str, Any]) -> list[BenchTest[Any]]:
     """Return the bench tests whose section is in the configuration."""
     return [test for test in bench_tests() if test.name in config]
 

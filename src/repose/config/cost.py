@@ -12,8 +12,8 @@ from repose.bench.space import contact_space
 from repose.calibrate.responses import response
 from repose.calibrate.strategies import cost as strategies
 from repose.common.keys import Config
-from repose.config.contradictions import tests_in_use
-from repose.config.models import StudySettings, valid_sections
+from repose.config.contradictions import find_tests_in_use
+from repose.config.models import StudySettings, select_valid_sections
 from repose.grain.particle import Particle
 from repose.stages.published import to_simulate
 
@@ -39,7 +39,7 @@ SEEDS = ("seeds", "checks")
 Pours = Sequence[tuple[str, int, int]]
 
 
-def run_s(
+def estimate_run_s(
     config: Config, name: str, grain_step_s: float = SECONDS_A_GRAIN_STEP
 ) -> float:
     """Estimate the wall time of a run of a bench test on one core.
@@ -60,7 +60,7 @@ def run_s(
     float
         Time [s].
     """
-    settings = valid_sections(config)
+    settings = select_valid_sections(config)
     duration_s = bench(name).duration_s(SceneSettings(config))
     n_grains = count_grains(settings, name)
 
@@ -120,8 +120,10 @@ def longest_job_s(config: Config) -> float:
     A job runs one parameter set with the largest number of seeds in any section. The
     funnel, the drum and the bench tests of the targets are compared.
     """
-    names = {"funnel", "drum", *_list_tests_of_targets(valid_sections(config))}
-    longest_run_s = max(run_s(config, name) for name in names if name in config)
+    names = {"funnel", "drum", *_list_tests_of_targets(select_valid_sections(config))}
+    longest_run_s = max(
+        estimate_run_s(config, name) for name in names if name in config
+    )
     return JOB_START_S + _find_largest_number_of_seeds(config) * longest_run_s
 
 
@@ -167,7 +169,7 @@ def measure_grain_step_s(
     from repose.bench.funnel import FunnelTest
 
     # Choose the number of grains by the work, which is grains times steps.
-    settings = valid_sections(config)
+    settings = select_valid_sections(config)
     n_steps = TIMED_S / settings.simulation.time_step_s
     n_grains = max(
         FEWEST_TIMED, min(settings.funnel.berries, round(TIMED_STEPS / n_steps))
@@ -225,16 +227,16 @@ def estimate_work(
         one run of the funnel, with its measurement [s]. ``total_s``: time of the whole
         study [s].
     """
-    settings = valid_sections(config)
+    settings = select_valid_sections(config)
     target_tests = _list_tests_of_targets(settings)
 
     # Compute the time of one run in each bench test. The drum is among them because it
     # checks the answer of every study.
     views_s = SECONDS_A_VIEW * settings.measure.views
-    times_s = {"funnel": run_s(config, "funnel", grain_step_s) + views_s}
+    times_s = {"funnel": estimate_run_s(config, "funnel", grain_step_s) + views_s}
     for test in (*target_tests, "drum"):
         if test not in times_s and settings.bench(test) is not None:
-            times_s[test] = run_s(config, test, grain_step_s)
+            times_s[test] = estimate_run_s(config, test, grain_step_s)
 
     # Add up the runs. The article's method has further work besides the runs.
     if pours is None:
@@ -337,7 +339,7 @@ def describe_costs(config: Config) -> dict[str, str]:
     dict of str to str
         Such as ``240 pours, about 90 min on one core``, by the name of the study.
     """
-    settings = valid_sections(config)
+    settings = select_valid_sections(config)
     calibration = estimate_work(config)
     pour_s = calibration["pour_s"]
 
@@ -347,7 +349,7 @@ def describe_costs(config: Config) -> dict[str, str]:
     # The calibration itself.
     n_calibration = sum(n_sets * n_seeds for _, n_sets, n_seeds in calibration["pours"])
     minutes = calibration["total_s"] / 60
-    test_names = {test.name for test in tests_in_use(config)}
+    test_names = {test.name for test in find_tests_in_use(config)}
     other_tests = "" if test_names == {"funnel"} else " and the other bench tests"
     descriptions["calibration"] = (
         f"{n_calibration} pours{other_tests}, about {minutes:.0f} min on one core"

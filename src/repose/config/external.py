@@ -248,7 +248,7 @@ class ExternalConfig(PipelineConfig):
         folder = self.config["results_dir"]
         raise_together(
             YamlError(file, key, folder, words)
-            for key, words in results_folder.existing_results(folder)
+            for key, words in results_folder.find_folder_faults(folder)
         )
         simulate.check(
             self.simulator,

@@ -12,7 +12,7 @@ import numpy as np
 from repose.bench.parameters import PAIRS
 from repose.bench.scene import Scene, contacts_of, materials_of
 
-# Contact laws whose hit `returned_restitution` follows.
+# Contact laws whose hit `compute_returned_restitution` follows.
 HERTZ_LAWS = ("hertz_mindlin", "hertz_mindlin_rescaled")
 # A restitution above this returns nearly what it says.
 LOW_RESTITUTION = 0.3
@@ -21,7 +21,7 @@ PHASES = (0.1, 0.3, 0.5, 0.7, 0.9)
 MOST_STEPS = 100_000
 
 
-def returned_restitution(
+def compute_returned_restitution(
     restitution: float, tension: str, steps_per_contact: float
 ) -> float:
     """Compute the restitution that a hit of two spheres returns.
@@ -104,7 +104,9 @@ def _simulate_rebound_speed(
     return -approach_speed
 
 
-def low_restitutions(scene: Scene, lowest: Mapping[str, float]) -> Iterator[str]:
+def describe_low_restitutions(
+    scene: Scene, lowest: Mapping[str, float]
+) -> Iterator[str]:
     """Describe which restitution a hit returns at this time step, if it is a low one.
 
     Parameters
@@ -136,7 +138,7 @@ def low_restitutions(scene: Scene, lowest: Mapping[str, float]) -> Iterator[str]
         if contact_s is None:
             return
         steps_per_contact = contact_s / settings.time_step_s
-        effective = returned_restitution(
+        effective = compute_returned_restitution(
             restitution, settings.tension, steps_per_contact
         )
         texts.append(f"{effective:.3f} where {name} is {restitution:g}")
@@ -165,7 +167,7 @@ def _compute_contact_time_s(
     -------
     float or None
         The duration at the fastest impact of the engine's limits. None for a contact law
-        that `returned_restitution` cannot follow.
+        that `compute_returned_restitution` cannot follow.
     """
     from repose.dem.laws import CONTACT_LAWS
     from repose.dem.time_steps import FASTEST_IMPACT_M_S

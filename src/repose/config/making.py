@@ -16,11 +16,11 @@ from repose.common.keys import Origin, get, owner_of
 from repose.config import computed, results_folder
 from repose.config.contradictions import (
     Rule,
+    find_tests_in_use,
     list_rules_after_numbers,
     list_rules_before_numbers,
-    tests_in_use,
 )
-from repose.config.models import StudySettings, settings_type, valid_sections
+from repose.config.models import StudySettings, select_valid_sections, settings_type
 from repose.grain.particle import Particle
 from repose.stages.published import check_published, find_sibling_table, read_stored
 
@@ -51,7 +51,7 @@ def find_time_step_faults(
         The key of the time step and its allowed values, if the time step is too long.
         Otherwise nothing.
     """
-    settings = valid_sections(config)
+    settings = select_valid_sections(config)
     limit = computed.find_longest_step(config, particle, mean_grain)
     if settings.simulation.time_step_s <= limit.time_step_s:
         return
@@ -114,7 +114,7 @@ class ConfigChecks:
         """
         # Check each key separately. This replaces the faults of an earlier check.
         self._complete_targets()
-        self.config = faults.with_whole_numbers(self.config, settings_type())
+        self.config = faults.convert_whole_numbers(self.config, settings_type())
         checked = faults.check(self.config, self.source, settings_type())
         self.faults = checked.faults
         self.faulty_keys = checked.keys
@@ -124,7 +124,9 @@ class ConfigChecks:
         for setting in computed.find_settings_to_compute(self.config):
             if self._may_read(setting.section):
                 settings_to_compute.append(setting)
-                self.config = computed.with_value(self.config, setting, computed.AUTO)
+                self.config = computed.replace_setting(
+                    self.config, setting, computed.AUTO
+                )
 
         # Compute these numbers. Some of them depend on the grain.
         if inputs:
@@ -170,7 +172,7 @@ class ConfigChecks:
     @property
     def settings(self) -> StudySettings:
         """The typed sections of the configuration that have no fault."""
-        return valid_sections(self.config)
+        return select_valid_sections(self.config)
 
     def _complete_targets(self) -> None:
         """Replace measured profiles by their scores, and complete all ranges."""
@@ -257,7 +259,9 @@ class ConfigChecks:
         """
         # The folder of results must be free for a folder.
         if self._may_read("results_dir"):
-            self._add_faults(results_folder.existing_results(self.settings.results_dir))
+            self._add_faults(
+                results_folder.find_folder_faults(self.settings.results_dir)
+            )
 
         # Report all files that are missing.
         paths = self._find_named_paths()
@@ -343,7 +347,7 @@ class ConfigChecks:
         )
         if number is None:
             return
-        self.config = computed.with_value(self.config, setting, number)
+        self.config = computed.replace_setting(self.config, setting, number)
 
         # Even a computed number may lie outside the allowed range.
         for fault in faults.check(self.config, self.source, settings_type()).faults:
@@ -356,7 +360,7 @@ class ConfigChecks:
         if self.mean_grain is None:
             return
         axes_mm = computed.axes_mm(self.mean_grain)
-        for test in tests_in_use(self.config):
+        for test in find_tests_in_use(self.config):
             if self._may_read(test.name):
                 self._add_faults(test.misfits(SceneSettings(self.config), axes_mm))
         if self.particle is not None and self._may_read(*TIME_STEP):

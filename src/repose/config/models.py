@@ -481,7 +481,7 @@ def settings_of(
         raise
 
 
-def valid_sections(config: Mapping[str, Any]) -> StudySettings:
+def select_valid_sections(config: Mapping[str, Any]) -> StudySettings:
     """Return the typed sections of a configuration, without those that have faults.
 
     During a check, a rule or a computed number needs only some sections, while others

@@ -130,7 +130,9 @@ def _write_rows(table: Table) -> Iterator[str]:
             "key": f"`{name}`",
             "meaning": field.description,
             "unit": _find_unit(name),
-            "values": _shorten_allowed(faults.allowed(name, table.model)),
+            "values": _shorten_allowed(
+                faults.describe_allowed_values(name, table.model)
+            ),
             "default": _find_default(name, field, table),
             "source": str(source),
         }

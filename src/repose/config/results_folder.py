@@ -116,7 +116,7 @@ def check_is_apart(results_dir: str) -> str:
     return results_dir
 
 
-def existing_results(results_dir: str) -> Contradictions:
+def find_folder_faults(results_dir: str) -> Contradictions:
     """Find out whether a path cannot be the folder of results.
 
     Yields
@@ -131,7 +131,7 @@ def existing_results(results_dir: str) -> Contradictions:
             return
 
 
-def pattern_of(outputs: Iterable[str]) -> re.Pattern[str]:
+def make_pattern(outputs: Iterable[str]) -> re.Pattern[str]:
     """Make the pattern of the paths that rules write.
 
     Parameters
@@ -279,7 +279,7 @@ def _select_results_in_the_way(
     # The pattern is slow to make, and most folders hold files of the study alone.
     if not paths:
         return []
-    is_output = pattern_of(outputs).fullmatch
+    is_output = make_pattern(outputs).fullmatch
     files = [path for path in paths if is_output(path) and os.path.isfile(path)]
     return [path for path in files if os.path.getsize(path) > 0]
 
@@ -292,7 +292,7 @@ def _list_names_of_results(results_dir: str, outputs: Iterable[str]) -> list[str
     top_level = {
         path.removeprefix(f"{results_dir}/").partition("/")[0] for path in outputs
     }
-    is_name_of_study = pattern_of({*WITHOUT_RESULTS, *top_level}).fullmatch
+    is_name_of_study = make_pattern({*WITHOUT_RESULTS, *top_level}).fullmatch
     return sorted(name for name in os.listdir(results_dir) if is_name_of_study(name))
 
 

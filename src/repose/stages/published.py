@@ -10,7 +10,7 @@ from repose.calibrate.responses import Response
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
 from repose.common.files import Path_, read_table
-from repose.common.tables import Column, is_number, read, text_rows
+from repose.common.tables import Column, is_number, read, read_text_rows
 from repose.measure.definitions import CALIBRATED_ANGLE, MEAN_KEYS
 from repose.stages.parameter_sets import OF_SETS
 
@@ -119,7 +119,7 @@ def to_simulate(
     """
     rows = []
     for table in tables(path):
-        rows += text_rows(table, (NAME, *OF_SETS))
+        rows += read_text_rows(table, (NAME, *OF_SETS))
     if not rows:
         return []
     columns = rows[0].keys()

@@ -23,10 +23,10 @@ from repose.common.tables import (
     describe_unread,
     is_missing,
     is_plain,
+    match_column_names,
     plain_number,
     read,
     refuse,
-    renaming,
 )
 
 OK = "ok"
@@ -305,7 +305,7 @@ def checked_runs(
     space = study.parameters
     parameters = list(space.names)
     responses = study.targets.names
-    new_names = renaming(rows[0], columns_of(study))
+    new_names = match_column_names(rows[0], columns_of(study))
     rows = [{new_names.get(key, key): row[key] for key in row} for row in rows]
     needed = needed_responses(study, [row.get("status") for row in rows])
     check_columns(source, rows[0], (*space.free, *needed))
