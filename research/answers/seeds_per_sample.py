@@ -76,10 +76,10 @@ def runs_depend_on(config, apparatus):
     pour_settings = dependencies.settings_of(config, "heap") | dependencies.settings_of(
         config, "berry"
     )
-    points = dependencies.sections(
+    points = dependencies.select_sections(
         settings.of(config), "pool.seed", "pool.fresh_samples"
     )
-    return pour_settings | points | dependencies.sections(config, "parameters")
+    return pour_settings | points | dependencies.select_sections(config, "parameters")
 
 
 class Rows:

@@ -15,7 +15,7 @@ def depends_on(config, apparatus):
     found = dependencies.simulation_settings(config) | dependencies.simulation_settings(
         config, "cylinder"
     )
-    found |= dependencies.sections(
+    found |= dependencies.select_sections(
         config, "measure", "targets"
     ) | dependencies.measurement_settings(config, "cylinder")
     return (

@@ -12,7 +12,7 @@ from refusals import input_error
 from shared import every_bench_test
 
 from repose.cli import VERBS, checking, docs, parser, stages
-from repose.cli.measuring import _measure_settings
+from repose.cli.measuring import _make_measure_settings
 from repose.common import places
 from repose.config import check, computed, cost
 from repose.dem.time_steps import Limit
@@ -89,25 +89,27 @@ def test_in_a_crops_folder_it_is_that_of_the_sizes_which_need_a_grain(
     tmp_path, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
-    assert _measure_settings(NOTHING_GIVEN).berry_height_mm is None
+    assert _make_measure_settings(NOTHING_GIVEN).berry_height_mm is None
     (tmp_path / "sizes.csv").write_text("long_mm,major_mm,minor_mm\n9,4,3\n7,4,1\n")
     # The mean of the products 108 and 28
     mean_diameter = 68 ** (1 / 3)
-    assert _measure_settings(NOTHING_GIVEN).berry_height_mm == pytest.approx(
+    assert _make_measure_settings(NOTHING_GIVEN).berry_height_mm == pytest.approx(
         mean_diameter
     )
-    assert _measure_settings(NOTHING_GIVEN).response == "whole"
+    assert _make_measure_settings(NOTHING_GIVEN).response == "whole"
     assert (
-        _measure_settings(Namespace(grain_mm=5.0, config=None)).berry_height_mm == 5.0
+        _make_measure_settings(Namespace(grain_mm=5.0, config=None)).berry_height_mm
+        == 5.0
     )
     (tmp_path / "sizes.csv").write_text("long_mm,major_mm,minor_mm\n")
     input_error(
         r"sizes\.csv: rows is 0; expected at least 2 berries",
-        _measure_settings,
+        _make_measure_settings,
         NOTHING_GIVEN,
     )
     assert (
-        _measure_settings(Namespace(grain_mm=5.0, config=None)).berry_height_mm == 5.0
+        _make_measure_settings(Namespace(grain_mm=5.0, config=None)).berry_height_mm
+        == 5.0
     )
 
 

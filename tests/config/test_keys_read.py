@@ -98,7 +98,7 @@ def plain():
 def keys_of_scene(plain):
     """The keys whose values the hash of the scene stands for."""
     keys = set()
-    dependencies.scene(RecordedMapping(plain.config, keys))
+    dependencies.hash_scene(RecordedMapping(plain.config, keys))
     return keys
 
 

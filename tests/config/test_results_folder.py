@@ -279,8 +279,8 @@ def test_the_order_of_keys_changes_no_settings(config):
         for name in names():
             if name in config:
                 assert str(select(other, name)) == str(select(config, name)), name
-    settings = dependencies.sections(config, "berry", "miga")
-    assert str(dependencies.sections(other, "berry", "miga")) == str(settings)
+    settings = dependencies.select_sections(config, "berry", "miga")
+    assert str(dependencies.select_sections(other, "berry", "miga")) == str(settings)
 
 
 def test_keys_of_a_bench_test_define_what_its_targets_are():

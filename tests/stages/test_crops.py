@@ -165,7 +165,7 @@ def test_it_runs_from_sizes_to_card_at_small_size(name, tmp_path, monkeypatch, c
             "results/published_sets.csv", ("source", "n_seeds")
         ).to_dict("records")
         assert row["engine"] == engine_hash()
-        assert row["scene"] == dependencies.scene(config)
+        assert row["scene"] == dependencies.hash_scene(config)
         # runs of other settings than today's are refused
         loader.write_resolved(
             config | {"wall": config["wall"] | {"poisson_ratio": 0.1}}, "other.json"

@@ -237,7 +237,7 @@ def test_the_stored_sets_of_the_repository_are_of_todays_engine_and_scene():
     assert table["solution"].tolist() == sets["solution"].tolist()
     np.testing.assert_allclose(table[list(PARAMETERS)], sets[list(PARAMETERS)])
     assert set(table["engine"]) == {engine_hash()}
-    assert set(table["scene"]) == {dependencies.scene(config)}
+    assert set(table["scene"]) == {dependencies.hash_scene(config)}
 
 
 def test_a_failed_or_missing_simulation_keeps_its_row_or_is_named(study):

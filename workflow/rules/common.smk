@@ -74,7 +74,7 @@ PRODUCTS = [
 ]
 # What a stage reads of the configuration, with the content of files; as it stands there. Their change reruns a rule.
 settings_of = functools.partial(dependencies.settings_of, config)
-sections = functools.partial(dependencies.sections, config)
+sections = functools.partial(dependencies.select_sections, config)
 # Whether a program of the user's own makes the runs.
 IS_EXTERNAL = STUDY.simulator is not None
 # Ten times the estimate of the longest job, for slower cores and busy ones.

@@ -180,7 +180,7 @@ def published_sets(args: argparse.Namespace, study: PipelineConfig) -> None:
     record = provenance.current() or {}
     simulator = {
         "engine": record.get("engine"),
-        "scene": dependencies.scene(study.config),
+        "scene": dependencies.hash_scene(study.config),
     }
     out = Path(args.out) / "published_sets.csv"
     validate.write_published_sets(
@@ -266,7 +266,10 @@ def _read_published_comparison(study: PipelineConfig) -> "pd.DataFrame":
     from repose.config import dependencies
     from repose.stages import validate
 
-    simulator = {"engine": engine_hash(), "scene": dependencies.scene(study.config)}
+    simulator = {
+        "engine": engine_hash(),
+        "scene": dependencies.hash_scene(study.config),
+    }
     return validate.compared_with_published(
         study.settings.validation.published_simulated,
         names=study.parameters.names,

@@ -16,6 +16,7 @@ from repose.common.provenance import hash_of_file
 from repose.config.pipeline import PipelineConfig
 
 if TYPE_CHECKING:
+    from repose.bench.photographs import PhotographResult
     from repose.measure.photographs.photograph import Photograph, Scale
     from repose.measure.settings import MeasureSettings
 
@@ -118,7 +119,7 @@ def measure(args: argparse.Namespace) -> None:
     pictures = _select_readable_pictures(args.pictures)
     overlays = _choose_overlay_paths(pictures, args.out)
     scale = _read_scale(args)
-    settings = _measure_settings(args)
+    settings = _make_measure_settings(args)
 
     # Measure a pile, or the bed in a drum or a box.
     if args.bench in piles:
@@ -194,7 +195,7 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
         args.up,
         f"one of {', '.join(DIRECTIONS)}",
     )
-    settings = _measure_settings(args)
+    settings = _make_measure_settings(args)
     if args.config is None:
         # Without a study the grains of each file decide the scale of its views.
         settings = settings.model_copy(update={"mm_per_pixel": AUTO})
@@ -503,17 +504,7 @@ def _measure_apparatus(
     for result, overlay in zip(results, overlays, strict=True):
         write_image(overlay, photographs.stacked(result.views))
 
-    # Without any result, give the reason for each photograph.
-    if all(result.refused for result in results):
-        raise_together(
-            InputError(
-                result.path,
-                args.bench,
-                result.refused,
-                "a bed with a surface that differs from its background",
-            )
-            for result in results
-        )
+    _require_measured_bed(results, args.bench)
 
     # Write and print the numbers.
     out = Path(args.out)
@@ -528,6 +519,21 @@ def _measure_apparatus(
         print(json_text(convert_to_records(measured)))
     else:
         print(photographs.describe(results, measured, out))
+
+
+def _require_measured_bed(results: Sequence["PhotographResult"], bench: str) -> None:
+    """Raise an InputError with the reason for each photograph if all were refused."""
+    if not all(result.refused for result in results):
+        return
+    raise_together(
+        InputError(
+            result.path,
+            bench,
+            result.refused,
+            "a bed with a surface that differs from its background",
+        )
+        for result in results
+    )
 
 
 def _read_scale(args: argparse.Namespace) -> "Scale":
@@ -616,7 +622,7 @@ def _require_between(option: str, value: float, low: float, high: float) -> None
     )
 
 
-def _measure_settings(args: argparse.Namespace) -> "MeasureSettings":
+def _make_measure_settings(args: argparse.Namespace) -> "MeasureSettings":
     """Make the settings of the measurement from the study of --config and the options.
 
     Without a study they are the defaults, with the grain of sizes.csv in the working

@@ -161,7 +161,7 @@ def _select_settings(
         return _select_external_run_settings(config)
 
     # Stages that simulate or measure read the grain and the section of the bench test.
-    grain = {} if is_external(config) else sections(config, *KEYS["shape"])
+    grain = {} if is_external(config) else select_sections(config, *KEYS["shape"])
     if stage == "pour":
         return grain | simulation_settings(config, test)
     if stage == "drum":
@@ -180,7 +180,7 @@ def _select_settings(
     selected: dict[str, Any] = {}
     for source_stage in READS.get(stage, ()):
         selected |= _select_settings(config, source_stage, test, None)
-    return selected | sections(config, *keys)
+    return selected | select_sections(config, *keys)
 
 
 def _find_keys_of_stage(
@@ -218,16 +218,18 @@ def _select_all_settings(config: Config) -> dict[str, Any]:
 
 def _select_external_run_settings(config: Config) -> dict[str, Any]:
     """Select the settings of the measured runs of a program of the user's own."""
-    return sections(config, *KEYS["simulate"], "measure") | responses(config)
+    return select_sections(config, *KEYS["simulate"], "measure") | select_responses(
+        config
+    )
 
 
 def _select_target_run_settings(config: Config) -> dict[str, Any]:
     """Select the settings of the measured runs of all targets, and their parameters."""
-    selected = sections(config, "parameters")
+    selected = select_sections(config, "parameters")
     tests = dict.fromkeys(target.apparatus for target in targets_of(config))
     for test in tests:
         selected |= _select_run_settings(config, test)
-    return selected | responses(config)
+    return selected | select_responses(config)
 
 
 def _select_run_settings(config: Config, test: str) -> dict[str, Any]:
@@ -235,7 +237,7 @@ def _select_run_settings(config: Config, test: str) -> dict[str, Any]:
     return simulation_settings(config, test) | measurement_settings(config, test)
 
 
-def sections(config: Config, *keys: str) -> dict[str, Any]:
+def select_sections(config: Config, *keys: str) -> dict[str, Any]:
     """Select sections, single dotted keys, and computed entries such as `RESPONSES`.
 
     Parameters
@@ -254,11 +256,11 @@ def sections(config: Config, *keys: str) -> dict[str, Any]:
     for key in keys:
         # Some entries are no keys of a configuration, but are computed from it.
         if key == RESPONSES:
-            selected |= responses(config)
+            selected |= select_responses(config)
         elif key == SIMULATOR:
             selected[key] = _select_simulator_settings(config)
         elif key == SCENE:
-            selected[SCENE] = scene(config)
+            selected[SCENE] = hash_scene(config)
         elif key == MEASURED_BY:
             selected |= _select_measuring_settings(config)
         else:
@@ -315,7 +317,7 @@ def _sort_mappings(value: Any) -> Any:
 
 def _select_test_keys(config: Config, test: str, keys: Iterable[str]) -> dict[str, Any]:
     """Select keys of the section of a bench test, as dotted keys."""
-    return sections(config, *(f"{test}.{key}" for key in keys))
+    return select_sections(config, *(f"{test}.{key}" for key in keys))
 
 
 def simulation_settings(config: Config, apparatus: str = UNNAMED) -> dict[str, Any]:
@@ -324,8 +326,8 @@ def simulation_settings(config: Config, apparatus: str = UNNAMED) -> dict[str, A
     Neither its measurement nor the number of its seeds is among them.
     """
     without_effect = ("seeds", *bench(apparatus).measured_by)
-    section = sections(config, apparatus)[apparatus]
-    selected = sections(config, "wall", "simulation", "design.seed")
+    section = select_sections(config, apparatus)[apparatus]
+    selected = select_sections(config, "wall", "simulation", "design.seed")
     selected[apparatus] = {
         key: value for key, value in section.items() if key not in without_effect
     }
@@ -335,12 +337,12 @@ def simulation_settings(config: Config, apparatus: str = UNNAMED) -> dict[str, A
 def measurement_settings(config: Config, apparatus: str = UNNAMED) -> dict[str, Any]:
     """Select the settings that the measurement of a run reads."""
     test = bench(apparatus)
-    selected = sections(config, "measure")
+    selected = select_sections(config, "measure")
     selected |= _select_test_keys(config, apparatus, test.measured_by)
-    return selected | responses(config, test.name)
+    return selected | select_responses(config, test.name)
 
 
-def scene(config: Config) -> str:
+def hash_scene(config: Config) -> str:
     """Hash everything besides the engine that a measured run depends on.
 
     This is the grain, the bench tests of the targets, and the section `measure` without
@@ -361,7 +363,7 @@ def scene(config: Config) -> str:
         return hash_of(_select_external_run_settings(config))
 
     # Leave out which of the angles is calibrated.
-    selected = sections(config, "berry", "measure")
+    selected = select_sections(config, "berry", "measure")
     measure = dict(selected["measure"])
     measure.pop("response", None)
     selected["measure"] = measure
@@ -374,7 +376,7 @@ def scene(config: Config) -> str:
     return hash_of(_hash_named_files(selected))
 
 
-def responses(config: Config, apparatus: str | None = None) -> dict[str, Any]:
+def select_responses(config: Config, apparatus: str | None = None) -> dict[str, Any]:
     """Select what defines the responses of the targets, but not the values to meet.
 
     Parameters
@@ -514,16 +516,19 @@ def _find_first_difference(recorded: Any, current: Any, prefix: str = "") -> Dif
     # Go on with the first key, or entry of a list, in which they differ.
     if isinstance(recorded, Mapping) and isinstance(current, Mapping):
         for key in _sort_keys_scene_last({*recorded, *current}):
-            old = recorded.get(key)
-            new = current.get(key)
-            if old != new:
-                return _find_first_difference(old, new, f"{prefix}.{key}")
+            recorded_part = recorded.get(key)
+            current_part = current.get(key)
+            if recorded_part != current_part:
+                inner_prefix = f"{prefix}.{key}"
+                return _find_first_difference(recorded_part, current_part, inner_prefix)
 
     if _are_lists_of_one_length(recorded, current):
-        for position, (old, new) in enumerate(zip(recorded, current, strict=True)):
+        for position, recorded_part in enumerate(recorded):
             # A list of plain values, such as a range, is reported as a whole.
-            if old != new and isinstance(old, Mapping):
-                return _find_first_difference(old, new, f"{prefix}.{position}")
+            current_part = current[position]
+            if recorded_part != current_part and isinstance(recorded_part, Mapping):
+                inner_prefix = f"{prefix}.{position}"
+                return _find_first_difference(recorded_part, current_part, inner_prefix)
 
     # They differ as a whole.
     return Difference(prefix.removeprefix("."), recorded, current)

@@ -71,6 +71,8 @@ def list_runs(settings: StudySettings) -> Pours:
     strategy_runs = strategy_pours(settings, name) or ()
     if not strategy(name).begins_with_design:
         return strategy_runs
+
+    # A program has no bench tests, so the number of runs has no name of one.
     section = settings.validation
     seeds = settings.design_seeds("")
     return (

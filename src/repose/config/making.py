@@ -216,7 +216,7 @@ class ConfigChecks:
             if self._may_read(*rule.reads):
                 self._add_faults(rule.faults())
 
-    def _call(
+    def _call_and_collect_faults(
         self, key: str, function: Callable[..., Result], *arguments: Any
     ) -> Result | None:
         """Call a function that reads the value of a key.
@@ -272,7 +272,7 @@ class ConfigChecks:
         # Read the others, so that faults in them are reported, too.
         for key, read in self._choose_readers().items():
             if key in paths and key not in missing_keys:
-                self._call(key, read, paths[key])
+                self._call_and_collect_faults(key, read, paths[key])
 
     def _find_named_paths(self) -> dict[str, str]:
         """Map the dotted key of each named file to its path.
@@ -320,11 +320,13 @@ class ConfigChecks:
         if self.mean_grain is None and self._may_read(*GRAIN):
             settings = self.settings
             table1 = find_sibling_table(settings.validation.published, "table1.csv")
-            result = self._call("berry", berry.of_settings, settings.berry, table1)
+            result = self._call_and_collect_faults(
+                "berry", berry.of_settings, settings.berry, table1
+            )
             if result is not None:
                 _, self.mean_grain = result
         if self.mean_grain is not None and self.particle is None:
-            self.particle = self._call(
+            self.particle = self._call_and_collect_faults(
                 "berry", build.of_settings, self.mean_grain, self.settings.berry
             )
 
@@ -342,7 +344,7 @@ class ConfigChecks:
         if lacks_grain or not self._may_read(*setting.reads):
             self.faulty_keys.add(setting.key)
             return
-        number = self._call(
+        number = self._call_and_collect_faults(
             setting.key, setting.compute, self.config, self.mean_grain, self.particle
         )
         if number is None:
