@@ -251,8 +251,8 @@ def _find_photographed_piles() -> dict[str, Mapping[str, str]]:
     Returns
     -------
     dict of str to mapping
-        By the name of the bench test: the responses that a photograph shows, each with
-        its column in the table of the photographs.
+        By the name of the bench test: which of its responses each measured number of a
+        photograph is, such as ``aor_deg``.
     """
     from repose.bench import bench_tests
 
@@ -509,9 +509,9 @@ def _measure_apparatus(
     # Write and print the numbers.
     out = Path(args.out)
     measured = photographs.tables(results, args.bench)
-    # Each response has a column of its own name.
-    columns = {name: name for name in photographs.RESPONSES[args.bench]}
-    write_tables(measured, settings, out=out, bench=args.bench, responses=columns)
+    # Here each measured number has the name of its response.
+    responses = {name: name for name in photographs.RESPONSES[args.bench]}
+    write_tables(measured, settings, out=out, bench=args.bench, responses=responses)
     if args.bench == "turning":
         turning = scene.section("turning", TurningSettings)
         write_table(out / "profile.csv", photographs.profile(results, turning))

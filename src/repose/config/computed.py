@@ -84,7 +84,7 @@ def find_settings_to_compute(config: Config) -> list[Computed]:
     Returns
     -------
     list of Computed
-        In the order of computation: a later number may follow from an earlier one.
+        In the order in which they are computed.
     """
     settings = []
     for setting in COMPUTED:

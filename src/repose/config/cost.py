@@ -337,7 +337,8 @@ def describe_costs(config: Config) -> dict[str, str]:
     Returns
     -------
     dict of str to str
-        Such as ``240 pours, about 90 min on one core``, by the name of the study.
+        A text for each study by its name: how many pours it makes, and how long they
+        take on one core.
     """
     settings = select_valid_sections(config)
     calibration = estimate_work(config)

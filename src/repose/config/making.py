@@ -323,6 +323,7 @@ class ConfigChecks:
             result = self._call_and_collect_faults(
                 "berry", berry.of_settings, settings.berry, table1
             )
+            # The other part is the statistics of the sizes, which no check needs.
             if result is not None:
                 _, self.mean_grain = result
         if self.mean_grain is not None and self.particle is None:
