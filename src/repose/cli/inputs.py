@@ -64,6 +64,7 @@ def berry(args: argparse.Namespace, study: PipelineConfig | None) -> None:
     from repose.common.tables import print_columns
     from repose.grain import berry as grain_stage
 
+    # With --axes or --stl a mesh is built, which needs no study.
     if study is None:
         _build_mesh(args)
         return

@@ -233,7 +233,16 @@ def _make_job(
 
 
 def _choose_file_name(sample: int | None, apparatus: str) -> str:
-    """Choose the name of the files of a job: its sample, or else its bench test."""
+    """Choose the name of the files of a job, without its ending.
+
+    Parameters
+    ----------
+    sample : int or None
+        The number of the sample, which becomes the name. None for parameters that come
+        from no table: then the bench test does.
+    apparatus : str
+        Name of the bench test.
+    """
     if sample is not None:
         return f"{sample:03d}"
     return "heap" if apparatus == "funnel" else apparatus

@@ -142,9 +142,14 @@ def _replace_value(config: Any, path: Sequence[str], value: Any) -> Any:
 
 
 def lacks_keys(config: Mapping[str, Any], model: Model) -> bool:
-    """Return whether any section of a configuration lacks a key.
+    """Tell whether any section of a configuration lacks a key.
 
-    Invalid values are ignored.
+    Parameters
+    ----------
+    config : mapping
+        The configuration as plain values. Invalid values are ignored.
+    model : type of pydantic.BaseModel
+        What a configuration may hold.
     """
     try:
         model.model_validate(config)
@@ -283,8 +288,18 @@ def _find_inner_schema(
 def _find_errors(config: Any, model: Model) -> list[_Error]:
     """Validate a configuration and list its errors, unknown keys first.
 
-    An error inside a value is reported for the whole value. The list is empty if the
-    configuration is valid.
+    Parameters
+    ----------
+    config : object
+        The configuration as plain values.
+    model : type of pydantic.BaseModel
+        What a configuration may hold.
+
+    Returns
+    -------
+    list of _Error
+        An error inside a value counts for the whole value. Empty for a valid
+        configuration.
     """
     try:
         model.model_validate(config)

@@ -91,7 +91,7 @@ def stage(
         The input files of the stage.
     settings_of : callable
         Selects the settings that the stage reads, given a configuration and the name of
-        a bench test.
+        a bench test. The name is None for results that are no runs.
     apparatus : str, optional
         The bench test of the runs. The default is that of the input files.
     runs : {"", "made", "measured"}

@@ -240,7 +240,15 @@ def _find_seed_faults(settings: StudySettings) -> Pairs:
 
 
 def _find_target_faults(settings: StudySettings, config: Mapping[str, Any]) -> Pairs:
-    """Yield faults of targets whose bench test has no section, and of repeated ones."""
+    """Yield faults of targets whose bench test has no section, and of repeated ones.
+
+    Parameters
+    ----------
+    settings : StudySettings
+        The section `targets` is read.
+    config : mapping
+        The whole configuration, which has a section for each bench test in use.
+    """
     earlier_responses = set()
     for position, target in enumerate(settings.targets):
         key = f"targets.{position}"

@@ -109,7 +109,15 @@ def read_layers(files: Sequence[Path_], overrides: Config | None = None) -> Laye
 
 
 def read_given(files: Sequence[Path_], overrides: Config | None = None) -> Layered:
-    """Read configuration files over each other, without defaults."""
+    """Merge configuration files, without the defaults.
+
+    Parameters
+    ----------
+    files : sequence of path
+        Each overrides the ones before it.
+    overrides : mapping, optional
+        Nested values that override all files. Texts among them are parsed as YAML.
+    """
     return _merge_files([places.find(path) for path in files], overrides)
 
 
