@@ -28,7 +28,7 @@ def test_another_encoding_is_reported_and_a_mark_of_the_byte_order_is_fine(tmp_p
     for encoding in ("utf-32", "utf-16-le"):
         table = SIZES.encode(encoding)
         raises(berry_files.read_sizes, tmp_path / "a.csv", table)
-        for read in (files.read_table, tables.sheet, files.read_json):
+        for read in (files.read_table, tables.read_sheet, files.read_json):
             raises(read, tmp_path / "a.csv", table, ("long_mm",))
     path = written(tmp_path / "a", b"\xef\xbb\xbf" + SIZES.encode())
     assert (
@@ -36,7 +36,7 @@ def test_another_encoding_is_reported_and_a_mark_of_the_byte_order_is_fine(tmp_p
         == len(files.read_table(path, ("long_mm",)))
         == 2
     )
-    assert tables.sheet(path).text["long_mm"][1] == "22"
+    assert tables.read_sheet(path).text["long_mm"][1] == "22"
     path.write_bytes(b'\xef\xbb\xbf{"a": 1}')
     assert files.read_json(path) == {"a": 1}
 
@@ -123,7 +123,7 @@ def test_a_reader_reads_any_bytes_and_text_or_reports_what_is_wrong(tmp_path):
     readers = {
         "a.csv": (
             files.read_table,
-            tables.sheet,
+            tables.read_sheet,
             berry_files.read_sizes,
             berry_files.read_compression,
         ),

@@ -194,7 +194,7 @@ def test_messages_name_pages_that_a_wheel_has():
         name for _, text in texts for name in re.findall(r"`repose docs (\w+)`", text)
     }
     assert named >= {"photographs", "sequential", "own_simulator", "configuration"}
-    assert named <= set(docs.pages())
+    assert named <= set(docs.find_pages())
     # no text leads to a file that only the checkout has
     elsewhere = re.compile(
         r"(?<!research/)(?<!\.\./)\b(docs|config|tests)/[\w/]+\.md\b"

@@ -92,7 +92,7 @@ def test_a_table_is_written_as_pandas_writes_it_and_a_writer_that_fails_leaves_t
 
 
 @pytest.mark.parametrize(
-    "read", [files.read_table, tables.sheet, files.read_json, files.read_npz]
+    "read", [files.read_table, tables.read_sheet, files.read_json, files.read_npz]
 )
 def test_every_fault_of_a_file_is_reported_with_its_name(tmp_path, read):
     path = tmp_path / "given"

@@ -10,7 +10,7 @@ import pytest
 
 from repose.common import source_code
 from repose.common.places import PACKAGE
-from repose.common.source_code import WITHOUT_NUMBERS, code_hash, dependencies
+from repose.common.source_code import WITHOUT_NUMBERS, code_hash, find_dependencies
 
 HASHES = """
 import sys
@@ -162,7 +162,7 @@ def test_an_import_for_type_checkers_alone_counts_nothing(package):
 def test_modules_that_compute_no_number_exist_and_are_no_dependency():
     for name in WITHOUT_NUMBERS:
         assert source_code._list_modules_of(name), name
-    for module in dependencies("stages", "report"):
+    for module in find_dependencies("stages", "report"):
         assert not source_code.computes_nothing(module)
 
 

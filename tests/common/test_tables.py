@@ -709,5 +709,5 @@ def test_random_changes_of_good_tables_end_in_numbers_or_in_a_sentence(tmp_path)
 
 
 def test_what_is_no_plain_file_is_not_read(tmp_path):
-    for read in (tables.sheet, files.read_json):
+    for read in (tables.read_sheet, files.read_json):
         input_error(r"/dev/zero: .* is .*a device or a pipe", read, "/dev/zero")

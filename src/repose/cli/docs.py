@@ -20,7 +20,7 @@ def docs(args: argparse.Namespace) -> None:
 
     example: photographs
     """
-    known = pages()
+    known = find_pages()
 
     # List the pages, with the names in a column.
     if args.name is None:
@@ -53,7 +53,7 @@ def _show_in_pager(text: str) -> None:
         console.print(Markdown(text))
 
 
-def pages() -> dict[str, Path]:
+def find_pages() -> dict[str, Path]:
     """Find the pages of the documentation.
 
     Returns

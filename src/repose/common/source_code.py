@@ -61,7 +61,7 @@ def code_hash(*modules: str, follow_imports: bool = True) -> str:
         If there is no such module.
     """
     if follow_imports:
-        names = dependencies(*modules)
+        names = find_dependencies(*modules)
     else:
         names = frozenset(_expand_packages(modules))
     digest = hashlib.sha256()
@@ -72,7 +72,7 @@ def code_hash(*modules: str, follow_imports: bool = True) -> str:
 
 
 @cache
-def dependencies(*modules: str) -> frozenset[str]:
+def find_dependencies(*modules: str) -> frozenset[str]:
     """Find all modules that the given modules depend on, including themselves.
 
     Parameters
@@ -319,7 +319,7 @@ def _parse_and_summarise(content: bytes) -> dict[str, Any]:
     # Collect the imports, each as its number of leading dots and its name.
     imports: set[tuple[int, str]] = set()
     imports_by_name = False
-    for node in _runtime_nodes(tree):
+    for node in _walk_runtime_nodes(tree):
         if isinstance(node, ast.Import):
             imports.update((0, alias.name) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -343,7 +343,7 @@ def _parse_and_summarise(content: bytes) -> dict[str, Any]:
     }
 
 
-def _runtime_nodes(tree: ast.Module) -> Iterator[ast.AST]:
+def _walk_runtime_nodes(tree: ast.Module) -> Iterator[ast.AST]:
     """Yield the nodes of a module, except those below ``if TYPE_CHECKING:``."""
     waiting: list[ast.AST] = [tree]
     while waiting:

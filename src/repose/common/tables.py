@@ -90,10 +90,10 @@ class Column:
         elif self.kind is bool:
             text = "True or False"
         else:
-            text = self.words or self._allowed_numbers()
+            text = self.words or self._describe_allowed_numbers()
         return f"{text}, or nothing" if self.empty else text
 
-    def _allowed_numbers(self) -> str:
+    def _describe_allowed_numbers(self) -> str:
         """Describe the kind of number and its bounds, as in ``a number above 0``."""
         bounds = ""
         if math.isfinite(self.low):
@@ -248,7 +248,7 @@ def read(
     Parameters
     ----------
     path : path
-        A CSV file in one of the forms that `sheet` accepts.
+        A CSV file in one of the forms that `read_sheet` accepts.
     columns : iterable of str or Column
         Columns that the table must have, except a `Column` that is not `needed`. Columns
         given as `Column` are converted to values.
@@ -279,7 +279,7 @@ def read(
     needed = [name for name in names if name not in declared or declared[name].needed]
 
     # Rename columns whose names differ only in form from those that the caller uses.
-    table = sheet(path, what)
+    table = read_sheet(path, what)
     new_names = match_column_names(table.text, [*names, *optional])
     table.text = table.text.rename(columns=new_names)
     check_columns(path, table.text, needed, what)
@@ -552,11 +552,11 @@ def _list_frequent_values(counts: "Counter[str]") -> str:
 
 def print_columns(path: Path_) -> None:
     """Print on stderr what a user's measured table holds, as `describe_columns`."""
-    for line in describe_columns(sheet(path).text):
+    for line in describe_columns(read_sheet(path).text):
         print(f"{path}: {line}", file=sys.stderr)
 
 
-def sheet(path: Path_, what: str = TABLE) -> Table:
+def read_sheet(path: Path_, what: str = TABLE) -> Table:
     """Read the cells of a table as text.
 
     The file is UTF-8, with or without its mark, or UTF-16 with its mark. Cells are
@@ -644,7 +644,7 @@ def read_text_rows(
     Parameters
     ----------
     path : path
-        A CSV file in one of the forms that `sheet` accepts.
+        A CSV file in one of the forms that `read_sheet` accepts.
     columns : iterable of Column
         Columns that are named as here, in any form (`match_column_names`).
     what : str
