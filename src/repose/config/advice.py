@@ -119,7 +119,7 @@ def give_funnel_hints(
         n_grains = max(n_grains, count_needed_grains(config, particle.volume_m3))
     grain_mm = diameter_mm(grain)
     definition = SceneSettings(config).measure_of({}).response
-    yield _describe_number(n_grains, height_mm / grain_mm, definition)
+    yield _describe_number_of_grains(n_grains, height_mm / grain_mm, definition)
     # Leave out the first line of this advice, since the last hint says the same.
     _, *smaller_scene = scene_size.advice(
         config, grain_mm, height_mm=height_mm, poured=n_grains
@@ -127,7 +127,7 @@ def give_funnel_hints(
     yield from smaller_scene
 
 
-def _describe_number(n_grains: int, height: float, definition: str) -> str:
+def _describe_number_of_grains(n_grains: int, height: float, definition: str) -> str:
     """Describe how the angle of a pile depends on the number of its grains.
 
     Parameters
