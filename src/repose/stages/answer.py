@@ -1,4 +1,4 @@
-"""Read the answer of a calibration from the files of the stages."""
+"""Read the answer of a finished calibration from the files that its stages wrote."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -83,7 +83,8 @@ def read(  # noqa: PLR0913  (each describes the study of the answer)
     small_run : bool, optional
         Whether the study is too small for a calibration.
     names : sequence of str, optional
-        As in `repose.stages.parameter_sets.parameter_columns`.
+        Parameters of a study that another program simulates. None stands for a study
+        of repose, whose parameters are the contact parameters in the table.
 
     Returns
     -------
@@ -94,6 +95,8 @@ def read(  # noqa: PLR0913  (each describes the study of the answer)
     InputError
         If a file is damaged, or has no row for a target.
     """
+    # The summary has the parameter set, whether it meets the targets, and a sentence on
+    # this.
     keys = {"representative": dict, "feasible": bool, "message": str}
     summary = read_json(summary_json, keys, "the answer of a calibration; run it first")
     rows = _read_checks(check_csv, targets)
@@ -104,12 +107,14 @@ def read(  # noqa: PLR0913  (each describes the study of the answer)
     checks = []
     for target in targets:
         line = describe_line_of_response(measure, target.name)
-        checks.append(_check(target, rows[target.name], line))
+        checks.append(_make_check(target, rows[target.name], line))
 
     # Every row repeats two kinds of probability for all targets together. `within`: that
     # all means lie within some percent of the aims. `inside`: that all lie in their ranges.
     first_row = rows[targets.names[0]]
-    within = {percent: _number(first_row, name) for percent, name in WITHIN.items()}
+    within = {
+        percent: _number_or_none(first_row, name) for percent, name in WITHIN.items()
+    }
     return Result(
         label=label,
         parameters=parameters,
@@ -125,15 +130,30 @@ def read(  # noqa: PLR0913  (each describes the study of the answer)
         small_run=small_run,
         near_bounds=tuple(map(in_words, summary.get("near_bounds", ()))),
         within=within,
-        inside=_number(first_row, INSIDE),
+        inside=_number_or_none(first_row, INSIDE),
         labels=LABELS,
     )
 
 
 def _read_checks(check_csv: Path_, targets: Targets) -> dict[str, dict[str, Any]]:
-    """Read the table of a check into a row for each response.
+    """Read the table of a check, with a row for each response.
 
-    Every target must have a row.
+    Parameters
+    ----------
+    check_csv : path
+        The table.
+    targets : Targets
+        The responses that must have a row.
+
+    Returns
+    -------
+    dict
+        The cells of each row, by the name of its response.
+
+    Raises
+    ------
+    InputError
+        If a target has no row.
     """
     table = read_cells(check_csv, COLUMNS, "a table of the verb validate")
     rows = {row["response"]: row for row in table.rows()}
@@ -147,7 +167,23 @@ def _read_checks(check_csv: Path_, targets: Targets) -> dict[str, dict[str, Any]
 def _read_parameters(
     values: Mapping[str, Any], summary_json: Path_, names: Sequence[str] | None
 ) -> dict[str, float]:
-    """Check the parameters of the answer; those of a contact have limits."""
+    """Read and check the parameters of the answer.
+
+    Parameters
+    ----------
+    values : mapping
+        The parameters and predicted responses of the answer, by name.
+    summary_json : path
+        The file that they are from, for messages.
+    names : sequence of str or None
+        Parameters of a study that another program simulates. None stands for a study of
+        repose. Its contact parameters must lie within their physical limits.
+
+    Raises
+    ------
+    InputError
+        If a parameter is no number, or lies outside its limits.
+    """
     parameters = {}
     for name in parameter_columns(values, names):
         value: Any = values.get(name)
@@ -159,22 +195,26 @@ def _read_parameters(
     return parameters
 
 
-def _check(target: Target, row: Mapping[str, Any], line: str) -> Check:
-    """Make the check of a target from its row of the table."""
+def _make_check(target: Target, row: Mapping[str, Any], line: str) -> Check:
+    """Compare a target with the means of its row in the table of the check.
+
+    `line` describes the line whose slope is an angle of a pile. It is empty for other
+    responses.
+    """
     return Check.of(
         target,
-        simulated=_number(row, "simulated"),
-        standard_error=_number(row, "simulated_se"),
-        runs=int(_number(row, "n_seeds") or 0),
+        simulated=_number_or_none(row, "simulated"),
+        standard_error=_number_or_none(row, "simulated_se"),
+        runs=int(_number_or_none(row, "n_seeds") or 0),
         status=row["status"],
-        predicted=_number(row, "predicted"),
-        optimism=_number(row, "optimism"),
-        optimism_error=_number(row, "optimism_se"),
+        predicted=_number_or_none(row, "predicted"),
+        optimism=_number_or_none(row, "optimism"),
+        optimism_error=_number_or_none(row, "optimism_se"),
         line=line,
     )
 
 
-def _number(row: Mapping[str, Any], key: str) -> float | None:
+def _number_or_none(row: Mapping[str, Any], key: str) -> float | None:
     """Return a number of a row; None if its cell is empty or its column missing."""
     number = row.get(key, math.nan)
     return None if math.isnan(number) else number

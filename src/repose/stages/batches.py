@@ -55,7 +55,8 @@ def run_propose(
     definitions : mapping
         How the configuration defines the responses.
     names : sequence of str, optional
-        As in `repose.stages.parameter_sets.parameter_columns`.
+        Parameters of a study that another program simulates. None stands for a study
+        of repose, whose parameters are the contact parameters in the table.
     source : object, optional
         File of the configuration, for error messages.
 
@@ -82,6 +83,7 @@ def run_propose(
         last_folder = folders[-1] if folders else name
         raise InputError(last_folder, error.key, error.value, error.allowed) from None
 
+    # Describe the proposal. If it is the answer, add the parameter sets found.
     content = {
         "answer": False,
         "why": proposal.notes.get("why", ""),
@@ -92,7 +94,7 @@ def run_propose(
         content |= {"answer": True, "why": proposal.why}
         content |= answers.content(proposal, study.parameters, study.targets)
     write_table(Path(out_dir) / "samples.csv", proposal.samples)
-    write_json(Path(out_dir) / PROPOSAL, _as_json(content))
+    write_json(Path(out_dir) / PROPOSAL, _convert_to_json(content))
     return content
 
 
@@ -124,7 +126,8 @@ def run_conclude(
     measure : MeasureSettings or None
         The section `measure`, which defines the angles of piles.
     names : sequence of str, optional
-        As in `repose.stages.parameter_sets.parameter_columns`.
+        Parameters of a study that another program simulates. None stands for a study
+        of repose, whose parameters are the contact parameters in the table.
 
     Returns
     -------
@@ -155,7 +158,13 @@ def run_conclude(
 
 
 def _read_proposals(folders: Sequence[Path_]) -> list[dict[str, Any]]:
-    """Read the proposals that came after the first batch, and check that the last ends."""
+    """Read the proposal of each batch except the first, in order.
+
+    Raises
+    ------
+    InputError
+        If the last proposal is not the answer.
+    """
     paths = [Path(folder) / PROPOSAL for folder in folders[1:]]
     proposals = [
         read_json(path, KEYS, "output of repose stage propose") for path in paths
@@ -204,7 +213,7 @@ def write_answer(
         "solution": "1",
         "role": "representative",
         **best,
-        **_name_optimism(notes.get("optimism", ()), targets),
+        **_rename_optimism(notes.get("optimism", ()), targets),
         **_summarise_runs(answer_runs, targets),
     }
 
@@ -231,17 +240,23 @@ def write_answer(
     write_table(out / "table4.csv", table4)
     write_table(out / "representative.csv", representative)
     write_table(out / "check.csv", check)
-    write_json(out / "summary.json", _summarise(proposal, best, n_pours))
+    write_json(out / "summary.json", _make_summary(proposal, best, n_pours))
     return check
 
 
-def _summarise(
+def _make_summary(
     proposal: Mapping[str, Any], best: Mapping[str, float], n_pours: int
 ) -> dict[str, Any]:
     """Make the content of summary.json.
 
-    `best` holds parameters and prediction of the answer, and `n_pours` is the number of
-    its runs in a bench test.
+    Parameters
+    ----------
+    proposal : mapping
+        Content of proposal.json.
+    best : mapping
+        Parameters and predicted responses of the answer.
+    n_pours : int
+        Number of the answer's runs in each bench test.
     """
     notes = proposal["notes"]
     check_step = f"Check: {n_pours} pours of the answer that were in no fit."
@@ -283,13 +298,22 @@ def _compare_with_prediction(
     return table
 
 
-def _name_optimism(
+def _rename_optimism(
     rows: Sequence[Mapping[str, Any]], targets: Targets
 ) -> dict[str, float]:
-    """Name the expected optimism of the answer's predictions as in Table 4.
+    """Return the expected optimism of the answer, under the columns of Table 4.
 
-    `rows` hold the name of a response, the optimism of its prediction, and the standard
-    error of this optimism.
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Note of the strategy. Each row has `response`, the `optimism` of its prediction,
+        and `optimism_se`, its standard error.
+    targets : Targets
+
+    Returns
+    -------
+    dict
+        Optimism and its standard error for each target that has a row.
     """
     rows_by_response = {row["response"]: row for row in rows}
     columns = {}
@@ -302,21 +326,31 @@ def _name_optimism(
 
 
 def _summarise_runs(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
-    """Summarise the answer's runs in a row of Table 4: means, standard errors, number.
+    """Summarise the runs of the answer for its row of Table 4.
 
-    With too few runs, a mean or an error is NaN for a target, and None for the other
-    angles of a pile.
+    Parameters
+    ----------
+    runs : pandas.DataFrame
+        Single runs of the answer in all bench tests.
+    targets : Targets
+
+    Returns
+    -------
+    dict
+        Mean and standard error of each target, and of every other angle of a pile; the
+        number of good runs; status and reason. A mean of no run, or an error of one
+        run, is NaN for a target and None for another angle.
     """
     good = runs[runs["status"] == "ok"]
     row: dict[str, Any] = {}
-    counts = []
+    good_run_counts = []
     for target in targets:
         response = target.response
         values = of_bench(good, response.apparatus)[target.name].to_numpy(float)
         mean, error = np.array(mean_and_error(values), dtype=float)
         row[response.simulated] = mean
         row[response.standard_error] = error
-        counts.append(len(values))
+        good_run_counts.append(len(values))
 
     # Add the mean angle of the piles by every definition.
     piles = of_bench(good, UNNAMED)
@@ -329,7 +363,8 @@ def _summarise_runs(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
     # failure.
     failures = runs.loc[runs["status"] != "ok", "status"].value_counts()
     reasons = [f"{count} runs {status}" for status, count in failures.items()]
-    n_good = min(counts)
+    # A response of another bench test may have fewer good runs.
+    n_good = min(good_run_counts)
     row["n_seeds"] = n_good
     row["status"] = "ok" if n_good else failures.index[0]
     row["reason"] = ", ".join(reasons)
@@ -337,9 +372,16 @@ def _summarise_runs(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
 
 
 def _tabulate_batches(proposals: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    """Make a row for each proposal: its batch, the runs before it, and its reason.
+    """Make the table of proposals, with a row for each.
 
-    If a strategy adds a note `row` to some proposals, only these are listed.
+    A row has the number of the batch, the number of runs before it, and the reason.
+    Some strategies add a note `row` to the proposals that matter. The table then has
+    only these.
+
+    Parameters
+    ----------
+    proposals : sequence of mapping
+        Content of the files proposal.json, in order.
     """
     rows = []
     rows_with_note = []
@@ -353,14 +395,18 @@ def _tabulate_batches(proposals: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     return pd.DataFrame(rows_with_note or rows)
 
 
-def _as_json(value: Any) -> Any:
-    """Convert a note to plain JSON: tables become columns, and NaN becomes None."""
+def _convert_to_json(value: Any) -> Any:
+    """Convert a note of a strategy to values that JSON can hold.
+
+    A table becomes a mapping of its columns, and NaN becomes None. Mappings and lists
+    are converted with all that they contain.
+    """
     if isinstance(value, pd.DataFrame):
-        return _as_json(value.to_dict("list"))
+        return _convert_to_json(value.to_dict("list"))
     if isinstance(value, Mapping):
-        return {key: _as_json(item) for key, item in value.items()}
+        return {key: _convert_to_json(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_as_json(item) for item in value]
+        return [_convert_to_json(item) for item in value]
     if isinstance(value, float) and math.isnan(value):
         return None
     return value
@@ -369,9 +415,27 @@ def _as_json(value: Any) -> Any:
 def read(
     folders: Sequence[Path_], targets: Targets, names: Sequence[str] | None = None
 ) -> pd.DataFrame:
-    """Read the runs of all batches as a strategy takes them (`data_of`).
+    """Read the runs of all batches, arranged as a strategy expects them.
 
-    The column `batch` numbers the batches.
+    Parameters
+    ----------
+    folders : sequence of path
+        The batches in order, each with dataset.csv and runs.csv.
+    targets : Targets
+    names : sequence of str, optional
+        Parameters of a study that another program simulates. None stands for a study of
+        repose, whose parameters are the contact parameters in the table.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The rows of `arrange_for_strategy`, with the number of their batch in the column
+        `batch`. It has no columns if there are no batches.
+
+    Raises
+    ------
+    InputError
+        If two batches have a sample of the same number.
     """
     batches: list[pd.DataFrame] = []
     earlier_samples: set[int] = set()
@@ -382,7 +446,9 @@ def read(
             path = Path(folder) / "dataset.csv"
             raise InputError(path, "sample", min(repeated), "in one batch alone")
         earlier_samples.update(dataset["sample"])
-        batches.append(data_of(dataset, runs, targets).assign(batch=number))
+        batches.append(
+            arrange_for_strategy(dataset, runs, targets).assign(batch=number)
+        )
     if not batches:
         return pd.DataFrame()
     return pd.concat(batches, ignore_index=True)
@@ -391,7 +457,24 @@ def read(
 def tables_of(
     folders: Sequence[Path_], targets: Targets, names: Sequence[str] | None = None
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Read the samples and the single runs of batches, each as one table."""
+    """Read the samples and the single runs of batches, each as one table.
+
+    Parameters
+    ----------
+    folders : sequence of path
+        The batches, each with dataset.csv and runs.csv.
+    targets : Targets
+    names : sequence of str, optional
+        Parameters of a study that another program simulates. None stands for a study of
+        repose, whose parameters are the contact parameters in the table.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each sample.
+    pandas.DataFrame
+        A row for each run.
+    """
     datasets = []
     run_tables = []
     for folder in folders:
@@ -407,7 +490,7 @@ def tables_of(
     )
 
 
-def data_of(
+def arrange_for_strategy(
     dataset: pd.DataFrame, runs: pd.DataFrame, targets: Targets
 ) -> pd.DataFrame:
     """Arrange single runs in the form that a strategy expects.

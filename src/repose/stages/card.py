@@ -315,23 +315,35 @@ def check(card: Mapping[str, Any], source: object) -> None:
     try:
         model.model_validate(card)
     except ValidationError as error:
-        raise_together(faults_of(error, source))
+        raise_together(translate_faults(error, source))
     if model is Card:
-        raise_together(_parameter_faults(card["parameters"], source))
+        raise_together(_find_parameter_faults(card["parameters"], source))
 
 
-def faults_of(
+def translate_faults(
     error: ValidationError, source: object, prefix: str = ""
 ) -> Iterator[InputError]:
-    """Turn the errors of pydantic into faults of a card.
+    """Translate the errors that pydantic found in a card into errors of this program.
 
-    `prefix` precedes the key of each fault.
+    Parameters
+    ----------
+    error : ValidationError
+        The errors.
+    source : object
+        The file of the card, for the messages.
+    prefix : str, optional
+        Put before the key of each error, if only a section of the card was checked.
+
+    Yields
+    ------
+    InputError
+        One for each error, with its dotted key, the value, and what is allowed.
     """
     for fault in error.errors(include_url=False):
         # Drop the steps of the path that are no keys: pydantic adds the branch of a union,
         # and "[key]" for a wrong key.
-        words_of_pydantic = ("[key]", "float", "list", "dict")
-        keys = [str(step) for step in fault["loc"] if step not in words_of_pydantic]
+        internal_steps = ("[key]", "float", "list", "dict")
+        keys = [str(step) for step in fault["loc"] if step not in internal_steps]
         dotted_key = prefix + ".".join(keys)
 
         value = fault["input"]
@@ -345,10 +357,18 @@ def faults_of(
         yield InputError(source, dotted_key, value, f"{WHAT}: {allowed}")
 
 
-def _parameter_faults(
+def _find_parameter_faults(
     parameters: Mapping[str, Mapping[str, Any]], source: object
 ) -> Iterator[InputError]:
-    """Find parameters that are missing or physically impossible."""
+    """Find contact parameters that are missing, and values outside the physical limits.
+
+    Parameters
+    ----------
+    parameters : mapping
+        The parameters of a card by name, each with `value`, `low` and `high`.
+    source : object
+        The file of the card, for the messages.
+    """
     for name in PARAMETERS:
         if name not in parameters:
             key = f"parameters.{name}"

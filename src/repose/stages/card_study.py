@@ -1,4 +1,4 @@
-"""Make the material card of a study, compare the two, and rebuild a grain from a card."""
+"""Make the material card of a study, and use it: compare it, or rebuild its grain."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -209,7 +209,7 @@ def make(
     settings = study.settings
     has_equal_grains = settings.berry.size_distribution == "none"
     subject = {
-        "grain": _grain(has_equal_grains, grain, particle),
+        "grain": _describe_grain(has_equal_grains, grain, particle),
         "wall": {key: getattr(settings.wall, key) for key in WALL},
         "laws": laws(settings.simulation),
         "simulation": {key: getattr(settings.simulation, key) for key in SIMULATION},
@@ -247,20 +247,30 @@ def make_external(
 ) -> dict[str, Any]:
     """Make the card of a calibration whose runs another program made.
 
+    Its user states in words how each response is defined.
+
     Parameters
     ----------
     study, answer, feasible, posterior, row
         As in `make`.
     simulator : str
         Name of the program.
+
+    Returns
+    -------
+    dict
+        The card.
     """
     measure = study.settings.measure
-    words = {
+    definition_of_response = {
         entry["response"]: entry.get("definition") for entry in study.config["targets"]
     }
     tests = {}
     for name in study.targets.names:
-        definition: dict[str, Any] = {"name": words[name], "settings": {}}
+        definition: dict[str, Any] = {
+            "name": definition_of_response[name],
+            "settings": {},
+        }
         tests[name] = {"definition": definition, "bench": None}
         if measure is not None:
             tests[name] |= _describe_lines(measure, name, row or {})
@@ -275,7 +285,18 @@ def make_external(
 
 
 def laws(settings: SimulationSettings) -> dict[str, str]:
-    """Describe the contact laws of a study, a sentence for each direction of motion."""
+    """Describe the contact laws of a study, a sentence for each direction of motion.
+
+    Parameters
+    ----------
+    settings : SimulationSettings
+        Names of the contact law and the rolling law, and what happens at tension.
+
+    Returns
+    -------
+    dict
+        The sentences by direction, and under "end of an impact" when contacts separate.
+    """
     from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
     from repose.dem.laws.law import COULOMB
 
@@ -311,9 +332,9 @@ def describe_response(
     dict
         ``definition`` and ``bench``, with the units in the keys.
     """
-    defined = _chosen_response(study, response)
-    settings = _definition_settings(study, defined, grain)
-    profile = _profile_of_target(study, response.name)
+    defined = _find_chosen_response(study, response)
+    settings = _collect_definition_settings(study, defined, grain)
+    profile = _find_profile(study, response.name)
     if profile is not None:
         settings["profile"] = {
             "x": list(profile.x),
@@ -322,11 +343,11 @@ def describe_response(
         }
     return {
         "definition": {"name": defined.label, "settings": settings},
-        "bench": _pouring_settings(study, response.apparatus),
+        "bench": _select_bench_settings(study, response.apparatus),
     }
 
 
-def _chosen_response(study: CardStudy, response: Response) -> Response:
+def _find_chosen_response(study: CardStudy, response: Response) -> Response:
     """Find the response that the study calibrates under a general name.
 
     The angle of repose has several definitions. Each is a response of its own, and the
@@ -341,7 +362,7 @@ def _chosen_response(study: CardStudy, response: Response) -> Response:
     return response
 
 
-def _definition_settings(
+def _collect_definition_settings(
     study: CardStudy, response: Response, grain: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Return the settings that define a response, by the last part of their keys."""
@@ -350,11 +371,13 @@ def _definition_settings(
         settings[dotted_key.rpartition(".")[2]] = value
     if GRAIN_HEIGHT in settings:
         height_mm = study.settings.measure.for_grain(grain).berry_height_mm
-        settings[GRAIN_HEIGHT] = None if height_mm is None else _round(height_mm)
+        settings[GRAIN_HEIGHT] = (
+            None if height_mm is None else _round_to_six_digits(height_mm)
+        )
     return settings
 
 
-def _profile_of_target(study: CardStudy, response: str) -> OfProfile | None:
+def _find_profile(study: CardStudy, response: str) -> OfProfile | None:
     """Return the profile of the first target of a response; None for a number."""
     for target in study.settings.targets:
         if target.response == response:
@@ -362,14 +385,27 @@ def _profile_of_target(study: CardStudy, response: str) -> OfProfile | None:
     return None
 
 
-def _pouring_settings(study: CardStudy, test_name: str) -> dict[str, Any]:
-    """Return the settings of a bench test, except those of seeds and measurement."""
+def _select_bench_settings(study: CardStudy, test_name: str) -> dict[str, Any]:
+    """Return the settings of a bench test, except those of seeds and measurement.
+
+    Parameters
+    ----------
+    study : CardStudy
+    test_name : str
+        Name of the bench test.
+
+    Returns
+    -------
+    dict
+        The settings in the order of the section. Keys that the study omits are left
+        out.
+    """
     test = bench(test_name)
     section = study.config[test.name]
-    left_out = ("seeds", *test.measured_by)
+    excluded_keys = ("seeds", *test.measured_by)
     settings = {}
     for key in test.settings.model_fields:
-        if key in section and key not in left_out:
+        if key in section and key not in excluded_keys:
             settings[key] = section[key]
     return settings
 
@@ -417,27 +453,33 @@ def _number_or_none(value: float) -> float | None:
     return None if math.isnan(value) else float(value)
 
 
-def _grain(
+def _describe_grain(
     is_alike: bool, grain: Mapping[str, Any], particle: "Particle"
 ) -> dict[str, Any]:
     """Describe the grain as simulated; `is_alike` where all have the mean size."""
-    spheres_mm = [[_round(1e3 * x) for x in row] for row in particle.spheres_m]
-    half_axes_mm = [[_round(1e3 * x) for x in row] for row in particle.semi_axes_m]
+    spheres_mm = [
+        [_round_to_six_digits(1e3 * x) for x in row] for row in particle.spheres_m
+    ]
+    half_axes_mm = [
+        [_round_to_six_digits(1e3 * x) for x in row] for row in particle.semi_axes_m
+    ]
     return {
         "mean_axes_mm": [grain[key] for key in SIZE_COLUMNS],
         "measured": int(grain["n"]),
         "relative_spread": 0.0 if is_alike else float(grain["scale_sd"]),
         **{key: grain[key] for key in GRAIN},
         "shape": particle.kind,
-        "volume_mm3": _round(1e9 * particle.volume_m3),
-        "mass_g": _round(1e3 * particle.mass_kg),
-        "inertia_kg_m2": [_round(float(x)) for x in particle.inertia_kg_m2],
+        "volume_mm3": _round_to_six_digits(1e9 * particle.volume_m3),
+        "mass_g": _round_to_six_digits(1e3 * particle.mass_kg),
+        "inertia_kg_m2": [
+            _round_to_six_digits(float(x)) for x in particle.inertia_kg_m2
+        ],
         "ellipsoids_mm": half_axes_mm,
         "spheres_mm": spheres_mm,
     }
 
 
-def _round(value: float) -> float:
+def _round_to_six_digits(value: float) -> float:
     """Round to six digits; more are not measured."""
     return float(f"{value:.6g}")
 
@@ -490,8 +532,8 @@ def require_one_study(
     InputError
         If label, grain, wall, contact laws, gravity or a bench test differ.
     """
-    card_values = _values_of_card(content)
-    study_values = _values_of_study(study, grain, content["tests"])
+    card_values = _collect_card_values(content)
+    study_values = _collect_study_values(study, grain, content["tests"])
     different_keys = []
     for key, value in study_values.items():
         # Cards of earlier versions lack the gravity.
@@ -511,10 +553,19 @@ def require_one_study(
     raise InputError(card_json, first, card_values.get(first), allowed)
 
 
-def _values_of_card(content: Mapping[str, Any]) -> dict[str, Any]:
-    """List the values of a card that describe its study, by dotted keys.
+def _collect_card_values(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Collect the values of a card that describe its study.
 
-    A key begins with the part of the card, or with the bench test.
+    Parameters
+    ----------
+    content : mapping
+        The card.
+
+    Returns
+    -------
+    dict
+        The values by dotted key. A key begins with the part of the card, or with the
+        bench test.
     """
     values: dict[str, Any] = {"material": content["material"]}
     for part in ("grain", "wall", "laws"):
@@ -528,12 +579,12 @@ def _values_of_card(content: Mapping[str, Any]) -> dict[str, Any]:
     return values
 
 
-def _values_of_study(
+def _collect_study_values(
     study: CardStudy,
     grain: Mapping[str, Any],
     card_tests: Iterable[Mapping[str, Any]],
 ) -> dict[str, Any]:
-    """List the values of a study under the keys of `_values_of_card`.
+    """Collect the values of a study under the keys of `_collect_card_values`.
 
     Parameters
     ----------
@@ -597,7 +648,7 @@ def configuration_of(content: Mapping[str, Any], source: object) -> dict[str, An
     InputError
         If the card has no pile of the funnel, or laws of another version.
     """
-    funnel = _funnel_of_card(content, source)
+    funnel = _rebuild_funnel(content, source)
     # What the card says of the simulation replaces the defaults.
     simulation = {
         "gravity_m_s2": DEFAULT_GRAVITY_M_S2,
@@ -616,8 +667,21 @@ def configuration_of(content: Mapping[str, Any], source: object) -> dict[str, An
     }
 
 
-def _funnel_of_card(content: Mapping[str, Any], source: object) -> dict[str, Any]:
-    """Rebuild the section of the funnel from a card, with a single run."""
+def _rebuild_funnel(content: Mapping[str, Any], source: object) -> dict[str, Any]:
+    """Rebuild the section of the funnel from a card, with a single run.
+
+    Parameters
+    ----------
+    content : mapping
+        The card.
+    source : object
+        Its file, for messages.
+
+    Raises
+    ------
+    InputError
+        If no test of the card used the funnel, or if its settings are wrong.
+    """
     sections = []
     for test in content["tests"]:
         if test["apparatus"] == "funnel" and test["bench"] is not None:
@@ -632,24 +696,41 @@ def _funnel_of_card(content: Mapping[str, Any], source: object) -> dict[str, Any
     try:
         FunnelSettings.model_validate(funnel)
     except ValidationError as error:
-        raise_together(card.faults_of(error, source, prefix="tests.bench."))
+        raise_together(card.translate_faults(error, source, prefix="tests.bench."))
     return funnel
 
 
 def _find_laws(content: Mapping[str, Any], source: object) -> dict[str, str]:
-    """Find the contact laws that a card describes, as keys of the section `simulation`.
+    """Find the names of the contact laws that a card describes in sentences.
 
-    A card describes laws in sentences. The sentences of every combination of laws are
-    compared with them.
+    The laws of this version are described in all combinations, until the sentences are
+    those of the card.
+
+    Parameters
+    ----------
+    content : mapping
+        The card.
+    source : object
+        Its file, for messages.
+
+    Returns
+    -------
+    dict
+        `contact_law`, `tension` and `rolling_law` of the section `simulation`.
+
+    Raises
+    ------
+    InputError
+        If no combination has these sentences.
     """
     from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 
     tensions = ("release", "keep")
     for contact, tension, rolling in product(CONTACT_LAWS, tensions, ROLLING_LAWS):
-        keys = {"contact_law": contact, "tension": tension, "rolling_law": rolling}
-        settings = SimulationSettings.model_construct(None, **keys)
+        law_names = {"contact_law": contact, "tension": tension, "rolling_law": rolling}
+        settings = SimulationSettings.model_construct(None, **law_names)
         if laws(settings) == content["laws"]:
-            return keys
+            return law_names
     allowed = "laws of this version; give --config, the study's own"
     raise InputError(source, "laws", content["laws"].get("normal"), allowed)
 
@@ -715,13 +796,22 @@ def particle_of(
         deviation_rms_m=0.0,
         spheres_m=spheres_m,
     )
+    # A clump keeps the spheres that were simulated.
     if spheres is None or spheres == 1 or particle.is_clump:
         return particle
     return _fill_with_spheres(particle, spheres)
 
 
 def _fill_with_spheres(particle: "Particle", n_spheres: int) -> "Particle":
-    """Replace a smooth particle by a clump of spheres with the same mass and shape."""
+    """Replace a smooth particle by a clump of spheres with the same mass and shape.
+
+    Parameters
+    ----------
+    particle : Particle
+        An ellipsoid, or a body of several.
+    n_spheres : int
+        Number of spheres in the clump.
+    """
     import trimesh  # slow to import
 
     from repose.dem.tessellation import tessellate

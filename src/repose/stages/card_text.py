@@ -27,7 +27,7 @@ def verdict(card: Card) -> str:
     reason = card.get(
         "reason", "The card is of an older version, which gave no reason."
     )
-    checks = map(_check, card["tests"])
+    checks = map(_read_check, card["tests"])
     state = state_of(card)
     line = in_one_line(
         state, checks, reason=reason, small_run=card.get("small_run", False)
@@ -52,32 +52,46 @@ def state_of(entry: Card) -> Verdict:
 
 
 def describe(card: Card) -> str:
-    """Describe a material card in text for people."""
+    """Describe a material card in text for people.
+
+    Parameters
+    ----------
+    card : mapping
+        The content of a card that passed `repose.stages.card.check`.
+
+    Returns
+    -------
+    str
+        Several lines: verdict, grain and laws, parameters, tests, and what made the
+        card.
+    """
     lines = [f"Material card: {card['material']}; targets {state_of(card)}"]
     if "reason" in card:
         lines.append(card["reason"])
-    lines += _subject_lines(card)
+    lines += _describe_subject(card)
 
+    # List each parameter with its interval and its meaning.
     lines.append(f"parameters [{_kind_of_interval(card)}]:")
     for name, parameter in card["parameters"].items():
         meaning = with_remark(parameter["meaning"], parameter)
-        lines.append(f"  {name:7} {_value(parameter):32} {meaning}")
+        lines.append(f"  {name:7} {_write_interval(parameter):32} {meaning}")
     if "near_bounds" in card:
         lines.append(f"{NEAR_BOUNDS}: {'; '.join(card['near_bounds'])}")
-    lines.append(f"correlations of 0.5 and more: {_strong_correlations(card)}")
+    lines.append(f"correlations of 0.5 and more: {_list_strong_correlations(card)}")
 
     lines.append("tests:")
     for test in card["tests"]:
-        lines += [f"  {line}" for line in _test_lines(test)]
-    lines.append(f"  {nearness(map(_check, card['tests']))}")
+        lines += [f"  {line}" for line in _describe_test(test)]
+    lines.append(f"  {nearness(map(_read_check, card['tests']))}")
+    # The probability is unknown with too few runs.
     for percent, probability in card["within"].items():
         text = "unknown; it requires two good runs of each bench test"
         if probability is not None:
             text = f"{probability:.2f}"
         lines.append(f"  all within {percent}: probability {text}")
-    for name, settings in _bench_settings(card).items():
-        lines.append(f"  {name}: {_settings(settings)}")
-    lines.append(_made_by_line(card["made_by"]))
+    for name, settings in _collect_bench_settings(card).items():
+        lines.append(f"  {name}: {_write_settings(settings)}")
+    lines.append(_describe_maker(card["made_by"]))
     return "\n".join(lines)
 
 
@@ -88,8 +102,12 @@ def _kind_of_interval(card: Card) -> str:
     return str(card["interval"])
 
 
-def _subject_lines(card: Card) -> Iterator[str]:
-    """Describe what was simulated: grain, wall and laws, or just another simulator."""
+def _describe_subject(card: Card) -> Iterator[str]:
+    """Describe what was simulated, line by line.
+
+    For a study of repose this is grain, wall and contact laws. Of another simulator it
+    is the name, and how probably its means meet the targets.
+    """
     if "simulator" in card:
         yield f"simulator: {card['simulator']}"
         if "probability" in card:
@@ -106,28 +124,41 @@ def _subject_lines(card: Card) -> Iterator[str]:
         f"grain: {axes} mm (mean of {grain['measured']}{spread}), {grain['shape']}, "
         f"{grain['volume_mm3']:.4g} mm3, {grain['mass_g']:.4g} g"
     )
-    yield f"  density {grain['density_kg_m3']:.4g} kg/m3, {_moduli(grain)}"
-    yield f"wall: {_moduli(card['wall'])}"
+    yield f"  density {grain['density_kg_m3']:.4g} kg/m3, {_write_moduli(grain)}"
+    yield f"wall: {_write_moduli(card['wall'])}"
     yield "contact laws:"
     for direction, sentence in card["laws"].items():
         yield f"  {direction}: {sentence}"
 
 
-def _strong_correlations(card: Card) -> str:
-    """List the strongly correlated pairs of parameters, the strongest first."""
+def _list_strong_correlations(card: Card) -> str:
+    """List the strongly correlated pairs of parameters, the strongest first.
+
+    Returns
+    -------
+    str
+        Each pair with its correlation, or "none". `STRONG` is the least correlation
+        listed.
+    """
     correlations = card["correlations"]
-    strong_pairs = []
+    correlated_pairs = []
     for first, second in combinations(correlations, 2):
         value = correlations[first].get(second, 0.0)
         if abs(value) >= STRONG:
-            strong_pairs.append((value, f"{first}, {second} {value:+.2f}"))
-    strong_pairs.sort(key=lambda pair: -abs(pair[0]))
-    return "; ".join(text for _, text in strong_pairs) or "none"
+            correlated_pairs.append((value, f"{first}, {second} {value:+.2f}"))
+    correlated_pairs.sort(key=lambda pair: -abs(pair[0]))
+    return "; ".join(text for _, text in correlated_pairs) or "none"
 
 
-def _test_lines(test: Card) -> Iterator[str]:
-    """Describe the result of a test, and how its response is defined."""
-    simulated = _mean(test["simulated"], test["standard_error"])
+def _describe_test(test: Card) -> Iterator[str]:
+    """Describe the result of a test, and how its response is defined, line by line.
+
+    Parameters
+    ----------
+    test : mapping
+        An entry of `tests` in a card.
+    """
+    simulated = _write_mean(test["simulated"], test["standard_error"])
     if test["simulated"] is not None:
         simulated += f" {test['unit']}"
     yield (
@@ -138,7 +169,7 @@ def _test_lines(test: Card) -> Iterator[str]:
     )
 
     # Compare the surrogate's prediction with the simulation, if there is one.
-    check = _check(test)
+    check = _read_check(test)
     if check.error_percent is not None:
         optimism = f" ({check.expected_optimism})" if check.expected_optimism else ""
         yield (
@@ -147,23 +178,23 @@ def _test_lines(test: Card) -> Iterator[str]:
         )
 
     definition = test["definition"]
-    line = f"  definition: {definition['name'] or 'not stated'}"
+    definition_text = f"  definition: {definition['name'] or 'not stated'}"
     if definition["settings"]:
-        line += f"; {_settings(definition['settings'])}"
-    yield line
+        definition_text += f"; {_write_settings(definition['settings'])}"
+    yield definition_text
     if "reach" in test:
         yield f"  {test['reach']['sentence']}"
     if "definitions" in test:
-        mean_texts = []
+        means_by_line = []
         for other_definition in test["definitions"].values():
-            mean = _mean(
+            mean = _write_mean(
                 other_definition["simulated"], other_definition["standard_error"]
             )
-            mean_texts.append(f"{other_definition['line']}: {mean}")
-        yield f"  the same piles by every line, {test['unit']}: {'; '.join(mean_texts)}"
+            means_by_line.append(f"{other_definition['line']}: {mean}")
+        yield f"  the same piles by every line, {test['unit']}: {'; '.join(means_by_line)}"
 
 
-def _made_by_line(made_by: Card) -> str:
+def _describe_maker(made_by: Card) -> str:
     """Say what made a card."""
     parts = [f"made by repose {made_by['version']}"]
     for key in ("commit", "configuration", "engine", "seed"):
@@ -176,37 +207,53 @@ def _made_by_line(made_by: Card) -> str:
 
 
 def compare(first: Card, second: Card) -> str:
-    """Show two cards side by side, with all that hinders comparing their parameters."""
+    """Show two cards side by side, with all that hinders comparing their parameters.
+
+    Parameters
+    ----------
+    first, second : mapping
+        The contents of the cards.
+
+    Returns
+    -------
+    str
+        A table of the parameters, the means and the grain. Below it, each difference of
+        the studies is a sentence.
+    """
     # A row has a name, and then the texts of the first and the second card.
     rows = [["", first["material"], second["material"]]]
     for name in first["parameters"] | second["parameters"]:
-        rows.append(_parameter_row(name, first, second))
+        rows.append(_write_parameter_row(name, first, second))
 
+    # Add the simulated and measured mean of each response.
     first_tests = {test["response"]: test for test in first["tests"]}
     second_tests = {test["response"]: test for test in second["tests"]}
     for name in first_tests | second_tests:
-        means = (_simulated(first_tests.get(name)), _simulated(second_tests.get(name)))
+        means = (
+            _write_means(first_tests.get(name)),
+            _write_means(second_tests.get(name)),
+        )
         rows.append([name, *means])
 
     # Cards of other simulators have no grain.
     if "simulator" not in first and "simulator" not in second:
         for key in COMPARED:
             values = (first["grain"][key], second["grain"][key])
-            rows.append([key, *map(_write_value_of_key, values)])
+            rows.append([key, *map(_write_value, values)])
     return "\n".join([*_align_columns(rows), *_describe_differences(first, second)])
 
 
-def _parameter_row(name: str, first: Card, second: Card) -> list[str]:
+def _write_parameter_row(name: str, first: Card, second: Card) -> list[str]:
     """Write the values of a parameter in two cards; `-` where a card lacks it."""
     parameter = first["parameters"].get(name)
     other_parameter = second["parameters"].get(name)
     row = [
         name,
-        "-" if parameter is None else _value(parameter),
-        "-" if other_parameter is None else _value(other_parameter),
+        "-" if parameter is None else _write_interval(parameter),
+        "-" if other_parameter is None else _write_interval(other_parameter),
     ]
     if parameter is not None and other_parameter is not None:
-        row.append(_overlap_note(parameter, other_parameter))
+        row.append(_note_overlap(parameter, other_parameter))
     return row
 
 
@@ -219,7 +266,19 @@ def _align_columns(rows: Sequence[Sequence[str]]) -> Iterator[str]:
 
 
 def _describe_differences(first: Card, second: Card) -> Iterator[str]:
-    """Describe how two cards differ, apart from grain, parameters and responses."""
+    """Describe how two studies differ, apart from grain, parameters and responses.
+
+    Parameters
+    ----------
+    first, second : mapping
+        The contents of the cards.
+
+    Yields
+    ------
+    str
+        A sentence for each difference in simulator, contact laws, definitions, bench
+        tests, kind of intervals, and version.
+    """
     simulator = first.get("simulator", "repose")
     other_simulator = second.get("simulator", "repose")
     if simulator != other_simulator:
@@ -244,31 +303,47 @@ def _describe_differences(first: Card, second: Card) -> Iterator[str]:
 
 
 def _describe_different_definitions(first: Card, second: Card) -> Iterator[str]:
-    """Describe each response that two cards define or measure differently."""
+    """Describe each response that two cards define or measure differently.
+
+    Only responses of both cards are compared.
+
+    Parameters
+    ----------
+    first, second : mapping
+        The contents of the cards.
+
+    Yields
+    ------
+    str
+        A sentence for each such response.
+    """
     definitions = {test["response"]: test["definition"] for test in first["tests"]}
     other_definitions = {
         test["response"]: test["definition"] for test in second["tests"]
     }
     for response, definition in definitions.items():
-        other = other_definitions.get(response)
-        if other is None:
+        other_definition = other_definitions.get(response)
+        if other_definition is None:
             continue
         name = definition["name"] or "not stated"
-        other_name = other["name"] or "not stated"
+        other_name = other_definition["name"] or "not stated"
         if name != other_name:
             yield (
                 f"Another definition of {response}: {name} | {other_name}. "
                 "Their numbers must not be compared."
             )
-        elif definition != other:
-            unlike = _list_unlike_keys(definition["settings"], other["settings"])
+        # The same definition, with other numbers in its settings.
+        elif definition != other_definition:
+            unlike = _list_unlike_keys(
+                definition["settings"], other_definition["settings"]
+            )
             yield f"{response} is measured with other settings: {unlike}."
 
 
 def _describe_different_bench_tests(first: Card, second: Card) -> Iterator[str]:
     """Describe in sentences the bench tests that two cards did with other settings."""
-    others = _bench_settings(second)
-    for name, settings in _bench_settings(first).items():
+    others = _collect_bench_settings(second)
+    for name, settings in _collect_bench_settings(first).items():
         if name in others and settings != others[name]:
             yield f"Another {name}: {_list_unlike_keys(settings, others[name])}."
 
@@ -279,12 +354,12 @@ def _list_unlike_keys(first: Card, second: Card) -> str:
     for key in {**first, **second}:
         if first.get(key) != second.get(key):
             texts.append(
-                f"{key} {_write_value_of_key(first.get(key))} | {_write_value_of_key(second.get(key))}"
+                f"{key} {_write_value(first.get(key))} | {_write_value(second.get(key))}"
             )
     return "; ".join(texts)
 
 
-def _overlap_note(first: Card, second: Card) -> str:
+def _note_overlap(first: Card, second: Card) -> str:
     """Note that the intervals of two parameters do not overlap; empty if they do."""
     if _is_fixed(first) or _is_fixed(second):
         return ""
@@ -293,26 +368,26 @@ def _overlap_note(first: Card, second: Card) -> str:
     return "intervals apart"
 
 
-def _simulated(test: Card | None) -> str:
+def _write_means(test: Card | None) -> str:
     """Write the simulated and the measured mean of a test."""
     if test is None:
         return "-"
-    mean = _mean(test["simulated"], None)
+    mean = _write_mean(test["simulated"], None)
     if test["simulated"] is None and "predicted" in test:
-        mean = f"predicted {_mean(test.get('predicted'), None)}"
+        mean = f"predicted {_write_mean(test.get('predicted'), None)}"
     return f"{mean}, measured {test['measured']:.4g} {test['unit']}"
 
 
 # --- values ---------------------------------------------------------------------------
 
 
-def _check(test: Card) -> Check:
+def _read_check(test: Card) -> Check:
     """Read a test of a card as a `Check`."""
     names = [field.name for field in fields(Check)]
     return Check(**{name: test[name] for name in names if name in test})
 
 
-def _bench_settings(card: Card) -> dict[str, Any]:
+def _collect_bench_settings(card: Card) -> dict[str, Any]:
     """Find the settings of each bench test that states them, by its name."""
     settings = {}
     for test in card["tests"]:
@@ -326,21 +401,21 @@ def _is_fixed(parameter: Card) -> bool:
     return parameter["low"] is None or parameter["high"] is None
 
 
-def _value(parameter: Card) -> str:
+def _write_interval(parameter: Card) -> str:
     """Write a parameter with its interval."""
     if _is_fixed(parameter):
         return f"{parameter['value']:.4g} fixed"
     return f"{parameter['value']:.4g} [{parameter['low']:.4g}, {parameter['high']:.4g}]"
 
 
-def _mean(mean: float | None, error: float | None) -> str:
+def _write_mean(mean: float | None, error: float | None) -> str:
     """Write a mean with its standard error, if it is known."""
     if mean is None:
         return "no number"
     return f"{mean:.4g}" if error is None else f"{mean:.4g} +- {error:.2g}"
 
 
-def _moduli(material: Card) -> str:
+def _write_moduli(material: Card) -> str:
     """Write the moduli of a material."""
     return (
         f"shear modulus {material['shear_modulus_pa']:.4g} Pa, "
@@ -348,15 +423,16 @@ def _moduli(material: Card) -> str:
     )
 
 
-def _settings(section: Card) -> str:
+def _write_settings(section: Card) -> str:
     """List keys with their values."""
-    return ", ".join(
-        f"{key} {_write_value_of_key(value)}" for key, value in section.items()
-    )
+    return ", ".join(f"{key} {_write_value(value)}" for key, value in section.items())
 
 
-def _write_value_of_key(value: Any) -> str:
-    """Format the value of a key for people."""
+def _write_value(value: Any) -> str:
+    """Write a value of a setting or of the grain for people.
+
+    A number has four digits. The numbers of a list are joined by " x ", as axes are.
+    """
     if value is None:
         return "none"
     if isinstance(value, bool):

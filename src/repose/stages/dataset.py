@@ -53,7 +53,8 @@ def assemble(
         The measured jobs by bench test, and then by number of the sample.
     targets : Targets
     names : sequence of str, optional
-        As in `repose.stages.parameter_sets.parameter_columns`.
+        Parameters of a study that another program simulates. None stands for a study
+        of repose, whose parameters are the contact parameters in the table.
 
     Returns
     -------
@@ -82,6 +83,7 @@ def assemble(
         columns += [name, error]
     for bench_columns in columns_of_bench.values():
         columns += bench_columns.summary
+    # A target may also be among the recorded columns, so keep each name once.
     unique_columns = list(dict.fromkeys(columns))
 
     means = pd.DataFrame(summaries, columns=unique_columns)
@@ -103,7 +105,21 @@ def recorded_columns(apparatus: str, targets: Targets) -> Recorded:
 
 
 def counts(dataset: pd.DataFrame, runs: pd.DataFrame) -> dict[str, Any]:
-    """Count samples and runs by their status, and describe the counts in a sentence."""
+    """Count samples and runs by their status, and describe the counts in a sentence.
+
+    Parameters
+    ----------
+    dataset : pandas.DataFrame
+        A row for each sample, with `status` and `reason`.
+    runs : pandas.DataFrame
+        A row for each run, with `status`.
+
+    Returns
+    -------
+    dict
+        Numbers of samples and of runs, in all and by status; ``reasons``, why samples
+        are left out; and ``text``, the sentence.
+    """
     samples_by_status = dict(Counter(dataset["status"]).most_common())
     runs_by_status = dict(Counter(runs["status"]).most_common())
     n_ok = samples_by_status.get("ok", 0)
@@ -165,7 +181,8 @@ def run(
     prefix : str, optional
         Before the names of the files.
     names : sequence of str, optional
-        As in `repose.stages.parameter_sets.parameter_columns`.
+        Parameters of a study that another program simulates. None stands for a study
+        of repose, whose parameters are the contact parameters in the table.
 
     Returns
     -------
@@ -206,7 +223,8 @@ def read_jobs(
     samples : pandas.DataFrame
     targets : Targets
     names : sequence of str, optional
-        As in `repose.stages.parameter_sets.parameter_columns`.
+        Parameters of a study that another program simulates. None stands for a study
+        of repose, whose parameters are the contact parameters in the table.
 
     Returns
     -------
@@ -264,6 +282,13 @@ def _check_parameters(job: Job, parameters: pd.Series, path: object) -> None:
 def read_job(path: Path_, targets: Targets) -> tuple[Job, str]:
     """Read the file of a job, and check its runs.
 
+    Parameters
+    ----------
+    path : path
+        The file.
+    targets : Targets
+        Their responses must be in every good run.
+
     Returns
     -------
     dict
@@ -285,10 +310,12 @@ def read_job(path: Path_, targets: Targets) -> tuple[Job, str]:
     if not job["runs"]:
         raise InputError(path, "runs", [], "at least one run")
 
+    # How a run may end depends on its bench test.
     statuses: tuple[str, ...] = STATUSES
     if apparatus != OWN:
         statuses = bench(apparatus, path).statuses
     bench_targets = _targets_of(targets, apparatus)
+    # Check how each run ended, and the responses of the good ones.
     for position, run in enumerate(job["runs"]):
         key = f"runs[{position}]"
         status = run.get("status") if isinstance(run, dict) else run
@@ -300,8 +327,8 @@ def read_job(path: Path_, targets: Targets) -> tuple[Job, str]:
 
     # Compare seeds as texts, since a damaged seed may be of any type.
     seeds = [run.get("seed") for run in job["runs"]]
-    has_repeated = len(set(map(str, seeds))) < len(seeds)
-    if None in seeds or has_repeated:
+    has_repeated_seed = len(set(map(str, seeds))) < len(seeds)
+    if None in seeds or has_repeated_seed:
         raise InputError(path, "seed", seeds, "a seed for each run, and none twice")
     return job, apparatus
 
@@ -309,9 +336,18 @@ def read_job(path: Path_, targets: Targets) -> tuple[Job, str]:
 def _check_response(
     run: Mapping[str, Any], run_key: str, target: Target, path: object
 ) -> None:
-    """Refuse a successful run without a usable value for a target.
+    """Refuse a good run whose response is missing or impossible.
 
-    `path` and `run_key` locate the run in messages.
+    Parameters
+    ----------
+    run : mapping
+        The measured run.
+    run_key : str
+        Key of the run in its file, for the message.
+    target : Target
+        Its response must be finite, and may exceed its upper limit only by rounding.
+    path : path
+        File of the job, for the message.
     """
     value = run.get(target.name)
     highest = target.response.high
@@ -329,9 +365,20 @@ def _targets_of(targets: Targets, apparatus: str) -> tuple[Target, ...]:
 
 
 def _merge_summaries(summaries: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
-    """Merge the summaries that a sample has for each bench test.
+    """Merge the summaries of a sample, one of each bench test, into one row.
 
-    The merged status is that of the first bench test that failed.
+    The status is that of the first bench test that failed. The number of runs is the
+    fewest of a bench test.
+
+    Parameters
+    ----------
+    summaries : mapping
+        Results of `summarise_runs`, by name of the bench test.
+
+    Returns
+    -------
+    dict
+        All columns of the summaries.
     """
     if len(summaries) == 1:
         (summary,) = summaries.values()
@@ -356,7 +403,22 @@ def _merge_summaries(summaries: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
 def _tabulate_runs(
     samples: Iterable[int], jobs: Jobs, targets: Targets
 ) -> pd.DataFrame:
-    """Make the table of single runs, ordered by sample and then by bench test."""
+    """Make the table of single runs, ordered by sample and then by bench test.
+
+    Parameters
+    ----------
+    samples : iterable of int
+        Numbers of the samples.
+    jobs : mapping
+        The measured jobs by bench test, and then by number of the sample.
+    targets : Targets
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each run. With several bench tests, the column `apparatus` names that
+        of the run.
+    """
     columns = ["sample"]
     if len(targets.apparatus) > 1:
         columns.append("apparatus")

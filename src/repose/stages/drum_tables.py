@@ -54,6 +54,14 @@ def run_job(
     A run writes OUT/drum_SEED.npz with all frames first, and OUT/drum_SEED.json last. A
     JSON file therefore marks a complete run.
 
+    Parameters
+    ----------
+    scene : Scene
+        Drum, grain and parameters. The seed of the scene is replaced.
+    seeds : iterable of int
+    out_dir : path
+        The folder OUT.
+
     Returns
     -------
     list of dict
@@ -68,6 +76,8 @@ def run_job(
         run = test.run(scene.with_seed(seed), interval_s=0.0)
         wall_s = round(time.perf_counter() - start_s, 3)
 
+        # The JSON file has the raw record. Its measurement depends on definitions that
+        # may change, so it is only returned.
         job = describe_job(test, scene, seed)
         description = {key: job[key] for key in ("parameters", "time_step_s")}
         write_timings(out, name, {str(seed): wall_s})
@@ -139,7 +149,11 @@ def _measure(record: Mapping[str, Any], path: Path, scene: Scene) -> MeasuredRun
 
 
 def _needed_arrays(run: Mapping[str, Any]) -> tuple[str, ...]:
-    """Name the arrays that the file of a run must have."""
+    """List the arrays that the file of a run must have.
+
+    A run that slipped has the states before and after the slip. A run without a slip
+    has only those before it.
+    """
     names = [key for key in RECORD if key != "surface_deg"]
     names += ["position", "quaternion", "scale"]
     # A slip has all states; without one there are those before it.
@@ -192,11 +206,16 @@ def _join_tables(tables_by_seed: "Mapping[Any, pd.DataFrame]") -> "pd.DataFrame"
 def summarise(runs: "pd.DataFrame") -> "pd.DataFrame":
     """Average each quantity of the file `SUMMARY` over the runs that have it.
 
+    Parameters
+    ----------
+    runs : pandas.DataFrame
+        A row for each measured run.
+
     Returns
     -------
     pandas.DataFrame
-        The columns `SUMMARY_COLUMNS`. Cells are NaN if no run has the quantity. A single
-        run has no standard error, which is NaN, too.
+        A row for each quantity, with the columns `SUMMARY_COLUMNS`. Cells are NaN if no
+        run has the quantity. The standard error of a single run is NaN, too.
     """
     import pandas as pd
 

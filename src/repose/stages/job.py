@@ -37,13 +37,20 @@ Progress = Callable[[int], AbstractContextManager[Callable[[float], object] | No
 
 
 def run_once(test: BenchTest[Any], scene: Scene) -> tuple[dict[str, Any], Run]:
-    """Run and measure once, without files.
+    """Run a bench test once and measure the run, without files.
+
+    Parameters
+    ----------
+    test : BenchTest
+    scene : Scene
+        Its seed is that of the run.
 
     Returns
     -------
     dict
         The measured run.
     Run
+        The run itself.
     """
     run = test.run(scene)
     return test.result(run.record, run.arrays, scene), run
@@ -173,6 +180,7 @@ def measure_job(
         The content of NAME.json.
     """
     path = Path(pours_json)
+    # Measure only if no valid measurement was kept.
     result = read_measurement(path) if keeps_runs else None
     if result is None:
         result = measured(scene, path)
@@ -184,7 +192,26 @@ def measure_job(
 
 
 def measured(scene: Scene, path: Path) -> dict[str, Any]:
-    """Measure a saved job; return its description, measured runs and their summary."""
+    """Measure all runs of a saved job.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its settings define the responses.
+    path : Path
+        NAME.pours.json of the job. NAME.npz is beside it.
+
+    Returns
+    -------
+    dict
+        The description of the job, its measured runs, and their ``summary``.
+
+    Raises
+    ------
+    InputError
+        If a run has a status that its bench test does not know, or if an array is
+        missing.
+    """
     job = read_pours(path)
     test = bench_of(job, path)
     pours = job.pop("pours")
@@ -199,6 +226,7 @@ def measured(scene: Scene, path: Path) -> dict[str, Any]:
         needed = test.required_arrays if pour["status"] == "ok" else ()
         arrays = select_pour(positions, pour["seed"], source=path, kinds=needed)
         runs.append(test.result(pour, arrays, scene))
+    # Summarise the responses of the targets first, then those always recorded.
     targets = test.target_responses(scene.settings.config)
     columns = test.recorded.beginning_with(tuple(target.name for target in targets))
     return job | {"summary": summarise_runs(runs, columns), "runs": runs}

@@ -1,10 +1,10 @@
 """Keep runs beside the files of their job, so that none is made or measured twice.
 
-Snakemake removes outputs before it makes them anew, and knows nothing of the folder
-`runs`, where each run of a job is a file. A kept run is taken again only if it is the
-same: of the same parameters, settings, grain, particle and engine, by its record of
-provenance, and unchanged, by the ledger of its folder. A kept measurement also is of
-the same files and code.
+Snakemake removes outputs before it makes them anew, but it does not know the folder
+`runs`. There each run of a job is a file. A kept run is used again only under two
+conditions. Its record of provenance must name the same parameters, settings, grain,
+particle and engine. And the ledger of its folder must show that the file is unchanged.
+A kept measurement must also be of the same files and code.
 """
 
 import json
@@ -46,7 +46,19 @@ class KeptRuns:
         self.description = description
 
     def read(self, seed: int) -> Run | None:
-        """Read the kept run of a seed; None if the job would now make another one."""
+        """Read the kept run of a seed.
+
+        Parameters
+        ----------
+        seed : int
+
+        Returns
+        -------
+        Run or None
+            None if no run was kept, if its file is damaged or foreign, or if the job
+            would now make another run: with other parameters, settings or another
+            engine.
+        """
         path = self._path(seed)
         if not _is_current(path):
             return None
@@ -63,7 +75,7 @@ class KeptRuns:
     def write(self, run: Run) -> None:
         """Keep a run without its frames, unless a damaged or foreign file is there."""
         path = self._path(run.record["seed"])
-        if _is_free(path):
+        if _may_be_written(path):
             description_and_record = json_text([self.description, run.record])
             write_npz(path, {**run.arrays, ABOUT: np.array(description_and_record)})
 
@@ -88,7 +100,7 @@ def read_measurement(pours: Path) -> dict[str, Any] | None:
 def write_measurement(pours: Path, result: Mapping[str, Any]) -> None:
     """Keep the measurement of a saved job, unless a damaged or foreign file is there."""
     path = _measurement_file(pours)
-    if _is_free(path):
+    if _may_be_written(path):
         write_json(path, {"of": _hash_sources(pours), "result": result})
 
 
@@ -113,6 +125,6 @@ def _is_current(path: Path) -> bool:
     return file_record is not None and file_record["origin"] == stage_record["origin"]
 
 
-def _is_free(path: Path) -> bool:
+def _may_be_written(path: Path) -> bool:
     """Tell whether a file may be written here."""
     return not path.exists() or is_own_file(path)

@@ -85,6 +85,7 @@ def run(
 
     summary = inversion.summary
     answer = summary["representative"]
+    # A surrogate that knows its errors also judges the answer by their distribution.
     if surrogate.knows_its_errors:
         summary["representative_judged"] = expected_loss.assess_by_errors(
             surrogate, answer, targets=targets, names=parameters.names

@@ -44,7 +44,8 @@ def run(  # noqa: PLR0913  (each is part of the study)
     settings : NetworkSettings
         The section `network`.
     names : sequence of str, optional
-        As in `repose.stages.parameter_sets.parameter_columns`.
+        Parameters of a study that another program simulates. None stands for a study
+        of repose, whose parameters are the contact parameters in the table.
     scale : mapping, optional
         Name of the scale of each parameter that is not linear, by name.
     source : object, optional

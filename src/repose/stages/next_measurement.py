@@ -111,23 +111,26 @@ def information(
     rows = []
     groups = runs.groupby(["apparatus", "response"], sort=False)
     for (apparatus, response), response_runs in groups:
-        has_two_runs = response_runs.groupby("sample").size() > 1
-        if has_two_runs.sum() < FEWEST_SETS:
+        has_several_runs = response_runs.groupby("sample").size() > 1
+        if has_several_runs.sum() < FEWEST_SETS:
             continue
         variances = variance_components(response_runs["value"], response_runs["sample"])
 
         # s^2: the variance of the difference between a measurement and the simulator.
         discrepancy = discrepancy_percent / 100 * variances.mean
         error_variance = variances.within / repetitions + discrepancy**2
+        # A response that never varies has no scatter, and would divide by 0.
         if not error_variance > 0:
             continue
 
         # tau^2: the variance between the sets, from the intraclass correlation and from
         # both ends of its confidence interval.
         correlations = np.array([variances.icc, variances.icc_low, variances.icc_high])
+        # A correlation below 0 is an estimate of 0. One of 1 would mean infinite
+        # information.
         correlations = correlations.clip(0, 1 - 1e-12)
-        between = variances.within * correlations / (1 - correlations)
-        bits, bits_low, bits_high = 0.5 * np.log2(1 + between / error_variance)
+        between_variance = variances.within * correlations / (1 - correlations)
+        bits, bits_low, bits_high = 0.5 * np.log2(1 + between_variance / error_variance)
         rows.append(
             {
                 "response": response,
@@ -188,6 +191,7 @@ def run(
     pandas.DataFrame
         The content of next.csv.
     """
+    # Measure all responses of each saved run.
     rows = []
     for path in map(Path, pours):
         job = measure_job(scene, path, Path(out_dir) / path.parent.name)

@@ -20,16 +20,22 @@ from repose.stages.validate import select_for_validation
 def search_again(
     parameters: ParameterSpace, targets: Targets, settings: MigaSettings, count: int
 ) -> Search:
-    """Make a short search that ends with the sets to simulate again.
+    """Return a function that repeats the search, shortened, with another surrogate.
 
     Parameters
     ----------
     parameters : ParameterSpace
     targets : Targets
     settings : MigaSettings
-        Those of the search, of which a replicate makes a few rounds.
+        Settings of the whole search. A repetition makes only a few of its rounds.
     count : int
-        Number of sets besides the representative.
+        Number of sets besides the representative one.
+
+    Returns
+    -------
+    callable
+        It maps a surrogate to the sets that would be simulated again (M, P), and to the
+        role of each set.
     """
 
     def search(surrogate: Surrogate) -> tuple[np.ndarray, Sequence[str]]:
@@ -69,7 +75,8 @@ def run(
     solutions : int
         Number of sets besides the representative that are simulated again.
     names : sequence of str, optional
-        As in `repose.stages.parameter_sets.parameter_columns`.
+        Parameters of a study that another program simulates. None stands for a study
+        of repose, whose parameters are the contact parameters in the table.
 
     Returns
     -------

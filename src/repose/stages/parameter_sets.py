@@ -30,8 +30,18 @@ def parameter_columns(
 ) -> tuple[str, ...]:
     """List the parameters of a table.
 
-    They are the `names` of a study whose program has parameters of its own, or else the
-    contact parameters among the columns.
+    Parameters
+    ----------
+    columns : iterable of str
+        Columns of the table.
+    names : sequence of str, optional
+        Parameters of a study that another program simulates. None stands for a study of
+        repose.
+
+    Returns
+    -------
+    tuple of str
+        The names, or else the contact parameters among the columns.
     """
     return parameters_among(columns) if names is None else tuple(names)
 
@@ -50,17 +60,18 @@ def read_samples(
     more : iterable of str, optional
         Further columns that it must have.
     names : sequence of str, optional
-        As in `parameter_columns`.
+        Parameters of a study that another program simulates. None stands for a study
+        of repose, whose parameters are the contact parameters in the table.
 
     Returns
     -------
     pandas.DataFrame
         `sample` (each number once), the parameters, the columns `more`, and any others.
     """
-    return read_table(path, (NUMBER, *_columns_of_sets(names), *more))
+    return read_table(path, (NUMBER, *_describe_columns(names), *more))
 
 
-def _columns_of_sets(names: Sequence[str] | None) -> tuple[Column, ...]:
+def _describe_columns(names: Sequence[str] | None) -> tuple[Column, ...]:
     """Describe the columns of the parameters, with the limits of those of a contact."""
     return OF_SETS if names is None else tuple(map(Column, names))
 
@@ -106,18 +117,25 @@ def read_sample(
     path : path
         The table.
     number : int
-        Of the sample.
+        Number of the sample.
     names : sequence of str, optional
-        As in `parameter_columns`.
+        Parameters of a study that another program simulates. None stands for a study of
+        repose, whose parameters are the contact parameters in the table.
+
+    Returns
+    -------
+    dict
+        The value of each parameter.
 
     Raises
     ------
     InputError
         If there is no such sample, or a value is beyond the limits of the contact law.
     """
-    columns = _columns_of_own_table(path)
+    # A table of this program was checked when it was written.
+    columns = _read_own_table(path)
     if columns is None:
-        columns = tables.read(path, (NUMBER, *_columns_of_sets(names))).values
+        columns = tables.read(path, (NUMBER, *_describe_columns(names))).values
     numbers = columns["sample"]
     if number not in numbers:
         first = ", ".join(map(str, numbers[:3]))
@@ -126,11 +144,21 @@ def read_sample(
     return {name: columns[name][row] for name in parameter_columns(columns, names)}
 
 
-def _columns_of_own_table(path: str | os.PathLike) -> dict[str, list] | None:
-    """Read a table of numbers that this program wrote; None for any other table.
+def _read_own_table(path: str | os.PathLike) -> dict[str, list] | None:
+    """Read a table that this program wrote, without checks.
 
-    It needs no check, and so none of the libraries of `tables.read`: a job that starts
-    another program would spend a third of its time on their import.
+    The checks of `tables.read` need libraries whose import takes a third of the time of
+    a job that starts another program.
+
+    Parameters
+    ----------
+    path : path
+
+    Returns
+    -------
+    dict or None
+        The numbers of each column by its name. None if the table is not known to be
+        ours and unchanged, or if it has other cells than numbers.
     """
     if not ledger.is_own_file(path):
         return None

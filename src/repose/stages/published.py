@@ -72,7 +72,7 @@ def read_sets(path: Path_, names: Iterable[str] = PARAMETERS) -> "pd.DataFrame":
     return pd.concat(sets, ignore_index=True)
 
 
-def _rows(path: Path_ | None) -> list[dict[str, Any]]:
+def _read_rows(path: Path_ | None) -> list[dict[str, Any]]:
     """Read and check the rows of all published tables."""
     rows = []
     for table in tables(path):
@@ -83,12 +83,24 @@ def _rows(path: Path_ | None) -> list[dict[str, Any]]:
 def representative(
     path: Path_ | None, names: Collection[str] = PARAMETERS
 ) -> dict[str, float]:
-    """Read the given parameters of the published representative solution.
+    """Read parameters of the published representative solution.
+
+    Parameters
+    ----------
+    path : path or None
+        The table of published solutions.
+    names : collection of str
+        Parameters to read.
+
+    Returns
+    -------
+    dict
+        The value of each parameter.
 
     Raises
     ------
     InputError
-        If there is no table, or the table lacks this solution.
+        If `path` is None, or the table lacks the row `representative`.
     """
     if path is None:
         allowed = "a table of published solutions"
@@ -123,6 +135,8 @@ def to_simulate(
     if not rows:
         return []
     columns = rows[0].keys()
+    # A set without a parameter of the study could not be simulated. Without a response
+    # of its targets, the result could not be compared.
     has_parameters = set(names) <= columns
     if not has_parameters or not published_responses(columns, responses):
         return []
@@ -195,7 +209,7 @@ def published_sets(path: Path_ | None) -> list[dict[str, float]]:
 
     They are empty for None.
     """
-    return [{name: row[name] for name in PARAMETERS} for row in _rows(path)]
+    return [{name: row[name] for name in PARAMETERS} for row in _read_rows(path)]
 
 
 def published_responses(

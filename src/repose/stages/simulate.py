@@ -1,4 +1,4 @@
-"""Runs of a program of the user's own: the deck, the call, and what a run leaves.
+"""Run a program of the user's own: write its deck, call it, and keep what it leaves.
 
 Each run has a folder SAMPLE/RUN with its deck, its parameters, what the program printed
 (`PRINTED`) and the files that are read or kept. SAMPLE/RUN.json is the record of the
@@ -59,7 +59,7 @@ class Ending(NamedTuple):
 # --- template and command -------------------------------------------------------------
 
 
-def _environment() -> Environment:
+def _make_environment() -> Environment:
     """Set up the templates of decks; a name that is not there is an error.
 
     The sandbox refuses a loop that would never end. There are no further templates: a
@@ -81,33 +81,40 @@ def fill(text: str, values: Mapping[str, Any], source: object) -> str:
         computed; it names `source` and the line.
     """
     try:
-        return _environment().from_string(text).render(values)
+        return _make_environment().from_string(text).render(values)
     # An expression in a template is code of its author, which may raise anything.
     except Exception as error:
-        place = f"{source}, line {_line_of_template(error)}"
+        place = f"{source}, line {_find_template_line(error)}"
         fault = f"{type(error).__name__}: {error}"
         names = ", ".join(values)
         allowed = f"a template of Jinja2 with the names {names}"
         raise InputError(place, "template", fault, allowed) from None
 
 
-def _line_of_template(error: Exception) -> int:
+def _find_template_line(error: Exception) -> int:
     """Return the line of a template at which an error was raised."""
     frames = traceback.extract_tb(error.__traceback__)
     lines = [frame.lineno for frame in frames if frame.filename == TEMPLATE]
     return lines[-1] or 1 if lines else 1
 
 
-def names_used(text: str, source: object) -> set[str]:
-    """Return the names that a template uses.
+def find_template_names(text: str, source: object) -> set[str]:
+    """Find the names that a template uses and does not define.
+
+    Parameters
+    ----------
+    text : str
+        The template.
+    source : object
+        Its file, for messages.
 
     Raises
     ------
     InputError
-        If it is no template, or needs another one; it names `source`.
+        If it is no template, or needs another one.
     """
     try:
-        template = _environment().parse(text)
+        template = _make_environment().parse(text)
     except TemplateError as error:
         allowed = "a template of Jinja2"
         raise InputError(source, "template", str(error), allowed) from None
@@ -179,10 +186,12 @@ def check(
     InputError
         With all faults.
     """
-    raise_together(_faults(settings, parameters, targets, source=source, fixed=fixed))
+    raise_together(
+        _find_faults(settings, parameters, targets, source=source, fixed=fixed)
+    )
 
 
-def _faults(
+def _find_faults(
     settings: SimulatorSettings,
     parameters: Mapping[str, float],
     targets: Sequence[str],
@@ -190,78 +199,110 @@ def _faults(
     source: str,
     fixed: Collection[str],
 ) -> Iterator[InputError]:
-    """Yield the faults of `check`."""
+    """Find the faults that `check` raises; its parameters are the same."""
     if program_of(settings.command) is None:
         key = "simulator.command.0"
         yield YamlError(source, key, settings.command[0], EXPECTED_PROGRAM)
-    missing = [name for name in _named_files(settings) if not Path(name).is_file()]
+
+    missing = [name for name in _list_study_files(settings) if not Path(name).is_file()]
     for name in missing:
         key = "simulator.template" if name == settings.template else "simulator.files"
         yield YamlError(source, key, name, EXPECTED_FILE)
-    yield from _faults_of_files(settings, source)
+    yield from _find_file_faults(settings, source)
+
+    # Parameters must not have the names of numbers that each run has.
     for name in NAMES:
         if name in parameters:
-            words = f"another name: {', '.join(NAMES)} are numbers of the run itself"
-            yield YamlError(source, f"parameters.{name}", name, words)
+            allowed = f"another name: {', '.join(NAMES)} are numbers of the run itself"
+            yield YamlError(source, f"parameters.{name}", name, allowed)
+
+    # A template that is missing was reported above, and cannot be read.
     if settings.template not in missing:
-        yield from _faults_of_names(settings, parameters, source=source, fixed=fixed)
+        yield from _find_name_faults(settings, parameters, source=source, fixed=fixed)
+
+    # Without a table of responses, all of them come from the pile of particles.
     if settings.output is None:
-        measured = responses_of_pile()
+        pile_responses = responses_of_pile()
         for name in targets:
-            if name not in measured:
-                words = (
-                    f"one of {', '.join(measured)}, which a file of particles gives, or "
+            if name not in pile_responses:
+                allowed = (
+                    f"one of {', '.join(pile_responses)}, which a file of particles gives, or "
                     "`simulator.output` with the table that has it"
                 )
-                yield YamlError(source, f"targets.{name}", name, words)
+                yield YamlError(source, f"targets.{name}", name, allowed)
 
 
-def _faults_of_files(settings: SimulatorSettings, source: str) -> Iterator[InputError]:
-    """Yield the files that would have one name in the folder of a run."""
-    for name in _names_twice(settings):
-        words = "files whose names differ in the folder of a run"
-        yield YamlError(source, "simulator.files", name, words)
+def _find_file_faults(settings: SimulatorSettings, source: str) -> Iterator[InputError]:
+    """Find files that would have the same name in the folder of a run.
+
+    Yields
+    ------
+    InputError
+        For two inputs of the same name, and for an output with the name of an input.
+    """
+    for name in _find_repeated_names(settings):
+        allowed = "files whose names differ in the folder of a run"
+        yield YamlError(source, "simulator.files", name, allowed)
     # A program that failed to write would leave the file that it was given.
-    given = _names_given(settings)
-    for key, name in _names_left(settings).items():
-        if name in given:
-            words = "a file that the run writes, not one that it is given"
-            yield YamlError(source, key, name, words)
+    input_names = _list_input_files(settings)
+    for key, name in _list_output_files(settings).items():
+        if name in input_names:
+            allowed = "a file that the run writes, not one that it is given"
+            yield YamlError(source, key, name, allowed)
 
 
-def _faults_of_names(
+def _find_name_faults(
     settings: SimulatorSettings,
     parameters: Mapping[str, float],
     *,
     source: str,
     fixed: Collection[str],
 ) -> Iterator[InputError]:
-    """Yield the unknown names of template and command, and the unused parameters."""
+    """Find unknown names in template and command, and parameters that are not used.
+
+    Parameters
+    ----------
+    settings : SimulatorSettings
+    parameters : mapping
+        A value for each parameter, with which template and command are filled on trial.
+    source : str
+        File of the configuration, for the messages.
+    fixed : collection of str
+        Parameters of one value, which may be unused.
+
+    Yields
+    ------
+    InputError
+    """
     known = (*parameters, *NAMES)
     used: set[str] = set()
-    for place, text in _texts_by_place(settings, source).items():
-        names = names_used(text, place)
-        used |= names
-        unknown = sorted(names.difference(known))
+    for place, text in _read_templates(settings, source).items():
+        names_in_text = find_template_names(text, place)
+        used |= names_in_text
+        unknown = sorted(names_in_text.difference(known))
         for name in unknown:
             yield InputError(place, "name", name, f"one of {', '.join(known)}")
+        # With all names known, filling shows whether its expressions can be computed.
         if not unknown:
-            yield from _faults_of_trial(text, parameters, place)
+            yield from _try_to_fill(text, parameters, place)
+    # Without a template the program reads all parameters from a file.
     if settings.template is None:
         return
     for name in parameters:
         if name not in used and name not in fixed:
-            words = f"a name that {settings.template} or the command uses"
-            yield YamlError(source, f"parameters.{name}", name, words)
+            allowed = f"a name that {settings.template} or the command uses"
+            yield YamlError(source, f"parameters.{name}", name, allowed)
 
 
 def names_in_deck(settings: SimulatorSettings) -> set[str]:
     """Return the names that the template and the command of a simulator use."""
-    texts = _texts_by_place(settings, "configuration")
-    return set().union(*(names_used(text, place) for place, text in texts.items()))
+    texts = _read_templates(settings, "configuration")
+    return set().union(
+        *(find_template_names(text, place) for place, text in texts.items())
+    )
 
 
-def _texts_by_place(settings: SimulatorSettings, source: str) -> dict[str, str]:
+def _read_templates(settings: SimulatorSettings, source: str) -> dict[str, str]:
     """Return the command and the template, by their place in messages."""
     texts = {f"{source}, simulator.command": "\n".join(settings.command)}
     if settings.template is not None:
@@ -269,7 +310,7 @@ def _texts_by_place(settings: SimulatorSettings, source: str) -> dict[str, str]:
     return texts
 
 
-def _faults_of_trial(
+def _try_to_fill(
     text: str, parameters: Mapping[str, float], place: str
 ) -> Iterator[InputError]:
     """Yield the fault of a template that cannot be filled for a first run."""
@@ -279,13 +320,13 @@ def _faults_of_trial(
         yield error
 
 
-def _named_files(settings: SimulatorSettings) -> tuple[str, ...]:
+def _list_study_files(settings: SimulatorSettings) -> tuple[str, ...]:
     """List the files that a study names for its runs."""
     template = () if settings.template is None else (settings.template,)
     return (*template, *settings.files)
 
 
-def _names_given(settings: SimulatorSettings) -> list[str]:
+def _list_input_files(settings: SimulatorSettings) -> list[str]:
     """List the names of the files that a run finds in its folder."""
     names = [PARAMETERS, *(Path(name).name for name in settings.files)]
     if settings.template is not None:
@@ -293,7 +334,7 @@ def _names_given(settings: SimulatorSettings) -> list[str]:
     return names
 
 
-def _names_left(settings: SimulatorSettings) -> dict[str, str]:
+def _list_output_files(settings: SimulatorSettings) -> dict[str, str]:
     """Return the names of the files that a run leaves, by their keys."""
     names = {}
     if settings.output is not None:
@@ -303,9 +344,9 @@ def _names_left(settings: SimulatorSettings) -> dict[str, str]:
     return names
 
 
-def _names_twice(settings: SimulatorSettings) -> list[str]:
+def _find_repeated_names(settings: SimulatorSettings) -> list[str]:
     """List the names that two files of a run's folder would have."""
-    names = [PRINTED, *_names_given(settings)]
+    names = [PRINTED, *_list_input_files(settings)]
     return sorted({name for name in names if names.count(name) > 1})
 
 
@@ -366,11 +407,12 @@ def run_once(
         "cores": settings.cores,
     }
     out = Path(out_dir)
-    inputs = _inputs(settings, values)
-    made = out / str(run)
-    ending = _kept(made, inputs, settings)
+    inputs = _collect_inputs(settings, values)
+    run_folder = out / str(run)
+    # A failed run is made again, since its cause may be repaired.
+    ending = _find_finished_run(run_folder, inputs, settings)
     if ending is None:
-        ending = _make(settings, inputs, made)
+        ending = _run_in_folder(settings, inputs, run_folder)
     record = {
         "apparatus": OWN,
         "sample": sample,
@@ -384,8 +426,28 @@ def run_once(
     return record
 
 
-def _inputs(settings: SimulatorSettings, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return all that a run depends on: command, deck, values and files."""
+def _collect_inputs(
+    settings: SimulatorSettings, values: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Collect all that a run depends on.
+
+    Parameters
+    ----------
+    settings : SimulatorSettings
+    values : mapping
+        Values of the names that template and command may use.
+
+    Returns
+    -------
+    dict
+        The filled command and deck, the path of the program, the values, the hash of
+        each file by its name, and the names of the files that are read or kept.
+
+    Raises
+    ------
+    InputError
+        If the program or a file is missing, or a name is unknown.
+    """
     command = [fill(part, values, "simulator.command") for part in settings.command]
     program = program_of(command)
     if program is None:
@@ -394,6 +456,7 @@ def _inputs(settings: SimulatorSettings, values: Mapping[str, Any]) -> dict[str,
     if settings.template is not None:
         text = read_template(settings.template)
         deck = fill(text, values, settings.template)
+    # Files are compared by their content.
     hashes = {}
     for name in settings.files:
         if not Path(name).is_file():
@@ -409,15 +472,30 @@ def _inputs(settings: SimulatorSettings, values: Mapping[str, Any]) -> dict[str,
     }
 
 
-def _kept(
+def _find_finished_run(
     folder: Path, inputs: Mapping[str, Any], settings: SimulatorSettings
 ) -> Ending | None:
-    """Return the ending of a finished good run with the same inputs; None without one."""
+    """Return the ending of a finished good run with the same inputs.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the run, which may not exist.
+    inputs : mapping
+        Result of `_collect_inputs`.
+    settings : SimulatorSettings
+        Names the files that must be there.
+
+    Returns
+    -------
+    Ending or None
+        None if the run must be made.
+    """
     try:
-        about = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
+        stored_hash = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    is_same = about == _about(inputs)
+    is_same = stored_hash == _hash_inputs(inputs)
     is_whole = not any(fault_of_file(folder, name) for name in settings.files_read)
     return Ending(OK) if is_same and is_whole else None
 
@@ -450,46 +528,63 @@ def fault_of_file(folder: Path, name: str) -> InputError | None:
     return None
 
 
-def _about(inputs: Mapping[str, Any]) -> dict[str, str]:
-    """Return what the folder of a good run says of its inputs."""
+def _hash_inputs(inputs: Mapping[str, Any]) -> dict[str, str]:
+    """Make the content of the file `ABOUT`: the hash of a run's inputs."""
     return {"inputs": provenance.hash_of(dict(inputs))}
 
 
-def _make(
+def _run_in_folder(
     settings: SimulatorSettings,
     inputs: Mapping[str, Any],
     folder: Path,
 ) -> Ending:
-    """Run the program in a folder with another name, which is then renamed."""
+    """Run the program in a temporary folder, which is renamed at the end.
+
+    A folder with the final name is therefore complete.
+
+    Parameters
+    ----------
+    settings : SimulatorSettings
+    inputs : mapping
+        Result of `_collect_inputs`.
+    folder : Path
+        The final name. A folder of this name is replaced.
+
+    Returns
+    -------
+    Ending
+    """
     work = folder.with_name(f"{folder.name}.part")
+    # An interrupted run may have left this folder.
     shutil.rmtree(work, ignore_errors=True)
     work.mkdir(parents=True)
+    # Copy the files, and write deck and parameters.
     for name in settings.files:
         shutil.copy(name, work / Path(name).name)
     if settings.template is not None:
         deck = work / deck_name(settings.template)
         deck.write_text(inputs["deck"], encoding="utf-8")
     values = inputs["values"]
-    numbers = {name: values[name] for name in NAMES}
-    by_name = {name: value for name, value in values.items() if name not in NAMES}
-    text = json.dumps({**numbers, "parameters": by_name}, indent=1)
+    run_numbers = {name: values[name] for name in NAMES}
+    parameters = {name: value for name, value in values.items() if name not in NAMES}
+    text = json.dumps({**run_numbers, "parameters": parameters}, indent=1)
     (work / PARAMETERS).write_text(f"{text}\n", encoding="utf-8")
 
     command = [inputs["program"], *inputs["command"][1:]]
-    ending = _call(command, work, settings)
+    ending = _call_program(command, work, settings)
     # A program may remove its own folder; it then left nothing.
     work.mkdir(exist_ok=True)
     if ending.status == OK:
         for name in settings.files_read:
             if not (work / name).is_file():
-                fault = "is no file" if (work / name).exists() else "is missing"
-                ending = Ending("no_output", f"{name} {fault}")
+                problem = "is no file" if (work / name).exists() else "is missing"
+                ending = Ending("no_output", f"{name} {problem}")
                 break
 
-    _remove_others(work, settings)
+    _remove_unlisted_files(work, settings)
     # Only a good run is taken again: what made another one fail may be repaired.
     if ending.status == OK:
-        (work / ABOUT).write_text(json.dumps(_about(inputs)), encoding="utf-8")
+        (work / ABOUT).write_text(json.dumps(_hash_inputs(inputs)), encoding="utf-8")
         for name in settings.files_read:
             listed = f"{folder.name}/{name}"
             ledger.adopt_below(folder.parent, listed, source=work / name)
@@ -498,60 +593,95 @@ def _make(
     return ending
 
 
-def _call(command: Sequence[str], work: Path, settings: SimulatorSettings) -> Ending:
-    """Call the program in a folder, without a shell, and wait for its end."""
-    changes = {"PATH": search_path(), "OMP_NUM_THREADS": str(settings.cores)}
-    with open(work / PRINTED, "wb") as printed, _terminating():
+def _call_program(
+    command: Sequence[str], work: Path, settings: SimulatorSettings
+) -> Ending:
+    """Call the program in a folder, without a shell, and wait for its end.
+
+    What it prints goes to the file `PRINTED`. If it takes too long, or if this process
+    is asked to end, the program is stopped with all its children.
+
+    Parameters
+    ----------
+    command : sequence of str
+        Path of the program, and its arguments.
+    work : Path
+        The folder.
+    settings : SimulatorSettings
+        Time limit and number of cores.
+
+    Returns
+    -------
+    Ending
+    """
+    # Libraries with threads of their own read OMP_NUM_THREADS.
+    environment_changes = {
+        "PATH": search_path(),
+        "OMP_NUM_THREADS": str(settings.cores),
+    }
+    with open(work / PRINTED, "wb") as printed, _exit_on_sigterm():
         process = subprocess.Popen(
             command,
             cwd=work,
             stdin=subprocess.DEVNULL,
             stdout=printed,
             stderr=subprocess.STDOUT,
-            env={**os.environ, **changes},
+            env={**os.environ, **environment_changes},
             # Its children end with it, as they are of its own group.
             start_new_session=True,
         )
         try:
             process.wait(settings.time_limit_s)
         except subprocess.TimeoutExpired:
-            _end(process)
+            _stop_program(process)
             return Ending("time_limit", f"longer than {settings.time_limit_s:g} s")
         except BaseException:
-            _end(process)
+            _stop_program(process)
             raise
     if process.returncode == 0:
         return Ending(OK)
     cause = f"exit status {process.returncode}"
+    # The negative status is the number of the signal that ended the program.
     if process.returncode < 0:
         cause = f"ended by {signal.Signals(-process.returncode).name}"
-    last = _last_line(work / PRINTED)
-    return Ending("exit_status", f"{cause}: {last}" if last else cause)
+    last_line = _read_last_line(work / PRINTED)
+    return Ending("exit_status", f"{cause}: {last_line}" if last_line else cause)
 
 
 @contextmanager
-def _terminating() -> Iterator[None]:
-    """Let the request to end this process raise SystemExit, as a context.
+def _exit_on_sigterm() -> Iterator[None]:
+    """Let the signal SIGTERM raise SystemExit within this context.
 
-    So the program that it waits for ends with it.
+    By default the signal would end this process at once, and leave the called program
+    running. The previous handler is restored at the end.
     """
 
-    def leave(number: int, frame: FrameType | None) -> None:
+    def raise_exit(number: int, frame: FrameType | None) -> None:
         raise SystemExit(128 + number)
 
-    before = signal.signal(signal.SIGTERM, leave)
+    previous_handler = signal.signal(signal.SIGTERM, raise_exit)
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        signal.signal(signal.SIGTERM, previous_handler)
 
 
-def _end(process: "subprocess.Popen[bytes]") -> None:
-    """End a program with all its children."""
-    for number in (signal.SIGTERM, signal.SIGKILL):
+def _stop_program(process: "subprocess.Popen[bytes]") -> None:
+    """Stop a program with all its children.
+
+    It first gets the request SIGTERM. If it still runs after `GRACE_S`, SIGKILL ends
+    it.
+
+    Parameters
+    ----------
+    process : subprocess.Popen
+        The program, which leads a process group of its own.
+    """
+    for signal_number in (signal.SIGTERM, signal.SIGKILL):
         try:
-            os.killpg(process.pid, number)
+            os.killpg(process.pid, signal_number)
         except ProcessLookupError:
+            # All processes of the group have ended.
             break
         try:
             process.wait(GRACE_S)
@@ -559,7 +689,7 @@ def _end(process: "subprocess.Popen[bytes]") -> None:
             continue
 
 
-def _last_line(path: Path) -> str:
+def _read_last_line(path: Path) -> str:
     """Return the last line that a program printed, shortened."""
     if not path.is_file():
         return ""
@@ -568,14 +698,23 @@ def _last_line(path: Path) -> str:
     return "".join(filter(str.isprintable, line))[-MOST_CHARACTERS:]
 
 
-def _remove_others(work: Path, settings: SimulatorSettings) -> None:
-    """Remove the files of a run that nobody asked to keep."""
-    kept = {PARAMETERS, PRINTED, *settings.files_read, *settings.keep}
+def _remove_unlisted_files(work: Path, settings: SimulatorSettings) -> None:
+    """Remove the files of a run that are neither read nor kept, and empty folders.
+
+    Parameters
+    ----------
+    work : Path
+        Folder of the run.
+    settings : SimulatorSettings
+        Lists the files that are read or kept.
+    """
+    kept_names = {PARAMETERS, PRINTED, *settings.files_read, *settings.keep}
     if settings.template is not None:
-        kept.add(deck_name(settings.template))
+        kept_names.add(deck_name(settings.template))
+    # In reverse order, the content of a folder comes before the folder.
     for path in sorted(work.rglob("*"), reverse=True):
         if path.is_dir() and not path.is_symlink():
             if not any(path.iterdir()):
                 path.rmdir()
-        elif str(path.relative_to(work)) not in kept:
+        elif str(path.relative_to(work)) not in kept_names:
             path.unlink()

@@ -1,7 +1,7 @@
-"""Responses of the runs of a program of the user's own.
+"""Read the responses of runs that a program of the user's own made.
 
-They come from the table that a run leaves, or from its particles, whose pile is measured
-as a photograph is.
+They come from the table that a run leaves, or from its particles, whose pile is
+measured as a photograph is.
 """
 
 import math
@@ -84,6 +84,7 @@ def measure_sample(
         job = {name: record[name] for name in ("apparatus", "sample", "parameters")}
         ending = Ending(record["status"], record["reason"])
         numbers: dict[str, float | None] = dict.fromkeys(responses)
+        # A run that failed has no files to read.
         if ending.status == OK:
             folder = path.with_suffix("")
             ending, numbers = read_responses(folder, settings, responses, measure)
@@ -101,46 +102,62 @@ def read_responses(
     responses: Sequence[str],
     measure: "MeasureSettings | None",
 ) -> tuple[Ending, dict[str, float | None]]:
-    """Read the responses of a good run; a run without one of them failed.
+    """Read the responses of a run that ended well.
+
+    The run counts as failed if a response cannot be read.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the run, with the files that it left.
+    settings : SimulatorSettings
+        Which of these files have the responses.
+    responses : sequence of str
+        Names of the targets.
+    measure : MeasureSettings or None
+        How a pile of particles is measured.
 
     Returns
     -------
     Ending
+        ``ok``, or why the run counts as failed.
     dict
-        A number for each response, None for each of a failed run.
+        A number for each response. All are None for a failed run.
 
     Raises
     ------
     InputError
         If a file of the run was lost or changed since.
     """
-    nothing: dict[str, float | None] = dict.fromkeys(responses)
-    found: dict[str, Any] = {}
+    no_numbers: dict[str, float | None] = dict.fromkeys(responses)
+    contents: dict[str, Any] = {}
     for name in settings.files_read:
         fault = fault_of_file(folder, name)
         if fault is not None:
             raise fault
+    # The file of particles comes first, so that the table may overwrite its responses.
     try:
         if settings.particles is not None:
-            found |= measured_pile(folder, settings, measure)
+            contents |= measured_pile(folder, settings, measure)
         if settings.output is not None:
-            found |= read_table(folder / settings.output)
+            contents |= read_table(folder / settings.output)
     except NoFlankError as error:
-        return Ending("no_pile", error.reason), nothing
+        return Ending("no_pile", error.reason), no_numbers
     except (InputError, OSError, ValueError) as error:
-        return Ending("bad_output", _in_one_line(error)), nothing
+        return Ending("bad_output", _in_one_line(error)), no_numbers
 
-    cells, _ = cells_of_result(found, responses)
+    # Judge the run as a run of a user's table: by its cells, and by its own status.
+    cells, _ = cells_of_result(contents, responses)
     outcome = judge_runs({name: [cell] for name, cell in cells.items()}, responses)
     status = outcome.statuses[0]
     if status == OK:
         return Ending(OK), {name: outcome.values[name][0] for name in responses}
-    without = [name for name in responses if not math.isfinite(cells[name])]
-    if status == FAILED and without:
-        names = ", ".join(without)
-        reason = f"no finite number for {names}; the run left {found}"
-        return Ending("bad_output", _in_one_line(reason)), nothing
-    return Ending("failed", f"its status is {_in_one_line(status)}"), nothing
+    missing_responses = [name for name in responses if not math.isfinite(cells[name])]
+    if status == FAILED and missing_responses:
+        names = ", ".join(missing_responses)
+        reason = f"no finite number for {names}; the run left {contents}"
+        return Ending("bad_output", _in_one_line(reason)), no_numbers
+    return Ending("failed", f"its status is {_in_one_line(status)}"), no_numbers
 
 
 def _in_one_line(text: object) -> str:

@@ -30,7 +30,8 @@ def read_dataset(
         The table.
     targets : Targets
     names : sequence of str, optional
-        As in `repose.stages.parameter_sets.parameter_columns`.
+        Parameters of a study that another program simulates. None stands for a study
+        of repose, whose parameters are the contact parameters in the table.
 
     Raises
     ------
@@ -63,6 +64,21 @@ def read_runs(
 ) -> pd.DataFrame:
     """Read the table of single runs, and check it against the table of samples.
 
+    Parameters
+    ----------
+    runs_csv : path
+        The table of runs.
+    targets : Targets
+    dataset : pandas.DataFrame
+        The table of samples.
+    dataset_csv : path
+        File of the samples, for messages, and to find its summary.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each run.
+
     Raises
     ------
     InputError
@@ -71,17 +87,19 @@ def read_runs(
     """
     runs = read_table(runs_csv, ("sample", "seed", "status", *targets.names))
     has_benches = "apparatus" in runs
-    key = ["sample", "seed", "apparatus"] if has_benches else ["sample", "seed"]
-    _refuse_repeated_rows(runs, key, runs_csv)
+    unique_columns = (
+        ["sample", "seed", "apparatus"] if has_benches else ["sample", "seed"]
+    )
+    _refuse_repeated_rows(runs, unique_columns, runs_csv)
     # With several bench tests a run lacks the responses of all but its own.
     if not has_benches:
         _check_responses(runs, targets, runs_csv)
     _check_count(runs, runs_csv, dataset_csv=dataset_csv, key="runs")
 
-    samples_of_one_table = set(runs["sample"]).symmetric_difference(dataset["sample"])
-    if samples_of_one_table:
+    unmatched_samples = set(runs["sample"]).symmetric_difference(dataset["sample"])
+    if unmatched_samples:
         allowed = f"the samples of {dataset_csv}, all of them"
-        raise InputError(runs_csv, "sample", min(samples_of_one_table), allowed)
+        raise InputError(runs_csv, "sample", min(unmatched_samples), allowed)
     if not has_benches:
         _check_run_counts(runs, dataset, runs_csv=runs_csv, dataset_csv=dataset_csv)
         _check_means(
@@ -110,9 +128,19 @@ def _check_means(
     runs_csv: object,
     dataset_csv: object,
 ) -> None:
-    """Refuse runs whose means or standard errors differ from those of the samples."""
+    """Refuse runs whose means or standard errors differ from those of the samples.
+
+    Parameters
+    ----------
+    runs, dataset : pandas.DataFrame
+        Single runs of one bench test, and their samples.
+    targets : Targets
+    runs_csv, dataset_csv : path
+        The files of both tables, for the message.
+    """
     samples = dataset[dataset["status"] == "ok"].set_index("sample")
     good = runs[runs["status"] == "ok"]
+    # Both results have the samples as index. `sem` is the standard error of a mean.
     runs_by_sample = good.groupby("sample")[list(targets.names)]
     means = runs_by_sample.mean().reindex(samples.index)
     errors = runs_by_sample.sem().reindex(samples.index)
@@ -169,7 +197,16 @@ def _require_equal(
 
 
 def _check_responses(table: pd.DataFrame, targets: Targets, path: object) -> None:
-    """Refuse a good row that lacks a response, or has one outside its limits."""
+    """Refuse a good row that lacks a response, or has one outside its limits.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Samples or single runs, with their `status` and all responses.
+    targets : Targets
+    path : path
+        File of the table, for the message.
+    """
     is_ok = table["status"] == "ok"
     for target in targets:
         name = target.name

@@ -48,7 +48,17 @@ def select_for_validation(
 
     The second is the solution with the least objective. The rest are spread over all
     solutions: each is the one farthest, in normalised parameters, from those already
-    chosen (Gonzalez 1985). Only feasible ones are chosen if there are enough.
+    chosen (Gonzalez 1985).
+
+    Parameters
+    ----------
+    solutions : pandas.DataFrame
+        Parameter sets with `objective`, `feasible` and `representative`. If more than
+        `count` are feasible, only feasible ones are selected.
+    count : int
+        Number of solutions besides the representative.
+    space : ParameterSpace
+        The ranges that normalise the parameters.
 
     Returns
     -------
@@ -71,6 +81,7 @@ def select_for_validation(
         # Distance of each solution (rows) from each chosen one (columns).
         distances = np.linalg.norm(positions[:, None] - positions[chosen], axis=2)
         nearest_distance = distances.min(axis=1)
+        # A chosen solution must not be chosen again.
         nearest_distance[chosen] = -1.0
         farthest = int(nearest_distance.argmax())
         role_of_row[farthest] = "spread"
@@ -120,7 +131,8 @@ def validate(
     measure : MeasureSettings or None
         The section `measure`, which defines the angles of piles.
     names : sequence of str, optional
-        As in `repose.stages.parameter_sets.parameter_columns`.
+        Parameters of a study that another program simulates. None stands for a study
+        of repose, whose parameters are the contact parameters in the table.
 
     Returns
     -------
@@ -169,7 +181,8 @@ def table4(
     measure : MeasureSettings, optional
         The section `measure`.
     names : sequence of str, optional
-        As in `repose.stages.parameter_sets.parameter_columns`.
+        Parameters of a study that another program simulates. None stands for a study
+        of repose, whose parameters are the contact parameters in the table.
 
     Returns
     -------
@@ -202,7 +215,18 @@ def table4(
 def calibrated_line(responses: Iterable[Response], measure: MeasureSettings) -> str:
     """Describe the lines whose slopes are the calibrated angles of a pile.
 
-    If no response is such an angle, describe the line of the angle of repose.
+    Parameters
+    ----------
+    responses : iterable of Response
+        Responses of the targets.
+    measure : MeasureSettings
+        The section `measure`, which defines the angles.
+
+    Returns
+    -------
+    str
+        Each line once. If no response is such an angle, the line of the angle of
+        repose.
     """
     lines = []
     for response in responses:
@@ -286,6 +310,11 @@ def write_solutions(
     out_csv : path
         The table to write.
 
+    Returns
+    -------
+    pandas.DataFrame
+        The table that was written.
+
     Raises
     ------
     InputError
@@ -343,7 +372,8 @@ def run(
     optimism : pandas.DataFrame, optional
         Expected optimism of the predictions, from the stage `optimism`.
     names : sequence of str, optional
-        As in `repose.stages.parameter_sets.parameter_columns`.
+        Parameters of a study that another program simulates. None stands for a study
+        of repose, whose parameters are the contact parameters in the table.
 
     Returns
     -------
@@ -354,6 +384,7 @@ def run(
     solutions = solutions.astype({"solution": str})
     if optimism is not None:
         solutions = with_optimism(solutions, optimism, targets.responses)
+    # Compare the predictions with the simulations.
     jobs_by_bench = read_jobs(jobs, solutions, targets, names)
     tables = validate(
         solutions, jobs_by_bench, targets=targets, measure=measure, names=names
@@ -489,6 +520,7 @@ def compared_with_published(
         return pd.DataFrame(columns=columns)
 
     table = stored.copy()
+    # Add the simulated responses, and how much they differ from the publication's.
     for response, column in column_of_response.items():
         table[response.simulated] = stored[column]
         table[response.standard_error] = stored[error_of(column)]
@@ -498,6 +530,7 @@ def compared_with_published(
             table[derived(response.name, "difference")] = difference
     if set(ANGLES) <= set(stored):
         table["line"] = calibrated_line(targets.responses, measure)
+    # A set is stale if engine or scene have changed since its simulation.
     hashes = stored[list(SIMULATED_BY)]
     table["stale"] = (hashes != pd.Series(simulated_by)).any(axis=1)
     return table

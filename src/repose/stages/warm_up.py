@@ -13,8 +13,15 @@ from repose.calibrate.targets import Targets
 def warm_up(scene: Scene, cores: int = 1) -> float:
     """Compile the kernels of every bench test of the targets.
 
-    A time step with one grain compiles them. With a second core, another process
-    compiles the contacts with walls meanwhile, nearly half of the engine.
+    A single time step with one grain compiles them. The contacts with walls are nearly
+    half of the engine. With a second core, another process compiles them meanwhile.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene of the study. Its targets determine the bench tests.
+    cores : int, optional
+        Number of cores that may be used.
 
     Returns
     -------

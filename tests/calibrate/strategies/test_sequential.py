@@ -41,7 +41,7 @@ from repose.calibrate.targets import Targets
 from repose.report.figures import style
 from repose.report.figures.sequential import sequential
 from repose.report.study_view import StudyView
-from repose.stages.batches import data_of
+from repose.stages.batches import arrange_for_strategy
 
 SECTION = {
     "start_samples": 12,
@@ -322,7 +322,7 @@ def test_a_budget_counts_failed_runs(tmp_path):
     write_tables(tmp_path, table, runs)
     assert propose("sequential", known, [tmp_path], tmp_path / "batch_1")["pours"] == 24
     data = pd.read_csv(tmp_path / "dataset.csv")
-    seen = arrange_runs(data_of(data, runs, TARGETS), SPACE, TARGETS)
+    seen = arrange_runs(arrange_for_strategy(data, runs, TARGETS), SPACE, TARGETS)
     assert seen.counts.tolist() == [1] + [2] * 10
     expected = table.loc[2, list(PARAMETERS)].to_numpy(float)
     assert SPACE.values(seen.failed)[0] == pytest.approx(expected)
@@ -351,7 +351,7 @@ def test_bench_tests_are_independent():
         height_mm=[60, 61, 62, 63, *3 * [np.nan]],
         drum_slip_deg=[*4 * [np.nan], 40, 41, 42],
     )
-    seen = arrange_runs(data_of(data, runs, targets), SPACE, targets)
+    seen = arrange_runs(arrange_for_strategy(data, runs, targets), SPACE, targets)
     assert seen.values[0].tolist() == [[60, 40], [61, 41]]
     assert seen.counts.tolist() == [2, 1]
 

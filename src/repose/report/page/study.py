@@ -23,7 +23,7 @@ from repose.common.errors import InputError
 from repose.common.files import read_json, read_table
 from repose.report.page import captions
 from repose.report.study_view import Config, StudyView
-from repose.stages.batches import data_of
+from repose.stages.batches import arrange_for_strategy
 from repose.stages.dataset import read_job
 from repose.stages.tables import read_dataset, read_runs
 
@@ -278,7 +278,9 @@ def _load_surrogate(
     runs = read_runs(
         files["runs"], targets, dataset=samples, dataset_csv=files["dataset"]
     )
-    observed = arrange_runs(data_of(samples, runs, targets), parameters, targets)
+    observed = arrange_runs(
+        arrange_for_strategy(samples, runs, targets), parameters, targets
+    )
     return SpaceKriging(Kriging(observed), parameters)
 
 
