@@ -72,7 +72,7 @@ def simulate(args, config):
         data = DataSet(X, list(truth.pour(X, study.settings.funnel.seeds, random)))
         seeded = network.model_copy(update={"seed": 2026 + number})
         model = data.fit(study, seeded)
-        pours = Pours.of(model, *data.tables(study, targets), targets)
+        pours = Pours.collect(model, *data.tables(study, targets), targets)
         optimism = expected_optimism(
             model, pours, search, targets, replicates=REPLICATES, seed=number
         ).set_index(["role", "response"])
@@ -124,7 +124,7 @@ def kept(args, config):
     model = load(folder / "network/network.json")
     dataset = pd.read_csv(folder / "dataset.csv")
     runs = pd.read_csv(folder / "runs.csv")
-    pours = Pours.of(model, dataset, runs, targets)
+    pours = Pours.collect(model, dataset, runs, targets)
     optimism = expected_optimism(
         model,
         pours,

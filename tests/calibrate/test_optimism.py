@@ -62,7 +62,7 @@ def fitted(values):
     samples, runs = tables_of(values)
     model = Means().fit(None, samples[NAMES].to_numpy())
     model.describe(["x"], NAMES, {}, samples["sample"])
-    return model, Pours.of(model, samples, runs, TARGETS)
+    return model, Pours.collect(model, samples, runs, TARGETS)
 
 
 def highest(model):
@@ -122,7 +122,7 @@ def test_single_pours_alone_show_no_optimism():
     samples, runs = tables_of(values)
     model = Means().fit(None, samples[NAMES].to_numpy())
     model.describe(["x"], NAMES, {}, samples["sample"])
-    assert Pours.of(model, samples, runs, TARGETS) is None
+    assert Pours.collect(model, samples, runs, TARGETS) is None
 
 
 def test_a_sample_with_one_run_takes_its_deviation_from_the_others():
@@ -132,7 +132,7 @@ def test_a_sample_with_one_run_takes_its_deviation_from_the_others():
     samples.loc[4, NAMES] = runs.loc[runs["sample"] == 5, NAMES].to_numpy()[0]
     model = Means().fit(None, samples[NAMES].to_numpy())
     model.describe(["x"], NAMES, {}, samples["sample"])
-    pours = Pours.of(model, samples, runs, TARGETS)
+    pours = Pours.collect(model, samples, runs, TARGETS)
     drawn = np.array([pours.draw(np.random.default_rng(k))[4] for k in range(3000)])
     within = np.mean([np.var(values[i], axis=0, ddof=1) for i in range(4)], axis=0)
     np.testing.assert_allclose(drawn.var(axis=0), within, rtol=0.12)

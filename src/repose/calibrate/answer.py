@@ -49,8 +49,11 @@ class Verdict(StrEnum):
         return {Verdict.MET: True, Verdict.NOT_MET: False}.get(self)
 
 
-def verdict_by(probability: float | None) -> Verdict:
-    """Turn the probability of lying inside the range into a verdict; None is unknown."""
+def judge_probability(probability: float | None) -> Verdict:
+    """Turn the probability of lying inside the range into a verdict.
+
+    Without a probability (None), the verdict is undecided.
+    """
     if probability is None or 1 - DECIDED < probability < DECIDED:
         return Verdict.UNDECIDED
     return Verdict.MET if probability >= DECIDED else Verdict.NOT_MET
@@ -143,7 +146,11 @@ class Check:
         )
 
     def row(self) -> dict[str, Any]:
-        """Return the entry of this check in the material card, without the definition."""
+        """Make the entry of this check in the material card.
+
+        The entry lacks the definition of the response, and its bench test. A key of the
+        surrogate's prediction is left out if its value is unknown.
+        """
         row: dict[str, Any] = {
             "response": self.response,
             "apparatus": self.apparatus,
@@ -154,6 +161,7 @@ class Check:
             "low": self.low,
             "high": self.high,
         }
+        # Add the keys that only some checks have.
         if self.whole is not None:
             row["whole"] = self.whole
         if self.predicted is not None:
@@ -204,7 +212,7 @@ class Check:
             return Verdict.UNCHECKED
         if self.simulated is None:
             return Verdict.NOT_MET
-        return verdict_by(self.probability)
+        return judge_probability(self.probability)
 
     @property
     def probability(self) -> float | None:
@@ -253,19 +261,20 @@ class Check:
 
     @property
     def distance(self) -> str:
-        """Difference between the simulated and the measured mean.
+        """Text on the difference between the simulated and the measured mean.
 
-        It is written in percent and in standard deviations of a repetition.
+        It has the difference in percent with its standard error, and in standard
+        deviations of a repetition.
         """
         if self.simulated is None:
             return f"{self.response} unknown"
         difference = self.simulated - self.measured
-        percent_of_one = 100 / self._whole_of_measured
+        percent_per_unit = 100 / self._whole_of_measured
         # Adding 0.0 turns -0.0, a possible result of rounding, into 0.0.
-        percent = round(percent_of_one * difference, 1) + 0.0
+        percent = round(percent_per_unit * difference, 1) + 0.0
         error_text = ""
         if self.standard_error is not None:
-            error_text = f" +- {percent_of_one * self.standard_error:.1f}"
+            error_text = f" +- {percent_per_unit * self.standard_error:.1f}"
         deviations_text = ""
         if self.sd > 0:
             deviations = abs(difference) / self.sd
@@ -283,7 +292,7 @@ class Check:
 
     @property
     def numbers(self) -> str:
-        """The simulated mean next to the measured one.
+        """Text with the simulated mean beside the measured one.
 
         Without a simulated mean, the predicted one takes its place.
         """
@@ -294,6 +303,7 @@ class Check:
         if self.line:
             label += f" ({self.line})"
 
+        # Write the simulated mean, or else the predicted one.
         value = self.simulated
         kind = ""
         if value is None:
@@ -366,7 +376,7 @@ class Assessment:
             return Verdict.UNCHECKED
         if not self.feasible or Verdict.NOT_MET in verdicts:
             return Verdict.NOT_MET
-        return verdict_by(self.probability)
+        return judge_probability(self.probability)
 
     @property
     def probability(self) -> float | None:
@@ -381,11 +391,14 @@ class Assessment:
 
     @property
     def reason(self) -> str:
-        """Sentence that explains why the targets are met or not."""
+        """Sentence that explains why the targets are met or not.
+
+        It tells what was predicted for the answer, what its simulation gave, or both.
+        """
         if self.verdict is Verdict.UNCHECKED:
             sentence = f"{self._prediction}; the answer was {NOT_AGAIN}"
         elif self.verdict is Verdict.UNDECIDED:
-            sentence = f"{self._simulation}. {undecided(self.probability, self.checks)}"
+            sentence = f"{self._simulation}. {describe_undecided(self.probability, self.checks)}"
         elif self.feasible:
             sentence = self._simulation
         else:
@@ -506,12 +519,14 @@ class Result:
     @property
     def headline(self) -> str:
         """Whether the targets are met, in one line with numbers."""
-        line = in_one_line(self.verdict, self.checks, self.reason, self.small_run)
+        line = write_verdict_line(
+            self.verdict, self.checks, self.reason, self.small_run
+        )
         return f"{self.label}: {line}"
 
     def __str__(self) -> str:
         """Describe the result in several lines, which a run prints at its end."""
-        lines = [self.headline, *self._parameter_lines()]
+        lines = [self.headline, *self._list_parameters()]
         predictions = [check.prediction for check in self.checks if check.prediction]
         if predictions:
             lines.append(f"Predicted: {'; '.join(predictions)}.")
@@ -525,15 +540,16 @@ class Result:
         )
         if self.why:
             lines.append(f"No more batches: {self.why}.")
+        # Tell what would settle or change the verdict.
         if self.verdict is Verdict.UNDECIDED:
             lines.append("What helps: a larger validation.representative_seeds.")
         elif self.verdict is not Verdict.MET:
-            wider = "" if self.feasible else "wider parameters or targets; "
-            lines.append(f"What helps: {wider}{self.advice}.")
+            remedy = "" if self.feasible else "wider parameters or targets; "
+            lines.append(f"What helps: {remedy}{self.advice}.")
         return "\n".join(lines)
 
-    def _parameter_lines(self) -> list[str]:
-        """List the parameters line by line, then those at a bound of their range."""
+    def _list_parameters(self) -> list[str]:
+        """Write each parameter of the answer in a line, and which are at a bound."""
         if self.feasible:
             lines = ["The calibrated parameters:"]
         else:
@@ -571,7 +587,7 @@ def out_of_reach(summary: Mapping[str, Any]) -> bool:
     return summary.get("stop", "out_of_reach") == "out_of_reach"
 
 
-def in_one_line(
+def write_verdict_line(
     verdict: Verdict,
     checks: Iterable[Check],
     reason: str,
@@ -599,7 +615,7 @@ def in_one_line(
     return line if verdict is Verdict.MET else f"{line} {reason}"
 
 
-def undecided(probability: float | None, checks: Sequence[Check]) -> str:
+def describe_undecided(probability: float | None, checks: Sequence[Check]) -> str:
     """Describe how many further runs would settle an undecided verdict.
 
     The result is a sentence without its full stop.
@@ -642,7 +658,7 @@ def further_runs(checks: Sequence[Check]) -> int | None:
     """
     for further in range(1, MOST_FURTHER_RUNS + 1):
         probability = _probability_after(checks, further)
-        if verdict_by(probability) is not Verdict.UNDECIDED:
+        if judge_probability(probability) is not Verdict.UNDECIDED:
             return further
     return None
 

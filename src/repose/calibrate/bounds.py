@@ -55,28 +55,33 @@ def near_bounds(
         high = space.coordinate_ends[1][k]
         value = float(space.coordinates(name, np.array(float(answer[name]))))
         width = high - low
+
+        # Compute the slope of each response between two points around the answer.
         ends = np.clip(value + REACH * width * np.array([-1.0, 1.0]), low, high)
         shares = (ends - low) / width
-        rise = _rise(
+        rise = _compute_rise(
             surrogate,
             point,
             column=space.names.index(name),
             ends=ends if name not in space.scale else space.values_at(name, shares),
         )
         slopes = rise / (ends[1] - ends[0])
-        # Skip responses that do not depend on the parameter.
+
+        # The error of a response, divided by its slope, is an error of the parameter. The
+        # smallest of them counts. Skip responses that do not depend on the parameter.
         has_slope = slopes > 0
         if not has_slope.any():
             continue
-        errors = response_errors[has_slope] / slopes[has_slope]
-        standard_error = float(np.min(errors))
+        parameter_errors = response_errors[has_slope] / slopes[has_slope]
+        standard_error = float(np.min(parameter_errors))
 
+        # Compare it with the distance from the nearer bound.
         is_lower = value - low <= high - value
         distance = value - low if is_lower else high - value
         is_determined = standard_error <= LARGEST * width
         if is_determined and distance <= standard_error:
             near.append(
-                _entry(
+                _describe_parameter(
                     name,
                     value=float(answer[name]),
                     bound=float(space.low[k] if is_lower else space.high[k]),
@@ -87,10 +92,27 @@ def near_bounds(
     return near
 
 
-def _entry(
+def _describe_parameter(
     name: str, *, value: float, bound: float, standard_error: float, scale: str
 ) -> dict[str, Any]:
-    """Describe a parameter near a bound; the standard error is along its scale."""
+    """Describe a parameter near a bound.
+
+    Parameters
+    ----------
+    name : str
+    value, bound : float
+        The parameter in the answer, and the bound.
+    standard_error : float
+        Standard error of the parameter, along its scale.
+    scale : str
+        Name of the scale. On a logarithmic one, the error is converted to units of the
+        parameter.
+
+    Returns
+    -------
+    dict
+        An entry of `near_bounds`.
+    """
     entry: dict[str, Any] = {"parameter": name, "value": value, "bound": bound}
     if scale != LOG:
         return {**entry, "standard_error": standard_error}
@@ -101,7 +123,7 @@ def _entry(
     }
 
 
-def _rise(
+def _compute_rise(
     surrogate: Predictor, point: np.ndarray, column: int, ends: np.ndarray
 ) -> np.ndarray:
     """Compute by how much all responses (k,) change between two values of a parameter.
@@ -121,7 +143,7 @@ def _rise(
     return np.abs(np.diff(surrogate.predict(two_points), axis=0)[0])
 
 
-def in_words(near: Mapping[str, Any]) -> str:
+def describe_near_bound(near: Mapping[str, Any]) -> str:
     """Describe in a clause that a parameter is near a bound."""
     error = f"{near['standard_error']:.2g}"
     if "factor" in near:

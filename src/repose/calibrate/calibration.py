@@ -103,6 +103,7 @@ class Calibration(NamedTuple):
             space, self.solutions, self._posterior_tables
         )
         intervals = {}
+        # The interval of a parameter must contain its value.
         for name, (low, high) in ends_of_parameters.items():
             value = self.parameters[name]
             interval = cards.widen_to_value(space, name, value, low, high)
@@ -153,6 +154,16 @@ class Calibration(NamedTuple):
         """Write tables, summary and material card into a folder.
 
         docs/own_simulator.md lists the files.
+
+        Parameters
+        ----------
+        out_dir : path
+            The folder, which is made if it does not exist.
+
+        Raises
+        ------
+        InputError
+            If there is a file in its place.
         """
         out = path_of("out_dir", out_dir)
         require(not out.is_file(), out, "file", "there already", "a folder")
@@ -210,7 +221,7 @@ class Calibration(NamedTuple):
             lines.append(cards.with_remark(text, row))
         model_name = self.model.name.replace("_", " ")
         lines.append(f"Predicted by {model_name}, not simulated again:")
-        lines += self._prediction_lines()
+        lines += self._describe_predictions()
         lines.append(
             "Probability that the simulator's means there lie "
             f"{describe_probability(self.probability)}."
@@ -219,7 +230,7 @@ class Calibration(NamedTuple):
             lines.append(describe_training(self.answer.notes[METRICS]))
         return "\n".join(lines)
 
-    def _prediction_lines(self) -> list[str]:
+    def _describe_predictions(self) -> list[str]:
         """Compare each predicted response with its target, in a line."""
         lines = []
         for target, mean, error in zip(
@@ -237,7 +248,7 @@ class Calibration(NamedTuple):
         return f"<Calibration of {self.study.settings.label}>\n{self}"
 
     def _repr_html_(self) -> str:
-        """Show the answer in a notebook: parameters, predictions, probabilities."""
+        """Write the answer for a notebook: parameters, predictions, probabilities."""
         parameters = pd.DataFrame(self.intervals).T
         parameters = parameters.drop(columns=["at_bound", "widened"], errors="ignore")
         probability = pd.DataFrame({"probability": self.probability})
@@ -262,8 +273,12 @@ def calibrate(
         Result of `repose.calibrate.strategies.runs.checked_runs`. The runs need not be
         those that the strategy asked for.
     proposal : Batch or Answer, optional
-        The strategy's proposal after these runs. Unless it is an answer, the strategy
-        is asked for the best answer that these runs allow.
+        What the strategy proposed after these runs. An answer is used as it is. After a
+        batch, or None, the strategy is asked for the best answer that these runs allow.
+
+    Returns
+    -------
+    Calibration
 
     Raises
     ------
@@ -279,11 +294,13 @@ def calibrate(
     else:
         announce("fit the model of the responses", runs)
         answer = strategy(settings.strategy).answer(study, runs)
+
+    # Estimate the noise of a single run, and model the means of the runs.
     observed = arrange_runs(runs, space, targets)
     noise = estimate_noise(study, observed)
     # Without a model from the strategy, fit one over the whole ranges.
     model = answer.model or SpaceKriging(Kriging(observed, noise.covariance), space)
-    samples = _samples(study, runs)
+    samples = _average_samples(study, runs)
     support = Support.of(space.values(observed.unit), space)
 
     # Draw the posterior. Only replicates show how the responses are correlated, so
@@ -301,11 +318,15 @@ def calibrate(
         settings=inference_settings,
         references={},
     )
+
+    # Describe the answer and the way to it.
     feasible, message = answers.verdict(answer, targets)
     summary = {
-        **_summary_of_answer(study, answer, feasible, message),
-        **_summary_of_runs(study, runs, samples, noise),
-        "steps": _steps(study, runs, len(samples), model, answer, noise.warning),
+        **_summarise_answer(study, answer, feasible, message),
+        **_summarise_runs(study, runs, samples, noise),
+        "steps": _describe_steps(
+            study, runs, len(samples), model, answer, noise.warning
+        ),
     }
     solutions = answers.solutions(answer, feasible, space, targets)
     return Calibration(
@@ -320,7 +341,7 @@ def calibrate(
     )
 
 
-def _summary_of_answer(
+def _summarise_answer(
     study: Study, answer: Answer, feasible: bool, message: str
 ) -> dict[str, Any]:
     """Make the entries of summary.json on the answer.
@@ -338,7 +359,7 @@ def _summary_of_answer(
     summary: dict[str, Any] = {
         "simulator": study.settings.simulator,
         "representative": dict(zip(study.parameters.names, values, strict=True)),
-        "responses": _responses(study, answer),
+        "responses": _compare_responses(study, answer),
         "feasible": feasible,
         "message": message,
     }
@@ -348,7 +369,7 @@ def _summary_of_answer(
     return summary
 
 
-def _summary_of_runs(
+def _summarise_runs(
     study: Study, runs: pd.DataFrame, samples: pd.DataFrame, noise: Noise
 ) -> dict[str, Any]:
     """Make the entries of summary.json on the runs and their noise."""
@@ -360,7 +381,7 @@ def _summary_of_runs(
         "failed_runs": int((runs["status"] != OK).sum()),
         "samples": len(samples),
         "needed": goal.needed(noise.covariance, section.probability),
-        "noise": _noise(study, noise),
+        "noise": _describe_noise(study, noise),
         "warning": noise.warning,
         "definitions": settings.definitions,
     }
@@ -388,7 +409,7 @@ def posterior_settings(
     return settings.model_copy(update={"measured_correlation": 0.0})
 
 
-def _responses(study: Study, answer: Answer) -> dict[str, dict[str, float]]:
+def _compare_responses(study: Study, answer: Answer) -> dict[str, dict[str, float]]:
     """Return target, predicted mean and its standard error by response."""
     responses = {}
     for target, mean, error in zip(
@@ -402,7 +423,7 @@ def _responses(study: Study, answer: Answer) -> dict[str, dict[str, float]]:
     return responses
 
 
-def _noise(study: Study, noise: Noise) -> dict[str, dict[str, Any]]:
+def _describe_noise(study: Study, noise: Noise) -> dict[str, dict[str, Any]]:
     """Return the standard deviation of a single run and its source by response."""
     deviations = np.sqrt(np.diagonal(noise.covariance))
     return {
@@ -411,8 +432,14 @@ def _noise(study: Study, noise: Noise) -> dict[str, dict[str, Any]]:
     }
 
 
-def _samples(study: Study, runs: pd.DataFrame) -> pd.DataFrame:
+def _average_samples(study: Study, runs: pd.DataFrame) -> pd.DataFrame:
     """Average the good runs of each sample.
+
+    Parameters
+    ----------
+    study : Study
+    runs : pandas.DataFrame
+        All runs, with `sample`, `status`, parameters and responses.
 
     Returns
     -------
@@ -430,7 +457,7 @@ def _samples(study: Study, runs: pd.DataFrame) -> pd.DataFrame:
     return table.reset_index()
 
 
-def _steps(
+def _describe_steps(
     study: Study,
     runs: pd.DataFrame,
     n_samples: int,
@@ -459,15 +486,15 @@ def _steps(
     steps = [
         f"Simulation in {settings.simulator}: {len(runs)} runs of {n_samples} parameter "
         f"sets, {n_failed} failed.",
-        _model_sentence(model, warning),
-        *_training_sentences(answer),
-        f"Answer: {_choice(study, answer)}; within 1 % with probability {within_1:.2f}, "
+        _describe_model(model, warning),
+        *_summarise_training(answer),
+        f"Answer: {_describe_choice(study, answer)}; within 1 % with probability {within_1:.2f}, "
         f"within 2 % with {within_2:.2f}.",
     ]
-    return steps + _definition_sentences(settings.definitions)
+    return steps + _describe_definitions(settings.definitions)
 
 
-def _model_sentence(model: Predictor, warning: str | None) -> str:
+def _describe_model(model: Predictor, warning: str | None) -> str:
     """Name the model of the responses, with a warning on it if there is one."""
     name = model.name.replace("_", " ")
     if warning is not None:
@@ -477,7 +504,7 @@ def _model_sentence(model: Predictor, warning: str | None) -> str:
     return f"Model: {name}."
 
 
-def _training_sentences(answer: Answer) -> list[str]:
+def _summarise_training(answer: Answer) -> list[str]:
     """Describe the accuracy of a trained model; empty for a model without test samples."""
     if METRICS not in answer.notes:
         return []
@@ -485,7 +512,7 @@ def _training_sentences(answer: Answer) -> list[str]:
     return [f"Training: {'; '.join(lines)}."]
 
 
-def _choice(study: Study, answer: Answer) -> str:
+def _describe_choice(study: Study, answer: Answer) -> str:
     """Describe in a clause the rule by which the answer was chosen."""
     settings = study.settings
     if settings.strategy != "sequential":
@@ -498,6 +525,6 @@ def _choice(study: Study, answer: Answer) -> str:
     )
 
 
-def _definition_sentences(definitions: Mapping[str, str]) -> list[str]:
+def _describe_definitions(definitions: Mapping[str, str]) -> list[str]:
     """Describe how each response is taken from a run."""
     return [f"{name}: {text}." for name, text in definitions.items()]

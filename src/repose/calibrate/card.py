@@ -68,14 +68,16 @@ def assemble(
     dict
         The content of card.json.
     """
-    sets = solutions if posterior is None else posterior[1]
+    parameter_sets = solutions if posterior is None else posterior[1]
     # The correlation of a parameter that is the same in all sets is undefined: write 0.
     # On a logarithmic scale, it is that of the logarithms.
-    coordinates = sets[list(space.free)]
+    coordinates = parameter_sets[list(space.free)]
     for name in space.scale:
         logarithms = space.coordinates(name, coordinates[name])
         coordinates = coordinates.assign(**{name: logarithms})
     correlations = coordinates.corr().fillna(0.0).round(4)
+
+    # Describe each parameter with its interval.
     intervals = find_intervals(space, solutions, posterior)
     parameters = {}
     for name in space.names:
@@ -85,10 +87,12 @@ def assemble(
             "meaning": (labels or {}).get(name, name),
             "value": value,
             **widen_to_value(space, name, value, low, high),
-            "given": _kind_of(name, space),
+            "given": _describe_origin(name, space),
         }
         if name in space.scale:
             parameters[name]["scale"] = space.scale[name]
+
+    # Put the parts together; 1 is the version of the card.
     card: dict[str, Any] = {"card": 1, "material": answer.label, **about}
     card |= {
         "parameters": parameters,
@@ -108,7 +112,7 @@ def assemble(
     card["within"] = {
         f"{percent:g} %": probability for percent, probability in answer.within.items()
     }
-    card["made_by"] = _made_by()
+    card["made_by"] = _describe_maker()
     return card
 
 
@@ -174,12 +178,13 @@ def widen_to_value(
     """
     if name not in space.free or low is None or high is None:
         return {"low": None, "high": None}
+    # Compare the value with both bounds along the scale of the parameter.
     k = space.free.index(name)
-    lower = float(space.coordinate_ends[0][k])
-    upper = float(space.coordinate_ends[1][k])
+    lowest = float(space.coordinate_ends[0][k])
+    highest = float(space.coordinate_ends[1][k])
     coordinate = float(space.coordinates(name, np.array(value)))
-    for side, bound in (("lower", lower), ("upper", upper)):
-        if abs(coordinate - bound) <= AT_BOUND * (upper - lower):
+    for side, bound in (("lower", lowest), ("upper", highest)):
+        if abs(coordinate - bound) <= AT_BOUND * (highest - lowest):
             return {"low": low, "high": high, "at_bound": side}
     interval: dict[str, Any] = {"low": min(low, value), "high": max(high, value)}
     if not low <= value <= high:
@@ -196,14 +201,14 @@ def with_remark(text: str, interval: Mapping[str, Any]) -> str:
     return text
 
 
-def _kind_of(name: str, space: ParameterSpace) -> str:
+def _describe_origin(name: str, space: ParameterSpace) -> str:
     """Return whether a parameter was calibrated or fixed."""
     if name in space.prior:
         return "calibrated from a prior"
     return "calibrated" if name in space.free else "fixed"
 
 
-def _made_by() -> dict[str, Any]:
+def _describe_maker() -> dict[str, Any]:
     """Name the version, configuration, engine and seed that made the card."""
     record = provenance.current() or provenance.machine()
     made_by = {name: record.get(key) for name, key in RECORDED.items()}

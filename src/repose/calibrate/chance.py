@@ -43,21 +43,27 @@ def chance_of_meeting(
     """
     random = np.random.default_rng(SEED)
     probabilities: dict[str, float | None] = dict.fromkeys((*targets.names, "all"))
+    # Bench tests are independent. A draw of all means meets the targets if it does so
+    # in each of them.
     are_all_met = np.ones(DRAWS, dtype=bool)
     for bench in targets.apparatus:
         targets_of_bench = [
             target for target in targets if target.response.apparatus == bench
         ]
+        # Collect the responses of the good runs in this bench test.
         rows = []
         for run in runs.get(bench, ()):
             if run["status"] == "ok":
                 rows.append([run[target.name] for target in targets_of_bench])
+        # A single run does not show the scatter, so all probabilities not yet known
+        # stay None.
         if len(rows) < 2:
             return probabilities
 
+        # Each draw is a possible true mean. Count the draws that meet a target.
         means = _draw_means(np.array(rows, dtype=float), random)
         for mean, target in zip(means.T, targets_of_bench, strict=True):
-            low, high = _interval(target, percent)
+            low, high = _find_accepted_range(target, percent)
             is_met = (mean >= low) & (mean <= high)
             probabilities[target.name] = float(is_met.mean())
             are_all_met &= is_met
@@ -65,8 +71,12 @@ def chance_of_meeting(
     return probabilities
 
 
-def _interval(target: Target, percent: float | None) -> tuple[float, float]:
-    """Return the ends of the tolerance about the aim, or of the range without one."""
+def _find_accepted_range(target: Target, percent: float | None) -> tuple[float, float]:
+    """Return the lowest and the highest mean that meets a target.
+
+    These are the ends of its range. With a tolerance in percent, they are as far from
+    the aim on both sides.
+    """
     if percent is None:
         return target.low, target.high
     tolerance = percent / 100 * target.whole

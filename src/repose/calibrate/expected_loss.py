@@ -1,4 +1,4 @@
-"""The parameter set of least expected loss.
+"""Find the parameter set of least expected loss, given the errors of a surrogate.
 
 The search (`repose.calibrate.inversion`) minimises Eq. 11 of the predicted responses.
 Thousands of sets reach the same minimum, but the errors of the surrogate differ among
@@ -72,15 +72,24 @@ def minimise_expected_loss(
 
     Priors of the parameters decide between sets of equal loss.
 
+    Parameters
+    ----------
+    surrogate : Surrogate
+        One that knows its errors.
+    space : ParameterSpace
+        Ranges, priors and constraints of the parameters.
+    targets : Targets
+
     Returns
     -------
     dict
-        The parameters and the predicted responses by name, and the entries of `judged`.
+        The parameters and the predicted responses by name, and the entries of
+        `assess_by_errors`.
     """
     from scipy.optimize import minimize
     from scipy.stats import qmc
 
-    loss = _loss_with_preference(surrogate, space, targets)
+    loss = _make_loss(surrogate, space, targets)
 
     # Start the local searches from the best points of a space-filling sequence.
     sequence = qmc.Sobol(space.dimensions, scramble=False)
@@ -91,23 +100,34 @@ def minimise_expected_loss(
     # SLSQP takes constraints; without any, L-BFGS-B is as in published results.
     options: dict[str, Any] = {"method": "L-BFGS-B"}
     if space.constraints:
-        inside = {"type": "ineq", "fun": lambda point: -_excess(space, point)}
-        options = {"method": "SLSQP", "constraints": [inside]}
+        obeys_constraints = {
+            "type": "ineq",
+            "fun": lambda point: -_compute_excesses(space, point),
+        }
+        options = {"method": "SLSQP", "constraints": [obeys_constraints]}
+    # Descend from each start.
     minima = [
         minimize(
-            _with_gradient, start, args=(loss,), jac=True, bounds=bounds, **options
+            _compute_loss_and_gradient,
+            start,
+            args=(loss,),
+            jac=True,
+            bounds=bounds,
+            **options,
         )
         for start in starts
     ]
-    found = np.array([minimum.x for minimum in minima])
+    end_points = np.array([minimum.x for minimum in minima])
     losses = np.array([minimum.fun for minimum in minima])
     if space.constraints:
         # A local search may end beyond a constraint by its tolerance.
-        found = np.vstack([found, starts])
+        end_points = np.vstack([end_points, starts])
         losses = np.concatenate([losses, loss(starts)])
-        losses = np.where(space.is_allowed(found), losses, np.inf)
-    best = found[losses.argmin()]
+        # The starts obey all constraints, so one point is always left.
+        losses = np.where(space.is_allowed(end_points), losses, np.inf)
+    best = end_points[losses.argmin()]
 
+    # Describe the best point.
     X = space.values(best[None])
     parameters = dict(zip(space.names, X[0].tolist(), strict=True))
     responses = surrogate.predict(X)[0].tolist()
@@ -116,14 +136,16 @@ def minimise_expected_loss(
     return parameters | predicted | assessment
 
 
-def _excess(space: ParameterSpace, point: np.ndarray) -> np.ndarray:
+def _compute_excesses(space: ParameterSpace, point: np.ndarray) -> np.ndarray:
     """Compute the excesses of a point (d,) over all constraints, with some room."""
     values = space.values(point[None])
-    excesses = [one.excess(values, space.names)[0] for one in space.constraints]
+    excesses = [
+        constraint.excess(values, space.names)[0] for constraint in space.constraints
+    ]
     return np.array(excesses) + ROOM * np.abs(values).max()
 
 
-def _loss_with_preference(
+def _make_loss(
     surrogate: Surrogate, space: ParameterSpace, targets: Targets
 ) -> Callable[[np.ndarray], np.ndarray]:
     """Make the function to minimise: the expected loss plus the cost of the priors.
@@ -144,11 +166,12 @@ def _loss_with_preference(
     return loss
 
 
-def _with_gradient(
+def _compute_loss_and_gradient(
     point: np.ndarray, loss: Callable[[np.ndarray], np.ndarray]
 ) -> tuple[float, np.ndarray]:
     """Return the loss at a point (d,) and its gradient by central differences."""
     steps = STEP * np.eye(len(point))
+    # Evaluate the point and its 2 d neighbours in one call.
     losses = loss(np.concatenate([point[None], point + steps, point - steps]))
     upper, lower = np.split(losses[1:], 2)
     return losses[0], (upper - lower) / (2 * STEP)

@@ -77,6 +77,7 @@ def invert(
         lowest objective.
     """
     _require_aims_in_ranges(targets)
+    # Search for points whose predictions meet the targets.
     respond = on_free_parameters(model, space)
     preference = Preference.of(space)
     result = _search(respond, space, targets, settings, preference)
@@ -86,16 +87,18 @@ def invert(
     if settings.answer == LEAST_LOSS and model.knows_its_errors:
         best = expected_loss.minimise_expected_loss(model, space, targets)
         points = _put_first(best, points, space, settings.distance)
-    Y = respond(points)
-    F, V = result.objective(Y)
-    rows = slice(_number_of_rows(V, settings.solutions))
+    responses = respond(points)
+    objectives, violations = result.objective(responses)
+    rows = slice(_count_rows(violations, settings.solutions))
     points = points[rows]
 
+    # Tabulate the solutions. Points have coordinates from -1 to 1, the unit cube from 0
+    # to 1.
     table = pd.DataFrame(space.values((points + 1) / 2), columns=list(space.names))
     table.insert(0, "solution", np.arange(1, len(table) + 1))
-    table[list(targets.predicted)] = Y[rows]
-    table["objective"] = F[rows]
-    table["violation"] = V[rows]
+    table[list(targets.predicted)] = responses[rows]
+    table["objective"] = objectives[rows]
+    table["violation"] = violations[rows]
     table["feasible"] = table["violation"] == 0
     table["representative"] = table["solution"] == 1
     if preference is not None:
@@ -103,6 +106,7 @@ def invert(
     if support is not None:
         table["warning"] = support.warnings(table[list(space.names)].to_numpy(float))
 
+    # Without a feasible solution, Table 3 describes the nearest ones.
     feasible_rows = table[table["feasible"]]
     counts = {
         "n_feasible_met": result.n_feasible,
@@ -113,8 +117,8 @@ def invert(
         solutions=table,
         intervals=intervals(feasible_rows if len(feasible_rows) else table, space),
         history=pd.DataFrame(result.history, columns=list(HISTORY)),
-        summary=_summary(table, space, targets, settings, counts)
-        | _not_simulated(table, space, support),
+        summary=_make_summary(table, space, targets, settings, counts)
+        | _find_missing_simulation(table, space, support),
     )
 
 
@@ -147,7 +151,7 @@ def _search(
     preference : Preference or None
         The cost of the priors.
     """
-    violation = _violation(space)
+    violation = _make_violation(space)
     largest_preference = preference.largest if preference else 0.0
     objective = Objective(targets, largest_preference)
     archive, history, n_feasible = search(
@@ -167,7 +171,7 @@ def _search(
     )
 
 
-def _violation(
+def _make_violation(
     space: ParameterSpace,
 ) -> Callable[[np.ndarray], np.ndarray] | None:
     """Make the function of points in [-1, 1] that measures violated constraints."""
@@ -184,7 +188,7 @@ def _require_aims_in_ranges(targets: Targets) -> None:
             raise InputError("targets", target.name, target.aim, allowed)
 
 
-def _number_of_rows(violations: np.ndarray, most: int) -> int:
+def _count_rows(violations: np.ndarray, most: int) -> int:
     """Return how many of the points, the best first, become solutions.
 
     They are the feasible ones, at most `most`, and the representative; at least
@@ -202,6 +206,12 @@ def on_free_parameters(
 ) -> Callable[[np.ndarray], np.ndarray]:
     """Turn the surrogate into a function of only the free parameters.
 
+    Parameters
+    ----------
+    surrogate : Surrogate
+    space : ParameterSpace
+        Its fixed parameters keep their values.
+
     Returns
     -------
     callable
@@ -209,11 +219,13 @@ def on_free_parameters(
         predicted responses (n, k).
     """
     if space.scale and dict(surrogate.scale) != space.scale:
-        # This surrogate has no function that is even along the scales.
+        # The response function of this surrogate is even along other scales, so predict
+        # from the values of the parameters.
         return lambda points: surrogate.predict(space.values((points + 1) / 2))
     low = space.complete(space.low)[0]
     high = space.complete(space.high)[0]
     respond = surrogate.response_function(low, high)
+    # Without fixed parameters, the function has the right inputs.
     if space.dimensions == len(space.names):
         return respond
     columns = [space.names.index(name) for name in space.free]
@@ -230,8 +242,18 @@ def on_free_parameters(
 def intervals(solutions: pd.DataFrame, space: ParameterSpace) -> pd.DataFrame:
     """Make Table 3: interval and dispersion of each parameter.
 
-    The dispersion is the width of the interval, in percent of that of the range, both
-    along the scale of the parameter.
+    Parameters
+    ----------
+    solutions : pandas.DataFrame
+        Parameter sets, one per row.
+    space : ParameterSpace
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each parameter: `variable`, `low`, `high`, and `dispersion_percent`.
+        This is the width of the interval in percent of the range, both along the scale
+        of the parameter.
     """
     names = list(space.names)
     low = solutions[names].min().to_numpy(float)
@@ -275,7 +297,7 @@ def message(
             f"{distance:g} apart in normalised parameters; the answer is predicted "
             f"{predicted}, {deviations} from the target {aims}."
         )
-    outside = in_words(_outside(responses, targets.low, targets.high))
+    outside = in_words(_measure_distances(responses, targets.low, targets.high))
     return (
         "All later stages use the nearest solutions: the answer is predicted "
         f"{predicted}, {outside} outside the ranges {ranges}, {deviations} from the "
@@ -283,7 +305,7 @@ def message(
     )
 
 
-def _summary(
+def _make_summary(
     table: pd.DataFrame,
     space: ParameterSpace,
     targets: Targets,
@@ -304,8 +326,9 @@ def _summary(
     """
     best = table.iloc[0]
     responses = best[list(targets.predicted)].to_numpy(float)
-    range_distances = _outside(responses, targets.low, targets.high)
-    aim_distances = _outside(responses, targets.aim, targets.aim)
+    # A target is a range, or for the distance from the aim a range of no width.
+    range_distances = _measure_distances(responses, targets.low, targets.high)
+    aim_distances = _measure_distances(responses, targets.aim, targets.aim)
     representative = {}
     for name in (*space.names, *targets.predicted, "objective"):
         representative[name] = float(best[name])
@@ -323,12 +346,12 @@ def _summary(
     }
 
 
-def _not_simulated(
+def _find_missing_simulation(
     table: pd.DataFrame, space: ParameterSpace, support: Support | None
 ) -> dict[str, Any]:
-    """Return the key `stop` where the nearest set lies at an end without samples.
+    """Return the key `stop` if the nearest set lies at an end without samples.
 
-    The result is empty if a solution is feasible, or samples are near all these ends.
+    The response may be steep there, so the targets are not known to be out of reach.
 
     Parameters
     ----------
@@ -336,7 +359,13 @@ def _not_simulated(
         The solutions, the representative one first.
     space : ParameterSpace
     support : Support or None
-        Of the samples.
+        Region that the samples cover.
+
+    Returns
+    -------
+    dict
+        It is empty if a solution is feasible, if samples are near all these ends, or
+        without a support.
     """
     if support is None or table["feasible"].any():
         return {}
@@ -363,7 +392,12 @@ def _put_first(
     return np.vstack([point, points[is_kept]])
 
 
-def _outside(responses: np.ndarray, low: np.ndarray, high: np.ndarray) -> list[float]:
-    """Measure how far each response (k,) is from the range low to high; 0 inside."""
+def _measure_distances(
+    responses: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> list[float]:
+    """Measure how far each response (k,) lies outside the range from low to high.
+
+    The distance of a response inside its range is 0.
+    """
     distance = np.maximum(np.maximum(low - responses, responses - high), 0.0)
     return [float(value) for value in distance]

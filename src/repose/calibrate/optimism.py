@@ -1,4 +1,6 @@
-"""How much too favourable predictions are where a search chose the parameters (optimism).
+"""Estimate how much too favourable predictions are where a search chose the parameters.
+
+This bias is called optimism.
 
 A fit of noisy pours is too high at some places and too low at others. The search takes
 places where the fit meets the targets. Where the targets are near the edge of what is
@@ -64,7 +66,7 @@ class Pours(NamedTuple):
     noise: Mapping[str, Any]
 
     @classmethod
-    def of(
+    def collect(
         cls,
         surrogate: Surrogate,
         dataset: pd.DataFrame,
@@ -87,7 +89,7 @@ class Pours(NamedTuple):
         noise = Replicates.of(runs, samples, targets)
         if noise is None:
             return None
-        rows = dataset.set_index("sample").loc[samples]
+        samples_of_fit = dataset.set_index("sample").loc[samples]
         good = runs[runs["status"] == "ok"]
         counts = []
         deviations = []
@@ -95,14 +97,16 @@ class Pours(NamedTuple):
         # Each bench test has separate runs, so collect them one test at a time.
         for bench, columns_of_bench in targets.benches.items():
             names = [targets.names[k] for k in columns_of_bench]
-            groups = dict(list(of_bench(good, bench).groupby("sample")[names]))
-            values = [groups[sample].to_numpy(float) for sample in samples]
-            counts.append(np.array([len(pours) for pours in values]))
-            deviations.append(_deviations(values))
+            runs_by_sample = dict(list(of_bench(good, bench).groupby("sample")[names]))
+            pours_of_samples = [
+                runs_by_sample[sample].to_numpy(float) for sample in samples
+            ]
+            counts.append(np.array([len(pours) for pours in pours_of_samples]))
+            deviations.append(_compute_deviations(pours_of_samples))
             columns.append(list(columns_of_bench))
         return cls(
-            X=rows[list(surrogate.inputs)].to_numpy(float),
-            means=rows[list(targets.names)].to_numpy(float),
+            X=samples_of_fit[list(surrogate.inputs)].to_numpy(float),
+            means=samples_of_fit[list(targets.names)].to_numpy(float),
             counts=counts,
             deviations=deviations,
             columns=columns,
@@ -115,15 +119,17 @@ class Pours(NamedTuple):
         for columns, counts, deviations in zip(
             self.columns, self.counts, self.deviations, strict=True
         ):
-            for sample, (count, of_sample) in enumerate(
+            for sample, (count, sample_deviations) in enumerate(
                 zip(counts, deviations, strict=True)
             ):
-                drawn = of_sample[random.integers(len(of_sample), size=count)]
-                means[sample, columns] += drawn.mean(axis=0)
+                drawn_deviations = sample_deviations[
+                    random.integers(len(sample_deviations), size=count)
+                ]
+                means[sample, columns] += drawn_deviations.mean(axis=0)
         return means
 
 
-def _deviations(values: Sequence[np.ndarray]) -> list[np.ndarray]:
+def _compute_deviations(values: Sequence[np.ndarray]) -> list[np.ndarray]:
     """Compute the deviations of the pours of each sample from its mean.
 
     The mean square of n pours about their own mean is on average (n - 1) / n of the
@@ -186,9 +192,9 @@ def expected_optimism(
     differences_by_role: dict[str, list[np.ndarray]] = {}
     for k in range(replicates):
         random = np.random.default_rng([seed, k])
-        refitted = surrogate.refit(pours.X, pours.draw(random), **pours.noise)
-        sets, roles = search(refitted)
-        differences = refitted.predict(sets) - surrogate.predict(sets)
+        replicate = surrogate.refit(pours.X, pours.draw(random), **pours.noise)
+        sets, roles = search(replicate)
+        differences = replicate.predict(sets) - surrogate.predict(sets)
         # Average over the sets with the same role; there may be many feasible ones.
         for role in dict.fromkeys(roles):
             has_role = np.array([other == role for other in roles])
@@ -196,11 +202,11 @@ def expected_optimism(
             differences_by_role.setdefault(role, []).append(mean)
     rows = []
     for role, differences_of_replicates in differences_by_role.items():
-        rows += _rows_of_role(role, np.array(differences_of_replicates), targets)
+        rows += _make_rows(role, np.array(differences_of_replicates), targets)
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
-def _rows_of_role(
+def _make_rows(
     role: str, differences: np.ndarray, targets: Targets
 ) -> list[tuple[str, str, float, float, int]]:
     """Make a row of `COLUMNS` for each response, from differences (replicates, k)."""
@@ -215,7 +221,7 @@ def _rows_of_role(
     ]
 
 
-def short(settings: MigaSettings) -> MigaSettings:
+def shorten(settings: MigaSettings) -> MigaSettings:
     """Limit a search to the `ROUNDS` that a replicate makes."""
     rounds = min(ROUNDS, settings.rounds)
     return settings.model_copy(update={"rounds": rounds})
@@ -227,7 +233,7 @@ def representative_again(
     """Make a short search that ends with the representative set alone."""
 
     def search(surrogate: Surrogate) -> tuple[np.ndarray, Sequence[str]]:
-        solutions = invert(surrogate, space, targets, short(settings)).solutions
+        solutions = invert(surrogate, space, targets, shorten(settings)).solutions
         chosen = solutions[solutions["representative"]]
         return chosen[list(space.names)].to_numpy(float), [REPRESENTATIVE]
 

@@ -14,7 +14,7 @@ from repose.calibrate.answer import (
     Result,
     out_of_reach,
 )
-from repose.calibrate.bounds import in_words
+from repose.calibrate.bounds import describe_near_bound
 from repose.calibrate.targets import Target, Targets
 from repose.common.errors import InputError, require
 from repose.common.files import Path_, read_json
@@ -128,7 +128,7 @@ def read(  # noqa: PLR0913  (each describes the study of the answer)
         why=summary.get("why", ""),
         out_of_reach=out_of_reach(summary),
         small_run=small_run,
-        near_bounds=tuple(map(in_words, summary.get("near_bounds", ()))),
+        near_bounds=tuple(map(describe_near_bound, summary.get("near_bounds", ()))),
         within=within,
         inside=_number_or_none(first_row, INSIDE),
         labels=LABELS,

@@ -10,8 +10,8 @@ from repose.calibrate.answer import (
     Check,
     Verdict,
     describe_probability,
-    in_one_line,
     nearness,
+    write_verdict_line,
 )
 from repose.calibrate.card import RANGE, with_remark
 
@@ -29,7 +29,7 @@ def verdict(card: Card) -> str:
     )
     checks = map(_read_check, card["tests"])
     state = state_of(card)
-    line = in_one_line(
+    line = write_verdict_line(
         state, checks, reason=reason, small_run=card.get("small_run", False)
     )
     text = f"{card['material']}: {line}"

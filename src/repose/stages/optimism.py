@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from repose.calibrate.inversion import invert
-from repose.calibrate.optimism import COLUMNS, Pours, Search, expected_optimism, short
+from repose.calibrate.optimism import COLUMNS, Pours, Search, expected_optimism, shorten
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.search.settings import MigaSettings
 from repose.calibrate.surrogates import Surrogate, load
@@ -39,7 +39,7 @@ def search_again(
     """
 
     def search(surrogate: Surrogate) -> tuple[np.ndarray, Sequence[str]]:
-        solutions = invert(surrogate, parameters, targets, short(settings)).solutions
+        solutions = invert(surrogate, parameters, targets, shorten(settings)).solutions
         selected = select_for_validation(solutions, count, parameters)
         sets = selected[list(parameters.names)].to_numpy(float)
         return sets, selected["role"].tolist()
@@ -87,7 +87,7 @@ def run(
     surrogate = load(surrogate_json, targets.names)
     dataset = read_dataset(dataset_csv, targets, names)
     runs = read_runs(runs_csv, targets, dataset, dataset_csv)
-    pours = Pours.of(surrogate, dataset, runs, targets)
+    pours = Pours.collect(surrogate, dataset, runs, targets)
     table = pd.DataFrame(columns=list(COLUMNS))
     if pours is not None and settings.replicates:
         table = expected_optimism(

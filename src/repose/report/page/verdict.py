@@ -10,8 +10,8 @@ from repose.calibrate.answer import (
     Check,
     Verdict,
     describe_optimism,
-    in_one_line,
     out_of_reach,
+    write_verdict_line,
 )
 from repose.measure.settings import describe_line_of_response
 from repose.report.page.study import Results
@@ -54,7 +54,7 @@ def verdict_of(study: Results) -> VerdictText:
         out_of_reach=out_of_reach(study.summary),
     )
     is_only_predicted = assessment.feasible and assessment.verdict is Verdict.UNCHECKED
-    line = in_one_line(
+    line = write_verdict_line(
         assessment.verdict,
         checks,
         reason=assessment.reason,

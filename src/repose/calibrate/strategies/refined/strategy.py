@@ -124,7 +124,7 @@ def _optimism(
     """
     settings = study.settings.miga
     runs = runs_by_bench(data, study.targets)
-    pours = Pours.of(training.model, samples, runs, study.targets)
+    pours = Pours.collect(training.model, samples, runs, study.targets)
     if pours is None or not settings.replicates:
         return []
     table = expected_optimism(
