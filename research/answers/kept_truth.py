@@ -117,7 +117,7 @@ class DataSet(NamedTuple):
         targets = study.targets
         samples, runs = self.tables(study, targets)
         numbers = samples["sample"].tolist()
-        noise = Replicates.of(runs, numbers, targets)
+        noise = Replicates.estimate(runs, numbers, targets)
         model = make(study.settings.surrogate, settings)
         model.describe(study.parameters.names, targets.names, {}, numbers)
         means = samples[list(targets.names)].to_numpy(float)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from repose.calibrate.bounds import in_words, near_bounds
+from repose.calibrate.bounds import describe_near_bound, near_bounds
 from repose.calibrate.parameter_space import ParameterSpace
 
 SPACE = ParameterSpace(
@@ -61,5 +61,5 @@ def test_a_fixed_parameter_has_no_bound():
 
 
 def test_the_words_name_parameter_value_error_and_bound():
-    text = in_words(found(a=0.05)["a"])
+    text = describe_near_bound(found(a=0.05)["a"])
     assert text == "a 0.05 is within one standard error of the fit (0.1) of its bound 0"

@@ -11,7 +11,7 @@ import pytest
 
 import repose
 from repose.calibrate import card
-from repose.calibrate.bounds import in_words, near_bounds
+from repose.calibrate.bounds import describe_near_bound, near_bounds
 from repose.calibrate.designs.latin_hypercube import optimal_lhs, parameter_sets
 from repose.calibrate.inversion import intervals, on_free_parameters
 from repose.calibrate.parameter_space import ParameterSpace
@@ -236,7 +236,7 @@ def test_a_bound_is_near_within_a_standard_error_of_the_logarithm():
     assert near["bound"] == LOW
     assert near["factor"] == pytest.approx(np.exp(0.25))
     assert near["standard_error"] == pytest.approx(0.25 * 1.2e-4)
-    assert "(a factor of 1.3) of its bound 0.0001" in in_words(near)
+    assert "(a factor of 1.3) of its bound 0.0001" in describe_near_bound(near)
     assert not near_bounds(Plane(), {"gamma": 1.3e-4, "mu": 0.5, "e": 0.4}, SPACE)
 
 

@@ -338,7 +338,7 @@ def test_noise_of_bench_tests_is_independent():
     )
     turns["drum_slip_deg"] = random.normal(40, 3.0, size=800)
     targets = Targets.of([shared.TARGETS[0], shared.SLIP, shared.TARGETS[1]])
-    found = train.Replicates.of(pd.concat([pours, turns]), samples, targets)
+    found = train.Replicates.estimate(pd.concat([pours, turns]), samples, targets)
     covariance = found.noise_covariance
     assert found.precision.tolist() == [4.0] * 400
     assert found.noise_freedom == pytest.approx((2 * 1200 + 400) / 3)
@@ -348,7 +348,7 @@ def test_noise_of_bench_tests_is_independent():
     # means of two runs beside means of four
     assert covariance[1, 1] == pytest.approx(2 * 9.0, rel=0.15)
     assert (
-        train.Replicates.of(
+        train.Replicates.estimate(
             pd.concat([pours, turns.drop_duplicates("sample")]), samples, targets
         )
         is None

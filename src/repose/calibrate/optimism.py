@@ -86,7 +86,7 @@ class Pours(NamedTuple):
         targets : Targets
         """
         samples = list(surrogate.samples)
-        noise = Replicates.of(runs, samples, targets)
+        noise = Replicates.estimate(runs, samples, targets)
         if noise is None:
             return None
         samples_of_fit = dataset.set_index("sample").loc[samples]

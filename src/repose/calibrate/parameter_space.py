@@ -77,11 +77,17 @@ class ParameterSpace:
             For each parameter a range, a fixed value, a range with a scale, or a prior
             with or without a range.
         names : sequence of str, optional
-            The parameters to read, in this order; by default all of the section.
+            The parameters to read, in this order. By default (None) these are all of
+            the section.
         limits : mapping, optional
             Lowest and highest value by name, to which a prior without a range is cut.
+            Parameters that are not named have no limits.
         constraints : sequence of str, optional
-            The key `constraints` of the configuration.
+            The key `constraints` of the configuration, such as "mur <= 0.5 * mus".
+
+        Returns
+        -------
+        ParameterSpace
         """
         if names is None:
             names = tuple(section)
@@ -91,6 +97,7 @@ class ParameterSpace:
         scale: dict[str, str] = {}
         for name in names:
             entry = section[name]
+            # A fixed parameter has neither range, scale nor prior.
             if isinstance(entry, Mapping) and "fixed" in entry:
                 fixed[name] = float(entry["fixed"])
                 continue
@@ -222,9 +229,18 @@ class ParameterSpace:
         return self.violation(unit) <= 0
 
     def violation(self, unit: np.ndarray) -> np.ndarray:
-        """Compute by how much points (n, d) of the unit cube violate the constraints.
+        """Compute by how much points of the unit cube violate the constraints.
 
-        It is the sum of the excesses (n,) above 0; 0 where all constraints are obeyed.
+        Parameters
+        ----------
+        unit : numpy.ndarray, (n, d)
+            Points of the unit cube.
+
+        Returns
+        -------
+        numpy.ndarray, (n,)
+            The sum of the excesses, each as a share of the largest that the ranges
+            allow. It is 0 where all constraints are obeyed.
         """
         total = np.zeros(len(unit))
         for excess in self.excesses(unit).T:
@@ -243,12 +259,15 @@ class ParameterSpace:
         if not self.constraints:
             return np.zeros((len(unit), 0))
         values = self.values(unit)
+        # Excesses of different constraints are compared by the largest values of their
+        # parameters.
         low, high = self.complete(np.array([self.low, self.high]))
-        largest = np.maximum(np.abs(low), np.abs(high))[None]
+        largest_values = np.maximum(np.abs(low), np.abs(high))[None]
         columns = []
         for constraint in self.constraints:
             excess = constraint.excess(values, self.names)
-            columns.append(excess / constraint.size(largest, self.names))
+            size = constraint.size(largest_values, self.names)
+            columns.append(excess / size)
         return np.column_stack(columns)
 
     @cached_property
@@ -274,11 +293,21 @@ class ParameterSpace:
         return min(share_of_ranges, len(self._allowed_prior) / SPREAD_POINTS)
 
     def log_prior(self, unit: np.ndarray) -> np.ndarray:
-        """Compute the log prior density (n,) at points (n, d) of the unit cube.
+        """Compute the logarithm of the prior density at points of the unit cube.
 
-        It is known up to a constant, and 0 without priors. A normal prior is one of the
-        value, whatever the scale, so its density in the logarithm has the value as a
-        further factor. It is -inf where a constraint is violated.
+        It is known up to a constant, and 0 without priors. A prior is a normal density
+        of the value. On a logarithmic scale, the density in the coordinate is this
+        density times the value.
+
+        Parameters
+        ----------
+        unit : numpy.ndarray, (n, d)
+            Points of the unit cube.
+
+        Returns
+        -------
+        numpy.ndarray, (n,)
+            -inf where a constraint is violated.
         """
         total = np.zeros(len(unit))
         if self.constraints:
@@ -310,20 +339,32 @@ class ParameterSpace:
         return share
 
     def marginal_cdf(self, unit: np.ndarray) -> np.ndarray:
-        """Compute the distribution function (n, d) of each parameter among allowed sets.
+        """Compute the distribution function of each parameter among the allowed sets.
 
-        Without constraints it is `prior_cdf`.
+        Without constraints it is `prior_cdf`. With them it is the rank of the parameter
+        among many sets of the prior, of which only the allowed ones count.
+
+        Parameters
+        ----------
+        unit : numpy.ndarray, (n, d)
+            Points of the unit cube.
+
+        Returns
+        -------
+        numpy.ndarray, (n, d)
+            Numbers from 0 to 1.
         """
-        share = self.prior_cdf(unit)
+        shares = self.prior_cdf(unit)
         if not self.constraints:
-            return share
+            return shares
         allowed = np.sort(self.prior_cdf(self._allowed_prior), axis=0)
         ranks = (np.arange(len(allowed)) + 0.5) / len(allowed)
+        # Both ends of the range keep the shares 0 and 1.
         for k in range(self.dimensions):
-            share[:, k] = np.interp(
-                share[:, k], [0.0, *allowed[:, k], 1.0], [0.0, *ranks, 1.0]
+            shares[:, k] = np.interp(
+                shares[:, k], [0.0, *allowed[:, k], 1.0], [0.0, *ranks, 1.0]
             )
-        return share
+        return shares
 
     def marginal_quantiles(self, shares: np.ndarray) -> np.ndarray:
         """Compute the values (n, d) with shares (n,) of the allowed prior below them."""
@@ -355,16 +396,22 @@ def scale_of(entry: Any) -> str:
 def range_of(
     name: str, entry: Any, limits: Limits | None = None
 ) -> tuple[float, float]:
-    """Return the lowest and the highest value of a parameter; equal if it is fixed.
+    """Return the lowest and the highest value of a parameter.
 
     Parameters
     ----------
     name : str
-        Of the parameter.
+        Name of the parameter.
     entry : pair or mapping
         Its entry in the section `parameters`.
     limits : mapping, optional
-        As in `ParameterSpace.of`.
+        Lowest and highest value by name, to which a prior without a range is cut.
+        Without limits the prior is not cut.
+
+    Returns
+    -------
+    pair of float
+        Both are the same for a fixed parameter.
     """
     if not isinstance(entry, Mapping):
         return float(entry[0]), float(entry[1])

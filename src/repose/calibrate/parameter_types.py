@@ -1,4 +1,4 @@
-"""Types of the entries of the section `parameters`, and checks of the whole section."""
+"""Check the entries of the section `parameters`, one by one and together."""
 
 import math
 import sys
@@ -43,12 +43,12 @@ class _Bounds:
     def check(self, entry: Any) -> Any:
         """Return an entry of the section; raise the error of a validator for a bad one."""
         if isinstance(entry, Mapping):
-            refuse(self._faults(entry))
+            refuse(self._find_faults(entry))
         elif not self._is_range(entry):
             refuse([("", self.allowed)])
         return entry
 
-    def _holds(self, value: Any) -> bool:
+    def _is_within_bounds(self, value: Any) -> bool:
         """Return whether a value is a number within the bounds."""
         return _is_number(value) and bool(self.low <= value <= self.high)
 
@@ -57,15 +57,26 @@ class _Bounds:
         if not isinstance(value, list | tuple) or len(value) != 2:
             return False
         first, last = value
-        if not (self._holds(first) and self._holds(last)):
+        if not (self._is_within_bounds(first) and self._is_within_bounds(last)):
             return False
         return bool(last - first > max(1e-30, 1e-9 * max(abs(first), abs(last))))
 
-    def _faults(self, entry: Mapping[str, Any]) -> Contradictions:
-        """Yield (key, what is allowed) for each fault of an entry that is a section.
+    def _find_faults(self, entry: Mapping[str, Any]) -> Contradictions:
+        """Find the faults of an entry that is a section.
 
-        A valid entry has the key fixed alone, a range with a scale, or a prior with or
-        without a range.
+        A valid entry has the key `fixed` alone, a range with a scale, or a prior with
+        or without a range.
+
+        Parameters
+        ----------
+        entry : mapping
+            The entry, as the user wrote it.
+
+        Yields
+        ------
+        pair of str
+            The wrong key, and what is allowed. The key is empty if the entry as a whole
+            is wrong.
         """
         unknown = [str(key) for key in entry if key not in KEYS]
         for key in unknown:
@@ -76,7 +87,7 @@ class _Bounds:
         if "fixed" in entry:
             if len(entry) > 1:
                 yield "", "fixed alone, or prior with or without range"
-            elif not self._holds(entry["fixed"]):
+            elif not self._is_within_bounds(entry["fixed"]):
                 yield "fixed", self.number
             return
 
@@ -88,6 +99,7 @@ class _Bounds:
             )
             return
 
+        # What remains is a prior, or a range with a scale.
         prior = entry.get("prior")
         has_good_range = "range" not in entry or self._is_range(entry["range"])
         is_complete = prior is not None or {"range", "scale"} <= set(entry)
@@ -95,11 +107,11 @@ class _Bounds:
             yield "", self.allowed
             return
         if prior is not None:
-            yield from self._faults_of_prior(prior)
+            yield from self._find_prior_faults(prior)
         if has_good_range:
-            yield from self._faults_of_scale(entry)
+            yield from self._find_scale_faults(entry)
 
-    def _faults_of_scale(self, entry: Mapping[str, Any]) -> Contradictions:
+    def _find_scale_faults(self, entry: Mapping[str, Any]) -> Contradictions:
         """Yield (key, what is allowed) for a fault of a scale; the range is good."""
         scale = entry.get("scale", LINEAR)
         if not isinstance(scale, str) or scale not in SCALES:
@@ -107,11 +119,11 @@ class _Bounds:
         elif scale == LOG and not ("range" in entry and entry["range"][0] > 0):
             yield "range", f"a pair [low, high] with low above 0, where scale is {LOG}"
 
-    def _faults_of_prior(self, prior: Any) -> Contradictions:
+    def _find_prior_faults(self, prior: Any) -> Contradictions:
         """Yield (key, what is allowed) for a fault of a prior."""
         if not isinstance(prior, Mapping) or set(prior) != {"mean", "sd"}:
             yield "prior", "a section with the keys mean and sd"
-        elif not self._holds(prior["mean"]):
+        elif not self._is_within_bounds(prior["mean"]):
             yield "prior", f"a mean that is {self.number}"
         elif not (_is_number(prior["sd"]) and 0 < prior["sd"] <= self.high):
             limit = f" and up to {self.high:g}" if self.is_bounded else ""
@@ -153,13 +165,26 @@ def parameter(low: float, high: float) -> Any:
 
 
 def far_priors(parameters: Mapping[str, Any]) -> Contradictions:
-    """Refuse parameters whose range lies outside the bulk of their prior."""
+    """Refuse parameters whose range lies outside the bulk of their prior.
+
+    The bulk is `PRIOR_WIDTHS` standard deviations on each side of the mean.
+
+    Parameters
+    ----------
+    parameters : mapping
+        The section `parameters`, whose entries have no faults.
+
+    Yields
+    ------
+    pair of str
+        Name of the parameter, and what is allowed.
+    """
     for name, entry in parameters.items():
         if not isinstance(entry, Mapping) or not {"prior", "range"} <= set(entry):
             continue
         mean = entry["prior"]["mean"]
-        half = PRIOR_WIDTHS * entry["prior"]["sd"]
-        low, high = mean - half, mean + half
+        half_width = PRIOR_WIDTHS * entry["prior"]["sd"]
+        low, high = mean - half_width, mean + half_width
         if high < entry["range"][0] or low > entry["range"][1]:
             yield (
                 name,
@@ -169,10 +194,20 @@ def far_priors(parameters: Mapping[str, Any]) -> Contradictions:
 
 
 def wide_ranges(parameters: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a sentence for each parameter whose range is too wide for a linear scale.
+    """Describe each parameter whose range is too wide for a linear scale.
 
-    A parameter whose entry names a scale has none. A range that begins at 0 has no number
-    of decades, and a range below 0 no logarithm.
+    A parameter whose entry names a scale has been decided by its user. A range that
+    begins at 0 has no number of decades, and a range below 0 no logarithm.
+
+    Parameters
+    ----------
+    parameters : mapping
+        The section `parameters`, whose entries have no faults.
+
+    Yields
+    ------
+    str
+        A sentence with the remedy.
     """
     for name, entry in parameters.items():
         if isinstance(entry, Mapping) and not {"scale", "fixed"}.isdisjoint(entry):

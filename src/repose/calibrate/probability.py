@@ -1,6 +1,7 @@
-"""Probability that mean responses lie within a tolerance of the targets.
+"""Compute the probability that mean responses lie near their targets.
 
-(G92)  Genz 1992, Numerical computation of multivariate normal probabilities, J. Comput. Graph. Stat. 1, 141
+(G92)  Genz 1992, Numerical computation of multivariate normal probabilities, J. Comput.
+Graph. Stat. 1, 141
 """
 
 import numpy as np
@@ -36,18 +37,21 @@ def probability_in_box(
     from scipy.stats import qmc
 
     k = mean.shape[1]
-    root = np.linalg.cholesky(covariance)
+    cholesky_root = np.linalg.cholesky(covariance)
     # Draw a column of uniform numbers for each response except the last. Shift all points
     # by half a step, because the first point of the sequence is 0.
     uniform = np.zeros((1, 0))
     if k > 1:
         uniform = qmc.Sobol(k - 1, scramble=False).random(POINTS) + 0.5 / POINTS
+    # Axes: vectors, points of the sequence, responses.
     z = np.zeros((len(mean), len(uniform), k))
     probability = np.ones((len(mean), len(uniform)))
     for i in range(k):
         # Given the earlier responses, the mean of response i is shifted.
-        shift = np.einsum("mj,mpj->mp", root[:, i, :i], z[:, :, :i])
-        sd = root[:, i, i, None]
+        shift = np.einsum("mj,mpj->mp", cholesky_root[:, i, :i], z[:, :, :i])
+        sd = cholesky_root[:, i, i, None]
+        # Distribution function at both ends, for each vector (rows) and point
+        # (columns).
         below_low = ndtr((low[i] - mean[:, i, None] - shift) / sd)
         below_high = ndtr((high[i] - mean[:, i, None] - shift) / sd)
         probability *= below_high - below_low

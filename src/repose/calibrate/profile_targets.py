@@ -130,8 +130,8 @@ def expand_profiles(targets: Any, source: Any) -> Any:
     entries = []
     for k, entry in enumerate(targets):
         if _is_profile(entry):
-            measured = _checked({str(k): entry}, _Targets[BenchProfile], source)
-            entries += _bench_scores(measured, f"targets.{k}", source)
+            measured = _validate_entry({str(k): entry}, _Targets[BenchProfile], source)
+            entries += _make_bench_targets(measured, f"targets.{k}", source)
         else:
             entries.append(entry)
     return entries
@@ -159,33 +159,50 @@ def expand_own_profiles(targets: Any, source: Any) -> Any:
         if not _is_profile(entry):
             entries[name] = entry
             continue
-        scores = _own_scores(name, entry, source)
-        names_of_others = {*targets, *entries}
-        repeated = [score for score in scores if score in names_of_others]
-        if repeated:
+        score_targets = _make_own_targets(name, entry, source)
+        # The scores become targets beside the others, so each name must be new.
+        other_names = {*targets, *entries}
+        repeated_names = [score for score in score_targets if score in other_names]
+        if repeated_names:
             allowed = "a profile whose scores have names of no other target"
-            raise InputError(source, f"targets.{name}", repeated, allowed)
-        entries.update(scores)
+            raise InputError(source, f"targets.{name}", repeated_names, allowed)
+        entries.update(score_targets)
     return entries
 
 
-def _own_scores(
+def _make_own_targets(
     name: str, entry: Mapping[str, Any], source: Any
 ) -> dict[str, dict[str, Any]]:
-    """Make the targets of the scores of the user's own profile, by name."""
-    measured = _checked({name: entry}, _Targets[OwnProfile], source)
-    line = _read(measured, name)
+    """Make the targets of the scores of the user's own profile.
+
+    Parameters
+    ----------
+    name : str
+        Name of the profile in the section `targets`.
+    entry : mapping
+        Its entry, which was not checked yet.
+    source : object
+        File of the configuration, for an error.
+
+    Returns
+    -------
+    dict
+        An entry of the section `targets` for each score, by its name.
+    """
+    measured = _validate_entry({name: entry}, _Targets[OwnProfile], source)
+    line = _read_profile(measured, name)
     profile = line.profile
-    common: dict[str, Any] = {}
+    common_keys: dict[str, Any] = {}
     for key in ("unit", "definition"):
         if key in entry:
-            common[key] = getattr(measured, key)
+            common_keys[key] = getattr(measured, key)
     if measured.noise_sd is not None:
         # The variances of the scores add up to that of a height.
-        common["noise_sd"] = measured.noise_sd / math.sqrt(profile.functions)
-    scores = _scores(measured, line, {})
+        common_keys["noise_sd"] = measured.noise_sd / math.sqrt(profile.functions)
+    scores = _describe_scores(measured, line, {})
     return {
-        score: keys | common for score, keys in zip(profile.names, scores, strict=True)
+        score: score_keys | common_keys
+        for score, score_keys in zip(profile.names, scores, strict=True)
     }
 
 
@@ -194,7 +211,7 @@ def _is_profile(entry: Any) -> bool:
     return isinstance(entry, Mapping) and "file" in entry
 
 
-def _checked(
+def _validate_entry(
     targets: Mapping[str, Any], model: type[_Targets[Measured]], source: Any
 ) -> Measured:
     """Make the only entry of `targets` an instance of its model.
@@ -212,7 +229,7 @@ def _checked(
     return entry
 
 
-def _bench_scores(
+def _make_bench_targets(
     measured: BenchProfile, key: str, source: Any
 ) -> list[dict[str, Any]]:
     """Make the targets of the scores of a profile of a bench test.
@@ -226,31 +243,32 @@ def _bench_scores(
         File of the configuration, for an error.
     """
     # Look up the bench test by the first score, which is a registered response.
-    first = named(derived(measured.response, "1"))
-    if first is None or first.profile != measured.response:
+    first_response = named(derived(measured.response, "1"))
+    if first_response is None or first_response.profile != measured.response:
         allowed = "the profile of a bench test, such as turning_profile_mm"
         raise InputError(source, f"{key}.response", measured.response, allowed)
-    if measured.apparatus not in (None, first.apparatus):
+    if measured.apparatus not in (None, first_response.apparatus):
         raise InputError(
-            source, f"{key}.apparatus", measured.apparatus, first.apparatus
+            source, f"{key}.apparatus", measured.apparatus, first_response.apparatus
         )
-    line = _read(measured, measured.response)
+    # Share the weight of the profile among its scores.
+    line = _read_profile(measured, measured.response)
     weight = measured.weight / line.profile.functions
-    scores = _scores(measured, line, {"covered": measured.covered})
+    scores = _describe_scores(measured, line, {"covered": measured.covered})
     entries = []
-    for name, keys in zip(line.profile.names, scores, strict=True):
+    for name, score_keys in zip(line.profile.names, scores, strict=True):
         entries.append(
             {
                 "response": name,
-                "apparatus": first.apparatus,
+                "apparatus": first_response.apparatus,
                 "weight": weight,
-                **keys,
+                **score_keys,
             }
         )
     return entries
 
 
-def _scores(
+def _describe_scores(
     measured: MeasuredProfile, line: _MeasuredLine, profile_keys: Mapping[str, Any]
 ) -> Iterator[dict[str, Any]]:
     """Yield the configuration of the target of each score, with the profile.
@@ -288,7 +306,7 @@ def _scores(
         }
 
 
-def _read(measured: MeasuredProfile, name: str) -> _MeasuredLine:
+def _read_profile(measured: MeasuredProfile, name: str) -> _MeasuredLine:
     """Read the profile of a file.
 
     Raises

@@ -1,4 +1,4 @@
-"""The table of a study's runs, to which `Study.tell` adds rows."""
+"""Keep the table of a study's runs, to which `Study.tell` adds rows."""
 
 import itertools
 import math
@@ -106,7 +106,7 @@ class Record:
         # The last proposal, with the runs that it is based on as its key.
         self._proposals: dict[str, Batch | Answer] = {}
         # Unread columns that `new_unread_columns` has already described.
-        self._described: set[str] = set()
+        self._described_columns: set[str] = set()
         # Held by the thread that reads or adds runs.
         self._lock = threading.RLock()
         self.read()
@@ -163,17 +163,26 @@ class Record:
         return self._cached_turn
 
     def _find_turn(self) -> _Turn:
-        """Return the last turn while some of its runs are missing, or else a new one."""
-        last = self._last_turn
+        """Find the present turn.
+
+        It is the last turn while some of its runs are missing. Otherwise a new turn
+        begins.
+
+        Returns
+        -------
+        _Turn
+            The proposal of the turn, and its number.
+        """
+        last_turn = self._last_turn
         data = self.sorted_data
-        if last:
+        if last_turn:
             # The proposal of a turn depends only on the runs of earlier turns. The rows
             # of `data` are sorted by turn.
-            is_before = np.sort(self._turn_numbers) < last
-            proposal = self._propose(data[is_before])
+            is_earlier = np.sort(self._turn_numbers) < last_turn
+            proposal = self._propose(data[is_earlier])
             if len(self._missing_runs(proposal)):
-                return _Turn(proposal, last)
-        return _Turn(self._propose(data), last + 1)
+                return _Turn(proposal, last_turn)
+        return _Turn(self._propose(data), last_turn + 1)
 
     @property
     def sorted_data(self) -> pd.DataFrame:
@@ -189,10 +198,21 @@ class Record:
         return self.data.iloc[order].reset_index(drop=True)
 
     def _propose(self, data: pd.DataFrame) -> Batch | Answer:
-        """Return the strategy's proposal after the runs in `data`.
+        """Ask the strategy for its proposal after some runs.
 
-        The last proposal is cached, because computing it may take minutes.
+        The last proposal is kept, because computing it may take minutes.
+
+        Parameters
+        ----------
+        data : pandas.DataFrame
+            The runs, in the order of `sorted_data`.
+
+        Raises
+        ------
+        InputError
+            If the runs do not determine the model of the strategy.
         """
+        # The text of all runs identifies them.
         key = data.to_csv()
         if key in self._proposals:
             return self._proposals[key]
@@ -219,41 +239,65 @@ class Record:
         return asked[is_missing].reset_index(drop=True)
 
     def add(self, table: pd.DataFrame) -> list[str]:
-        """Add the runs of a table, as `Study.tell` takes it.
+        """Add the runs of a table.
+
+        Parameters
+        ----------
+        table : pandas.DataFrame
+            Results as `Study.tell` takes them: with `sample`, runs that the strategy
+            asked for, or else earlier runs.
 
         Returns
         -------
         list of str
             Result of `new_unread_columns`.
+
+        Raises
+        ------
+        InputError
+            If the table is not allowed. The record stays as it was.
         """
-        table = _checked_table(table, columns_of(self.study))
-        # Other threads and other processes wait until the runs are added.
+        table = _check_table(table, columns_of(self.study))
+        # Other threads and other processes wait until the runs are added. They may have
+        # added runs before, so read the file first.
         file_lock = nullcontext() if self.file is None else exclusive(self.file)
         with self._lock, file_lock:
             self.read()
             if "sample" in table:
-                runs = self._runs_of_the_turn(table)
+                runs = self._complete_asked_runs(table)
             else:
-                runs = self._earlier_runs(table)
+                runs = self._complete_earlier_runs(table)
             if "run" not in table and len(self.data):
                 _refuse_repeated_runs(runs, self.data, SOURCE)
+            # The file holds texts.
             rows = []
             for row in runs.to_dict("records"):
-                rows.append({key: _as_text(value) for key, value in row.items()})
+                rows.append({key: _format_cell(value) for key, value in row.items()})
             source = SOURCE if self.file is None else self.file
             self._replace_rows([*self._rows, *rows], source, write=True)
             return self.new_unread_columns()
 
     def add_file(self, path: str | os.PathLike) -> None:
-        """Add the runs of a CSV file; on an InputError the record stays as it was.
+        """Add the runs of a CSV file.
 
         Runs that the strategy did not ask for belong to the present turn if the file
         holds a run that it did ask for, or if the turn has begun. Otherwise they belong
         to the turn before.
+
+        Parameters
+        ----------
+        path : path
+            The table of runs. The record itself must have a file.
+
+        Raises
+        ------
+        InputError
+            If the table is not allowed. The record stays as it was.
         """
         assert self.file is not None
         rows = read_rows(path, self.study)
         runs = checked_runs(self.study, rows, path, enough=False)
+        # Fill in what the table leaves out, such as fixed parameters.
         rows = with_missing(rows, self.study)
         self.file.parent.mkdir(parents=True, exist_ok=True)
         with self._lock, exclusive(self.file):
@@ -261,18 +305,20 @@ class Record:
             if "run" not in rows[0] and len(self.data):
                 _refuse_repeated_runs(runs, self.data, path)
             sets = runs[list(self.study.parameters.names)]
-            numbered = self._numbered(rows, sets)
+            numbered = self._assign_numbers(rows, sets)
             source = f"{self.file} with {path}"
             self._replace_rows([*self._rows, *numbered], source, write=True)
 
     def new_unread_columns(self) -> list[str]:
         """Describe unread columns whose values vary, each only once."""
         sentences = unread_columns(self.study, self._rows)
-        new = [sentences[name] for name in sentences if name not in self._described]
-        self._described.update(sentences)
+        new = [
+            sentences[name] for name in sentences if name not in self._described_columns
+        ]
+        self._described_columns.update(sentences)
         return new
 
-    def _numbered(
+    def _assign_numbers(
         self, rows: Sequence[Mapping[str, Any]], sets: pd.DataFrame
     ) -> list[Row]:
         """Assign a sample, a run and a turn to each row, and return the rows with them.
@@ -287,8 +333,8 @@ class Record:
         sets : pandas.DataFrame
             The parameters of these rows.
         """
-        asked, turn = self._asked_in_turn(list(sets))
-        numbers = self._number_rows(rows, sets, asked)
+        asked, turn = self._find_asked_runs(list(sets))
+        numbers = self._find_numbers(rows, sets, asked)
 
         # Only a run that the strategy asked for starts a new turn. Without one, all rows
         # belong to the turn before.
@@ -297,10 +343,10 @@ class Record:
         if is_new_turn and not any(number.was_asked for number in numbers):
             turn_of_others = turn - 1
 
-        numbered = []
+        numbered_rows = []
         for number, row in zip(numbers, rows, strict=True):
             turn_of_row = turn if number.was_asked else turn_of_others
-            numbered.append(
+            numbered_rows.append(
                 {
                     "sample": number.sample,
                     "run": number.run,
@@ -308,9 +354,9 @@ class Record:
                     TURN: str(turn_of_row),
                 }
             )
-        return numbered
+        return numbered_rows
 
-    def _number_rows(
+    def _find_numbers(
         self,
         rows: Sequence[Mapping[str, Any]],
         sets: pd.DataFrame,
@@ -333,15 +379,16 @@ class Record:
             One for each row.
         """
         names = list(sets)
-        sample_of_point = self._samples_by_point(asked, names)
-        new_samples = itertools.count(self._first_new_sample(asked))
+        sample_of_point = self._find_samples(asked, names)
+        new_samples = itertools.count(self._find_new_sample(asked))
         occupied = {(row["sample"], row["run"]) for row in self._rows}
         open_runs = asked.copy()
         numbers = []
-        for row, point in zip(rows, _points(sets, names), strict=True):
-            index = _first_match(open_runs, row, point, names)
+        for row, point in zip(rows, _list_points(sets, names), strict=True):
+            index = _find_match(open_runs, row, point, names)
             if index is not None:
-                # The strategy asked for this run. No later row can be the same run.
+                # The strategy asked for this run. No later row can be the same run, so
+                # remove it from the runs to match.
                 sample = str(open_runs.at[index, "sample"])
                 run = str(open_runs.at[index, "run"])
                 open_runs = open_runs.drop(index=index)
@@ -351,12 +398,12 @@ class Record:
                 if point not in sample_of_point:
                     sample_of_point[point] = next(new_samples)
                 sample = row.get("sample", str(sample_of_point[point]))
-                run = row.get("run", _first_free_run(sample, occupied))
+                run = row.get("run", _find_free_run(sample, occupied))
             numbers.append(_RunNumber(sample, run, was_asked=index is not None))
             occupied.add((sample, run))
         return numbers
 
-    def _asked_in_turn(self, names: Sequence[str]) -> tuple[pd.DataFrame, int]:
+    def _find_asked_runs(self, names: Sequence[str]) -> tuple[pd.DataFrame, int]:
         """Return the runs to make and the number of their turn.
 
         The table is empty if the runs so far are too few for a proposal.
@@ -367,16 +414,29 @@ class Record:
             columns = ["sample", "run", *names]
             return pd.DataFrame(columns=columns, dtype=float), self._last_turn + 1
 
-    def _samples_by_point(
+    def _find_samples(
         self, asked: pd.DataFrame, names: Sequence[str]
     ) -> dict[Point, Any]:
-        """Return the number of each parameter set that was asked for or simulated."""
-        samples = dict(zip(_points(asked, names), asked["sample"], strict=True))
-        for point, row in zip(_points(self.data, names), self._rows, strict=True):
+        """Find the sample of each parameter set that was asked for or simulated.
+
+        Parameters
+        ----------
+        asked : pandas.DataFrame
+            The runs that the strategy asks for.
+        names : sequence of str
+            Columns of the parameters.
+
+        Returns
+        -------
+        dict
+            The number of the sample, by the values of its parameters.
+        """
+        samples = dict(zip(_list_points(asked, names), asked["sample"], strict=True))
+        for point, row in zip(_list_points(self.data, names), self._rows, strict=True):
             samples[point] = row["sample"]
         return samples
 
-    def _first_new_sample(self, asked: pd.DataFrame) -> int:
+    def _find_new_sample(self, asked: pd.DataFrame) -> int:
         """Return the number of a sample that was neither asked for nor simulated."""
         if len(asked) + len(self.data) == 0:
             return 1
@@ -400,7 +460,7 @@ class Record:
             Whether the rows are written to the file.
         """
         data = checked_runs(self.study, rows, source, enough=False)
-        numbered = _with_numbers(rows, data)
+        numbered = _fill_in_numbers(rows, data)
         if write and self.file is not None:
             self._write(self.file, numbered)
         self.data = data
@@ -418,7 +478,7 @@ class Record:
             ledger.adopt(file)
         write_table(file, pd.DataFrame(rows))
 
-    def _runs_of_the_turn(self, table: pd.DataFrame) -> pd.DataFrame:
+    def _complete_asked_runs(self, table: pd.DataFrame) -> pd.DataFrame:
         """Complete a table of results of runs that the strategy asked for.
 
         The result also has the parameters, the run numbers, a status and the turn.
@@ -430,7 +490,7 @@ class Record:
         """
         asked = self.asked
         if "run" not in table:
-            table = table.assign(run=_next_runs(asked, table))
+            table = table.assign(run=_number_next_runs(asked, table))
 
         # Look up each row among the requested runs. Numbers are compared as text.
         asked_numbers = pd.MultiIndex.from_frame(asked[["sample", "run"]].astype(str))
@@ -448,27 +508,33 @@ class Record:
         runs = asked.iloc[rows].reset_index(drop=True)
 
         self._refuse_other_parameters(table, runs)
-        completed = self._with_responses(runs, table)
+        completed = self._add_responses(runs, table)
         return completed.sort_values(["sample", "run"], ignore_index=True)
 
     def _refuse_other_parameters(self, table: pd.DataFrame, runs: pd.DataFrame) -> None:
         """Refuse a table whose parameters differ from the requested ones.
 
         Differences that a spreadsheet may cause by rounding are accepted.
+
+        Parameters
+        ----------
+        table : pandas.DataFrame
+            Results of the user, perhaps with columns of parameters.
+        runs : pandas.DataFrame
+            The requested runs, in the same order.
         """
         space = self.study.parameters
         for name in space.names:
             if name not in table:
                 continue
             asked = runs[name].to_numpy(float)
-            rows = zip(
-                _numbers(table, name), asked, _sizes(space, name, asked), strict=True
-            )
+            sizes = _compute_rounding_sizes(space, name, asked)
+            rows = zip(_read_numbers(table, name), asked, sizes, strict=True)
             if not all(_is_rounded(*row) for row in rows):
                 allowed = "the parameters that `ask` gave, or no such column"
                 raise InputError(SOURCE, name, "changed", allowed)
 
-    def _earlier_runs(self, table: pd.DataFrame) -> pd.DataFrame:
+    def _complete_earlier_runs(self, table: pd.DataFrame) -> pd.DataFrame:
         """Complete a table of earlier runs, which the strategy did not ask for.
 
         The runs have no numbers yet. Rows with the same parameters form one sample.
@@ -489,14 +555,16 @@ class Record:
         columns = {}
         for name in space.names:
             is_given = name in table
-            columns[name] = _numbers(table, name) if is_given else space.fixed[name]
+            columns[name] = (
+                _read_numbers(table, name) if is_given else space.fixed[name]
+            )
         sets = pd.DataFrame(columns)
 
-        rows = self._with_responses(sets, table).to_dict("records")
-        numbered = pd.DataFrame(self._numbered(rows, sets))
+        rows = self._add_responses(sets, table).to_dict("records")
+        numbered = pd.DataFrame(self._assign_numbers(rows, sets))
         return numbered.assign(**{TURN: self._turn.number})
 
-    def _with_responses(self, runs: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
+    def _add_responses(self, runs: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
         """Return runs with the statuses and responses of a table, and with the turn.
 
         Other columns of the table are kept if their cells are single values.
@@ -528,25 +596,32 @@ class Record:
         return pd.DataFrame(completed)
 
 
-def _with_numbers(rows: Sequence[Mapping[str, Any]], data: pd.DataFrame) -> list[Row]:
-    """Return rows with `sample` and `run`; rows that have them keep their own.
+def _fill_in_numbers(
+    rows: Sequence[Mapping[str, Any]], data: pd.DataFrame
+) -> list[Row]:
+    """Fill in `sample` and `run` of the rows that lack them.
 
-    `data` holds the same rows after the check, each with its sample. The runs of a sample
-    are numbered from 1.
+    Parameters
+    ----------
+    rows : sequence of mapping
+        All runs of the study, as text.
+    data : pandas.DataFrame
+        The same rows after the check, each with its sample. The runs of a sample are
+        numbered from 1.
     """
     runs = data.groupby("sample").cumcount() + 1
     numbers = data[["sample"]].assign(run=runs).astype(str).to_dict("records")
     return [number | dict(row) for number, row in zip(numbers, rows, strict=True)]
 
 
-def _points(table: pd.DataFrame, names: Sequence[str]) -> list[Point]:
+def _list_points(table: pd.DataFrame, names: Sequence[str]) -> list[Point]:
     """Return the parameter sets of a table."""
     if table.empty:
         return []
     return list(table[list(names)].itertuples(index=False, name=None))
 
 
-def _first_match(
+def _find_match(
     asked: pd.DataFrame, row: Mapping[str, Any], point: Point, names: Sequence[str]
 ) -> Any:
     """Return the index of the first requested run that matches a row; None without one.
@@ -576,11 +651,25 @@ def _is_rounded(value: float, asked: float, size: float) -> bool:
     return abs(value - asked) <= min(HALF_DIGIT * last_digit, LARGEST_ROUNDING * size)
 
 
-def _sizes(space: ParameterSpace, name: str, values: np.ndarray) -> np.ndarray:
-    """Return the sizes (n,) of a parameter to which accepted roundings are proportional.
+def _compute_rounding_sizes(
+    space: ParameterSpace, name: str, values: np.ndarray
+) -> np.ndarray:
+    """Compute the sizes to which accepted roundings of a parameter are proportional.
 
-    A size is the range of the parameter, or the value of a fixed one. On a scale that is
-    not linear, it is the range times the slope of the scale at the value.
+    A size is the range of the parameter, or the value of a fixed one. On a logarithmic
+    scale, it is the range of the logarithm times the value.
+
+    Parameters
+    ----------
+    space : ParameterSpace
+    name : str
+        Name of the parameter.
+    values : numpy.ndarray, (n,)
+        Values of the parameter.
+
+    Returns
+    -------
+    numpy.ndarray, (n,)
     """
     if name in space.fixed:
         return np.full(len(values), abs(space.fixed[name]))
@@ -592,7 +681,7 @@ def _sizes(space: ParameterSpace, name: str, values: np.ndarray) -> np.ndarray:
     return np.full(len(values), width)
 
 
-def _first_free_run(sample: str, occupied: set[tuple[str, str]]) -> str:
+def _find_free_run(sample: str, occupied: set[tuple[str, str]]) -> str:
     """Return the lowest run number that is still free in a sample."""
     for number in itertools.count(1):
         if (sample, str(number)) not in occupied:
@@ -600,7 +689,7 @@ def _first_free_run(sample: str, occupied: set[tuple[str, str]]) -> str:
     raise AssertionError("the numbers do not end")
 
 
-def _next_runs(asked: pd.DataFrame, table: pd.DataFrame) -> pd.Series:
+def _number_next_runs(asked: pd.DataFrame, table: pd.DataFrame) -> pd.Series:
     """Assign consecutive run numbers, from the first run of each sample still to make."""
     first = asked.astype({"sample": str}).groupby("sample")["run"].min()
     before = table.groupby("sample").cumcount()
@@ -615,24 +704,29 @@ def _refuse_repeated_runs(
     The new runs have no numbers by which equal results could be told apart.
     """
     names = [name for name in data if name != "sample"]
-    known = set(_points(data, names))
-    for k, run in enumerate(_points(new, names), start=1):
+    known = set(_list_points(data, names))
+    for k, run in enumerate(_list_points(new, names), start=1):
         # A failed run never matches, because its responses are NaN.
         if run in known:
             allowed = "a run of its own: the record has all numbers of this row"
             raise InputError(f"{source}, row {k}", "row", "there twice", allowed)
 
 
-def _checked_table(table: Any, names: Sequence[str]) -> pd.DataFrame:
-    """Check the form of a table of runs, and return it with rows numbered from 0.
+def _check_table(table: Any, names: Sequence[str]) -> pd.DataFrame:
+    """Check the form of a table of runs, and number its rows from 0.
 
     Parameters
     ----------
     table : pandas.DataFrame
         The table that the user passes to `Study.tell`.
     names : sequence of str
-        Column names of the study. Columns with a slightly different spelling are renamed
-        to these.
+        Column names of the study. Columns with a slightly different spelling are
+        renamed to these.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The table with plain numbers of samples and runs.
 
     Raises
     ------
@@ -641,9 +735,9 @@ def _checked_table(table: Any, names: Sequence[str]) -> pd.DataFrame:
     """
     if not isinstance(table, pd.DataFrame):
         raise InputError(SOURCE, "type", type(table).__name__, "a pandas.DataFrame")
-    repeated = list(map(str, table.columns[table.columns.duplicated()]))
-    if repeated:
-        raise InputError(SOURCE, "column", repeated[0], "each column once")
+    repeated_columns = list(map(str, table.columns[table.columns.duplicated()]))
+    if repeated_columns:
+        raise InputError(SOURCE, "column", repeated_columns[0], "each column once")
     require(not table.empty, SOURCE, "rows", 0, "a row for each run")
 
     table = table.rename(columns=match_column_names(table, names))
@@ -658,14 +752,14 @@ def _checked_table(table: Any, names: Sequence[str]) -> pd.DataFrame:
     return table.reset_index(drop=True)
 
 
-def _numbers(table: pd.DataFrame, name: str) -> np.ndarray:
+def _read_numbers(table: pd.DataFrame, name: str) -> np.ndarray:
     """Return a column of numbers (n,)."""
     values, faults = check({name: table[name].tolist()}, [Column(name)])
     refuse(SOURCE, faults)
     return np.array(values[name])
 
 
-def _as_text(value: Any) -> str:
+def _format_cell(value: Any) -> str:
     """Format a cell for the file, with all its digits; NaN becomes an empty text."""
     is_real = isinstance(value, float | np.floating)
     text = repr(float(value)) if is_real else str(value)

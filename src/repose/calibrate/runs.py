@@ -1,4 +1,4 @@
-"""Runs of a parameter set: their statuses, and the means of their responses."""
+"""Summarise the runs of a parameter set: their statuses and mean responses."""
 
 import math
 from collections import Counter
@@ -100,6 +100,7 @@ def summarise_runs(
     ok = [run for run in runs if run["status"] == "ok"]
     failed = [run for run in runs if run["status"] != "ok"]
     is_usable = len(ok) > 0 and 2 * len(ok) >= len(runs)
+    # All keys begin as None, and those of an unusable sample stay so.
     summary: dict[str, Any] = dict.fromkeys(recorded.summary)
     texts = [reason(failed, len(runs)), overlap_warning(runs)]
     summary["reason"] = "; ".join(filter(None, texts))
@@ -109,6 +110,8 @@ def summarise_runs(
         summary["status"] = statuses.most_common(1)[0][0]
         return summary
     summary["status"] = "ok"
+
+    # Average the responses of the good runs.
     for name in recorded.means:
         values = [run[name] for run in ok if run.get(name) is not None]
         summary[name], error = mean_and_error(values)
@@ -118,9 +121,18 @@ def summarise_runs(
 
 
 def mean_and_error(values: Sequence[float]) -> tuple[float | None, float | None]:
-    """Compute the mean and its standard error, sd / sqrt(n).
+    """Compute the mean of values and its standard error, sd / sqrt(n).
 
-    Both are None without values; the error is None for a single value.
+    Parameters
+    ----------
+    values : sequence of float
+
+    Returns
+    -------
+    float or None
+        The mean; None without values.
+    float or None
+        The standard error; None for fewer than two values.
     """
     numbers = np.array(values, dtype=float)
     n = len(numbers)
@@ -144,21 +156,21 @@ def reason(failed: Sequence[Mapping[str, Any]], total: int) -> str:
     total : int
         Number of all runs.
     """
-    parts = []
+    causes = []
     for status, count in Counter(run["status"] for run in failed).most_common():
         # Each reason once, in the order of the runs.
         reasons: list[str] = []
         for run in failed:
             if run["status"] != status:
                 continue
-            text = run.get("reason")
-            if text and text not in reasons:
-                reasons.append(text)
-        part = f"{count} of {total} runs {status}"
+            run_reason = run.get("reason")
+            if run_reason and run_reason not in reasons:
+                reasons.append(run_reason)
+        cause = f"{count} of {total} runs {status}"
         if reasons:
-            part += f" ({'; '.join(reasons)})"
-        parts.append(part)
-    return "; ".join(parts)
+            cause += f" ({'; '.join(reasons)})"
+        causes.append(cause)
+    return "; ".join(causes)
 
 
 def describe(run: Mapping[str, Any], template: str) -> str:
@@ -178,11 +190,11 @@ def describe(run: Mapping[str, Any], template: str) -> str:
     if overlaps := overlap_warning([run]):
         warning = f"; WARNING: {overlaps}"
     try:
-        numbers = template.format(**run)
+        responses = template.format(**run)
     except (KeyError, TypeError):
         # A response that is not a target may not have been measured.
         return f"seed {run['seed']}: ok{warning}"
-    return f"seed {run['seed']}: {numbers}{warning}"
+    return f"seed {run['seed']}: {responses}{warning}"
 
 
 def overlap_warning(runs: Sequence[Mapping[str, Any]]) -> str:

@@ -1,4 +1,4 @@
-"""A study: it asks for runs of any simulator, takes their results, and calibrates."""
+"""Calibrate any simulator: a study asks for runs, takes their results, and answers."""
 
 import json
 import threading
@@ -103,7 +103,7 @@ class Study:
 
         _require_names("parameters", parameters)
         _require_names("targets", targets)
-        content: dict[str, Any] = _plain(
+        content: dict[str, Any] = _convert_to_plain(
             {
                 "simulator": simulator,
                 "label": label,
@@ -113,17 +113,22 @@ class Study:
                 **sections,
             }
         )
-        entries = {name: _target(entry) for name, entry in _plain(targets).items()}
+        # Bring the targets into the form of the file: profiles become one target for
+        # each score.
+        entries = {
+            name: _complete_target(entry)
+            for name, entry in _convert_to_plain(targets).items()
+        }
         content["targets"] = expand_own_profiles(entries, "study")
         config = complete_configuration(content)
         if file is not None:
-            _keep_settings(content, file)
+            _save_settings(content, file)
         self._set_up(config, file)
         for sentence in wide_ranges(config["parameters"]):
             warnings.warn(sentence, stacklevel=2)
 
     def _set_up(self, config: dict[str, Any], file: Path_ | None) -> None:
-        """Set the attributes from a `completed` configuration."""
+        """Set the attributes from a result of `complete_configuration`."""
         from repose.calibrate.study_file import settings_of, targets_of
 
         self.config = config
@@ -153,7 +158,7 @@ class Study:
             If the settings beside the file are missing, or file or settings are
             damaged.
         """
-        settings = _settings_file(file)
+        settings = _find_settings_file(file)
         allowed = f"a record of a Study, with its settings beside it in {settings.name}"
         require(settings.is_file(), file, "settings", "missing", allowed)
         return cls.own(settings, file)
@@ -255,7 +260,7 @@ class Study:
     @property
     def proposal(self) -> Batch | Answer:
         """The strategy's proposal after these runs: the next samples, or the answer."""
-        with self._record.current() as record, _one_thread():
+        with self._record.current() as record, _limit_threads():
             return record.proposal
 
     @property
@@ -280,7 +285,7 @@ class Study:
         InputError
             If the runs so far do not determine the model of the strategy.
         """
-        with self._record.current() as record, _one_thread():
+        with self._record.current() as record, _limit_threads():
             return record.asked
 
     def tell(self, runs: "pd.DataFrame") -> None:
@@ -347,17 +352,27 @@ class Study:
         if not callable(simulate):
             allowed = "a function of a row of `ask`"
             raise InputError("study", "simulate", simulate, allowed)
-        with _executor(workers) as executor:
+        with _choose_executor(workers) as executor:
             while not self.done:
                 asked = self.ask().to_dict("records")
-                for run, result in _results(simulate, asked, executor):
-                    self.tell(self._table_of(run, result))
+                for run, result in _simulate_runs(simulate, asked, executor):
+                    self.tell(self._make_table(run, result))
         return self.answer()
 
-    def _table_of(self, run: Mapping[str, Any], result: object) -> "pd.DataFrame":
+    def _make_table(self, run: Mapping[str, Any], result: object) -> "pd.DataFrame":
         """Combine a run of `ask` with its result in a table of one row for `tell`.
 
-        `result` is what the user's function returned: a mapping, or None for a failure.
+        Parameters
+        ----------
+        run : mapping
+            A row of `ask`.
+        result : object
+            What the user's function returned: a mapping, or None for a failed run.
+
+        Raises
+        ------
+        InputError
+            If it is anything else.
         """
         import pandas as pd
 
@@ -395,17 +410,30 @@ class Study:
         if self.runs.empty:
             allowed = "results of the runs that `ask` gave: `tell` adds them"
             raise InputError("study", "runs", 0, allowed)
-        with self._record.current() as record, _one_thread():
+        with self._record.current() as record, _limit_threads():
             return calibrate(self, record.sorted_data, record.proposal)
 
 
-def _executor(
+def _choose_executor(
     workers: int | Executor,
 ) -> AbstractContextManager[Executor | None]:
-    """Return the executor that simulates runs in parallel; None for one after another.
+    """Choose what simulates runs in parallel.
 
-    The executor is wrapped in a context manager. Its exit shuts down threads started here,
-    but not an executor that the user passed.
+    Parameters
+    ----------
+    workers : int or Executor
+        Number of threads to start, or the executor of the user.
+
+    Returns
+    -------
+    context manager
+        Its value is the executor; None simulates one run after another. Its exit shuts
+        down threads that were started here, but not the executor of the user.
+
+    Raises
+    ------
+    InputError
+        If it is neither an integer from 1 nor an executor.
     """
     if isinstance(workers, Executor):
         return nullcontext(workers)
@@ -418,7 +446,7 @@ def _executor(
     return ThreadPoolExecutor(workers)
 
 
-def _results(
+def _simulate_runs(
     simulate: Simulate, asked: Sequence[Run], executor: Executor | None
 ) -> Iterator[tuple[Run, Any]]:
     """Simulate runs, and yield each with its result as soon as it is finished.
@@ -442,6 +470,7 @@ def _results(
         for run in asked:
             yield run, simulate(dict(run))
         return
+    # Start all runs, and yield their results in the order in which they end.
     run_of_future = {executor.submit(simulate, dict(run)): run for run in asked}
     first_error: BaseException | None = None
     try:
@@ -468,7 +497,7 @@ def _cancel(futures: Iterable[Future[Any]]) -> None:
         future.cancel()
 
 
-def _one_thread() -> AbstractContextManager[Any]:
+def _limit_threads() -> AbstractContextManager[Any]:
     """Limit matrices to one thread.
 
     Small ones are slower on several threads, and end in other bits than by the command
@@ -487,7 +516,7 @@ def _require_names(key: str, entries: object) -> None:
         raise InputError("study", key, entries, f"a mapping from the names of {key}")
 
 
-def _target(entry: Any) -> Any:
+def _complete_target(entry: Any) -> Any:
     """Write a target that is given as two or three numbers with the keys of a file."""
     if not isinstance(entry, list) or len(entry) not in (2, 3):
         return entry
@@ -499,7 +528,7 @@ def _target(entry: Any) -> Any:
     }
 
 
-def _settings_file(file: Path_) -> Path:
+def _find_settings_file(file: Path_) -> Path:
     """Return the file of the settings beside a file of runs."""
     path = path_of("file", file)
     require(
@@ -515,8 +544,15 @@ def _settings_file(file: Path_) -> Path:
     return path.with_suffix(".json")
 
 
-def _keep_settings(content: Mapping[str, Any], file: Path_) -> None:
+def _save_settings(content: Mapping[str, Any], file: Path_) -> None:
     """Save the settings next to the file of runs, or compare them with the saved ones.
+
+    Parameters
+    ----------
+    content : mapping
+        The settings that the user gave.
+    file : path
+        The file of runs.
 
     Raises
     ------
@@ -525,25 +561,28 @@ def _keep_settings(content: Mapping[str, Any], file: Path_) -> None:
     """
     from repose.common.reading import read
 
-    path = _settings_file(file)
+    path = _find_settings_file(file)
     if not path.exists():
         write_json(path, content)
         return
-    settings_there = read(path)
+    saved_settings = read(path)
     # Compare the settings in the form in which the file would hold them.
     settings = json.loads(json_text(content))
-    for key in sorted({*settings_there, *settings}):
-        if settings_there.get(key) != settings.get(key):
+    for key in sorted({*saved_settings, *settings}):
+        if saved_settings.get(key) != settings.get(key):
             allowed = f"{settings.get(key)}, as asked for; or another file"
-            raise InputError(path, key, settings_there.get(key), allowed)
+            raise InputError(path, key, saved_settings.get(key), allowed)
 
 
-def _plain(value: Any) -> Any:
-    """Convert tuples and NumPy values to the plain types of a file."""
+def _convert_to_plain(value: Any) -> Any:
+    """Convert tuples and NumPy values to the plain types of a file.
+
+    Mappings and lists are converted with all that they contain.
+    """
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in value.items()}
+        return {key: _convert_to_plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [_convert_to_plain(item) for item in value]
     return value

@@ -98,15 +98,24 @@ class OwnTarget(Section):
     profile: OfProfile = ABSENT
 
     def contradictions(self) -> Contradictions:
-        """Refuse a value or an aim of 0 or outside of the range, and a tiny noise."""
+        """Find numbers of the target that contradict each other.
+
+        Yields
+        ------
+        pair of str
+            The key, and what is allowed: for a value or an aim of 0 or outside the
+            range, and for a tiny noise.
+        """
         if self.value == 0 and self.profile is None:
             yield "value", "not 0: tolerances are in percent of it"
+        # Without a range, any value is inside.
         low, high = self.range or (-math.inf, math.inf)
         if not low <= self.value <= high or low == high:
             yield "range", f"a pair [low, high] about the value, {self.value:g}"
         if self.aim is not None:
-            scatter = range_about(self.value, self.sd, self.repetitions)
-            low, high = self.range or scatter
+            # The default range follows from the scatter of the repetitions.
+            default_range = range_about(self.value, self.sd, self.repetitions)
+            low, high = self.range or default_range
             if self.aim == 0 or not low <= self.aim <= high:
                 yield "aim", f"a number in the range, {low:g} to {high:g}, but not 0"
         # A smaller noise would be lost in rounding errors.
@@ -199,10 +208,14 @@ class StudyFile(Section):
     def _check_targets(
         cls, targets: dict[str, OwnTarget], info: ValidationInfo
     ) -> dict[str, OwnTarget]:
-        """Refuse bad names, names of parameters, and a study without targets."""
-        # Parameters, responses and standard errors are columns of one table, so their names
-        # must differ. The suffix _se marks the standard error of a response.
+        """Refuse bad names, names of parameters, and a study without targets.
+
+        Parameters, responses and standard errors are columns of one table, so their
+        names must differ. The suffix _se marks the standard error of a response.
+        """
+        # The parameters are missing if they had faults themselves.
         parameters = info.data.get("parameters", {})
+        # A response must be named as no parameter, and as no standard error.
         columns = {*parameters, *(f"{name}_se" for name in targets)}
         faults = list(_bad_columns(targets))
         for name in targets:
@@ -281,7 +294,7 @@ def complete_configuration(
     from repose.calibrate.strategies import cost
 
     model = model or file_model()
-    config = _with_defaults(content, source, model)
+    config = _add_defaults(content, source, model)
     config = faults.convert_whole_numbers(config, model)
     raise_together(faults.check(config, str(source), model).faults)
     # Each section with random numbers has the seed of the study.
@@ -310,26 +323,45 @@ def complete_configuration(
     return config
 
 
-def _with_defaults(
+def _add_defaults(
     content: Mapping[str, Any], source: object, model: type[StudyFile]
 ) -> dict[str, Any]:
-    """Return the keys of a configuration, unchecked, over the defaults of the others.
+    """Put the keys of the user over the defaults, without checking them.
 
-    The defaults are those of config/method.yaml. Two of its sections are shorter in a study
-    with the user's own simulator.
+    The defaults are those of config/method.yaml. Its sections `sequential` and
+    `posterior` are shorter in a study with the user's own simulator.
+
+    Parameters
+    ----------
+    content : mapping
+        The keys that the user sets.
+    source : object
+        Their file, for an error.
+    model : type of StudyFile
+        It has a field for each section of the result.
+
+    Returns
+    -------
+    dict
+
+    Raises
+    ------
+    InputError
+        If a name of a parameter or target is no text, or a profile has faults.
     """
     defaults: dict[str, Any] = read(places.find(places.METHOD_CONFIG))
     sequential = defaults["sequential"]
     posterior = defaults["posterior"]
-    seeds = _runs_of_a_sample(content, otherwise=sequential["seeds"])
+    seeds = _find_runs_of_a_sample(content, otherwise=sequential["seeds"])
     config: dict[str, Any] = {
         "strategy": "sequential",
         "seeds": seeds,
         "surrogate": "gaussian_process",
         **content,
     }
-    _require_texts_as_names(config, source)
+    _refuse_unusable_names(config, source)
     config["targets"] = expand_own_profiles(config.get("targets"), source)
+    # Shorten the two sections. A budget in pours is one in runs here.
     defaults["sequential"] = {
         "start_samples": sequential["start_samples"],
         "seeds": seeds,
@@ -357,7 +389,7 @@ def _with_defaults(
     return config
 
 
-def _runs_of_a_sample(content: Mapping[str, Any], otherwise: int) -> int:
+def _find_runs_of_a_sample(content: Mapping[str, Any], otherwise: int) -> int:
     """Return the number of runs of a sample, given at the top or in `sequential`."""
     for key in ("seeds", "sequential.seeds"):
         seeds = get(content, key)
@@ -366,10 +398,23 @@ def _runs_of_a_sample(content: Mapping[str, Any], otherwise: int) -> int:
     return otherwise
 
 
-def _require_texts_as_names(config: Mapping[str, Any], source: object) -> None:
-    """Refuse names of parameters and targets that YAML reads as numbers or dates.
+def _refuse_unusable_names(config: Mapping[str, Any], source: object) -> None:
+    """Refuse names of parameters and targets that no table could have.
 
-    Names that begin with # are refused as well.
+    YAML reads an unquoted number or date as such. A name that begins with # would begin
+    a comment.
+
+    Parameters
+    ----------
+    config : mapping
+        The configuration, unchecked.
+    source : object
+        Its file, for the errors.
+
+    Raises
+    ------
+    YamlError
+        With all such names.
     """
     errors = []
     for section in ("parameters", "targets"):
@@ -403,7 +448,17 @@ def split_of(surrogate: str) -> list[float]:
 
 
 def settings_of(config: Mapping[str, Any]) -> CalibrationSettings:
-    """Return the typed sections of a complete configuration."""
+    """Return the typed sections of a complete configuration.
+
+    Parameters
+    ----------
+    config : mapping
+        Result of `complete_configuration`.
+
+    Returns
+    -------
+    CalibrationSettings
+    """
     sequential = config["sequential"]
     posterior = config["posterior"]
     targets = config["targets"]
@@ -448,8 +503,8 @@ def settings_of(config: Mapping[str, Any]) -> CalibrationSettings:
         ),
         refine=RefineSettings.model_validate(config["refine"]),
         others=others,
-        noise_sd=_of_targets("noise_sd", targets),
-        definitions=_of_targets("definition", targets),
+        noise_sd=_collect_from_targets("noise_sd", targets),
+        definitions=_collect_from_targets("definition", targets),
     )
 
 
@@ -460,7 +515,9 @@ def name_of_simulator(config: Mapping[str, Any]) -> str:
     return name
 
 
-def _of_targets(key: str, targets: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+def _collect_from_targets(
+    key: str, targets: Mapping[str, Mapping[str, Any]]
+) -> dict[str, Any]:
     """Collect a key of the targets that have it, by the name of the target."""
     return {name: target[key] for name, target in targets.items() if key in target}
 
@@ -470,10 +527,10 @@ def targets_of(section: Mapping[str, Mapping[str, Any]]) -> Targets:
 
     A target without a range has that of `range_about`.
     """
-    return Targets([_target(name, entry) for name, entry in section.items()])
+    return Targets([_read_target(name, entry) for name, entry in section.items()])
 
 
-def _target(name: str, entry: Mapping[str, Any]) -> Target:
+def _read_target(name: str, entry: Mapping[str, Any]) -> Target:
     """Make a target; all responses are of one bench test, and have no limits."""
     value = entry["value"]
     scatter = range_about(value, entry["sd"], entry["repetitions"])
@@ -499,7 +556,7 @@ def unread_keys(content: Mapping[str, Any]) -> list[str]:
         The keys that the user set, after the check.
     """
     name = content.get("strategy", "sequential")
-    keys_read = _keys_read(name, content)
+    keys_read = _find_keys_read(name, content)
 
     # List the keys that a strategy may ignore: two at the top level, and all in sections.
     keys = [key for key in ("seeds", "surrogate") if key in content]
@@ -516,8 +573,8 @@ def unread_keys(content: Mapping[str, Any]) -> list[str]:
     return sorted(unread)
 
 
-def _keys_read(name: str, content: Mapping[str, Any]) -> set[str]:
-    """Return the sections and keys that a strategy and its answer read.
+def _find_keys_read(name: str, content: Mapping[str, Any]) -> set[str]:
+    """Find the sections and keys that a strategy and its answer read.
 
     Parameters
     ----------
@@ -526,22 +583,23 @@ def _keys_read(name: str, content: Mapping[str, Any]) -> set[str]:
     content : mapping
         The keys that the user set.
     """
-    chosen = strategy(name)
+    strategy_of_study = strategy(name)
     keys = set(READ_BY_ALL)
-    if chosen.begins_with_design:
+    if strategy_of_study.begins_with_design:
         keys.update(DESIGNED)
-    if chosen.seeds_key is not None:
+    if strategy_of_study.seeds_key is not None:
         # The strategy has its own key for the number of runs of a sample.
         keys.discard("seeds")
-    if chosen.reads:
-        keys.update(chosen.reads)
-    elif not chosen.begins_with_design:
+    # Add what the strategy declares to read.
+    if strategy_of_study.reads:
+        keys.update(strategy_of_study.reads)
+    elif not strategy_of_study.begins_with_design:
         # A strategy that does not declare what it reads may read everything.
         keys.update(content)
 
     # Only a network reads the section of this name.
     is_network = content.get("surrogate", "").startswith("network")
-    if chosen.begins_with_design and not is_network:
+    if strategy_of_study.begins_with_design and not is_network:
         keys.discard("network")
 
     # The number of runs of a sample is either `seeds` or `sequential.seeds`.

@@ -1,4 +1,4 @@
-"""Targets of the calibration: responses of bench tests with their measured values."""
+"""Targets of the calibration: measured values of the responses of bench tests."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -19,10 +19,22 @@ OWN = "own"
 
 
 def with_defaults(entry: Any) -> Any:
-    """Complete an entry of the list `targets`.
+    """Complete an entry of the list `targets` by its bench test and its range.
 
-    The default bench test is that of the response. The default range is `range_about` the
-    measured value, if its numbers are usable. The later check refuses unusable entries.
+    The default bench test is that of the response. The default range is `range_about`
+    the measured value.
+
+    Parameters
+    ----------
+    entry : any
+        The entry as the user wrote it. It was not checked yet, so it may be of any
+        type.
+
+    Returns
+    -------
+    any
+        The completed entry. It gets no range if its numbers cannot be used, since a
+        later check refuses it.
     """
     if not isinstance(entry, Mapping):
         return entry
@@ -147,7 +159,7 @@ class Targets(tuple[Target, ...]):
         InputError
             If a response is unknown.
         """
-        return cls(_target(entry) for entry in section)
+        return cls(_read_target(entry) for entry in section)
 
     @property
     def responses(self) -> tuple[Response, ...]:
@@ -209,19 +221,24 @@ class Targets(tuple[Target, ...]):
     def in_words(self, numbers: Sequence[str]) -> str:
         """Write a number for each target with its unit, as in ``32.5 deg and 66.1 mm``.
 
-        If two responses share a unit, each number is preceded by a symbol.
+        If two responses share a unit, the symbol of its response precedes each number.
+
+        Parameters
+        ----------
+        numbers : sequence of str
+            Numbers as texts, in the order of the targets.
         """
         units = [target.response.unit for target in self]
         needs_symbols = len(set(units)) < len(units)
-        texts = []
+        parts = []
         for target, number in zip(self, numbers, strict=True):
-            text = f"{number} {target.response.unit}".rstrip()
+            part = f"{number} {target.response.unit}".rstrip()
             if needs_symbols:
-                text = f"{target.response.symbol} {text}"
-            texts.append(text)
-        if len(texts) == 1:
-            return texts[0]
-        return f"{', '.join(texts[:-1])} and {texts[-1]}"
+                part = f"{target.response.symbol} {part}"
+            parts.append(part)
+        if len(parts) == 1:
+            return parts[0]
+        return f"{', '.join(parts[:-1])} and {parts[-1]}"
 
 
 def own_response(name: str, unit: str = "") -> Response:
@@ -231,7 +248,7 @@ def own_response(name: str, unit: str = "") -> Response:
     )
 
 
-def _target(entry: Mapping[str, Any]) -> Target:
+def _read_target(entry: Mapping[str, Any]) -> Target:
     """Make a target of its entry in the configuration."""
     low, high = entry["range"]
     if entry.get("apparatus") == OWN:

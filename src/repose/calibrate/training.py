@@ -1,4 +1,4 @@
-"""Training of a surrogate on the simulated samples of a study (paper, section 3.2.2).
+"""Train a surrogate on the simulated samples of a study (paper, section 3.2.2).
 
 `repose.calibrate.surrogates` has the surrogates.
 """
@@ -76,7 +76,7 @@ class Replicates(NamedTuple):
     noise_freedom: float
 
     @classmethod
-    def of(
+    def estimate(
         cls, runs: pd.DataFrame, samples: Sequence[int], targets: Targets
     ) -> Self | None:
         """Estimate the noise of some samples.
@@ -98,13 +98,14 @@ class Replicates(NamedTuple):
         freedom = 0.0
         weights: list[np.ndarray] = []
         for bench, columns in targets.benches.items():
+            # Estimate the covariance of the responses of this bench test.
             runs_of_bench = of_bench(good, bench)
             names = [targets.names[k] for k in columns]
-            block, block_freedom = within_covariance(
+            bench_covariance, bench_freedom = within_covariance(
                 runs_of_bench[names], runs_of_bench["sample"]
             )
-            is_too_few = block_freedom <= len(columns)
-            if is_too_few or not np.linalg.eigvalsh(block)[0] > 0:
+            has_few_runs = bench_freedom <= len(columns)
+            if has_few_runs or not np.linalg.eigvalsh(bench_covariance)[0] > 0:
                 return None
 
             # Weight each sample by its number of runs. Express the weights in runs of the
@@ -114,8 +115,8 @@ class Replicates(NamedTuple):
             first_weight = weights[0] if weights else weight
             ratio = first_weight.mean() / weight.mean()
             weights.append(weight * ratio)
-            covariance[np.ix_(columns, columns)] = block * ratio
-            freedom += block_freedom * len(columns) / len(targets)
+            covariance[np.ix_(columns, columns)] = bench_covariance * ratio
+            freedom += bench_freedom * len(columns) / len(targets)
         return cls(np.mean(weights, axis=0), covariance, float(freedom))
 
 
@@ -177,13 +178,18 @@ def train(
     def fit(part: np.ndarray, covariance: np.ndarray | None = None) -> _Fit:
         """Fit a new surrogate to the samples in some rows.
 
-        The noise is estimated from replicates. If there are too few, it has the
-        covariance (k, k), up to a factor.
+        Parameters
+        ----------
+        part : numpy.ndarray
+            Row numbers of the samples.
+        covariance : numpy.ndarray, (k, k), optional
+            Covariance of the noise up to a factor, for samples with too few replicates
+            to show it. None means that it is unknown.
         """
         samples = usable["sample"].iloc[part]
         noise: dict[str, Any] = {"noise_covariance": covariance}
         if settings.replicates:
-            replicates = Replicates.of(runs, samples, targets)
+            replicates = Replicates.estimate(runs, samples, targets)
             if replicates is not None:
                 noise = replicates._asdict()
         model = on_scale(make(surrogate, settings), scale or {}).describe(
@@ -201,17 +207,18 @@ def train(
         model, noise = fit(rows["train"], covariance)
     predicted = model.predict(X)
 
+    # Tell how accurate the predictions are.
     metrics: dict[str, Any] = {"n_samples": len(X), "left_out": len(dataset) - len(X)}
-    metrics |= _accuracy(Y, predicted, targets.names, rows)
-    metrics["r2_three_ways"] = _three_ways(
+    metrics |= _compute_accuracy(Y, predicted, targets.names, rows)
+    metrics["r2_three_ways"] = _compute_r2_three_ways(
         usable, runs, predicted, rows["test"], targets
     )
-    predictions = _predictions(usable["sample"], Y, predicted, rows, targets)
+    predictions = _tabulate_predictions(usable["sample"], Y, predicted, rows, targets)
 
     # Once the accuracy is known, some kinds of surrogates learn all samples.
     if model.of_all_samples:
         model, noise = fit(np.arange(len(X)), covariance)
-        predictions[_final_names(targets.names)] = model.predict(X)
+        predictions[_name_final_columns(targets.names)] = model.predict(X)
     metrics["n_fitted"] = len(model.samples)
     metrics |= model.report()
     covariance = noise["noise_covariance"]
@@ -230,7 +237,7 @@ class _Fit(NamedTuple):
     noise: dict[str, Any]
 
 
-def _predictions(
+def _tabulate_predictions(
     samples: pd.Series,
     Y: np.ndarray,
     predicted: np.ndarray,
@@ -266,10 +273,19 @@ def _predictions(
 def message(metrics: Mapping[str, Any]) -> str:
     """Describe a training: the errors on unseen samples, and the starts of a network.
 
-    `metrics` is the attribute of `Training`. Only networks have all of its entries.
+    Parameters
+    ----------
+    metrics : mapping
+        The attribute of `Training`. Only networks have all of its entries.
+
+    Returns
+    -------
+    str
+        Two lines or more.
     """
     errors = []
     for name, score in metrics["test"].items():
+        # A response that never varies has no R2.
         if score["r2"]:
             errors.append(f"{name}: R2 {score['r2']:.3f}, error {score['rmse']:.3g}")
     lines = [f"{metrics['n_test']} samples for the test: {', '.join(errors)}"]
@@ -299,13 +315,27 @@ def restore(
 ) -> Surrogate:
     """Load a trained surrogate, and check that its files belong to one training.
 
+    Parameters
+    ----------
+    surrogate_json : path
+        The surrogate.
+    predictions_csv : path
+        Its predictions, as the training wrote them.
+    dataset_csv : path
+        The samples.
+
+    Returns
+    -------
+    Surrogate
+
     Raises
     ------
     InputError
-        If the surrogate does not reproduce its predictions on the samples of the dataset.
+        If the surrogate does not reproduce its predictions on the samples of the
+        dataset.
     """
     model = load(surrogate_json)
-    final_columns = _final_names(model.outputs)
+    final_columns = _name_final_columns(model.outputs)
     columns = [derived(name, "predicted") for name in model.outputs]
     predictions = read_table(predictions_csv, ("sample", "split", *columns))
     dataset = read_table(dataset_csv, ("sample", *model.inputs, "status"))
@@ -405,8 +435,8 @@ def split_rows(
         is_refined = samples["round"].notna().to_numpy()
     design_rows = np.flatnonzero(~is_refined)
     rows = {}
-    for name, part in split(len(design_rows), shares, seed).items():
-        rows[name] = design_rows[part]
+    for name, design_part in split(len(design_rows), shares, seed).items():
+        rows[name] = design_rows[design_part]
     rows["train"] = np.concatenate([rows["train"], np.flatnonzero(is_refined)])
     return rows
 
@@ -478,7 +508,7 @@ def r2_noise_corrected(
     return float(1 - residual / between)
 
 
-def _accuracy(
+def _compute_accuracy(
     Y: np.ndarray,
     predicted: np.ndarray,
     names: Sequence[str],
@@ -510,7 +540,7 @@ def _accuracy(
     return accuracy
 
 
-def _three_ways(
+def _compute_r2_three_ways(
     usable: pd.DataFrame,
     runs: pd.DataFrame,
     predicted: np.ndarray,
@@ -535,8 +565,8 @@ def _three_ways(
     targets : Targets
     """
     test = usable.iloc[test_rows]
-    is_of_test = (runs["status"] == "ok") & runs["sample"].isin(test["sample"])
-    test_runs = runs[is_of_test]
+    is_test_run = (runs["status"] == "ok") & runs["sample"].isin(test["sample"])
+    test_runs = runs[is_test_run]
     scores = {}
     for name, error_name, predicted_means in zip(
         targets.names, targets.errors, predicted[test_rows].T, strict=True
@@ -547,15 +577,15 @@ def _three_ways(
         runs_of_response = test_runs[test_runs[name].notna()]
         prediction_of_sample = pd.Series(predicted_means, test["sample"])
         predicted_runs = prediction_of_sample[runs_of_response["sample"]].to_numpy()
-        values = runs_of_response[name].to_numpy(float)
+        run_values = runs_of_response[name].to_numpy(float)
         scores[name] = {
             "sample_means": r2(means, predicted_means),
-            "single_runs": r2(values, predicted_runs),
+            "single_runs": r2(run_values, predicted_runs),
             "noise_corrected": r2_noise_corrected(means, predicted_means, errors),
         }
     return scores
 
 
-def _final_names(names: Sequence[str]) -> list[str]:
+def _name_final_columns(names: Sequence[str]) -> list[str]:
     """Name the columns of the predictions by the fit to all samples."""
     return [derived(name, "final") for name in names]

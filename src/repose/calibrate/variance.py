@@ -1,4 +1,4 @@
-"""Variance of a response within samples (noise) and between samples (signal).
+"""Estimate the variance of a response within samples (noise) and between them.
 
 A response of run j of sample i is y_ij = mu + a_i + e_ij, with variance tau^2 between
 samples and sigma^2 within one. Both come from the unbalanced one-way analysis of variance,
@@ -100,9 +100,9 @@ def variance_components(values: ArrayLike, groups: ArrayLike) -> Components:
     ValueError
         If there are fewer than two samples, or if no sample has two runs.
     """
-    values, groups = _checked(values, groups)
-    number, size, mean = _groups(values, groups)
-    n_groups = len(size)
+    values, groups = _check_arrays(values, groups)
+    group_of_value, group_size, group_mean = _group_values(values, groups)
+    n_groups = len(group_size)
     n = len(values)
     if n_groups < 2 or n == n_groups:
         raise ValueError(
@@ -112,17 +112,19 @@ def variance_components(values: ArrayLike, groups: ArrayLike) -> Components:
 
     # Mean squares within and between the groups (MSW, MSB).
     freedom = n - n_groups
-    residuals = values - mean[number]
+    residuals = values - group_mean[group_of_value]
     within = float(residuals @ residuals / freedom)
-    between_square = float(size @ (mean - values.mean()) ** 2 / (n_groups - 1))
+    between_square = float(
+        group_size @ (group_mean - values.mean()) ** 2 / (n_groups - 1)
+    )
 
     # The variance of the true means of the groups (SCM92).
-    n0 = (n - (size**2).sum() / n) / (n_groups - 1)
+    n0 = (n - (group_size**2).sum() / n) / (n_groups - 1)
     between = max(0.0, (between_square - within) / n0)
     total = between + within
-    harmonic_size = n_groups / (1 / size).sum()
-    within_interval = _within_interval(within, freedom)
-    icc_interval = _icc_interval(within, freedom, mean, harmonic_size)
+    harmonic_size = n_groups / (1 / group_size).sum()
+    within_interval = _compute_within_interval(within, freedom)
+    icc_interval = _compute_icc_interval(within, freedom, group_mean, harmonic_size)
     return Components(
         groups=n_groups,
         values=n,
@@ -145,7 +147,7 @@ class _Interval(NamedTuple):
     high: float
 
 
-def _within_interval(within: float, freedom: int) -> _Interval:
+def _compute_within_interval(within: float, freedom: int) -> _Interval:
     """Compute the interval of sigma^2, from its estimate and degrees of freedom.
 
     The estimate times the degrees of freedom, over sigma^2, has a chi^2 distribution.
@@ -160,7 +162,7 @@ def _within_interval(within: float, freedom: int) -> _Interval:
     return _Interval(low=end(1 - tail), high=end(tail))
 
 
-def _icc_interval(
+def _compute_icc_interval(
     within: float, freedom: int, mean: np.ndarray, harmonic_size: float
 ) -> _Interval:
     """Compute the interval of the intraclass correlation (TH78).
@@ -186,13 +188,15 @@ def _icc_interval(
 
     def end(quantile: float) -> float:
         F_quantile = stats.f.ppf(quantile, len(mean) - 1, freedom)
-        ratio = _ratio(spread, within * F_quantile)
-        return _share((ratio - 1) / harmonic_size)
+        ratio = _divide(spread, within * F_quantile)
+        return _convert_to_icc((ratio - 1) / harmonic_size)
 
     return _Interval(low=end(1 - tail), high=end(tail))
 
 
-def _checked(values: ArrayLike, groups: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+def _check_arrays(
+    values: ArrayLike, groups: ArrayLike
+) -> tuple[np.ndarray, np.ndarray]:
     """Return values and groups as arrays; ValueError unless they match and are finite."""
     values, groups = np.asarray(values, dtype=float), np.asarray(groups)
     if values.ndim != 1 or values.shape != groups.shape:
@@ -225,9 +229,9 @@ def within_covariance(values: ArrayLike, groups: ArrayLike) -> tuple[np.ndarray,
     # Subtract from each run the mean of its sample.
     residuals = np.empty_like(values)
     for k, column in enumerate(values.T):
-        number, size, mean = _groups(column, groups)
-        residuals[:, k] = column - mean[number]
-    freedom = len(values) - len(size)
+        group_of_value, group_size, group_mean = _group_values(column, groups)
+        residuals[:, k] = column - group_mean[group_of_value]
+    freedom = len(values) - len(group_size)
     return residuals.T @ residuals / max(freedom, 1), freedom
 
 
@@ -271,18 +275,18 @@ def residual_correlation(
         raise ValueError(
             "a response does not vary within samples; expected a response that varies"
         )
-    product = covariance[0, 0] * covariance[1, 1]
-    correlation = float(covariance[0, 1] / math.sqrt(product))
+    variance_product = covariance[0, 0] * covariance[1, 1]
+    correlation = float(covariance[0, 1] / math.sqrt(variance_product))
     # With n - 1 degrees of freedom, here `freedom`, the transformed correlation has the
     # variance 1 / (n - 3).
-    half = stats.norm.ppf(0.5 + CONFIDENCE / 2) / math.sqrt(freedom - 2)
+    half_width = stats.norm.ppf(0.5 + CONFIDENCE / 2) / math.sqrt(freedom - 2)
     # Stay away from 1, where the transformation is infinite.
     limit = 1 - NEARLY_ONE
     centre = math.atanh(min(max(correlation, -limit), limit))
     return Correlation(
         value=correlation,
-        low=math.tanh(centre - half),
-        high=math.tanh(centre + half),
+        low=math.tanh(centre - half_width),
+        high=math.tanh(centre + half_width),
         freedom=freedom,
     )
 
@@ -295,7 +299,7 @@ class _Groups(NamedTuple):
     mean: np.ndarray  # (k,)
 
 
-def _groups(values: np.ndarray, groups: ArrayLike) -> _Groups:
+def _group_values(values: np.ndarray, groups: ArrayLike) -> _Groups:
     """Group values (n,) by their groups (n,)."""
     _, number = np.unique(groups, return_inverse=True)
     size = np.bincount(number).astype(float)
@@ -303,12 +307,12 @@ def _groups(values: np.ndarray, groups: ArrayLike) -> _Groups:
     return _Groups(number, size, mean)
 
 
-def _ratio(a: float, b: float) -> float:
+def _divide(a: float, b: float) -> float:
     """Divide two variances; a ratio to zero is infinite."""
     return a / b if b > 0 else math.inf
 
 
-def _share(theta: float) -> float:
+def _convert_to_icc(theta: float) -> float:
     """Turn theta = tau^2 / sigma^2 into the intraclass correlation, from 0 to 1."""
     if theta == math.inf:
         return 1.0

@@ -10,7 +10,7 @@ import pandas as pd
 
 from repose.bench.parameters import LABELS
 from repose.calibrate.answer import NEAR_BOUNDS, describe_optimism, nearness
-from repose.calibrate.bounds import in_words
+from repose.calibrate.bounds import describe_near_bound
 from repose.calibrate.card import widen_to_value, with_remark
 from repose.calibrate.designs.latin_hypercube import METHODS
 from repose.calibrate.designs.settings import DesignSettings
@@ -215,7 +215,9 @@ def _describe_nearness(study: Results) -> str:
 
 def _near_bounds(study: Results) -> str:
     """State which parameters are at a bound as far as the fit can tell; empty if none is."""
-    clauses = [in_words(near) for near in study.summary.get("near_bounds", ())]
+    clauses = [
+        describe_near_bound(near) for near in study.summary.get("near_bounds", ())
+    ]
     return f"{NEAR_BOUNDS}: {'; '.join(clauses)}." if clauses else ""
 
 
