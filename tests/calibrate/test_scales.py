@@ -16,7 +16,7 @@ from repose.calibrate.designs.latin_hypercube import optimal_lhs, parameter_sets
 from repose.calibrate.inversion import intervals, on_free_parameters
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.parameter_types import wide_ranges
-from repose.calibrate.record import _sizes
+from repose.calibrate.record import _compute_rounding_sizes
 from repose.calibrate.search.objective import Preference
 from repose.calibrate.study_file import targets_of
 from repose.calibrate.surrogates import load, make, on_scale
@@ -100,9 +100,11 @@ def test_a_normal_prior_is_one_of_the_value_whatever_the_scale():
     density = np.exp(scaled.log_prior(unit))
     assert density / density.max() == pytest.approx(slope / slope.max(), abs=1e-3)
     # The search prefers the same values.
-    cost = Preference.of(scaled)(2 * scaled.unit(values) - 1)
-    assert cost == pytest.approx(Preference.of(linear)(2 * linear.unit(values) - 1))
-    assert Preference.of(scaled).largest == pytest.approx(cost.max())
+    cost = Preference.from_priors(scaled)(2 * scaled.unit(values) - 1)
+    assert cost == pytest.approx(
+        Preference.from_priors(linear)(2 * linear.unit(values) - 1)
+    )
+    assert Preference.from_priors(scaled).largest == pytest.approx(cost.max())
 
 
 @pytest.mark.parametrize(("entry", "allowed"), [
@@ -251,8 +253,10 @@ def test_the_card_calls_a_value_at_the_bound_by_its_place_along_the_scale():
 def test_the_accepted_rounding_is_that_of_the_logarithm():
     values = np.array([1e-4, 1e-2])
     width = np.log(HIGH / LOW)
-    assert _sizes(SPACE, "gamma", values).tolist() == pytest.approx(
+    assert _compute_rounding_sizes(SPACE, "gamma", values).tolist() == pytest.approx(
         (width * values).tolist()
     )
-    assert _sizes(SPACE, "mu", values).tolist() == pytest.approx([0.8, 0.8])
-    assert _sizes(SPACE, "e", values).tolist() == [0.4, 0.4]
+    assert _compute_rounding_sizes(SPACE, "mu", values).tolist() == pytest.approx(
+        [0.8, 0.8]
+    )
+    assert _compute_rounding_sizes(SPACE, "e", values).tolist() == [0.4, 0.4]

@@ -155,7 +155,7 @@ def _make_loss(
     callable
         From points (n, d) of the unit cube to numbers (n,).
     """
-    preference = Preference.of(space)
+    preference = Preference.from_priors(space)
 
     def loss(unit: np.ndarray) -> np.ndarray:
         expected = expected_loss(surrogate, space.values(unit), targets)

@@ -79,7 +79,7 @@ def invert(
     _require_aims_in_ranges(targets)
     # Search for points whose predictions meet the targets.
     respond = on_free_parameters(model, space)
-    preference = Preference.of(space)
+    preference = Preference.from_priors(space)
     result = _search(respond, space, targets, settings, preference)
 
     # Put the representative first, feasible or not.

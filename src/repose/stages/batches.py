@@ -92,7 +92,7 @@ def run_propose(
     }
     if isinstance(proposal, Answer):
         content |= {"answer": True, "why": proposal.why}
-        content |= answers.content(proposal, study.parameters, study.targets)
+        content |= answers.describe_answer(proposal, study.parameters, study.targets)
     write_table(Path(out_dir) / "samples.csv", proposal.samples)
     write_json(Path(out_dir) / PROPOSAL, _convert_to_json(content))
     return content

@@ -87,10 +87,10 @@ def test_weights_of_one_change_nothing():
 
 def test_a_prior_is_a_small_term_that_no_infeasible_point_makes_up_for():
     ranges = dict.fromkeys(PARAMETERS, (0.2, 0.4))
-    assert Preference.of(contact_space(ranges)) is None
+    assert Preference.from_priors(contact_space(ranges)) is None
     measured = {"prior": {"mean": 0.25, "sd": 0.01}, "range": [0.2, 0.4]}
     space = contact_space(ranges | {"mus_gg": measured, "e_gp": {"fixed": 0.3}})
-    preference = Preference.of(space)
+    preference = Preference.from_priors(space)
     values = np.full((3, 6), 0.3)
     values[:, 1] = 0.25, 0.26, 0.4  # 0, 1 and 15 standard deviations off
     points = 2 * space.unit(values) - 1

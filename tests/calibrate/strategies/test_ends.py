@@ -7,13 +7,13 @@ from decades import FRICTIONS, REPETITIONS, SCATTER, responses
 
 import repose
 from repose.calibrate.answer import NOT_SIMULATED, out_of_reach
-from repose.calibrate.inversion import _not_simulated
+from repose.calibrate.inversion import _find_missing_simulation
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.strategies.base import Batch
 from repose.calibrate.strategies.sequential import strategy
 from repose.calibrate.strategies.sequential.advise import (
     OUT_OF_REACH,
-    _reason_to_stop,
+    _find_reason_to_stop,
     has_run_at,
     nearest_ends,
 )
@@ -47,7 +47,7 @@ def test_the_reason_is_out_of_reach_only_with_a_run_there(
     section = repose.Study(
         {"a": (0, 1)}, {"y": (1.0, 0.1)}
     ).settings.sequential.model_copy(update={"probability": 0.7})
-    stop = _reason_to_stop(
+    stop = _find_reason_to_stop(
         section,
         probability=0.0,
         reachable=0.0,
@@ -100,12 +100,14 @@ def test_a_search_on_a_surrogate_makes_no_verdict_at_an_end_without_samples():
     solutions = pd.DataFrame({"gamma": [0.0], "mu": [0.4], "feasible": [False]})
     inside = random.random((40, 2)) * 0.9 + 0.05
     support = Support.of(SPACE.values(inside), SPACE)
-    stop = _not_simulated(solutions, SPACE, support)
+    stop = _find_missing_simulation(solutions, SPACE, support)
     assert stop == {"stop": NOT_SIMULATED}
     assert not out_of_reach({"feasible": False, **stop})
     at_end = Support.of(SPACE.values(np.vstack([inside, [0.005, 0.5]])), SPACE)
-    assert _not_simulated(solutions, SPACE, at_end) == {}
+    assert _find_missing_simulation(solutions, SPACE, at_end) == {}
     assert out_of_reach({"feasible": False})
     away = solutions.assign(gamma=5.0)
-    assert _not_simulated(away, SPACE, support) == {}
-    assert _not_simulated(solutions.assign(feasible=True), SPACE, support) == {}
+    assert _find_missing_simulation(away, SPACE, support) == {}
+    assert (
+        _find_missing_simulation(solutions.assign(feasible=True), SPACE, support) == {}
+    )

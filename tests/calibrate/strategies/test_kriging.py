@@ -14,7 +14,7 @@ from repose.calibrate.strategies.sequential.kriging import (
     PRIOR_FREEDOM,
     Kriging,
     Observed,
-    _factor,
+    _estimate_factor,
 )
 from repose.calibrate.surrogates.process import Process
 
@@ -129,9 +129,11 @@ def test_the_factor_is_that_of_the_residuals():
         residuals = np.sqrt(factor * variances + errors) * random.standard_normal(
             (5000, 1)
         )
-        assert _factor(residuals, variances, errors) == pytest.approx(factor, rel=0.15)
+        assert _estimate_factor(residuals, variances, errors) == pytest.approx(
+            factor, rel=0.15
+        )
     residuals = np.random.default_rng(4).standard_normal((20, 1))
-    assert _factor(
+    assert _estimate_factor(
         residuals, 1e-4 * np.ones((20, 1)), np.ones((20, 1))
     ) == pytest.approx(FACTOR_MEDIAN, rel=0.01)
 

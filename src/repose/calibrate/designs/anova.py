@@ -1,4 +1,4 @@
-"""The analysis of variance of a polynomial model.
+"""Make the analysis of variance of a polynomial model.
 
 Columns and statistics are those of Design-Expert. The sum of squares of a term is
 partial: the residual sum of squares would rise by it if this term alone were left out.
@@ -48,16 +48,28 @@ def pure_error(model: Model) -> PureError:
 
 
 def anova(model: Model) -> pd.DataFrame:
-    """Make the ANOVA table with `COLUMNS`.
+    """Make the ANOVA table of a model.
 
     The model and its terms are tested against the mean square of the residuals, and the
-    lack of fit against that of the pure error. Without this mean square, F and p are NaN.
+    lack of fit against that of the pure error.
+
+    Parameters
+    ----------
+    model : Model
+        The polynomial, fitted to its runs.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The columns `COLUMNS`. There are rows for the model, each term, the residual,
+        and the total; with repeated runs also for lack of fit and pure error. F and p
+        are NaN without a mean square to test against.
     """
     # Sums of squares of the residuals, and of the responses about their mean.
     residual = model.residual_squares
     total = float(((model.response - model.response.mean()) ** 2).sum())
     rows = [
-        _tested_row(
+        _make_tested_row(
             "model",
             total - residual,
             df=len(model.terms),
@@ -70,7 +82,7 @@ def anova(model: Model) -> pd.DataFrame:
     partial = model.coefficients**2 / np.diag(model.inverse)[1:]
     for label, sum_of_squares in zip(model.labels, partial.tolist(), strict=True):
         rows.append(
-            _tested_row(
+            _make_tested_row(
                 label,
                 sum_of_squares,
                 df=1,
@@ -78,54 +90,65 @@ def anova(model: Model) -> pd.DataFrame:
                 df_error=model.df,
             )
         )
-    rows.append(_row("residual", residual, model.df))
+    rows.append(_make_row("residual", residual, model.df))
 
     # Split the residuals into lack of fit and pure error, if runs were repeated.
     pure = pure_error(model)
     if pure.df:
         rows.append(
-            _tested_row(
+            _make_tested_row(
                 "lack of fit",
                 residual - pure.sum_of_squares,
                 df=model.df - pure.df,
-                error=_mean(pure.sum_of_squares, pure.df),
+                error=_compute_mean_square(pure.sum_of_squares, pure.df),
                 df_error=pure.df,
             )
         )
-        rows.append(_row("pure error", pure.sum_of_squares, pure.df))
-    rows.append(_row("total", total, len(model.response) - 1))
+        rows.append(_make_row("pure error", pure.sum_of_squares, pure.df))
+    rows.append(_make_row("total", total, len(model.response) - 1))
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
 def statistics(model: Model) -> dict[str, float]:
     """Compute statistics of the fit, as in Design-Expert.
 
-    `press` is the sum of the squared errors of predicting each run from all others.
-    `adequate_precision` is the range of the predictions divided by their mean standard
-    error. If the error has no degrees of freedom, the statistics that need it are NaN.
+    Parameters
+    ----------
+    model : Model
+
+    Returns
+    -------
+    dict
+        `press` is the sum of the squared errors of predicting each run from all others.
+        `adequate_precision` is the range of the predictions divided by their mean
+        standard error. If the error has no degrees of freedom, the statistics that need
+        it are NaN.
     """
     n = len(model.response)
     residual = model.residual_squares
+    # The squares about the mean are those of the model and of the residuals.
     model_squares = anova(model).set_index("source").loc["model", "sum_of_squares"]
     total = model_squares + residual
     mean = float(model.response.mean())
     sigma = math.sqrt(model.variance)
-    press = _press(model)
+    press = _compute_press(model)
     predictions = model.matrix @ model.all_coefficients
+    # The mean variance of the predictions is sigma^2 p / n, with p coefficients.
     mean_error = sigma * math.sqrt(model.matrix.shape[1] / n)
     return {
         "std_dev": sigma,
         "mean": mean,
-        "cv_percent": 100 * _ratio(sigma, mean),
+        "cv_percent": 100 * _divide(sigma, mean),
         "press": press,
-        "r2": 1 - _ratio(residual, total),
-        "adjusted_r2": 1 - _ratio(_mean(residual, model.df), total / (n - 1)),
-        "predicted_r2": 1 - _ratio(press, total),
-        "adequate_precision": _ratio(float(np.ptp(predictions)), mean_error),
+        "r2": 1 - _divide(residual, total),
+        "adjusted_r2": 1
+        - _divide(_compute_mean_square(residual, model.df), total / (n - 1)),
+        "predicted_r2": 1 - _divide(press, total),
+        "adequate_precision": _divide(float(np.ptp(predictions)), mean_error),
     }
 
 
-def _press(model: Model) -> float:
+def _compute_press(model: Model) -> float:
     """Sum the squared errors of predicting each run from all others.
 
     A residual divided by 1 - leverage is such an error. nan without degrees of freedom.
@@ -139,6 +162,10 @@ def _press(model: Model) -> float:
 
 def effects(model: Model) -> pd.DataFrame:
     """List the terms for the Pareto chart, the largest contribution first.
+
+    Parameters
+    ----------
+    model : Model
 
     Returns
     -------
@@ -183,22 +210,22 @@ def limits(model: Model) -> dict[str, float]:
     }
 
 
-def _mean(total: float, df: float) -> float:
+def _compute_mean_square(total: float, df: float) -> float:
     """Compute a mean square; nan without degrees of freedom."""
     return total / df if df else math.nan
 
 
-def _ratio(numerator: float, denominator: float) -> float:
+def _divide(numerator: float, denominator: float) -> float:
     """Divide two numbers; nan for a denominator of 0."""
     return numerator / denominator if denominator else math.nan
 
 
-def _row(source: str, sum_of_squares: float, df: int) -> _Row:
+def _make_row(source: str, sum_of_squares: float, df: int) -> _Row:
     """Make a row without a test."""
-    return _Row(source, sum_of_squares, df, _mean(sum_of_squares, df))
+    return _Row(source, sum_of_squares, df, _compute_mean_square(sum_of_squares, df))
 
 
-def _tested_row(
+def _make_tested_row(
     source: str, sum_of_squares: float, df: int, error: float, df_error: int
 ) -> _Row:
     """Make a row of the table, with an F test.
@@ -217,8 +244,8 @@ def _tested_row(
     """
     from scipy import stats
 
-    row = _row(source, sum_of_squares, df)
-    f = _ratio(row.mean_square, error)
+    row = _make_row(source, sum_of_squares, df)
+    f = _divide(row.mean_square, error)
     p = math.nan
     if df and df_error and math.isfinite(f):
         p = float(stats.f.sf(f, df, df_error))

@@ -46,7 +46,14 @@ class Pairs:
     """
 
     def __init__(self, points: np.ndarray, doublings: int) -> None:
-        """Compute all distances and repulsions of the points (n, d)."""
+        """Compute all distances and repulsions.
+
+        Parameters
+        ----------
+        points : array (n, d)
+        doublings : int
+            The power of the repulsions is 2^(doublings + 1).
+        """
         n = len(points)
         self.points = points.copy()
         self.doublings = doublings
@@ -96,12 +103,12 @@ class Pairs:
         exchanges = np.arange(len(i))
 
         # Squared differences of rows i and j from all rows in this column, (2, m, n).
-        in_column = x[rows][:, :, None] - x
-        in_column *= in_column
+        column_squares = x[rows][:, :, None] - x
+        column_squares *= column_squares
 
         # A squared distance is a sum over the columns. An exchange swaps the terms of
         # this column between row i and row j.
-        shift = in_column[1] - in_column[0]
+        shift = column_squares[1] - column_squares[0]
         new_squared = self.squared[rows] + np.array([shift, -shift])
         change = self._repulsions(new_squared)
         change -= self.repulsion[rows]

@@ -75,11 +75,23 @@ def lhsdesign(n: int, d: int, rng: np.random.Generator) -> np.ndarray:
 
 
 def optimal_lhs(n: int, d: int, seed: int | list[int]) -> np.ndarray:
-    """Make a Latin hypercube (n, d) whose points are far apart.
+    """Make a Latin hypercube whose points are far apart.
 
     Enhanced stochastic evolution on phi_p improves the `lhsdesign` of the same seed,
     for powers that grow (Jin, Chen and Sudjianto 2005, J. Stat. Plan. Inference
-    134:268). The result is the design of largest minimum distance on the way.
+    134:268).
+
+    Parameters
+    ----------
+    n, d : int
+        Numbers of points and of columns.
+    seed : int or list of int
+
+    Returns
+    -------
+    array (n, d)
+        In the unit cube. Of all designs on the way, it has the largest minimum
+        distance.
     """
     rng = np.random.default_rng(seed)
     best = lhsdesign(n, d, rng=rng)

@@ -64,7 +64,14 @@ class MIGA:
     """
 
     def __init__(self, dimensions: int, settings: MigaSettings | None = None) -> None:
-        """Draw the first population at random, with the seed of the settings."""
+        """Draw the first population at random, with the seed of the settings.
+
+        Parameters
+        ----------
+        dimensions : int
+        settings : MigaSettings, optional
+            None stands for the settings of config/method.yaml.
+        """
         if not dimensions >= 1:
             raise ValueError(f"dimensions is {dimensions!r}; expected at least 1")
         self.settings = settings or MigaSettings.with_defaults()
@@ -93,17 +100,23 @@ class MIGA:
     def tell(self, fitness: np.ndarray) -> None:
         """Breed the next generation from the fitness of the present one.
 
-        `fitness` (islands * population,) belongs to the points that `ask` returned, in
-        the same order.
+        Parameters
+        ----------
+        fitness : array (islands * population,)
+            Fitness of the points that `ask` returned, in the same order. Smaller is
+            better.
         """
         islands, population, dimensions = self.shape
         points = self._points
         fitness = np.asarray(fitness, dtype=float)
         self.evaluations += len(points)
+
+        # Remember the best point of all generations.
         if fitness.min() < self.best_fitness:
             self.best = points[fitness.argmin()].copy()
             self.best_fitness = float(fitness.min())
-        # Number of the generation within its round.
+
+        # Number of the generation within its round, which begins with new random numbers.
         step = self.generation % self.generations
         if step == 0:
             self._draw()
@@ -244,18 +257,19 @@ def islands_ga(
         For bad bounds or settings, or if the objective returns another shape, NaN, or
         no finite value.
     """
-    low, high = _checked_bounds(bounds).T
+    low, high = _check_bounds(bounds).T
     if rounds < 1:
         raise ValueError(f"rounds is {rounds!r}; expected at least 1")
     miga = MIGA(len(low), MigaSettings.with_defaults(**settings))
     half_width = (high - low) / 2
     history = []
 
-    def in_units(points: np.ndarray) -> np.ndarray:
+    def scale_to_bounds(points: np.ndarray) -> np.ndarray:
         return np.clip(low + (points + 1) * half_width, low, high)
 
+    # Each pass evaluates and breeds one generation.
     for _ in range(rounds * miga.generations):
-        fitness = np.asarray(objective(in_units(miga.ask())), dtype=float)
+        fitness = np.asarray(objective(scale_to_bounds(miga.ask())), dtype=float)
         n_points = len(miga.ask())
         if fitness.shape != (n_points,) or np.isnan(fitness).any():
             raise ValueError(
@@ -266,13 +280,14 @@ def islands_ga(
         history.append(miga.best_fitness)
         if target is not None and miga.best_fitness <= target:
             break
+    # The best point stays unknown while every value is infinite.
     if miga.best is None:
         raise ValueError(
             f"objective is infinite at all {miga.evaluations} points; "
             "expected finite at one"
         )
     return Minimum(
-        x=in_units(miga.best),
+        x=scale_to_bounds(miga.best),
         fun=miga.best_fitness,
         nfev=miga.evaluations,
         nit=miga.generation,
@@ -281,7 +296,7 @@ def islands_ga(
     )
 
 
-def _checked_bounds(bounds: Any) -> np.ndarray:
+def _check_bounds(bounds: Any) -> np.ndarray:
     """Convert bounds to an array (dimensions, 2); ValueError if they are invalid."""
     bounds = np.asarray(bounds, dtype=float)
     if bounds.ndim != 2 or bounds.shape[1] != 2 or not np.isfinite(bounds).all():

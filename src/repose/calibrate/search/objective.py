@@ -64,8 +64,13 @@ class Objective:
     ) -> None:
         """Copy the arrays (k,) of the targets, and choose the penalty.
 
-        `margin` is the largest cost that a preference adds to a point inside the ranges.
-        Unless `constrained`, points outside the ranges have no penalty.
+        Parameters
+        ----------
+        targets : Targets
+        margin : float, optional
+            Largest cost that a preference adds to a point inside the ranges.
+        constrained : bool, optional
+            Whether points outside the ranges have a penalty.
         """
         self.low = targets.low
         self.high = targets.high
@@ -122,19 +127,30 @@ class Preference:
     scaled: tuple[tuple[int, Deviation], ...] = ()
 
     @classmethod
-    def of(cls, space: ParameterSpace) -> "Preference | None":
-        """Make the preference of a study's parameters; None without priors."""
+    def from_priors(cls, space: ParameterSpace) -> "Preference | None":
+        """Make the preference of a study from the priors of its parameters.
+
+        Parameters
+        ----------
+        space : ParameterSpace
+
+        Returns
+        -------
+        Preference or None
+            None if no parameter has a prior.
+        """
         if not space.prior:
             return None
         mean = np.zeros(space.dimensions)
         sd = np.full(space.dimensions, np.inf)
         scaled = []
         for name, (prior_mean, prior_sd) in space.prior.items():
-            # The search scales the range of a parameter to [-1, 1].
             k = space.free.index(name)
+            # On another scale the prior is no normal distribution of the coordinate.
             if name in space.scale:
-                scaled.append((k, _deviation(space, name)))
+                scaled.append((k, _make_deviation(space, name)))
                 continue
+            # The search scales the range of a parameter to [-1, 1].
             half_width = (space.high[k] - space.low[k]) / 2
             mean[k] = (prior_mean - space.low[k]) / half_width - 1
             sd[k] = prior_sd / half_width
@@ -164,7 +180,7 @@ class Preference:
         return np.sqrt(2 / PRIOR_WEIGHT * self(points))
 
 
-def _deviation(space: ParameterSpace, name: str) -> Deviation:
+def _make_deviation(space: ParameterSpace, name: str) -> Deviation:
     """Make the function of a parameter's deviation from its prior, in its sd.
 
     It takes coordinates (n,) in [-1, 1].
@@ -202,6 +218,16 @@ class Archive:
         """Create an empty archive.
 
         New points wait in a buffer, because thinning many at once is faster.
+
+        Parameters
+        ----------
+        dimensions : int
+        distance : float
+            Least distance between two points.
+        capacity : int
+            Largest number of points that are kept.
+        buffer : int, optional
+            Largest number of points that wait.
         """
         self.distance = distance
         self.capacity = capacity
@@ -214,7 +240,17 @@ class Archive:
         self._worst = math.inf
 
     def add(self, points: np.ndarray, fitness: np.ndarray) -> None:
-        """Offer points (n, dimensions) with their fitness (n,)."""
+        """Offer points to the archive.
+
+        They wait until the buffer is full, or until the next call of `thin`.
+
+        Parameters
+        ----------
+        points : array (n, dimensions)
+        fitness : array (n,)
+            Smaller is better.
+        """
+        # Drop points that are no better than the worst of a full archive.
         may_enter = fitness < self._worst
         if not may_enter.any():
             return
@@ -268,18 +304,18 @@ def distinct(
     # Rows and coordinates (d, remaining) of the remaining points, the best first.
     rows = np.argsort(fitness, kind="stable")
     coordinates = np.ascontiguousarray(points[rows].T)
-    kept: list[int] = []
-    while len(rows) and len(kept) < limit:
+    distinct_rows: list[int] = []
+    while len(rows) and len(distinct_rows) < limit:
         # Keep the best remaining point. Then drop it, and all points too near to it.
-        kept.append(int(rows[0]))
+        distinct_rows.append(int(rows[0]))
         best = coordinates[:, :1]
         squared = ((coordinates - best) ** 2).sum(axis=0)
         is_distinct = squared >= distance**2
         is_distinct[0] = False
-        left = np.flatnonzero(is_distinct)  # twice as fast as the mask itself
-        rows = rows[left]
-        coordinates = coordinates.take(left, axis=1)
-    return np.array(kept, dtype=int)
+        remaining = np.flatnonzero(is_distinct)  # twice as fast as the mask itself
+        rows = rows[remaining]
+        coordinates = coordinates.take(remaining, axis=1)
+    return np.array(distinct_rows, dtype=int)
 
 
 class Search(NamedTuple):
@@ -332,17 +368,22 @@ def search(
             fitness = objective.fitness(F, V)
             if preference is not None:
                 fitness += preference(points)
-            told = fitness
+            # Points that violate a constraint are worse than all others, and are not
+            # kept.
+            search_fitness = fitness
             if violation is not None:
-                excess = violation(points)
-                told = np.where(excess > 0, NOT_ALLOWED * (1 + excess), fitness)
-                points = points[excess <= 0]
-                fitness = fitness[excess <= 0]
-                V = V[excess <= 0]
+                excesses = violation(points)
+                search_fitness = np.where(
+                    excesses > 0, NOT_ALLOWED * (1 + excesses), fitness
+                )
+                points = points[excesses <= 0]
+                fitness = fitness[excesses <= 0]
+                V = V[excesses <= 0]
             populations.append(points)
             fitnesses.append(fitness)
             n_feasible += int(np.count_nonzero(V == 0))
-            miga.tell(told)
+            miga.tell(search_fitness)
+        # Offer the points of the whole round at once, which is faster.
         archive.add(np.concatenate(populations), np.concatenate(fitnesses))
         history.append(
             (

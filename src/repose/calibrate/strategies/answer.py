@@ -1,4 +1,4 @@
-"""The answer of a strategy, written as tables and sentences."""
+"""Describe the answer of a strategy in tables and sentences."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -17,35 +17,44 @@ from repose.calibrate.targets import Targets
 from repose.common.files import Path_, write_json, write_table
 
 
-def content(answer: Answer, space: ParameterSpace, targets: Targets) -> dict[str, Any]:
-    """Return the content of an answer's file, which is kept until the check.
+def describe_answer(
+    answer: Answer, space: ParameterSpace, targets: Targets
+) -> dict[str, Any]:
+    """Describe an answer for its file, which is kept until the check.
+
+    Parameters
+    ----------
+    answer : Answer
+    space : ParameterSpace
+    targets : Targets
 
     Returns
     -------
     dict
-        ``feasible``, ``message``, ``predicted_error`` (k,), the table ``solutions``, the
-        parameters ``near_bounds`` from `repose.calibrate.bounds`, and the samples
+        ``feasible``, ``message``, ``predicted_error`` (k,), the table ``solutions``,
+        the parameters ``near_bounds`` from `repose.calibrate.bounds`, and the samples
         ``simulated`` that already are runs of the answer.
     """
     # The tables need the prediction even if the answer was already simulated.
     if answer.simulated and answer.model is not None:
-        answer = _with_prediction(answer, answer.model)
-    bounds = []
+        answer = _predict_again(answer, answer.model)
+    # Only a model tells which parameters are at a bound.
+    parameters_at_bounds = []
     if answer.model is not None:
         values = dict(zip(space.names, answer.values.tolist(), strict=True))
-        bounds = near_bounds(answer.model, values, space)
+        parameters_at_bounds = near_bounds(answer.model, values, space)
     feasible, message = verdict(answer, targets, answer.notes.get("note", ""))
     return {
         "feasible": feasible,
         "message": message,
         "predicted_error": answer.error,
         "solutions": solutions(answer, feasible, space, targets),
-        "near_bounds": bounds,
+        "near_bounds": parameters_at_bounds,
         "simulated": answer.simulated,
     }
 
 
-def _with_prediction(answer: Answer, model: Predictor) -> Answer:
+def _predict_again(answer: Answer, model: Predictor) -> Answer:
     """Return an answer that was simulated with the prediction of its model.
 
     Its mean is of its own runs. The check compares these runs with the model, so the

@@ -1,11 +1,14 @@
-"""The number of runs that a calibration needs, estimated before its first run.
+"""Estimate how many runs a calibration needs, before its first run.
 
 The noise alone asks for a number of runs, and a budget has a probability of success.
 
 These probabilities come from `success.csv`: shares of hidden parameter sets that whole
-campaigns of the sequential strategy recovered, in an emulated simulator whose runs scatter
-by some percents. `research/answers/hidden_truths.py` writes it. Logistic curves smooth the
-shares over the logarithms of budget and scatter. A study that differs from these campaigns
+campaigns of the sequential strategy recovered, in an emulated simulator whose runs
+scatter
+by some percents. `research/answers/hidden_truths.py` writes it. Logistic curves smooth
+the
+shares over the logarithms of budget and scatter. A study that differs from these
+campaigns
 gets no probability.
 """
 
@@ -97,30 +100,32 @@ def plan(
         noise = default_noise(targets)
     else:
         noise = measured_noise(runs, targets, source)
-    percent = 100 * np.sqrt(np.diagonal(noise)) / targets.whole
+    noise_percent = 100 * np.sqrt(np.diagonal(noise)) / targets.whole
     needed = {}
     for tolerance in TOLERANCES:
         goal = Goal.of(targets, tolerance, space)
         needed[tolerance] = goal.needed(noise, CERTAINTY)
-    table = pd.read_csv(SUCCESS)
-    largest = float(percent.max())
-    differences = _differences(
-        table,
+
+    # The probability of success is known for studies like the simulated campaigns.
+    campaigns = pd.read_csv(SUCCESS)
+    largest_percent = float(noise_percent.max())
+    differences = _list_differences(
+        campaigns,
         strategy=strategy,
         free=space.dimensions,
         n_targets=len(targets),
-        percent=largest,
+        percent=largest_percent,
     )
     success = None
     if not differences:
-        success = success_by_budget(len(targets), largest)
+        success = success_by_budget(len(targets), largest_percent)
     return Plan(
-        noise_percent=percent,
+        noise_percent=noise_percent,
         measured=runs is not None,
         needed=needed,
-        budgets=tuple(sorted(set(table["pours"].tolist()))),
+        budgets=tuple(sorted(set(campaigns["pours"].tolist()))),
         success=success,
-        campaigns=_describe_campaigns(table),
+        campaigns=_describe_campaigns(campaigns),
         differences=tuple(differences),
     )
 
@@ -135,7 +140,7 @@ def _describe_campaigns(table: pd.DataFrame) -> str:
     )
 
 
-def _differences(
+def _list_differences(
     table: pd.DataFrame, *, strategy: str, free: int, n_targets: int, percent: float
 ) -> list[str]:
     """List in what a study differs from the campaigns of `success.csv`.
@@ -226,6 +231,7 @@ class Curve(NamedTuple):
         from scipy.optimize import minimize
         from scipy.special import expit
 
+        # Columns: a constant, log(pours), log(noise).
         terms = np.column_stack(
             [
                 np.ones(len(table)),
@@ -236,7 +242,10 @@ class Curve(NamedTuple):
         successes = trials * table[share].to_numpy(float)
 
         def loss(coefficients: np.ndarray) -> tuple[float, np.ndarray]:
-            """Return the negative logarithm of the likelihood, and its gradient."""
+            """Compute the negative log likelihood of the curve, and its gradient.
+
+            The number of successes at each point is binomial.
+            """
             logit = terms @ coefficients
             value = trials @ np.logaddexp(0, logit) - successes @ logit
             gradient = (trials * expit(logit) - successes) @ terms
@@ -244,8 +253,8 @@ class Curve(NamedTuple):
 
         # More runs never make a success less probable.
         bounds = [(None, None), (0, None), (None, None)]
-        fitted = minimize(loss, np.zeros(3), jac=True, bounds=bounds, method="SLSQP")
-        return cls(*fitted.x.tolist())
+        minimum = minimize(loss, np.zeros(3), jac=True, bounds=bounds, method="SLSQP")
+        return cls(*minimum.x.tolist())
 
     def probability(self, pours: pd.Series, noise_percent: float) -> pd.Series:
         """Return the probability of success with some numbers of runs."""
@@ -294,12 +303,12 @@ def measured_noise(
     noise = np.zeros((len(targets), len(targets)))
     for bench, columns in targets.benches.items():
         names = [targets.names[k] for k in columns]
-        runs_of_test = of_bench(runs, bench)
-        is_ok = runs_of_test["status"] == "ok"
-        is_good = is_ok & runs_of_test[names].notna().all(axis=1)
-        good = runs_of_test[is_good]
-        values = good[names].to_numpy(float)
-        covariance, freedom = within_covariance(values, good["sample"])
+        bench_runs = of_bench(runs, bench)
+        is_ok = bench_runs["status"] == "ok"
+        is_good = is_ok & bench_runs[names].notna().all(axis=1)
+        good = bench_runs[is_good]
+        responses = good[names].to_numpy(float)
+        covariance, freedom = within_covariance(responses, good["sample"])
         has_full_rank = np.linalg.matrix_rank(covariance) == len(columns)
         if freedom <= len(columns) or not has_full_rank:
             allowed = (

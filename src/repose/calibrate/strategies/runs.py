@@ -1,4 +1,4 @@
-"""The table of all runs of a study: reading, checks, and means by sample."""
+"""Read and check the table of all runs of a study, and summarise it by sample."""
 
 import math
 import re
@@ -163,8 +163,8 @@ def samples_of_runs(
             "n_seeds": n_good,
         }
         for name, error_name in zip(targets.names, targets.errors, strict=True):
-            values = runs[name].dropna() if is_ok else ()
-            mean, error = mean_and_error(values)
+            good_values = runs[name].dropna() if is_ok else ()
+            mean, error = mean_and_error(good_values)
             row[name] = mean
             row[error_name] = error
         rows.append(row)
@@ -233,20 +233,33 @@ def unread_columns(study: Study, rows: Rows) -> dict[str, str]:
 
 
 def read_rows(path: Path_, study: Study) -> Rows:
-    """Read the rows of a CSV file of runs as text, with the column names of the study.
+    """Read the rows of a CSV file of runs as text.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    study : Study
+        Its column names replace those with a slightly different spelling.
+
+    Returns
+    -------
+    sequence of mapping
+        The cells of each row by column. They are checked later, with all other runs.
 
     Raises
     ------
     InputError
         If the file is not a table, or if only some of the rows have a sample or a run.
     """
-    # The cells of parameters and responses are checked later, with all other runs.
+    # Any cell of a parameter or a response is accepted here.
     names = (TURN, *study.parameters.names, *study.targets.names)
     columns = [Column(name, object, needed=False) for name in names]
     status = Column("status", str, needed=False, empty=True)
     needed = ", ".join([*study.parameters.free, *study.targets.names])
     what = f"a CSV file of runs with the columns {needed}"
     table = read(path, [*columns, status], what, optional=NUMBERS)
+    # Check that all rows or none have the numbers of sample and run.
     for key in NUMBERS:
         if key not in table.values:
             continue
@@ -315,7 +328,9 @@ def checked_runs(
 
     # Check all columns before refusing the table, so that one error lists all faults.
     low, high = space.complete(np.array([space.low, space.high]))
-    parameter_columns = map(_parameter, parameters, low.tolist(), high.tolist())
+    parameter_columns = map(
+        _describe_parameter_column, parameters, low.tolist(), high.tolist()
+    )
     sets, faults_of_sets = check(cells, parameter_columns)
     outcomes = judge_runs(cells, responses)
     turns, faults_of_turns = check(cells, [TURNS])
@@ -324,7 +339,7 @@ def checked_runs(
     table = pd.DataFrame({"status": outcomes.statuses, **sets, **outcomes.values})
     # A rounded parameter may lie slightly outside its range, so clip it.
     table[parameters] = np.clip(table[parameters].to_numpy(float), low, high)
-    numbers = _numbers_of_samples(table[parameters], rows, study, source)
+    numbers = _number_samples(table[parameters], rows, study, source)
     table.insert(0, "sample", numbers)
     table.attrs[TURN] = np.nan_to_num(turns[TURN]).astype(int).tolist()
     _refuse_repeated_rows(table, rows, source)
@@ -366,7 +381,7 @@ def judge_runs(
     empty_column = [None] * n_runs
 
     # Read the statuses. A number is a fault, because it may mean success or failure.
-    statuses = [_status(cell) for cell in cells.get("status", empty_column)]
+    statuses = [_read_status(cell) for cell in cells.get("status", empty_column)]
     faults = [
         (k, "status", status, "ok, or a word such as failed")
         for k, status in enumerate(statuses)
@@ -376,7 +391,7 @@ def judge_runs(
     # Read the responses, but ignore faults in runs whose status reports a failure.
     failed_rows = {k for k, status in enumerate(statuses) if status != OK}
     numbers = {
-        name: [_finite_or_nan(cell) for cell in cells.get(name, empty_column)]
+        name: [_replace_infinite(cell) for cell in cells.get(name, empty_column)]
         for name in responses
     }
     columns = [Column(name, empty=True, words=RESPONSE) for name in responses]
@@ -433,8 +448,8 @@ def cells_of_result(
         cells["status"] = f"status {status}"
 
     # An empty result or a status of failure reports that the run failed.
-    is_reported = not result or _status(cells.get("status")) != OK
-    if is_reported or not invalid:
+    reports_failure = not result or _read_status(cells.get("status")) != OK
+    if reports_failure or not invalid:
         return cells, ""
     names = ", ".join(invalid)
     return cells, f"a run without a number for {names} failed; simulate gave {result}"
@@ -445,17 +460,17 @@ def needed_responses(study: Study, statuses: Iterable[Any] | None) -> tuple[str,
 
     There are none if the status of every run reports a failure.
     """
-    is_needed = statuses is None or OK in map(_status, statuses)
+    is_needed = statuses is None or OK in map(_read_status, statuses)
     return tuple(study.targets.names) if is_needed else ()
 
 
-def _status(cell: Any) -> str:
+def _read_status(cell: Any) -> str:
     """Read the status of a run; `OK` if it is missing or any of the good statuses."""
     status = OK if cell is None or is_missing(cell) else str(cell).strip()
     return OK if status.casefold() in GOOD else status
 
 
-def _finite_or_nan(cell: Any) -> Any:
+def _replace_infinite(cell: Any) -> Any:
     """Return NaN for an infinite number, and any other cell as it is."""
     try:
         is_infinite = abs(plain_number(cell)) > LARGEST
@@ -467,12 +482,23 @@ def _finite_or_nan(cell: Any) -> Any:
 def _require_enough_samples(
     table: pd.DataFrame, space: ParameterSpace, source: object
 ) -> None:
-    """Refuse a table with too few good samples."""
+    """Refuse a table with too few good samples.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        The checked table, with `sample` and `status`.
+    space : ParameterSpace
+        A model needs two more samples than free parameters.
+    source : object
+        File of the table, for the error.
+    """
     count = table[table["status"] == OK]["sample"].nunique()
     fewest = space.dimensions + 2
     if count >= fewest:
         return
     allowed = f"at least {fewest}, two more than the free parameters"
+    # Failed runs may be the reason, so name their statuses.
     failures = sorted(set(table["status"]) - {OK})
     if failures:
         statuses = ", ".join(failures)
@@ -480,7 +506,7 @@ def _require_enough_samples(
     raise InputError(source, "samples with a good run", count, allowed)
 
 
-def _parameter(name: str, low: float, high: float) -> Column:
+def _describe_parameter_column(name: str, low: float, high: float) -> Column:
     """Declare the column of a parameter, with a tolerance for rounded numbers."""
     size = (high - low) or abs(high) or 1.0
     slack = ROUNDED * size
@@ -491,7 +517,7 @@ def _parameter(name: str, low: float, high: float) -> Column:
     return Column(name, low=low - slack, high=high + slack, words=allowed)
 
 
-def _numbers_of_samples(
+def _number_samples(
     sets: pd.DataFrame, rows: Rows, study: Study, source: object
 ) -> Sequence[int]:
     """Return the sample number of each row.
@@ -514,17 +540,17 @@ def _numbers_of_samples(
     if "sample" not in rows[0]:
         return set_numbers
 
-    names = without_point(row["sample"] for row in rows)
+    sample_names = without_point(row["sample"] for row in rows)
     repeats_points = strategy(study.settings.strategy).repeats_points
-    _refuse_mixed_samples(names, set_numbers, repeats_points, source)
+    _refuse_mixed_samples(sample_names, set_numbers, repeats_points, source)
 
     # Keep the names if they are distinct numbers, unlike 3 and 003. Otherwise number the
     # samples from 1.
-    if all(name.isdecimal() and len(name) <= MOST_DIGITS for name in names):
-        numbers = [int(name) for name in names]
-        if len(set(numbers)) == len(set(names)):
+    if all(name.isdecimal() and len(name) <= MOST_DIGITS for name in sample_names):
+        numbers = [int(name) for name in sample_names]
+        if len(set(numbers)) == len(set(sample_names)):
             return numbers
-    return pd.factorize(pd.Series(names))[0] + 1
+    return pd.factorize(pd.Series(sample_names))[0] + 1
 
 
 def _refuse_mixed_samples(

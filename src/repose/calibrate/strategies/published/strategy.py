@@ -1,7 +1,4 @@
-"""The strategy `published`: one design, then a search on the surrogate of its runs.
-
-It simulates a Latin hypercube, then a search on the surrogate of its runs answers.
-"""
+"""The strategy `published`: one design, then a search on the surrogate of its runs."""
 
 from dataclasses import replace
 from typing import Any
@@ -28,18 +25,23 @@ NOT_LATIN = (
 
 
 def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
-    """Propose one batch, then answer.
+    """Propose the design, or answer once it was simulated.
 
     Parameters
     ----------
     study : Study
     data : pandas.DataFrame
         All runs so far, as in `Strategy.propose`; empty at the start.
+
+    Returns
+    -------
+    Batch or Answer
     """
     space = study.parameters
     settings = study.settings
     if data.empty:
         return design_batch(study, settings.seeds)
+    # Fit a surrogate to the means of the samples, and search on it.
     samples = samples_of_runs(data, space, study.targets)
     training, support = fit_surrogate(study, samples, data)
     inversion = invert(
@@ -129,11 +131,13 @@ def make_answer(
     targets = study.targets
     solutions = inversion.solutions
     names = list(space.names)
+    # The first row is the representative solution. Predict it with its error.
     values = solutions.loc[0, names].to_numpy(float)
     is_other = solutions["feasible"] & ~solutions["representative"]
     others = solutions[is_other]
     mean = model.predict(values[None])
     covariance = model.covariance(values[None])
+    # The answer becomes a new sample, to be simulated again.
     samples = samples_of(space, space.unit(values), seeds, next_number(data))
     return Answer(
         values=values,
@@ -145,11 +149,11 @@ def make_answer(
         others=others[names].to_numpy(float),
         others_mean=others[list(targets.predicted)].to_numpy(float),
         model=model,
-        notes={"message": inversion.summary["message"], **_stop(inversion)},
+        notes={"message": inversion.summary["message"], **_note_stop(inversion)},
     )
 
 
-def _stop(inversion: Inversion) -> dict[str, Any]:
+def _note_stop(inversion: Inversion) -> dict[str, Any]:
     """Return the notes on a search whose nearest set lies where no sample does."""
     if "stop" not in inversion.summary:
         return {}

@@ -35,7 +35,8 @@ def places_near_targets(
     """Draw places at random, weighted by the probability that they meet the targets.
 
     A place meets the targets if its true means lie within the tolerance of all of them.
-    The probability follows from the predictions and their errors. No place is drawn twice.
+    The probability follows from the predictions and their errors. No place is drawn
+    twice.
 
     Parameters
     ----------
@@ -44,7 +45,7 @@ def places_near_targets(
     space : ParameterSpace
     targets : Targets
     count : int
-        At most `NEAREST`.
+        Number of places, at most `NEAREST`.
     tolerance_percent : float
         In percent of each target.
     random : numpy.random.Generator
@@ -52,7 +53,7 @@ def places_near_targets(
     Returns
     -------
     numpy.ndarray, (count, d)
-        In the unit cube of the free parameters.
+        Points of the unit cube of the free parameters.
     """
     from scipy.stats import qmc
 
@@ -64,15 +65,15 @@ def places_near_targets(
         surrogate.predict(space.values(part))
         for part in np.split(unit, CANDIDATES // CHUNK)
     ]
-    F, _ = Objective(targets)(np.concatenate(predictions))
-    nearest = unit[np.argsort(F, kind="stable")[:NEAREST]]
+    deviations, _ = Objective(targets)(np.concatenate(predictions))
+    nearest = unit[np.argsort(deviations, kind="stable")[:NEAREST]]
 
     # Compute the probability of these places from the errors of the predictions.
-    X = space.values(nearest)
+    parameter_sets = space.values(nearest)
     tolerance = tolerance_percent * (targets.whole / 100)
     probability = probability_in_box(
-        surrogate.predict(X),
-        surrogate.covariance(X),
+        surrogate.predict(parameter_sets),
+        surrogate.covariance(parameter_sets),
         targets.aim - tolerance,
         targets.aim + tolerance,
     )

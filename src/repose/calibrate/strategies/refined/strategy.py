@@ -25,13 +25,17 @@ from repose.calibrate.training import Training
 
 
 def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
-    """Propose the published batch, then the second stage, then answer.
+    """Propose the design, then the second stage, then answer.
 
     Parameters
     ----------
     study : Study
     data : pandas.DataFrame
         All runs so far, as in `Strategy.propose`; empty at the start.
+
+    Returns
+    -------
+    Batch or Answer
     """
     section = study.settings.refine
     if data.empty:
@@ -40,11 +44,13 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     samples = samples_of_runs(data, space, study.targets)
     # Samples with a number in the column `round` are only used for training, so the test
     # samples stay those of the design.
-    is_second = _is_of_second_stage(samples["sample"], study)
-    samples["round"] = pd.Series(1, samples.index).where(is_second).astype("Int64")
+    is_second_stage = _mark_second_stage(samples["sample"], study)
+    samples["round"] = (
+        pd.Series(1, samples.index).where(is_second_stage).astype("Int64")
+    )
     training, support = fit_surrogate(study, samples, data)
-    if not is_second.any():
-        return _second_stage(study, training, data)
+    if not is_second_stage.any():
+        return _propose_second_stage(study, training, data)
 
     # Both stages are simulated: search on the surrogate of all runs.
     inversion = invert(
@@ -52,7 +58,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     )
     why = "the places near the targets are simulated: the search on all runs answers"
     answer = make_answer(study, training.model, inversion, data, why, section.seeds)
-    n_places = int(is_second.sum())
+    n_places = int(is_second_stage.sum())
     steps = (
         f"Design: {study.settings.design.samples} parameter sets, and a surrogate of "
         "their runs.",
@@ -64,17 +70,19 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
         **answer.notes,
         "steps": steps,
         "fit": training.metrics,
-        "optimism": _optimism(study, training, samples, data),
+        "optimism": _estimate_optimism(study, training, samples, data),
     }
     return replace(answer, notes=notes)
 
 
-def _is_of_second_stage(numbers: pd.Series, study: Study) -> pd.Series:
-    """Return which samples belong to the second stage: those after the design."""
+def _mark_second_stage(numbers: pd.Series, study: Study) -> pd.Series:
+    """Mark the samples of the second stage: their numbers follow those of the design."""
     return pd.to_numeric(numbers) > study.settings.design.samples
 
 
-def _second_stage(study: Study, training: Training, data: pd.DataFrame) -> Batch:
+def _propose_second_stage(
+    study: Study, training: Training, data: pd.DataFrame
+) -> Batch:
     """Make the batch of single runs near the targets.
 
     Parameters
@@ -88,7 +96,7 @@ def _second_stage(study: Study, training: Training, data: pd.DataFrame) -> Batch
     section = study.settings.refine
     space = study.parameters
     random = np.random.default_rng([study.settings.design.seed, PURPOSES["refined"]])
-    unit = places_near_targets(
+    places = places_near_targets(
         training.model,
         space,
         study.targets,
@@ -98,14 +106,15 @@ def _second_stage(study: Study, training: Training, data: pd.DataFrame) -> Batch
     )
     # `propose` tells the stages apart by number: these samples come after the design.
     first_number = max(next_number(data), study.settings.design.samples + 1)
-    samples = samples_of(space, unit, seeds=1, first=first_number)
-    sets = samples[list(space.names)].to_numpy(float)
-    samples[list(study.targets.predicted)] = training.model.predict(sets)
+    samples = samples_of(space, places, seeds=1, first=first_number)
+    parameter_sets = samples[list(space.names)].to_numpy(float)
+    # Keep the predictions, to compare them with the runs.
+    samples[list(study.targets.predicted)] = training.model.predict(parameter_sets)
     why = "the fit may meet the targets at these places; a run at each decides"
     return Batch(samples, {"why": why, "fit": training.metrics})
 
 
-def _optimism(
+def _estimate_optimism(
     study: Study, training: Training, samples: pd.DataFrame, data: pd.DataFrame
 ) -> list[dict[str, object]]:
     """Compute the expected optimism of the answer's prediction, a row for each response.

@@ -1,4 +1,4 @@
-"""The choice of the next samples to simulate, or of the answer, from the runs so far.
+"""Choose the next samples to simulate, or the answer, from the runs so far.
 
 No function of this module reads or writes a file.
 """
@@ -151,11 +151,13 @@ def advise(
     ValueError
         If the runs are too few for `Kriging`.
     """
+    # Model the runs, and rank points all over the ranges by how probably they meet the
+    # targets.
     model = Kriging(observed, noise)
     ranking = rank_points(model, goal, observed, random)
     attainable = reach(model, goal, random.spawn(1)[0])
     answer = ranking.best
-    probability = _probability(model, goal, answer)
+    probability = _compute_probability(model, goal, answer)
 
     # Decide whether to stop, by the budget and by the probability within reach.
     runs_left = max(section.most_pours - done, 0)
@@ -170,7 +172,7 @@ def advise(
     if not goal.space.is_allowed(np.where(np.isfinite(ends), ends, answer)[None])[0]:
         ends = np.full(len(ends), np.nan)
     is_past_start = done > section.start_samples * section.seeds
-    stop = _reason_to_stop(
+    stop = _find_reason_to_stop(
         section,
         probability=probability,
         reachable=reachable,
@@ -186,13 +188,13 @@ def advise(
     is_nearest = stop == "out_of_reach" or is_unmet
     if is_nearest:
         answer = nearest(model, goal, observed, ranking.points)
-        probability = _probability(model, goal, answer)
+        probability = _compute_probability(model, goal, answer)
 
     batch = np.empty((0, len(answer)))
     if stop is None:
         batch = _choose_batch(answer, n_samples, attainable, goal, observed, random)
         if attainable.probability < OUT_OF_REACH and is_past_start:
-            batch = _with_point_at(ends, batch, observed, goal.space)
+            batch = _move_to_ends(ends, batch, observed, goal.space)
 
     mean, covariance = model.predict(answer[None])
     return Advice(
@@ -240,15 +242,15 @@ def _choose_batch(
         # Use half a batch, rounded up, for the points where draws of the model come
         # nearest to the targets, unless all of these are already simulated.
         points = random.permutation(attainable.points)
-        new_points = _not_simulated(points, observed.simulated)
-        half = math.ceil(n_samples / 2)
-        batch = _sound_first(new_points, observed, half)
+        new_points = _select_new(points, observed.simulated)
+        n_half = math.ceil(n_samples / 2)
+        batch = _select_sound(new_points, observed, n_half)
         if len(batch):
             return batch
     return _draw_around(answer, n_samples, goal, observed, random)
 
 
-def _reason_to_stop(
+def _find_reason_to_stop(
     section: SequentialSettings,
     *,
     probability: float,
@@ -309,7 +311,7 @@ def has_run_at(ends: np.ndarray, simulated: np.ndarray) -> bool:
     return bool(is_there.all(axis=1).any())
 
 
-def _with_point_at(
+def _move_to_ends(
     ends: np.ndarray, batch: np.ndarray, observed: Observed, space: ParameterSpace
 ) -> np.ndarray:
     """Move the first point of a batch to the ends, unless a run stands there.
@@ -365,7 +367,7 @@ def nearest(
     return _refine_search(starts, score, observed, np.random.default_rng(1)).best
 
 
-def _probability(model: Kriging, goal: Goal, point: np.ndarray) -> float:
+def _compute_probability(model: Kriging, goal: Goal, point: np.ndarray) -> float:
     """Compute the probability that a point meets the targets."""
     mean, covariance = model.predict(point[None])
     return float(goal.probability(mean, covariance)[0])
@@ -394,11 +396,12 @@ def _refine_search(
     scores = score_sound(points)
     for step in STEPS:
         best = points[np.argsort(-scores)[:KEPT]]
+        # Try points around the best ones.
         centres = np.repeat(best, AROUND, axis=0)
         shifts = step * random.standard_normal(centres.shape)
-        near = np.clip(centres + shifts, 0, 1)
-        points = np.vstack([points, near])
-        scores = np.concatenate([scores, score_sound(near)])
+        new_points = np.clip(centres + shifts, 0, 1)
+        points = np.vstack([points, new_points])
+        scores = np.concatenate([scores, score_sound(new_points)])
     return Scored(points, scores)
 
 
@@ -453,6 +456,7 @@ def _draw_around(
 
     Their distance from the answer lets the model learn slopes as well as the mean.
     """
+    # In shares of the prior, 0.1 on each side is a tenth of its probability.
     centre = goal.space.prior_cdf(answer[None])
     shape = (AROUND * n_samples, len(answer))
     shares = np.clip(centre + SPREAD * random.standard_normal(shape), 0, 1)
@@ -460,16 +464,16 @@ def _draw_around(
     if goal.space.constraints:
         # The answer is allowed, so points are left.
         points = np.vstack([points[goal.space.is_allowed(points)], answer])
-    return _sound_first(points, observed, n_samples)
+    return _select_sound(points, observed, n_samples)
 
 
-def _sound_first(points: np.ndarray, observed: Observed, count: int) -> np.ndarray:
+def _select_sound(points: np.ndarray, observed: Observed, count: int) -> np.ndarray:
     """Select `count` points: the first sound ones, then the first of the others."""
     order = np.argsort(~observed.is_sound(points), kind="stable")
     return points[order[:count]]
 
 
-def _not_simulated(points: np.ndarray, simulated: np.ndarray) -> np.ndarray:
+def _select_new(points: np.ndarray, simulated: np.ndarray) -> np.ndarray:
     """Select the points (n, d) that are not among the simulated ones (m, d).
 
     Each is kept once, since many draws end in one corner.
@@ -477,6 +481,6 @@ def _not_simulated(points: np.ndarray, simulated: np.ndarray) -> np.ndarray:
     from scipy.spatial.distance import cdist
 
     first_equal = np.argmax(cdist(points, points) < SAME, axis=1)
-    is_first = first_equal == np.arange(len(points))
+    is_first_copy = first_equal == np.arange(len(points))
     is_new = (cdist(points, simulated) >= SAME).all(axis=1)
-    return points[is_first & is_new]
+    return points[is_first_copy & is_new]

@@ -1,4 +1,4 @@
-"""The goal of a calibration: all targets met within a tolerance.
+"""Describe the goal of a calibration: all targets met within a tolerance.
 
 Its probability at a parameter set, and how much further simulations may raise it.
 """
@@ -133,8 +133,8 @@ class Goal(NamedTuple):
         """Estimate the highest probability that further runs can lead to.
 
         If a run has the noise N, p further runs at a point reduce the covariance C of
-        its mean to R = (C^-1 + p N^-1)^-1. With luck they also move the mean towards the
-        target, by up to `LUCK` standard deviations sqrt(C - R) of this gain.
+        its mean to R = (C^-1 + p N^-1)^-1. With luck they also move the mean towards
+        the target, by up to `LUCK` standard deviations sqrt(C - R) of this gain.
 
         Parameters
         ----------
@@ -143,18 +143,25 @@ class Goal(NamedTuple):
             Points of the unit cube.
         pours : int
             Number of further runs, all at one of the points.
+
+        Returns
+        -------
+        float
+            The largest of the probabilities of all points.
         """
         mean, covariance = model.predict(unit)
         # Covariance after the further runs.
         precision = np.linalg.inv(covariance) + pours * np.linalg.inv(model.noise)
-        remaining = np.linalg.inv(precision)
+        remaining_covariance = np.linalg.inv(precision)
         # Move each mean towards its target, but not beyond it.
-        variance_of_move = np.diagonal(covariance - remaining, axis1=1, axis2=2)
+        variance_of_move = np.diagonal(
+            covariance - remaining_covariance, axis1=1, axis2=2
+        )
         largest_move = LUCK * np.sqrt(np.maximum(variance_of_move, 0.0))
         deviation = mean - self.aim
         distance = np.maximum(np.abs(deviation) - largest_move, 0.0)
         lucky_mean = self.aim + np.sign(deviation) * distance
-        return float(self.probability(lucky_mean, remaining).max())
+        return float(self.probability(lucky_mean, remaining_covariance).max())
 
     def needed(self, noise: np.ndarray, probability: float) -> int:
         """Find how many runs at a point determine its mean within the tolerance.

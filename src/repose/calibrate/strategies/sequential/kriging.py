@@ -1,4 +1,4 @@
-"""Stochastic kriging: Gaussian processes on means of samples with known errors.
+"""Model mean responses by Gaussian processes, given their errors (stochastic kriging).
 
 The errors follow from replicates. The responses are turned into combinations that are
 independent, both in the noise of a run and over the samples. Each combination has a
@@ -115,10 +115,19 @@ class Observed(NamedTuple):
         return to_failed >= to_good
 
     def noise(self) -> np.ndarray:
-        """Estimate the covariance (k, k) of a single run about the mean of its sample.
+        """Estimate the covariance of a single run about the mean of its sample.
 
-        It is assumed to be the same for all samples. ValueError if too few samples have
-        two runs, or if the runs of each sample are all alike.
+        It is assumed to be the same for all samples.
+
+        Returns
+        -------
+        array (k, k)
+
+        Raises
+        ------
+        ValueError
+            If too few samples have two runs, or if the runs of each sample are all
+            alike.
         """
         k = self.values.shape[2]
         # The residual of a missing run is 0, which does not change the sums.
@@ -131,8 +140,8 @@ class Observed(NamedTuple):
         covariance = residuals.T @ residuals / self.freedom
         sd = np.sqrt(np.diagonal(covariance))
         # Residuals as small as the rounding errors of the means are not noise.
-        are_alike = sd <= ROUNDING * np.abs(self.means).max(axis=0)
-        if are_alike.any() or not _has_full_rank(covariance / np.outer(sd, sd)):
+        is_rounding = sd <= ROUNDING * np.abs(self.means).max(axis=0)
+        if is_rounding.any() or not _has_full_rank(covariance / np.outer(sd, sd)):
             raise ValueError(
                 "pours of a sample are all alike; expected seeds that differ"
             )
@@ -181,29 +190,39 @@ class Kriging(Combined):
     factor: float  # on the variance of each draw
 
     def __init__(self, observed: Observed, noise: np.ndarray | None = None) -> None:
-        """Draw the processes of each combination, and estimate the factor."""
+        """Draw the processes of each combination, and estimate the factor.
+
+        Parameters
+        ----------
+        observed : Observed
+            The samples with their runs.
+        noise : array (k, k), optional
+            Covariance of a single run. None estimates it from the replicates.
+        """
         n_samples = len(observed.unit)
         if n_samples < LEAST_SAMPLES:
             raise ValueError(f"{n_samples} samples; expected at least {LEAST_SAMPLES}")
         self.noise = observed.noise() if noise is None else noise
         # Model independent combinations of the responses, scaled to variance 1.
-        self._combine(observed.means, _independent_combinations(observed, self.noise))
+        self._combine(
+            observed.means, _find_independent_combinations(observed, self.noise)
+        )
         self.unit = observed.unit - 0.5
-        self.errors = _mean_variances(observed, self._mixing) / self._scale**2
+        self.errors = _estimate_mean_variances(observed, self._mixing) / self._scale**2
 
         # Draw processes for each combination, then group them by draw.
-        processes_of = _draw_processes
+        make_processes = _draw_processes
         if n_samples > MOST_EXACT:
-            processes_of = _sparse_process
+            make_processes = _make_sparse_process
         draws_of_combinations = [
-            processes_of(self.unit, values, errors)
+            make_processes(self.unit, values, errors)
             for values, errors in zip(self.values.T, self.errors.T, strict=True)
         ]
         self.sets = list(zip(*draws_of_combinations, strict=True))
 
         # Compare the errors at left-out samples with the predicted variances.
-        residuals, variances, others = self._left_out()
-        self.factor = _factor(residuals, variances, others)
+        residuals, variances, other_variances = self._predict_left_out()
+        self.factor = _estimate_factor(residuals, variances, other_variances)
 
     def predict(self, unit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Predict mean responses at points of the unit cube.
@@ -218,7 +237,9 @@ class Kriging(Combined):
         covariance : array (m, k, k)
             Of the mean, without the noise of a run.
         """
-        means, variances = self._moments(lambda process: process.moments(unit - 0.5))
+        means, variances = self._collect_moments(
+            lambda process: process.moments(unit - 0.5)
+        )
         # The covariance of a mixture is that within the draws and that between them.
         within = self._covariance(self.factor * variances.mean(axis=0))
         deviations = (means - means.mean(axis=0)) * self._scale @ self._unmixing
@@ -235,7 +256,7 @@ class Kriging(Combined):
         )
         return self.unmixed(means.transpose(0, 2, 1).mean(axis=0))
 
-    def _left_out(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _predict_left_out(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Predict each sample from all the others.
 
         Returns
@@ -247,12 +268,14 @@ class Kriging(Combined):
         others : array (n, k)
             Other variances: between the draws, and of the samples' errors.
         """
-        means, variances = self._moments(lambda process: process.left_out())
+        means, variances = self._collect_moments(lambda process: process.left_out())
         residuals = self.values - means.mean(axis=0)
         others = means.var(axis=0) + self.errors
         return residuals, variances.mean(axis=0), others
 
-    def _moments(self, predict: Callable[[Any], Any]) -> tuple[np.ndarray, np.ndarray]:
+    def _collect_moments(
+        self, predict: Callable[[Any], Any]
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Collect means and variances (draws, m, k) that all processes predict.
 
         `predict` takes a process, and returns its means and variances (m,).
@@ -299,7 +322,7 @@ class SpaceKriging:
         return self.model.predict(self.space.unit(np.asarray(X, dtype=float)))
 
 
-def _independent_combinations(observed: Observed, noise: np.ndarray) -> np.ndarray:
+def _find_independent_combinations(observed: Observed, noise: np.ndarray) -> np.ndarray:
     """Find combinations of the responses that are independent.
 
     The noise of each combination has variance 1 and is independent of the others', and
@@ -316,7 +339,7 @@ def _independent_combinations(observed: Observed, noise: np.ndarray) -> np.ndarr
     return whitening @ axes
 
 
-def _mean_variances(observed: Observed, mixing: np.ndarray) -> np.ndarray:
+def _estimate_mean_variances(observed: Observed, mixing: np.ndarray) -> np.ndarray:
     """Estimate the variances (n, k) of the samples' means in each combination (S04).
 
     In the combinations, the columns of `mixing`, the noise has the variance 1 over all
@@ -328,7 +351,9 @@ def _mean_variances(observed: Observed, mixing: np.ndarray) -> np.ndarray:
     return (PRIOR_FREEDOM + squares) / (PRIOR_FREEDOM + counts - 1) / counts
 
 
-def _factor(residuals: np.ndarray, variances: np.ndarray, others: np.ndarray) -> float:
+def _estimate_factor(
+    residuals: np.ndarray, variances: np.ndarray, others: np.ndarray
+) -> float:
     """Estimate the factor on the variances of the draws from residuals.
 
     The residuals are normal with the variance factor * variances + others. The estimate
@@ -347,7 +372,7 @@ def _factor(residuals: np.ndarray, variances: np.ndarray, others: np.ndarray) ->
     return float(np.exp(weight @ np.log(FACTORS) / weight.sum()))
 
 
-class _MostProbable:
+class _PosteriorOptimiser:
     """Optimiser for scikit-learn: the most probable hyperparameters under a prior.
 
     The hyperparameters theta (1 + d,) are the logarithms of variance and lengths.
@@ -390,7 +415,7 @@ class _MostProbable:
         from scipy import optimize
 
         def loss(theta: np.ndarray) -> tuple[float, np.ndarray]:
-            """Compute the negative log posterior and its gradient.
+            """Compute the negative log posterior of theta and its gradient.
 
             The normal prior adds a term to each result of `objective`.
             """
@@ -398,15 +423,15 @@ class _MostProbable:
             z = (theta - self.mean) / self.sd
             return value + 0.5 * z @ z, gradient + z / self.sd
 
-        minimum = optimize.minimize(
+        result = optimize.minimize(
             loss, start, jac=True, method="L-BFGS-B", bounds=bounds
         )
         # Compute second derivatives as central differences of the gradient.
         for k, step in enumerate(STEP * np.eye(len(start))):
-            _, gradient_above = loss(minimum.x + step)
-            _, gradient_below = loss(minimum.x - step)
+            _, gradient_above = loss(result.x + step)
+            _, gradient_below = loss(result.x - step)
             self.curvature[k] = (gradient_above - gradient_below) / (2 * STEP)
-        return minimum.x, minimum.fun
+        return result.x, result.fun
 
 
 def _draw_processes(
@@ -430,7 +455,7 @@ def _draw_processes(
     """
     from repose.calibrate.surrogates.process import Process
 
-    best, curvature = _most_probable_kernel(unit, values, errors)
+    best, curvature = _find_most_probable_kernel(unit, values, errors)
     # Condition a process on the samples for each draw of the hyperparameters.
     processes = []
     for theta in _draw_hyperparameters(best.theta, curvature):
@@ -439,7 +464,7 @@ def _draw_processes(
     return processes
 
 
-def _sparse_process(
+def _make_sparse_process(
     unit: np.ndarray, values: np.ndarray, errors: np.ndarray
 ) -> list[Any]:
     """Make the most probable process of many samples.
@@ -459,7 +484,7 @@ def _sparse_process(
     from repose.calibrate.surrogates.process import SparseProcess, spread_centres
 
     rows = subset(len(unit))
-    kernel, _ = _most_probable_kernel(unit[rows], values[rows], errors[rows])
+    kernel, _ = _find_most_probable_kernel(unit[rows], values[rows], errors[rows])
     centres = unit[spread_centres(kernel, unit, CENTRES)]
     return [SparseProcess(kernel, unit, values, errors, centres)]
 
@@ -470,7 +495,7 @@ def subset(n_samples: int) -> np.ndarray:
     return np.sort(random.permutation(n_samples)[:MOST_EXACT])
 
 
-def _most_probable_kernel(
+def _find_most_probable_kernel(
     unit: np.ndarray, values: np.ndarray, errors: np.ndarray
 ) -> tuple[Any, np.ndarray]:
     """Find the covariance of a process with its most probable hyperparameters.
@@ -500,7 +525,7 @@ def _most_probable_kernel(
     kernel = straight(slope) + smooth(signal, lengths, (BOUNDS, BOUNDS), SMOOTHNESS)
 
     # Find the most probable hyperparameters.
-    optimiser = _MostProbable(
+    optimiser = _PosteriorOptimiser(
         mean=np.array([math.log(signal)] + [log_length] * d),
         sd=np.array([VARIANCE_LOG_SD] + [LENGTH_LOG_SD] * d),
     )

@@ -1,4 +1,4 @@
-"""The noise of a single run: from replicates, as given, or estimated from single runs.
+"""Find the noise of a single run: from replicates, as given, or from single runs.
 
 Without replicates only the scatter about a smooth surface is left: a Gaussian process
 whose errors have one unknown variance, the nugget (Rasmussen & Williams 2006, section
@@ -97,6 +97,8 @@ def noise_of(
         except ValueError:  # the replicates are all alike
             counts = np.ones_like(counts)
 
+    # The noise of the other responses must be estimated from single runs, if there are
+    # enough.
     fewest = RUNS_PER_PARAMETER * observed.unit.shape[1]
     all_are_given = set(names) <= set(noise_sd)
     if not all_are_given and len(observed.unit) < fewest:
@@ -140,16 +142,28 @@ def nugget(unit: np.ndarray, means: np.ndarray, shares: np.ndarray) -> float:
     """
     # A proposal and its answer ask for the same, which takes minutes with many runs.
     arrays = [np.ascontiguousarray(array, float) for array in (unit, means, shares)]
-    return _nugget_of(*(array.tobytes() for array in arrays), unit.shape[1])
+    return _estimate_nugget(*(array.tobytes() for array in arrays), unit.shape[1])
 
 
 @lru_cache(maxsize=32)
-def _nugget_of(
+def _estimate_nugget(
     unit_bytes: bytes, means_bytes: bytes, shares_bytes: bytes, d: int
 ) -> float:
     """Estimate a nugget, with its arrays passed as bytes.
 
     The cache needs hashable arguments, and arrays are not hashable.
+
+    Parameters
+    ----------
+    unit_bytes, means_bytes, shares_bytes : bytes
+        The arrays of `nugget`.
+    d : int
+        Number of columns of the samples.
+
+    Returns
+    -------
+    float
+        The variance of a single run.
     """
     from repose.calibrate.surrogates.process import Process, smooth
 
@@ -166,7 +180,7 @@ def _nugget_of(
     # the evidence of the fit.
     kernel = smooth(1.0, np.ones(unit.shape[1]), (BOUNDS, LENGTHS), SMOOTHNESS)
     if len(unit) > MOST_EXACT:
-        log_evidence = _evidence_of_many(kernel, unit, values, shares)
+        log_evidence = _interpolate_evidence(kernel, unit, values, shares)
         candidates = FINE_SHARES
     else:
         log_evidence = np.array(
@@ -180,23 +194,29 @@ def _nugget_of(
     return float(weights @ candidates / weights.sum()) * scale**2
 
 
-def _evidence_of_many(
+def _interpolate_evidence(
     kernel: Any, unit: np.ndarray, values: np.ndarray, shares: np.ndarray
 ) -> np.ndarray:
     """Compute the log evidence of `FINE_SHARES` where samples are many.
 
-    Variance and lengths come from a subset of the samples, the evidence from all. So many
-    samples tell shares apart that lie between those of `SHARES`; a spline leads from these
-    to those.
+    Variance and lengths come from a subset of the samples, the evidence from all. So
+    many samples tell shares apart that lie between those of `SHARES`. A spline
+    interpolates the evidence between these.
 
     Parameters
     ----------
     kernel : kernel of scikit-learn
     unit : array (n, d)
+        Samples in the unit cube.
     values : array (n,)
-        Scaled to variance 1.
+        Their means of a response, scaled to variance 1.
     shares : array (n,)
-        As in `nugget`.
+        Variance of each of the means, in variances of a single run.
+
+    Returns
+    -------
+    array
+        The log evidence of each of `FINE_SHARES`.
     """
     from scipy.interpolate import CubicSpline
 
@@ -206,6 +226,8 @@ def _evidence_of_many(
     log_evidence = []
     for share in SHARES:
         errors = share * shares
+        # The fit to the subset finds variance and lengths. With these, the evidence of
+        # all samples needs no further fit.
         fit = Process(kernel, unit[rows], values[rows], errors=errors[rows])
         process = Process(fit.kernel, unit, values, errors=errors, optimizer=None)
         log_evidence.append(process.log_likelihood)

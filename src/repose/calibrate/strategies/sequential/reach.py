@@ -1,4 +1,4 @@
-"""Whether any parameter set meets the goal, and how near the nearest comes.
+"""Estimate whether any parameter set meets the goal, and how near the nearest comes.
 
 The answer comes from draws of possible responses. A draw is a function of the
 parameters that agrees with the runs within their errors. In each draw the best point is
@@ -41,7 +41,7 @@ class Reach(NamedTuple):
     points: np.ndarray  # (draws, d), where each draw comes nearest to the goal
 
 
-class _Nearest(NamedTuple):
+class _BestPoints(NamedTuple):
     """Result of the search for the best point in each of several draws."""
 
     largest: np.ndarray  # (draws,), least largest deviation in tolerances
@@ -60,6 +60,10 @@ def reach(model: Kriging, goal: Goal, random: np.random.Generator) -> Reach:
     model : Kriging
     goal : Goal
     random : numpy.random.Generator
+
+    Returns
+    -------
+    Reach
     """
     from scipy.stats import qmc
 
@@ -74,7 +78,7 @@ def reach(model: Kriging, goal: Goal, random: np.random.Generator) -> Reach:
     results = []
     for number in range(len(model.sets)):
         draws = Draws(model, number, random)
-        results.append(_nearest(draws, goal, starts, random))
+        results.append(_search_draws(draws, goal, starts, random))
 
     # Combine all draws. A draw meets the goal if its largest deviation is at most one
     # tolerance.
@@ -88,9 +92,9 @@ def reach(model: Kriging, goal: Goal, random: np.random.Generator) -> Reach:
     )
 
 
-def _nearest(
+def _search_draws(
     draws: "Draws", goal: Goal, starts: np.ndarray, random: np.random.Generator
-) -> _Nearest:
+) -> _BestPoints:
     """Search each draw for the points that deviate least from the goal.
 
     The search tries random points around the best ones so far, in ever smaller steps.
@@ -104,26 +108,28 @@ def _nearest(
     random : numpy.random.Generator
     """
     points = starts
-    largest, F = goal.of_responses(draws(points))  # both (draws, points)
+    largest_deviations, F = goal.of_responses(draws(points))  # both (draws, points)
     for step in STEPS:
         # Choose the best points of each draw, by the largest deviation and by F.
-        best = points[np.concatenate([largest.argmin(axis=1), F.argmin(axis=1)])]
+        best = points[
+            np.concatenate([largest_deviations.argmin(axis=1), F.argmin(axis=1)])
+        ]
 
         # Try points around them.
         centres = np.repeat(best, AROUND, axis=0)
         shifts = step * random.standard_normal(centres.shape)
         new_points = np.clip(centres + shifts, 0, 1)
         new_points = new_points[goal.space.is_allowed(new_points)]
-        new_largest, new_F = goal.of_responses(draws(new_points))
+        new_largest_deviations, new_F = goal.of_responses(draws(new_points))
 
         # Add them to the points of all draws, so that each draw can use every point.
         points = np.vstack([points, new_points])
-        largest = np.hstack([largest, new_largest])
+        largest_deviations = np.hstack([largest_deviations, new_largest_deviations])
         F = np.hstack([F, new_F])
-    return _Nearest(
-        largest=largest.min(axis=1),
+    return _BestPoints(
+        largest=largest_deviations.min(axis=1),
         F=F.min(axis=1),
-        points=points[largest.argmin(axis=1)],
+        points=points[largest_deviations.argmin(axis=1)],
     )
 
 
@@ -151,7 +157,15 @@ class Draws:
     def __init__(
         self, model: Kriging, number: int, random: np.random.Generator
     ) -> None:
-        """Draw functions for each combination of the responses (W20)."""
+        """Draw functions for each combination of the responses (W20).
+
+        Parameters
+        ----------
+        model : Kriging
+        number : int
+            Number of the set of processes in `model.sets`.
+        random : numpy.random.Generator
+        """
         self.model = model
         n_functions = FUNCTIONS // len(model.sets)
         self._processes = []
@@ -173,7 +187,17 @@ class Draws:
             self._processes.append(_DrawnProcess(process, prior, corrections))
 
     def __call__(self, unit: np.ndarray) -> np.ndarray:
-        """Compute the responses (draws, m, k) of all functions at points (m, d)."""
+        """Compute the responses of all functions at some points.
+
+        Parameters
+        ----------
+        unit : numpy.ndarray, (m, d)
+            Points of the unit cube.
+
+        Returns
+        -------
+        numpy.ndarray, (draws, m, k)
+        """
         centred = unit - 0.5
         widening = math.sqrt(self.model.factor)
         combinations = []
@@ -185,8 +209,8 @@ class Draws:
             # Widen the draws about their mean: the factor applies to the variance.
             combinations.append(mean + widening * (draws - mean))
         # Convert combinations (m, draws, k) to responses (draws, m, k).
-        values = np.stack(combinations, axis=-1)
-        return self.model.unmixed(values).transpose(1, 0, 2)
+        drawn_combinations = np.stack(combinations, axis=-1)
+        return self.model.unmixed(drawn_combinations).transpose(1, 0, 2)
 
 
 def _draw_prior(
@@ -209,7 +233,7 @@ def _draw_prior(
     Returns
     -------
     callable
-        From points (m, d) to values (m, FUNCTIONS).
+        From points (m, d) to values (m, n_functions).
     """
     straight = kernel.k1
     smooth = kernel.k2

@@ -3,7 +3,7 @@
 Kriging says where the next batch is simulated, and when to stop.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -64,24 +64,26 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
         All runs so far, as in `Strategy.propose`; empty at the start.
     """
     if data.empty:
-        return _start(study, data, notes={})
+        return _propose_start(study, data, notes={})
     space = study.parameters
     section = study.settings.sequential
-    goal = _goal(study)
+    goal = _make_goal(study)
     observed = arrange_runs(data, space, study.targets)
     try:
         # The noise is None if it can be estimated from replicates.
         noise = known_noise(study, observed)
-        advice = advise(observed, goal, section, len(data), _random(study, data), noise)
+        advice = advise(
+            observed, goal, section, len(data), _make_generator(study, data), noise
+        )
     except (InputError, ValueError) as error:
-        return _start_again(study, data, observed, error)
-    notes = _notes(advice, study)
+        return _propose_another_start(study, data, observed, error)
+    notes = _describe_state(advice, study)
     if advice.stop is None:
         samples = samples_of(space, advice.batch, section.seeds, next_number(data))
         return Batch(samples, notes)
 
     # The search ends with this answer.
-    final_notes = notes | _notes_of_end(notes, study, data)
+    final_notes = notes | _describe_end(notes, study, data)
     return answer(
         study,
         data,
@@ -92,7 +94,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     )
 
 
-def _start(study: Study, data: pd.DataFrame, notes: Mapping[str, Any]) -> Batch:
+def _propose_start(study: Study, data: pd.DataFrame, notes: Mapping[str, Any]) -> Batch:
     """Make the first batch: samples all over the ranges, up to the budget.
 
     Parameters
@@ -112,7 +114,7 @@ def _start(study: Study, data: pd.DataFrame, notes: Mapping[str, Any]) -> Batch:
     return Batch(samples, notes)
 
 
-def _start_again(
+def _propose_another_start(
     study: Study, data: pd.DataFrame, observed: Observed, error: ValueError
 ) -> Batch:
     """Make another first batch, because too few samples are good for a model.
@@ -123,9 +125,13 @@ def _start_again(
     data : pandas.DataFrame
         The runs so far.
     observed : Observed
-        The same as arrays.
+        The same runs as arrays.
     error : ValueError
         The error that the model raised.
+
+    Returns
+    -------
+    Batch
 
     Raises
     ------
@@ -142,12 +148,12 @@ def _start_again(
     is_too_few = n_good < section.start_samples
     fits_budget = len(data) + section.seeds <= section.most_pours
     if not (is_too_few and fits_budget):
-        raise _input_error(error, data, study.targets) from None
+        raise _make_input_error(error, data, study.targets) from None
     why = (
         f"{n_failed} samples failed, and the other {n_good} are too few for a model: "
         "a further start"
     )
-    return _start(study, data, notes={"why": why})
+    return _propose_start(study, data, notes={"why": why})
 
 
 def answer(
@@ -186,24 +192,19 @@ def answer(
     try:
         model = model or Kriging(observed, known_noise(study, observed))
     except ValueError as error:
-        raise _input_error(error, data, targets) from None
-    goal = _goal(study)
-    ranking = rank_points(model, goal, observed, _random(study, data))
+        raise _make_input_error(error, data, targets) from None
+    goal = _make_goal(study)
+    ranking = rank_points(model, goal, observed, _make_generator(study, data))
     others = alternatives(ranking, model, targets, study.settings.miga)
+    all_notes = dict(notes or {})
     if point is None:
         point = ranking.best
         # If no point meets the targets, the most probable one is merely uncertain.
         if no_point_meets(model, goal, ranking):
             point = nearest(model, goal, observed, ranking.points)
-            # Without a run at an end where the targets come nearest, a steep response
-            # there may meet them: this is no verdict that they are out of reach.
-            places = (point[None], ranking.best[None])
-            are_simulated = all(
-                has_run_at(nearest_ends(place), observed.simulated) for place in places
-            )
-            if not are_simulated:
+            if not _are_ends_simulated((point, ranking.best), observed):
                 why = f"{why}; {NO_RUN_AT_END}"
-                notes = {**(notes or {}), "stop": NOT_SIMULATED}
+                all_notes["stop"] = NOT_SIMULATED
             why = f"{why}; {NEAREST}"
     unit = point[None]
     mean, covariance = model.predict(unit)
@@ -212,17 +213,28 @@ def answer(
         values=space.values(unit)[0],
         mean=mean[0],
         covariance=covariance[0],
-        probability=_probabilities(mean, covariance, targets, space),
+        probability=_compute_probabilities(mean, covariance, targets, space),
         samples=samples_of(space, unit, checks, next_number(data)),
         why=why,
         others=space.values(others.points),
         others_mean=others.mean,
         model=SpaceKriging(model, space),
-        notes={} if notes is None else notes,
+        notes=all_notes,
     )
 
 
-def _probabilities(
+def _are_ends_simulated(points: Iterable[np.ndarray], observed: Observed) -> bool:
+    """Return whether runs stand at the ends of ranges where points (d,) lie.
+
+    A response may be steep at an end. Without a run there, the targets are not known to
+    be out of reach, even if the model predicts it.
+    """
+    return all(
+        has_run_at(nearest_ends(point[None]), observed.simulated) for point in points
+    )
+
+
+def _compute_probabilities(
     mean: np.ndarray, covariance: np.ndarray, targets: Targets, space: ParameterSpace
 ) -> dict[str, float]:
     """Return the probabilities of `Answer` for a mean (1, k)."""
@@ -235,7 +247,9 @@ def _probabilities(
     return probabilities
 
 
-def _input_error(error: ValueError, data: pd.DataFrame, targets: Targets) -> InputError:
+def _make_input_error(
+    error: ValueError, data: pd.DataFrame, targets: Targets
+) -> InputError:
     """Return the error for the user where the runs do not determine a model.
 
     Raises
@@ -279,12 +293,12 @@ def arrange_runs(
     # `repose.calibrate.runs.summarise_runs`.
     is_finite = np.isfinite(values)
     n_finite = is_finite.sum(axis=1)  # (samples, responses)
-    has_half = (2 * n_finite >= runs_of_sample[:, None]).all(axis=1)
+    has_half_of_runs = (2 * n_finite >= runs_of_sample[:, None]).all(axis=1)
     has_complete_run = is_finite.all(axis=2).any(axis=1)
-    is_good = has_complete_run & has_half
+    is_good = has_complete_run & has_half_of_runs
 
-    sets = data.drop_duplicates("sample")[list(space.names)]
-    unit = space.unit(sets.to_numpy(float))
+    parameter_sets = data.drop_duplicates("sample")[list(space.names)]
+    unit = space.unit(parameter_sets.to_numpy(float))
     return Observed(unit[is_good], values[is_good], unit[~is_good])
 
 
@@ -303,25 +317,41 @@ def known_noise(study: Study, observed: Observed) -> np.ndarray | None:
     return estimate_noise(study, observed).covariance
 
 
-def _goal(study: Study) -> Goal:
+def _make_goal(study: Study) -> Goal:
     """Return the targets within the tolerance of the section."""
     tolerance = study.settings.sequential.tolerance_percent
     return Goal.of(study.targets, tolerance, study.parameters)
 
 
-def _random(study: Study, data: pd.DataFrame) -> np.random.Generator:
+def _make_generator(study: Study, data: pd.DataFrame) -> np.random.Generator:
     """Make the random numbers of a proposal, the same for the same runs.
 
-    They are seeded by the number of the last batch, or by the number of runs.
+    Parameters
+    ----------
+    study : Study
+        The seed of its design is used.
+    data : pandas.DataFrame
+        The runs so far. The number of the last batch, or the number of runs, also
+        enters the seed.
     """
-    turn = int(data["batch"].max()) if "batch" in data else len(data)
-    return np.random.default_rng([study.settings.design.seed, turn])
+    number = int(data["batch"].max()) if "batch" in data else len(data)
+    return np.random.default_rng([study.settings.design.seed, number])
 
 
-def _notes(advice: Advice, study: Study) -> dict[str, Any]:
+def _describe_state(advice: Advice, study: Study) -> dict[str, Any]:
     """Describe the state of the search, as the notes of a proposal.
 
-    The entry `row` is the row of this proposal in the table of batches.
+    Parameters
+    ----------
+    advice : Advice
+        The advice after the runs so far.
+    study : Study
+
+    Returns
+    -------
+    dict
+        Plain values. The entry `row` is the row of this proposal in the table of
+        batches.
     """
     space = study.parameters
     values = space.values(advice.answer[None])[0].tolist()
@@ -347,11 +377,11 @@ def _notes(advice: Advice, study: Study) -> dict[str, Any]:
         },
         "answer": parameters,
         "row": {**state, **predictions, **parameters},
-        "why": _why(advice),
+        "why": _explain(advice),
     }
 
 
-def _why(advice: Advice) -> str:
+def _explain(advice: Advice) -> str:
     """Describe why the search stops, or how it continues."""
     if advice.stop is None:
         return f"{len(advice.batch)} more samples are poured"
@@ -362,7 +392,7 @@ def _why(advice: Advice) -> str:
     return why
 
 
-def _notes_of_end(
+def _describe_end(
     notes: Mapping[str, Any], study: Study, data: pd.DataFrame
 ) -> dict[str, Any]:
     """Describe the end of the search, for the summary and the report.
@@ -370,7 +400,7 @@ def _notes_of_end(
     Parameters
     ----------
     notes : mapping
-        Of the last proposal, from `_notes`.
+        Of the last proposal, from `_describe_state`.
     study : Study
     data : pandas.DataFrame
         All runs.
@@ -390,14 +420,23 @@ def _notes_of_end(
     )
     end: dict[str, Any] = {"summary": summary, "steps": steps}
     if notes["stop"] == "out_of_reach":
-        end["note"] = _out_of_reach(notes, study.targets)
+        end["note"] = _describe_distance(notes, study.targets)
     return end
 
 
-def _out_of_reach(notes: Mapping[str, Any], targets: Targets) -> str:
+def _describe_distance(notes: Mapping[str, Any], targets: Targets) -> str:
     """Describe how close the answer comes to targets that are out of reach.
 
-    `notes` is the result of `_notes`.
+    Parameters
+    ----------
+    notes : mapping
+        Result of `_describe_state`.
+    targets : Targets
+
+    Returns
+    -------
+    str
+        Two sentences.
     """
     row = notes["row"]
     deviations = []
