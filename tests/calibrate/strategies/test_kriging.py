@@ -74,7 +74,7 @@ def test_errors_are_those_of_one_process_of_all_responses():
 
 def test_errors_of_a_sample_are_those_of_processes_without_it():
     model = Kriging(poured(n=12))
-    residuals, variances, others = model._left_out()
+    residuals, variances, others = model._predict_left_out()
     # values and errors of each combination of the responses
     columns = np.array([model.values.T, model.errors.T]).transpose(1, 0, 2)
     for i in range(12):

@@ -127,8 +127,8 @@ def test_up_to_the_limit_nothing_is_sparse(monkeypatch):
     functions = Draws(many, 0, np.random.default_rng(1))(np.zeros((3, 4)))
     assert functions.shape == (FUNCTIONS, 3, 2)
 
-    monkeypatch.setattr(kriging, "_sparse_process", refuse)
-    monkeypatch.setattr(noise, "_evidence_of_many", refuse)
+    monkeypatch.setattr(kriging, "_make_sparse_process", refuse)
+    monkeypatch.setattr(noise, "_interpolate_evidence", refuse)
     few = simulated(20)
     model = Kriging(few, NOISE)
     assert [type(one) for one in model.sets[0]] == [Process] * 2

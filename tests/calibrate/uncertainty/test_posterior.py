@@ -64,7 +64,7 @@ def test_statements_and_a_reference_interval_by_its_share_of_the_prior():
     row |= {"width_ratio": 0.4}
     assert "e_gp is determined, 0.21 to 0.49" in posterior.statement(row)
     space = contact_space(UNIT | {"mus_gg": [0.4, 0.8]})
-    found = posterior._reference(
+    found = posterior._assess_reference(
         "other",
         space,
         space.free.index("mus_gg"),
@@ -76,7 +76,7 @@ def test_statements_and_a_reference_interval_by_its_share_of_the_prior():
     space = contact_space(
         UNIT | {"mus_gg": {"prior": {"mean": 0.6, "sd": 0.05}, "range": [0.4, 0.8]}}
     )
-    found = posterior._reference(
+    found = posterior._assess_reference(
         "other",
         space,
         space.free.index("mus_gg"),
@@ -243,7 +243,7 @@ def test_a_published_range_is_shown_for_the_parameters_that_have_one():
     space = contact_space(UNIT | {"gamma_gg": [0.0, 0.1], "gamma_gp": {"fixed": 0.0}})
     published = pd.DataFrame({"low": 0.4, "high": 0.6}, index=PARAMETERS)
     unit = np.random.default_rng(1).uniform(size=(500, 7))
-    table = posterior._parameters(
+    table = posterior._tabulate_parameters(
         space,
         unit,
         posterior.Convergence(*np.ones((3, 7))),

@@ -1,6 +1,7 @@
-"""Surrogate by a neural network (BP) with Bayesian regularisation, which has error bars.
+"""Predict responses and their errors by a network with Bayesian regularisation.
 
-Section 3.2.2 of the paper: a 6-12-2 network, tansig and purelin, with inputs and
+It is the BP network of section 3.2.2 of the paper: a 6-12-2 network, tansig and
+purelin, with inputs and
 outputs scaled to 0.1-0.9. Levenberg-Marquardt trains it on a regularised sum of
 squares. It needs numpy alone::
 
@@ -155,7 +156,9 @@ class BayesianBP(TrainingSettings, Surrogate):
         self.output_max_ = Y.max(axis=0)
         x = scale(X, self.input_min_, self.input_max_, self.scaled_range)
         noise_covariance = noise.get("noise_covariance")
-        self._mixing = independent_mixing(noise_covariance, self._stretch(), precision)
+        self._mixing = independent_mixing(
+            noise_covariance, self._compute_stretch(), precision
+        )
         scaled_outputs = scale(Y, self.output_min_, self.output_max_, self.scaled_range)
         t = scaled_outputs @ self._mixing
 
@@ -165,12 +168,12 @@ class BayesianBP(TrainingSettings, Surrogate):
         scatter = pure_error(
             noise_covariance,
             freedom=noise.get("noise_freedom", 0.0),
-            stretch=self._stretch(),
+            stretch=self._compute_stretch(),
             mixing=self._mixing,
         )
         self.ends_ = [
             train_start(
-                w=self._first_weights(k, inputs=x.shape[1], outputs=outputs),
+                w=self._draw_first_weights(k, inputs=x.shape[1], outputs=outputs),
                 x=x,
                 t=t,
                 root_weight=np.sqrt(weight),
@@ -189,7 +192,7 @@ class BayesianBP(TrainingSettings, Surrogate):
         self._keep_best_start()
         return self
 
-    def _first_weights(self, start: int, inputs: int, outputs: int) -> np.ndarray:
+    def _draw_first_weights(self, start: int, inputs: int, outputs: int) -> np.ndarray:
         """Draw the weights (N,) with which a start begins."""
         seed = (self.seed, start)
         return nguyen_widrow(inputs, self.hidden, outputs, self.scaled_range, seed)
@@ -199,14 +202,28 @@ class BayesianBP(TrainingSettings, Surrogate):
 
         The training starts from the present weights, and keeps the scalings, alpha and
         beta. The evidence and the statistics of the first fit are kept as well.
+
+        Parameters
+        ----------
+        X : array (samples, inputs)
+        Y : array (samples, outputs)
+        **noise
+            `precision` and `noise_covariance` as in `Surrogate.fit`.
+
+        Returns
+        -------
+        BayesianBP
+            The copy.
         """
         # Scale and mix the outputs as `fit` does.
         X, Y, count, precision = checked_samples(X, Y, **noise)
         weight = count[:, None] * precision
         noise_covariance = noise.get("noise_covariance")
-        mixing = independent_mixing(noise_covariance, self._stretch(), precision)
+        mixing = independent_mixing(
+            noise_covariance, self._compute_stretch(), precision
+        )
         t = scale(Y, self.output_min_, self.output_max_, self.scaled_range) @ mixing
-        end = train_again(
+        training_end = train_again(
             w=mix_outputs(self._weights(), mixing, self.hidden),
             x=scale(X, self.input_min_, self.input_max_, self.scaled_range),
             t=t,
@@ -223,13 +240,19 @@ class BayesianBP(TrainingSettings, Surrogate):
             "weight": weight,
             "noise_covariance": noise_covariance,
         }
-        network._set_layers(end["w"])
-        root = posterior_root(end["alpha_of_weight"], self.beta_, end["JJ"])
-        network._set_errors(root, mixing)
+        network._set_layers(training_end["w"])
+        weight_root = posterior_root(
+            training_end["alpha_of_weight"], self.beta_, training_end["JJ"]
+        )
+        network._set_errors(weight_root, mixing)
         return network
 
     def _keep_best_start(self) -> None:
-        """Choose the best of `ends_`, record all of them, and keep its network."""
+        """Keep the network of the best start.
+
+        It is the start of the largest evidence: of those that converged, or of all if
+        none did. The statistics of all starts are recorded in `starts_`.
+        """
         ends = self.ends_
         self.starts_ = []
         for k, end in enumerate(ends):
@@ -256,8 +279,16 @@ class BayesianBP(TrainingSettings, Surrogate):
     def _set_network(self, end: Mapping[str, Any]) -> None:
         """Set weights, evidence and errors from the result of a start.
 
-        The start was trained on mixed outputs, so its weights are converted to the
-        original outputs.
+        Parameters
+        ----------
+        end : mapping
+            Result of `train_start`. Its weights belong to mixed outputs, and are
+            converted to the original outputs.
+
+        Raises
+        ------
+        ValueError
+            If the start has no finite evidence. No other start then has one.
         """
         if end["log_evidence"] == -math.inf:
             raise ValueError(
@@ -310,13 +341,13 @@ class BayesianBP(TrainingSettings, Surrogate):
         if not hasattr(self, "W1_"):
             raise ValueError("predict was called before fit")
         X = checked_points(X, len(self.input_min_))
-        Y = evaluate(self._arrays(), X)
+        Y = evaluate(self._collect_arrays(), X)
         if self.one_output_:
             Y = Y[:, 0]
         if not return_std:
             return Y
         roots = weight_roots([self], X, self._weights()[None])[0]
-        variance = (roots**2).sum(axis=2) * self._stretch() ** 2
+        variance = (roots**2).sum(axis=2) * self._compute_stretch() ** 2
         std = np.sqrt(variance + noise * self.noise_std_**2)
         if self.one_output_:
             std = std[:, 0]
@@ -333,7 +364,7 @@ class BayesianBP(TrainingSettings, Surrogate):
     def response_function(
         self, low: np.ndarray, high: np.ndarray
     ) -> Callable[[np.ndarray], np.ndarray]:
-        return response_function(self._arrays(), low, high)
+        return response_function(self._collect_arrays(), low, high)
 
     def shifted(self, offset: np.ndarray) -> Self:
         # The output biases are scaled; the offset is in the units of the responses.
@@ -401,7 +432,12 @@ class BayesianBP(TrainingSettings, Surrogate):
         """Restore a trained network from the result of `to_dict`.
 
         The Hessian is computed from the saved weights and samples, without training.
-        If the entry `training` is missing, the network predicts without errors.
+
+        Parameters
+        ----------
+        content : mapping
+            Result of `to_dict`, perhaps with the numbers of the ``samples``. If its
+            entry ``training`` is missing, the network predicts without errors.
         """
         arrays = {key: np.asarray(content[key], dtype=float) for key in ARRAYS}
         model = cls(
@@ -428,8 +464,16 @@ class BayesianBP(TrainingSettings, Surrogate):
     def _restore_errors(self, samples: Sequence[int]) -> None:
         """Compute noise and covariance of the weights from the training samples.
 
-        `samples` are the numbers of the samples. They fix the order of the sum for the
-        Hessian, on which its last bits depend.
+        Parameters
+        ----------
+        samples : sequence of int
+            Numbers of the samples. They fix the order of the sum for the Hessian, on
+            which its last bits depend.
+
+        Raises
+        ------
+        ValueError
+            If there are more or fewer numbers than samples.
         """
         order = np.argsort(samples)
         if len(order) != len(self.training_["inputs"]):
@@ -439,35 +483,42 @@ class BayesianBP(TrainingSettings, Surrogate):
         # Compute J'J of the residuals as in training, on mixed outputs.
         X = self.training_["inputs"][order]
         weight = self.training_["weight"][order]
-        outputs = len(self.b2_)
+        n_outputs = len(self.b2_)
         mixing = independent_mixing(
-            self.training_["noise_covariance"], self._stretch(), weight
+            self.training_["noise_covariance"], self._compute_stretch(), weight
         )
         w = mix_outputs(self._weights(), mixing, self.hidden)
         x = scale(X, self.input_min_, self.input_max_, self.scaled_range)
-        _, J = jacobian(w, x, outputs)
+        _, J = jacobian(w, x, n_outputs)
         J = (J * np.sqrt(weight)[:, :, None]).reshape(-1, w.size)
 
         # The regularisation of each weight is that of its class.
-        classes = weight_classes(self.prior, X.shape[1], self.hidden, outputs)
+        classes = weight_classes(self.prior, X.shape[1], self.hidden, n_outputs)
         alpha_of_weight = spread_over_weights(
             np.atleast_1d(self.alpha_), classes, w.size
         )
-        root = posterior_root(alpha_of_weight, self.beta_, J.T @ J)
-        self._set_errors(root, mixing)
+        weight_root = posterior_root(alpha_of_weight, self.beta_, J.T @ J)
+        self._set_errors(weight_root, mixing)
 
     def _set_errors(self, root: np.ndarray, mixing: np.ndarray) -> None:
-        """Set errors for the outputs before mixing, from those of the mixed outputs.
+        """Set the errors for the original outputs, from those of the mixed outputs.
 
-        `posterior_root_` (N, N) is a root of the covariance of the weights,
-        `noise_std_` (outputs,) the noise of a single value of precision 1 in the units
-        of the responses. `root` is the first of these for the mixed outputs.
+        The attribute `posterior_root_` (N, N) is a root of the covariance of the
+        weights. The attribute `noise_std_` (outputs,) is the noise of a value of
+        precision 1, in the units of the responses.
+
+        Parameters
+        ----------
+        root : array (N, N)
+            Root of the covariance of the weights for the mixed outputs.
+        mixing : array (outputs, outputs)
+            The combinations that the network was trained on, one in each column.
         """
         unmixing = np.linalg.inv(mixing)
         self.posterior_root_ = mix_outputs(root, unmixing, self.hidden)
         self.noise_std_ = (
             np.linalg.norm(unmixing, axis=0)
-            * self._stretch()
+            * self._compute_stretch()
             / math.sqrt(2 * self.beta_)
         )
 
@@ -475,18 +526,25 @@ class BayesianBP(TrainingSettings, Surrogate):
         """Return all weights (N,)."""
         return np.concatenate([self.W1_.ravel(), self.b1_, self.W2_.ravel(), self.b2_])
 
-    def _arrays(self) -> dict[str, Any]:
+    def _collect_arrays(self) -> dict[str, Any]:
         """Collect scalings and weights, as `two_layer.evaluate` reads them."""
         arrays = {key: getattr(self, f"{key}_") for key in ARRAYS}
         return arrays | {"scaled_range": self.scaled_range}
 
     def _check_settings(self) -> None:
-        """Raise ValueError for a setting outside its limits."""
-        limits = {"hidden": 1, "starts": 1, "epochs": 1, "goal": 0}
-        for name, limit in limits.items():
+        """Check the settings of the training.
+
+        Raises
+        ------
+        ValueError
+            For a setting outside its limits. It names the setting, its value and the
+            limit.
+        """
+        lowest_values = {"hidden": 1, "starts": 1, "epochs": 1, "goal": 0}
+        for name, lowest in lowest_values.items():
             value = getattr(self, name)
-            if not value >= limit:
-                raise ValueError(f"{name} is {value!r}; expected at least {limit}")
+            if not value >= lowest:
+                raise ValueError(f"{name} is {value!r}; expected at least {lowest}")
         if self.prior not in PRIORS:
             raise ValueError(f"prior is {self.prior!r}; expected {', '.join(PRIORS)}")
         low, high = self.scaled_range
@@ -496,7 +554,7 @@ class BayesianBP(TrainingSettings, Surrogate):
                 "expected its first below its second"
             )
 
-    def _stretch(self) -> np.ndarray:
+    def _compute_stretch(self) -> np.ndarray:
         """Compute one unit of each scaled output (outputs,), in the response's unit."""
         low, high = self.scaled_range
         return width(self.output_min_, self.output_max_) / (high - low)
@@ -522,7 +580,7 @@ def covariances(
         weights = np.array([network._weights() for network in networks])
     X = np.asarray(X, dtype=float)
     # Factors from scaled outputs to the units of the responses.
-    stretch = networks[0]._stretch()[:, None]
+    stretch = networks[0]._compute_stretch()[:, None]
     # Process the samples in parts, because the derivatives need much memory.
     parts = []
     for points in np.array_split(X, 1 + len(X) // CHUNK):

@@ -1,4 +1,4 @@
-"""Evidence of a trained network, and the covariance of its weights (MacKay).
+"""Compute the evidence of a trained network, and the covariance of its weights.
 
   (M92)  MacKay 1992, Bayesian interpolation / A practical Bayesian framework, Neural
          Computation 4

@@ -1,4 +1,4 @@
-"""Surrogate by Gaussian processes: one for each response, with errors.
+"""Predict responses and their errors by Gaussian processes, one for each response.
 
 The processes themselves are in `repose.calibrate.surrogates.process`; this module
 scales the samples and makes files.
@@ -61,7 +61,7 @@ class GaussianProcess(Combined, Surrogate):
             "noise_variance": FIRST_NOISE,
         }
         bounds = (VARIANCE_BOUNDS, LENGTH_BOUNDS, NOISE_BOUNDS)
-        self._fit([first] * Y.shape[1], bounds)
+        self._fit_processes([first] * Y.shape[1], bounds)
         return self
 
     def refit(self, X: ArrayLike, Y: ArrayLike, **noise: Unpack[Noise]) -> Self:
@@ -70,7 +70,7 @@ class GaussianProcess(Combined, Surrogate):
         process = type(self)()
         process.describe(self.inputs, self.outputs, self.definitions, self.samples)
         process._set_samples(X, Y, precision, noise.get("noise_covariance"))
-        process._fit(self._kernels(), bounds=("fixed", "fixed", "fixed"))
+        process._fit_processes(self._list_kernels(), bounds=("fixed", "fixed", "fixed"))
         return process
 
     def _set_samples(
@@ -80,19 +80,39 @@ class GaussianProcess(Combined, Surrogate):
         precision: np.ndarray,
         noise_covariance: ArrayLike | None,
     ) -> None:
-        """Store the samples, and derive the scaling from them."""
-        n_samples, outputs = Y.shape
+        """Store the samples, and derive the scaling from them.
+
+        Parameters
+        ----------
+        X : array (n, d)
+            Parameter sets.
+        Y : array (n, k)
+            Their responses.
+        precision : array (n, k)
+            The noise variance of a value is one number divided by its precision.
+        noise_covariance : array (k, k) or None
+            Covariance of the noise of the responses, up to a factor. Without it, their
+            noises are treated as independent.
+
+        Raises
+        ------
+        ValueError
+            If there are fewer than two samples.
+        """
+        n_samples, n_outputs = Y.shape
         if n_samples < FEWEST_SAMPLES:
             raise ValueError(f"{n_samples} samples; expected at least {FEWEST_SAMPLES}")
         self.training_ = {"inputs": X, "outputs": Y, "precision": precision}
         self.noise_covariance_ = noise_covariance
         self.low_ = X.min(axis=0)
         self.width_ = width(X.min(axis=0), X.max(axis=0))
-        self.offset_ = np.zeros(outputs)
-        mixing = independent_mixing(noise_covariance, np.ones(outputs), precision)
+        self.offset_ = np.zeros(n_outputs)
+        mixing = independent_mixing(noise_covariance, np.ones(n_outputs), precision)
         self._combine(Y, mixing)
 
-    def _fit(self, kernels: Sequence[Mapping[str, Any]], bounds: Sequence[Any]) -> None:
+    def _fit_processes(
+        self, kernels: Sequence[Mapping[str, Any]], bounds: Sequence[Any]
+    ) -> None:
         """Fit a process to each combination of the outputs, as `processes_`.
 
         Parameters
@@ -107,33 +127,48 @@ class GaussianProcess(Combined, Surrogate):
         from repose.calibrate.surrogates.process import Process, SampleNoise, smooth
 
         variance_bounds, length_bounds, noise_bounds = bounds
-        x = self._scaled(self.training_["inputs"])
+        x = self._scale_inputs(self.training_["inputs"])
         self.processes_ = []
         for start, values, precision in zip(
             kernels, self.values.T, self.training_["precision"].T, strict=True
         ):
+            # The noise of a sample is smaller with a larger precision.
             kernel = smooth(
                 start["variance"], start["lengths"], (variance_bounds, length_bounds)
             )
             noise = SampleNoise(start["noise_variance"], noise_bounds, precision)
             self.processes_.append(Process(kernel, x, values, noise=noise))
 
-    def _scaled(self, X: ArrayLike) -> np.ndarray:
+    def _scale_inputs(self, X: ArrayLike) -> np.ndarray:
         """Scale parameter sets to ranges of the inputs."""
         return (checked_points(X, len(self.low_)) - self.low_) / self.width_
 
     def predict(
         self, X: ArrayLike, return_std: bool = False, noise: bool = True
     ) -> Any:
-        """Predict responses, with standard deviations on request, as `Surrogate.predict`."""
-        x = self._scaled(X)
+        """Predict responses, with standard deviations on request.
+
+        Parameters
+        ----------
+        X : array (n, d)
+            Parameter sets.
+        return_std : bool, optional
+            Whether the standard deviations are returned as well.
+        noise : bool, optional
+            Whether they include the noise of a value of precision 1.
+
+        Returns
+        -------
+        array (n, k), or a pair of them
+        """
+        x = self._scale_inputs(X)
         scaled_means = np.column_stack([process.mean(x) for process in self.processes_])
         means = self.unmixed(scaled_means) + self.offset_
         if not return_std:
             return means
         # The processes are independent, so their variances add up in the responses.
         noise_levels = np.array([process.noise_level for process in self.processes_])
-        scaled_variances = self._variances(x) + noise * noise_levels
+        scaled_variances = self._predict_variances(x) + noise * noise_levels
         variances = scaled_variances * self._scale**2 @ self._unmixing**2
         return means, np.sqrt(variances)
 
@@ -142,9 +177,9 @@ class GaussianProcess(Combined, Surrogate):
 
         It is diagonal without a `noise_covariance`.
         """
-        return self._covariance(self._variances(self._scaled(X)))
+        return self._covariance(self._predict_variances(self._scale_inputs(X)))
 
-    def _variances(self, x: np.ndarray) -> np.ndarray:
+    def _predict_variances(self, x: np.ndarray) -> np.ndarray:
         """Predict variances (n, k) of the scaled combinations, without noise."""
         columns = []
         for process in self.processes_:
@@ -158,20 +193,20 @@ class GaussianProcess(Combined, Surrogate):
             "log_marginal_likelihood": [
                 process.log_likelihood for process in self.processes_
             ],
-            "kernels": self._kernels(),
+            "kernels": self._list_kernels(),
         }
 
     def to_dict(self) -> dict[str, Any]:
         """Collect the hyperparameters of the processes, and the samples."""
         return {
-            "kernels": self._kernels(),
+            "kernels": self._list_kernels(),
             "offset": self.offset_.tolist(),
             # Without a covariance this is None.
             "noise_covariance": np.asarray(self.noise_covariance_).tolist(),
             "training": {key: value.tolist() for key, value in self.training_.items()},
         }
 
-    def _kernels(self) -> list[dict[str, Any]]:
+    def _list_kernels(self) -> list[dict[str, Any]]:
         """List the hyperparameters of each process.
 
         Variances are in variances of the process's values, lengths in ranges of the
@@ -204,6 +239,6 @@ class GaussianProcess(Combined, Surrogate):
             precision=np.asarray(training["precision"], dtype=float),
             noise_covariance=content["noise_covariance"],
         )
-        model._fit(content["kernels"], bounds=("fixed", "fixed", "fixed"))
+        model._fit_processes(content["kernels"], bounds=("fixed", "fixed", "fixed"))
         model.offset_ = np.asarray(content["offset"], dtype=float)
         return model

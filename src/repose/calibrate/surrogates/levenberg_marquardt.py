@@ -1,4 +1,4 @@
-"""Training of a network from one start: Levenberg-Marquardt with regularisation.
+"""Train a network from one start: Levenberg-Marquardt with regularisation.
 
 The training minimises F = beta E_d + alpha E_w and re-estimates alpha and beta after
 each step.
@@ -204,7 +204,7 @@ def train_start(
         `alpha_of_weight` (N,).
     """
     sum_of_squares, freedom = pure_error
-    classes = _weight_classes(w, x, t, settings)
+    classes = _list_weight_classes(w, x, t, settings)
     data = _Data(
         x=x,
         t=t,
@@ -213,9 +213,9 @@ def train_start(
         n=n + freedom,
         pure_error=sum_of_squares,
         classes=classes,
-        size=_class_sizes(w, classes),
+        size=_count_class_sizes(w, classes),
     )
-    state, epochs, reason = _train(w, data, settings)
+    state, epochs, reason = _train_to_end(w, data, settings)
     # A single class of weights has one alpha, a number.
     alpha = float(state.alpha[0]) if settings.prior == "one" else state.alpha
     return {
@@ -259,8 +259,8 @@ def train_again(
     dict
         The weights `w` (N,), their J'J as `JJ` (N, N), and the `alpha_of_weight` (N,).
     """
-    classes = _weight_classes(w, x, t, settings)
-    size = _class_sizes(w, classes)
+    classes = _list_weight_classes(w, x, t, settings)
+    size = _count_class_sizes(w, classes)
     data = _Data(
         x=x,
         t=t,
@@ -272,7 +272,7 @@ def train_again(
         size=size,
     )
     state = _State(
-        at=_linear_model(w, data),
+        at=_make_linear_model(w, data),
         alpha=alpha,
         alpha_of_weight=spread_over_weights(alpha, classes, w.size),
         beta=beta,
@@ -283,15 +283,16 @@ def train_again(
     F = state.F()
     mu = max(settings.mu, SMALLEST_MU)
     for _ in range(DESCENT):
-        weights, next_mu = _step(state, mu, data, settings)
+        weights, next_mu = _find_step(state, mu, data, settings)
         if weights is None:
             break
-        state = state._replace(at=_linear_model(weights, data))
+        state = state._replace(at=_make_linear_model(weights, data))
         # If the damping had to be raised, keep the raised value for the next step.
         mu = next_mu / settings.mu_decrease if next_mu >= mu else next_mu
-        fall = F - state.F()
-        F -= fall
-        if fall < LEAST_FALL:
+        # F in nats: a decrease of less than LEAST_FALL no longer matters.
+        decrease = F - state.F()
+        F -= decrease
+        if decrease < LEAST_FALL:
             break
     return {
         "w": state.at.w,
@@ -300,7 +301,7 @@ def train_again(
     }
 
 
-def _weight_classes(
+def _list_weight_classes(
     w: np.ndarray, x: np.ndarray, t: np.ndarray, settings: TrainingSettings
 ) -> list[Any]:
     """List the classes of the weights w (N,) of a network from x to t."""
@@ -310,12 +311,12 @@ def _weight_classes(
     return weight_classes(settings.prior, inputs, hidden, outputs)
 
 
-def _class_sizes(w: np.ndarray, classes: Sequence[Any]) -> np.ndarray:
+def _count_class_sizes(w: np.ndarray, classes: Sequence[Any]) -> np.ndarray:
     """Count the weights of each class."""
     return np.array([w[members].size for members in classes], dtype=float)
 
 
-def _train(w: np.ndarray, data: _Data, settings: TrainingSettings) -> _End:
+def _train_to_end(w: np.ndarray, data: _Data, settings: TrainingSettings) -> _End:
     """Train a network until one of the stopping criteria is met.
 
     With several classes of weights, the result is the minimum of F for the alpha and beta
@@ -328,7 +329,7 @@ def _train(w: np.ndarray, data: _Data, settings: TrainingSettings) -> _End:
     data : _Data
     settings : TrainingSettings
     """
-    state = _first_state(w, data)
+    state = _make_first_state(w, data)
     mu = max(settings.mu, SMALLEST_MU)
     best: _Best | None = None
     epoch = 0
@@ -340,18 +341,18 @@ def _train(w: np.ndarray, data: _Data, settings: TrainingSettings) -> _End:
         if 2 * np.linalg.norm(state.half_gradient()) < settings.min_gradient:
             reason = "gradient"
             break
-        weights, mu = _step(state, mu, data, settings)
+        weights, mu = _find_step(state, mu, data, settings)
         if weights is None:
             # No step lowers F, even with the largest damping.
             reason = "mu"
             break
-        state = _re_estimate(_linear_model(weights, data), state, data)
+        state = _re_estimate(_make_linear_model(weights, data), state, data)
         epoch += 1
 
         # With a single alpha the evidence settles at its maximum. With several it may
         # fall again, so remember the best state.
         if len(data.classes) > 1:
-            best = _better(best, state, epoch, data)
+            best = _choose_better(best, state, epoch, data)
             if best is not None and epoch - best.epoch >= PATIENCE:
                 reason = "evidence"
                 break
@@ -360,7 +361,7 @@ def _train(w: np.ndarray, data: _Data, settings: TrainingSettings) -> _End:
     return _End(state, epoch, reason)
 
 
-def _first_state(w: np.ndarray, data: _Data) -> _State:
+def _make_first_state(w: np.ndarray, data: _Data) -> _State:
     """Make the state before the first step.
 
     (FH 0) sets alpha to 0. Then gamma is N, and beta is negative as soon as n < N. Any
@@ -368,7 +369,7 @@ def _first_state(w: np.ndarray, data: _Data) -> _State:
     """
     alpha = np.full(len(data.classes), FIRST_ALPHA)
     return _State(
-        at=_linear_model(w, data),
+        at=_make_linear_model(w, data),
         alpha=alpha,
         alpha_of_weight=spread_over_weights(alpha, data.classes, w.size),
         beta=FIRST_BETA,
@@ -376,7 +377,9 @@ def _first_state(w: np.ndarray, data: _Data) -> _State:
     )
 
 
-def _better(best: _Best | None, state: _State, epoch: int, data: _Data) -> _Best | None:
+def _choose_better(
+    best: _Best | None, state: _State, epoch: int, data: _Data
+) -> _Best | None:
     """Return the state with the larger evidence: the best so far, or a new one.
 
     A new state is considered only near the minimum of F, where its evidence is valid. The
@@ -397,22 +400,27 @@ def _descend(state: _State, data: _Data, settings: TrainingSettings) -> _State:
     Parameters
     ----------
     state : _State
-        Start of the descent.
+        Start of the descent, with alpha and beta.
     data : _Data
     settings : TrainingSettings
+
+    Returns
+    -------
+    _State
+        The minimum, or the last point if no step lowers F any more.
     """
     mu = max(settings.mu, SMALLEST_MU)
     for _ in range(DESCENT):
         if state.decrement() < CONVERGED / 100:
             break
-        weights, mu = _step(state, mu, data, settings)
+        weights, mu = _find_step(state, mu, data, settings)
         if weights is None:
             break
-        state = state._replace(at=_linear_model(weights, data))
-    return state._replace(gamma=_gamma(state, data))
+        state = state._replace(at=_make_linear_model(weights, data))
+    return state._replace(gamma=_compute_gamma(state, data))
 
 
-def _step(
+def _find_step(
     state: _State, mu: float, data: _Data, settings: TrainingSettings
 ) -> tuple[np.ndarray | None, float]:
     """Raise the damping mu until a step lowers F (HM94).
@@ -443,15 +451,15 @@ def _step(
         damped = state.beta * point.JJ + (state.alpha_of_weight + mu) * identity
         weights = point.w - np.linalg.solve(damped, half_gradient)
         # Compute F at the new weights, and raise the damping unless F is lower there.
-        e = residuals(weights, data.x, data.t, data.root_weight)
-        Ew = _square_sums(weights, data.classes)
-        if state.beta * (e @ e) + state.alpha @ Ew < F:
+        new_residuals = residuals(weights, data.x, data.t, data.root_weight)
+        new_Ew = _sum_squares(weights, data.classes)
+        if state.beta * (new_residuals @ new_residuals) + state.alpha @ new_Ew < F:
             return weights, max(mu * settings.mu_decrease, SMALLEST_MU)
         mu *= settings.mu_increase
     return None, mu
 
 
-def _gamma(state: _State, data: _Data) -> np.ndarray:
+def _compute_gamma(state: _State, data: _Data) -> np.ndarray:
     """Count the weights (classes,) that the data determine (FH 2), (M92).
 
     gamma = N - 2 alpha tr(H^-1), class by class.
@@ -466,7 +474,7 @@ def _re_estimate(at: _Point, state: _State, data: _Data) -> _State:
 
     alpha = gamma / (2 E_w) and beta = (n - gamma) / (2 E_d).
     """
-    gamma = _gamma(state._replace(at=at), data)
+    gamma = _compute_gamma(state._replace(at=at), data)
     # The gamma of a class that has faded may be lost in rounding; its alpha stays.
     alpha = np.where(gamma > 0, gamma / (2 * np.maximum(at.Ew, SMALLEST)), state.alpha)
     alpha = np.minimum(alpha, LARGEST_ALPHA)
@@ -480,15 +488,15 @@ def _re_estimate(at: _Point, state: _State, data: _Data) -> _State:
     )
 
 
-def _linear_model(w: np.ndarray, data: _Data) -> _Point:
+def _make_linear_model(w: np.ndarray, data: _Data) -> _Point:
     """Linearise the residuals about weights."""
     e, J = linearise(w, data.x, data.t, data.root_weight)
     return _Point(
-        w=w, Ed=e @ e, Ew=_square_sums(w, data.classes), JJ=J.T @ J, Je=J.T @ e
+        w=w, Ed=e @ e, Ew=_sum_squares(w, data.classes), JJ=J.T @ J, Je=J.T @ e
     )
 
 
-def _square_sums(w: np.ndarray, classes: Sequence[Any]) -> np.ndarray:
+def _sum_squares(w: np.ndarray, classes: Sequence[Any]) -> np.ndarray:
     """Compute E_w of each class."""
     return np.array([w[members] @ w[members] for members in classes])
 

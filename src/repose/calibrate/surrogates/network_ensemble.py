@@ -1,4 +1,4 @@
-"""Surrogate by several networks: their mean, with their scatter as a part of the error.
+"""Predict responses by the mean of several networks, and errors also by their scatter.
 
 Starts of `repose.calibrate.surrogates.bayesian_bp.BayesianBP` end at different
 networks, whose evidence hardly differs. The errors of each network hold only the
@@ -55,8 +55,8 @@ class NetworkEnsemble(Surrogate):
     def _set_members(self, networks: Iterable[BayesianBP]) -> None:
         """Set the networks, the best first, and forget what was kept of others."""
         self.members_ = list(networks)
-        self._stacks: dict[str, np.ndarray] = {}  # of `_stacked`, by key
-        self._last: _Prediction | None = None  # of `_means`
+        self._stacks: dict[str, np.ndarray] = {}  # of `_stack`, by key
+        self._last: _Prediction | None = None  # of `_predict_means`
 
     @classmethod
     def of(cls, settings: NetworkSettings) -> Self:
@@ -66,7 +66,19 @@ class NetworkEnsemble(Surrogate):
     def fit(self, X: ArrayLike, Y: ArrayLike, **noise: Unpack[Noise]) -> Self:
         """Train a network from each start, and choose the members of the ensemble.
 
-        The arguments are those of `Surrogate.fit`.
+        Parameters
+        ----------
+        X : array (n, d)
+            Parameter sets.
+        Y : array (n, k)
+            Their responses.
+        **noise
+            As in `Surrogate.fit`.
+
+        Returns
+        -------
+        NetworkEnsemble
+            The same ensemble.
         """
         # Fitting one network trains all starts, and keeps the best.
         best = self.members_[0]
@@ -93,7 +105,7 @@ class NetworkEnsemble(Surrogate):
     def predict(
         self, X: ArrayLike, return_std: bool = False, noise: bool = True
     ) -> Any:
-        mean = self._means(X).mean(axis=0)
+        mean = self._predict_means(X).mean(axis=0)
         if not return_std:
             return mean
         variance = np.diagonal(self.covariance(X), axis1=1, axis2=2)
@@ -104,9 +116,9 @@ class NetworkEnsemble(Surrogate):
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
         """Compute the covariance (n, k, k) of the mixture, without noise (LPB17)."""
-        means = self._means(X)
+        means = self._predict_means(X)
         deviations = means - means.mean(axis=0)
-        within = covariances(self.members_, X, self._stacked(ALL_WEIGHTS)).mean(axis=0)
+        within = covariances(self.members_, X, self._stack(ALL_WEIGHTS)).mean(axis=0)
         between = np.einsum("mni,mnj->nij", deviations, deviations) / len(self.members_)
         return within + between
 
@@ -114,7 +126,7 @@ class NetworkEnsemble(Surrogate):
         self, low: np.ndarray, high: np.ndarray
     ) -> Callable[[np.ndarray], np.ndarray]:
         # The mean of networks is one network that has all their neurons.
-        return response_function(self._joined(), low, high)
+        return response_function(self._join(), low, high)
 
     def shifted(self, offset: np.ndarray) -> Self:
         ensemble = copy.copy(self)
@@ -133,7 +145,7 @@ class NetworkEnsemble(Surrogate):
     def to_dict(self) -> dict[str, Any]:
         """Collect the best network as in its own file, and the others' weights."""
         best, *others = (member.to_dict() for member in self.members_)
-        return best | {"others": [_weights_of(other) for other in others]}
+        return best | {"others": [_select_weights(other) for other in others]}
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
@@ -146,21 +158,31 @@ class NetworkEnsemble(Surrogate):
             )
         return cls(networks)
 
-    def _means(self, X: ArrayLike) -> np.ndarray:
-        """Predict the means (members, n, k) of all networks at once.
+    def _predict_means(self, X: ArrayLike) -> np.ndarray:
+        """Predict the means of all networks at once.
 
-        The last result is cached, because a sampler needs mean and covariance at the same
+        The last result is kept, because a sampler needs mean and covariance at the same
         points.
+
+        Parameters
+        ----------
+        X : array (n, d)
+            Parameter sets.
+
+        Returns
+        -------
+        array (members, n, k)
         """
         first = self.members_[0]
         X = checked_points(X, len(first.input_min_))
         if self._last is not None and np.array_equal(X, self._last.points):
             return self._last.means
         x = scale(X, first.input_min_, first.input_max_, first.scaled_range)
-        W1 = self._stacked("W1")
-        b1 = self._stacked("b1")
-        W2 = self._stacked("W2")
-        b2 = self._stacked("b2")
+        # All networks share their scalings, so their weights can be stacked.
+        W1 = self._stack("W1")
+        b1 = self._stack("b1")
+        W2 = self._stack("W2")
+        b2 = self._stack("b2")
         # Indices: member m, sample n, input i, hidden neuron h, response k (Eq. 6-8).
         hidden = np.tanh(np.einsum("ni,mhi->mnh", x, W1) + b1[:, None])
         y = np.einsum("mnh,mkh->mnk", hidden, W2) + b2[:, None]
@@ -168,7 +190,7 @@ class NetworkEnsemble(Surrogate):
         self._last = _Prediction(points=X.copy(), means=means)
         return means
 
-    def _stacked(self, key: str) -> np.ndarray:
+    def _stack(self, key: str) -> np.ndarray:
         """Stack an array of all networks as (members, ...), and keep it.
 
         The key is one of `OF_EACH`, or `ALL_WEIGHTS`.
@@ -181,17 +203,17 @@ class NetworkEnsemble(Surrogate):
             self._stacks[key] = np.array(arrays)
         return self._stacks[key]
 
-    def _joined(self) -> dict[str, Any]:
+    def _join(self) -> dict[str, Any]:
         """Make one network with the neurons of all members, for `response_function`."""
         return self.members_[0].to_dict() | {
-            "W1": np.concatenate(self._stacked("W1")),
-            "b1": np.concatenate(self._stacked("b1")),
-            "W2": np.concatenate(self._stacked("W2"), axis=1) / len(self.members_),
-            "b2": self._stacked("b2").mean(axis=0),
+            "W1": np.concatenate(self._stack("W1")),
+            "b1": np.concatenate(self._stack("b1")),
+            "W2": np.concatenate(self._stack("W2"), axis=1) / len(self.members_),
+            "b2": self._stack("b2").mean(axis=0),
         }
 
 
-def _weights_of(content: Mapping[str, Any]) -> dict[str, Any]:
+def _select_weights(content: Mapping[str, Any]) -> dict[str, Any]:
     """Select weights and their regularisation from the content of a network.
 
     Scalings and samples are the same in all networks.

@@ -1,4 +1,4 @@
-"""A Gaussian process: one value as a function of the inputs, fitted to noisy samples.
+"""Fit a Gaussian process, one value as a function of the inputs, to noisy samples.
 
 The noise is known or estimated. Covariance, likelihood and its maximum are
 scikit-learn's. The surrogate `gaussian_process`, the kriging of
@@ -104,7 +104,11 @@ class Process:
         noise: Any = None,
         optimizer: str | Callable | None = "fmin_l_bfgs_b",
     ) -> None:
-        """Fit the free hyperparameters, and condition the process on the values."""
+        """Fit the free hyperparameters, and condition the process on the values.
+
+        The parameters are those of the class. With `noise`, its variance is fitted
+        together with the kernel, and separated from it afterwards.
+        """
         kernel_with_noise = kernel if noise is None else kernel + noise
         model = GaussianProcessRegressor(
             kernel_with_noise, alpha=errors, optimizer=optimizer
@@ -198,7 +202,7 @@ class SparseProcess:
         errors: np.ndarray,
         centres: np.ndarray,
     ) -> None:
-        """Condition the process on the values."""
+        """Condition the process on the values; the parameters are those of the class."""
         self.kernel = kernel
         self.x = centres
         self.values = values
@@ -211,6 +215,7 @@ class SparseProcess:
             variance_of_centres + jitter * np.eye(len(centres)), lower=True
         )
         features = self._solve(self._root_of_centres, kernel(centres, x))
+        # What they leave unexplained counts as noise.
         unexplained = kernel.diag(x) - (features**2).sum(axis=0)
         self._noise = errors + np.maximum(unexplained, 0.0)
 
@@ -269,29 +274,41 @@ class SparseProcess:
 
 
 def spread_centres(kernel: Any, x: np.ndarray, count: int) -> np.ndarray:
-    """Choose rows of points (n, d) that explain the variance at all the others.
+    """Choose points that explain the variance of a process at all the others.
 
-    Each is the point of the largest variance that those before it leave: the pivots of a
-    Cholesky decomposition.
+    Each is the point of the largest variance that those before it leave: the pivots of
+    a Cholesky decomposition.
+
+    Parameters
+    ----------
+    kernel : kernel of scikit-learn
+        Covariance of the process.
+    x : array (n, d)
+        The points.
+    count : int
+        Largest number of points to choose.
 
     Returns
     -------
     array of int
-        At most `count` rows; fewer where these explain all.
+        Their rows; fewer than `count` where these explain all.
     """
-    remaining = kernel.diag(x).copy()
-    least = JITTER * remaining.max()
+    remaining_variance = kernel.diag(x).copy()
+    negligible_variance = JITTER * remaining_variance.max()
     features = np.zeros((count, len(x)))
     rows: list[int] = []
-    while len(rows) < count and remaining.max() > least:
-        row = int(remaining.argmax())
+    while len(rows) < count and remaining_variance.max() > negligible_variance:
+        row = int(remaining_variance.argmax())
         covariances = kernel(x[row : row + 1], x)[0]
-        done = features[: len(rows)]
-        feature = (covariances - done[:, row] @ done) / np.sqrt(remaining[row])
+        earlier_features = features[: len(rows)]
+        # The new feature is what the earlier ones do not explain of the covariances.
+        feature = (covariances - earlier_features[:, row] @ earlier_features) / np.sqrt(
+            remaining_variance[row]
+        )
         features[len(rows)] = feature
-        remaining -= feature**2
+        remaining_variance -= feature**2
         # Rounding must not choose a row twice.
-        remaining[row] = 0.0
+        remaining_variance[row] = 0.0
         rows.append(row)
     return np.array(rows)
 

@@ -1,4 +1,4 @@
-"""Surrogate by a quadratic response surface, fitted by weighted least squares.
+"""Predict responses by a quadratic surface, fitted by weighted least squares.
 
 Its terms are a constant, linear terms, squares and products of two inputs.
 
@@ -47,22 +47,39 @@ class QuadraticSurface(Surrogate):
     def fit(self, X: ArrayLike, Y: ArrayLike, **noise: Unpack[Noise]) -> Self:
         """Fit the surface to samples, and estimate the noise from its residuals.
 
-        The arguments are those of `Surrogate.fit`. `noise_covariance` is only checked:
-        correlated noise does not change the coefficients, because all responses have the
-        same terms (Z62).
+        Parameters
+        ----------
+        X : array (n, d)
+            Parameter sets.
+        Y : array (n, k)
+            Their responses.
+        **noise
+            As in `Surrogate.fit`. `noise_covariance` is only checked: correlated noise
+            does not change the coefficients, because all responses have the same terms
+            (Z62).
+
+        Returns
+        -------
+        QuadraticSurface
+            The same surface.
+
+        Raises
+        ------
+        ValueError
+            If there are no more samples than terms.
         """
         X, Y, _, precision = checked_samples(X, Y, **noise)
-        outputs = Y.shape[1]
-        independent_mixing(noise.get("noise_covariance"), np.ones(outputs), precision)
+        n_outputs = Y.shape[1]
+        independent_mixing(noise.get("noise_covariance"), np.ones(n_outputs), precision)
         self.training_ = {"inputs": X, "outputs": Y, "precision": precision}
-        self.offset_ = np.zeros(outputs)
+        self.offset_ = np.zeros(n_outputs)
         self.low_ = X.min(axis=0)
         self.width_ = width(X.min(axis=0), X.max(axis=0))
         self.varies_ = X.max(axis=0) > self.low_
 
         # The noise is estimated from residuals, so there must be more samples than terms.
-        A = self._terms(X)
-        n_samples, n_terms = A.shape
+        terms = self._compute_terms(X)
+        n_samples, n_terms = terms.shape
         freedom = n_samples - n_terms
         if freedom < 1:
             raise ValueError(
@@ -71,10 +88,10 @@ class QuadraticSurface(Surrogate):
             )
 
         # Join the results of all fits, and assign a root to each response.
-        fits = _fit_responses(A, Y, precision)
+        fits = _fit_responses(terms, Y, precision)
         self.coefficients_ = np.hstack([fit.coefficients for fit in fits])
         residuals = np.hstack([fit.residuals for fit in fits])
-        self._roots = [fit.root for fit in fits] * (outputs // len(fits))
+        self._roots = [fit.root for fit in fits] * (n_outputs // len(fits))
         self.residual_covariance_ = residuals.T @ residuals / freedom
         self._variances = (residuals**2).sum(axis=0) / freedom
         return self
@@ -82,7 +99,7 @@ class QuadraticSurface(Surrogate):
     def predict(
         self, X: ArrayLike, return_std: bool = False, noise: bool = True
     ) -> Any:
-        a = self._terms(checked_points(X, len(self.low_)))
+        a = self._compute_terms(checked_points(X, len(self.low_)))
         mean = a @ self.coefficients_ + self.offset_
         if not return_std:
             return mean
@@ -96,9 +113,9 @@ class QuadraticSurface(Surrogate):
         """Compute the covariance (n, k, k) of the predicted means (Z62).
 
         For responses k and l it is S_kl a' R_k R_l' a, with S the covariance of the
-        residuals and R the roots of `_weighted_fit`.
+        residuals and R the roots of `_fit_weighted`.
         """
-        a = self._terms(checked_points(X, len(self.low_)))
+        a = self._compute_terms(checked_points(X, len(self.low_)))
         products = np.stack([a @ root for root in self._roots], axis=1)
         return products @ products.transpose(0, 2, 1) * self.residual_covariance_
 
@@ -136,7 +153,7 @@ class QuadraticSurface(Surrogate):
         """Compute the terms (n, terms) of the model at points (n, d) in [0, 1]."""
         return quadratic_terms(unit)
 
-    def _terms(self, X: np.ndarray) -> np.ndarray:
+    def _compute_terms(self, X: np.ndarray) -> np.ndarray:
         """Compute the terms (n, terms) at parameter sets."""
         return self.terms(((X - self.low_) / self.width_)[:, self.varies_])
 
@@ -155,14 +172,14 @@ def _fit_responses(A: np.ndarray, Y: np.ndarray, precision: np.ndarray) -> list[
     One fit solves for all responses, unless their precisions differ.
     """
     if not np.ptp(precision, axis=1).any():
-        return [_weighted_fit(A, Y, np.sqrt(precision[:, 0]))]
+        return [_fit_weighted(A, Y, np.sqrt(precision[:, 0]))]
     return [
-        _weighted_fit(A, Y[:, k : k + 1], np.sqrt(precision[:, k]))
+        _fit_weighted(A, Y[:, k : k + 1], np.sqrt(precision[:, k]))
         for k in range(Y.shape[1])
     ]
 
 
-def _weighted_fit(A: np.ndarray, Y: np.ndarray, root_precision: np.ndarray) -> _Fit:
+def _fit_weighted(A: np.ndarray, Y: np.ndarray, root_precision: np.ndarray) -> _Fit:
     """Fit coefficients of the terms A (n, terms) to responses Y (n, k) (A35).
 
     W is the diagonal matrix of the precisions, whose roots (n,) are given.

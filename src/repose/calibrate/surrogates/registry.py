@@ -16,7 +16,7 @@ KEYS = {"surrogate": str, "inputs": list, "outputs": list}
 
 def names() -> tuple[str, ...]:
     """Return the names of all surrogates, in the order of their registration."""
-    return tuple(_all_kinds())
+    return tuple(_import_kinds())
 
 
 def surrogate_class(name: str, source: object = "surrogate") -> type[Surrogate]:
@@ -34,14 +34,14 @@ def surrogate_class(name: str, source: object = "surrogate") -> type[Surrogate]:
     InputError
         If there is none.
     """
-    kinds = _all_kinds()
+    kinds = _import_kinds()
     if name not in kinds:
         allowed = f"one of {', '.join(sorted(kinds))}"
         raise InputError(source, "surrogate", name, allowed)
     return kinds[name]
 
 
-def _all_kinds() -> dict[str, type[Surrogate]]:
+def _import_kinds() -> dict[str, type[Surrogate]]:
     """Return all surrogates by name.
 
     Those of the package are imported when the first name is looked up, so that a
@@ -102,7 +102,7 @@ def load(path: str | os.PathLike, outputs: Sequence[str] | None = None) -> Surro
     ----------
     path : path
     outputs : sequence of str, optional
-        Responses that the surrogate must have, in this order.
+        Responses that the surrogate must have, in this order. None accepts any.
 
     Returns
     -------
@@ -116,9 +116,11 @@ def load(path: str | os.PathLike, outputs: Sequence[str] | None = None) -> Surro
     content = read_json(path, KEYS, "a surrogate's JSON file")
     kind = surrogate_class(content["surrogate"], path)
     _check_finite(content, path)
+    # A damaged file may lead to many kinds of errors. All of them become one that names
+    # it.
     try:
-        samples = _checked_numbers(content.get("samples", []))
-        model = on_scale(kind.from_dict(content), _checked_scale(content))
+        samples = _check_sample_numbers(content.get("samples", []))
+        model = on_scale(kind.from_dict(content), _check_scale(content))
         model.describe(
             inputs=content["inputs"],
             outputs=content["outputs"],
@@ -146,7 +148,7 @@ def _check_finite(content: Mapping[str, Any], path: object) -> None:
         ) from None
 
 
-def _checked_scale(content: Mapping[str, Any]) -> Mapping[str, str]:
+def _check_scale(content: Mapping[str, Any]) -> Mapping[str, str]:
     """Return the scales of the inputs; ValueError for others than known ones."""
     scale: Mapping[str, str] = content.get("scale", {})
     is_known = set(scale) <= set(content["inputs"]) and set(scale.values()) <= {*SCALES}
@@ -155,7 +157,7 @@ def _checked_scale(content: Mapping[str, Any]) -> Mapping[str, str]:
     return scale
 
 
-def _checked_numbers(samples: Sequence[Any]) -> Sequence[int]:
+def _check_sample_numbers(samples: Sequence[Any]) -> Sequence[int]:
     """Return numbers of samples; ValueError if they are not distinct integers."""
     are_distinct = len(set(samples)) == len(samples)
     are_integers = all(type(sample) is int for sample in samples)

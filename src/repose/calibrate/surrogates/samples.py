@@ -196,8 +196,8 @@ def checked_samples(
             "expected two tables of equal length"
         )
     n_samples = len(X)
-    count = _array_or_ones(sample_weight, n_samples)
-    precision = _array_or_ones(precision, n_samples)
+    count = _convert_or_ones(sample_weight, n_samples)
+    precision = _convert_or_ones(precision, n_samples)
     _check_weights(X=X, Y=Y, count=count, precision=precision)
     precision = np.broadcast_to(precision.reshape(n_samples, -1), Y.shape)
 
@@ -217,7 +217,7 @@ def checked_samples(
     )
 
 
-def _array_or_ones(values: ArrayLike | None, size: int) -> np.ndarray:
+def _convert_or_ones(values: ArrayLike | None, size: int) -> np.ndarray:
     """Convert values to an array of floats; without values return ones."""
     if values is None:
         return np.ones(size)
@@ -227,7 +227,22 @@ def _array_or_ones(values: ArrayLike | None, size: int) -> np.ndarray:
 def _check_weights(
     *, X: np.ndarray, Y: np.ndarray, count: np.ndarray, precision: np.ndarray
 ) -> None:
-    """Refuse counts and precisions of the wrong shape, and impossible numbers."""
+    """Refuse counts and precisions of the wrong shape, and impossible numbers.
+
+    Parameters
+    ----------
+    X : array (samples, inputs)
+    Y : array (samples, outputs)
+    count : array
+        How often each sample counts.
+    precision : array
+        One number for each sample, or one for each of its values.
+
+    Raises
+    ------
+    ValueError
+        If a shape is wrong, a number is not finite or negative, or a precision is 0.
+    """
     n_samples = len(X)
     if count.shape != (n_samples,):
         raise ValueError(

@@ -1,4 +1,4 @@
-"""The region that samples cover, and warnings of parameter sets beyond it.
+"""Describe the region that samples cover, and warn of parameter sets beyond it.
 
 A parameter set gets a warning in three cases: when a parameter lies within 1 % of its
 range from an end, when the nearest sample is farther away than most samples are from
@@ -56,7 +56,10 @@ class Support:
         names: Sequence[str],
         scale: Mapping[str, str] | None = None,
     ) -> None:
-        """Compute the usual distance between neighbours, and the largest leverage."""
+        """Compute the usual distance between neighbours, and the largest leverage.
+
+        The parameters are those of the class.
+        """
         from scipy.spatial import cKDTree
 
         points = np.asarray(points, dtype=float)
@@ -70,12 +73,13 @@ class Support:
             raise ValueError(
                 f"points has shape {points.shape}; expected at least two rows of {d}"
             )
-        unit = self._unit(points)
+        unit = self._scale_to_ranges(points)
         self.tree = cKDTree(unit)
         # The nearest sample of each sample is itself, so use the second nearest.
         distances, _ = self.tree.query(unit, k=2)
         self.farthest = float(np.quantile(distances[:, 1], DISTANCE_QUANTILE))
-        self._inverse_R = _inverse_root(quadratic_terms(unit))
+        # With too few samples for a quadratic model, no leverage is too large.
+        self._inverse_R = _compute_inverse_root(quadratic_terms(unit))
         self.largest_leverage = np.inf
         if self._inverse_R is not None:
             self.largest_leverage = float(self.leverage(points).max())
@@ -108,7 +112,7 @@ class Support:
 
         A fixed parameter is never marked.
         """
-        unit = self._unit(points)
+        unit = self._scale_to_ranges(points)
         is_at_bound = np.zeros((len(unit), len(self.names)), dtype=bool)
         is_at_bound[:, self._is_free] = (unit <= BOUND_SHARE) | (
             unit >= 1 - BOUND_SHARE
@@ -116,8 +120,18 @@ class Support:
         return is_at_bound
 
     def is_beyond_ends(self, points: np.ndarray) -> np.ndarray:
-        """Mark the points (m,) at an end of a range near which no sample lies."""
-        unit = self._unit(points)
+        """Mark the points at an end of a range near which no sample lies.
+
+        Parameters
+        ----------
+        points : array (m, d)
+            Parameter sets.
+
+        Returns
+        -------
+        array of bool (m,)
+        """
+        unit = self._scale_to_ranges(points)
         samples = self.tree.data
         is_beyond = np.zeros(len(unit), dtype=bool)
         for end in (0.0, 1.0):
@@ -128,7 +142,7 @@ class Support:
 
     def distance(self, points: np.ndarray) -> np.ndarray:
         """Compute the distance (m,) of points to their nearest sample, in ranges."""
-        distances, _ = self.tree.query(self._unit(points))
+        distances, _ = self.tree.query(self._scale_to_ranges(points))
         return distances
 
     def leverage(self, points: np.ndarray) -> np.ndarray:
@@ -139,7 +153,7 @@ class Support:
         """
         if self._inverse_R is None:
             return np.zeros(len(points))
-        terms = quadratic_terms(self._unit(points))
+        terms = quadratic_terms(self._scale_to_ranges(points))
         return ((terms @ self._inverse_R) ** 2).sum(axis=1)
 
     def is_thin(self, points: np.ndarray) -> np.ndarray:
@@ -149,7 +163,18 @@ class Support:
         return is_distant | has_leverage
 
     def warnings(self, points: np.ndarray) -> list[str]:
-        """Describe why each point (m, d) is beyond the samples; empty if it is not."""
+        """Describe why each point is beyond the samples.
+
+        Parameters
+        ----------
+        points : array (m, d)
+            Parameter sets.
+
+        Returns
+        -------
+        list of str
+            A text for each point. It is empty for a point among the samples.
+        """
         points = np.atleast_2d(np.asarray(points, dtype=float))
         coordinates = to_coordinates(points, self.names, self.scale)
         is_at_bound = self.at_bounds(points)
@@ -157,23 +182,23 @@ class Support:
         leverages = self.leverage(points)
         texts = []
         for k in range(len(points)):
-            parts = []
+            reasons = []
             if is_at_bound[k].any():
-                parts.append(self._bounds_text(coordinates[k], is_at_bound[k]))
+                reasons.append(self._describe_bounds(coordinates[k], is_at_bound[k]))
             if distances[k] > self.farthest:
-                parts.append(
+                reasons.append(
                     f"nearest sample {distances[k]:.2f} of a range away, "
                     f"usual up to {self.farthest:.2f}"
                 )
             if leverages[k] > self.largest_leverage:
-                parts.append(
+                reasons.append(
                     f"leverage {leverages[k]:.2f}, "
                     f"samples' largest {self.largest_leverage:.2f}"
                 )
-            texts.append("; ".join(parts))
+            texts.append("; ".join(reasons))
         return texts
 
-    def _bounds_text(self, point: np.ndarray, is_at_bound: np.ndarray) -> str:
+    def _describe_bounds(self, point: np.ndarray, is_at_bound: np.ndarray) -> str:
         """Name the parameters of a point (d,) that are at a bound, and which end.
 
         The point is in the coordinates of the scales.
@@ -184,7 +209,7 @@ class Support:
             bounds.append(f"{self.names[i]} {'low' if is_low else 'high'}")
         return f"at a bound: {', '.join(bounds)}"
 
-    def _unit(self, points: np.ndarray) -> np.ndarray:
+    def _scale_to_ranges(self, points: np.ndarray) -> np.ndarray:
         """Scale the free parameters of points (m, d) to their ranges."""
         values = np.asarray(points, dtype=float)
         coordinates = to_coordinates(values, self.names, self.scale)
@@ -192,7 +217,7 @@ class Support:
         return offsets / (self.high - self.low)[self._is_free]
 
 
-def _inverse_root(terms: np.ndarray) -> np.ndarray | None:
+def _compute_inverse_root(terms: np.ndarray) -> np.ndarray | None:
     """Compute R^-1, with which the leverage of a row a of terms is |a R^-1|^2.
 
     R comes from the QR decomposition of the terms of the samples. The result is None

@@ -1,4 +1,4 @@
-"""A network of two layers as a function of its weights: tansig, then purelin.
+"""Compute a network of two layers and its derivatives: tansig, then purelin.
 
 The network maps an input vector x to an output vector y, both scaled to an interval:
 
@@ -110,11 +110,25 @@ def _float_arrays(network: Mapping[str, Any]) -> dict[str, np.ndarray]:
 def nguyen_widrow(
     inputs: int, hidden: int, outputs: int, scaled_range: tuple[float, float], seed: Any
 ) -> np.ndarray:
-    """Draw random weights (N,) so that the neurons cover the range of the inputs (NW90).
+    """Draw random weights so that the neurons cover the range of the inputs (NW90).
 
-    For inputs in [-1, 1], the slopes of each neuron form a vector of length
-    0.7 hidden^(1 / inputs), and the biases are uniform up to this length. The neurons are
+    For inputs in [-1, 1], the slopes of each neuron form a vector of length 0.7
+    hidden^(1 / inputs), and the biases are uniform up to this length. The neurons are
     then moved to inputs in `scaled_range`.
+
+    Parameters
+    ----------
+    inputs, hidden, outputs : int
+        Numbers of inputs, hidden neurons and outputs.
+    scaled_range : pair of float
+        Interval of the scaled inputs.
+    seed : int or sequence of int
+        Seed of the random numbers.
+
+    Returns
+    -------
+    array (N,)
+        The weights in the order W1, b1, W2, b2.
     """
     random = np.random.RandomState(seed)
     length = 0.7 * hidden ** (1 / inputs)
@@ -124,8 +138,8 @@ def nguyen_widrow(
 
     # Move the neurons from [-1, 1] to scaled_range.
     middle = (scaled_range[0] + scaled_range[1]) / 2
-    half = (scaled_range[1] - scaled_range[0]) / 2
-    W1 /= half
+    half_width = (scaled_range[1] - scaled_range[0]) / 2
+    W1 /= half_width
     b1 -= W1.sum(axis=1) * middle
 
     output_weights = random.uniform(-0.5, 0.5, outputs * (hidden + 1))
@@ -254,6 +268,7 @@ def jacobian(
     end_of_W1 = hidden * inputs
     end_of_b1 = end_of_W1 + hidden
     by_W1 = by_b1[..., None] * x[:, None, None, :]
+    # Weights of the hidden layer act on every output.
     J[..., :end_of_W1] = by_W1.reshape(*y.shape, end_of_W1)
     J[..., end_of_W1:end_of_b1] = by_b1
     # Each output depends only on its own row of W2 and its own bias.

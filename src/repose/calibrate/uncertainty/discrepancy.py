@@ -1,4 +1,4 @@
-"""The discrepancies between simulator and reality: their covariance.
+"""Compute the covariance of the discrepancies between simulator and reality.
 
 Discrepancies are deviations that no parameters remove.
 
@@ -70,17 +70,32 @@ def shape_study_discrepancy(
     """Compute mean and covariance of the responses over the models of a shape study.
 
     The weight of a plausible model is exp(-d^2 / 2), where d is its distance from the
-    published piles in standard deviations. All definitions of a model count as one model.
+    published piles in standard deviations. All definitions of a model count as one
+    model.
 
-    Because each combination has few simulations, the mean square of the standard errors is
-    subtracted from each variance. The correlation is that of the uncorrected differences.
+    Because each combination has few simulations, the mean square of the standard errors
+    is subtracted from each variance. The correlation is that of the uncorrected
+    differences.
+
+    Parameters
+    ----------
+    combinations_csv : path
+        Combinations of model, definition and parameters, with the differences of their
+        piles from the published ones.
+    targets : Targets
+        The k responses.
+
+    Returns
+    -------
+    ShapeStudyDiscrepancy
 
     Raises
     ------
     InputError
-        If the file is invalid, there are too few models, or the standard errors explain a
-        whole variance.
+        If the file is invalid, there are too few models, or the standard errors explain
+        a whole variance.
     """
+    # Leave out combinations that were not simulated, or are not eligible.
     columns = [derived(name, "difference") for name in targets.names]
     table = _read_combinations(combinations_csv, targets, columns)
     plausible = table[table["eligible"]].dropna(subset=["distance", *columns])
@@ -103,13 +118,15 @@ def shape_study_discrepancy(
     # Subtract the noise of the simulations from the variances.
     differences = plausible[columns].to_numpy(float)
     errors = plausible[list(targets.errors)].to_numpy(float)
-    raw = np.cov(differences.T, aweights=weight, ddof=0)
-    raw = np.atleast_2d(raw) / (1 - sum_of_squares)
-    variances = np.diag(raw)
+    uncorrected_covariance = np.cov(differences.T, aweights=weight, ddof=0)
+    uncorrected_covariance = np.atleast_2d(uncorrected_covariance) / (
+        1 - sum_of_squares
+    )
+    variances = np.diag(uncorrected_covariance)
     noise = np.average(np.nan_to_num(errors) ** 2, axis=0, weights=weight)
     _require_larger_variances(combinations_csv, columns, variances, noise)
     sd = np.sqrt(variances - noise)
-    correlation = raw / np.sqrt(np.outer(variances, variances))
+    correlation = uncorrected_covariance / np.sqrt(np.outer(variances, variances))
     return ShapeStudyDiscrepancy(
         mean=np.average(differences, axis=0, weights=weight),
         covariance=correlation * np.outer(sd, sd),
@@ -134,7 +151,21 @@ def _require_larger_variances(
 def _read_combinations(
     path: Path_, targets: Targets, columns: Sequence[str]
 ) -> pd.DataFrame:
-    """Read the combinations of a shape study; `columns` are the differences."""
+    """Read the combinations of a shape study.
+
+    Parameters
+    ----------
+    path : path
+    targets : Targets
+    columns : sequence of str
+        Columns of the differences, one for each target.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each combination; cells of combinations that were not simulated are
+        NaN.
+    """
     declared = [Column(name, str) for name in MODEL]
     declared.append(Column("eligible", bool))
     declared.append(Column("distance", low=0.0, empty=True))
@@ -205,24 +236,36 @@ def covariance(
     for bench_test in dict.fromkeys(apparatus):
         # The responses of this bench test have a block of the matrix.
         rows = np.flatnonzero([name == bench_test for name in apparatus])
-        signed_sd = _signs(means[:, rows]) * sd[rows]
+        signed_sd = _find_signs(means[:, rows]) * sd[rows]
         block = correlation * np.outer(signed_sd, signed_sd)
         np.fill_diagonal(block, sd[rows] ** 2)
         matrix[np.ix_(rows, rows)] = block
     return matrix
 
 
-def _signs(means: np.ndarray) -> np.ndarray:
-    """Find the signs (k,) of the common variation of responses (n, k).
+def _find_signs(means: np.ndarray) -> np.ndarray:
+    """Find the signs with which responses vary together.
 
-    They are the signs of the first principal component, with +1 for the first response.
+    They are the signs of the first principal component, which is the direction of the
+    largest common variation.
+
+    Parameters
+    ----------
+    means : array (n, k)
+        Responses over the design; NaN where there is none.
+
+    Returns
+    -------
+    array (k,)
+        1 or -1; 1 for the first response. All are 1 if fewer than two samples are
+        complete.
     """
     # With fewer than two complete samples, the signs are unknown.
     complete = means[np.isfinite(means).all(axis=1)]
     n_responses = means.shape[1]
     if n_responses == 1 or len(complete) < 2:
         return np.ones(n_responses)
-    # The first principal component is the direction of the largest common variation.
+    # Scale the responses to the same variance, so that their units do not matter.
     sd = complete.std(axis=0)
     scaled = (complete - complete.mean(axis=0)) / np.where(sd > 0, sd, 1.0)
     _, _, components = np.linalg.svd(scaled, full_matrices=False)

@@ -1,4 +1,4 @@
-"""How the posterior depends on the discrepancy, and which parameters are not excluded.
+"""Show how the posterior depends on the discrepancy, and what is not excluded.
 
 The region holds the parameters that the measurements do not exclude. Both weigh the
 same points of a Sobol sequence over the prior, so nothing is sampled anew and the
@@ -57,6 +57,14 @@ class Points:
     """
 
     def __init__(self, model: Surrogate, space: ParameterSpace) -> None:
+        """Spread points over the prior, and predict the responses there.
+
+        Parameters
+        ----------
+        model : Surrogate
+        space : ParameterSpace
+            Its constraints exclude points.
+        """
         self.space = space
         sequence = qmc.Sobol(space.dimensions, scramble=False)
         # Half a step moves the first point away from the corner.
@@ -111,15 +119,17 @@ def curve(
                 "discrepancy_correlation": correlation,
                 "evidence": "stated",
             }
-            rows.append(row | _bits(points, observed(percent, correlation)))
+            rows.append(
+                row | _describe_information(points, observed(percent, correlation))
+            )
     if shape_study is not None:
         discrepancy = shape_study.covariance - observed(0.0, 0.0).covariance
-        row = _shape_study_row(discrepancy, targets)
-        rows.append(row | _bits(points, shape_study))
+        row = _describe_shape_study(discrepancy, targets)
+        rows.append(row | _describe_information(points, shape_study))
     return pd.DataFrame(rows)
 
 
-def _shape_study_row(discrepancy: np.ndarray, targets: Targets) -> dict[str, Any]:
+def _describe_shape_study(discrepancy: np.ndarray, targets: Targets) -> dict[str, Any]:
     """Describe the discrepancy (k, k) by a shape study as a stated one.
 
     Its size is the root of the mean square over the responses, its correlation the mean
@@ -136,44 +146,57 @@ def _shape_study_row(discrepancy: np.ndarray, targets: Targets) -> dict[str, Any
     }
 
 
-def _bits(points: Points, observed: Observed) -> dict[str, Any]:
-    """Compute the joint information, the effective points, and each parameter's columns.
+def _describe_information(points: Points, observed: Observed) -> dict[str, Any]:
+    """Compute the information of a measurement, and what it tells of each parameter.
 
     Parameters
     ----------
     points : Points
+        Points of the prior, with the predictions there.
     observed : Observed
         The measurement with a discrepancy.
+
+    Returns
+    -------
+    dict
+        `information_bits`, `effective_points`, and the columns of `_describe_parameter`
+        for each free parameter.
     """
     # Weight each point by its likelihood. The number of points with equal weights that
     # are worth the same is 1 / sum w^2.
     log_weight = log_likelihood(points.predicted, points.covariance, observed)
     weight = np.exp(log_weight - log_weight.max())
     weight /= weight.sum()
-    effective = 1 / float(weight @ weight)
+    effective_points = 1 / float(weight @ weight)
     row: dict[str, Any] = {
         "information_bits": joint_bits(weight),
-        "effective_points": effective,
+        "effective_points": effective_points,
     }
     for k in range(points.space.dimensions):
-        row |= _marginal(points, k, weight, effective)
+        row |= _describe_parameter(points, k, weight, effective_points)
     return row
 
 
-def _marginal(
+def _describe_parameter(
     points: Points, k: int, weight: np.ndarray, effective: float
 ) -> dict[str, float]:
-    """Compute the credible interval and the bits of free parameter k.
+    """Compute the credible interval and the information of a free parameter.
 
     Parameters
     ----------
     points : Points
         The n points of the prior.
     k : int
+        Number of the parameter among the free ones.
     weight : numpy.ndarray, (n,)
         Weights of the points, whose sum is 1.
     effective : float
         Effective number of points.
+
+    Returns
+    -------
+    dict
+        `*_low`, `*_high` and `*_bits`, each after the name of the parameter.
     """
     space = points.space
     quantile = points.quantile[:, k]
@@ -199,11 +222,11 @@ def _marginal(
     if space.constraints:
         quantile = (rankdata(quantile) - 0.5) / len(quantile)
     bin_number = np.minimum((quantile * BINS).astype(int), BINS - 1)
-    share = np.bincount(bin_number, weight, BINS)
+    bin_shares = np.bincount(bin_number, weight, BINS)
     return {
         f"{name}_low": low,
         f"{name}_high": high,
-        f"{name}_bits": bits_of_shares(share, effective),
+        f"{name}_bits": bits_of_shares(bin_shares, effective),
     }
 
 
@@ -215,8 +238,8 @@ def implausibility(
     It is the largest deviation of a response from its measurement, in standard
     deviations. `mean` (k,) and `covariance` (k, k) are those of the measurements.
     """
-    of_surrogate = np.diagonal(points.covariance, axis1=1, axis2=2)
-    variance = of_surrogate + np.diagonal(covariance)
+    surrogate_variance = np.diagonal(points.covariance, axis1=1, axis2=2)
+    variance = surrogate_variance + np.diagonal(covariance)
     return np.sqrt((points.predicted - mean) ** 2 / variance).max(axis=1)
 
 
@@ -232,7 +255,7 @@ def region(points: Points, values: np.ndarray) -> Region:
     """
     n_parameters = points.space.dimensions
     pairs = itertools.combinations(range(n_parameters), 2)
-    tables = [_projection(points, values, i, j) for i, j in pairs]
+    tables = [_project(points, values, i, j) for i, j in pairs]
     if tables:
         projections = pd.concat(tables, ignore_index=True)
     else:
@@ -241,8 +264,8 @@ def region(points: Points, values: np.ndarray) -> Region:
     return Region(float(is_inside.mean()), projections)
 
 
-def _projection(points: Points, values: np.ndarray, i: int, j: int) -> pd.DataFrame:
-    """Project the region on the free parameters i and j, a row for each cell.
+def _project(points: Points, values: np.ndarray, i: int, j: int) -> pd.DataFrame:
+    """Project the region on two free parameters.
 
     The cells of a parameter have the same prior probability.
 
@@ -253,25 +276,31 @@ def _projection(points: Points, values: np.ndarray, i: int, j: int) -> pd.DataFr
     values : numpy.ndarray, (n,)
         Their implausibilities.
     i, j : int
+        Numbers of the parameters among the free ones.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each cell, with the columns `REGION`.
     """
     # Number the cells of the pair row by row, and find the cell of each point.
-    cell = np.minimum((points.quantile * CELLS).astype(int), CELLS - 1)
-    number = cell[:, i] * CELLS + cell[:, j]
+    cells = np.minimum((points.quantile * CELLS).astype(int), CELLS - 1)
+    cell_number = cells[:, i] * CELLS + cells[:, j]
     x_cell, y_cell = np.divmod(np.arange(CELLS**2), CELLS)
 
     # Find the least implausibility in each cell, and count its points in the region.
-    least = np.full(CELLS**2, np.inf)
-    np.minimum.at(least, number, values)
+    least_implausibility = np.full(CELLS**2, np.inf)
+    np.minimum.at(least_implausibility, cell_number, values)
     is_inside = values < IMPLAUSIBLE
-    n_points = np.bincount(number, minlength=CELLS**2)
-    n_inside = np.bincount(number, is_inside, minlength=CELLS**2)
+    n_points = np.bincount(cell_number, minlength=CELLS**2)
+    n_inside = np.bincount(cell_number, is_inside, minlength=CELLS**2)
     return pd.DataFrame(
         {
             "x": points.space.free[i],
             "y": points.space.free[j],
             "x_quantile": (x_cell + 0.5) / CELLS,
             "y_quantile": (y_cell + 0.5) / CELLS,
-            "least_implausibility": least,
+            "least_implausibility": least_implausibility,
             "share": n_inside / np.maximum(n_points, 1),
         }
     )
@@ -287,7 +316,19 @@ def joint_bits(weight: np.ndarray) -> float:
 
 
 def message(table: pd.DataFrame, share: float) -> str:
-    """Write the curve and the share of the region as text."""
+    """Describe the curve and the share of the region in lines of text.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Result of `curve`.
+    share : float
+        Share of the prior that is not implausible.
+
+    Returns
+    -------
+    str
+    """
     lines = []
     is_stated = table["evidence"] == "stated"
     for correlation, rows in table[is_stated].groupby("discrepancy_correlation"):

@@ -1,4 +1,4 @@
-"""The noise floor: scatter of runs, differences between samples, gain of more seeds.
+"""Compute the noise floor: how runs scatter, samples differ, and more seeds help.
 
 The statistics are in `repose.calibrate.variance`.
 """
@@ -75,7 +75,22 @@ def good_runs(runs: pd.DataFrame, names: tuple[str, ...]) -> pd.DataFrame:
 def within_correlation(runs: pd.DataFrame, targets: Targets) -> WithinCorrelation:
     """Compute the correlation of the responses between runs of the same sample.
 
-    Responses of different bench tests have the correlation 0.
+    Parameters
+    ----------
+    runs : pandas.DataFrame
+        Single runs with `sample`, `status` and the responses.
+    targets : Targets
+        The k responses.
+
+    Returns
+    -------
+    WithinCorrelation
+        Responses of different bench tests have the correlation 0.
+
+    Raises
+    ------
+    ValueError
+        If the runs of a bench test are too few.
     """
     matrix = np.eye(len(targets))
     pairs: Pairs = {}
@@ -113,17 +128,28 @@ def correlation_record(pairs: Pairs) -> dict[str, Any]:
 
 
 def noise_floor(runs: pd.DataFrame, targets: Targets) -> NoiseFloor:
-    """Compute the variance components of every target, and the gain from more seeds."""
+    """Compute the variance components of every target, and the gain from more seeds.
+
+    Parameters
+    ----------
+    runs : pandas.DataFrame
+        Single runs with `sample`, `status` and the responses.
+    targets : Targets
+
+    Returns
+    -------
+    NoiseFloor
+    """
     seeds = np.arange(1, MOST_SEEDS + 1)
     seeds_table = pd.DataFrame({"seeds": seeds})
     rows = []
     for target in targets:
-        runs_of_test = of_bench(runs, target.response.apparatus)
-        good = good_runs(runs_of_test, (target.name,))
-        failed = runs_of_test[runs_of_test["status"] != "ok"]
+        bench_runs = of_bench(runs, target.response.apparatus)
+        good = good_runs(bench_runs, (target.name,))
+        failed = bench_runs[bench_runs["status"] != "ok"]
         components = variance_components(good[target.name], good["sample"])
-        _add_seeds(seeds_table, target, components)
-        rows.append(_row(target, components, good, failed))
+        _add_seed_columns(seeds_table, target, components)
+        rows.append(_describe_target(target, components, good, failed))
     correlation = within_correlation(runs, targets)
     summary = {
         "responses": {row["response"]: row for row in rows},
@@ -133,7 +159,9 @@ def noise_floor(runs: pd.DataFrame, targets: Targets) -> NoiseFloor:
     return NoiseFloor(pd.DataFrame(rows), seeds_table, summary)
 
 
-def _add_seeds(table: pd.DataFrame, target: Target, components: Components) -> None:
+def _add_seed_columns(
+    table: pd.DataFrame, target: Target, components: Components
+) -> None:
     """Add the columns of one target to seeds.csv.
 
     A perfect predictor reaches R2 = ICC / (ICC + (1 - ICC) / seeds), where ICC is the
@@ -161,7 +189,7 @@ def _add_seeds(table: pd.DataFrame, target: Target, components: Components) -> N
         table[f"{quantity}_reachable_r2{ending}"] = icc / (icc + (1 - icc) / seeds)
 
 
-def _row(
+def _describe_target(
     target: Target, components: Components, good: pd.DataFrame, failed: pd.DataFrame
 ) -> dict[str, Any]:
     """Make the row of noise.csv for one target.
@@ -202,11 +230,28 @@ def _row(
 
 
 def run(runs_csv: Path_, targets: Targets, out_dir: Path_) -> dict[str, Any]:
-    """Compute the noise floor of a study from its runs.
+    """Compute the noise floor of a study from its runs, and write its tables.
 
-    Write noise.csv, seeds.csv and noise.json, and return the summary.
+    Parameters
+    ----------
+    runs_csv : path
+        Single runs of the study.
+    targets : Targets
+    out_dir : path
+        Folder for noise.csv, seeds.csv and noise.json.
+
+    Returns
+    -------
+    dict
+        The content of noise.json.
+
+    Raises
+    ------
+    InputError
+        If there are too few runs.
     """
     runs = read_runs(runs_csv, targets)
+    # The statistics do not know the file, so name it in their errors.
     try:
         floor = noise_floor(runs, targets)
     except ValueError as error:

@@ -1,8 +1,9 @@
-"""Posterior of the free parameters given the physical measurements.
+"""Infer the free parameters from the physical measurements: their posterior.
 
-The prior is uniform on the range of each parameter, along its scale, or normal and cut to the range
-where the parameter was measured. `repose.calibrate.uncertainty.likelihood` defines the
-likelihood, `repose.calibrate.uncertainty.sampler` draws from the posterior.
+The prior of a parameter is uniform on its range, along its scale. Where the parameter
+was measured, it is normal and cut to the range.
+`repose.calibrate.uncertainty.likelihood` defines the likelihood.
+`repose.calibrate.uncertainty.sampler` draws from the posterior.
 """
 
 import contextlib
@@ -136,7 +137,7 @@ def measurement_of(
     ValueError
         If there are too few runs for the correlation.
     """
-    correlation, pairs = _measured_correlation(targets, runs, settings)
+    correlation, pairs = _find_measured_correlation(targets, runs, settings)
     if shape_study is None:
         evidence = STATED
         S_d = discrepancy.of_targets(
@@ -157,15 +158,32 @@ def measurement_of(
     )
 
 
-def _measured_correlation(
+def _find_measured_correlation(
     targets: Targets, runs: pd.DataFrame, settings: PosteriorSettings
 ) -> noise.WithinCorrelation:
     """Find the correlation of the measured responses.
 
     It is either stated in the settings or estimated from the simulated runs.
+
+    Parameters
+    ----------
+    targets : Targets
+    runs : pandas.DataFrame
+        Simulated runs.
+    settings : PosteriorSettings
+        Its key `measured_correlation` is a number, or a word for the estimate.
+
+    Returns
+    -------
+    WithinCorrelation
+
+    Raises
+    ------
+    ValueError
+        If the runs are too few for an estimate.
     """
-    stated = settings.measured_correlation
-    if isinstance(stated, str):
+    stated_correlation = settings.measured_correlation
+    if isinstance(stated_correlation, str):
         simulated = noise.within_correlation(runs, targets)
         _check_freedom(targets, simulated.pairs)
         return simulated
@@ -173,7 +191,7 @@ def _measured_correlation(
     # A stated correlation can be used even if there are too few runs to estimate one.
     with contextlib.suppress(ValueError):
         pairs = noise.within_correlation(runs, targets).pairs
-    return noise.WithinCorrelation(targets.correlated(stated), pairs)
+    return noise.WithinCorrelation(targets.correlated(stated_correlation), pairs)
 
 
 def _check_freedom(targets: Targets, pairs: noise.Pairs) -> None:
@@ -239,7 +257,7 @@ def infer(
         seed=settings.seed,
     )
     unit = chains.points.reshape(-1, space.dimensions)
-    convergence = _convergence(chains)
+    convergence = _compute_convergence(chains)
     log_likelihoods = chains.log_density.ravel() - space.log_prior(unit)
     information = joint_information_bits(
         likelihood,
@@ -251,7 +269,7 @@ def infer(
 
     # Describe each parameter, and predict at some of the draws. They are chosen at
     # random: draws at a regular distance in time may all be of one walker.
-    table = _parameters(space, unit, convergence, references)
+    table = _tabulate_parameters(space, unit, convergence, references)
     order = np.random.default_rng(settings.seed).permutation(len(unit))
     kept = unit[np.sort(order[:DRAWS_KEPT])]
     X = space.values(kept)
@@ -261,19 +279,19 @@ def infer(
         draws[response.predicted] = Y[:, k]
         draws[derived(response.name, f"{model.name}_se")] = std[:, k]
 
-    summary = _measurement_summary(measurement)
+    summary = _summarise_measurement(measurement)
     summary[f"{model.name}_se"] = np.sqrt((std**2).mean(axis=0)).tolist()
-    summary["predicted"] = _predicted_summary(targets, Y)
+    summary["predicted"] = _summarise_predictions(targets, Y)
     summary["misfit"] = misfit(Y, model.covariance(X), measurement.observed)
-    summary |= _information_summary(information, table)
+    summary |= _summarise_information(information, table)
     summary["thin_share"] = float(support.is_thin(X).mean())
-    summary |= _convergence_summary(convergence)
+    summary |= _summarise_convergence(convergence)
     summary["correlations"] = np.atleast_2d(np.corrcoef(kept.T)).round(3).tolist()
-    summary["statements"] = _statements(space, table)
+    summary["statements"] = _collect_statements(space, table)
     return Posterior(table, draws, summary)
 
 
-def _convergence(chains: Chains) -> Convergence:
+def _compute_convergence(chains: Chains) -> Convergence:
     """Compute the convergence of each parameter."""
     return Convergence(
         r_hat=split_r_hat(chains.points),
@@ -282,7 +300,7 @@ def _convergence(chains: Chains) -> Convergence:
     )
 
 
-def _measurement_summary(measurement: Measurement) -> dict[str, Any]:
+def _summarise_measurement(measurement: Measurement) -> dict[str, Any]:
     """Collect the entries of posterior.json about the measurement."""
     S_d = measurement.discrepancy
     S_y = measurement.observed.covariance - S_d
@@ -294,16 +312,16 @@ def _measurement_summary(measurement: Measurement) -> dict[str, Any]:
     }
 
 
-def _predicted_summary(targets: Targets, Y: np.ndarray) -> dict[str, Any]:
+def _summarise_predictions(targets: Targets, Y: np.ndarray) -> dict[str, Any]:
     """Collect mean and interval of each predicted response from draws (n, k)."""
     summary = {}
     for name, values in zip(targets.names, Y.T, strict=True):
-        interval = _credible_interval(values)
+        interval = _find_credible_interval(values)
         summary[name] = {"mean": float(values.mean()), **interval._asdict()}
     return summary
 
 
-def _information_summary(
+def _summarise_information(
     information: Information, table: pd.DataFrame
 ) -> dict[str, Any]:
     """Collect the entries of posterior.json about the information."""
@@ -314,7 +332,7 @@ def _information_summary(
     }
 
 
-def _convergence_summary(convergence: Convergence) -> dict[str, Any]:
+def _summarise_convergence(convergence: Convergence) -> dict[str, Any]:
     """Collect the entries of posterior.json about the convergence."""
     return {
         "converged": convergence.is_reached,
@@ -323,7 +341,7 @@ def _convergence_summary(convergence: Convergence) -> dict[str, Any]:
     }
 
 
-def _statements(space: ParameterSpace, table: pd.DataFrame) -> dict[str, str]:
+def _collect_statements(space: ParameterSpace, table: pd.DataFrame) -> dict[str, str]:
     """Collect a statement about each parameter, the fixed ones included."""
     statements = dict(zip(table["parameter"], table["statement"], strict=True))
     for name, value in space.fixed.items():
@@ -411,7 +429,7 @@ def run(
 
     out = Path(out_dir)
     points = implausibility.Points(model, parameters)
-    curve = _curve(points, targets, runs, measurement)
+    curve = _compute_curve(points, targets, runs, measurement)
     region = implausibility.region(
         points, implausibility.implausibility(points, *measurement.observed)
     )
@@ -432,7 +450,20 @@ def run(
 def _read_references(
     files: InputFiles, space: ParameterSpace
 ) -> dict[str, pd.DataFrame]:
-    """Read the published intervals, and the ranges of the solutions of the search."""
+    """Read intervals of the parameters that are compared with the posterior.
+
+    Parameters
+    ----------
+    files : InputFiles
+    space : ParameterSpace
+
+    Returns
+    -------
+    dict
+        Tables with `low` and `high`, whose index has the parameters. `miga` has the
+        ranges of the solutions of the search, and `published` the published intervals,
+        if there is a file.
+    """
     references = {}
     if files.table3 is not None:
         table = read_table(files.table3, ("parameter", "low", "high"))
@@ -443,7 +474,7 @@ def _read_references(
     return references
 
 
-def _curve(
+def _compute_curve(
     points: implausibility.Points,
     targets: Targets,
     runs: pd.DataFrame,
@@ -487,6 +518,7 @@ def statement(row: Mapping[str, Any]) -> str:
     width = f"{100 * row['width_ratio']:.0f} % of the prior's width, {bits:.2f} bits"
     if bits < UNDETERMINED:
         return f"{name} is not determined: {width}"
+    # Little information: tell in which half of the prior the parameter is.
     if bits < DETERMINED:
         below = row["below_centre"]
         above = 1 - below
@@ -502,7 +534,17 @@ def statement(row: Mapping[str, Any]) -> str:
 
 
 def message(summary: Mapping[str, Any]) -> str:
-    """Write statements, fit and convergence as text."""
+    """Describe statements, fit and convergence in lines of text.
+
+    Parameters
+    ----------
+    summary : mapping
+        The content of posterior.json.
+
+    Returns
+    -------
+    str
+    """
     lines = list(summary["statements"].values())
     bits = summary["information_bits"]
     error = summary["information_se_bits"]
@@ -529,7 +571,7 @@ def message(summary: Mapping[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _parameters(
+def _tabulate_parameters(
     space: ParameterSpace,
     unit: np.ndarray,
     convergence: Convergence,
@@ -548,7 +590,7 @@ def _parameters(
         the paper.
     """
     quantiles = space.marginal_cdf(unit)
-    prior_widths = _prior_widths(space)
+    prior_widths = _compute_prior_widths(space)
     rows = []
     for k, name in enumerate(space.free):
         values = space.values_at(name, unit[:, k])
@@ -556,7 +598,7 @@ def _parameters(
             "parameter": name,
             "low": space.low[k],
             "high": space.high[k],
-            **_distribution(values, space, name, prior_widths[k]),
+            **_describe_distribution(values, space, name, prior_widths[k]),
             "information_bits": information_bits(
                 quantiles[:, k], convergence.effective_draws[k]
             ),
@@ -567,20 +609,22 @@ def _parameters(
         for reference, intervals in references.items():
             if name in intervals.index:
                 low, high = map(float, intervals.loc[name, ["low", "high"]])
-                row |= _reference(reference, space, k, values, Interval(low, high))
+                row |= _assess_reference(
+                    reference, space, k, values, Interval(low, high)
+                )
         row["statement"] = statement(row)
         rows.append(row)
     return pd.DataFrame(rows)
 
 
-def _distribution(
+def _describe_distribution(
     values: np.ndarray, space: ParameterSpace, name: str, prior_width: float
 ) -> dict[str, float]:
     """Describe the distribution of draws (n,) of a parameter.
 
     `prior_width` is the width of the central interval of its prior, along its scale.
     """
-    interval = _credible_interval(values)
+    interval = _find_credible_interval(values)
     low, high = space.coordinates(name, np.array(interval)).tolist()
     return {
         "mean": float(values.mean()),
@@ -592,22 +636,30 @@ def _distribution(
     }
 
 
-def _prior_widths(space: ParameterSpace) -> np.ndarray:
-    """Compute the widths (d,) of the priors' central intervals of probability CREDIBLE.
+def _compute_prior_widths(space: ParameterSpace) -> np.ndarray:
+    """Compute the widths of the priors' central intervals of probability `CREDIBLE`.
 
-    Widths are along the scales. For a uniform prior, the width is CREDIBLE times the
-    range.
+    Parameters
+    ----------
+    space : ParameterSpace
+
+    Returns
+    -------
+    array (d,)
+        Widths along the scales of the free parameters.
     """
+    # The interval of a uniform prior is this share of the range.
     range_low, range_high = space.coordinate_ends
     widths = CREDIBLE * (range_high - range_low)
-    # For a parameter with another prior, use the quantiles of this prior.
     tail = np.full(space.dimensions, (1 - CREDIBLE) / 2)
+    # Constraints change the priors of all parameters, so use quantiles of allowed sets.
     if space.constraints:
         values = space.marginal_quantiles(
             np.array([(1 - CREDIBLE) / 2, (1 + CREDIBLE) / 2])
         )
         low, high = to_coordinates(values, space.free, space.scale)
         return high - low
+    # A parameter with a normal prior has the quantiles of this prior.
     quantiles = space.from_prior(np.array([tail, 1 - tail]))
     for name in space.prior:
         k = space.free.index(name)
@@ -617,14 +669,14 @@ def _prior_widths(space: ParameterSpace) -> np.ndarray:
     return widths
 
 
-def _credible_interval(values: np.ndarray) -> Interval:
+def _find_credible_interval(values: np.ndarray) -> Interval:
     """Find the central interval of probability CREDIBLE of draws (n,)."""
     tail = (1 - CREDIBLE) / 2
     low, high = np.quantile(values, [tail, 1 - tail]).tolist()
     return Interval(low, high)
 
 
-def _reference(
+def _assess_reference(
     name: str,
     space: ParameterSpace,
     k: int,

@@ -1,4 +1,4 @@
-"""Draws of a probability density in the unit cube, with convergence and information.
+"""Draw from a probability density in the unit cube, and measure convergence.
 
 The draws come from emcee (Foreman-Mackey et al. 2013, PASP 125, 306). Walkers of one
 ensemble depend on each other, so several independent ensembles are drawn, and R-hat
@@ -21,7 +21,7 @@ BURN_IN = 0.5  # share of the steps that is dropped
 BINS = 40
 PRIOR_DRAWS = 2**15
 CHUNK = 2048  # points at which the likelihood is computed together
-# Of `_starts`.
+# Of `_draw_starts`.
 POPULATION = 2048  # points
 MOVES = 8  # steps at each power of the density
 LEAST_EFFECTIVE = 0.5  # effective share of the points after the power rises
@@ -66,6 +66,11 @@ def sample(
     steps : int
         Of each walker, those of the burn-in included.
     seed : int
+
+    Returns
+    -------
+    Chains
+        The draws after the burn-in.
     """
     import emcee
 
@@ -81,9 +86,9 @@ def sample(
     times = []
     for k in range(ENSEMBLES):
         random = np.random.RandomState([seed, k])
-        first = _starts(in_cube, dimensions, random)[:walkers]
-        ensemble = _ensemble(len(first), dimensions, in_cube, random)
-        ensemble.run_mcmc(first, steps)
+        start_points = _draw_starts(in_cube, dimensions, random)[:walkers]
+        ensemble = _make_ensemble(len(start_points), dimensions, in_cube, random)
+        ensemble.run_mcmc(start_points, steps)
 
         # Append the log density to the coordinates, as a further column.
         burn_in = int(BURN_IN * steps)
@@ -106,7 +111,7 @@ def sample(
     )
 
 
-def _ensemble(
+def _make_ensemble(
     walkers: int, dimensions: int, log_density: Density, random: np.random.RandomState
 ) -> Any:
     """Make emcee's ensemble of walkers, with the state of a random generator."""
@@ -122,7 +127,7 @@ def _ensemble(
     return ensemble
 
 
-def _starts(
+def _draw_starts(
     log_density: Density, dimensions: int, random: np.random.RandomState
 ) -> np.ndarray:
     """Draw points (POPULATION, d) from a density, approximately.
@@ -148,39 +153,52 @@ def _starts(
         points[is_excluded] = random.uniform(size=(is_excluded.sum(), dimensions))
         values[is_excluded] = log_density(points[is_excluded])
     while power < 1.0:
-        rise = _rise_of_power(values, most=1.0 - power)
-        weight = _weights(values, rise)
+        rise = _find_power_rise(values, most=1.0 - power)
+        weight = _compute_weights(values, rise)
         power += rise
 
         # Resample the points by their weights, and move them with the sampler.
         rows = random.choice(POPULATION, POPULATION, p=weight / weight.sum())
-        tempered = partial(_tempered, log_density=log_density, power=power)
-        ensemble = _ensemble(POPULATION, dimensions, tempered, random)
+        tempered = partial(
+            _compute_tempered_density, log_density=log_density, power=power
+        )
+        ensemble = _make_ensemble(POPULATION, dimensions, tempered, random)
         last = ensemble.run_mcmc(points[rows], MOVES, skip_initial_state_check=True)
         points = last.coords
         values = last.log_prob / power
     return points[random.permutation(POPULATION)]
 
 
-def _tempered(points: np.ndarray, log_density: Density, power: float) -> np.ndarray:
+def _compute_tempered_density(
+    points: np.ndarray, log_density: Density, power: float
+) -> np.ndarray:
     """Compute the log of a power of a density."""
     return power * log_density(points)
 
 
-def _weights(values: np.ndarray, rise: float) -> np.ndarray:
+def _compute_weights(values: np.ndarray, rise: float) -> np.ndarray:
     """Weigh points for a rise of the power, by their log densities (n,)."""
     return np.exp(rise * (values - values.max()))
 
 
-def _rise_of_power(values: np.ndarray, most: float) -> float:
+def _find_power_rise(values: np.ndarray, most: float) -> float:
     """Find the largest increase of the power that keeps enough points effective.
 
-    `values` (n,) are the log densities of the points.
+    Parameters
+    ----------
+    values : array (n,)
+        Log densities of the points.
+    most : float
+        Largest increase.
+
+    Returns
+    -------
+    float
     """
 
     def excess(rise: float) -> float:
         """Compute the effective share of the points minus the smallest allowed one."""
-        weight = _weights(values, rise)
+        weight = _compute_weights(values, rise)
         effective = weight.sum() ** 2 / (weight**2).sum() / POPULATION
         return effective - LEAST_EFFECTIVE
 
@@ -257,9 +275,9 @@ def joint_information_bits(
     sequence = stats.qmc.Sobol(space.dimensions, rng=seed)
     points = points_of_sequence(sequence, PRIOR_DRAWS, space)
     parts = np.array_split(points, PRIOR_DRAWS // CHUNK)
-    at_prior = np.concatenate([log_likelihood(part) for part in parts])
-    likelihood = np.exp(at_prior - at_prior.max())
-    log_evidence = at_prior.max() + math.log(likelihood.mean())
+    prior_log_likelihoods = np.concatenate([log_likelihood(part) for part in parts])
+    likelihood = np.exp(prior_log_likelihoods - prior_log_likelihoods.max())
+    log_evidence = prior_log_likelihoods.max() + math.log(likelihood.mean())
     prior_error = likelihood.std() / likelihood.mean() / math.sqrt(PRIOR_DRAWS)
     posterior_error = drawn.std() / math.sqrt(effective)
     return Information(
