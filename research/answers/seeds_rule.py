@@ -93,7 +93,7 @@ class Judge:
         self, X: np.ndarray, count: int, random: np.random.Generator
     ) -> np.ndarray:
         """Draws (count, m, k) of the mean responses at all parameter sets X (m, d) together."""
-        x = self.process._scaled(X)
+        x = self.process._scale_inputs(X)
         columns = []
         for process in self.process.processes_:
             between = process.kernel(x, process.x)
