@@ -103,11 +103,20 @@ def test_five_points_have_their_optimum():
 
 def test_a_design_follows_from_its_seed():
     first = design.optimal_lhs(8, 3, seed=7)
+    design._optimal_lhs.cache_clear()  # make the design again
     np.testing.assert_array_equal(first, design.optimal_lhs(8, 3, seed=7))
     assert not np.array_equal(first, design.optimal_lhs(8, 3, seed=8))
     # as published designs were made: a rounding that differs leads to another design
     published = design.optimal_lhs(16, 2, seed=1)
     assert design.minimum_distance(published) == 0.2312518711027318
+
+
+@pytest.mark.parametrize("seed", [7, [7, 1]])
+def test_a_kept_design_stays_as_it_was_made(seed):
+    first = design.optimal_lhs(4, 2, seed)
+    expected = first.copy()
+    first[:] = 0.0
+    np.testing.assert_array_equal(design.optimal_lhs(4, 2, seed), expected)
 
 
 @pytest.mark.parametrize("method", ["lhsdesign", "optimal"])

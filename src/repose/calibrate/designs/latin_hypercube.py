@@ -5,6 +5,7 @@ exactly one point in each of the n equal strata of every column. Distances are E
 and taken in the unit cube, so that no parameter's unit weighs more.
 """
 
+import functools
 from collections.abc import Mapping
 
 import numpy as np
@@ -79,7 +80,8 @@ def optimal_lhs(n: int, d: int, seed: int | list[int]) -> np.ndarray:
 
     Enhanced stochastic evolution on phi_p improves the `lhsdesign` of the same seed,
     for powers that grow (Jin, Chen and Sudjianto 2005, J. Stat. Plan. Inference
-    134:268).
+    134:268). This takes up to a minute, and a study asks for its design at each of its
+    turns. So the last designs are kept.
 
     Parameters
     ----------
@@ -93,6 +95,13 @@ def optimal_lhs(n: int, d: int, seed: int | list[int]) -> np.ndarray:
         In the unit cube. Of all designs on the way, it has the largest minimum
         distance.
     """
+    entropy = tuple(seed) if isinstance(seed, list) else seed
+    return _optimal_lhs(n, d, entropy).copy()
+
+
+@functools.lru_cache(maxsize=16)
+def _optimal_lhs(n: int, d: int, seed: int | tuple[int, ...]) -> np.ndarray:
+    """Make the design of `optimal_lhs`, which the caller must not change."""
     rng = np.random.default_rng(seed)
     best = lhsdesign(n, d, rng=rng)
     # With two points or one column there is nothing to exchange.
