@@ -195,8 +195,13 @@ def test_without_snakemake_the_message_says_what_to_install(monkeypatch, command
 
 @pytest.mark.parametrize("interrupted", [True, False])
 def test_ctrl_c_ends_with_the_sentence_that_says_how_to_go_on_and_another_end_keeps_its_status(
-    monkeypatch, command, interrupted
+    monkeypatch, command, interrupted, tmp_path
 ):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "Snakefile").write_text(
+        "rule uncertainty:\n    output: 'one.txt'\n    shell: 'touch {output}'\n"
+    )
+
     def ended(_words):
         with contextlib.suppress(KeyboardInterrupt):
             if interrupted:
@@ -205,11 +210,10 @@ def test_ctrl_c_ends_with_the_sentence_that_says_how_to_go_on_and_another_end_ke
 
     monkeypatch.setattr("snakemake.cli.main", ended)
     before = signal.getsignal(signal.SIGINT)
-    message = command(
-        "run", "uncertainty", "--cores", "2", status=130 if interrupted else 1
-    ).err
+    call = "uncertainty --cores 2 -s Snakefile"
+    message = command("run", *call.split(), status=130 if interrupted else 1).err
     assert (
-        ("the same command goes on: repose run uncertainty --cores 2" in message)
+        (f"the same command goes on: repose run {call}" in message)
         is ("Stopped" in message)
         is interrupted
     )
