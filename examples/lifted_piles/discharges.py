@@ -18,6 +18,7 @@ from lifted_piles import (
     FALLING_M_S,
     FILLED_M,
     HERE,
+    LAWS,
     NUMBERS,
     OUT,
     POISSON,
@@ -108,10 +109,7 @@ def closed(
                     PLUG_M - EDGE_M, EDGE_M, "wheat", height_m=PLUG_HEIGHT_M - EDGE_M
                 ),
             },
-            contact_law="hertz_mindlin",
-            rolling_law="epsd2",
-            tension="keep",
-            friction_limit="total",
+            **LAWS,
             exit_height_m=COUNTED_M,
             floor_height_m=COUNTED_M - 0.005,
         )

@@ -17,6 +17,7 @@ from lifted_piles import (
     FALLING_M_S,
     FEWEST_IN_SHELL,
     HERE,
+    LAWS,
     NUMBERS,
     OUT,
     POISSON,
@@ -116,10 +117,7 @@ def drum(
             upper=half,
             walls=walls,
             gravity_m_s2=(0.0, -9.81 * math.sin(down), -9.81 * math.cos(down)),
-            contact_law="hertz_mindlin",
-            rolling_law="epsd2",
-            tension="keep",
-            friction_limit="total",
+            **LAWS,
         )
 
     scale = DIAMETERS_MM.min() / DIAMETERS_MM.max()

@@ -47,6 +47,12 @@ FILLED_M = (
 )  # radius, lowest and highest point of the cylinder that takes the grains
 FALLING_M_S = 0.3
 SETTLED_S, LIFTED_M, LIFTING_M_S, RELAXED_S = 0.4, 0.055, 0.010, 0.4
+LAWS = {
+    "contact_law": "hertz_mindlin",
+    "rolling_law": "epsd2",
+    "tension": "keep",
+    "friction_limit": "total",
+}
 
 # --- choices of this side -------------------------------------------------------------------------
 
@@ -152,10 +158,7 @@ def filled(
                 ),
                 **sides,
             },
-            contact_law="hertz_mindlin",
-            rolling_law="epsd2",
-            tension="keep",
-            friction_limit="total",
+            **LAWS,
         )
 
     if time_step_s is None:

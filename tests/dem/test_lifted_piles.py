@@ -121,6 +121,20 @@ def test_grains_are_thrown_without_overlap_the_largest_first_with_the_shares_by_
     assert (np.hypot(*centres[:, :2].T) + radii).max() < lifted_piles.FILLED_M[0]
 
 
+@pytest.fixture(params=["budget", pytest.param("epsd2", marks=pytest.mark.slow)])
+def rolling_law(request, monkeypatch):
+    """The rolling law of the scenes: the example's needs kernels of its own, the other tests have those of budget."""
+    monkeypatch.setitem(lifted_piles.LAWS, "rolling_law", request.param)
+
+
+def test_the_laws_of_the_decks_make_each_scene():
+    contents = Contents(0.4, 0.1, 0.5)
+    assert lifted_piles.LAWS["rolling_law"] == "epsd2"
+    assert lifted_piles.filled(contents, 1, 0.01, grains=20).n_bodies == 20
+    assert discharges.closed(contents, 1, 0.1, grains=20).n_bodies == 20
+
+
+@pytest.mark.usefixtures("rolling_law")
 def test_a_small_pile_is_lifted_and_rests(monkeypatch):
     monkeypatch.setattr(lifted_piles, "LIFTING_M_S", 0.1)
     simulation = lifted_piles.filled(Contents(0.4, 0.1, 0.5), 1, 0.01, grains=200)
@@ -190,6 +204,8 @@ def test_the_angle_of_a_bed_in_the_drum_is_found(tilted):
     assert drums.frame_angle(bed, tilted) == pytest.approx(35.0, abs=0.6)
 
 
+@pytest.mark.usefixtures("rolling_law")
+@pytest.mark.filterwarnings("ignore:a wall turns")  # of the law budget
 @pytest.mark.parametrize(
     ("grain", "wall"), [("sphere", "cover"), ("wheat", "standing")]
 )
@@ -244,6 +260,7 @@ def test_the_rate_is_the_slope_of_the_mass_that_left_in_the_middle():
     )
 
 
+@pytest.mark.usefixtures("rolling_law")
 def test_grains_rest_over_the_plug_and_run_out_when_it_is_drawn(monkeypatch):
     monkeypatch.setattr(discharges, "FLOWING_S", 0.5)
     simulation = discharges.closed(Contents(0.3, 0.05, 0.5), 1, 0.1, grains=250)
