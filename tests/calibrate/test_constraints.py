@@ -17,6 +17,7 @@ from repose.calibrate.search.settings import MigaSettings
 from repose.calibrate.strategies.response_surface import ResponseSurface
 from repose.calibrate.study_file import targets_of
 from repose.calibrate.surrogates import make
+from repose.calibrate.surrogates.support import Support
 from repose.calibrate.uncertainty.sampler import joint_information_bits, sample
 from repose.common.errors import InputError
 from repose.config.dependencies import settings_of
@@ -170,6 +171,13 @@ def test_the_search_and_the_answer_stay_where_they_are_allowed():
     widths = targets.high - targets.low
     F = (np.abs(values - targets.aim) / widths).sum(axis=1)
     assert best["objective"] < F.min() + 0.05
+    # Where all samples are far beyond the constraint, it still holds.
+    unit = np.random.default_rng(7).random((400, 2))
+    samples = SPACE.values(unit)
+    violates = samples[:, 0] - 0.5 * samples[:, 1] > 0.15
+    support = Support.of(samples[violates], SPACE)
+    far = invert(line_model(), SPACE, targets, settings, support).solutions
+    assert (far["mur"] <= 0.5 * far["mus"] + 1e-12).all()
     # Without the constraint the targets are met.
     free = ParameterSpace.of(PARAMETERS)
     assert invert(line_model(), free, targets, settings).summary["feasible"]

@@ -189,24 +189,55 @@ def test_few_feasible_solutions_are_followed_by_the_nearest(tmp_path):
     assert solutions["feasible"].is_monotonic_decreasing
 
 
-def test_solutions_at_the_bounds_carry_a_warning(tmp_path):
-    """Out of reach: every solution sits in a corner, with samples in the middle of the ranges alone."""
-    network_json, table3 = write_inputs(tmp_path, 0.2)
-    support = Support(
-        np.random.RandomState(1).uniform(0.5, 1.5, (60, 6)),
-        np.zeros(6),
-        np.full(6, 2.0),
-        PARAMETERS,
-    )
+def middle_support(low, high):
+    """Samples in the middle of the ranges alone."""
+    points = np.random.RandomState(1).uniform(low, high, (60, 6))
+    return Support(points, np.zeros(6), np.full(6, 2.0), PARAMETERS)
+
+
+def test_solutions_beyond_the_samples_carry_a_warning(tmp_path):
+    """Sets that meet the targets lie all over the ranges."""
+    network_json, table3 = write_inputs(tmp_path, 2.0)
+    support = middle_support(0.3, 1.7)
     brief = SETTINGS.model_copy(update={"rounds": 5})
     summary = searched(network_json, study(settings=brief), table3, tmp_path, support)
-    table = pd.read_csv(tmp_path / "feasible.csv")
+    table = pd.read_csv(tmp_path / "feasible.csv", keep_default_na=False)
     assert table.columns[-1] == "warning"
-    assert table["warning"].str.contains("nearest sample").all()
-    assert "mur_gg high" in table["warning"].iloc[0]
-    assert summary["message"].endswith(
-        f"Beyond the samples: {table['warning'].iloc[0]}."
+    X = table[list(PARAMETERS)].to_numpy()
+    is_beyond = support.is_thin(X) | support.at_bounds(X).any(axis=1)
+    assert is_beyond.any()
+    assert ((table["warning"] != "") == is_beyond).all()
+    warning = table["warning"].iloc[0]
+    assert (
+        summary["message"].endswith(f"Beyond the samples: {warning}.") == is_beyond[0]
     )
+
+
+@pytest.mark.parametrize(
+    ("reach", "aor", "aor_range", "is_at_ends"),
+    [
+        # No set is predicted inside the ranges.
+        (0.2, 30.5, (29.0, 32.0), True),
+        # Sets are, but beyond the samples alone.
+        (2.0, 31.6, (31.5, 31.8), False),
+    ],
+)
+def test_targets_that_no_samples_bear_out_have_the_nearest_among_the_samples(
+    tmp_path, reach, aor, aor_range, is_at_ends
+):
+    network_json, table3 = write_inputs(tmp_path, reach)
+    support = middle_support(0.5, 1.5)
+    brief = SETTINGS.model_copy(update={"rounds": 5})
+    settings = study(targets(aor, aor_range), brief)
+    summary = searched(network_json, settings, table3, tmp_path, support)
+    table = pd.read_csv(tmp_path / "feasible.csv", keep_default_na=False)
+    assert not summary["feasible"]
+    assert summary["n_feasible_met"] == 0
+    assert (table["warning"] == "").all()
+    # The angle grows with every parameter: the answer is at the edge of the samples.
+    assert table[list(PARAMETERS)].iloc[0].mean() > 1.2
+    # Where the search came nearer at an end without samples, this is no verdict.
+    assert (summary.get("stop") == "ends_not_simulated") == is_at_ends
 
 
 def test_bad_tables_are_refused(tmp_path):

@@ -14,7 +14,13 @@ from repose.calibrate import expected_loss
 from repose.calibrate.answer import NOT_SIMULATED
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.scales import to_coordinates
-from repose.calibrate.search.objective import HISTORY, Objective, Preference, search
+from repose.calibrate.search.objective import (
+    HISTORY,
+    Objective,
+    Preference,
+    Search,
+    search,
+)
 from repose.calibrate.search.settings import LEAST_LOSS, MigaSettings
 from repose.calibrate.surrogates import Surrogate
 from repose.calibrate.surrogates.support import Support
@@ -73,20 +79,23 @@ def invert(
     -------
     Inversion
         The best distinct feasible solutions. If there are fewer than `FEWEST_ROWS`, the
-        nearest infeasible ones follow. Without any feasible solution, the sets with the
-        lowest objective.
+        nearest infeasible ones follow. Without any feasible solution near samples, the
+        sets with the lowest objective in the region of the samples.
     """
     _require_aims_in_ranges(targets)
     # Search for points whose predictions meet the targets.
     respond = on_free_parameters(model, space)
     preference = Preference.from_priors(space)
-    result = _search(respond, space, targets, settings, preference)
+    result = _search(respond, space, targets, settings, preference, support)
 
     # Put the representative first, feasible or not.
     points = result.points
     if settings.answer == LEAST_LOSS and model.knows_its_errors:
-        best = expected_loss.minimise_expected_loss(model, space, targets)
-        points = _put_first(best, points, space, settings.distance)
+        if result.is_supported:
+            points = _least_loss_first(points, model, space, targets, preference)
+        else:
+            best = expected_loss.minimise_expected_loss(model, space, targets)
+            points = _put_first(best, points, space, settings.distance)
     responses = respond(points)
     objectives, violations = result.objective(responses)
     rows = slice(_count_rows(violations, settings.solutions))
@@ -118,7 +127,7 @@ def invert(
         intervals=intervals(feasible_rows if len(feasible_rows) else table, space),
         history=pd.DataFrame(result.history, columns=list(HISTORY)),
         summary=_make_summary(table, space, targets, settings, counts)
-        | _find_missing_simulation(table, space, support),
+        | _find_missing_simulation(table, space, support, result.nearest_to_ranges),
     )
 
 
@@ -130,6 +139,8 @@ class _SearchResult(NamedTuple):
     history: list[tuple]  # a row with the columns `HISTORY` for each round
     n_feasible: int  # number of feasible points that the search met
     evaluations: int  # number of points that were evaluated
+    nearest_to_ranges: np.ndarray  # (d,), the best point of the first search
+    is_supported: bool  # whether all points lie in the region of the samples
 
 
 def _search(
@@ -138,8 +149,12 @@ def _search(
     targets: Targets,
     settings: MigaSettings,
     preference: Preference | None,
+    support: Support | None,
 ) -> _SearchResult:
     """Search inside the ranges of the targets; without success, near the targets.
+
+    Beyond the samples a surrogate extrapolates, so that any place may seem to meet
+    targets that no place meets. So the second search stays in their region.
 
     Parameters
     ----------
@@ -150,34 +165,87 @@ def _search(
     settings : MigaSettings
     preference : Preference or None
         The cost of the priors.
+    support : Support or None
+        Region of the samples.
     """
-    violation = _make_violation(space)
     largest_preference = preference.largest if preference else 0.0
     objective = Objective(targets, largest_preference)
-    archive, history, n_feasible = search(
-        respond, objective, space.dimensions, settings, preference, violation
-    )
-    evaluations = history[-1][HISTORY.index("evaluations")]
-    if not n_feasible:
-        # No set lies inside the ranges, so search for the sets nearest to the targets
-        # instead of those nearest to the ranges.
-        objective = Objective(targets, constrained=False)
-        archive, history, _ = search(
-            respond, objective, space.dimensions, settings, preference, violation
+
+    def search_in(region: Support | None) -> Search:
+        return search(
+            respond,
+            objective,
+            space.dimensions,
+            settings,
+            preference,
+            violation=_make_violation(space, region),
         )
-        evaluations += history[-1][HISTORY.index("evaluations")]
+
+    found = search_in(None)
+    evaluations = _count_evaluations(found)
+    nearest_to_ranges = found.archive.points[0]
+    _, violations = objective(respond(found.archive.points))
+    feasible = found.archive.points[violations == 0]
+    region = None
+    if not _is_near_samples(feasible, space, support).any():
+        # No set near samples lies inside the ranges, so search for the sets nearest to
+        # the targets instead of those nearest to the ranges.
+        objective = Objective(targets, constrained=False)
+        region = support
+        found = search_in(region)
+        evaluations += _count_evaluations(found)
+        # The constraints may leave no place among the samples.
+        if not len(found.archive.points):
+            region = None
+            found = search_in(region)
+            evaluations += _count_evaluations(found)
     return _SearchResult(
-        archive.points, objective, history, n_feasible, int(evaluations)
+        points=found.archive.points,
+        objective=objective,
+        history=found.history,
+        n_feasible=found.n_feasible,
+        evaluations=evaluations,
+        nearest_to_ranges=nearest_to_ranges,
+        is_supported=region is not None,
     )
+
+
+def _is_near_samples(
+    points: np.ndarray, space: ParameterSpace, support: Support | None
+) -> np.ndarray:
+    """Mark the points (n, d) in [-1, 1] near samples; all without a support.
+
+    Elsewhere the prediction is no evidence, whatever its error: the errors that a
+    surrogate states have been too small by several times far from its samples.
+    """
+    if support is None or not len(points):
+        return np.ones(len(points), bool)
+    return ~support.is_thin(space.values((points + 1) / 2))
+
+
+def _count_evaluations(found: Search) -> int:
+    """Return the number of points that a search evaluated."""
+    return int(found.history[-1][HISTORY.index("evaluations")])
 
 
 def _make_violation(
-    space: ParameterSpace,
+    space: ParameterSpace, support: Support | None = None
 ) -> Callable[[np.ndarray], np.ndarray] | None:
-    """Make the function of points in [-1, 1] that measures violated constraints."""
-    if not space.constraints:
+    """Make the function of points in [-1, 1] that measures violated constraints.
+
+    With a support, to lie in its region is one of them.
+    """
+    if support is None and not space.constraints:
         return None
-    return lambda points: space.violation((points + 1) / 2)
+
+    def violation(points: np.ndarray) -> np.ndarray:
+        unit = (points + 1) / 2
+        total = space.violation(unit) if space.constraints else np.zeros(len(unit))
+        if support is not None:
+            total += support.excess(space.values(unit))
+        return total
+
+    return violation
 
 
 def _require_aims_in_ranges(targets: Targets) -> None:
@@ -347,7 +415,10 @@ def _make_summary(
 
 
 def _find_missing_simulation(
-    table: pd.DataFrame, space: ParameterSpace, support: Support | None
+    table: pd.DataFrame,
+    space: ParameterSpace,
+    support: Support | None,
+    nearest_to_ranges: np.ndarray,
 ) -> dict[str, Any]:
     """Return the key `stop` if the nearest set lies at an end without samples.
 
@@ -360,6 +431,9 @@ def _find_missing_simulation(
     space : ParameterSpace
     support : Support or None
         Region that the samples cover.
+    nearest_to_ranges : numpy.ndarray, (d,)
+        The point in [-1, 1] whose prediction is nearest to the ranges of the targets,
+        whether samples are near it or not.
 
     Returns
     -------
@@ -370,7 +444,25 @@ def _find_missing_simulation(
     if support is None or table["feasible"].any():
         return {}
     representative = table[list(space.names)].to_numpy(float)[:1]
-    return {"stop": NOT_SIMULATED} if support.is_beyond_ends(representative)[0] else {}
+    anywhere = space.values((nearest_to_ranges[None] + 1) / 2)
+    is_beyond = support.is_beyond_ends(np.vstack([representative, anywhere]))
+    return {"stop": NOT_SIMULATED} if is_beyond.any() else {}
+
+
+def _least_loss_first(
+    points: np.ndarray,
+    model: Surrogate,
+    space: ParameterSpace,
+    targets: Targets,
+    preference: Preference | None,
+) -> np.ndarray:
+    """Put the point (d,) of least expected loss before the other points (n, d)."""
+    values = space.values((points + 1) / 2)
+    loss = expected_loss.expected_loss(model, values, targets)
+    if preference is not None:
+        loss += preference(points)
+    best = int(np.argmin(loss))
+    return np.vstack([points[best], np.delete(points, best, axis=0)])
 
 
 def _put_first(

@@ -27,6 +27,7 @@ from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.runs import of_bench
 from repose.calibrate.search.settings import MigaSettings
 from repose.calibrate.surrogates.base import Surrogate
+from repose.calibrate.surrogates.support import Support
 from repose.calibrate.targets import Targets
 from repose.calibrate.training import Replicates
 
@@ -228,12 +229,19 @@ def shorten(settings: MigaSettings) -> MigaSettings:
 
 
 def representative_again(
-    space: ParameterSpace, targets: Targets, settings: MigaSettings
+    space: ParameterSpace,
+    targets: Targets,
+    settings: MigaSettings,
+    support: Support | None = None,
 ) -> Search:
-    """Make a short search that ends with the representative set alone."""
+    """Make a short search that ends with the representative set alone.
+
+    `support` is the region of the samples, as in the search.
+    """
 
     def search(surrogate: Surrogate) -> tuple[np.ndarray, Sequence[str]]:
-        solutions = invert(surrogate, space, targets, shorten(settings)).solutions
+        found = invert(surrogate, space, targets, shorten(settings), support)
+        solutions = found.solutions
         chosen = solutions[solutions["representative"]]
         return chosen[list(space.names)].to_numpy(float), [REPRESENTATIVE]
 

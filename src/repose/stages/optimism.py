@@ -11,6 +11,7 @@ from repose.calibrate.optimism import COLUMNS, Pours, Search, expected_optimism,
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.search.settings import MigaSettings
 from repose.calibrate.surrogates import Surrogate, load
+from repose.calibrate.surrogates.support import Support
 from repose.calibrate.targets import Targets
 from repose.common.files import Path_, write_table
 from repose.stages.tables import read_dataset, read_runs
@@ -18,7 +19,11 @@ from repose.stages.validate import select_for_validation
 
 
 def search_again(
-    parameters: ParameterSpace, targets: Targets, settings: MigaSettings, count: int
+    parameters: ParameterSpace,
+    targets: Targets,
+    settings: MigaSettings,
+    count: int,
+    support: Support | None = None,
 ) -> Search:
     """Return a function that repeats the search, shortened, with another surrogate.
 
@@ -30,6 +35,9 @@ def search_again(
         Settings of the whole search. A repetition makes only a few of its rounds.
     count : int
         Number of sets besides the representative one.
+    support : Support, optional
+        Region of the samples, as in the search. Without it the whole box counts as
+        supported.
 
     Returns
     -------
@@ -39,7 +47,9 @@ def search_again(
     """
 
     def search(surrogate: Surrogate) -> tuple[np.ndarray, Sequence[str]]:
-        solutions = invert(surrogate, parameters, targets, shorten(settings)).solutions
+        solutions = invert(
+            surrogate, parameters, targets, shorten(settings), support
+        ).solutions
         selected = select_for_validation(solutions, count, parameters)
         sets = selected[list(parameters.names)].to_numpy(float)
         return sets, selected["role"].tolist()
@@ -93,7 +103,13 @@ def run(
         table = expected_optimism(
             surrogate,
             pours,
-            search_again(parameters, targets, settings, solutions),
+            search_again(
+                parameters,
+                targets,
+                settings,
+                count=solutions,
+                support=Support.of_dataset(dataset_csv, parameters),
+            ),
             targets,
             replicates=settings.replicates,
             seed=settings.seed,

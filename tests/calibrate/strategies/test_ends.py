@@ -100,14 +100,18 @@ def test_a_search_on_a_surrogate_makes_no_verdict_at_an_end_without_samples():
     solutions = pd.DataFrame({"gamma": [0.0], "mu": [0.4], "feasible": [False]})
     inside = random.random((40, 2)) * 0.9 + 0.05
     support = Support.of(SPACE.values(inside), SPACE)
-    stop = _find_missing_simulation(solutions, SPACE, support)
+    middle = np.zeros(2)
+    stop = _find_missing_simulation(solutions, SPACE, support, middle)
     assert stop == {"stop": NOT_SIMULATED}
     assert not out_of_reach({"feasible": False, **stop})
     at_end = Support.of(SPACE.values(np.vstack([inside, [0.005, 0.5]])), SPACE)
-    assert _find_missing_simulation(solutions, SPACE, at_end) == {}
+    assert _find_missing_simulation(solutions, SPACE, at_end, middle) == {}
     assert out_of_reach({"feasible": False})
     away = solutions.assign(gamma=5.0)
-    assert _find_missing_simulation(away, SPACE, support) == {}
-    assert (
-        _find_missing_simulation(solutions.assign(feasible=True), SPACE, support) == {}
-    )
+    assert _find_missing_simulation(away, SPACE, support, middle) == {}
+    # The answer stays among the samples, and the search comes nearer at the end.
+    end = np.array([-1.0, 0.0])
+    assert _find_missing_simulation(away, SPACE, support, end) == stop
+    assert _find_missing_simulation(away, SPACE, at_end, end) == {}
+    feasible = solutions.assign(feasible=True)
+    assert _find_missing_simulation(feasible, SPACE, support, end) == {}

@@ -9,12 +9,14 @@ target look possible.
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.stats import qmc
 
 from repose import Study
 from repose.calibrate.designs.box_behnken import box_behnken
 from repose.calibrate.designs.central_composite import central_composite
 from repose.calibrate.expected_loss import minimise_expected_loss
 from repose.calibrate.strategies.base import strategy
+from repose.calibrate.strategies.runs import checked_runs
 from repose.calibrate.surrogates.gaussian_process import GaussianProcess
 from repose.calibrate.surrogates.quadratic import QuadraticSurface
 from repose.calibrate.surrogates.support import Support
@@ -97,6 +99,39 @@ def test_the_surfaces_of_response_surface_end_at_the_top():
     answer = study.calibrate(simulate).parameters
     coded = np.array([answer[name] for name in names])
     assert surface(coded) > TOP - 0.5
+
+
+def ridge(coded):
+    """A bell along the diagonal, with the same top as the quadratic."""
+    along = (coded - CENTRE).sum(axis=-1) / np.sqrt(coded.shape[-1])
+    across = ((coded - CENTRE) ** 2).sum(axis=-1) - along**2
+    return TOP * np.exp(-(0.2 * along**2 + 0.1 * across))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [2, 3])
+@pytest.mark.parametrize("function", [surface, ridge])
+@pytest.mark.parametrize("surrogate", ["network_ensemble", "gaussian_process"])
+def test_published_answers_where_runs_are(surrogate, function, seed):
+    """Six parameters, 40 single runs: a surrogate extrapolates above the top."""
+    coded = 2 * qmc.LatinHypercube(6, rng=seed).random(40) - 1
+    names = [f"p{k}" for k in range(6)]
+    study = Study(
+        dict.fromkeys(names, (-1.0, 1.0)),
+        {"y": (36.0, 0.5, 10)},
+        seed=1,
+        strategy="published",
+        surrogate=surrogate,
+        **({"network": {"starts": 5}} if surrogate == "network_ensemble" else {}),
+        miga={"rounds": 60},
+    )
+    noise = NOISE * np.random.default_rng(seed).normal(size=40)
+    runs = pd.DataFrame(coded, columns=names).assign(y=function(coded) + noise)
+    answer = strategy("published").propose(study, checked_runs(study, runs))
+    support = Support(coded, np.full(6, -1.0), np.full(6, 1.0), names)
+    assert not support.is_thin(answer.values[None])[0]
+    # Nearer to the target than nine runs in ten. In the corners it is farther.
+    assert function(answer.values) > np.quantile(function(coded), 0.9)
 
 
 @pytest.mark.parametrize("design", ["face-centred", "Box-Behnken"])

@@ -391,7 +391,8 @@ def search(
                 miga.generation,
                 miga.evaluations,
                 miga.best_fitness,
-                float(fitness.mean()),
+                # Constraints may allow none of the last points.
+                float(fitness.mean()) if len(fitness) else math.nan,
                 n_feasible,
             )
         )

@@ -158,9 +158,17 @@ class Support:
 
     def is_thin(self, points: np.ndarray) -> np.ndarray:
         """Mark the points (m,) where samples are thin."""
-        is_distant = self.distance(points) > self.farthest
-        has_leverage = self.leverage(points) > self.largest_leverage
-        return is_distant | has_leverage
+        return self.excess(points) > 0
+
+    def excess(self, points: np.ndarray) -> np.ndarray:
+        """Measure how far points (m,) lie where samples are thin; 0 where they are not.
+
+        It is the distance beyond the usual one, plus the leverage above the samples'
+        largest.
+        """
+        distance = np.maximum(self.distance(points) - self.farthest, 0.0)
+        leverage = np.maximum(self.leverage(points) - self.largest_leverage, 0.0)
+        return distance + leverage
 
     def warnings(self, points: np.ndarray) -> list[str]:
         """Describe why each point is beyond the samples.

@@ -21,6 +21,7 @@ from repose.calibrate.strategies.published.strategy import (
 from repose.calibrate.strategies.refined.places import places_near_targets
 from repose.calibrate.strategies.runs import next_number, runs_by_bench, samples_of_runs
 from repose.calibrate.study import Study
+from repose.calibrate.surrogates.support import Support
 from repose.calibrate.training import Training
 
 
@@ -70,7 +71,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
         **answer.notes,
         "steps": steps,
         "fit": training.metrics,
-        "optimism": _estimate_optimism(study, training, samples, data),
+        "optimism": _estimate_optimism(study, training, support, samples, data),
     }
     return replace(answer, notes=notes)
 
@@ -115,7 +116,11 @@ def _propose_second_stage(
 
 
 def _estimate_optimism(
-    study: Study, training: Training, samples: pd.DataFrame, data: pd.DataFrame
+    study: Study,
+    training: Training,
+    support: Support,
+    samples: pd.DataFrame,
+    data: pd.DataFrame,
 ) -> list[dict[str, object]]:
     """Compute the expected optimism of the answer's prediction, a row for each response.
 
@@ -126,6 +131,8 @@ def _estimate_optimism(
     study : Study
     training : Training
         The surrogate of all runs.
+    support : Support
+        The region that the good samples cover.
     samples : pandas.DataFrame
         The samples of its fit.
     data : pandas.DataFrame
@@ -139,7 +146,7 @@ def _estimate_optimism(
     table = expected_optimism(
         training.model,
         pours,
-        representative_again(study.parameters, study.targets, settings),
+        representative_again(study.parameters, study.targets, settings, support),
         study.targets,
         replicates=settings.replicates,
         seed=settings.seed,
