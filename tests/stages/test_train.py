@@ -1,6 +1,7 @@
 """Training on a study's samples: split, accuracy in three ways, files; with one target and with several."""
 
 import json
+import warnings
 
 import numpy as np
 import pandas as pd
@@ -42,6 +43,18 @@ def test_split_is_the_published_one_and_a_partition(samples, sizes):
     rows = train.split(samples, [0.70, 0.15, 0.15], 2026)
     assert tuple(len(rows[name]) for name in train.SPLITS) == sizes
     assert sorted(np.concatenate(list(rows.values()))) == list(range(samples))
+
+
+def test_a_part_without_samples_has_no_accuracy_and_gives_no_warning():
+    """Surrogates that are no networks have no validation samples by default."""
+    Y = np.arange(6.0)[:, np.newaxis]
+    rows = train.split(6, [0.85, 0.0, 0.15], 1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        accuracy = train._accuracy(Y, Y + 0.5, ("y",), rows)
+    assert accuracy["n_validation"] == 0
+    assert accuracy["validation"] == {"y": {"r2": None, "rmse": None}}
+    assert accuracy["train"]["y"]["rmse"] == pytest.approx(0.5)
 
 
 def test_noise_correction_recovers_r2():

@@ -516,6 +516,8 @@ def _compute_accuracy(
 ) -> dict[str, Any]:
     """Count the samples of each part, and compute R2 and RMSE of each response on it.
 
+    Both are None for a part without samples.
+
     Parameters
     ----------
     Y, predicted : numpy.ndarray, (n, k)
@@ -531,11 +533,10 @@ def _compute_accuracy(
         for k, name in enumerate(names):
             y = Y[rows_of_part, k]
             prediction = predicted[rows_of_part, k]
-            mean_square = np.mean((y - prediction) ** 2)
-            scores[name] = {
-                "r2": r2(y, prediction),
-                "rmse": float(np.sqrt(mean_square)),
-            }
+            rmse = None
+            if len(rows_of_part):
+                rmse = float(np.sqrt(np.mean((y - prediction) ** 2)))
+            scores[name] = {"r2": r2(y, prediction), "rmse": rmse}
         accuracy[part] = scores
     return accuracy
 
