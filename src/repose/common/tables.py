@@ -595,8 +595,8 @@ def read_sheet(path: Path_, what: str = TABLE) -> Table:
     # Leave out empty columns without a name. So far the columns are numbered from 0.
     positions = [k for k, name in enumerate(names) if name or (cells[k] != "").any()]
     names = [names[k] for k in positions]
-    for name in names:
-        require(names.count(name) == 1, path, "header", name, "each column once")
+    for name, count in Counter(names).items():
+        require(count == 1, path, "header", name, "each column once")
     cells = cells[positions].set_axis(names, axis=1)
     if separator in (";", "\t"):
         cells = _replace_decimal_commas(path, cells)
@@ -818,8 +818,7 @@ def _split_cells(path: Path_, text: str, separator: str, what: str) -> "pd.DataF
         raise InputError(path, "cells", fault, allowed) from None
 
     # Strip the cells, and leave out rows in which all of them are empty.
-    for name in cells:
-        cells[name] = [cell.strip() for cell in cells[name].tolist()]
+    cells = cells.map(str.strip)
     has_content = (cells != "").any(axis=1)
     cells = cells[has_content].reset_index(drop=True)
     require(len(cells), path, "rows", 0, what)

@@ -221,10 +221,11 @@ def unread_columns(study: Study, rows: Rows) -> dict[str, str]:
         A sentence by the name of the column.
     """
     names = dict.fromkeys(name for row in rows for name in row)
+    read_names = columns_of(study)
     cells = {
         name: [row.get(name) for row in rows]
         for name in names
-        if name not in columns_of(study)
+        if name not in read_names
     }
     name_it = (
         "; where it says whether a run is good, name it status, with ok for a good run"
