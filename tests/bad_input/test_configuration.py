@@ -2,6 +2,7 @@
 
 import ast
 import copy
+import difflib
 import math
 
 import pytest
@@ -385,3 +386,22 @@ def test_nothing_to_calibrate_is_reported(refused, tmp_path):
         message = refused(*arguments, "--config", "mine.yaml")
         assert len(message.splitlines()) == 1
         says(message, "mine.yaml: parameters is ", "at least one free parameter")
+
+
+def test_thousands_of_unknown_keys_take_as_many_guesses_as_are_reported(
+    config, monkeypatch
+):
+    """A file of another program would otherwise take minutes."""
+    words = []
+    guess = difflib.get_close_matches
+
+    def counted(word, *arguments):
+        words.append(word)
+        return guess(word, *arguments)
+
+    monkeypatch.setattr(difflib, "get_close_matches", counted)
+    for number in range(2000):
+        config[f"unknown_{number}"] = 1
+    message = str(input_error("unknown_0", PipelineConfig.of, config, "a.yaml"))
+    assert "a.yaml: 1970 more faults" in message
+    assert len(words) == 30

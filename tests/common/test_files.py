@@ -211,6 +211,28 @@ def test_a_file_system_without_locks_holds_and_refuses_nothing_and_other_faults_
     assert capfd.readouterr().err.count("no locks on this system") == 1
 
 
+def test_locks_obey_the_rules_of_nfs(tmp_path, monkeypatch):
+    """There a shared lock needs a file open for reading, another one for writing."""
+    flock = fcntl.flock
+    kinds = []
+
+    def flock_of_nfs(file, kind):
+        mode = fcntl.fcntl(file, fcntl.F_GETFL) & os.O_ACCMODE
+        kinds.append(kind)
+        is_shared = kind & fcntl.LOCK_SH and mode == os.O_WRONLY
+        is_exclusive = kind & fcntl.LOCK_EX and mode == os.O_RDONLY
+        if is_shared or is_exclusive:
+            raise OSError(errno.EBADF, os.strerror(errno.EBADF))
+        return flock(file, kind)
+
+    monkeypatch.setattr(fcntl, "flock", flock_of_nfs)
+    with take_folder(tmp_path), join_folder(tmp_path):
+        pass
+    with lock.exclusive(tmp_path / "runs.csv"):
+        pass
+    assert len(kinds) >= 6  # each is taken and released
+
+
 def test_jobs_share_the_folder_and_a_second_workflow_is_refused_until_the_first_has_ended(
     tmp_path,
 ):

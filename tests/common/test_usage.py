@@ -76,3 +76,9 @@ def test_a_program_counts_no_command_that_its_shell_ran_before(tmp_path):
         )
         used_s = float(done.stdout)
         assert usage.since(tmp_path, 0)[-1].cpu_s == pytest.approx(used_s, abs=0.3)
+
+
+def test_a_folder_in_the_place_of_the_table_ends_no_job(tmp_path):
+    (tmp_path / usage.TABLE).mkdir(parents=True)
+    usage.note(tmp_path)
+    assert usage.since(tmp_path, 0.0) == []
