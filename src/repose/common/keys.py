@@ -4,6 +4,8 @@ No YAML is loaded here, which takes time.
 """
 
 from collections.abc import Iterable, Mapping
+from functools import reduce
+from operator import getitem
 from typing import Any
 
 from repose.common.errors import require
@@ -71,7 +73,7 @@ def origin_of(source: "str | Origin", key: str) -> str:
     return source.of(key) if isinstance(source, Origin) else source
 
 
-def follow_path(config: Any, path: Iterable[int | str]) -> Any:
+def follow_path(config: Any, path: Iterable[int | str], default: Any = None) -> Any:
     """Follow a path of keys into a configuration.
 
     Parameters
@@ -81,26 +83,36 @@ def follow_path(config: Any, path: Iterable[int | str]) -> Any:
     path : iterable of int or str
         Its steps: names of keys, which may contain dots, and positions in lists. A
         position may be a text of digits.
+    default : object
+        Returned where the path leads nowhere.
 
     Returns
     -------
     object
-        The value at the end of the path; None where the path leads nowhere.
+        The value at the end of the path, or the default.
     """
     value = config
     for step in path:
         if isinstance(value, Mapping):
-            value = value.get(step)
+            value = value.get(step, default)
         elif isinstance(value, list) and str(step).isdigit() and int(step) < len(value):
             value = value[int(step)]
         else:
-            return None
+            return default
     return value
 
 
-def get(config: Any, key: str) -> Any:
-    """Return the value of a dotted key; None where there is none."""
-    return follow_path(config, key.split("."))
+def get(config: Any, key: str, default: Any = None) -> Any:
+    """Return the value of a dotted key, or a default where there is none.
+
+    An empty key stands for the whole configuration.
+    """
+    return follow_path(config, key.split(".") if key else (), default)
+
+
+def lookup(config: Config, key: str) -> Any:
+    """Return the value of a dotted key; KeyError where there is none."""
+    return reduce(getitem, key.split("."), config)
 
 
 def section(config: Mapping[str, Any], name: str) -> Mapping[str, Any]:

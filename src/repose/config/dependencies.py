@@ -16,7 +16,7 @@ from repose.calibrate.strategies import names, strategy
 from repose.calibrate.targets import OWN
 from repose.common import attached
 from repose.common.errors import InputError
-from repose.common.keys import Config, get
+from repose.common.keys import Config, get, lookup
 from repose.common.provenance import (
     Inputs,
     Record,
@@ -264,7 +264,7 @@ def select_sections(config: Config, *keys: str) -> dict[str, Any]:
         elif key == MEASURED_BY:
             selected |= _select_measuring_settings(config)
         else:
-            selected[key] = _sort_mappings(_look_up(config, key))
+            selected[key] = _sort_mappings(lookup(config, key))
 
         # Constraints belong to the parameters, and few studies have any.
         if key == "parameters" and config.get("constraints"):
@@ -298,14 +298,6 @@ def _select_measuring_settings(config: Config) -> dict[str, Any]:
         if config.get(test.name):
             selected |= _select_test_keys(config, test.name, test.measured_by)
     return selected
-
-
-def _look_up(config: Config, dotted_key: str) -> Any:
-    """Look up the value of a dotted key, such as ``design.seed``; KeyError without it."""
-    value: Any = config
-    for key in dotted_key.split("."):
-        value = value[key]
-    return value
 
 
 def _sort_mappings(value: Any) -> Any:

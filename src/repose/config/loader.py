@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from repose.bench.parameters import LAW_PARAMETERS, PARAMETERS
 from repose.common import ledger, places
 from repose.common.files import Path_, write_text
-from repose.common.keys import Config, Origin
+from repose.common.keys import Config, Origin, get
 
 # Keys of `berry` that define a crop.
 CROP = ("sizes", "density_kg_m3", "stl")
@@ -259,9 +259,10 @@ def _find_in_files(
     if default_source == COMMAND_LINE or EXPONENT.match(str(value)):
         parsed_value = _parse_texts(value)
 
-    # It comes from the last file that has an equal value, or else from no file.
+    # It comes from the last file that has an equal value, or else from no file. A file
+    # may have None as a value, so another default stands for a key that it lacks.
     for layer in reversed(layers):
-        value_in_file = _look_up(layer.content, dotted_key)
+        value_in_file = get(layer.content, dotted_key, MISSING)
         if value_in_file in (value, parsed_value):
             origin[dotted_key] = layer.path
             return value_in_file
@@ -272,35 +273,9 @@ def _find_in_files(
 def _last_file_with_section(dotted_key: str, layers: Sequence[Layer]) -> str | None:
     """Return the path of the last file that has a section; None if no file has it."""
     for layer in reversed(layers):
-        if isinstance(_look_up(layer.content, dotted_key), dict):
+        if isinstance(get(layer.content, dotted_key), dict):
             return layer.path
     return None
-
-
-def _look_up(content: Any, dotted_key: str) -> Any:
-    """Look up a dotted key in the content of a file.
-
-    Parameters
-    ----------
-    content : object
-        The values of the file.
-    dotted_key : str
-        The key; empty for the whole content.
-
-    Returns
-    -------
-    object
-        The value of the key. `MISSING` if the file lacks it, since None is a value that
-        a file may have.
-    """
-    if not dotted_key:
-        return content
-    value = content
-    for key in dotted_key.split("."):
-        if not isinstance(value, dict):
-            return MISSING
-        value = value.get(key, MISSING)
-    return value
 
 
 def _lacks_keys(config: Config) -> bool:
