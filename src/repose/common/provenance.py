@@ -21,7 +21,7 @@ from typing import Any, Literal
 
 from repose import __version__
 from repose.common import attached, places
-from repose.common.errors import InputError
+from repose.common.errors import require
 from repose.common.places import PACKAGE
 from repose.common.source_code import code_hash
 
@@ -250,22 +250,39 @@ def refuse_mixture(inputs: Inputs) -> None:
         if engine:
             if first_engine is None:
                 first_engine = (engine, path)
-            expected, source = first_engine
-            if engine != expected:
-                allowed = f"{expected}, as in {source}: results of one engine"
-                raise InputError(path, "provenance.engine", engine, allowed)
+            words = "results of one engine"
+            _require_same(path, "engine", engine, first_engine, words)
 
         # Compare the origin. Only runs name their bench test.
         if "apparatus" in record:
             group_of_runs = (record["verb"], record["apparatus"])
             origin = record["origin"]
-            expected, source = first_origins.setdefault(group_of_runs, (origin, path))
-            if origin != expected:
-                allowed = (
-                    f"{expected}, as in {source}: runs of the same settings, grain and "
-                    "particle"
-                )
-                raise InputError(path, "provenance.origin", origin, allowed)
+            first_origin = first_origins.setdefault(group_of_runs, (origin, path))
+            words = "runs of the same settings, grain and particle"
+            _require_same(path, "origin", origin, first_origin, words)
+
+
+def _require_same(
+    path: Path, key: str, value: str, first: tuple[str, Path], words: str
+) -> None:
+    """Raise InputError if a record has another value than the first one.
+
+    Parameters
+    ----------
+    path : Path
+        The file of the record.
+    key : str
+        The entry of the record.
+    value : str
+        Its value.
+    first : (str, Path)
+        The value in the first record, and the file of this record.
+    words : str
+        What is required of all files, for the message.
+    """
+    expected, source = first
+    allowed = f"{expected}, as in {source}: {words}"
+    require(value == expected, path, f"provenance.{key}", value, allowed)
 
 
 # --- hashes ---------------------------------------------------------------------------

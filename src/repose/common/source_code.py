@@ -315,32 +315,45 @@ def _summarise_file(file: Path) -> dict[str, Any]:
 def _parse_and_summarise(content: bytes) -> dict[str, Any]:
     """Parse the content of a file, and return its summary as `_summarise_file` does."""
     tree = ast.parse(content)
-
-    # Collect the imports, each as its number of leading dots and its name.
-    imports: set[tuple[int, str]] = set()
-    imports_by_name = False
-    for node in _walk_runtime_nodes(tree):
-        if isinstance(node, ast.Import):
-            imports.update((0, alias.name) for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            # In `from a import b`, b may be a module of the package a, or a name in it.
-            # Note both: names that are no modules are left out later.
-            source = node.module or ""
-            prefix = f"{source}." if source else ""
-            imports.add((node.level, source))
-            imports.update((node.level, prefix + alias.name) for alias in node.names)
-        elif isinstance(node, ast.Call):
-            function = ast.unparse(node.func).rpartition(".")[2]
-            if function == "import_module":
-                imports_by_name = True
+    imports = _list_imports(tree)
+    imports_by_name = any(map(_is_import_by_name, _walk_runtime_nodes(tree)))
 
     # Hash the code last, since the visitor changes the tree.
     code = ast.dump(_NumbersOnly().visit(tree))
     return {
         "code": hashlib.sha256(code.encode()).hexdigest(),
-        "imports": sorted(imports),
+        "imports": imports,
         "imports_by_name": imports_by_name,
     }
+
+
+def _list_imports(tree: ast.Module) -> list[tuple[int, str]]:
+    """List what the statements of a module import when it runs.
+
+    Returns
+    -------
+    list of (int, str)
+        The number of dots before a dotted name, and the name. In ``from a import b``, b
+        may be a module of the package a, or a name in it; both a and a.b are listed.
+    """
+    imports: set[tuple[int, str]] = set()
+    for node in _walk_runtime_nodes(tree):
+        if isinstance(node, ast.Import):
+            imports.update((0, alias.name) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            source = node.module or ""
+            prefix = f"{source}." if source else ""
+            imports.add((node.level, source))
+            imports.update((node.level, prefix + alias.name) for alias in node.names)
+    return sorted(imports)
+
+
+def _is_import_by_name(node: ast.AST) -> bool:
+    """Tell whether a node is a call of `importlib.import_module`."""
+    if not isinstance(node, ast.Call):
+        return False
+    function = ast.unparse(node.func).rpartition(".")[2]
+    return function == "import_module"
 
 
 def _walk_runtime_nodes(tree: ast.Module) -> Iterator[ast.AST]:

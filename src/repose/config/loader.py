@@ -238,36 +238,60 @@ def _find_in_files(
     object
         The value as the file has it, since Snakemake may have turned it into text.
     """
-    # A section: search its keys. It belongs to the last file that has it.
-    if isinstance(value, Mapping):
-        section = {}
-        for name, item in value.items():
-            section[name] = _find_in_files(
-                item,
-                f"{dotted_key}.{name}" if dotted_key else name,
-                layers=layers,
-                origin=origin,
-                default_source=default_source,
-            )
-        section_file = _last_file_with_section(dotted_key, layers)
-        origin[dotted_key] = section_file or default_source
-        return section
+    if not isinstance(value, Mapping):
+        value_in_file, source = _find_single_value(
+            value, dotted_key, layers=layers, default_source=default_source
+        )
+        origin[dotted_key] = source
+        return value_in_file
 
-    # A single value. Command lines contain only texts, and files may have numbers such as
-    # 1e-5 as text.
+    # Search each key of a section.
+    section = {}
+    for name, item in value.items():
+        section[name] = _find_in_files(
+            item,
+            f"{dotted_key}.{name}" if dotted_key else name,
+            layers=layers,
+            origin=origin,
+            default_source=default_source,
+        )
+
+    # The section itself belongs to the last file that has it.
+    section_file = _last_file_with_section(dotted_key, layers)
+    origin[dotted_key] = section_file or default_source
+    return section
+
+
+def _find_single_value(
+    value: Any, dotted_key: str, layers: Sequence[Layer], default_source: str
+) -> tuple[Any, str]:
+    """Find the last file that has a value of Snakemake.
+
+    Parameters
+    ----------
+    value : object
+        The value, which is no section.
+    dotted_key, layers, default_source
+        As in `_find_in_files`.
+
+    Returns
+    -------
+    value : object
+        The value as the file has it.
+    source : str
+        The file, or `default_source` if no file has an equal value.
+    """
+    # Command lines contain only texts, and files may have numbers such as 1e-5 as text.
     parsed_value = value
     if default_source == COMMAND_LINE or EXPONENT.match(str(value)):
         parsed_value = _parse_texts(value)
 
-    # It comes from the last file that has an equal value, or else from no file. A file
-    # may have None as a value, so another default stands for a key that it lacks.
+    # A file may have None as a value, so another default stands for a key that it lacks.
     for layer in reversed(layers):
         value_in_file = get(layer.content, dotted_key, MISSING)
         if value_in_file in (value, parsed_value):
-            origin[dotted_key] = layer.path
-            return value_in_file
-    origin[dotted_key] = default_source
-    return parsed_value
+            return value_in_file, layer.path
+    return parsed_value, default_source
 
 
 def _last_file_with_section(dotted_key: str, layers: Sequence[Layer]) -> str | None:
