@@ -12,7 +12,7 @@ CYLINDER = "examples/bench_tests/cylinder.yaml"
 def scene_of(**overrides):
     """The scene of the cylinder's example with other values."""
     study = PipelineConfig.load(DEFAULT, CYLINDER, overrides=overrides)
-    return dependencies.scene(study.config)
+    return dependencies.hash_scene(study.config)
 
 
 @pytest.mark.parametrize(("key", "value"), [("core_margin_mm", 15), ("height_mm", 140)])
