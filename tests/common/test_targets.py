@@ -32,6 +32,16 @@ def test_targets_give_names_and_numbers():
     assert targets.aim.tolist() == [40.0, 32.87, 65.57]
 
 
+def test_columns_of_a_response_have_their_meaning_before_the_unit():
+    aor = response("aor_deg")
+    assert aor.predicted == "aor_predicted_deg"
+    assert aor.optimism == "aor_optimism_deg"
+    assert aor.optimism_error == "aor_optimism_se_deg"
+    assert aor.simulated == "aor_simulated_deg"
+    assert aor.standard_error == "aor_se_deg"
+    assert aor.deviation_percent == "aor_error_percent"
+
+
 def test_targets_are_told_in_words():
     targets = Targets.of([*shared.TARGETS, SLIP])
     assert Targets(targets[:1]).in_words(["32.9"]) == "32.9 deg"

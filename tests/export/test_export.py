@@ -392,7 +392,14 @@ def test_a_tube_stands_in_surface_and_deck(config):
 
 def test_other_particles_and_laws_are_refused(config):
     centre = contact_space(config["parameters"]).centre
-    input_error("multisphere", make, config, centre, SMOOTH, BERRY)
+    input_error(
+        "^particle: kind is 'smooth'; expected multisphere",
+        make,
+        config,
+        centre,
+        SMOOTH,
+        BERRY,
+    )
     linear = config | {
         "simulation": config["simulation"] | {"contact_law": "linear_spring"}
     }

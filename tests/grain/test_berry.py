@@ -307,6 +307,8 @@ def test_the_largest_taper_is_allowed(taper):
         ({"taper": 2.0}, "-0.5 to 0.5"),
         ({"wrinkles": 5}, "wrinkle_depth_mm"),
         ({"wrinkle_depth_mm": 0.2}, "together with wrinkle_depth_mm"),
+        ({"wrinkles": 2, "wrinkle_depth_mm": 0.2}, "3 to 40"),
+        ({"wrinkles": 41, "wrinkle_depth_mm": 0.2}, "3 to 40"),
         ({"wrinkles": 5, "wrinkle_depth_mm": 3.0}, "0 to 0.741"),
         ({"density_kg_m3": -1.0}, "positive"),
     ],
