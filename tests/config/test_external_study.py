@@ -9,7 +9,7 @@ from repose.calibrate.targets import OWN
 from repose.common.errors import InputError
 from repose.config import dependencies, loader, results_folder
 from repose.config.external import ExternalConfig
-from repose.config.external_check import list_runs, try_once
+from repose.config.external_check import list_runs, make_trial_run
 from repose.config.pipeline import PipelineConfig
 from repose.stages import simulate
 
@@ -149,7 +149,7 @@ def test_a_trial_has_the_seed_of_the_first_run_of_the_design(tmp_path):
     (tmp_path / "toy.py").write_text(PROGRAM_OF_SEEDS)
     command = [sys.executable, str(tmp_path / "toy.py")]
     study = loaded(inputs=True, **simulator(command=command))
-    lines = list(try_once(study, study.simulator))
+    lines = list(make_trial_run(study, study.simulator))
     expected = simulate.seed_of(STUDY["seed"], "design", sample=1, run=1)
     assert lines[0].startswith(f"trial run, seed {expected}, ")
     assert f"angle {expected:.4g} deg" in lines[1]

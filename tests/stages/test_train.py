@@ -51,7 +51,7 @@ def test_a_part_without_samples_has_no_accuracy_and_gives_no_warning():
     rows = train.split(6, [0.85, 0.0, 0.15], 1)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        accuracy = train._accuracy(Y, Y + 0.5, ("y",), rows)
+        accuracy = train._compute_accuracy(Y, Y + 0.5, ("y",), rows)
     assert accuracy["n_validation"] == 0
     assert accuracy["validation"] == {"y": {"r2": None, "rmse": None}}
     assert accuracy["train"]["y"]["rmse"] == pytest.approx(0.5)
