@@ -458,3 +458,22 @@ def test_a_verb_does_not_write_to_the_root(out, command):
         f"command line: --out is {out!r}; expected the path of a file or folder"
         in message
     )
+
+
+def test_out_may_begin_with_a_tilde_and_has_no_line_break(
+    tmp_path, command, monkeypatch
+):
+    """Bash does not expand the tilde behind the sign of equality."""
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.chdir(tmp_path)
+    command("marker", "--out=~/sheet.pdf")
+    assert (tmp_path / "home" / "sheet.pdf").is_file()
+    message = command("marker", "--out", "a\nb.pdf", status=2).err
+    assert r"--out is 'a\nb.pdf'; expected the path of a file" in message
+    assert os.listdir(tmp_path) == ["home"]
+
+
+def test_capitals_of_a_verb_and_of_a_program_do_not_matter(command):
+    assert command("DOCS").out == command("docs").out
+    words = ["export", "--to", "LAMMPS", "--card", "card.json"]
+    assert parser().parse_args(words).to == "lammps"
