@@ -342,6 +342,17 @@ def test_single_runs_are_calibrated_with_a_warning(tmp_path, command):
     )
 
 
+def test_a_record_that_is_not_there_is_noted_where_it_was_asked_for(tmp_path, command):
+    """A mistyped name would start the study again."""
+    (tmp_path / "own.yaml").write_text(yaml.safe_dump(SINGLE))
+    arguments = ["ask", "--config", tmp_path / "own.yaml"]
+    arguments += ["--out", tmp_path / "next.csv"]
+    mistyped = tmp_path / "nope.csv"
+    note = f"there is no record {mistyped}: these are the runs of the start"
+    assert note in command(*arguments, "--runs", mistyped).err
+    assert "no record" not in command(*arguments).err
+
+
 def cell(row, name, value):
     def change(table):
         table = table.astype({name: object})
