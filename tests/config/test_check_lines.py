@@ -58,6 +58,8 @@ def test_bad_numbers_are_found():
 )
 def test_a_number_for_people_has_few_digits_and_no_exponent(value, digits, text):
     assert rounded(value, digits) == text
+    signed = text if value < 0 else f"+{text}"
+    assert rounded(value, digits, sign="+") == signed
 
 
 @pytest.mark.slow

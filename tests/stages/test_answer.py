@@ -169,6 +169,29 @@ def test_a_small_run_says_so_first(tmp_path):
     assert first == expected
 
 
+def test_a_force_of_thousands_of_newtons_is_written_without_an_exponent():
+    check = answer.Check(
+        response="force",
+        apparatus="own",
+        unit="N",
+        measured=12_340.0,
+        sd=300.0,
+        repetitions=5,
+        low=12_000.0,
+        high=12_700.0,
+        simulated=12_250.0,
+        standard_error=150.0,
+        runs=9,
+        status="ok",
+    )
+    expected = (
+        "force: simulated 12250 +- 150 N (runs: 9), measured 12340; target 12000 to "
+        "12700 N: "
+    )
+    assert str(check).startswith(expected)
+    assert str(check).endswith(", 250 N inside")
+
+
 def of_two(feasible=True, out_of_reach=False, angle=32.0, height=66.0, status="ok"):
     """The answer of a study with an angle in 31-34 deg and a length in 64-68 mm."""
     common = {"repetitions": 5, "runs": 9, "status": status}

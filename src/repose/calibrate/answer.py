@@ -10,6 +10,7 @@ from typing import Any, Self
 from repose.calibrate.chance import PERCENT, chance_in_range
 from repose.calibrate.responses import named as known_response
 from repose.calibrate.targets import Target
+from repose.common.numbers import rounded
 from repose.common.statuses import in_words
 
 # Remedy if only the prediction meets the targets.
@@ -193,7 +194,7 @@ class Check:
         """The prediction with its expected optimism, a clause; empty without one."""
         if self.predicted is None:
             return ""
-        text = f"{self.response} {self.predicted:.4g} {self.unit}".rstrip()
+        text = f"{self.response} {rounded(self.predicted)} {self.unit}".rstrip()
         if not self.expected_optimism:
             return text
         return f"{text} ({self.expected_optimism})"
@@ -287,7 +288,7 @@ class Check:
         if self.simulated is None:
             return f"the {self.label} has no number{self._cause}"
         side = "below" if self.simulated < self.low else "above"
-        distance = f"{-self.margin:.2g} {self.unit}".rstrip()
+        distance = f"{rounded(-self.margin, 2)} {self.unit}".rstrip()
         return f"the simulated {self.label} lies {distance} {side} its range"
 
     @property
@@ -310,12 +311,12 @@ class Check:
             value = self.predicted
             kind = "predicted "
         if value is None:
-            return f"{label} without a number (measured {self.measured:.4g})"
+            return f"{label} without a number (measured {rounded(self.measured)})"
         # Adding 0.0 turns -0.0, a possible result of rounding, into 0.0.
         percent = 100 * (value - self.measured) / self._whole_of_measured
         percent = round(percent, 1) + 0.0
-        number = f"{kind}{value:.4g}{self._error} {self.unit}".rstrip()
-        return f"{label} {number} (measured {self.measured:.4g}, {percent:+.1f} %)"
+        number = f"{kind}{rounded(value)}{self._error} {self.unit}".rstrip()
+        return f"{label} {number} (measured {rounded(self.measured)}, {percent:+.1f} %)"
 
     @property
     def _whole_of_measured(self) -> float:
@@ -328,9 +329,9 @@ class Check:
             return f"{self.response}: no number{self._cause}; {target}: NOT met"
         side = "inside" if self.margin >= 0 else "outside"
         return (
-            f"{self.response}: simulated {self.simulated:.4g}{self._error} {self.unit} "
-            f"(runs: {self.runs}), measured {self.measured:.4g}; {target}: "
-            f"{self.verdict}, {abs(self.margin):.2g} {self.unit} {side}"
+            f"{self.response}: simulated {rounded(self.simulated)}{self._error} "
+            f"{self.unit} (runs: {self.runs}), measured {rounded(self.measured)}; {target}: "
+            f"{self.verdict}, {rounded(abs(self.margin), 2)} {self.unit} {side}"
         )
 
     @property
@@ -343,7 +344,9 @@ class Check:
     @property
     def _error(self) -> str:
         """The standard error after a mean; empty where it is unknown."""
-        return "" if self.standard_error is None else f" +- {self.standard_error:.2g}"
+        if self.standard_error is None:
+            return ""
+        return f" +- {rounded(self.standard_error, 2)}"
 
 
 @dataclass(frozen=True)
@@ -555,7 +558,7 @@ class Result:
         else:
             lines = [self.message, "The nearest parameters:"]
         for name, value in self.parameters.items():
-            lines.append(f"  {name:7} {value:.4g}  {self.labels.get(name, name)}")
+            lines.append(f"  {name:7} {rounded(value)}  {self.labels.get(name, name)}")
         if self.near_bounds:
             lines.append(f"{NEAR_BOUNDS}: {'; '.join(self.near_bounds)}.")
         return lines
@@ -680,9 +683,9 @@ def _probability_after(checks: Iterable[Check], further_runs: int) -> float | No
 
 def describe_optimism(optimism: float, error: float | None) -> str:
     """Describe the expected optimism of a prediction in a clause."""
-    text = f"expected optimism {optimism:+.2g}"
+    text = f"expected optimism {rounded(optimism, 2, sign='+')}"
     if error is not None and math.isfinite(error):
-        text += f" +- {error:.1g}"
+        text += f" +- {rounded(error, 1)}"
     return text
 
 

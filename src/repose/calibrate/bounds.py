@@ -17,6 +17,7 @@ import numpy as np
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.scales import LINEAR, LOG
 from repose.calibrate.surrogates.base import Predictor
+from repose.common.numbers import rounded
 
 # Largest standard error of a parameter, as a share of its range, for which its distance
 # from a bound is meaningful.
@@ -145,10 +146,10 @@ def _compute_rise(
 
 def describe_near_bound(near: Mapping[str, Any]) -> str:
     """Describe in a clause that a parameter is near a bound."""
-    error = f"{near['standard_error']:.2g}"
+    error = rounded(near["standard_error"], 2)
     if "factor" in near:
-        error = f"a factor of {near['factor']:.2g}"
+        error = f"a factor of {rounded(near['factor'], 2)}"
     return (
-        f"{near['parameter']} {near['value']:.4g} is within one standard error of the "
-        f"fit ({error}) of its bound {near['bound']:g}"
+        f"{near['parameter']} {rounded(near['value'])} is within one standard error of "
+        f"the fit ({error}) of its bound {near['bound']:g}"
     )

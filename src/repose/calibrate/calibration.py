@@ -38,6 +38,7 @@ from repose.calibrate.uncertainty.posterior import (
 from repose.calibrate.uncertainty.settings import PosteriorSettings
 from repose.common.errors import require
 from repose.common.files import Path_, path_of, write_json, write_table
+from repose.common.numbers import rounded
 
 # Files of `save`.
 TABLES = ("samples.csv", "solutions.csv", "posterior.csv", "draws.csv")
@@ -216,8 +217,8 @@ class Calibration(NamedTuple):
         for name, row in self.intervals.items():
             interval = "fixed"
             if row["low"] is not None:
-                interval = f"[{row['low']:.4g}, {row['high']:.4g}]"
-            text = f"  {name} {row['value']:.4g} {interval}"
+                interval = f"[{rounded(row['low'])}, {rounded(row['high'])}]"
+            text = f"  {name} {rounded(row['value'])} {interval}"
             lines.append(cards.with_remark(text, row))
         model_name = self.model.name.replace("_", " ")
         lines.append(f"Predicted by {model_name}, not simulated again:")
@@ -238,7 +239,7 @@ class Calibration(NamedTuple):
         ):
             unit = f" {target.response.unit}".rstrip()
             lines.append(
-                f"  {target.name}: {mean:.4g} +- {error:.2g}{unit}, "
+                f"  {target.name}: {rounded(mean)} +- {rounded(error, 2)}{unit}, "
                 f"{target.off_percent(mean):+.2f} % off the target {target.aim:g}, "
                 f"range {target.low:g} to {target.high:g}{unit}"
             )
@@ -255,7 +256,7 @@ class Calibration(NamedTuple):
         probability = probability.rename(index=lambda name: name.replace("_", " "))
         html = ""
         for table in (parameters, self.prediction, probability):
-            html += table.to_html(float_format="{:.4g}".format, na_rep="fixed")
+            html += table.to_html(float_format=rounded, na_rep="fixed")
         message = escape(self.summary["message"])
         return f"{html}<p>{message}</p><p>{escape(self.why)}</p>"
 

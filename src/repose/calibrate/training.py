@@ -24,6 +24,7 @@ from repose.calibrate.targets import Targets
 from repose.calibrate.variance import within_covariance
 from repose.common.errors import InputError
 from repose.common.files import Path_, read_table
+from repose.common.numbers import rounded
 
 SPLITS = ("train", "validation", "test")
 # 8 samples to train, 1 to validate and 3 to test: with fewer no R2 means anything.
@@ -287,7 +288,8 @@ def message(metrics: Mapping[str, Any]) -> str:
     for name, score in metrics["test"].items():
         # A response that never varies has no R2.
         if score["r2"]:
-            errors.append(f"{name}: R2 {score['r2']:.3f}, error {score['rmse']:.3g}")
+            error = rounded(score["rmse"], 3)
+            errors.append(f"{name}: R2 {score['r2']:.3f}, error {error}")
     lines = [f"{metrics['n_test']} samples for the test: {', '.join(errors)}"]
     if metrics["n_fitted"] == metrics["n_samples"]:
         lines.append(f"then fitted to all {metrics['n_fitted']} samples")

@@ -12,6 +12,7 @@ from repose.cli.registry import CONFIG, Option, load, verb
 from repose.common.errors import InputError, raise_together
 from repose.common.files import json_text
 from repose.common.keys import section
+from repose.common.numbers import rounded
 from repose.common.provenance import hash_of_file
 from repose.config.pipeline import PipelineConfig
 
@@ -240,7 +241,7 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
         print(
             f"{row['file']}: {shown} ({line_of(settings)}), Height "
             f"{row['height_mm']:.2f} mm; {row['grains']} grains, up is {row['up']}, "
-            f"the plate at {row['base']:.4g} {args.unit}"
+            f"the plate at {rounded(row['base'])} {args.unit}"
         )
     print(f"angles by every line and more: {path}")
 

@@ -20,6 +20,7 @@ import numpy as np
 
 from repose.common.attached import plain_file
 from repose.common.errors import InputError, raise_together, require, shown
+from repose.common.numbers import rounded
 from repose.common.summary_rows import find_summary_row
 
 if TYPE_CHECKING:
@@ -464,7 +465,7 @@ def describe_columns(columns: Mapping[str, Sequence[Any]]) -> list[str]:
             continue
         numbers = np.array([float(text) for text in texts])
         lines.append(
-            f"{name}: {len(numbers)} numbers, mean {numbers.mean():.4g}, "
+            f"{name}: {len(numbers)} numbers, mean {rounded(numbers.mean())}, "
             f"from {_describe_extreme(numbers, numbers.min())} "
             f"to {_describe_extreme(numbers, numbers.max())}"
         )
@@ -484,8 +485,8 @@ def _describe_extreme(numbers: np.ndarray, value: float) -> str:
     _, counts = np.unique(numbers, return_counts=True)
     count = int((numbers == value).sum())
     if count >= MARKED and np.median(counts) == 1:
-        return f"{value:.4g} ({count} times)"
-    return f"{value:.4g}"
+        return f"{rounded(value)} ({count} times)"
+    return rounded(value)
 
 
 def describe_unread(

@@ -174,7 +174,7 @@ def _describe_grain(study: PipelineConfig) -> Iterator[str]:
     if section.stl is not None and section.mass_g is not None:
         mass_g = 1e3 * particle.mass_kg
         yield (
-            f"mass: WARNING: the mass of berry.stl is used, {mass_g:.3g} g; "
+            f"mass: WARNING: the mass of berry.stl is used, {rounded(mass_g, 3)} g; "
             "berry.mass_g is not used"
         )
 
@@ -255,7 +255,8 @@ def _describe_groups(groups: "SizeGroups", distribution: str) -> str:
     """
     n_grains = sum(groups.counts)
     parts = [
-        f"{100 * count / n_grains:.2g} % of the grains have about {diameter:.3g} mm"
+        f"{rounded(100 * count / n_grains, 2)} % of the grains have about "
+        f"{rounded(diameter, 3)} mm"
         for count, diameter in zip(groups.counts, groups.diameters_mm, strict=True)
     ]
     poured = "equal grains of the mean volume are poured"
@@ -281,7 +282,8 @@ def _describe_spread(
     lost_share : float
         Share of the mean volume that a grain with the mean axes falls short of.
     """
-    text = f"sizes: WARNING: the equivalent diameter scatters by {100 * spread:.2g} %"
+    percent = rounded(100 * spread, 2)
+    text = f"sizes: WARNING: the equivalent diameter scatters by {percent} %"
     if section.size_distribution == "measured":
         text += ", and is drawn from a normal distribution"
     else:
@@ -292,7 +294,8 @@ def _describe_spread(
 
     # A scanned grain, and a grain of the mean volume, lose no volume.
     loss = (
-        f"{100 * lost_share:.2g} % less volume than the measured grains have on average"
+        f"{rounded(100 * lost_share, 2)} % less volume than the measured grains have on "
+        "average"
     )
     if section.stl is None and section.mass_g is not None:
         text += (
@@ -315,7 +318,7 @@ def describe_time_step(step_s: float, limit: "Limit") -> str:
         The longest stable time step, and what limits it.
     """
     maximum_s = computed.round_down(limit.time_step_s, digits=3)
-    text = f"time step: ok, {step_s:.4g} s; maximum {maximum_s:.3g} s"
+    text = f"time step: ok, {rounded(step_s)} s; maximum {rounded(maximum_s, 3)} s"
     advised_s = computed.advised_step_s(limit.time_step_s)
     if advised_s > MUCH_LONGER * step_s:
         percent = 100 * step_s / advised_s

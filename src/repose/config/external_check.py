@@ -10,6 +10,7 @@ from typing import Any
 from repose.calibrate.parameter_types import wide_ranges
 from repose.calibrate.strategies import strategy
 from repose.common.errors import InputError
+from repose.common.numbers import rounded
 from repose.common.statuses import describe_failure
 from repose.config.cost import Pours, strategy_pours
 from repose.config.models import StudySettings
@@ -138,12 +139,12 @@ def make_trial_run(
         )
 
     # Compare them with the targets.
-    point = ", ".join(f"{name} {value:.4g}" for name, value in parameters.items())
+    point = ", ".join(f"{name} {rounded(value)}" for name, value in parameters.items())
     yield f"trial run, seed {record['seed']}, {elapsed_s:.1f} s, at {point}:"
     for target in study.targets:
         unit = f" {target.response.unit}".rstrip()
         yield (
-            f"  {target.name} {run[target.name]:.4g}{unit}; the target is "
-            f"{target.value:g}{unit}, {target.low:.4g} to {target.high:.4g}"
+            f"  {target.name} {rounded(run[target.name])}{unit}; the target is "
+            f"{target.value:g}{unit}, {rounded(target.low)} to {rounded(target.high)}"
         )
     yield f"its files: {folder / '1'}"

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from repose.common.errors import InputError, NoFlankError
+from repose.common.numbers import rounded
 from repose.common.section import AUTO
 from repose.dem.rotations import rotation_matrices
 from repose.measure import pile
@@ -144,7 +145,7 @@ def measure_particles(
         raise InputError(
             source,
             "radius",
-            f"{radius:.4g} {unit}",
+            f"{rounded(radius)} {unit}",
             f"a grain of {low:g} to {high:g} m; is the unit of lengths another one?",
         )
 
@@ -159,7 +160,7 @@ def measure_particles(
     centres = particles.centres @ rotation.T
     highest = centres[:, 2].max()
     if base > highest:
-        allowed = f"a height of the plate below all grains, at most {highest:.4g}"
+        allowed = f"a height of the plate below all grains, at most {rounded(highest)}"
         raise InputError(source, "base", base, allowed)
     centres[:, 2] -= base
     grains = _make_grains(particles, centres * metres, rotation, metres)

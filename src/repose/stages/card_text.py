@@ -14,6 +14,7 @@ from repose.calibrate.answer import (
     write_verdict_line,
 )
 from repose.calibrate.card import RANGE, with_remark
+from repose.common.numbers import rounded
 
 # A correlation of this size and more is named.
 STRONG = 0.5
@@ -116,15 +117,15 @@ def _describe_subject(card: Card) -> Iterator[str]:
         return
 
     grain = card["grain"]
-    axes = " x ".join(f"{axis:.4g}" for axis in grain["mean_axes_mm"])
+    axes = " x ".join(rounded(axis) for axis in grain["mean_axes_mm"])
     spread = ""
     if grain["relative_spread"]:
-        spread = f", spread {100 * grain['relative_spread']:.2g} %"
+        spread = f", spread {rounded(100 * grain['relative_spread'], 2)} %"
     yield (
         f"grain: {axes} mm (mean of {grain['measured']}{spread}), {grain['shape']}, "
-        f"{grain['volume_mm3']:.4g} mm3, {grain['mass_g']:.4g} g"
+        f"{rounded(grain['volume_mm3'])} mm3, {rounded(grain['mass_g'])} g"
     )
-    yield f"  density {grain['density_kg_m3']:.4g} kg/m3, {_write_moduli(grain)}"
+    yield f"  density {rounded(grain['density_kg_m3'])} kg/m3, {_write_moduli(grain)}"
     yield f"wall: {_write_moduli(card['wall'])}"
     yield "contact laws:"
     for direction, sentence in card["laws"].items():
@@ -162,8 +163,8 @@ def _describe_test(test: Card) -> Iterator[str]:
     if test["simulated"] is not None:
         simulated += f" {test['unit']}"
     yield (
-        f"{test['response']} ({test['apparatus']}): measured {test['measured']:.4g} "
-        f"(sd {test['sd']:.2g}, {test['repetitions']} repetitions), "
+        f"{test['response']} ({test['apparatus']}): measured {rounded(test['measured'])} "
+        f"(sd {rounded(test['sd'], 2)}, {test['repetitions']} repetitions), "
         f"target {test['low']:g} to {test['high']:g}, "
         f"simulated {simulated} (runs: {test['runs']}): {state_of(test)}"
     )
@@ -173,7 +174,7 @@ def _describe_test(test: Card) -> Iterator[str]:
     if check.error_percent is not None:
         optimism = f" ({check.expected_optimism})" if check.expected_optimism else ""
         yield (
-            f"  predicted {check.predicted:.4g}{optimism}, {check.error_percent:.1f} % "
+            f"  predicted {rounded(check.predicted)}{optimism}, {check.error_percent:.1f} % "
             "off the simulated (the article's solutions: below 5 %)"
         )
 
@@ -375,7 +376,7 @@ def _write_means(test: Card | None) -> str:
     mean = _write_mean(test["simulated"], None)
     if test["simulated"] is None and "predicted" in test:
         mean = f"predicted {_write_mean(test.get('predicted'), None)}"
-    return f"{mean}, measured {test['measured']:.4g} {test['unit']}"
+    return f"{mean}, measured {rounded(test['measured'])} {test['unit']}"
 
 
 # --- values ---------------------------------------------------------------------------
@@ -404,22 +405,23 @@ def _is_fixed(parameter: Card) -> bool:
 def _write_interval(parameter: Card) -> str:
     """Write a parameter with its interval."""
     if _is_fixed(parameter):
-        return f"{parameter['value']:.4g} fixed"
-    return f"{parameter['value']:.4g} [{parameter['low']:.4g}, {parameter['high']:.4g}]"
+        return f"{rounded(parameter['value'])} fixed"
+    interval = f"[{rounded(parameter['low'])}, {rounded(parameter['high'])}]"
+    return f"{rounded(parameter['value'])} {interval}"
 
 
 def _write_mean(mean: float | None, error: float | None) -> str:
     """Write a mean with its standard error, if it is known."""
     if mean is None:
         return "no number"
-    return f"{mean:.4g}" if error is None else f"{mean:.4g} +- {error:.2g}"
+    return rounded(mean) if error is None else f"{rounded(mean)} +- {rounded(error, 2)}"
 
 
 def _write_moduli(material: Card) -> str:
     """Write the moduli of a material."""
     return (
-        f"shear modulus {material['shear_modulus_pa']:.4g} Pa, "
-        f"Poisson's ratio {material['poisson_ratio']:.3g}"
+        f"shear modulus {rounded(material['shear_modulus_pa'])} Pa, "
+        f"Poisson's ratio {rounded(material['poisson_ratio'], 3)}"
     )
 
 
@@ -438,7 +440,7 @@ def _write_value(value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, int | float):
-        return f"{value:.4g}"
+        return rounded(value)
     if isinstance(value, Sequence) and not isinstance(value, str):
-        return " x ".join(f"{item:.4g}" for item in value)
+        return " x ".join(rounded(item) for item in value)
     return str(value)

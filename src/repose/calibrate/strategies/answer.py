@@ -15,6 +15,7 @@ from repose.calibrate.strategies.base import Answer
 from repose.calibrate.surrogates.base import Predictor
 from repose.calibrate.targets import Targets
 from repose.common.files import Path_, write_json, write_table
+from repose.common.numbers import rounded
 
 
 def describe_answer(
@@ -80,7 +81,7 @@ def verdict(answer: Answer, targets: Targets, note: str = "") -> tuple[bool, str
     """
     is_inside = (answer.mean >= targets.low) & (answer.mean <= targets.high)
     feasible = bool(is_inside.all())
-    predicted = targets.in_words([f"{value:.4g}" for value in answer.mean])
+    predicted = targets.in_words([rounded(value) for value in answer.mean])
     ranges = targets.in_words([f"{target.low:g}-{target.high:g}" for target in targets])
     where = "inside" if feasible else "NOT inside"
     message = f"The answer is predicted {predicted}, {where} {ranges}. {note}"

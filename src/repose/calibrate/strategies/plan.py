@@ -25,6 +25,7 @@ from repose.calibrate.targets import Targets
 from repose.calibrate.variance import within_covariance
 from repose.common.errors import InputError
 from repose.common.files import Path_, read_table
+from repose.common.numbers import rounded
 
 SUCCESS = Path(__file__).with_name("success.csv")
 # Noise of the default grain, where none is measured: the scatter of a run in percent of
@@ -167,7 +168,7 @@ def _list_differences(
         differences.append(f"targets: {n_targets}")
     scatters = table["noise_percent"]
     if not scatters.min() <= percent <= scatters.max():
-        differences.append(f"a scatter of {percent:.2g} %")
+        differences.append(f"a scatter of {rounded(percent, 2)} %")
     return differences
 
 

@@ -24,6 +24,7 @@ from repose.calibrate.responses import derived
 from repose.calibrate.targets import LARGEST, Targets
 from repose.common.errors import InputError
 from repose.common.files import Path_, read_table
+from repose.common.numbers import rounded
 from repose.common.tables import Column, refuse
 
 FEWEST_MODELS = 5
@@ -143,8 +144,8 @@ def _require_larger_variances(
             raise InputError(
                 path,
                 name,
-                f"of variance {variance:.3g}",
-                f"above {noise_variance:.3g}, of its errors",
+                f"of variance {rounded(variance, 3)}",
+                f"above {rounded(noise_variance, 3)}, of its errors",
             )
 
 

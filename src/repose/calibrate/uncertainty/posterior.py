@@ -41,6 +41,7 @@ from repose.calibrate.uncertainty.sampler import (
 from repose.calibrate.uncertainty.settings import PosteriorSettings
 from repose.common.errors import InputError, require
 from repose.common.files import Path_, read_table, write_json, write_table
+from repose.common.numbers import rounded
 
 CREDIBLE = 0.95
 # Runs beyond the first of a sample that a correlation needs, in addition to one for
@@ -514,7 +515,9 @@ def statement(row: Mapping[str, Any]) -> str:
     """
     name = row["parameter"]
     bits = row["information_bits"]
-    interval = f"{row['credible_low']:.3g} to {row['credible_high']:.3g}"
+    interval = (
+        f"{rounded(row['credible_low'], 3)} to {rounded(row['credible_high'], 3)}"
+    )
     width = f"{100 * row['width_ratio']:.0f} % of the prior's width, {bits:.2f} bits"
     if bits < UNDETERMINED:
         return f"{name} is not determined: {width}"
@@ -552,7 +555,7 @@ def message(summary: Mapping[str, Any]) -> str:
     p_value = summary["misfit"]["p_value"]
     lines.append(
         f"together {bits:.2f} ± {error:.2f} bits; the best draw misses the targets by "
-        f"{distance:.2f} standard deviations (p = {p_value:.2g}); "
+        f"{distance:.2f} standard deviations (p = {rounded(p_value, 2)}); "
         f"{100 * summary['thin_share']:.0f} % of the draws lie where samples are thin"
     )
     lines += summary.get("over_the_discrepancy", "").splitlines()

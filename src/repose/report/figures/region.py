@@ -20,6 +20,7 @@ from matplotlib.ticker import LogLocator, NullLocator
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.scales import LINEAR
 from repose.common.files import read_json, read_table
+from repose.common.numbers import rounded
 
 from . import panels, style
 from .registry import Inputs, StudyView
@@ -110,8 +111,8 @@ def not_excluded(inputs: Inputs, study: StudyView) -> Figure:
         )
     percent = 100 * summary["not_implausible_share"]
     title = (
-        f"The measurements leave {percent:.3g} % of the searched space open, and "
-        "exclude the rest"
+        f"The measurements leave {rounded(percent, 3)} % of the searched space open, "
+        "and exclude the rest"
     )
     figure.suptitle(title, fontsize=9)
     return figure
@@ -171,7 +172,7 @@ def _name_parameter(panel: Axes, name: str, edges: np.ndarray) -> None:
     panel.text(
         0.5,
         0.5,
-        f"{style.parameter_label(name)}\n{edges[0]:.3g} to {edges[-1]:.3g}",
+        f"{style.parameter_label(name)}\n{rounded(edges[0], 3)} to {rounded(edges[-1], 3)}",
         ha="center",
         va="center",
         fontsize=8,

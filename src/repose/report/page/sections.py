@@ -19,6 +19,7 @@ from repose.calibrate.runs import error_of, overlap_warning
 from repose.calibrate.targets import Target
 from repose.calibrate.uncertainty.posterior import LARGEST_R_HAT
 from repose.common.files import read_json, read_table
+from repose.common.numbers import rounded
 from repose.common.statuses import explain
 from repose.measure.angles import MEAN_KEYS
 from repose.measure.settings import describe_line_of_response, line_of
@@ -242,7 +243,7 @@ def _parameter_row(study: Results, name: str, value: float) -> list[str]:
     label = LABELS.get(name, "")  # empty for parameters of another simulator
     if name in parameters.fixed:
         interval_cells = [] if study.posterior is None else ["", ""]
-        return [name, label, f"{value:.4g}", *interval_cells, "fixed"]
+        return [name, label, f"{rounded(value)}", *interval_cells, "fixed"]
 
     if study.posterior is None:
         interval_cells = []
@@ -257,13 +258,13 @@ def _parameter_row(study: Results, name: str, value: float) -> list[str]:
             high=float(row["credible_high"]),
         )
         interval_cells = [
-            f"{interval['low']:.3g} to {interval['high']:.3g}",
+            f"{rounded(interval['low'], 3)} to {rounded(interval['high'], 3)}",
             _share_left_open(row["width_ratio"]),
         ]
     low, high = parameter_ranges(parameters)[name]
-    searched = f"{low:.3g} to {high:.3g}"
+    searched = f"{rounded(low, 3)} to {rounded(high, 3)}"
     meaning = with_remark(label, interval).removeprefix("; ")
-    return [name, meaning, f"{value:.4g}", *interval_cells, searched]
+    return [name, meaning, f"{rounded(value)}", *interval_cells, searched]
 
 
 def _share_left_open(share: float) -> str:
@@ -342,7 +343,8 @@ def _response_row(study: Results, target: Target) -> list[str]:
     """
     response = target.response
     unit = response.unit
-    measured = f"{target.value:.4g} ± {target.sd:.2g} {unit} (n = {target.repetitions})"
+    measured = f"{rounded(target.value)} ± {rounded(target.sd, 2)} {unit}"
+    measured += f" (n = {target.repetitions})"
     target_range = f"{target.low:g} to {target.high:g} {unit}"
 
     # The simulated mean, and how far it is off the measured one.
@@ -375,7 +377,7 @@ def _write_prediction(study: Results, target: Target) -> str:
     predicted = study.number(response.predicted)
     if predicted is None:
         return ""
-    text = f"{predicted:.4g} {response.unit}"
+    text = f"{rounded(predicted)} {response.unit}"
     optimism = study.number(response.optimism)
     if optimism is None:
         return text
@@ -460,7 +462,7 @@ def _cells_of_set(
         _Cell("runs", row.get("n_seeds")),
     ]
     for name in study.parameters.names:
-        cells.append(_Cell(name, f"{row[name]:.3g}"))
+        cells.append(_Cell(name, rounded(row[name], 3)))
     for response in study.targets.responses:
         symbol = response.symbol
         unit = response.unit or "–"
@@ -517,8 +519,8 @@ def _mean_with_error(
         return missing
     is_rounding_error = error is not None and error < 1e-9 * abs(mean)
     if error is None or pd.isna(error) or is_rounding_error:
-        return f"{mean:.4g}{unit}"
-    return f"{mean:.4g} ± {error:.2g}{unit}"
+        return f"{rounded(mean)}{unit}"
+    return f"{rounded(mean)} ± {rounded(error, 2)}{unit}"
 
 
 # --- The drum -------------------------------------------------------------------------
@@ -658,7 +660,7 @@ def _describe_accuracy(study: Results) -> str:
         rmse = metrics.get("rmse") or np.nan
         if np.isfinite(rmse):
             accuracies.append(
-                f"{response.label} to {rmse:.2g} {response.unit} "
+                f"{response.label} to {rounded(rmse, 2)} {response.unit} "
                 f"(R² {metrics['r2']:.2f})"
             )
     if not accuracies:

@@ -6,6 +6,8 @@ from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from repose.common.numbers import rounded
+
 FOLDER = Path(__file__).parent
 
 
@@ -14,7 +16,7 @@ def cell_text(value: Any) -> str:
     if value is None:
         return ""
     if isinstance(value, float):
-        return "" if math.isnan(value) else f"{value:.4g}"
+        return "" if math.isnan(value) else rounded(value)
     return str(value)
 
 

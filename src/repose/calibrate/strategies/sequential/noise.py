@@ -24,6 +24,7 @@ from repose.calibrate.strategies.sequential.kriging import (
     subset,
 )
 from repose.common.errors import InputError
+from repose.common.numbers import rounded
 
 # Sources of the noise.
 REPLICATES = "replicates"
@@ -55,7 +56,7 @@ class Noise(NamedTuple):
         for (name, source), variance in zip(
             self.sources.items(), np.diagonal(self.covariance), strict=True
         ):
-            deviations.append(f"{name} {np.sqrt(variance):.2g} ({source})")
+            deviations.append(f"{name} {rounded(np.sqrt(variance), 2)} ({source})")
         return (
             "too few replicates that differ for the noise of a run; taken as standard "
             f"deviations: {', '.join(deviations)}. Intervals and probabilities are as "
