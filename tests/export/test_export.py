@@ -430,6 +430,27 @@ def test_cohesion_is_written(config):
     assert "cohesion energy density 30000 J/m3 between grains" in deck
 
 
+@pytest.mark.parametrize(
+    ("friction", "expected"),
+    [
+        ({}, []),
+        (
+            {"mut_gg": 0.2},
+            ["0.2 between grains, 3 pi / 16 mu_s between grain and wall"],
+        ),
+        (
+            {"mut_gp": 0.3},
+            ["3 pi / 16 mu_s between grains, 0.3 between grain and wall"],
+        ),
+    ],
+)
+def test_twisting_friction_of_either_contact_is_named(config, friction, expected):
+    job = job_of(config, THREE, "hertz_mindlin", **friction)
+    lines = laws.describe_law_constants(job)
+    found = [re.search(r": (.*); this deck has none", line)[1] for line in lines]
+    assert found == expected
+
+
 def test_rolling_is_written(config):
     budget = job_of(config, THREE, "hertz_mindlin")
     for law, name in (("constant_torque", "cdt"), ("epsd", "epsd"), ("epsd2", "epsd2")):

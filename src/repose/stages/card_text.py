@@ -171,7 +171,7 @@ def _describe_test(test: Card) -> Iterator[str]:
 
     # Compare the surrogate's prediction with the simulation, if there is one.
     check = _read_check(test)
-    if check.error_percent is not None:
+    if check.predicted is not None and check.error_percent is not None:
         optimism = f" ({check.expected_optimism})" if check.expected_optimism else ""
         yield (
             f"  predicted {rounded(check.predicted)}{optimism}, {check.error_percent:.1f} % "
