@@ -145,11 +145,16 @@ class SimulatorSettings(Section):
             yield "output", "the file of responses that a run leaves, or `particles`"
 
     @property
+    def files_by_key(self) -> dict[str, str]:
+        """The files of a run from which its responses are taken, by their keys here."""
+        files = {}
+        if self.output is not None:
+            files["output"] = self.output
+        if self.particles is not None:
+            files["particles.file"] = self.particles.file
+        return files
+
+    @property
     def files_read(self) -> tuple[str, ...]:
         """The files of a run from which its responses are taken."""
-        names = []
-        if self.output is not None:
-            names.append(self.output)
-        if self.particles is not None:
-            names.append(self.particles.file)
-        return tuple(names)
+        return tuple(self.files_by_key.values())

@@ -245,10 +245,10 @@ def _find_file_faults(settings: SimulatorSettings, source: str) -> Iterator[Inpu
         yield YamlError(source, "simulator.files", name, allowed)
     # A program that failed to write would leave the file that it was given.
     input_names = _list_input_files(settings)
-    for key, name in _list_output_files(settings).items():
+    for key, name in settings.files_by_key.items():
         if name in input_names:
             allowed = "a file that the run writes, not one that it is given"
-            yield YamlError(source, key, name, allowed)
+            yield YamlError(source, f"simulator.{key}", name, allowed)
 
 
 def _find_name_faults(
@@ -331,16 +331,6 @@ def _list_input_files(settings: SimulatorSettings) -> list[str]:
     names = [PARAMETERS, *(Path(name).name for name in settings.files)]
     if settings.template is not None:
         names.append(deck_name(settings.template))
-    return names
-
-
-def _list_output_files(settings: SimulatorSettings) -> dict[str, str]:
-    """Return the names of the files that a run leaves, by their keys."""
-    names = {}
-    if settings.output is not None:
-        names["simulator.output"] = settings.output
-    if settings.particles is not None:
-        names["simulator.particles.file"] = settings.particles.file
     return names
 
 
