@@ -176,7 +176,9 @@ def test_a_folder_with_somebodys_files_is_refused_and_a_studys_is_taken(
     os.remove(tmp_path / "data/.repose")
     input_error("move it away, or choose another folder", check)
     (tmp_path / "link").symlink_to(tmp_path / "nothing")
-    for way in ("data/figures/figure02.png/results", "link", "link/results"):
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    figure = "data/figures/figure02.png"
+    for way in (f"{figure}/results", "link", "link/results", "loop", "loop/results"):
         config["results_dir"] = str(tmp_path / way)
         input_error(
             "a file, or a link to nothing, is in its way",
