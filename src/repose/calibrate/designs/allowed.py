@@ -51,9 +51,7 @@ def points_of_sequence(
     """
     found = np.empty((0, space.dimensions))
     while len(found) < count:
-        points = sequence.random(count)
-        if follows_prior:
-            points = space.from_prior(points)
+        points = _moved(sequence.random(count), space, follows_prior)
         if not space.constraints:
             return points
         found = np.vstack([found, points[space.is_allowed(points)]])
@@ -90,22 +88,24 @@ def allowed_design(
     ValueError
         If the designs have too few allowed points.
     """
-
-    def points_of(size: int) -> np.ndarray:
-        points = design(size)
-        return space.from_prior(points) if follows_prior else points
-
     if not space.constraints:
-        return points_of(count)
+        return _moved(design(count), space, follows_prior)
     size = count
     for _ in range(MOST_TRIALS):
-        points = points_of(size)
+        points = _moved(design(size), space, follows_prior)
         allowed = points[space.is_allowed(points)]
         if len(allowed) >= count:
             return _without_nearest(allowed, count)
         growth = count / max(len(allowed), 1)
         size = math.ceil(size * min(max(growth, LEAST_GROWTH), MOST_GROWTH))
     raise ValueError(f"{len(allowed)} of {size} points are allowed; expected {count}")
+
+
+def _moved(
+    points: np.ndarray, space: ParameterSpace, follows_prior: bool
+) -> np.ndarray:
+    """Move points (n, d) to the distribution of the priors, if they follow it."""
+    return space.from_prior(points) if follows_prior else points
 
 
 def _without_nearest(points: np.ndarray, count: int) -> np.ndarray:
