@@ -405,3 +405,9 @@ def test_thousands_of_unknown_keys_take_as_many_guesses_as_are_reported(
     message = str(input_error("unknown_0", PipelineConfig.of, config, "a.yaml"))
     assert "a.yaml: 1970 more faults" in message
     assert len(words) == 30
+
+
+@pytest.mark.parametrize("content", [5, [1], None, "text"])
+def test_a_configuration_without_keys_is_refused_as_a_whole(content):
+    [fault] = faults.check(content, "a.yaml", settings_type()).faults
+    assert str(fault).endswith("expected keys with values")

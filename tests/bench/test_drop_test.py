@@ -6,6 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 from goji import BEAD, PARTICLE, SPHERE, example, named
+from refusals import input_error
 from shared import says
 
 from repose.bench import Scene, bench, drop_test
@@ -38,6 +39,12 @@ def test_a_stiff_sphere_returns_what_was_asked_of_either_plate(asked, surface):
     found, _ = dropped(of_wall, of_berry, height_mm=100.0, surface=surface)
     assert found["height_restitution"] == pytest.approx(asked, abs=0.002)
     assert found["sound_restitution"] == pytest.approx(asked, abs=0.002)
+
+
+def test_the_longest_time_step_is_allowed_and_no_longer_one():
+    found, _ = dropped(0.5, height_mm=100.0, step_share=1.0)
+    assert found["height_restitution"] == pytest.approx(0.5, abs=0.05)
+    input_error("simulation.time_step_s", dropped, 0.5, step_share=1.0001)
 
 
 def test_a_flight_of_known_height_and_duration():

@@ -86,6 +86,8 @@ def test_berries_appear_clear_of_the_walls():
     assert (np.hypot(places[:, 0], places[:, 2]) <= 0.095 - radius + 1e-12).all()
     assert np.abs(places[:, 1]).max() <= 0.17 - radius
     value_error(r"height_m is 0\.09", whole.factory_area, 0.09, radius)
+    just_as_long = drum.Drum(0.095, 2.0 * radius)
+    value_error("longer than a grain", just_as_long.factory_area, 0.0, radius)
 
 
 @pytest.mark.parametrize("angle_deg", [0.0, 25.0, 45.0])

@@ -339,6 +339,19 @@ def test_labels_are_texts_or_numbers(tmp_path):
     assert list(table.frame()["label"]) == ["NA", "null"]
 
 
+@pytest.mark.parametrize("cell", ["inf", "1e400", "nan", "2.5"])
+def test_a_cell_of_whole_numbers_is_finite_and_whole(tmp_path, cell):
+    path = written(tmp_path / "a.csv", f"n\n3.0\n{cell}\n")
+    input_error("a whole number", tables.read, path, [Column("n", int)])
+
+
+def test_a_column_of_whole_numbers_may_be_of_labels():
+    assert tables.is_number(["1", "2", ""])
+    assert not tables.is_measured(["1", "2", ""])
+    assert tables.is_measured(["1", "2.5", ""])
+    assert not tables.is_measured(["a", "b", "2.5"])
+
+
 def test_a_comment_is_no_row(tmp_path):
     path = tmp_path / "a.csv"
     header = "grain,long_mm,major_mm,minor_mm\n"

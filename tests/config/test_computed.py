@@ -123,3 +123,14 @@ def test_a_number_that_cannot_be_computed_is_reported_with_its_cause(folder):
     (folder / "sizes.csv").unlink()
     message = "sizes.csv: file is 'No such file or directory'; expected a CSV file"
     input_error(f"^{re.escape(message)}$", PipelineConfig.load, "config.yaml")
+
+
+def test_a_number_of_auto_is_no_cause_of_a_fault_elsewhere(folder):
+    """Numbers are computed beside a fault in another section, which is none of theirs."""
+    error = input_error(
+        "miga.islands is -1",
+        PipelineConfig.load,
+        folder / "config.yaml",
+        overrides={"miga": {"islands": -1}},
+    )
+    assert "`auto` gives this number" not in str(error)

@@ -537,3 +537,17 @@ def test_the_mean_outline_of_equal_triangles_is_the_triangle():
     mean = outline._average_outlines([triangle, triangle])
     expected = np.maximum(0.0, 20.0 - abs(mean.x_mm))
     np.testing.assert_allclose(mean.height_mm, expected, atol=1e-9)
+
+
+def test_the_legend_names_the_angles_of_several_runs_once():
+    panel = style.new_figure(style.PAGE, 2.0).subplots()
+    times = [0.0, 0.1, 0.0, 0.1]
+    record = pd.DataFrame(
+        {"seed": [1, 1, 2, 2], "time_s": times, "surface_deg": times, "bed_deg": times}
+    )
+    runs = pd.DataFrame(
+        {"seed": [1, 2], "status": ["ok"] * 2, "after_time_s": [0.1, 1]}
+    )
+    rotation._draw_angles_of_runs(panel, record, runs)
+    _, labels = panel.get_legend_handles_labels()
+    assert labels == ["surface", "centre of mass"]
