@@ -111,7 +111,7 @@ def test_a_study_that_says_too_little_is_refused(tmp_path):
     )
     pd.read_csv(path).assign(aor_se_deg=50.0).to_csv(path, index=False)
     input_error(
-        r"aor_difference_deg is 'of variance .*above 2.5e\+03, of its errors",
+        r"aor_difference_deg is 'of variance .*above 2500, of its errors",
         discrepancy.shape_study_discrepancy,
         path,
         PILE,
