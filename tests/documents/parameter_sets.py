@@ -323,9 +323,9 @@ def wider_run():
         f"we ran the study once more with the range {low:g} to {high:g} and two pours for each sample.\n"
         f"Below {old_low:g}, {meeting_beyond.sum()} of {beyond.sum()} samples meet both targets; "
         f"above it, {(~meeting_beyond).sum()} of {(~beyond).sum()} do.\n"
-        f"The {len(solutions)} solutions of this run span {span}. "
-        "None of them lies at the new bound, so the article's bound has hardly cut the search off.\n"
-        f"The new piles of its answer have {check[ANGLE][0]} and {check[HEIGHT][0]}; both targets are met.\n"
+        f"The search of this run found {len(solutions)} parameter sets that meet both targets; their `mus_gg` spans {span}. "
+        f"None of them is near the new bound {low:g}, so the article's bound hides few solutions.\n"
+        f"New piles, poured with the answer of this run, have an angle of {check[ANGLE][0]} and a Height of {check[HEIGHT][0]}, which meets both targets.\n"
     )
 
 

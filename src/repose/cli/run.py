@@ -182,27 +182,52 @@ def _check_targets(words: list[str], arguments: list[str]) -> None:
     """
     # Targets precede the options. A word after an option may be its value.
     targets = list(itertools.takewhile(lambda word: not word.startswith("-"), words))
-    options = [word for word in arguments if word not in words]
-    names = [target for target in targets if target.isidentifier()]
-    files = [target for target in targets if os.sep in target]
-    if names:
-        rules = [
-            line for line in _listing("--list-rules", options) if line.isidentifier()
-        ]
-        for name in names:
-            if rules and name not in rules:
-                guess = did_you_mean(name, rules)
-                expected = f"a rule of the workflow, or a file{guess}"
-                raise InputError("command line", "target", name, expected)
-    if files:
-        # Below a header, the first column of snakemake's summary names the files.
-        lines = _listing("--summary", options)[1:]
-        outputs = [line.partition("\t")[0] for line in lines]
-        for file in files:
-            guess = did_you_mean(file, outputs)
-            if guess and file not in outputs:
-                expected = f"a file that a rule of the workflow makes{guess}"
-                raise InputError("command line", "target", file, expected)
+    options = [argument for argument in arguments if argument not in words]
+    rule_names = [target for target in targets if target.isidentifier()]
+    paths = [target for target in targets if os.sep in target]
+    if rule_names:
+        _check_rule_names(rule_names, options)
+    if paths:
+        _check_paths(paths, options)
+
+
+def _check_rule_names(names: list[str], options: list[str]) -> None:
+    """Raise InputError for the first name that no rule of the workflow has.
+
+    Parameters
+    ----------
+    names : list of str
+        Targets that may be names of rules.
+    options : list of str
+        Options of snakemake that choose the workflow and its configuration.
+    """
+    # Snakemake may print other lines around the names.
+    rules = [line for line in _listing("--list-rules", options) if line.isidentifier()]
+    for name in names:
+        if rules and name not in rules:
+            guess = did_you_mean(name, rules)
+            expected = f"a rule of the workflow, or a file{guess}"
+            raise InputError("command line", "target", name, expected)
+
+
+def _check_paths(paths: list[str], options: list[str]) -> None:
+    """Raise InputError for the first path that is nearly the path of a result.
+
+    Parameters
+    ----------
+    paths : list of str
+        Targets that are paths.
+    options : list of str
+        Options of snakemake that choose the workflow and its configuration.
+    """
+    # Below a header, the first column of snakemake's summary names the files.
+    lines = _listing("--summary", options)[1:]
+    results = [line.partition("\t")[0] for line in lines]
+    for path in paths:
+        guess = did_you_mean(path, results)
+        if guess and path not in results:
+            expected = f"a file that a rule of the workflow makes{guess}"
+            raise InputError("command line", "target", path, expected)
 
 
 def _listing(option: str, options: list[str]) -> list[str]:
