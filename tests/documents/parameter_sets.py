@@ -325,7 +325,8 @@ def wider_run():
         f"above it, {(~meeting_beyond).sum()} of {(~beyond).sum()} do.\n"
         f"The search of this run found {len(solutions)} parameter sets that meet both targets; their `mus_gg` spans {span}. "
         f"None of them is near the new bound {low:g}, so the article's bound hides few solutions.\n"
-        f"New piles, poured with the answer of this run, have an angle of {check[ANGLE][0]} and a Height of {check[HEIGHT][0]}, which meets both targets.\n"
+        f"New piles, poured with the answer of this run, have an angle of {check[ANGLE][0]} "
+        f"and a Height of {check[HEIGHT][0]}, which meets both targets.\n"
     )
 
 
