@@ -1,6 +1,9 @@
 """Templates of decks: filled with any values, they are the decks of these values."""
 
+import math
+
 import pytest
+import yaml
 from export.jobs import BALL, CONFIG, THREE, job_of
 from shared import ROOT
 
@@ -12,6 +15,7 @@ from repose.export.template import NUMBER, template_of, write_template
 from repose.stages.simulate import fill
 
 EXAMPLE = ROOT / "examples" / "lammps_pile"
+EXAMPLE_OF_LIGGGHTS = ROOT / "examples" / "liggghts_pile"
 FRICTIONS = {"mus_gg": 0.6, "mur_gg": 0.2, "mus_gp": 0.7, "mur_gp": 0.4}
 
 
@@ -90,11 +94,35 @@ def test_an_unknown_name_is_refused(config, tmp_path):
         )
 
 
-def test_the_deck_of_the_example_is_what_export_writes(tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("program", "folder", "files"),
+    [
+        ("lammps", EXAMPLE, ("in.pour.j2", "grain.mol")),
+        ("liggghts", EXAMPLE_OF_LIGGGHTS, ("in.pour.j2", "funnel.stl")),
+    ],
+)
+def test_the_decks_of_the_examples_are_what_export_writes(
+    program, folder, files, tmp_path, monkeypatch
+):
     monkeypatch.chdir(ROOT)
-    words = ["export", "--to", "lammps", "--configfile", str(EXAMPLE / "pile.yaml")]
+    words = ["export", "--to", program, "--configfile", str(EXAMPLE / "pile.yaml")]
     words += ["--set", "mus_gg=0.5", "--set", "mur_gg=0.2"]
     words += ["--names", "mus_gg", "mur_gg", "--out", str(tmp_path)]
     assert main(words) == 0
-    for name in ("in.pour.j2", "grain.mol"):
-        assert (tmp_path / name).read_text() == (EXAMPLE / name).read_text()
+    for name in files:
+        assert (tmp_path / name).read_text() == (folder / name).read_text()
+
+
+def test_each_run_of_liggghts_has_a_prime_as_its_seed():
+    """LIGGGHTS refuses other seeds, and those up to 10,000."""
+    study = yaml.safe_load((EXAMPLE_OF_LIGGGHTS / "liggghts.yaml").read_text())
+    seed_template = study["simulator"]["command"][-1]
+    seeds = set()
+    for sample in range(1, 31):
+        for run in range(1, 9):
+            numbers = {"sample": sample, "run": run}
+            seeds.add(int(fill(seed_template, numbers, "liggghts.yaml")))
+    assert len(seeds) == 48
+    for seed in seeds:
+        assert seed > 10_000
+        assert all(seed % divisor for divisor in range(2, math.isqrt(seed) + 1))
