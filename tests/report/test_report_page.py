@@ -136,7 +136,7 @@ def test_the_page_has_the_same_piles_by_other_lines_and_calls_stale_sets_so(tmp_
     ]
     measure = MeasureSettings.with_defaults(**config["measure"])
     for k, name in enumerate(MEAN_KEYS):
-        says(lines, f"{line_of(measure, name)}</td>", f"{30 + k} ± 0.25 deg")
+        says(lines, f"{line_of(measure, name)}</td>", f"{30 + k}.00 ± 0.25 deg")
     assert lines.count("calibrated") == 1
     assert f"Published, {escape(STALE)}" in text
 
@@ -371,7 +371,7 @@ def test_the_expected_optimism_stands_beside_each_prediction(tmp_path):
     text = written(inputs, tmp_path)
     assert "(expected optimism +0.38 ± 0.07)" in text
     assert "expected optimism (deg)" in text
-    assert "0.376 ± 0.07" in text
+    assert "0.376 ± 0.070" in text
     assert "mus_gg 0.36 is within one standard error of the fit" in text
     first = values_of(text)["targets"][0]
     assert first["optimism"] == 0.376

@@ -76,7 +76,7 @@ def test_targets_that_are_met_are_said_to_be_met_first(tmp_path):
     found = read(study(tmp_path, 33.5))
     lines = str(found).splitlines()
     assert lines[0] == (
-        "wheat: targets met. Angle of repose 33.5 +- 0.25 deg (measured 32, +4.7 %)."
+        "wheat: targets met. Angle of repose 33.50 +- 0.25 deg (measured 32, +4.7 %)."
     )
     assert lines[1] == "The calibrated parameters:"
     assert lines[-1].startswith("Tables: ")
@@ -90,12 +90,12 @@ def test_targets_that_are_met_are_said_to_be_met_first(tmp_path):
     [
         (
             30.0,
-            "Angle of repose 30 +- 0.25 deg (measured 32, -6.2 %).",
+            "Angle of repose 30.00 +- 0.25 deg (measured 32, -6.2 %).",
             "The simulated angle of repose lies 1 deg below its range",
         ),
         (
             36.0,
-            "Angle of repose 36 +- 0.25 deg (measured 32, +12.5 %).",
+            "Angle of repose 36.00 +- 0.25 deg (measured 32, +12.5 %).",
             "The simulated angle of repose lies 2 deg above its range",
         ),
     ],
@@ -133,7 +133,7 @@ def test_a_prediction_outside_the_targets_is_no_answer_even_where_the_simulation
     assert found.verdict is answer.Verdict.NOT_MET
     lines = str(found).splitlines()
     assert lines[0].startswith(
-        "wheat: targets NOT met. Angle of repose 32.5 +- 0.25 deg"
+        "wheat: targets NOT met. Angle of repose 32.50 +- 0.25 deg"
     )
     reason = " No parameter set is predicted inside the range; the simulated mean lies inside the range."
     assert lines[0].endswith(reason)
@@ -162,7 +162,7 @@ def test_failed_runs_have_no_number_and_a_study_that_has_not_run_is_reported(tmp
 
 def test_a_small_run_says_so_first(tmp_path):
     first = str(read(study(tmp_path, 32.0) | {"small_run": True})).splitlines()[0]
-    sentence = "Angle of repose 32 +- 0.25 deg (measured 32, +0.0 %)."
+    sentence = "Angle of repose 32.00 +- 0.25 deg (measured 32, +0.0 %)."
     expected = (
         f"wheat: a small run, its numbers are no calibration: targets met. {sentence}"
     )

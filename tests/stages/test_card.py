@@ -51,7 +51,7 @@ CARDS = sorted(
     ]
 )
 ABOVE = "The simulated Height lies 11 mm above its range."
-MISSED = f"targets NOT met. Height 80 +- 0.4 mm (measured 65.57, +22.0 %). {ABOVE}"
+MISSED = f"targets NOT met. Height 80.00 +- 0.40 mm (measured 65.57, +22.0 %). {ABOVE}"
 SMALL = "wheat: a small run, its numbers are no calibration: "
 
 
@@ -269,7 +269,7 @@ def test_bounds_and_widened_intervals_are_on_the_card_and_in_its_text(
                 "reason": "The simulated mean lies inside the range.",
             },
             0,
-            "wheat: targets met. Height 66 +- 0.4 mm (measured 65.57, +0.7 %).",
+            "wheat: targets met. Height 66.00 +- 0.40 mm (measured 65.57, +0.7 %).",
         ),
         ({"simulated": 80.0}, {"met": False, "reason": ABOVE}, 3, f"wheat: {MISSED}"),
         (

@@ -10,7 +10,7 @@ from typing import Any, Self
 from repose.calibrate.chance import PERCENT, chance_in_range
 from repose.calibrate.responses import named as known_response
 from repose.calibrate.targets import Target
-from repose.common.numbers import rounded
+from repose.common.numbers import rounded, with_error
 from repose.common.statuses import in_words
 
 # Remedy if only the prediction meets the targets.
@@ -315,7 +315,7 @@ class Check:
         # Adding 0.0 turns -0.0, a possible result of rounding, into 0.0.
         percent = 100 * (value - self.measured) / self._whole_of_measured
         percent = round(percent, 1) + 0.0
-        number = f"{kind}{rounded(value)}{self._error} {self.unit}".rstrip()
+        number = f"{kind}{self._write_mean(value)} {self.unit}".rstrip()
         return f"{label} {number} (measured {rounded(self.measured)}, {percent:+.1f} %)"
 
     @property
@@ -329,7 +329,7 @@ class Check:
             return f"{self.response}: no number{self._cause}; {target}: NOT met"
         side = "inside" if self.margin >= 0 else "outside"
         return (
-            f"{self.response}: simulated {rounded(self.simulated)}{self._error} "
+            f"{self.response}: simulated {self._write_mean(self.simulated)} "
             f"{self.unit} (runs: {self.runs}), measured {rounded(self.measured)}; {target}: "
             f"{self.verdict}, {rounded(abs(self.margin), 2)} {self.unit} {side}"
         )
@@ -341,12 +341,11 @@ class Check:
             return ""
         return f", because {in_words(self.status)}"
 
-    @property
-    def _error(self) -> str:
-        """The standard error after a mean; empty where it is unknown."""
+    def _write_mean(self, mean: float) -> str:
+        """Write a mean with the standard error of the simulations, if it is known."""
         if self.standard_error is None:
-            return ""
-        return f" +- {rounded(self.standard_error, 2)}"
+            return rounded(mean)
+        return with_error(mean, self.standard_error)
 
 
 @dataclass(frozen=True)

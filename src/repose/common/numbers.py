@@ -1,7 +1,10 @@
 """Write numbers for people."""
 
-# From this size on a number has an exponent; below 0.0001 it has one, too.
+import math
+
+# From this size on a number has an exponent, and below the smallest, too.
 LARGEST_PLAIN = 1e5
+SMALLEST_PLAIN = 1e-4
 
 
 def rounded(value: float, digits: int = 4, sign: str = "") -> str:
@@ -22,3 +25,33 @@ def rounded(value: float, digits: int = 4, sign: str = "") -> str:
     if "e" in text and 1 <= abs(value) < LARGEST_PLAIN:
         return f"{float(text):{sign}.0f}"
     return text
+
+
+def with_error(mean: float, error: float) -> str:
+    """Write a mean with its standard error, as in ``65.98 +- 0.30``.
+
+    The error has two significant digits. The mean has as many decimals as the error,
+    but at most four significant digits.
+
+    Parameters
+    ----------
+    mean : float
+    error : float
+        The standard error, in the unit of the mean.
+    """
+    has_decimals = SMALLEST_PLAIN <= error < math.inf and math.isfinite(mean)
+    if not has_decimals:
+        return f"{rounded(mean)} +- {rounded(error, 2)}"
+    # An error of 9.96 is written as 10, so its power of ten is that of the rounded number.
+    rounded_error = float(f"{error:.2g}")
+    decimals = max(1 - _power_of_ten(rounded_error), 0)
+    decimals_of_mean = decimals
+    if mean:
+        most_decimals = max(3 - _power_of_ten(mean), 0)
+        decimals_of_mean = min(decimals, most_decimals)
+    return f"{mean:.{decimals_of_mean}f} +- {rounded_error:.{decimals}f}"
+
+
+def _power_of_ten(value: float) -> int:
+    """Return the power of ten of the first digit of a number other than 0."""
+    return math.floor(math.log10(abs(value)))

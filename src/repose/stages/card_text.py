@@ -14,7 +14,7 @@ from repose.calibrate.answer import (
     write_verdict_line,
 )
 from repose.calibrate.card import RANGE, with_remark
-from repose.common.numbers import rounded
+from repose.common.numbers import rounded, with_error
 
 # A correlation of this size and more is named.
 STRONG = 0.5
@@ -414,7 +414,7 @@ def _write_mean(mean: float | None, error: float | None) -> str:
     """Write a mean with its standard error, if it is known."""
     if mean is None:
         return "no number"
-    return rounded(mean) if error is None else f"{rounded(mean)} +- {rounded(error, 2)}"
+    return rounded(mean) if error is None else with_error(mean, error)
 
 
 def _write_moduli(material: Card) -> str:

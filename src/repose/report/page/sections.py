@@ -19,7 +19,7 @@ from repose.calibrate.runs import error_of, overlap_warning
 from repose.calibrate.targets import Target
 from repose.calibrate.uncertainty.posterior import LARGEST_R_HAT
 from repose.common.files import read_json, read_table
-from repose.common.numbers import rounded
+from repose.common.numbers import rounded, with_error
 from repose.common.statuses import explain
 from repose.measure.angles import MEAN_KEYS
 from repose.measure.settings import describe_line_of_response, line_of
@@ -520,7 +520,7 @@ def _mean_with_error(
     is_rounding_error = error is not None and error < 1e-9 * abs(mean)
     if error is None or pd.isna(error) or is_rounding_error:
         return f"{rounded(mean)}{unit}"
-    return f"{rounded(mean)} ± {rounded(error, 2)}{unit}"
+    return f"{with_error(mean, error).replace('+-', '±')}{unit}"
 
 
 # --- The drum -------------------------------------------------------------------------

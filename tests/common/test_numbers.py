@@ -1,0 +1,28 @@
+"""Numbers as people read them."""
+
+import math
+
+import pytest
+
+from repose.common.numbers import with_error
+
+
+@pytest.mark.parametrize(
+    ("mean", "error", "text"),
+    [
+        (65.983, 0.297, "65.98 +- 0.30"),
+        (0.06461, 0.054, "0.065 +- 0.054"),
+        (5.0, 9.96, "5 +- 10"),
+        (12253.0, 154.0, "12253 +- 150"),
+        # The mean keeps four significant digits.
+        (32.4712, 0.0123, "32.47 +- 0.012"),
+        (0.0, 0.3, "0.00 +- 0.30"),
+        (-0.23, 0.08, "-0.230 +- 0.080"),
+        # Without decimals that the error could give.
+        (0.2, 0.0, "0.2 +- 0"),
+        (1e-5, 2e-6, "1e-05 +- 2e-06"),
+        (math.nan, 0.3, "nan +- 0.3"),
+    ],
+)
+def test_a_mean_has_the_decimals_of_its_error(mean, error, text):
+    assert with_error(mean, error) == text
