@@ -12,6 +12,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+import repose.bench  # noqa: F401  (gives the responses their names in words)
+from repose.stages import card_text
+
 ROOT = Path(__file__).parents[2]
 KEPT = ROOT / "results" / "published"
 ARTICLE = ROOT / "resources" / "published"
@@ -492,17 +495,8 @@ def published_verdict():
 def verdict():
     """The verdict of `goji_berry` as the terminal prints it."""
     card = json.loads((KEPT / DEFAULT.folder / "card.json").read_text())
-    verdicts = {"met": "targets met", "not met": "targets NOT met"}
-    means = []
-    for test, name in zip(card["tests"], ("Angle of repose", "Height"), strict=True):
-        line = f" ({test['line']})" if "line" in test else ""
-        percent = 100 * (test["simulated"] / test["measured"] - 1)
-        means.append(
-            f"{name}{line} {test['simulated']:.2f} +- {test['standard_error']:.2f} "
-            f"{test['unit']} (measured {test['measured']:g}, {percent:+.1f} %)"
-        )
-    opening = verdicts.get(card["verdict"], card["verdict"])
-    return f"    {opening}. {', '.join(means)}.\n"
+    first_line, *_ = card_text.verdict(card).splitlines()
+    return f"    {first_line}\n"
 
 
 def check_of(run):

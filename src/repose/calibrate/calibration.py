@@ -38,7 +38,7 @@ from repose.calibrate.uncertainty.posterior import (
 from repose.calibrate.uncertainty.settings import PosteriorSettings
 from repose.common.errors import require
 from repose.common.files import Path_, path_of, write_json, write_table
-from repose.common.numbers import rounded
+from repose.common.numbers import rounded, with_error
 
 # Files of `save`.
 TABLES = ("samples.csv", "solutions.csv", "posterior.csv", "draws.csv")
@@ -239,7 +239,7 @@ class Calibration(NamedTuple):
         ):
             unit = f" {target.response.unit}".rstrip()
             lines.append(
-                f"  {target.name}: {rounded(mean)} +- {rounded(error, 2)}{unit}, "
+                f"  {target.name}: {with_error(mean, error)}{unit}, "
                 f"{target.off_percent(mean):+.2f} % off the target {target.aim:g}, "
                 f"range {target.low:g} to {target.high:g}{unit}"
             )

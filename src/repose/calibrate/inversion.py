@@ -240,7 +240,7 @@ def _make_violation(
 
     def violation(points: np.ndarray) -> np.ndarray:
         unit = (points + 1) / 2
-        total = space.violation(unit) if space.constraints else np.zeros(len(unit))
+        total = space.violation(unit)
         if support is not None:
             total += support.excess(space.values(unit))
         return total
