@@ -47,39 +47,19 @@ def near_bounds(
         the parameter. On a logarithmic scale this is the error of the logarithm times
         the value, and ``factor`` is the factor that one standard error stands for.
     """
-    point = np.array([[float(answer[name]) for name in space.names]])
-    response_errors = np.sqrt(np.diagonal(surrogate.covariance(point)[0]))
     near = []
     for k, name in enumerate(space.free):
-        # Work in the coordinate of the parameter's scale.
+        standard_error = _estimate_standard_error(surrogate, answer, space, name)
+        if standard_error is None:
+            continue
+
+        # Compare it with the distance from the nearer bound, along the scale.
         low = space.coordinate_ends[0][k]
         high = space.coordinate_ends[1][k]
         value = float(space.coordinates(name, np.array(float(answer[name]))))
-        width = high - low
-
-        # Compute the slope of each response between two points around the answer.
-        ends = np.clip(value + REACH * width * np.array([-1.0, 1.0]), low, high)
-        shares = (ends - low) / width
-        rise = _compute_rise(
-            surrogate,
-            point,
-            column=space.names.index(name),
-            ends=ends if name not in space.scale else space.values_at(name, shares),
-        )
-        slopes = rise / (ends[1] - ends[0])
-
-        # The error of a response, divided by its slope, is an error of the parameter. The
-        # smallest of them counts. Skip responses that do not depend on the parameter.
-        has_slope = slopes > 0
-        if not has_slope.any():
-            continue
-        parameter_errors = response_errors[has_slope] / slopes[has_slope]
-        standard_error = float(np.min(parameter_errors))
-
-        # Compare it with the distance from the nearer bound.
         is_lower = value - low <= high - value
         distance = value - low if is_lower else high - value
-        is_determined = standard_error <= LARGEST * width
+        is_determined = standard_error <= LARGEST * (high - low)
         if is_determined and distance <= standard_error:
             near.append(
                 _describe_parameter(
@@ -91,6 +71,71 @@ def near_bounds(
                 )
             )
     return near
+
+
+def _estimate_standard_error(
+    surrogate: Predictor, answer: Mapping[str, Any], space: ParameterSpace, name: str
+) -> float | None:
+    """Estimate the standard error of a parameter of the answer, the others fixed.
+
+    The error of a response, divided by its slope, is an error of the parameter. The
+    smallest of these counts.
+
+    Parameters
+    ----------
+    surrogate, answer, space
+        As in `near_bounds`.
+    name : str
+        The free parameter.
+
+    Returns
+    -------
+    float or None
+        In the coordinate of the parameter's scale. None if no response depends on the
+        parameter.
+    """
+    point = np.array([[float(answer[other]) for other in space.names]])
+    response_errors = np.sqrt(np.diagonal(surrogate.covariance(point)[0]))
+    slopes = _compute_slopes(surrogate, point, space, name)
+    has_slope = slopes > 0
+    if not has_slope.any():
+        return None
+    return float(np.min(response_errors[has_slope] / slopes[has_slope]))
+
+
+def _compute_slopes(
+    surrogate: Predictor, point: np.ndarray, space: ParameterSpace, name: str
+) -> np.ndarray:
+    """Compute how steeply each response changes with a parameter around a point.
+
+    Parameters
+    ----------
+    surrogate : Predictor
+    point : ndarray (1, d)
+        Values of all parameters.
+    space : ParameterSpace
+    name : str
+        The free parameter.
+
+    Returns
+    -------
+    ndarray (k,)
+        Absolute slopes per unit of the coordinate of the parameter's scale.
+    """
+    k = space.free.index(name)
+    low = space.coordinate_ends[0][k]
+    high = space.coordinate_ends[1][k]
+    width = high - low
+    column = space.names.index(name)
+    coordinate = float(space.coordinates(name, np.array(point[0, column])))
+
+    # two points around the answer, which stay inside the range
+    ends = np.clip(coordinate + REACH * width * np.array([-1.0, 1.0]), low, high)
+    values = ends
+    if name in space.scale:
+        values = space.values_at(name, (ends - low) / width)
+    rise = _compute_rise(surrogate, point, column=column, ends=values)
+    return rise / (ends[1] - ends[0])
 
 
 def _describe_parameter(

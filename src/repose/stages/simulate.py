@@ -548,28 +548,13 @@ def _run_in_folder(
     # An interrupted run may have left this folder.
     shutil.rmtree(work, ignore_errors=True)
     work.mkdir(parents=True)
-    # Copy the files, and write deck and parameters.
-    for name in settings.files:
-        shutil.copy(name, work / Path(name).name)
-    if settings.template is not None:
-        deck = work / deck_name(settings.template)
-        deck.write_text(inputs["deck"], encoding="utf-8")
-    values = inputs["values"]
-    run_numbers = {name: values[name] for name in NAMES}
-    parameters = {name: value for name, value in values.items() if name not in NAMES}
-    text = json.dumps({**run_numbers, "parameters": parameters}, indent=1)
-    (work / PARAMETERS).write_text(f"{text}\n", encoding="utf-8")
-
+    _write_inputs(settings, inputs, work)
     command = [inputs["program"], *inputs["command"][1:]]
     ending = _call_program(command, work, settings)
     # A program may remove its own folder; it then left nothing.
     work.mkdir(exist_ok=True)
     if ending.status == OK:
-        for name in settings.files_read:
-            if not (work / name).is_file():
-                problem = "is no file" if (work / name).exists() else "is missing"
-                ending = Ending("no_output", f"{name} {problem}")
-                break
+        ending = _check_outputs(settings, work)
 
     _remove_unlisted_files(work, settings)
     # Only a good run is taken again: what made another one fail may be repaired.
@@ -581,6 +566,43 @@ def _run_in_folder(
     shutil.rmtree(folder, ignore_errors=True)
     os.replace(work, folder)
     return ending
+
+
+def _write_inputs(
+    settings: SimulatorSettings, inputs: Mapping[str, Any], work: Path
+) -> None:
+    """Copy the files of a run to its folder, and write its deck and parameters.
+
+    Parameters
+    ----------
+    settings : SimulatorSettings
+    inputs : mapping
+        Result of `_collect_inputs`.
+    work : Path
+        An empty folder.
+    """
+    for name in settings.files:
+        shutil.copy(name, work / Path(name).name)
+    if settings.template is not None:
+        deck = work / deck_name(settings.template)
+        deck.write_text(inputs["deck"], encoding="utf-8")
+    # What numbers and equips the run stands beside its parameters.
+    values = inputs["values"]
+    run_numbers = {name: values[name] for name in NAMES}
+    parameters = {name: value for name, value in values.items() if name not in NAMES}
+    text = json.dumps({**run_numbers, "parameters": parameters}, indent=1)
+    (work / PARAMETERS).write_text(f"{text}\n", encoding="utf-8")
+
+
+def _check_outputs(settings: SimulatorSettings, work: Path) -> Ending:
+    """Tell whether a program that ended well has left every file that is read."""
+    for name in settings.files_read:
+        path = work / name
+        if not path.exists():
+            return Ending("no_output", f"{name} is missing")
+        if not path.is_file():
+            return Ending("no_output", f"{name} is no file")
+    return Ending(OK)
 
 
 def _call_program(

@@ -167,6 +167,66 @@ class _Threshold:
             self.value *= FALL_FACTOR
 
 
+class _Exchange(NamedTuple):
+    """An exchange that is tried: two rows swap their values in a column."""
+
+    column: int
+    rows: tuple[int, int]
+    gain: float  # change of the sum of repulsions
+
+
+class _Walk:
+    """A design that changes exchange by exchange.
+
+    Parameters
+    ----------
+    start : array (n, d)
+    doublings : int
+        The power p of phi_p is 2^(doublings + 1).
+
+    Attributes
+    ----------
+    pairs : Pairs
+        The design.
+    phi : float
+        Its phi_p.
+    """
+
+    def __init__(self, start: np.ndarray, doublings: int) -> None:
+        """Begin with a design."""
+        self.pairs = Pairs(start, doublings)
+        self._exponent = 1.0 / 2.0 ** (doublings + 1)
+        n = len(start)
+        self.n_candidates = min(MOST_CANDIDATES, max(1, n * (n - 1) // 10))
+        # Upper limits of random numbers that name the two rows of each candidate: the
+        # first row, and how many rows after it the second one lies, less one.
+        self._limits = np.tile([n, n - 1], self.n_candidates)
+        self.sum_afresh()
+
+    def sum_afresh(self) -> None:
+        """Sum all repulsions, since the rounding of many gains would pile up."""
+        self._total = self.pairs.total()
+        self.phi = self._total**self._exponent
+
+    def choose_exchange(self, column: int, rng: np.random.Generator) -> _Exchange:
+        """Choose the best of a few random exchanges in a column."""
+        i, offset = rng.integers(0, self._limits).reshape(-1, 2).T
+        j = (i + 1 + offset) % len(self.pairs.points)
+        gains = self.pairs.gains(column, i, j)
+        best = int(gains.argmin())
+        return _Exchange(column, (i[best], j[best]), gains[best])
+
+    def phi_after(self, exchange: _Exchange) -> float:
+        """Compute phi_p of the design after an exchange."""
+        return max(self._total + exchange.gain, 0.0) ** self._exponent
+
+    def accept(self, exchange: _Exchange) -> None:
+        """Make an exchange."""
+        self.phi = self.phi_after(exchange)
+        self.pairs.exchange(exchange.column, *exchange.rows)
+        self._total = self._total + exchange.gain
+
+
 class Evolved(NamedTuple):
     """Result of `evolve`: two designs (n, d)."""
 
@@ -196,50 +256,36 @@ def evolve(
     -------
     Evolved
     """
-    n, d = start.shape
-    pairs = Pairs(start, doublings)
-    exponent = 1.0 / 2.0 ** (doublings + 1)
-    total = pairs.total()
-    phi = total**exponent
-    best_phi = phi
+    n_columns = start.shape[1]
+    walk = _Walk(start, doublings)
+    threshold = _Threshold(FIRST_THRESHOLD * walk.phi)
+    trials = min(MOST_TRIALS, 2 * walk.n_candidates * n_columns)
+
+    best_phi = walk.phi
     best_points = start.copy()
-    widest_squared = pairs.squared.min()
+    widest_squared = walk.pairs.squared.min()
     widest_points = start.copy()
-    threshold = _Threshold(FIRST_THRESHOLD * phi)
-    candidates = min(MOST_CANDIDATES, max(1, n * (n - 1) // 10))
-    trials = min(MOST_TRIALS, 2 * candidates * d)
-    # Pairs of a row, below n, and of the distance to another row, below n - 1.
-    highs = np.tile([n, n - 1], candidates)
     for _ in range(rounds):
         phi_before = best_phi
         accepted = 0
         improved = 0
         for trial in range(trials):
-            # Draw exchanges in one column, and try the best of them.
-            column = trial % d
-            i, offset = rng.integers(0, highs).reshape(-1, 2).T
-            j = (i + 1 + offset) % n
-            gains = pairs.gains(column, i, j)
-            k = int(gains.argmin())
-            new_phi = max(total + gains[k], 0.0) ** exponent
-            if new_phi - phi > threshold.value * rng.random():
+            exchange = walk.choose_exchange(trial % n_columns, rng)
+            rise = walk.phi_after(exchange) - walk.phi
+            if rise > threshold.value * rng.random():
                 continue
-            pairs.exchange(column, i[k], j[k])
-            total = total + gains[k]
-            phi = new_phi
+            walk.accept(exchange)
             accepted += 1
-            if phi < best_phi:
-                best_phi = phi
-                best_points = pairs.points.copy()
+            if walk.phi < best_phi:
+                best_phi = walk.phi
+                best_points = walk.pairs.points.copy()
                 improved += 1
 
-        # Sum afresh: the rounding of thousands of gains would pile up.
-        total = pairs.total()
-        phi = total**exponent
-        smallest_squared = pairs.squared.min()
+        walk.sum_afresh()
+        smallest_squared = walk.pairs.squared.min()
         if smallest_squared > widest_squared:
             widest_squared = smallest_squared
-            widest_points = pairs.points.copy()
+            widest_points = walk.pairs.points.copy()
         threshold.adapt(
             is_better=best_phi < phi_before,
             accepted=accepted,

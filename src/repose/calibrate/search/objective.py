@@ -361,40 +361,69 @@ def search(
     n_feasible = 0
     for round_ in range(1, settings.rounds + 1):
         populations = []
-        fitnesses = []
         for _ in range(settings.generations):
             points = miga.ask()
-            F, V = objective(respond(points))
-            fitness = objective.fitness(F, V)
-            if preference is not None:
-                fitness += preference(points)
-            # Points that violate a constraint are worse than all others, and are not
-            # kept.
-            search_fitness = fitness
-            if violation is not None:
-                excesses = violation(points)
-                search_fitness = np.where(
-                    excesses > 0, NOT_ALLOWED * (1 + excesses), fitness
-                )
-                points = points[excesses <= 0]
-                fitness = fitness[excesses <= 0]
-                V = V[excesses <= 0]
-            populations.append(points)
-            fitnesses.append(fitness)
-            n_feasible += int(np.count_nonzero(V == 0))
-            miga.tell(search_fitness)
+            population = _judge(points, respond, objective, preference)
+            if violation is None:
+                miga.tell(population.fitness)
+            else:
+                # Points that violate a constraint guide the search back to what is
+                # allowed, and are kept nowhere else.
+                excess = violation(points)
+                is_allowed = excess <= 0
+                penalty = NOT_ALLOWED * (1 + excess)
+                miga.tell(np.where(is_allowed, population.fitness, penalty))
+                population = population.select(is_allowed)
+            populations.append(population)
+            n_feasible += population.count_feasible()
+
         # Offer the points of the whole round at once, which is faster.
-        archive.add(np.concatenate(populations), np.concatenate(fitnesses))
-        history.append(
-            (
-                round_,
-                miga.generation,
-                miga.evaluations,
-                miga.best_fitness,
-                # Constraints may allow none of the last points.
-                float(fitness.mean()) if len(fitness) else math.nan,
-                n_feasible,
-            )
+        archive.add(
+            np.concatenate([population.points for population in populations]),
+            np.concatenate([population.fitness for population in populations]),
         )
+        row = (
+            round_,
+            miga.generation,
+            miga.evaluations,
+            miga.best_fitness,
+            populations[-1].mean_fitness(),
+            n_feasible,
+        )
+        history.append(row)
     archive.thin()
     return Search(archive, history, n_feasible)
+
+
+class _Population(NamedTuple):
+    """Points of one generation with their fitness."""
+
+    points: np.ndarray  # (n, inputs)
+    fitness: np.ndarray  # (n,), the smaller the better
+    violation: np.ndarray  # (n,) of the targets, 0 where all of them are met
+
+    def select(self, is_chosen: np.ndarray) -> "_Population":
+        """Return the points at which a mask (n,) is true."""
+        return _Population(*(array[is_chosen] for array in self))
+
+    def count_feasible(self) -> int:
+        """Count the points that meet all targets."""
+        return int(np.count_nonzero(self.violation == 0))
+
+    def mean_fitness(self) -> float:
+        """Average the fitness; nan without points, as constraints may allow none."""
+        return float(self.fitness.mean()) if len(self.fitness) else math.nan
+
+
+def _judge(
+    points: np.ndarray,
+    respond: Function,
+    objective: Objective,
+    preference: Preference | None,
+) -> _Population:
+    """Compute the fitness of points (n, inputs); see `search` for the functions."""
+    F, V = objective(respond(points))
+    fitness = objective.fitness(F, V)
+    if preference is not None:
+        fitness += preference(points)
+    return _Population(points, fitness, V)

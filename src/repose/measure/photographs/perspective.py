@@ -1,6 +1,5 @@
 """Remove the perspective of a camera from the view of a pile."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -19,6 +18,23 @@ class Viewpoint(NamedTuple):
     height_px: float  # over the plate
 
 
+class _SourcePixels(NamedTuple):
+    """The pixel of the old view that each pixel of the new view shows."""
+
+    column: np.ndarray  # (H, W), float32
+    row: np.ndarray  # (H, W), float32
+
+    def redraw(self, picture: np.ndarray) -> np.ndarray:
+        """Redraw a picture, which may lack rows at the bottom of the view."""
+        return cv2.remap(
+            picture,
+            self.column[: len(picture)],
+            self.row[: len(picture)],
+            cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_REPLICATE,
+        )
+
+
 def remove_perspective(
     view: np.ndarray,
     pile: Segmentation,
@@ -28,12 +44,8 @@ def remove_perspective(
 ) -> tuple[np.ndarray, Segmentation]:
     """Redraw a side view as a camera at the plate's height sees it from far away.
 
-    The outline of a cone that is seen from above or below is a line from its apex to
-    its foot, but not in the plane of the side view, which faces the camera. It lies in
-    a half-plane that is turned about the axis by t, with sin(t) = tan(look down) /
-    tan(angle of the cone), away from a camera that looks down. This is exact at any
-    distance. Below the widest place of the foot the outline is the underside of the
-    foot's grains, which a camera at the plate's height does not see.
+    Below the widest place of the foot the outline is the underside of the foot's
+    grains, which a camera at the plate's height does not see.
 
     Parameters
     ----------
@@ -53,50 +65,102 @@ def remove_perspective(
     tuple
         The view and the pile, redrawn.
     """
-    # Angle of the cone that is seen at the measured angle, and turn of its outline
-    n_rows, n_columns = view.shape[:2]
-    camera_height = viewpoint.height_px
-    tan_down = (camera_height - pile_height_px) / viewpoint.distance_px
-    tan_angles = np.hypot(np.tan(np.radians(angles_deg)), tan_down)
-    sines = tan_down / tan_angles
+    # tangent of the angle at which the camera looks down on the apex
+    tan_down = (viewpoint.height_px - pile_height_px) / viewpoint.distance_px
+    source = _find_source_pixels(
+        view.shape[:2],
+        base_row=pile.base_row,
+        viewpoint=viewpoint,
+        outline_turn_sines=_compute_outline_turn_sines(angles_deg, tan_down),
+    )
 
-    # Each column of the new view belongs to one side of the pile, 0 left or 1 right.
-    offset = np.arange(n_columns) - viewpoint.axis_px
-    side = (offset > 0).astype(int)
-    distance = np.abs(offset)
-    sine = sines[side]
-
-    # Each pixel of the new view shows a point of the turned half-plane. The ray from the
-    # camera to this point meets the plane of the old view in the source pixel.
-    share = viewpoint.distance_px / (viewpoint.distance_px + distance * sine)
-    source_column = viewpoint.axis_px + offset * np.sqrt(1 - sine**2) * share
-    height = pile.base_row - np.arange(n_rows)[:, None]
-    source_height = camera_height + (height - camera_height) * share
-    source_x = np.tile(source_column, (n_rows, 1)).astype(np.float32)
-    source_y = (pile.base_row - source_height).astype(np.float32)
-
-    def redraw(picture: np.ndarray) -> np.ndarray:
-        """Redraw a picture, which may lack rows at the bottom of the view."""
-        return cv2.remap(
-            picture,
-            source_x[: len(picture)],
-            source_y[: len(picture)],
-            cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_REPLICATE,
-        )
-
-    # From above, the foot is not wider than in the old view.
-    pile_offset = np.flatnonzero(pile.mask.any(axis=0)) - viewpoint.axis_px
+    mask = source.redraw(pile.mask.astype(np.float32)) >= 0.5
     if tan_down > 0:
-        largest_distance = np.array([-pile_offset.min(), pile_offset.max()])
-    else:
-        largest_distance = np.full(2, math.inf)
-    is_pile = redraw(pile.mask.astype(np.float32)) >= 0.5
-    mask = is_pile & (distance <= largest_distance[side])
+        # From above, the foot is not wider than in the old view.
+        mask &= _find_columns_of_pile(pile)
     redrawn_pile = replace(
         pile,
-        grey=redraw(pile.grey),
-        contrast=redraw(pile.contrast),
+        grey=source.redraw(pile.grey),
+        contrast=source.redraw(pile.contrast),
         mask=mask.astype(np.uint8),
     )
-    return redraw(view), redrawn_pile
+    return source.redraw(view), redrawn_pile
+
+
+def _compute_outline_turn_sines(
+    angles_deg: Sequence[float], tan_down: float
+) -> np.ndarray:
+    """Compute how far the outline of a cone turns out of the plane of the side view.
+
+    The outline of a cone that is seen from above or below is a line from its apex to
+    its foot. This line lies in a half-plane that is turned about the cone's axis, away
+    from a camera that looks down. The sine of the turn is tan(look down) / tan(angle of
+    the cone), which is exact at any distance.
+
+    Parameters
+    ----------
+    angles_deg : sequence of float
+        Angles of the left and the right side as they are seen.
+    tan_down : float
+        Tangent of the angle at which the camera looks down; negative if it looks up.
+
+    Returns
+    -------
+    ndarray (2,)
+        Sines of the turns of the left and the right side.
+    """
+    tan_seen = np.tan(np.radians(angles_deg))
+    tan_cone = np.hypot(tan_seen, tan_down)
+    return tan_down / tan_cone
+
+
+def _find_source_pixels(
+    shape: tuple[int, int],
+    base_row: float,
+    viewpoint: Viewpoint,
+    outline_turn_sines: np.ndarray,
+) -> _SourcePixels:
+    """Find the pixels of the old view that a new view of the same shape shows.
+
+    A pixel of the new view shows a point of the turned half-plane. The ray from the
+    camera to this point meets the plane of the old view in the source pixel.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Rows and columns of the view.
+    base_row : float
+        Row of the plate.
+    viewpoint : Viewpoint
+    outline_turn_sines : ndarray (2,)
+        Result of `_compute_outline_turn_sines`.
+
+    Returns
+    -------
+    _SourcePixels
+    """
+    n_rows, n_columns = shape
+    axis_offset = np.arange(n_columns) - viewpoint.axis_px
+    # Each column belongs to one side of the pile, 0 left or 1 right.
+    side = (axis_offset > 0).astype(int)
+    sine = outline_turn_sines[side]
+
+    # The point lies behind the plane of the old view, so that it appears nearer to the
+    # camera's axis by this ratio.
+    depth = np.abs(axis_offset) * sine
+    ratio = viewpoint.distance_px / (viewpoint.distance_px + depth)
+    column = viewpoint.axis_px + axis_offset * np.sqrt(1 - sine**2) * ratio
+
+    height = base_row - np.arange(n_rows)[:, None]
+    source_height = viewpoint.height_px + (height - viewpoint.height_px) * ratio
+    return _SourcePixels(
+        column=np.tile(column, (n_rows, 1)).astype(np.float32),
+        row=(base_row - source_height).astype(np.float32),
+    )
+
+
+def _find_columns_of_pile(pile: Segmentation) -> np.ndarray:
+    """Tell which columns (W,) lie between the left and the right end of the pile."""
+    columns = np.arange(pile.mask.shape[1])
+    pile_columns = np.flatnonzero(pile.mask.any(axis=0))
+    return (columns >= pile_columns[0]) & (columns <= pile_columns[-1])
