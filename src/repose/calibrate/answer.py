@@ -315,7 +315,7 @@ class Check:
         # Adding 0.0 turns -0.0, a possible result of rounding, into 0.0.
         percent = 100 * (value - self.measured) / self._whole_of_measured
         percent = round(percent, 1) + 0.0
-        number = f"{kind}{self._write_mean(value)} {self.unit}".rstrip()
+        number = f"{kind}{self._format_mean(value)} {self.unit}".rstrip()
         return f"{label} {number} (measured {rounded(self.measured)}, {percent:+.1f} %)"
 
     @property
@@ -329,7 +329,7 @@ class Check:
             return f"{self.response}: no number{self._cause}; {target}: NOT met"
         side = "inside" if self.margin >= 0 else "outside"
         return (
-            f"{self.response}: simulated {self._write_mean(self.simulated)} "
+            f"{self.response}: simulated {self._format_mean(self.simulated)} "
             f"{self.unit} (runs: {self.runs}), measured {rounded(self.measured)}; {target}: "
             f"{self.verdict}, {rounded(abs(self.margin), 2)} {self.unit} {side}"
         )
@@ -341,7 +341,7 @@ class Check:
             return ""
         return f", because {in_words(self.status)}"
 
-    def _write_mean(self, mean: float) -> str:
+    def _format_mean(self, mean: float) -> str:
         """Write a mean with the standard error of the simulations, if it is known."""
         if self.standard_error is None:
             return rounded(mean)
@@ -521,7 +521,7 @@ class Result:
     @property
     def headline(self) -> str:
         """Whether the targets are met, in one line with numbers."""
-        line = write_verdict_line(
+        line = format_verdict_line(
             self.verdict, self.checks, self.reason, self.small_run
         )
         return f"{self.label}: {line}"
@@ -589,7 +589,7 @@ def out_of_reach(summary: Mapping[str, Any]) -> bool:
     return summary.get("stop", "out_of_reach") == "out_of_reach"
 
 
-def write_verdict_line(
+def format_verdict_line(
     verdict: Verdict,
     checks: Iterable[Check],
     reason: str,

@@ -239,7 +239,7 @@ def parser() -> argparse.ArgumentParser:
     stage_parser = verbs.add_parser(
         STAGE,
         description="One stage of the workflow, as its rules call it.",
-        epilog="\n".join(["stages:", *map(_write_entry, STAGES)]),
+        epilog="\n".join(["stages:", *map(_format_entry, STAGES)]),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     stages = stage_parser.add_subparsers(
@@ -363,7 +363,7 @@ def _list_verbs(group_titles: Iterable[str]) -> str:
     lines: list[str] = []
     for group_title in group_titles:
         lines.append(f"{group_title}:")
-        lines += [_write_entry(name) for name in GROUPS[group_title]]
+        lines += [_format_entry(name) for name in GROUPS[group_title]]
         lines.append("")
     lines += [
         f"`{PROGRAM} VERB --help` explains a verb, `{PROGRAM} help all` lists all verbs,",
@@ -373,7 +373,7 @@ def _list_verbs(group_titles: Iterable[str]) -> str:
     return "\n".join(lines)
 
 
-def _write_entry(name: str) -> str:
+def _format_entry(name: str) -> str:
     """Write a verb and the beginning of its summary, in lines of 80 columns."""
     clause = VERBS[name].summary.partition(";")[0].removesuffix(".")
     # It goes on behind the name, so it begins with a small letter.

@@ -75,15 +75,15 @@ def update_tables(text: str) -> str:
     """
     tables_by_name = make_tables()
 
-    def write_table(match: re.Match[str]) -> str:
+    def format_table(match: re.Match[str]) -> str:
         """Write a table between the two lines that name it in the page."""
         name = match[1]
         rule = "|---" * len(COLUMNS) + "|"
-        lines = [_write_line(COLUMNS), rule, *_write_rows(tables_by_name[name])]
+        lines = [_format_line(COLUMNS), rule, *_format_rows(tables_by_name[name])]
         text_of_table = "\n".join(lines)
         return f"<!-- keys: {name} -->\n\n{text_of_table}\n\n<!-- end -->"
 
-    return TABLE.sub(write_table, text)
+    return TABLE.sub(format_table, text)
 
 
 def sections_without_table(text: str) -> list[str]:
@@ -118,7 +118,7 @@ def _find_section_model(field: FieldInfo) -> type[Section] | None:
     return None
 
 
-def _write_rows(table: Table) -> Iterator[str]:
+def _format_rows(table: Table) -> Iterator[str]:
     """Yield a row of the table for each key that a user may set."""
     for name, field in table.model.model_fields.items():
         # An inner section has its own table. An internal key has no description.
@@ -136,10 +136,10 @@ def _write_rows(table: Table) -> Iterator[str]:
             "default": _find_default(name, field, table),
             "source": str(source),
         }
-        yield _write_line(cells[column] for column in COLUMNS)
+        yield _format_line(cells[column] for column in COLUMNS)
 
 
-def _write_line(cells: Iterable[str]) -> str:
+def _format_line(cells: Iterable[str]) -> str:
     """Write a line of a table in Markdown."""
     return f"| {' | '.join(cells)} |"
 

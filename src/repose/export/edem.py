@@ -155,13 +155,13 @@ def deck(job: Job) -> dict[str, str]:
     spheres = ["x,y,z,radius"]
     spheres += [join_numbers(sphere, ",") for sphere in job.particle.spheres_m]
     return {
-        "edem.md": _write_page(job, table),
+        "edem.md": _format_page(job, table),
         "spheres.csv": "".join(f"{line}\n" for line in spheres),
         "funnel.stl": write_stl(job.surfaces),
     }
 
 
-def _write_page(job: Job, table: list[Row]) -> str:
+def _format_page(job: Job, table: list[Row]) -> str:
     """Write the page edem.md as Markdown.
 
     It names the models to choose and the files to import, and has the table of values

@@ -19,16 +19,16 @@ def deck(job: Job) -> dict[str, str]:
         "yade.py.jinja",
         job,
         head=write_head(job, _list_differences(job)),
-        spheres=_write_list(job.particle.spheres_m),
-        masses=_write_list(weights * job.particle.mass_kg),
-        inertia=_write_list(inertia),
+        spheres=_format_list(job.particle.spheres_m),
+        masses=_format_list(weights * job.particle.mass_kg),
+        inertia=_format_list(inertia),
         damping_gg=_compute_damping_share(job.grains),
         damping_gp=_compute_damping_share(job.on_wall),
         eta=job.grains.rolling_friction * job.lever_m / job.mean_radius_m,
         krot=rolling_stiffness(job.grains),
         moment_gp=job.on_wall.rolling_friction * job.lever_m,
         krot_gp=rolling_stiffness(job.on_wall),
-        profile=_write_list(compute_profile(job.surfaces)),
+        profile=_format_list(compute_profile(job.surfaces)),
         around=AROUND,
         plate_side=4.0 * widest_m,
     )
@@ -106,10 +106,10 @@ def distribute_mass(job: Job) -> tuple[np.ndarray, np.ndarray]:
     return shares, missing_inertia / n_spheres
 
 
-def _write_list(values: ArrayLike) -> str:
+def _format_list(values: ArrayLike) -> str:
     """Write numbers (N,), or rows of numbers (N, M), as a list of Python."""
     values = np.asarray(values)
     if values.ndim == 1:
         return f"[{join_numbers(values, ', ')}]"
-    rows = "".join(f"    {_write_list(row)},\n" for row in values)
+    rows = "".join(f"    {_format_list(row)},\n" for row in values)
     return f"[\n{rows}]"

@@ -10,8 +10,8 @@ from repose.calibrate.answer import (
     Check,
     Verdict,
     describe_probability,
+    format_verdict_line,
     nearness,
-    write_verdict_line,
 )
 from repose.calibrate.card import RANGE, with_remark
 from repose.common.numbers import rounded, with_error
@@ -30,7 +30,7 @@ def verdict(card: Card) -> str:
     )
     checks = map(_read_check, card["tests"])
     state = state_of(card)
-    line = write_verdict_line(
+    line = format_verdict_line(
         state, checks, reason=reason, small_run=card.get("small_run", False)
     )
     text = f"{card['material']}: {line}"
@@ -75,7 +75,7 @@ def describe(card: Card) -> str:
     lines.append(f"parameters [{_kind_of_interval(card)}]:")
     for name, parameter in card["parameters"].items():
         meaning = with_remark(parameter["meaning"], parameter)
-        lines.append(f"  {name:7} {_write_interval(parameter):32} {meaning}")
+        lines.append(f"  {name:7} {_format_interval(parameter):32} {meaning}")
     if "near_bounds" in card:
         lines.append(f"{NEAR_BOUNDS}: {'; '.join(card['near_bounds'])}")
     lines.append(f"correlations of 0.5 and more: {_list_strong_correlations(card)}")
@@ -91,7 +91,7 @@ def describe(card: Card) -> str:
             text = f"{probability:.2f}"
         lines.append(f"  all within {percent}: probability {text}")
     for name, settings in _collect_bench_settings(card).items():
-        lines.append(f"  {name}: {_write_settings(settings)}")
+        lines.append(f"  {name}: {_format_settings(settings)}")
     lines.append(_describe_maker(card["made_by"]))
     return "\n".join(lines)
 
@@ -125,8 +125,8 @@ def _describe_subject(card: Card) -> Iterator[str]:
         f"grain: {axes} mm (mean of {grain['measured']}{spread}), {grain['shape']}, "
         f"{rounded(grain['volume_mm3'])} mm3, {rounded(grain['mass_g'])} g"
     )
-    yield f"  density {rounded(grain['density_kg_m3'])} kg/m3, {_write_moduli(grain)}"
-    yield f"wall: {_write_moduli(card['wall'])}"
+    yield f"  density {rounded(grain['density_kg_m3'])} kg/m3, {_format_moduli(grain)}"
+    yield f"wall: {_format_moduli(card['wall'])}"
     yield "contact laws:"
     for direction, sentence in card["laws"].items():
         yield f"  {direction}: {sentence}"
@@ -159,7 +159,7 @@ def _describe_test(test: Card) -> Iterator[str]:
     test : mapping
         An entry of `tests` in a card.
     """
-    simulated = _write_mean(test["simulated"], test["standard_error"])
+    simulated = _format_mean(test["simulated"], test["standard_error"])
     if test["simulated"] is not None:
         simulated += f" {test['unit']}"
     yield (
@@ -181,14 +181,14 @@ def _describe_test(test: Card) -> Iterator[str]:
     definition = test["definition"]
     definition_text = f"  definition: {definition['name'] or 'not stated'}"
     if definition["settings"]:
-        definition_text += f"; {_write_settings(definition['settings'])}"
+        definition_text += f"; {_format_settings(definition['settings'])}"
     yield definition_text
     if "reach" in test:
         yield f"  {test['reach']['sentence']}"
     if "definitions" in test:
         means_by_line = []
         for other_definition in test["definitions"].values():
-            mean = _write_mean(
+            mean = _format_mean(
                 other_definition["simulated"], other_definition["standard_error"]
             )
             means_by_line.append(f"{other_definition['line']}: {mean}")
@@ -224,15 +224,15 @@ def compare(first: Card, second: Card) -> str:
     # A row has a name, and then the texts of the first and the second card.
     rows = [["", first["material"], second["material"]]]
     for name in first["parameters"] | second["parameters"]:
-        rows.append(_write_parameter_row(name, first, second))
+        rows.append(_format_parameter_row(name, first, second))
 
     # Add the simulated and measured mean of each response.
     first_tests = {test["response"]: test for test in first["tests"]}
     second_tests = {test["response"]: test for test in second["tests"]}
     for name in first_tests | second_tests:
         means = (
-            _write_means(first_tests.get(name)),
-            _write_means(second_tests.get(name)),
+            _format_means(first_tests.get(name)),
+            _format_means(second_tests.get(name)),
         )
         rows.append([name, *means])
 
@@ -240,18 +240,18 @@ def compare(first: Card, second: Card) -> str:
     if "simulator" not in first and "simulator" not in second:
         for key in COMPARED:
             values = (first["grain"][key], second["grain"][key])
-            rows.append([key, *map(_write_value, values)])
+            rows.append([key, *map(_format_value, values)])
     return "\n".join([*_align_columns(rows), *_describe_differences(first, second)])
 
 
-def _write_parameter_row(name: str, first: Card, second: Card) -> list[str]:
+def _format_parameter_row(name: str, first: Card, second: Card) -> list[str]:
     """Write the values of a parameter in two cards; `-` where a card lacks it."""
     parameter = first["parameters"].get(name)
     other_parameter = second["parameters"].get(name)
     row = [
         name,
-        "-" if parameter is None else _write_interval(parameter),
-        "-" if other_parameter is None else _write_interval(other_parameter),
+        "-" if parameter is None else _format_interval(parameter),
+        "-" if other_parameter is None else _format_interval(other_parameter),
     ]
     if parameter is not None and other_parameter is not None:
         row.append(_note_overlap(parameter, other_parameter))
@@ -355,7 +355,7 @@ def _list_unlike_keys(first: Card, second: Card) -> str:
     for key in {**first, **second}:
         if first.get(key) != second.get(key):
             texts.append(
-                f"{key} {_write_value(first.get(key))} | {_write_value(second.get(key))}"
+                f"{key} {_format_value(first.get(key))} | {_format_value(second.get(key))}"
             )
     return "; ".join(texts)
 
@@ -369,13 +369,13 @@ def _note_overlap(first: Card, second: Card) -> str:
     return "intervals apart"
 
 
-def _write_means(test: Card | None) -> str:
+def _format_means(test: Card | None) -> str:
     """Write the simulated and the measured mean of a test."""
     if test is None:
         return "-"
-    mean = _write_mean(test["simulated"], None)
+    mean = _format_mean(test["simulated"], None)
     if test["simulated"] is None and "predicted" in test:
-        mean = f"predicted {_write_mean(test.get('predicted'), None)}"
+        mean = f"predicted {_format_mean(test.get('predicted'), None)}"
     return f"{mean}, measured {rounded(test['measured'])} {test['unit']}"
 
 
@@ -402,7 +402,7 @@ def _is_fixed(parameter: Card) -> bool:
     return parameter["low"] is None or parameter["high"] is None
 
 
-def _write_interval(parameter: Card) -> str:
+def _format_interval(parameter: Card) -> str:
     """Write a parameter with its interval."""
     if _is_fixed(parameter):
         return f"{rounded(parameter['value'])} fixed"
@@ -410,14 +410,14 @@ def _write_interval(parameter: Card) -> str:
     return f"{rounded(parameter['value'])} {interval}"
 
 
-def _write_mean(mean: float | None, error: float | None) -> str:
+def _format_mean(mean: float | None, error: float | None) -> str:
     """Write a mean with its standard error, if it is known."""
     if mean is None:
         return "no number"
     return rounded(mean) if error is None else with_error(mean, error)
 
 
-def _write_moduli(material: Card) -> str:
+def _format_moduli(material: Card) -> str:
     """Write the moduli of a material."""
     return (
         f"shear modulus {rounded(material['shear_modulus_pa'])} Pa, "
@@ -425,12 +425,12 @@ def _write_moduli(material: Card) -> str:
     )
 
 
-def _write_settings(section: Card) -> str:
+def _format_settings(section: Card) -> str:
     """List keys with their values."""
-    return ", ".join(f"{key} {_write_value(value)}" for key, value in section.items())
+    return ", ".join(f"{key} {_format_value(value)}" for key, value in section.items())
 
 
-def _write_value(value: Any) -> str:
+def _format_value(value: Any) -> str:
     """Write a value of a setting or of the grain for people.
 
     A number has four digits. The numbers of a list are joined by " x ", as axes are.

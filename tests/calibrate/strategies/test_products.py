@@ -165,7 +165,7 @@ def test_the_report_of_a_strategy_has_the_answer_sliders_and_how_it_went(study):
     predicted = page.content(study)["model"]["curves"]["mus_gg"]["mean"]
     assert predicted[-1][1] > predicted[0][1], "more friction, a higher pile"
     study.surrogate = None
-    assert sections.other_parameters(study) is None
+    assert sections.make_other_parameters(study) is None
     assert page.content(study)["model"] is None
 
 

@@ -182,11 +182,11 @@ def write_targets(
     ]
     is_target = results.summary["response"].isin(list(responses))
     for row in results.summary[is_target].itertuples():
-        lines += _write_target(row, bench, responses[row.response])
+        lines += _format_target(row, bench, responses[row.response])
     return "\n".join(lines) + "\n"
 
 
-def _write_target(row: Any, bench: str, response: str) -> list[str]:
+def _format_target(row: Any, bench: str, response: str) -> list[str]:
     """Write a row of the summary as the entry of a target, in lines of YAML.
 
     Parameters

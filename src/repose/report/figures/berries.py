@@ -159,7 +159,7 @@ def particle_and_mesh(inputs: Inputs, study: StudyView) -> Figure:
     figure.set_layout_engine("compressed")
     mesh_panel, *particle_panels = figure.subplots(1, 4)
     mesh_words = f"{len(mesh.faces)} triangles"
-    _write_description(mesh_panel, "a  mesh", body=simulated.mesh, text=mesh_words)
+    _format_description(mesh_panel, "a  mesh", body=simulated.mesh, text=mesh_words)
     mesh_panel.imshow(render_mesh(mesh_in_m, **view))
     style.draw_scale_bar(
         mesh_panel,
@@ -176,11 +176,11 @@ def particle_and_mesh(inputs: Inputs, study: StudyView) -> Figure:
         except InputError as error:
             # Not every mesh has a particle of each kind.
             text = "\n".join(textwrap.wrap(str(error), 34))
-            _write_description(panel, title, body=None, text=text)
+            _format_description(panel, title, body=None, text=text)
             continue
         if kind == simulated.kind:
             title += " (poured)"
-        _write_description(
+        _format_description(
             panel, title, body=particle, text=_describe_composition(particle)
         )
         picture = render_bodies(
@@ -246,7 +246,7 @@ def _describe_parts(particle: Particle) -> str:
     return "one ellipsoid" if count == 1 else f"sum of {count} ellipsoids"
 
 
-def _write_description(
+def _format_description(
     panel: Axes, title: str, body: Particle | Body | None, text: str
 ) -> None:
     """Write the name of a body above its picture, and its properties below.

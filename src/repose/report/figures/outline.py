@@ -124,7 +124,7 @@ def _draw_measured_height(panel: Axes, targets: Targets, mean: Outline) -> None:
             ends,
             [target.value, target.value],
             color=style.ORANGE,
-            label=f"measured height {_write_mean_and_sd(target)}",
+            label=f"measured height {_format_mean_and_sd(target)}",
         )
 
 
@@ -175,7 +175,7 @@ def _draw_measured_slope(
             heights,
             color=style.RED,
             lw=1.4,
-            label=f"{label_prefix}measured slope, {symbol} {_write_mean_and_sd(target)}",
+            label=f"{label_prefix}measured slope, {symbol} {_format_mean_and_sd(target)}",
         )
 
 
@@ -194,6 +194,6 @@ def _find_heights_of_line(
     return low * top_mm, high * top_mm
 
 
-def _write_mean_and_sd(target: Target) -> str:
+def _format_mean_and_sd(target: Target) -> str:
     """Write a measured mean with the standard deviation of a repetition."""
     return f"{target.value:g} ± {target.sd:g} {target.response.unit} (SD)"

@@ -223,11 +223,11 @@ def _draw_targets(panel: Axes, across: Target, up: Target) -> None:
         zorder=4,
         label=f"measured ± standard error of {across.repetitions} repetitions",
     )
-    panel.set_xlabel(_write_axis_label(across))
-    panel.set_ylabel(_write_axis_label(up))
+    panel.set_xlabel(_format_axis_label(across))
+    panel.set_ylabel(_format_axis_label(up))
 
 
-def _write_axis_label(target: Target) -> str:
+def _format_axis_label(target: Target) -> str:
     """Write the label of an axis, with the name of the response if it has a symbol."""
     response = target.response
     name = "" if response.label == response.symbol else f"{response.label},"

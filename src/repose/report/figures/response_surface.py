@@ -67,7 +67,7 @@ def _draw_effects(panel: Axes, effects: pd.DataFrame) -> None:
     """
     is_rising = effects["coefficient"] > 0
     panel.barh(
-        [_write_term(term) for term in effects["term"]],
+        [_format_term(term) for term in effects["term"]],
         effects["t"],
         color=np.where(is_rising, style.ORANGE, style.BLUE),
         height=0.7,
@@ -227,7 +227,7 @@ def _fit_models(inputs: Inputs, targets: Targets) -> list[Model]:
     return fit_models(samples, dataset, targets=targets, order="quadratic")
 
 
-def _write_term(term: str) -> str:
+def _format_term(term: str) -> str:
     """Write a term of a model with the symbols of its parameters."""
     if term.endswith("^2"):
         return f"{SYMBOLS.get(term[:-2], term[:-2])}²"

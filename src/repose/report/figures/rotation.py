@@ -101,13 +101,13 @@ def _describe_slip(
         return text
     slipped = runs[runs["status"] == "ok"]
     if len(slipped) > 1:
-        angle = _write_mean_and_error(slipped["before_turned_deg"])
-        time = _write_mean_and_error(slipped["before_time_s"])
+        angle = _format_mean_and_error(slipped["before_turned_deg"])
+        time = _format_mean_and_error(slipped["before_time_s"])
         text += f"\nIn {len(slipped)} runs, mean ± standard error: {angle}°, {time} s."
     return text
 
 
-def _write_mean_and_error(values: pd.Series) -> str:
+def _format_mean_and_error(values: pd.Series) -> str:
     """Write the mean of some values with its standard error."""
     return f"{values.mean():.1f} ± {values.sem():.1f}"
 

@@ -67,7 +67,7 @@ def feasible_solutions(inputs: Inputs, study: StudyView) -> Figure:
     if published is not None:
         sentences.append(_describe_overlap(solutions, study, published))
     style.write_below(figure, " ".join(sentences))
-    _write_title(figure, panel, solutions=solutions, summary=summary)
+    _format_title(figure, panel, solutions=solutions, summary=summary)
     return figure
 
 
@@ -114,7 +114,7 @@ def _describe_overlap(
     )
 
 
-def _write_title(
+def _format_title(
     figure: Figure, panel: Axes, solutions: pd.DataFrame, summary: Mapping[str, Any]
 ) -> None:
     """Write the number of solutions as the title, or why none of them is feasible.

@@ -109,7 +109,7 @@ def network_structure(inputs: Inputs, study: StudyView) -> Figure:
     n_bars = n_outputs * len(layers.inputs)
     figure = style.new_figure(style.PAGE, max(3.1, 1.0 + 0.17 * n_bars))
     left, right = figure.subplots(1, 2, width_ratios=(1, 1.15))
-    titles = _write_layer_titles(network, layers)
+    titles = _format_layer_titles(network, layers)
     _draw_network(
         left, layers, titles=titles, inputs=network["inputs"], symbols=symbols
     )
@@ -121,7 +121,7 @@ def network_structure(inputs: Inputs, study: StudyView) -> Figure:
     return figure
 
 
-def _write_layer_titles(network: Mapping[str, Any], layers: Layers) -> list[str]:
+def _format_layer_titles(network: Mapping[str, Any], layers: Layers) -> list[str]:
     """Write a title for each layer, with its number of nodes and its activation.
 
     Parameters
@@ -481,7 +481,7 @@ def _describe_accuracy(table: pd.DataFrame, split: str, shown: Response) -> list
     rows = table[is_split]
     simulated = rows[shown.name].to_numpy(float)
     predicted = rows[shown.predicted].to_numpy(float)
-    of_model = _write_accuracy(simulated, predicted - simulated, shown.unit)
+    of_model = _format_accuracy(simulated, predicted - simulated, shown.unit)
 
     # The test samples are too few to estimate the noise, so use the whole design.
     noisy_rows = rows
@@ -489,14 +489,14 @@ def _describe_accuracy(table: pd.DataFrame, split: str, shown: Response) -> list
         noisy_rows = table[table["split"] != "new points"]
     means = noisy_rows[shown.name].to_numpy(float)
     noise = noisy_rows[shown.standard_error].to_numpy(float)
-    of_perfect_model = _write_accuracy(means, noise, shown.unit)
+    of_perfect_model = _format_accuracy(means, noise, shown.unit)
     return [
         f"{split}: {of_model}",
         f"perfect model, {len(means)} sets: {of_perfect_model}",
     ]
 
 
-def _write_accuracy(simulated: np.ndarray, deviation: np.ndarray, unit: str) -> str:
+def _format_accuracy(simulated: np.ndarray, deviation: np.ndarray, unit: str) -> str:
     """Write R2 and RMSE of predictions.
 
     They are unknown where a deviation is, as the standard error of a single run.

@@ -57,7 +57,7 @@ def write_study(
     """Write the report of a study in memory; `tables` are further tables by title."""
     text = render(
         "report.html",
-        **sections.template_values(study, tables),
+        **sections.make_template_values(study, tables),
         content=content(study),
         style_sheet=asset("report.css"),
         scripts=_list_scripts(has_view="trajectory" in study.files),
@@ -109,7 +109,7 @@ def text_to_copy(study: Results) -> str:
 
 def _material_to_copy(study: Results) -> str | None:
     """Write the tables for another program as text; None without them."""
-    section = sections.material(study)
+    section = sections.make_material(study)
     if section is None:
         return None
     return tables_as_text([section.values, section.laws])

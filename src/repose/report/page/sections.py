@@ -29,7 +29,12 @@ from repose.report.page.pictures import EmbeddedPicture, embed_known
 from repose.report.page.prediction import has_network, without_scales
 from repose.report.page.study import Results
 from repose.report.page.tables import FoldedTable, Table, folded_table
-from repose.report.page.verdict import VerdictText, checks_of, verdict_of, write_percent
+from repose.report.page.verdict import (
+    VerdictText,
+    checks_of,
+    format_percent,
+    verdict_of,
+)
 from repose.report.study_view import parameter_ranges
 from repose.stages.card import read as read_card
 from repose.stages.dataset import describe_counts
@@ -123,7 +128,7 @@ class MethodSection:
 # --- The answer -----------------------------------------------------------------------
 
 
-def answer(study: Results) -> AnswerSection:
+def make_answer(study: Results) -> AnswerSection:
     """Describe the parameters, their intervals, and whether they meet the targets."""
     posterior = study.posterior
     is_unsettled = posterior is not None and posterior["r_hat"].max() > LARGEST_R_HAT
@@ -133,10 +138,10 @@ def answer(study: Results) -> AnswerSection:
         impossible_targets=impossible_targets(study.files),
         origin=_describe_origin(study),
         determination=_describe_determination(study),
-        sets_inside=_sets_inside(study),
+        sets_inside=_describe_sets_inside(study),
         nearness=_describe_nearness(study),
-        near_bounds=_near_bounds(study),
-        table=_parameter_table(study),
+        near_bounds=_describe_near_bounds(study),
+        table=_make_parameter_table(study),
         has_intervals=posterior is not None,
         intervals_are_unsettled=bool(is_unsettled),
     )
@@ -182,7 +187,7 @@ def _describe_determination(study: Results) -> str:
     )
 
 
-def _sets_inside(study: Results) -> str:
+def _describe_sets_inside(study: Results) -> str:
     """Describe how many samples meet all targets, and how far apart they are.
 
     The text is empty if fewer than two samples do.
@@ -214,7 +219,7 @@ def _describe_nearness(study: Results) -> str:
     return nearness(replace(check, response=check.label) for check in checks)
 
 
-def _near_bounds(study: Results) -> str:
+def _describe_near_bounds(study: Results) -> str:
     """State which parameters are at a bound as far as the fit can tell; empty if none is."""
     clauses = [
         describe_near_bound(near) for near in study.summary.get("near_bounds", ())
@@ -222,14 +227,14 @@ def _near_bounds(study: Results) -> str:
     return f"{NEAR_BOUNDS}: {'; '.join(clauses)}." if clauses else ""
 
 
-def _parameter_table(study: Results) -> Table:
+def _make_parameter_table(study: Results) -> Table:
     """Tabulate the parameters of the answer."""
     columns = ["parameter", "meaning", "value"]
     if study.posterior is not None:
         columns += ["95 % interval", "left open"]
     columns.append("searched")
     rows = [
-        _parameter_row(study, name, value)
+        _make_parameter_row(study, name, value)
         for name, value in zip(
             study.parameters.names, study.answer.tolist(), strict=True
         )
@@ -237,7 +242,7 @@ def _parameter_table(study: Results) -> Table:
     return Table(columns, rows, style="answer")
 
 
-def _parameter_row(study: Results, name: str, value: float) -> list[str]:
+def _make_parameter_row(study: Results, name: str, value: float) -> list[str]:
     """Return the cells of one parameter in the table of the answer."""
     parameters = study.parameters
     label = LABELS.get(name, "")  # empty for parameters of another simulator
@@ -259,7 +264,7 @@ def _parameter_row(study: Results, name: str, value: float) -> list[str]:
         )
         interval_cells = [
             f"{rounded(interval['low'], 3)} to {rounded(interval['high'], 3)}",
-            _share_left_open(row["width_ratio"]),
+            _describe_share_left_open(row["width_ratio"]),
         ]
     low, high = parameter_ranges(parameters)[name]
     searched = f"{rounded(low, 3)} to {rounded(high, 3)}"
@@ -267,7 +272,7 @@ def _parameter_row(study: Results, name: str, value: float) -> list[str]:
     return [name, meaning, f"{rounded(value)}", *interval_cells, searched]
 
 
-def _share_left_open(share: float) -> str:
+def _describe_share_left_open(share: float) -> str:
     """Write how much of a parameter's range its 95 % interval leaves open.
 
     The intervals are estimated, so the share can pass 1 by a little.
@@ -279,7 +284,7 @@ def _share_left_open(share: float) -> str:
 # --- The material ---------------------------------------------------------------------
 
 
-def material(study: Results) -> MaterialSection | None:
+def make_material(study: Results) -> MaterialSection | None:
     """Describe the material and the contact laws.
 
     The result is None unless the study has the card of a simulation by this program.
@@ -302,23 +307,23 @@ def material(study: Results) -> MaterialSection | None:
 # --- The check ------------------------------------------------------------------------
 
 
-def check(study: Results) -> CheckSection:
+def make_check(study: Results) -> CheckSection:
     """Describe measured, predicted and simulated responses, and the pile."""
     return CheckSection(
-        responses=_response_table(study),
+        responses=_make_response_table(study),
         has_simulations=study.number("n_seeds") is not None,
-        failures=_failures(study),
+        failures=_describe_failures(study),
         overlaps=overlap_warning(study.runs_of_answer),
-        angle_definitions=_table_of_angle_definitions(study),
+        angle_definitions=_make_table_of_angle_definitions(study),
         has_view="trajectory" in study.files,
         pile_pictures=embed_known(study.files, captions.PILE_PICTURES),
-        checked_sets=_table_of_checked_sets(study),
-        abbreviations=_abbreviations(study),
+        checked_sets=_make_table_of_checked_sets(study),
+        abbreviations=_explain_abbreviations(study),
         has_published_sets=len(study.published_sets) > 0,
     )
 
 
-def _failures(study: Results) -> str:
+def _describe_failures(study: Results) -> str:
     """Say how many of the answer's runs failed and why; empty if none did."""
     statuses = [run["status"] for run in study.runs_of_answer]
     failures = Counter(status for status in statuses if status != "ok")
@@ -327,16 +332,18 @@ def _failures(study: Results) -> str:
     return f"Of these {len(statuses)} simulations, {explain(failures, 'failed')}."
 
 
-def _response_table(study: Results) -> Table:
+def _make_response_table(study: Results) -> Table:
     """Tabulate the responses of the answer; without new simulations up to the predicted."""
     columns = ["response", "measured", "target range", "predicted"]
     if study.number("n_seeds") is not None:
         columns += ["simulated", "difference", "inside"]
-    rows = [_response_row(study, target)[: len(columns)] for target in study.targets]
+    rows = [
+        _make_response_row(study, target)[: len(columns)] for target in study.targets
+    ]
     return Table(columns, rows, style="check")
 
 
-def _response_row(study: Results, target: Target) -> list[str]:
+def _make_response_row(study: Results, target: Target) -> list[str]:
     """Write the cells of one target in the table of the responses.
 
     They are those of all columns. Without new simulations the last ones are not shown.
@@ -350,25 +357,25 @@ def _response_row(study: Results, target: Target) -> list[str]:
     # The simulated mean, and how far it is off the measured one.
     simulated = study.number(response.simulated)
     error = study.number(response.standard_error)
-    simulated_text = _mean_with_error(simulated, error, f" {unit}")
+    simulated_text = _format_mean_with_error(simulated, error, f" {unit}")
     difference = ""
     if simulated is not None:
         percent = 100 * (simulated - target.value) / target.whole_value
         difference = f"{percent:+.1f} %"
 
-    inside = write_percent(study.probability[target.name])
+    inside = format_percent(study.probability[target.name])
     return [
         response.label,
         measured,
         target_range,
-        _write_prediction(study, target),
+        _format_prediction(study, target),
         simulated_text,
         difference,
         inside,
     ]
 
 
-def _write_prediction(study: Results, target: Target) -> str:
+def _format_prediction(study: Results, target: Target) -> str:
     """Write the predicted response of the answer, with its expected optimism.
 
     The text is empty without a prediction.
@@ -385,7 +392,7 @@ def _write_prediction(study: Results, target: Target) -> str:
     return f"{text} ({expected.replace('+-', '±')})"
 
 
-def _table_of_angle_definitions(study: Results) -> Table | None:
+def _make_table_of_angle_definitions(study: Results) -> Table | None:
     """Tabulate the answer's angle of repose by each definition; None without piles."""
     if not set(MEAN_KEYS.values()) <= set(study.answer_row.index):
         return None
@@ -401,7 +408,7 @@ def _table_of_angle_definitions(study: Results) -> Table | None:
         mean = study.number(column)
         error = study.number(error_of(column))
         remark = "calibrated" if line in calibrated_lines else ""
-        rows.append([line, _mean_with_error(mean, error, " deg"), remark])
+        rows.append([line, _format_mean_with_error(mean, error, " deg"), remark])
     return Table(["line", "simulated", ""], rows, style="lines")
 
 
@@ -412,7 +419,7 @@ class _Cell(NamedTuple):
     value: Any
 
 
-def _table_of_checked_sets(study: Results) -> Table | None:
+def _make_table_of_checked_sets(study: Results) -> Table | None:
     """Tabulate the sets that were simulated again; None for the answer alone.
 
     Published sets follow in rows of their own, with the numbers of their publication.
@@ -420,7 +427,7 @@ def _table_of_checked_sets(study: Results) -> Table | None:
     if len(study.checked_sets) < 2:
         return None
     cells_of_rows = [
-        _cells_of_set(study, row) for _, row in study.checked_sets.iterrows()
+        _make_cells_of_set(study, row) for _, row in study.checked_sets.iterrows()
     ]
     for _, row in study.published_sets.iterrows():
         published = row.copy()
@@ -429,7 +436,7 @@ def _table_of_checked_sets(study: Results) -> Table | None:
             published["solution"] = ""
             published["role"] = "published answer"
         cells_of_rows.append(
-            _cells_of_set(study, published, placeholder="not published")
+            _make_cells_of_set(study, published, placeholder="not published")
         )
     return Table(
         columns=[cell.header for cell in cells_of_rows[0]],
@@ -439,7 +446,7 @@ def _table_of_checked_sets(study: Results) -> Table | None:
     )
 
 
-def _abbreviations(study: Results) -> str:
+def _explain_abbreviations(study: Results) -> str:
     """Write out the symbols of the responses that have another name in words."""
     sentences = []
     for response in study.targets.responses:
@@ -448,7 +455,7 @@ def _abbreviations(study: Results) -> str:
     return " ".join(sentences)
 
 
-def _cells_of_set(
+def _make_cells_of_set(
     study: Results, row: pd.Series, placeholder: str = "no result"
 ) -> list[_Cell]:
     """Return the cells of one parameter set, from left to right.
@@ -470,22 +477,22 @@ def _cells_of_set(
         simulated = row.get(response.simulated)
         cells.append(_Cell(f"{symbol} predicted ({unit})", predicted))
         if response.optimism in study.checked_sets:
-            optimism = _mean_with_error(
+            optimism = _format_mean_with_error(
                 row.get(response.optimism),
                 row.get(response.optimism_error),
                 missing="",
             )
             cells.append(_Cell(f"expected optimism ({unit})", optimism))
-        mean = _mean_with_error(
+        mean = _format_mean_with_error(
             simulated, row.get(response.standard_error), missing=placeholder
         )
         cells.append(_Cell(f"{symbol} simulated ({unit})", mean))
-        error = _error_percent(predicted, simulated)
+        error = _format_error_percent(predicted, simulated)
         cells.append(_Cell(f"{symbol} error (%)", error))
     return cells
 
 
-def _error_percent(predicted: float | None, simulated: float | None) -> str:
+def _format_error_percent(predicted: float | None, simulated: float | None) -> str:
     """Write the error of a prediction in percent of the simulated value.
 
     The text is empty without a prediction or a simulated value, and for a simulated 0.
@@ -496,7 +503,7 @@ def _error_percent(predicted: float | None, simulated: float | None) -> str:
     return f"{percent:.2f}" if np.isfinite(percent) else ""
 
 
-def _mean_with_error(
+def _format_mean_with_error(
     mean: float | None,
     error: float | None,
     unit: str = "",
@@ -526,7 +533,7 @@ def _mean_with_error(
 # --- The drum -------------------------------------------------------------------------
 
 
-def drum(study: Results) -> DrumSection | None:
+def make_drum(study: Results) -> DrumSection | None:
     """Describe the check in the drum; None for a study without it."""
     if "drum_summary" not in study.files:
         return None
@@ -536,7 +543,9 @@ def drum(study: Results) -> DrumSection | None:
     for key, unit in DRUM_QUANTITIES.items():
         if key in summary.index:
             row = summary.loc[key]
-            mean = _mean_with_error(row["mean"], row["standard_error"], f" {unit}")
+            mean = _format_mean_with_error(
+                row["mean"], row["standard_error"], f" {unit}"
+            )
             rows.append([row["quantity"], mean, f"{row['runs']:.0f}"])
     comparison = ""
     if len(study.published_sets) and {*SLIP_KEYS} <= set(summary.index):
@@ -558,7 +567,7 @@ def drum(study: Results) -> DrumSection | None:
 # --- Other parameters, the method, the tables -----------------------------------------
 
 
-def other_parameters(study: Results) -> OtherParametersSection | None:
+def make_other_parameters(study: Results) -> OtherParametersSection | None:
     """Describe the surrogate behind the sliders; None without a surrogate."""
     if study.surrogate is None:
         return None
@@ -570,17 +579,17 @@ def other_parameters(study: Results) -> OtherParametersSection | None:
     )
 
 
-def method(study: Results) -> MethodSection:
+def make_method(study: Results) -> MethodSection:
     """Describe the steps to the answer with their figures."""
     return MethodSection(
         steps=_steps(study),
-        search_result=_search_result(study),
-        sets_found=_table_of_sets_found(study),
+        search_result=_describe_search_result(study),
+        sets_found=_make_table_of_sets_found(study),
         figures=embed_known(study.files, study.captions),
     )
 
 
-def _search_result(study: Results) -> str:
+def _describe_search_result(study: Results) -> str:
     """Say how many parameter sets the search kept."""
     kind = "meet the targets" if study.summary["feasible"] else "come nearest"
     return (
@@ -589,7 +598,7 @@ def _search_result(study: Results) -> str:
     )
 
 
-def _table_of_sets_found(study: Results) -> Table | None:
+def _make_table_of_sets_found(study: Results) -> Table | None:
     """Tabulate the span of the sets that the search kept; None for a single set."""
     if len(study.solutions) < 2:
         return None
@@ -668,11 +677,11 @@ def _describe_accuracy(study: Results) -> str:
     predictions = " and the ".join(accuracies)
     return (
         f"on samples that it had not learned from, it predicts the {predictions}."
-        f"{_noise_of_samples(study)}"
+        f"{_describe_noise_of_samples(study)}"
     )
 
 
-def _noise_of_samples(study: Results) -> str:
+def _describe_noise_of_samples(study: Results) -> str:
     """Describe the errors of the samples, a sentence; empty for single runs."""
     clauses = []
     for target in study.targets:
@@ -689,21 +698,21 @@ def _noise_of_samples(study: Results) -> str:
     )
 
 
-def folded_tables(tables: Mapping[str, pd.DataFrame]) -> list[FoldedTable]:
+def fold_tables(tables: Mapping[str, pd.DataFrame]) -> list[FoldedTable]:
     """Put each table of the study behind its title."""
     return [folded_table(title, frame) for title, frame in tables.items()]
 
 
-def template_values(
+def make_template_values(
     study: Results, tables: Mapping[str, pd.DataFrame]
 ) -> dict[str, Any]:
     """Return the sections by the names that the templates have for them."""
     return {
-        "answer": answer(study),
-        "material": material(study),
-        "check": check(study),
-        "drum": drum(study),
-        "other_parameters": other_parameters(study),
-        "method": method(study),
-        "tables": folded_tables(tables),
+        "answer": make_answer(study),
+        "material": make_material(study),
+        "check": make_check(study),
+        "drum": make_drum(study),
+        "other_parameters": make_other_parameters(study),
+        "method": make_method(study),
+        "tables": fold_tables(tables),
     }

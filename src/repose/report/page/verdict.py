@@ -10,14 +10,14 @@ from repose.calibrate.answer import (
     Check,
     Verdict,
     describe_optimism,
+    format_verdict_line,
     out_of_reach,
-    write_verdict_line,
 )
 from repose.measure.settings import describe_line_of_response
 from repose.report.page.study import Results
 from repose.report.page.templates import cell_text
 
-# Half of the precision with which `write_percent` writes probabilities.
+# Half of the precision with which `format_percent` writes probabilities.
 HALF_PERCENT = 0.005
 
 
@@ -54,7 +54,7 @@ def verdict_of(study: Results) -> VerdictText:
         out_of_reach=out_of_reach(study.summary),
     )
     is_only_predicted = assessment.feasible and assessment.verdict is Verdict.UNCHECKED
-    line = write_verdict_line(
+    line = format_verdict_line(
         assessment.verdict,
         checks,
         reason=assessment.reason,
@@ -114,22 +114,22 @@ def describe_probability(study: Results, names_inside: bool = True) -> str:
     sentences = []
     if names_inside:
         sentences.append(
-            f"With a probability of {write_percent(probability)} "
-            f"{_write_subject(n_targets)} inside the target range, {evidence}."
+            f"With a probability of {format_percent(probability)} "
+            f"{_name_subject(n_targets)} inside the target range, {evidence}."
         )
     true_means = "the true mean lies" if n_targets == 1 else "all true means lie"
     for percent, within in study.probability_within.items():
         if within is not None:
             sentences.append(
-                f"With a probability of {write_percent(within)} {true_means} within "
+                f"With a probability of {format_percent(within)} {true_means} within "
                 f"{percent:g} % of what was measured."
             )
     if n_runs is None:
-        sentences.append(_write_optimism(study))
+        sentences.append(_describe_optimism(study))
     return " ".join(sentences)
 
 
-def _write_optimism(study: Results) -> str:
+def _describe_optimism(study: Results) -> str:
     """Describe the expected optimism of the answer's predictions in a sentence."""
     clauses = []
     for target in study.targets:
@@ -149,7 +149,7 @@ def _write_optimism(study: Results) -> str:
     return f"This does not count the expected optimism ({'; '.join(clauses)})."
 
 
-def _write_subject(n_targets: int) -> str:
+def _name_subject(n_targets: int) -> str:
     """Return the subject and verb of a sentence about all responses."""
     if n_targets == 1:
         return "the response lies"
@@ -158,7 +158,7 @@ def _write_subject(n_targets: int) -> str:
     return f"all {n_targets} responses lie"
 
 
-def write_percent(probability: float | None) -> str:
+def format_percent(probability: float | None) -> str:
     """Format a probability in whole percent, but never as 0 % or 100 %.
 
     The number of runs does not allow such certainty.
