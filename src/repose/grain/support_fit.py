@@ -36,7 +36,10 @@ class _Fit(NamedTuple):
 
 
 def recognise_ellipsoid(
-    vertices: np.ndarray, radius: float, n: np.ndarray, measured: np.ndarray
+    vertices: np.ndarray,
+    radius: float,
+    directions: np.ndarray,
+    support_values: np.ndarray,
 ) -> np.ndarray | None:
     """Find the ellipsoid on which all vertices of a mesh lie, if there is one.
 
@@ -45,11 +48,11 @@ def recognise_ellipsoid(
     vertices : ndarray
         The vertices (V, 3).
     radius : float
-        Mean radius of the mesh.
-    n : ndarray
-        Directions (N, 3).
-    measured : ndarray
-        Support values (N,) of the mesh.
+        Mean radius of the mesh, in the unit of the vertices.
+    directions : ndarray
+        Unit vectors (N, 3).
+    support_values : ndarray
+        Support values (N,) of the mesh in these directions.
 
     Returns
     -------
@@ -69,16 +72,20 @@ def recognise_ellipsoid(
     centre = -0.5 * np.linalg.solve(matrix, linear)
     centred_matrix = matrix / (1 + centre @ matrix @ centre)
     eigenvalues, axes = np.linalg.eigh(centred_matrix)
-    semi_axes = 1 / np.sqrt(eigenvalues)
+    relative_axes = 1 / np.sqrt(eigenvalues)
 
-    # Stretched to the unit sphere, all points must lie on it.
-    sphere_points = (points - centre) @ axes / semi_axes
+    # Stretch the ellipsoid to the unit sphere: then all vertices must lie on it.
+    sphere_points = (points - centre) @ axes / relative_axes
     heights = np.linalg.norm(sphere_points, axis=1) - 1
-    distance = np.abs(heights).max() * semi_axes.max()
-    deviation = np.abs(support(radius * semi_axes[None], n) - measured).max()
-    if distance > ON_ELLIPSOID or deviation > COARSEST_FACET * radius:
+    if np.abs(heights).max() * relative_axes.max() > ON_ELLIPSOID:
         return None
-    return radius * semi_axes[None]
+
+    # Between the vertices, the facets may cut off only thin slices.
+    semi_axes = radius * relative_axes[None]
+    deviations = support(semi_axes, directions) - support_values
+    if np.abs(deviations).max() > COARSEST_FACET * radius:
+        return None
+    return semi_axes
 
 
 def _fit_quadric(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -99,12 +106,15 @@ def _fit_quadric(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         The vector b (3,).
     """
     # A coefficient beside the diagonal of A occurs twice.
-    terms = []
+    quadratic_terms = []
     for i, j in QUADRIC_PAIRS:
         factor = 1 if i == j else 2
-        terms.append(points[:, i] * points[:, j] * factor)
-    columns = np.stack([*terms, *points.T], axis=1)
-    coefficients, *_ = np.linalg.lstsq(columns, np.ones(len(points)), rcond=None)
+        quadratic_terms.append(points[:, i] * points[:, j] * factor)
+    columns = np.stack([*quadratic_terms, *points.T], axis=1)
+    right_side = np.ones(len(points))
+    coefficients, *_ = np.linalg.lstsq(columns, right_side, rcond=None)
+
+    # The coefficients have the order of the columns: six of A, then three of b.
     matrix = np.zeros((3, 3))
     for (i, j), value in zip(QUADRIC_PAIRS, coefficients[:6], strict=True):
         matrix[i, j] = value
@@ -113,8 +123,8 @@ def _fit_quadric(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def fit_components(
-    n: np.ndarray,
-    measured: np.ndarray,
+    directions: np.ndarray,
+    support_values: np.ndarray,
     radius: float,
     counts: Sequence[int] = COMPONENTS,
 ) -> np.ndarray:
@@ -124,12 +134,12 @@ def fit_components(
 
     Parameters
     ----------
-    n : ndarray
-        Directions (N, 3).
-    measured : ndarray
-        Support values (N,).
+    directions : ndarray
+        Unit vectors (N, 3).
+    support_values : ndarray
+        Support values (N,) of the body in these directions.
     radius : float
-        Mean radius of the body.
+        Mean radius of the body, in the unit of the support values.
     counts : sequence of int
         Numbers of ellipsoids that are tried, until one of them fits well.
 
@@ -138,39 +148,56 @@ def fit_components(
     ndarray
         The half axes (K, 3), the longest first.
     """
-    best = _Fit(np.zeros((0, 3)), math.inf)
-    half_extents = measured[np.argmax(n, axis=0)]  # along the three axes
+    semi_axes = np.zeros((0, 3))
+    rms = math.inf
+    half_extents = support_values[np.argmax(directions, axis=0)]  # along the three axes
+    allowed_deviation = GOOD_DEVIATION * 2 * half_extents.min()
     for count in counts:
-        starts = _starts(count, half_extents, radius)
-        fits = [_least_squares_fit(n, measured, radius, start) for start in starts]
-        fit = min(fits, key=lambda fit: fit.rms)
-        # One more ellipsoid must improve the fit clearly.
-        if fit.rms < IMPROVEMENT * best.rms:
-            best = fit
-        if best.rms <= GOOD_RMS * radius:
+        fits = [
+            _fit_by_least_squares(directions, support_values, radius, start)
+            for start in _make_starts(count, half_extents, radius)
+        ]
+        best_fit = min(fits, key=lambda fit: fit.rms)
+        # A further ellipsoid must improve the fit clearly.
+        if best_fit.rms < IMPROVEMENT * rms:
+            semi_axes = best_fit.semi_axes
+            rms = best_fit.rms
+        if rms <= GOOD_RMS * radius:
             break
-        if count > 1:
-            # A larger rms is accepted if the largest deviation becomes small.
-            even_axes = _even_deviations(n, measured, radius, best.semi_axes)
-            deviation = np.abs(support(even_axes, n) - measured).max()
-            if deviation <= GOOD_DEVIATION * 2 * half_extents.min():
-                best = _Fit(even_axes, best.rms)
-                break
-    order = np.argsort(-best.semi_axes[:, 0], kind="stable")
-    return best.semi_axes[order]
+        if count == 1:
+            continue
+        # Several ellipsoids are good enough, too, if their largest deviation can be
+        # made small.
+        changed_axes = _reduce_largest_deviation(
+            directions, support_values, radius, semi_axes
+        )
+        deviations = support(changed_axes, directions) - support_values
+        if np.abs(deviations).max() <= allowed_deviation:
+            semi_axes = changed_axes
+            break
+    order = np.argsort(-semi_axes[:, 0], kind="stable")
+    return semi_axes[order]
 
 
-def _even_deviations(
-    n: np.ndarray, measured: np.ndarray, radius: float, semi_axes: np.ndarray
+def _reduce_largest_deviation(
+    directions: np.ndarray,
+    support_values: np.ndarray,
+    radius: float,
+    semi_axes: np.ndarray,
 ) -> np.ndarray:
     """Change the half axes of a fit so that its largest deviation becomes smaller.
 
-    The sum of the sixth powers of the deviations is minimised, which raises their rms.
+    The sum of the sixth powers of the deviations is minimised, in which the largest
+    ones count most. Their root mean square becomes larger.
 
     Parameters
     ----------
-    n, measured, radius
-        As of `fit_components`.
+    directions : ndarray
+        Unit vectors (N, 3).
+    support_values : ndarray
+        Support values (N,) of the body in these directions.
+    radius : float
+        Mean radius of the body.
     semi_axes : ndarray
         Half axes (K, 3) of the fit.
 
@@ -179,30 +206,36 @@ def _even_deviations(
     ndarray
         The changed half axes (K, 3).
     """
-    # The third powers are squared by the fit. The logarithms keep the axes positive.
-    largest = np.abs(support(semi_axes, n) - measured).max()
+    deviations = support(semi_axes, directions) - support_values
+    largest = np.abs(deviations).max()
 
-    def residuals(logs: np.ndarray) -> np.ndarray:
-        values = support(np.exp(logs).reshape(-1, 3) * radius, n)
-        return ((values - measured) / largest) ** 3
+    # The unknowns are logarithms of relative half axes, which keeps the axes positive.
+    def cubed_deviations(logarithms: np.ndarray) -> np.ndarray:
+        axes = np.exp(logarithms).reshape(-1, 3) * radius
+        # `least_squares` squares the third powers.
+        return ((support(axes, directions) - support_values) / largest) ** 3
 
-    bounds = np.log(AXIS_BOUNDS)
-    logs = np.clip(np.log(semi_axes / radius).ravel(), *bounds)
-    fit = least_squares(residuals, logs, bounds=tuple(bounds), max_nfev=MAX_EVALUATIONS)
+    lower, upper = np.log(AXIS_BOUNDS)
+    start = np.clip(np.log(semi_axes / radius).ravel(), lower, upper)
+    fit = least_squares(
+        cubed_deviations, start, bounds=(lower, upper), max_nfev=MAX_EVALUATIONS
+    )
     return radius * np.exp(fit.x).reshape(-1, 3)
 
 
-def _starts(count: int, extents: np.ndarray, radius: float) -> list[np.ndarray]:
-    """Make several start values for a fit with a number of ellipsoids.
+def _make_starts(
+    count: int, half_extents: np.ndarray, radius: float
+) -> list[np.ndarray]:
+    """Make the half axes from which fits with a number of ellipsoids begin.
 
-    Each divides the half extents of the body among the ellipsoids in another way.
+    Each start divides the half extents of the body among the ellipsoids in another way.
 
     Parameters
     ----------
     count : int
         Number of ellipsoids.
-    extents : ndarray
-        Half extents (3,) of the body.
+    half_extents : ndarray
+        Half extents (3,) of the body along its axes.
     radius : float
         Mean radius of the body.
 
@@ -212,62 +245,81 @@ def _starts(count: int, extents: np.ndarray, radius: float) -> list[np.ndarray]:
         Half axes (count, 3) to start from; the same each time.
     """
     if count == 1:
-        return [extents[None]]
+        return [half_extents[None]]
+    # Each ellipsoid's share of each half extent (count, 3): at first random shares
     rng = np.random.default_rng(count)
-    shares = [rng.dirichlet(np.full(count, 2.0), size=3).T for _ in range(3)]
+    divisions = [rng.dirichlet(np.full(count, 2.0), size=3).T for _ in range(3)]
     # A needle along one axis, and a body with the rest: for shapes that are fuller or
     # more pointed than an ellipsoid.
     for axis in range(3):
-        share = np.full((count, 3), 0.1)
-        share[0, axis] = 0.7
-        share[-1] = 1 - share[:-1].sum(axis=0)
-        shares.append(share)
+        shares = np.full((count, 3), 0.1)
+        shares[0, axis] = 0.7
+        shares[-1] = 1 - shares[:-1].sum(axis=0)
+        divisions.append(shares)
+    # The fit must not begin on its bounds.
     smallest = 1.01 * AXIS_BOUNDS[0] * radius
     largest = 0.99 * AXIS_BOUNDS[1] * radius
-    return [np.clip(share * extents, smallest, largest) for share in shares]
+    return [np.clip(shares * half_extents, smallest, largest) for shares in divisions]
 
 
-def _least_squares_fit(
-    n: np.ndarray, measured: np.ndarray, radius: float, start: np.ndarray
+def _fit_by_least_squares(
+    directions: np.ndarray,
+    support_values: np.ndarray,
+    radius: float,
+    start: np.ndarray,
 ) -> _Fit:
-    """Fit half axes to support values by least squares, from a start.
+    """Fit the half axes of ellipsoids to the support values of a body.
 
-    The unknowns are the logarithms of the axes, which keeps the axes positive.
+    The unknowns are logarithms of the half axes over the mean radius, which keeps the
+    axes positive.
 
     Parameters
     ----------
-    n, measured, radius
-        As of `fit_components`.
+    directions : ndarray
+        Unit vectors (N, 3).
+    support_values : ndarray
+        Support values (N,) of the body in these directions.
+    radius : float
+        Mean radius of the body.
     start : ndarray
-        Half axes (K, 3) from which the fit begins.
+        Half axes (K, 3) of K ellipsoids, from which the fit begins.
 
     Returns
     -------
     _Fit
-        Half axes (K, 3), and the rms of the deviations.
+        Half axes (K, 3), and the root mean square of the deviations.
     """
-    squared_n = np.square(n)
+    relative_values = support_values / radius
+    squared_directions = np.square(directions)
 
-    def residuals(logs: np.ndarray) -> np.ndarray:
-        return support(np.exp(logs).reshape(start.shape), n) - measured / radius
+    def relative_axes(logarithms: np.ndarray) -> np.ndarray:
+        return np.exp(logarithms).reshape(start.shape)
 
-    def jacobian(logs: np.ndarray) -> np.ndarray:
-        # d h_k / d log s_ki = s_ki^2 n_i^2 / h_k
-        semi_axes = np.exp(logs).reshape(start.shape)
-        values = component_supports(semi_axes, n)
-        numerator = np.square(semi_axes)[None] * squared_n[:, None, :]
-        return (numerator / values[:, :, None]).reshape(len(n), -1)
+    def deviations(logarithms: np.ndarray) -> np.ndarray:
+        return support(relative_axes(logarithms), directions) - relative_values
 
-    bounds = np.log(AXIS_BOUNDS)
-    logs = np.clip(np.log(start / radius).ravel(), *bounds)
+    def derivatives(logarithms: np.ndarray) -> np.ndarray:
+        # Ellipsoid k has the support value h_k = sqrt(sum_i s_ki^2 n_i^2), therefore
+        # d h_k / d log s_ki = s_ki^2 n_i^2 / h_k.
+        axes = relative_axes(logarithms)
+        numerators = np.square(axes)[None] * squared_directions[:, None, :]
+        values = component_supports(axes, directions)
+        return (numerators / values[:, :, None]).reshape(len(directions), -1)
+
+    lower, upper = np.log(AXIS_BOUNDS)
+    start_logarithms = np.clip(np.log(start / radius).ravel(), lower, upper)
     fit = least_squares(
-        residuals, logs, jac=jacobian, bounds=tuple(bounds), max_nfev=MAX_EVALUATIONS
+        deviations,
+        start_logarithms,
+        jac=derivatives,
+        bounds=(lower, upper),
+        max_nfev=MAX_EVALUATIONS,
     )
-    semi_axes = radius * np.exp(fit.x).reshape(start.shape)
-    return _Fit(semi_axes, radius * math.sqrt(np.mean(fit.fun**2)))
+    rms = radius * math.sqrt(np.mean(fit.fun**2))
+    return _Fit(radius * relative_axes(fit.x), rms)
 
 
-def _surface_quadrature(
+def _make_quadrature(
     n_latitudes: int = 200, n_longitudes: int = 250
 ) -> tuple[np.ndarray, np.ndarray]:
     """Make directions and weights for integrals over the solid angle.
@@ -292,24 +344,20 @@ def _surface_quadrature(
     nodes, node_weights = np.polynomial.legendre.leggauss(n_latitudes)
     x = (nodes + 1) / 2
     x_weights = node_weights / 2
-    azimuth = 0.5 * math.pi * (np.arange(n_longitudes) + 0.5) / n_longitudes
-    ring_radius = np.sqrt(1 - x**2)[:, None]
-    coordinates = np.broadcast_arrays(
-        x[:, None], ring_radius * np.cos(azimuth), ring_radius * np.sin(azimuth)
-    )
-    directions = np.stack(coordinates, axis=-1).reshape(-1, 3)
+    # Each node is a ring around the x axis, with a direction in the middle of each step.
+    azimuths = 0.5 * math.pi * (np.arange(n_longitudes) + 0.5) / n_longitudes
+    ring_radii = np.sqrt(1 - x**2)[:, None]
+    y = ring_radii * np.cos(azimuths)
+    z = ring_radii * np.sin(azimuths)
+    ring_x = np.broadcast_to(x[:, None], y.shape)
+    directions = np.stack([ring_x, y, z], axis=-1).reshape(-1, 3)
     # All directions of a ring have the same weight.
-    weights = np.repeat(x_weights * 4 * math.pi / n_longitudes, n_longitudes)
-    return directions, weights
+    ring_weights = x_weights * 4 * math.pi / n_longitudes
+    return directions, np.repeat(ring_weights, n_longitudes)
 
 
 def volume_integrals(semi_axes: np.ndarray) -> tuple[float, np.ndarray]:
-    """Integrate over the volume of a sum of ellipsoids.
-
-    The body is the union of cones from its centre over the surface x(n) = grad h, whose
-    element of area is det Q dOmega, where Q = grad grad h on the tangent plane. So the
-    volume is 1/3 int h det Q dOmega, and the integral of x_i^2 is
-    1/5 int x_i^2 h det Q dOmega.
+    """Compute the volume and the second moments of a sum of ellipsoids.
 
     Parameters
     ----------
@@ -319,19 +367,28 @@ def volume_integrals(semi_axes: np.ndarray) -> tuple[float, np.ndarray]:
     Returns
     -------
     tuple
-        The volume [m3] and the integrals (3,) of x_i^2 [m5].
+        The volume [m3], and the integrals (3,) of x^2, y^2 and z^2 over it [m5].
+
+    Notes
+    -----
+    The body is the union of cones from its centre over the surface x(n) = grad h, whose
+    element of area is det Q dOmega, where Q = grad grad h on the tangent plane. So the
+    volume is 1/3 int h det Q dOmega, and the integral of x_i^2 is
+    1/5 int x_i^2 h det Q dOmega.
     """
+    # A single ellipsoid has the exact volume 4/3 pi a b c.
     if len(semi_axes) == 1:
         volume = 4 / 3 * math.pi * float(semi_axes[0].prod())
         return volume, volume / 5 * np.square(semi_axes[0])
 
-    # Surface points x(n) of each component, from its support values h
-    n, weights = _surface_quadrature()
-    values = component_supports(semi_axes, n)
-    squares = np.square(semi_axes)
-    points = n[:, None, :] * squares / values[:, :, None]
-    # Q = sum over components of (S - x x') / h, where S has the squared half axes.
-    q = np.einsum("nk,ki,ij->nij", 1 / values, squares, np.eye(3))
+    # Surface points x(n) of each component (N, K, 3), from its support values h (N, K)
+    directions, weights = _make_quadrature()
+    values = component_supports(semi_axes, directions)
+    squared_axes = np.square(semi_axes)
+    points = directions[:, None, :] * squared_axes / values[:, :, None]
+    # Q (N, 3, 3) is the sum of (S - x x') / h over the components. S is the diagonal
+    # matrix of the squared half axes.
+    q = np.einsum("nk,ki,ij->nij", 1 / values, squared_axes, np.eye(3))
     q -= np.einsum("nki,nkj,nk->nij", points, points, 1 / values)
     # As Q n = 0, the determinant on the tangent plane is (tr^2 - tr Q^2) / 2.
     trace = np.einsum("nii->n", q)
@@ -353,14 +410,19 @@ def bounding_radius(semi_axes: np.ndarray) -> float:
     ----------
     semi_axes : ndarray
         Half axes (K, 3) of the ellipsoids whose sum is the body.
+
+    Returns
+    -------
+    float
+        The distance, in the unit of the half axes.
     """
     # Begin at the best of many directions.
     trial_directions = np.concatenate([np.eye(3), sphere_directions(1000)])
     order = np.argsort(-support(semi_axes, trial_directions))
-    n = trial_directions[order[:50]]
+    directions = trial_directions[order[:50]]
     # Go from each direction to that of its support point. As h is convex and
     # homogeneous, it never falls on the way.
     for _ in range(200):
-        n = support_point(semi_axes, n)
-        n /= np.linalg.norm(n, axis=1, keepdims=True)
-    return float(support(semi_axes, n).max())
+        points = support_point(semi_axes, directions)
+        directions = points / np.linalg.norm(points, axis=1, keepdims=True)
+    return float(support(semi_axes, directions).max())
