@@ -22,7 +22,7 @@ from repose.calibrate.uncertainty.discrepancy import shape_study_discrepancy
 from repose.common import files, tables
 from repose.common.errors import InputError, print_fault
 from repose.common.tables import Column
-from repose.grain.berry import of_files
+from repose.grain.berry import compute_mean_grain
 from repose.grain.berry_files import read_compression, read_sizes
 from repose.stages.parameter_sets import read_sample, read_samples
 from repose.stages.published import check_published, published_sets
@@ -650,7 +650,7 @@ def test_a_column_in_another_unit_is_told_with_its_file(tmp_path):
 
     def message(tests):
         files = sizes, written(tmp_path / "tests.csv", tests)
-        return str(input_error("expected", of_files, *files, None, 840.0))
+        return str(input_error("expected", compute_mean_grain, *files, None, 840.0))
 
     def scaled(text, factor, *columns):
         header, *rows = cells(text)
@@ -664,7 +664,7 @@ def test_a_column_in_another_unit_is_told_with_its_file(tmp_path):
         )
         return joined([header, *changed])
 
-    of_files(sizes, written(tmp_path / "tests.csv", TESTS), None, 840.0)
+    compute_mean_grain(sizes, written(tmp_path / "tests.csv", TESTS), None, 840.0)
     for factor in (0.1, 1e-3, 1e3):
         pattern = (
             r"tests\.csv: breadth_mm is .*near that of major_mm .*: are both in mm\?"

@@ -1,4 +1,4 @@
-"""Measured grains: their mean size, their sphericity and their elastic moduli.
+"""Compute mean size, sphericity and elastic moduli of measured grains.
 
 Equations 1 to 4 of the paper.
 """
@@ -19,13 +19,13 @@ from repose.grain.berry_files import ALIKE, SIZE_COLUMNS, read_compression, read
 from repose.grain.particle import check_positive
 from repose.grain.settings import GrainSettings
 
-# Axes of the tested grain
-LOADED = {
+# Each column of the compression tests, and the axis of the grain that it measures
+AXES_OF_TESTS = {
     "length_1_mm": "long_mm",
     "width_1_mm": "minor_mm",
     "breadth_mm": "major_mm",
 }
-STIFF = 30.0  # moduli of tested grains differ by a smaller factor
+MODULUS_FACTOR = 30.0  # moduli of tested grains differ by less from their median
 # Elastic modulus of a jelly, and of what is stiffer than steel or diamond
 MODULI_PA = (1e3, 1e12)
 
@@ -72,8 +72,16 @@ def elastic_modulus(
 ) -> Numbers:
     """Compute the elastic modulus [Pa]: stress over strain along the load (Eq. 2).
 
-    The loaded section is an ellipse of length and breadth. The width, along the load,
-    changes from `width_1_m` to `width_2_m`.
+    The loaded section is an ellipse.
+
+    Parameters
+    ----------
+    force_n : float
+        Force on the grain.
+    length_m, breadth_m : float
+        Full axes of the loaded section.
+    width_1_m, width_2_m : float
+        Width along the load before and under it.
     """
     section = math.pi / 4 * length_m * breadth_m
     strain = (width_1_m - width_2_m) / width_1_m
@@ -104,7 +112,7 @@ def moduli(tests: pd.DataFrame) -> Moduli:
     The elastic modulus and Poisson's ratio are means over the tests; the shear modulus
     follows from both by Eq. 4.
     """
-    elastic = _elastic_moduli(tests).mean()
+    elastic = _compute_elastic_moduli(tests).mean()
     poisson = poisson_ratio(
         tests["length_1_mm"],
         tests["length_2_mm"],
@@ -118,7 +126,7 @@ def moduli(tests: pd.DataFrame) -> Moduli:
     )
 
 
-def _elastic_moduli(tests: pd.DataFrame) -> pd.Series:
+def _compute_elastic_moduli(tests: pd.DataFrame) -> pd.Series:
     """Compute the elastic modulus of each compression test [Pa]."""
     return elastic_modulus(
         force_n=tests["force_n"],
@@ -143,14 +151,15 @@ def summarise(sizes: pd.DataFrame, published: pd.DataFrame) -> pd.DataFrame:
     -------
     DataFrame
         A row for each dimension: the three axes, equivalent diameter and sphericity.
+        The columns are statistics, published statistics, and their differences.
     """
     # The values of all grains by dimension
     axes = [sizes[column] for column in SIZE_COLUMNS]
-    dimensions = {column: sizes[column] for column in SIZE_COLUMNS}
-    dimensions["equivalent_diameter_mm"] = equivalent_diameter(*axes)
-    dimensions["sphericity_percent"] = 100 * sphericity(*axes)
+    values_by_dimension = {column: sizes[column] for column in SIZE_COLUMNS}
+    values_by_dimension["equivalent_diameter_mm"] = equivalent_diameter(*axes)
+    values_by_dimension["sphericity_percent"] = 100 * sphericity(*axes)
     rows = []
-    for dimension, values in dimensions.items():
+    for dimension, values in values_by_dimension.items():
         row = {
             "dimension": dimension,
             "unit": "%" if dimension == "sphericity_percent" else "mm",
@@ -163,14 +172,15 @@ def summarise(sizes: pd.DataFrame, published: pd.DataFrame) -> pd.DataFrame:
         rows.append(row)
     table = pd.DataFrame(rows)
 
-    # Bring the published rows into the order of the table; a missing one is empty.
-    published_rows = published.set_index("dimension")
-    reference = published_rows.reindex(table["dimension"]).reset_index()
+    # Bring the published rows into the order of the table. A dimension without a
+    # published row has empty values.
+    published_by_dimension = published.set_index("dimension")
+    ordered = published_by_dimension.reindex(table["dimension"]).reset_index()
     statistics = ("maximum", "minimum", "mean")
     for statistic in statistics:
-        table[f"published_{statistic}"] = reference[statistic]
+        table[f"published_{statistic}"] = ordered[statistic]
     for statistic in statistics:
-        table[f"difference_{statistic}"] = table[statistic] - reference[statistic]
+        table[f"difference_{statistic}"] = table[statistic] - ordered[statistic]
     return table
 
 
@@ -195,11 +205,12 @@ def mean_axes(sizes: pd.DataFrame, keeps_volume: bool) -> dict[str, float]:
     axes = sizes[list(SIZE_COLUMNS)]
     means = axes.mean()
     if keeps_volume:
+        # The volume of an ellipsoid is proportional to the product of its axes.
         means *= np.cbrt(axes.prod(axis="columns").mean() / means.prod())
-    return _ten_digits(means.to_dict())
+    return _round_numbers(means.to_dict())
 
 
-def of_files(
+def compute_mean_grain(
     sizes_csv: str | PathLike,
     compression_csv: str | PathLike | None,
     table1_csv: str | PathLike | None,
@@ -213,23 +224,26 @@ def of_files(
     Parameters
     ----------
     sizes_csv : path
-        The sizes.
-    compression_csv : path, optional
-        The compression tests; they are needed unless both moduli are given.
-    table1_csv : path, optional
-        The published statistics of the sizes.
+        File of the sizes.
+    compression_csv : path or None
+        File of the compression tests. None is possible if both moduli are given.
+    table1_csv : path or None
+        File of the published statistics of the sizes. None leaves their columns in the
+        statistics empty.
     density_kg_m3 : float
         Density of a grain.
     poisson_ratio, shear_modulus_pa : float, optional
-        They replace the results of the compression tests. The elastic modulus follows
-        by Eq. 4.
+        Moduli of the grain. None takes the result of the compression tests. The elastic
+        modulus follows from both by Eq. 4.
     keeps_volume : bool
         Whether the mean grain has the mean volume (`mean_axes`).
 
     Returns
     -------
-    tuple
-        The statistics (`summarise`) and the mean grain by key.
+    statistics : DataFrame
+        A row for each dimension (`summarise`).
+    grain : dict
+        The mean grain: axes, moduli, density and spread of the sizes, by key.
 
     Raises
     ------
@@ -243,9 +257,9 @@ def of_files(
         _check_poisson_ratio("berry", poisson_ratio)
 
     sizes = read_sizes(sizes_csv)
-    # Moduli that are not given are measured.
+    # Moduli that are not given come from the compression tests.
     if poisson_ratio is None or shear_modulus_pa is None:
-        elasticity = _measured_elasticity(
+        elasticity = _measure_elasticity(
             sizes_csv, sizes, compression_csv, poisson_ratio, shear_modulus_pa
         )
     else:
@@ -261,24 +275,25 @@ def of_files(
     quantities["elastic_modulus_pa"] = elastic_modulus_pa
     quantities["poisson_ratio"] = elasticity.poisson_ratio
     quantities["shear_modulus_pa"] = elasticity.shear_pa
-    is_reconstructed = bool(sizes.attrs["reconstruction"])
-    grain: dict[str, Any] = _ten_digits(quantities)
+    has_reconstructed_sizes = bool(sizes.attrs["reconstruction"])
+    grain: dict[str, Any] = _round_numbers(quantities)
     grain["n"] = len(sizes)
-    grain["reconstruction"] = is_reconstructed or elasticity.is_reconstructed
-    spread = _size_spread(sizes, published)
-    grain |= _ten_digits(dict(zip(size_distribution.KEYS, spread, strict=True)))
+    grain["reconstruction"] = has_reconstructed_sizes or elasticity.is_reconstructed
+    spread = _compute_size_spread(sizes, published)
+    grain |= _round_numbers(dict(zip(size_distribution.KEYS, spread, strict=True)))
 
-    # The published statistics belong to the reconstructed crop.
-    reference = published if is_reconstructed else published.iloc[:0]
+    # The published statistics belong to the reconstructed crop; other sizes are not
+    # compared with them.
+    reference = published if has_reconstructed_sizes else published.iloc[:0]
     return summarise(sizes, reference), grain
 
 
-def _ten_digits(quantities: dict[str, float]) -> dict[str, float]:
+def _round_numbers(numbers: dict[str, float]) -> dict[str, float]:
     """Round to ten digits: a mean should not read 21.139999999999997."""
-    return {key: float(f"{value:.10g}") for key, value in quantities.items()}
+    return {key: float(f"{value:.10g}") for key, value in numbers.items()}
 
 
-def _measured_elasticity(
+def _measure_elasticity(
     sizes_csv: str | PathLike,
     sizes: pd.DataFrame,
     compression_csv: str | PathLike | None,
@@ -289,13 +304,19 @@ def _measured_elasticity(
 
     Parameters
     ----------
-    sizes_csv, sizes
-        The file of the grains' sizes and its table, which show wrong units in the
-        tests.
+    sizes_csv : path
+        File of the grains' sizes, for messages.
+    sizes : DataFrame
+        Its table. Tests with other sizes are in another unit.
     compression_csv : path or None
-        The file of the tests.
+        File of the tests. None raises the error that it is missing.
     poisson_ratio, shear_modulus_pa : float or None
-        A number that is given replaces the measured one.
+        A number replaces the result of the tests; None keeps it.
+
+    Returns
+    -------
+    _Elasticity
+        Poisson's ratio, shear modulus, and whether the tests were reconstructed.
 
     Raises
     ------
@@ -307,15 +328,16 @@ def _measured_elasticity(
         raise InputError("berry", "compression", None, allowed)
     tests = read_compression(compression_csv)
     # Forces are judged by their moduli, which need sizes in the right unit.
-    faults = _size_faults(compression_csv, tests, sizes_csv, sizes)
+    faults = _find_size_faults(compression_csv, tests, sizes_csv, sizes)
     if not faults:
-        faults = _force_faults(compression_csv, tests)
+        faults = _find_force_faults(compression_csv, tests)
     raise_together(faults)
-    measured = moduli(tests)
-    poisson = measured.poisson_ratio if poisson_ratio is None else poisson_ratio
+
+    tested_moduli = moduli(tests)
+    poisson = tested_moduli.poisson_ratio if poisson_ratio is None else poisson_ratio
     _check_poisson_ratio(compression_csv, poisson)
     if shear_modulus_pa is None:
-        shear_modulus_pa = shear_modulus(measured.elastic_pa, poisson)
+        shear_modulus_pa = shear_modulus(tested_moduli.elastic_pa, poisson)
     is_reconstructed = bool(tests.attrs["reconstruction"])
     return _Elasticity(poisson, shear_modulus_pa, is_reconstructed)
 
@@ -326,7 +348,7 @@ def _check_poisson_ratio(source: object, value: float) -> None:
         raise InputError(source, "poisson_ratio", value, "from 0 to 0.5")
 
 
-def _size_faults(
+def _find_size_faults(
     tests_csv: str | PathLike,
     tests: pd.DataFrame,
     sizes_csv: str | PathLike,
@@ -338,17 +360,17 @@ def _size_faults(
 
     Parameters
     ----------
-    tests_csv, tests
-        The file of the tests and its table.
-    sizes_csv, sizes
-        The file of the grains' sizes and its table.
+    tests_csv, sizes_csv : path
+        Files of the tests and of the grains' sizes, for messages.
+    tests, sizes : DataFrame
+        Their tables (`read_compression`, `read_sizes`).
 
     Returns
     -------
     list of InputError
         The fault; empty if the sizes agree.
     """
-    for column, axis in LOADED.items():
+    for column, axis in AXES_OF_TESTS.items():
         tested_mm = float(tests[column].median())
         axis_mm = float(sizes[axis].median())
         if not 1 / ALIKE <= tested_mm / axis_mm <= ALIKE:
@@ -360,7 +382,9 @@ def _size_faults(
     return []
 
 
-def _force_faults(tests_csv: str | PathLike, tests: pd.DataFrame) -> list[InputError]:
+def _find_force_faults(
+    tests_csv: str | PathLike, tests: pd.DataFrame
+) -> list[InputError]:
     """Find forces that can hardly be in N, by the elastic moduli that they give.
 
     The modulus of a test may differ too much from the median, and the mean modulus may
@@ -379,17 +403,22 @@ def _force_faults(tests_csv: str | PathLike, tests: pd.DataFrame) -> list[InputE
         The faults; empty if all forces are plausible.
     """
     faults = []
-    moduli_pa = _elastic_moduli(tests)
+    # Single tests whose modulus is far from the median
+    moduli_pa = _compute_elastic_moduli(tests)
     median_pa = moduli_pa.median()
-    is_far = (moduli_pa > STIFF * median_pa) | (moduli_pa < median_pa / STIFF)
+    is_far = (moduli_pa > MODULUS_FACTOR * median_pa) | (
+        moduli_pa < median_pa / MODULUS_FACTOR
+    )
     for row in moduli_pa.index[is_far]:
         force_n = float(tests.at[row, "force_n"])
         allowed = (
-            f"a modulus within a factor of {STIFF:g} of the median, {median_pa:.3g} Pa: "
+            f"a modulus within a factor of {MODULUS_FACTOR:g} of the median, {median_pa:.3g} Pa: "
             "is it in N?"
         )
         fault = InputError(f"{tests_csv}, row {row}", "force_n", force_n, allowed)
         faults.append(fault)
+
+    # All tests together, if their mean modulus is that of no grain
     mean_pa = float(moduli_pa.mean())
     low, high = MODULI_PA
     if not low <= mean_pa <= high:
@@ -405,8 +434,21 @@ def _force_faults(tests_csv: str | PathLike, tests: pd.DataFrame) -> list[InputE
 def of_settings(
     section: GrainSettings, table1_csv: str | PathLike | None
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Compute statistics and material (`of_files`) by a section `berry`."""
-    return of_files(
+    """Compute statistics and mean grain of a configuration's section `berry`.
+
+    Parameters
+    ----------
+    section : GrainSettings
+        The section, with the files of the measurements.
+    table1_csv : path or None
+        File of the published statistics, see `compute_mean_grain`.
+
+    Returns
+    -------
+    tuple
+        Statistics and mean grain, as of `compute_mean_grain`.
+    """
+    return compute_mean_grain(
         sizes_csv=section.sizes,
         compression_csv=section.compression,
         table1_csv=table1_csv,
@@ -420,14 +462,14 @@ def of_settings(
 def run(
     section: GrainSettings, table1_csv: str | PathLike | None, out_dir: str | PathLike
 ) -> None:
-    """Write summary.csv and berry.json (`of_settings`)."""
+    """Write summary.csv and berry.json of `of_settings` to a folder."""
     summary, grain = of_settings(section, table1_csv)
     out = Path(out_dir)
     write_table(out / "summary.csv", summary, float_format="%.4f")
     write_json(out / "berry.json", grain, indent=2)
 
 
-def _size_spread(
+def _compute_size_spread(
     sizes: pd.DataFrame, published: pd.DataFrame
 ) -> size_distribution.Spread:
     """Compute how much the equivalent diameters of the grains scatter.
@@ -437,15 +479,20 @@ def _size_spread(
     sizes : DataFrame
         Axes of the grains, with the attribute ``reconstruction`` of `read_sizes`.
     published : DataFrame
-        The published statistics, which may be empty. Reconstructed sizes take the
-        spread from their range, if it is there.
+        The published statistics (Table 1), which may be empty.
+
+    Returns
+    -------
+    Spread
+        The spread, over the mean diameter. For reconstructed sizes it comes from the
+        published range, if there is one.
     """
     dimension = "equivalent_diameter_mm"
-    rows = published.set_index("dimension")
-    if sizes.attrs["reconstruction"] and dimension in rows.index:
-        row = rows.loc[dimension]
+    published_rows = published.set_index("dimension")
+    if sizes.attrs["reconstruction"] and dimension in published_rows.index:
+        published_row = published_rows.loc[dimension]
         return size_distribution.spread_of_range(
-            row["maximum"], row["minimum"], row["mean"]
+            published_row["maximum"], published_row["minimum"], published_row["mean"]
         )
     axes = [sizes[column] for column in SIZE_COLUMNS]
     return size_distribution.spread_of_sizes(equivalent_diameter(*axes))
