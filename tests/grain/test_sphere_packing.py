@@ -90,8 +90,8 @@ def test_the_fewest_spheres_are_near_volume_and_minor_axis(goji, surface):
     # one sphere less is too far off, grown to the volume or to the longest minor axis that is allowed
     filling = sphere_packing._Filling(goji, surface)
     less = filling.place(count - 1)
-    room = 1.03 * 9.88 - sphere_packing._extent(less, 2)
-    assert sphere_packing._extent(filling.fill(count - 1), 2) > 1.03 * 9.88
+    room = 1.03 * 9.88 - sphere_packing._measure_extent(less, 2)
+    assert sphere_packing._measure_extent(filling.fill(count - 1), 2) > 1.03 * 9.88
     less[:, 3] += room / 2
     assert sphere_packing.union_volume(less, filling.box) < 0.98 * goji.volume
 

@@ -15,7 +15,12 @@ from repose.common.errors import InputError, raise_together
 from repose.common.files import read_table, write_json, write_table
 from repose.common.tables import Column
 from repose.grain import size_distribution
-from repose.grain.berry_files import ALIKE, SIZE_COLUMNS, read_compression, read_sizes
+from repose.grain.berry_files import (
+    SIZE_FACTOR,
+    SIZE_COLUMNS,
+    read_compression,
+    read_sizes,
+)
 from repose.grain.particle import check_positive
 from repose.grain.settings import GrainSettings
 
@@ -373,7 +378,7 @@ def _find_size_faults(
     for column, axis in AXES_OF_TESTS.items():
         tested_mm = float(tests[column].median())
         axis_mm = float(sizes[axis].median())
-        if not 1 / ALIKE <= tested_mm / axis_mm <= ALIKE:
+        if not 1 / SIZE_FACTOR <= tested_mm / axis_mm <= SIZE_FACTOR:
             allowed = (
                 f"a median near that of {axis} in {sizes_csv}, {axis_mm:g} mm: are "
                 "both in mm?"

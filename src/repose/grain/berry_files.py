@@ -26,7 +26,7 @@ COMPRESSION_COLUMNS = (
 # Limits of plausible measurements
 LENGTHS_MM = (0.5, 2000.0)  # a grain of 20 mm in metres or micrometres lies outside
 THINNEST = 0.12  # minor over major axis; a column in cm gives 0.1 or less
-ALIKE = 5.0  # sizes of one crop, and of the tested grains, differ by a smaller factor
+SIZE_FACTOR = 5.0  # sizes of one crop, and of the tested grains, differ by less
 MOST_STRAIN = 0.5  # of a compression test: with more there is no elastic modulus
 
 # The file of the mean grain
@@ -50,6 +50,11 @@ RECONSTRUCTION_MARK = "reconstruction"
 
 def read_sizes(path: str | PathLike) -> "pd.DataFrame":
     """Read the full axes of measured grains.
+
+    Parameters
+    ----------
+    path : path
+        The file.
 
     Returns
     -------
@@ -80,34 +85,54 @@ def read_sizes(path: str | PathLike) -> "pd.DataFrame":
         )
         raise InputError(path, "minor_mm", minor_mm, allowed)
 
-    # Single values may be far from the others, or larger than the axis before.
+    # Single sizes may be far from the others, or longer than the axis before them.
     faults: list[Fault] = []
-    larger_axis = None
+    axis_before = None
     for axis in SIZE_COLUMNS:
-        faults += _far_from_median(sizes[axis])
-        if larger_axis is not None:
-            faults += _larger_than(sizes, axis, larger_axis)
-        larger_axis = axis
+        faults += _find_outliers(sizes[axis])
+        if axis_before is not None:
+            faults += _find_longer_axes(sizes, axis, axis_before)
+        axis_before = axis
     refuse(path, faults)
     return sizes
 
 
-def _larger_than(sizes: "pd.DataFrame", axis: str, larger_axis: str) -> list[Fault]:
-    """Find grains of which an axis is longer than the one that should be larger."""
+def _find_longer_axes(
+    sizes: "pd.DataFrame", axis: str, longer_axis: str
+) -> list[Fault]:
+    """Find grains of which an axis is longer than another that should be longer.
+
+    Parameters
+    ----------
+    sizes : DataFrame
+        A row for each grain, numbered from 1.
+    axis, longer_axis : str
+        Columns of the two axes.
+
+    Returns
+    -------
+    list of tuple
+        Row (from 0), column, value and allowed values of each fault.
+    """
     faults: list[Fault] = []
-    for row in sizes.index[sizes[axis] > sizes[larger_axis]]:
+    for row in sizes.index[sizes[axis] > sizes[longer_axis]]:
         allowed = (
-            f"at most {larger_axis} of the same grain, {sizes.at[row, larger_axis]:g}"
+            f"at most {longer_axis} of the same grain, {sizes.at[row, longer_axis]:g}"
         )
         faults.append((row - 1, axis, float(sizes.at[row, axis]), allowed))
     return faults
 
 
 def read_compression(path: str | PathLike) -> "pd.DataFrame":
-    """Read compression tests.
+    """Read compression tests of single grains.
 
     The grain lies on its broad side. The load is along its minor diameter W (width),
     and the loaded section has the axes L (length) and breadth; 1 is before, 2 after.
+
+    Parameters
+    ----------
+    path : path
+        The file.
 
     Returns
     -------
@@ -124,16 +149,16 @@ def read_compression(path: str | PathLike) -> "pd.DataFrame":
     if len(tests) < 1:
         allowed = "at least 1 compression test"
         raise InputError(path, "rows", len(tests), allowed)
-    refuse(path, _strain_faults(tests))
-    size_faults: list[Fault] = []
-    for name in ("length_1_mm", "width_1_mm", "breadth_mm"):
-        size_faults += _far_from_median(tests[name])
-    refuse(path, size_faults)
+    refuse(path, _find_strain_faults(tests))
+    outliers: list[Fault] = []
+    for column in ("length_1_mm", "width_1_mm", "breadth_mm"):
+        outliers += _find_outliers(tests[column])
+    refuse(path, outliers)
     return tests
 
 
-def _strain_faults(tests: "pd.DataFrame") -> list[Fault]:
-    """Find sizes after a test that do not fit to those before it.
+def _find_strain_faults(tests: "pd.DataFrame") -> list[Fault]:
+    """Find sizes after a test that are impossible by those before it.
 
     The load makes a grain narrower along its width and longer across it, but by at most
     the share `MOST_STRAIN`.
@@ -149,21 +174,23 @@ def _strain_faults(tests: "pd.DataFrame") -> list[Fault]:
         Row (from 0), column, value and allowed values of each fault.
     """
     faults: list[Fault] = []
-    for index, test in enumerate(tests.itertuples(index=False)):
+    for row, test in enumerate(tests.itertuples(index=False)):
+        # The width may only shrink.
         width_mm = test.width_1_mm
         if not (1 - MOST_STRAIN) * width_mm <= test.width_2_mm < width_mm:
             allowed = (
                 f"less than width_1_mm of the same test, {width_mm:g}, and at least "
                 "half of it"
             )
-            faults.append((index, "width_2_mm", test.width_2_mm, allowed))
+            faults.append((row, "width_2_mm", test.width_2_mm, allowed))
+        # The length may only grow.
         length_mm = test.length_1_mm
         if not length_mm <= test.length_2_mm <= (1 + MOST_STRAIN) * length_mm:
             allowed = (
                 f"at least length_1_mm of the same test, {length_mm:g}, and at most "
                 "half as much again"
             )
-            faults.append((index, "length_2_mm", test.length_2_mm, allowed))
+            faults.append((row, "length_2_mm", test.length_2_mm, allowed))
     return faults
 
 
@@ -190,9 +217,9 @@ def read_grain(
         If a key is missing, or a number is impossible.
     """
     grain = read_json(path, needed, WRITTEN)
-    # Check the needed keys, and the other numbers that the file has.
-    present = [key for key in (*POSITIVE, *FROM_ZERO) if key in grain]
-    for key in (*needed, *present):
+    # Check the needed keys, and the other known numbers that the file has.
+    known_keys = [key for key in (*POSITIVE, *FROM_ZERO) if key in grain]
+    for key in (*needed, *known_keys):
         value = grain[key]
         is_number = type(value) in (int, float) and math.isfinite(value)
         if key in FROM_ZERO:
@@ -207,11 +234,22 @@ def read_grain(
     return grain
 
 
-def _far_from_median(column: "pd.Series") -> list[Fault]:
-    """Find lengths that are far from the median of their column."""
+def _find_outliers(column: "pd.Series") -> list[Fault]:
+    """Find lengths that are far from the median of their column.
+
+    Parameters
+    ----------
+    column : Series
+        Lengths in mm, with rows numbered from 1.
+
+    Returns
+    -------
+    list of tuple
+        Row (from 0), column, value and allowed values of each fault.
+    """
     median = column.median()
-    is_far = (column > ALIKE * median) | (column < median / ALIKE)
-    allowed = f"within a factor of {ALIKE:g} of the median, {median:g} mm"
+    is_far = (column > SIZE_FACTOR * median) | (column < median / SIZE_FACTOR)
+    allowed = f"within a factor of {SIZE_FACTOR:g} of the median, {median:g} mm"
     name = str(column.name)
     return [
         (row - 1, name, float(column[row]), allowed) for row in column.index[is_far]
@@ -236,6 +274,7 @@ def _read_numbers(path: str | PathLike, names: Sequence[str]) -> "pd.DataFrame":
     """
     import pandas as pd  # slow to import: where there is a table
 
+    # Each label of a test occurs once; all numbers are above 0.
     columns = []
     for name in names:
         if name == "test":
@@ -244,8 +283,8 @@ def _read_numbers(path: str | PathLike, names: Sequence[str]) -> "pd.DataFrame":
             columns.append(Column(name, low=0.0, above=True))
     table = read(path, columns)
     values = {name: table.values[name] for name in names}
-    numbers = pd.DataFrame(values, index=range(1, len(table) + 1))
-    numbers.attrs["reconstruction"] = any(
+    frame = pd.DataFrame(values, index=range(1, len(table) + 1))
+    frame.attrs["reconstruction"] = any(
         RECONSTRUCTION_MARK in comment.lower() for comment in table.comments
     )
-    return numbers
+    return frame

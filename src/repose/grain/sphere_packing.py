@@ -1,4 +1,4 @@
-"""Fill a mesh with a clump of spheres, as multi-sphere programs use it."""
+"""Fill the mesh of a grain with overlapping spheres: a clump for the simulation."""
 
 import math
 from dataclasses import dataclass
@@ -61,9 +61,16 @@ def pack(
     count : int or str
         Number of spheres, or "fewest".
     surface : str
-        Kind of surface: smooth, rough or rough_full.
+        Kind of surface. "smooth": inscribed balls of any radius, which then grow to the
+        mesh's volume. "rough": equal balls that touch the surface. "rough_full": the
+        same, and they grow.
     source : object
         The mesh's file, for messages.
+
+    Returns
+    -------
+    Packing
+        The spheres in m, and how well they represent the mesh.
 
     Raises
     ------
@@ -76,12 +83,14 @@ def pack(
         raise InputError(source, "spheres", count, allowed)
     if surface not in SURFACES:
         raise InputError(source, "surface", surface, ", ".join(SURFACES))
+
     filling = _Filling(mesh, surface)
     if isinstance(count, int):
         spheres = filling.fill(count)
     else:
         spheres = filling.fill_with_fewest(source)
-    # The mesh's surface should lie on that of the union.
+
+    # The deviations are the distances of the mesh's surface from the union.
     gaps = distances_from_union(spheres, filling.surface_points)
     return Packing(
         spheres_m=np.round(spheres * MM, 9),
@@ -104,15 +113,15 @@ class _Filling:
     def place(self, count: int) -> np.ndarray:
         """Place at most `count` spheres (M, 4) inside the mesh, before they grow."""
         if self.surface == "smooth":
-            return _cover(self.centres, self.depths, self.surface_points, count)
+            return _choose_balls(self.centres, self.depths, self.surface_points, count)
         radius = ROUGH_RADIUS * self.depths.max()
-        return _bumps(self.surface_points, self.normals, radius, count)
+        return _place_equal_balls(self.surface_points, self.normals, radius, count)
 
     def fill(self, count: int) -> np.ndarray:
         """Fill the mesh with at most `count` spheres (M, 4)."""
         spheres = self.place(count)
         if self.surface != "rough":
-            spheres[:, 3] += _growth(spheres, self.mesh, self.box)
+            spheres[:, 3] += _find_growth(spheres, self.mesh, self.box)
         return spheres
 
     def fill_with_fewest(self, source: object) -> np.ndarray:
@@ -135,6 +144,7 @@ class _Filling:
         """
         for count in range(FEWEST_FROM, FEWEST_TO + 1):
             spheres = self.place(count)
+            # A smooth packing finds no place for more spheres.
             if len(spheres) < count:
                 break
             grown = self._grow_within_tolerances(spheres)
@@ -162,32 +172,35 @@ class _Filling:
         ndarray or None
             The grown spheres; None if they cannot have both within the tolerances.
         """
-        extents = np.ptp(self.box, axis=0)
-        axis = int(extents.argmin())
-        shortest = extents[axis]
-        volume = abs(self.mesh.volume)
+        mesh_extents = np.ptp(self.box, axis=0)
+        shortest_axis = int(mesh_extents.argmin())
+        shortest_extent = mesh_extents[shortest_axis]
+        mesh_volume = abs(self.mesh.volume)
+
         # The spheres may grow until they are too thick along the shortest axis.
-        largest_extent = (1 + SHORTEST_AXIS_TOLERANCE) * shortest
-        largest_growth = (largest_extent - _extent(spheres, axis)) / 2
+        largest_extent = (1 + SHORTEST_AXIS_TOLERANCE) * shortest_extent
+        largest_growth = (largest_extent - _measure_extent(spheres, shortest_axis)) / 2
+
         # Most numbers of spheres fail already with few points, which are much faster.
         for n_points, tolerance in (
             (N_VOLUME_POINTS // SCREENING_SHARE, SCREENING_TOLERANCE),
             (N_VOLUME_POINTS, VOLUME_TOLERANCE),
         ):
-            grown = spheres.copy()
+            grown_spheres = spheres.copy()
             if self.surface != "rough":
-                growth = _growth(spheres, self.mesh, self.box, n_points)
-                grown[:, 3] += min(growth, largest_growth)
-            deviation = union_volume(grown, self.box, n_points) / volume - 1
-            if abs(deviation) > tolerance:
+                growth = _find_growth(spheres, self.mesh, self.box, n_points)
+                grown_spheres[:, 3] += min(growth, largest_growth)
+            volume = union_volume(grown_spheres, self.box, n_points)
+            if abs(volume / mesh_volume - 1) > tolerance:
                 return None
-        axis_deviation = _extent(grown, axis) / shortest - 1
-        if abs(axis_deviation) > SHORTEST_AXIS_TOLERANCE + 1e-9:
+
+        extent = _measure_extent(grown_spheres, shortest_axis)
+        if abs(extent / shortest_extent - 1) > SHORTEST_AXIS_TOLERANCE + 1e-9:
             return None
-        return grown
+        return grown_spheres
 
 
-def _extent(spheres: np.ndarray, axis: int) -> float:
+def _measure_extent(spheres: np.ndarray, axis: int) -> float:
     """Measure the length of a union of spheres (M, 4) along an axis."""
     upper = np.max(spheres[:, axis] + spheres[:, 3])
     lower = np.min(spheres[:, axis] - spheres[:, 3])
@@ -211,17 +224,19 @@ def sample_surface(
     tuple
         The points and the outward normals there, each (count, 3).
     """
-    # Each face gets points in proportion to its area.
-    cumulated_area = np.cumsum(mesh.area_faces)
-    draws = qmc.Halton(3, scramble=False).random(count + 1)[1:]  # without the zero
-    face = np.searchsorted(cumulated_area, draws[:, 0] * cumulated_area[-1])
-    face = np.minimum(face, len(cumulated_area) - 1)
-    # Weights of a triangle's corners, so that points lie evenly over its area
-    root = np.sqrt(draws[:, 1:2])
-    share = draws[:, 2:]
+    # Evenly spread numbers (count, 3) between 0 and 1, without the first three zeros.
+    numbers = qmc.Halton(3, scramble=False).random(count + 1)[1:]
+    # The first number chooses the face, in proportion to its area.
+    cumulated_areas = np.cumsum(mesh.area_faces)
+    chosen_faces = np.searchsorted(cumulated_areas, numbers[:, 0] * cumulated_areas[-1])
+    faces = np.minimum(chosen_faces, len(cumulated_areas) - 1)
+    # The others give the weights of its corners. With the square root, the points lie
+    # evenly over its area.
+    root = np.sqrt(numbers[:, 1:2])
+    share = numbers[:, 2:]
     weights = np.hstack([1 - root, root * (1 - share), root * share])
-    points = np.einsum("nk,nki->ni", weights, mesh.triangles[face])
-    return points, mesh.face_normals[face]
+    points = np.einsum("nk,nki->ni", weights, mesh.triangles[faces])
+    return points, mesh.face_normals[faces]
 
 
 def _candidate_balls(
@@ -232,7 +247,7 @@ def _candidate_balls(
     Parameters
     ----------
     mesh : Trimesh
-        The mesh.
+        The mesh, nearly convex, with its centre at the origin.
     points : ndarray
         Points (P, 3) on its surface.
 
@@ -245,14 +260,15 @@ def _candidate_balls(
     spacing = np.cbrt(mesh.volume / N_CANDIDATES)
     lowest = mesh.vertices.min(axis=0) / spacing
     highest = mesh.vertices.max(axis=0) / spacing
-    lines = [
+    coordinates = [
         spacing * np.arange(math.ceil(low), math.floor(high) + 1)
         for low, high in zip(lowest, highest, strict=True)
     ]
-    grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
+    grid = np.stack(np.meshgrid(*coordinates, indexing="ij"), axis=-1).reshape(-1, 3)
 
-    # A point lies below the nearest face of the hull by its depth. Points are treated in
-    # chunks: all points times all faces of a scan would fill gigabytes.
+    # The depth of a point is its distance below the nearest face of the convex hull.
+    # Points are treated in chunks: all points times all faces of a scan would fill
+    # gigabytes.
     hull = mesh.convex_hull
     offsets = np.einsum("fi,fi->f", hull.face_normals, hull.triangles[:, 0])
     n_chunks = 1 + len(grid) * len(offsets) // 2_000_000
@@ -260,12 +276,13 @@ def _candidate_balls(
         (offsets - chunk @ hull.face_normals.T).min(axis=1)
         for chunk in np.array_split(grid, n_chunks)
     ]
-    depth = np.concatenate(chunk_depths)
-    is_inside = depth > 0
+    depths = np.concatenate(chunk_depths)
+    is_inside = depths > 0
     centres = grid[is_inside]
+
     # Where the surface lies below its hull, the depth below the hull is too large.
-    surface_distance, _ = cKDTree(points).query(centres)
-    return centres, np.minimum(depth[is_inside], surface_distance)
+    surface_distances, _ = cKDTree(points).query(centres)
+    return centres, np.minimum(depths[is_inside], surface_distances)
 
 
 def distances_from_union(spheres: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -294,6 +311,11 @@ def union_volume(
         fill this box, extended to all of the union.
     count : int
         Number of points, which are the same each time.
+
+    Returns
+    -------
+    float
+        The volume, in the unit of the spheres cubed.
     """
     centres = spheres[:, :3]
     radii = spheres[:, 3:]
@@ -306,7 +328,7 @@ def union_volume(
     return n_inside / count * float(np.prod(high - low))
 
 
-def _growth(
+def _find_growth(
     spheres: np.ndarray,
     mesh: trimesh.Trimesh,
     box: np.ndarray,
@@ -347,15 +369,17 @@ def _growth(
     return float(np.quantile(distances, mesh_share))
 
 
-def _cover(
-    centres: np.ndarray, depths: np.ndarray, points: np.ndarray, count: int
+def _choose_balls(
+    centres: np.ndarray, radii: np.ndarray, points: np.ndarray, count: int
 ) -> np.ndarray:
-    """Choose inscribed balls whose union comes near the surface.
+    """Choose inscribed balls whose union comes near the surface of a mesh.
 
     Parameters
     ----------
-    centres, depths : ndarray
-        Centres (N, 3) and radii (N,) of the candidates.
+    centres : ndarray
+        Centres (N, 3) of the candidates.
+    radii : ndarray
+        Their radii (N,).
     points : ndarray
         Points (P, 3) of the surface.
     count : int
@@ -364,42 +388,46 @@ def _cover(
     Returns
     -------
     ndarray
-        The balls (M, 4).
+        Centres and radii of the balls (M, 4).
     """
-    largest = depths.max()
-    is_large = depths > SMALLEST_BALL * largest
+    # Small balls are no candidates.
+    largest = radii.max()
+    is_large = radii > SMALLEST_BALL * largest
     centres = centres[is_large]
-    depths = depths[is_large]
-    gaps = np.linalg.norm(points[:, None, :] - centres[None], axis=2) - depths
+    radii = radii[is_large]
+
+    # Gap between each surface point and each ball (P, N), and whether two balls (N, N)
+    # are far enough apart
+    gaps = np.linalg.norm(points[:, None, :] - centres[None], axis=2) - radii
     squared_gaps = np.square(gaps).astype(np.float32)
     centre_distances = np.linalg.norm(centres[:, None] - centres[None], axis=2)
     is_separated = centre_distances >= SPACING * largest
 
-    # Add balls one by one
+    # Add the best ball to those chosen before, until a further one gains little.
     smallest_gain = (SMALLEST_GAIN * largest) ** 2
     chosen: list[int] = []
     best_score = np.inf
     for _ in range(count):
-        scores = _scores(squared_gaps, is_separated, chosen)
+        scores = _score_candidates(squared_gaps, is_separated, chosen)
         if best_score - scores.min() < smallest_gain:
             break
         best_score = scores.min()
         chosen.append(int(scores.argmin()))
 
-    # Exchange single balls for better ones
+    # Exchange single balls for better ones, until a round changes nothing.
     for _ in range(MAX_EXCHANGES):
-        before = list(chosen)
+        balls_before = list(chosen)
         for index in range(len(chosen)):
-            others = chosen[:index] + chosen[index + 1 :]
-            scores = _scores(squared_gaps, is_separated, others)
+            other_balls = chosen[:index] + chosen[index + 1 :]
+            scores = _score_candidates(squared_gaps, is_separated, other_balls)
             if scores.min() < scores[chosen[index]]:
                 chosen[index] = int(scores.argmin())
-        if chosen == before:
+        if chosen == balls_before:
             break
-    return np.column_stack([centres[chosen], depths[chosen]])
+    return np.column_stack([centres[chosen], radii[chosen]])
 
 
-def _scores(
+def _score_candidates(
     squared_gaps: np.ndarray, is_separated: np.ndarray, chosen: list[int]
 ) -> np.ndarray:
     """Score each candidate (N,) as the next ball; the lowest is the best.
@@ -423,13 +451,13 @@ def _scores(
     return np.where(is_separated[chosen].all(axis=0), scores, np.inf)
 
 
-def _bumps(
+def _place_equal_balls(
     points: np.ndarray, normals: np.ndarray, radius: float, count: int
 ) -> np.ndarray:
-    """Place balls of one radius that touch a surface from inside.
+    """Place balls of one radius so that each touches a surface from inside.
 
-    Each is placed as far as possible from those before it; the first lies at the end of
-    the x axis.
+    The first lies at the end of the x axis. Each further one is placed as far as
+    possible from those before it.
 
     Parameters
     ----------
@@ -445,14 +473,15 @@ def _bumps(
     ndarray
         Centres and radii (count, 4).
     """
+    # A ball whose centre is one radius below a surface point touches the surface there.
     centres = points - radius * normals
     first = int(np.argmax(centres[:, 0]))
-    selected = [first]
-    # Distance of each possible centre from the nearest selected one
-    distance = np.linalg.norm(centres - centres[first], axis=1)
-    while len(selected) < count:
-        farthest = int(distance.argmax())
-        selected.append(farthest)
-        new_distance = np.linalg.norm(centres - centres[farthest], axis=1)
-        distance = np.minimum(distance, new_distance)
-    return np.column_stack([centres[selected], np.full(count, radius)])
+    chosen = [first]
+    # Distance of each possible centre from the nearest chosen one
+    distances = np.linalg.norm(centres - centres[first], axis=1)
+    while len(chosen) < count:
+        farthest = int(distances.argmax())
+        chosen.append(farthest)
+        distances_from_new = np.linalg.norm(centres - centres[farthest], axis=1)
+        distances = np.minimum(distances, distances_from_new)
+    return np.column_stack([centres[chosen], np.full(count, radius)])
