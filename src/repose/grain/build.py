@@ -1,4 +1,4 @@
-"""Make the simulated particle of a grain from the mesh of its surface."""
+"""Make the simulated particle of a grain: fit it to the mesh of the grain."""
 
 import functools
 import math
@@ -68,31 +68,37 @@ def fit_particle(
     kind : str
         "ellipsoid" for a single ellipsoid, "smooth" for a sum of a few.
 
+    Returns
+    -------
+    Particle
+        The particle in SI units.
+
     Raises
     ------
     InputError
         If the particle does not represent the mesh.
     """
     check_positive(source, density_kg_m3=density_kg_m3)
+    # Extents of the mesh from its centre [m], and the radius of a ball of its volume
     directions = sphere_directions(N_DIRECTIONS)
-    measured = compute_support(mesh, directions) * MM
+    mesh_support = compute_support(mesh, directions) * MM
     radius = np.cbrt(mesh.volume * 3 / (4 * math.pi)) * MM
     is_ellipsoid = kind == "ellipsoid"
     fit = support_fit.recognise_ellipsoid(
-        mesh.vertices * MM, radius, directions, measured
+        mesh.vertices * MM, radius, directions, mesh_support
     )
     if fit is None:
         counts = (1,) if is_ellipsoid else support_fit.COMPONENTS
-        fit = support_fit.fit_components(directions, measured, radius, counts)
+        fit = support_fit.fit_components(directions, mesh_support, radius, counts)
     # Below a nanometre lies only the rounding of the file.
     semi_axes = np.round(fit, 9)
 
     # Refuse a particle that does not represent the mesh.
-    deviation = np.abs(support(semi_axes, directions) - measured)
+    deviations = np.abs(support(semi_axes, directions) - mesh_support)
     volume, second_moments = support_fit.volume_integrals(semi_axes)
     tolerance = VOLUME_TOLERANCE * (ELLIPSOID_TOLERANCE if is_ellipsoid else 1)
     _check_fit(
-        relative_deviation=deviation.max() / radius,
+        relative_deviation=deviations.max() / radius,
         volume_ratio=volume / (mesh.volume * MM**3),
         tolerance=tolerance,
         source=source,
@@ -107,8 +113,8 @@ def fit_particle(
         mass_kg=density_kg_m3 * volume,
         inertia_kg_m2=density_kg_m3 * (second_moments.sum() - second_moments),
         bounding_radius_m=support_fit.bounding_radius(semi_axes),
-        deviation_max_m=float(deviation.max()),
-        deviation_rms_m=float(np.sqrt(np.mean(deviation**2))),
+        deviation_max_m=float(deviations.max()),
+        deviation_rms_m=float(np.sqrt(np.mean(deviations**2))),
         stl=str(stl),
         mesh_volume_m3=body.volume_m3,
         mesh_inertia_kg_m2=body.inertia_kg_m2,
@@ -166,12 +172,19 @@ def make_particle(
         Density of the grain.
     kind : str
         One of `KINDS`.
-    spheres, surface : int or str, str
-        Number of spheres and kind of surface of a multisphere.
+    spheres : int or str
+        Number of spheres of a multisphere, or "fewest".
+    surface : str
+        Kind of surface of a multisphere, see `sphere_packing.pack`.
     stl : str
         Name of the mesh's file, for the particle.
     source : object
         The mesh's file, for messages.
+
+    Returns
+    -------
+    Particle
+        The particle in SI units.
 
     Raises
     ------
@@ -183,6 +196,7 @@ def make_particle(
     if kind != "multisphere":
         return fit_particle(mesh, density_kg_m3, stl=stl, source=source, kind=kind)
     check_positive(source, density_kg_m3=density_kg_m3)
+
     packing = sphere_packing.pack(mesh, spheres, surface, source)
     # Spheres overlap, so mass and moments of inertia are those of the mesh.
     body = compute_body(mesh, density_kg_m3)
@@ -218,22 +232,24 @@ def compare(particles: Mapping[str, Particle | InputError]) -> list[dict[str, An
     -------
     list of dict
         A row for the mesh, if a particle has it, and one for each particle: volume,
-        mass, principal moments, extents, deviations.
+        mass, principal moments, extents, deviations. The row of a particle that could
+        not be made has the reason instead, as `refused`.
     """
     rows = []
     # Each particle has the same mesh, so the first one gives its row.
     for particle in particles.values():
         if isinstance(particle, Particle):
             if particle.mesh is not None:
-                rows.append(_row("mesh", particle.mesh))
+                rows.append(_make_row("mesh", particle.mesh))
             break
+    # Then one row for each particle
     for name, particle in particles.items():
         if isinstance(particle, InputError):
             rows.append({"body": name, "refused": str(particle)})
             continue
         assert particle.mesh_volume_m3 is not None
         volume_ratio = particle.volume_m3 / particle.mesh_volume_m3
-        row = _row(name, particle)
+        row = _make_row(name, particle)
         row["volume_deviation_percent"] = 100 * (volume_ratio - 1)
         row["deviation_max_mm"] = particle.deviation_max_m / MM
         row["deviation_rms_mm"] = particle.deviation_rms_m / MM
@@ -242,7 +258,7 @@ def compare(particles: Mapping[str, Particle | InputError]) -> list[dict[str, An
     return rows
 
 
-def _row(name: str, body: Particle | Body) -> dict[str, Any]:
+def _make_row(name: str, body: Particle | Body) -> dict[str, Any]:
     """List volume, mass, principal moments and extents of a body by column."""
     row: dict[str, Any] = {
         "body": name,
@@ -268,8 +284,8 @@ def of_settings(grain: Mapping[str, Any], section: GrainSettings) -> Particle:
     """
     source = section.stl or MESH_FILE
     density_kg_m3 = grain["density_kg_m3"]
-    return _particle_of_file(
-        _mesh_content(grain, section.stl, section.mass_g),
+    return _make_particle_from_file(
+        _make_mesh_file(grain, section.stl, section.mass_g),
         density_kg_m3,
         kind=section.particle,
         spheres=section.spheres,
@@ -280,7 +296,7 @@ def of_settings(grain: Mapping[str, Any], section: GrainSettings) -> Particle:
 
 # A particle takes a second to fit, and every load of a configuration makes it anew.
 @functools.lru_cache(maxsize=8)
-def _particle_of_file(
+def _make_particle_from_file(
     content: bytes,
     density_kg_m3: float,
     *,
@@ -301,27 +317,40 @@ def _particle_of_file(
     )
 
 
-def _mesh_content(
+def _make_mesh_file(
     grain: Mapping[str, Any], stl: str | PathLike | None, mass_g: float | None
 ) -> bytes:
-    """Return the content of the mesh file.
+    """Return the content of the mesh file of a grain.
 
-    It is the user's scan, or without one a mesh of the mean axes and the mass, or
-    without a mass the ellipsoid of the mean axes (`repose.grain.berry.mean_axes`).
+    Parameters
+    ----------
+    grain : mapping
+        The mean grain: its axes (`repose.grain.berry.mean_axes`) and its density.
+    stl : path or None
+        The user's scan. Without one, the mesh is made from the axes and the mass.
+    mass_g : float or None
+        Mass of the mean grain. Without one, the mesh is the ellipsoid of the axes.
+
+    Returns
+    -------
+    bytes
+        An STL file.
     """
     axes_mm = [grain[name] for name in SIZE_COLUMNS]
     if stl is not None:
         scan = load_mesh(stl)
         _check_sides(scan, axes_mm, stl)
         return write_stl(scan)
-    return _mesh_content_of_axes(tuple(axes_mm), mass_g, grain["density_kg_m3"])
+    return _make_mesh_file_from_axes(tuple(axes_mm), mass_g, grain["density_kg_m3"])
 
 
 @functools.lru_cache(maxsize=8)
-def _mesh_content_of_axes(
+def _make_mesh_file_from_axes(
     axes_mm: tuple[float, ...], mass_g: float | None, density_kg_m3: float
 ) -> bytes:
     """Make the content of the mesh file of a grain without a scan.
+
+    The result is kept for the next call with the same numbers.
 
     Parameters
     ----------
@@ -349,7 +378,8 @@ def _mesh_content_of_axes(
     except InputError as error:
         if error.key != "mass_g":
             raise
-        # Where sizes scatter, the right mass is too much for the mean axes.
+        # Where sizes scatter, the mean mass is too much for the mean axes. Say what a
+        # user can do about it.
         allowed = f"{error.allowed}; without it, the mean volume of the sizes is taken"
         raise InputError(error.source, error.key, error.value, allowed) from error
     return write_stl(mesh)
@@ -398,8 +428,10 @@ def run(
         Kind of the particle, one of `KINDS`.
     mass_g : float, optional
         Mass of the mean grain.
-    spheres, surface : int or str, str
-        Number of spheres and kind of surface of a multisphere.
+    spheres : int or str
+        Number of spheres of a multisphere, or "fewest".
+    surface : str
+        Kind of surface of a multisphere, see `sphere_packing.pack`.
 
     Returns
     -------
@@ -417,10 +449,10 @@ def run(
     grain = read_grain(berry_json, (*SIZE_COLUMNS, "density_kg_m3"))
     out = Path(out_dir)
     source = stl or out / MESH_FILE
-    content = _mesh_content(grain, stl, mass_g)
+    content = _make_mesh_file(grain, stl, mass_g)
     mesh = read_stl(content, source)
 
-    def make(particle_kind: str) -> Particle:
+    def make_particle_of_kind(particle_kind: str) -> Particle:
         return make_particle(
             mesh,
             grain["density_kg_m3"],
@@ -432,13 +464,17 @@ def run(
         )
 
     # All kinds are made and compared; only the configured one must succeed.
-    particle = make(kind)
+    particle = make_particle_of_kind(kind)
     particles: dict[str, Particle | InputError] = {}
-    for other_kind in KINDS:
+    for name in KINDS:
+        if name == kind:
+            particles[name] = particle
+            continue
         try:
-            particles[other_kind] = particle if other_kind == kind else make(other_kind)
+            particles[name] = make_particle_of_kind(name)
         except InputError as error:
-            particles[other_kind] = error
+            particles[name] = error
+
     write_bytes(out / MESH_FILE, content)
     comparison = pd.DataFrame(compare(particles))
     write_table(out / "particles.csv", comparison, float_format="%.6g")
