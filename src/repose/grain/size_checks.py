@@ -9,10 +9,10 @@ import numpy as np
 from scipy.integrate import quad
 
 FEWEST = 4  # grains that can form two groups: two in each
-# Probability that grains of one kind are taken for two groups.
+# Probability that grains of one kind seem to be two groups
 SIGNIFICANCE = 0.01
-SAMPLES = 2000  # of grains of one kind, for its quantile
-SEED = 2026
+N_SAMPLES = 2000  # of grains of one kind, from which the limit is estimated
+SEED = 2026  # of these samples
 
 
 class Split(NamedTuple):
@@ -68,21 +68,22 @@ def best_split(values: np.ndarray) -> Split:
         The number of small values, and the share of the variance that the split
         explains.
     """
-    ordered = np.sort(np.asarray(values, float))
-    deviations = ordered - ordered.mean()
-    total = float(deviations @ deviations)
-    if total == 0:
-        return Split(len(ordered), 0.0)
+    sorted_values = np.sort(np.asarray(values, float))
+    deviations = sorted_values - sorted_values.mean()
+    sum_of_squares = float(deviations @ deviations)
+    if sum_of_squares == 0:
+        return Split(len(sorted_values), 0.0)
 
     # The sum of squares between the groups, for each number of small values. The
     # deviations of both groups add up to zero, so one sum gives both means.
-    n = len(ordered)
+    n = len(sorted_values)
     n_small = np.arange(1, n)
     n_large = n - n_small
     small_sums = np.cumsum(deviations)[:-1]
-    between = small_sums**2 * n / (n_small * n_large)
-    best = int(np.argmax(between))
-    return Split(best + 1, float(between[best]) / total)
+    squares_between = small_sums**2 * n / (n_small * n_large)
+    best = int(np.argmax(squares_between))
+    # The first entry is the split with one small value.
+    return Split(best + 1, float(squares_between[best]) / sum_of_squares)
 
 
 @cache
@@ -98,7 +99,7 @@ def explained_by_chance(n_values: int) -> float:
     13 (1985) 70-84.
     """
     rng = np.random.default_rng(SEED)
-    shares = [best_split(rng.random(n_values)).explained for _ in range(SAMPLES)]
+    shares = [best_split(rng.random(n_values)).explained for _ in range(N_SAMPLES)]
     return float(np.quantile(shares, 1 - SIGNIFICANCE))
 
 
@@ -138,26 +139,37 @@ def largest_volume(axes: Sequence[float]) -> float:
     is symmetric to three planes lies in the ball around the long axis, and in the box
     around the axes; for equal axes this is the sphere.
 
+    Parameters
+    ----------
+    axes : sequence of float
+        The three full axes, the longest first.
+
+    Returns
+    -------
+    float
+        The volume, in the unit of the axes cubed.
+
     Notes
     -----
     Steiner's symmetrisation makes any body symmetric, keeps its volume, and increases
     no extent; so no other body is larger (isodiametric inequality).
     """
-    radius, half_width, half_height = (0.5 * axis for axis in axes)
+    ball_radius, half_width, half_height = (0.5 * axis for axis in axes)
 
     def quarter_area(y: float) -> float:
         """Compute a quarter of the area of the body's section at y.
 
         The section of the ball is a circle, which the box cuts off at the half height.
         """
-        circle_radius = math.sqrt(max(radius**2 - y**2, 0.0))
-        top = min(half_height, circle_radius)
-        if top == 0:
+        circle_radius = math.sqrt(max(ball_radius**2 - y**2, 0.0))
+        cut_height = min(half_height, circle_radius)
+        if cut_height == 0:
             return 0.0
-        # A triangle and a sector of the circle
-        half_chord = math.sqrt(max(circle_radius**2 - top**2, 0.0))
-        angle = math.asin(min(top / circle_radius, 1.0))
-        return 0.5 * (top * half_chord + circle_radius**2 * angle)
+        # The quarter consists of a triangle and a sector of the circle.
+        half_chord = math.sqrt(max(circle_radius**2 - cut_height**2, 0.0))
+        sector_angle = math.asin(min(cut_height / circle_radius, 1.0))
+        return 0.5 * (cut_height * half_chord + circle_radius**2 * sector_angle)
 
     # A quarter of each section, over half of the width, is an eighth of the body.
-    return 8 * float(quad(quarter_area, 0.0, half_width)[0])
+    eighth, _error = quad(quarter_area, 0.0, half_width)
+    return 8 * float(eighth)

@@ -1,4 +1,4 @@
-"""Draw the sizes of single grains from a truncated normal distribution."""
+"""Draw the sizes of single grains from the spread of measured sizes."""
 
 import math
 from collections.abc import Mapping
@@ -48,7 +48,15 @@ def normalisation(sd: float, low: float, high: float) -> float:
     """Compute the cube root of E[x^3] of a truncated normal x of mean 1.
 
     Divided by it, x keeps the mean volume.
+
+    Parameters
+    ----------
+    sd : float
+        Standard deviation before the truncation, above 0.
+    low, high : float
+        Ends of the distribution.
     """
+    # Gauss-Legendre quadrature; the nodes are moved from (-1, 1) to (low, high).
     nodes, weights = np.polynomial.legendre.leggauss(60)
     x = low + (high - low) * (nodes + 1) / 2
     density = weights * np.exp(-0.5 * ((x - 1) / sd) ** 2)
@@ -56,8 +64,16 @@ def normalisation(sd: float, low: float, high: float) -> float:
 
 
 def smallest_scale(distribution: str, grain: Mapping[str, float]) -> float:
-    """Compute the smallest scale of `of_pour`, whose arguments these are."""
-    spread = _spread(distribution, grain)
+    """Compute the smallest scale that `draw_scales` can draw.
+
+    Parameters
+    ----------
+    distribution : str
+        "none" for equal grains, or "measured".
+    grain : mapping
+        The mean grain, with the spread of its sizes.
+    """
+    spread = _read_spread(distribution, grain)
     if spread.sd == 0:
         return 1.0
     return spread.low / normalisation(*spread)
@@ -71,18 +87,19 @@ def draw(
     Parameters
     ----------
     rng : Generator
-        Random numbers.
+        Gives a uniform number for each grain, and none without scatter.
     count : int
         Number of grains.
     sd : float
-        Standard deviation before the truncation; without scatter all sizes are 1.
+        Standard deviation before the truncation; 0 gives grains of size 1.
     low, high : float
-        Smallest and largest size before they are divided by the `normalisation`.
+        Smallest and largest size, for sizes of mean 1.
 
     Returns
     -------
-    array
-        Sizes s (count,) with the mean E[s^3] = 1, so that the mean volume is kept.
+    ndarray
+        Sizes s (count,), divided by the `normalisation`: E[s^3] = 1 keeps the mean
+        volume.
     """
     if sd == 0:
         return np.ones(count)
@@ -92,13 +109,15 @@ def draw(
     # sizes by the inverse of the normal distribution.
     low_probability = ndtr((low - 1) / sd)
     high_probability = ndtr((high - 1) / sd)
-    numbers = rng.random(count)
-    probabilities = low_probability + (high_probability - low_probability) * numbers
+    uniform_numbers = rng.random(count)
+    probabilities = (
+        low_probability + (high_probability - low_probability) * uniform_numbers
+    )
     sizes = 1 + sd * ndtri(probabilities)
     return np.clip(sizes, low, high) / normalisation(sd, low, high)
 
 
-def _spread(distribution: str, grain: Mapping[str, float]) -> Spread:
+def _read_spread(distribution: str, grain: Mapping[str, float]) -> Spread:
     """Read the spread of the sizes from the values of a mean grain.
 
     Parameters
@@ -106,7 +125,12 @@ def _spread(distribution: str, grain: Mapping[str, float]) -> Spread:
     distribution : str
         The key `size_distribution`. With ``none`` all grains have the same size.
     grain : mapping
-        Values of the mean grain by key.
+        Values of the mean grain by key, as in berry.json.
+
+    Returns
+    -------
+    Spread
+        The spread of sizes of mean 1.
 
     Raises
     ------
@@ -141,10 +165,17 @@ def draw_scales(
 
     Returns
     -------
-    tuple
-        The scales (count,), and the largest possible scale.
+    scales : ndarray
+        Size of each grain (count,), over that of the mean grain.
+    largest_scale : float
+        The largest size that can be drawn.
+
+    Raises
+    ------
+    InputError
+        If the mean grain has no possible spread.
     """
-    spread = _spread(distribution, grain)
+    spread = _read_spread(distribution, grain)
     rng = np.random.default_rng([STREAM, seed])
     scales = draw(rng, count, *spread)
     if spread.sd == 0:
