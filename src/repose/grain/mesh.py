@@ -64,7 +64,7 @@ def load_mesh(path: str | PathLike) -> trimesh.Trimesh:
         raise InputError(path, "file", None, allowed)
     if path.suffix.lower() == ".stl":
         return read_stl(_complete_stl(path.read_bytes(), path), path)
-    return _read(path, None, path)
+    return _read_mesh(path, None, path)
 
 
 def _complete_stl(content: bytes, source: object) -> bytes:
@@ -120,7 +120,8 @@ def _complete_text_stl(text: bytes, source: object) -> bytes:
     if n_beginnings != n_ends:
         allowed = f"{n_beginnings}, as many as begin: the file is cut off"
         raise InputError(source, "facets", n_ends, allowed)
-    # Drop the last `endsolid` with what follows it; a missing one is added as well.
+    # Drop the last `endsolid` with what follows it, and end with a new one, also where
+    # it was missing.
     end = text.rfind(b"endsolid")
     if end > text.rfind(b"endfacet"):
         text = text[:end]
@@ -158,7 +159,7 @@ def _complete_binary_stl(content: bytes, source: object) -> bytes:
     return content[:end]
 
 
-def _read(file: Any, file_type: str | None, source: object) -> trimesh.Trimesh:
+def _read_mesh(file: Any, file_type: str | None, source: object) -> trimesh.Trimesh:
     """Read a mesh by trimesh, check it and turn it into its principal pose.
 
     Parameters
@@ -169,6 +170,16 @@ def _read(file: Any, file_type: str | None, source: object) -> trimesh.Trimesh:
         Format of trimesh; None leaves it to the ending of the path.
     source : object
         The file, for messages.
+
+    Returns
+    -------
+    Trimesh
+        The mesh in mm.
+
+    Raises
+    ------
+    InputError
+        If trimesh cannot read it, or if it is no mesh of a grain.
     """
     try:
         mesh: Any = trimesh.load(file, file_type=file_type, force="mesh")
@@ -194,22 +205,30 @@ def read_stl(stl: bytes, source: object) -> trimesh.Trimesh:
 
     Messages name `source`.
     """
-    return _read(BytesIO(stl), "stl", source)
+    return _read_mesh(BytesIO(stl), "stl", source)
 
 
 def check_mesh(mesh: trimesh.Trimesh, source: object) -> trimesh.Trimesh:
-    """Return a mesh that can be that of a grain, or raise InputError.
-
-    It is one closed body, its faces look outwards, it has a plausible size and is
-    nearly convex.
+    """Check that a mesh can be the surface of a grain.
 
     Parameters
     ----------
     mesh : Trimesh
-        The mesh in mm. Facets without an area, and some that are there twice, are
-        removed from it.
+        The mesh in mm. It is changed: equal vertices are merged, and facets without an
+        area, and some that are there twice, are removed.
     source : object
         The mesh's file, for messages.
+
+    Returns
+    -------
+    Trimesh
+        The same mesh.
+
+    Raises
+    ------
+    InputError
+        Unless it is one closed body whose faces look outwards, has a plausible size and
+        is nearly convex.
     """
     if len(mesh.faces) < 4:
         allowed = "a closed surface of at least 4 faces"
@@ -233,7 +252,12 @@ def check_mesh(mesh: trimesh.Trimesh, source: object) -> trimesh.Trimesh:
 def _check_sides(mesh: trimesh.Trimesh, source: object) -> None:
     """Raise InputError for a mesh that is hardly in mm, or is flat.
 
-    `source` is the mesh's file, for the message.
+    Parameters
+    ----------
+    mesh : Trimesh
+        The mesh in mm.
+    source : object
+        The mesh's file, for messages.
     """
     longest = float(mesh.extents.max())
     shortest = float(mesh.extents.min())
@@ -279,17 +303,29 @@ def _remove_bad_facets(mesh: trimesh.Trimesh, source: object) -> None:
 def _open_surface_error(mesh: trimesh.Trimesh, source: object) -> InputError:
     """Make the error of a mesh that is not closed, with the kinds of its bad edges.
 
-    An edge of a closed surface belongs to two facets that look outwards. `source` is
-    the mesh's file, for the message.
+    An edge of a closed surface belongs to two facets that look outwards.
+
+    Parameters
+    ----------
+    mesh : Trimesh
+        The mesh.
+    source : object
+        The mesh's file, for messages.
+
+    Returns
+    -------
+    InputError
+        The error, which counts the edges of each kind.
     """
-    # Number the edges, each two vertices, and count the facets of each.
-    _, edge, n_facets = np.unique(
+    # `mesh.edges` has the two vertices of each edge once for each facet. Give equal
+    # edges one number, and count their facets.
+    _, edge_numbers, n_facets = np.unique(
         mesh.edges_sorted, axis=0, return_inverse=True, return_counts=True
     )
     # Two facets that look to the same side go along their edge in opposite directions:
     # one of them from the vertex with the lower number to the higher.
     is_ascending = mesh.edges[:, 0] < mesh.edges[:, 1]
-    n_ascending = np.bincount(edge.ravel(), is_ascending)
+    n_ascending = np.bincount(edge_numbers.ravel(), is_ascending)
     n_turned = ((n_facets == 2) & (n_ascending != 1)).sum()
     problem = (
         f"{(n_facets == 1).sum()} edges of one facet, {(n_facets > 2).sum()} of more "
@@ -305,7 +341,12 @@ def _open_surface_error(mesh: trimesh.Trimesh, source: object) -> InputError:
 def _check_volume(mesh: trimesh.Trimesh, source: object) -> None:
     """Raise InputError unless the faces look outwards and the mesh is nearly convex.
 
-    `source` is the mesh's file, for the message.
+    Parameters
+    ----------
+    mesh : Trimesh
+        The mesh in mm, which is closed.
+    source : object
+        The mesh's file, for messages.
     """
     volume = float(mesh.volume)
     if volume <= 0:
@@ -330,11 +371,23 @@ def principal_pose(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
 
     The centre of mass is the origin, and the principal axes are x (the longest), y and
     z.
+
+    Parameters
+    ----------
+    mesh : Trimesh
+        The mesh, which stays as it is.
+
+    Returns
+    -------
+    Trimesh
+        The copy.
     """
-    # Moments ascend: the smallest belongs to the longest axis.
+    # The rows are the principal axes. Their moments ascend, and the smallest moment
+    # belongs to the longest axis.
     axes = np.linalg.eigh(mesh.moment_inertia).eigenvectors.T
-    # The largest component of an axis is made positive, so that the pose does not
-    # depend on the eigenvector routine.
+    # An axis may point to either side. Its largest component is made positive, so that
+    # the pose does not depend on the eigenvector routine. The third axis follows from
+    # the others: the frame is right-handed.
     for axis in axes[:2]:
         largest = np.argmax(np.abs(axis))
         axis *= np.sign(axis[largest])

@@ -42,7 +42,7 @@ def profile_exponents(shape: float) -> tuple[float, float]:
     return 2.0, 1 / shape
 
 
-def _profile(shape: float, taper: float) -> tuple[np.ndarray, np.ndarray]:
+def _place_sections(shape: float, taper: float) -> tuple[np.ndarray, np.ndarray]:
     """Place the cross-sections of a grain evenly along its outline.
 
     The outline is the profile r(t) = (1 - |t|^m)^k, tilted by the taper.
@@ -56,12 +56,14 @@ def _profile(shape: float, taper: float) -> tuple[np.ndarray, np.ndarray]:
 
     Returns
     -------
-    tuple
-        Places t from -1 to 1 and radii r of the cross-sections, each (RINGS + 1,). The
-        largest radius is 1.
+    places : ndarray
+        Places t of the cross-sections along the grain, from -1 to 1 (RINGS + 1,).
+    radii : ndarray
+        Their radii r (RINGS + 1,), of which the largest is 1.
     """
     m, k = profile_exponents(shape)
-    # One half of the outline, dense at the end, and its mirror image
+    # One half of the outline goes from the end to the middle, with most points near the
+    # end. The other half is its mirror image, without the middle.
     half_t = np.cos(np.linspace(0, math.pi / 2, 4000)) ** (2 / m)
     half_r = np.clip(1 - half_t**m, 0, None) ** k
     t = np.concatenate([-half_t, half_t[-2::-1]])
@@ -71,12 +73,14 @@ def _profile(shape: float, taper: float) -> tuple[np.ndarray, np.ndarray]:
 
     # Cut the outline into pieces of the same length.
     steps = np.hypot(np.diff(t), np.diff(r))
-    length = np.concatenate([[0], np.cumsum(steps)])
-    even_length = np.linspace(0, length[-1], RINGS + 1)
-    return np.interp(even_length, length, t), np.interp(even_length, length, r)
+    lengths = np.concatenate([[0], np.cumsum(steps)])  # from the first end
+    section_lengths = np.linspace(0, lengths[-1], RINGS + 1)
+    places = np.interp(section_lengths, lengths, t)
+    radii = np.interp(section_lengths, lengths, r)
+    return places, radii
 
 
-def _mesh(axes_mm: Axes, shape: float, details: _Details) -> trimesh.Trimesh:
+def _make_mesh(axes_mm: Axes, shape: float, details: _Details) -> trimesh.Trimesh:
     """Make the closed mesh of a grain, its long axis along x.
 
     It has rings of points around the long axis, and a point at each tip.
@@ -95,21 +99,22 @@ def _mesh(axes_mm: Axes, shape: float, details: _Details) -> trimesh.Trimesh:
     Trimesh
         The mesh in mm.
     """
-    places, sizes = _profile(shape, details.taper)
+    places, scales = _place_sections(shape, details.taper)
     angles = np.arange(SECTORS) * (2 * math.pi / SECTORS)
     half_length, half_width, half_height = np.asarray(axes_mm, float) / 2
 
-    # The largest cross-section (SECTORS, 2): an ellipse with grooves
+    # The largest cross-section (SECTORS, 2) is an ellipse with grooves. A groove makes
+    # it smaller by a cosine wave.
     depth = details.wrinkle_depth_mm / half_height
-    groove = 1 - depth * (1 - np.cos(details.wrinkles * angles)) / 2
+    groove_factors = 1 - depth * (1 - np.cos(details.wrinkles * angles)) / 2
     y = half_width * np.cos(angles)
     z = half_height * np.sin(angles)
-    section = np.column_stack([y, z]) * groove[:, None]
+    largest_section = np.column_stack([y, z]) * groove_factors[:, None]
 
-    # The first and the last cross-section are the tips.
+    # All other cross-sections are smaller copies. The first and the last are the tips.
     rings = []
-    for x, size in zip(half_length * places[1:-1], sizes[1:-1], strict=True):
-        rings.append(np.column_stack([np.full(SECTORS, x), size * section]))
+    for x, scale in zip(half_length * places[1:-1], scales[1:-1], strict=True):
+        rings.append(np.column_stack([np.full(SECTORS, x), scale * largest_section]))
     tips = [[-half_length, 0, 0], [half_length, 0, 0]]
     points = np.concatenate([*rings, tips])
     return trimesh.Trimesh(points, _list_faces(len(rings)), process=False)
@@ -132,24 +137,25 @@ def _list_faces(n_rings: int) -> np.ndarray:
         counter-clockwise seen from outside.
     """
     n_points = n_rings * SECTORS + 2
-    sector = np.arange(SECTORS)
-    next_sector = (sector + 1) % SECTORS
-    last_ring = (n_rings - 1) * SECTORS
+    # Numbers of the points of the first ring, and of their neighbours in the ring
+    point = np.arange(SECTORS)
+    neighbour = (point + 1) % SECTORS
+    last_ring = (n_rings - 1) * SECTORS  # its first number
     first_tip = np.full(SECTORS, n_points - 2)
     last_tip = np.full(SECTORS, n_points - 1)
     # A fan of triangles around the tip closes the first end.
-    faces = [np.column_stack([first_tip, next_sector, sector])]
+    faces = [np.column_stack([first_tip, neighbour, point])]
     # Between two rings there are quadrilaterals a b d c, each of two triangles.
     for ring in range(0, last_ring, SECTORS):
         next_ring = ring + SECTORS
-        a = ring + sector
-        b = ring + next_sector
-        c = next_ring + sector
-        d = next_ring + next_sector
+        a = ring + point
+        b = ring + neighbour
+        c = next_ring + point
+        d = next_ring + neighbour
         faces.append(np.column_stack([a, b, c]))
         faces.append(np.column_stack([b, d, c]))
     # Another fan closes the last end.
-    fan = np.column_stack([last_tip, last_ring + sector, last_ring + next_sector])
+    fan = np.column_stack([last_tip, last_ring + point, last_ring + neighbour])
     faces.append(fan)
     return np.concatenate(faces)
 
@@ -183,8 +189,10 @@ def grain_mesh(
 
     Returns
     -------
-    tuple
-        The mesh in mm and its shape number (`profile_exponents`).
+    mesh : Trimesh
+        The mesh in mm, its long axis along x.
+    shape : float
+        Its shape number (`profile_exponents`).
 
     Raises
     ------
@@ -195,12 +203,12 @@ def grain_mesh(
     check_positive(source, mass_g=mass_g, density_kg_m3=density_kg_m3)
     details = _Details(taper, wrinkles, wrinkle_depth_mm)
     _check_details(details, axes, source)
-    volume = mass_g * 1e-3 / density_kg_m3 / MM**3
+    volume = mass_g * 1e-3 / density_kg_m3 / MM**3  # mm3
 
     # Only volumes between those of the leanest and the fullest body are possible.
     leanest, fullest = SHAPE_LIMITS
-    smallest = _mesh(axes, leanest, details).volume
-    largest = _mesh(axes, fullest, details).volume
+    smallest = _make_mesh(axes, leanest, details).volume
+    largest = _make_mesh(axes, fullest, details).volume
     if not smallest <= volume <= largest:
         lightest_g = smallest * MM**3 * density_kg_m3 * 1e3
         heaviest_g = largest * MM**3 * density_kg_m3 * 1e3
@@ -215,10 +223,10 @@ def grain_mesh(
 
     # The volume grows with the shape number; find the one that gives the mass.
     def excess_volume(shape: float) -> float:
-        return _mesh(axes, shape, details).volume - volume
+        return _make_mesh(axes, shape, details).volume - volume
 
     shape = brentq(excess_volume, leanest, fullest, xtol=1e-12)
-    return _mesh(axes, shape, details), shape
+    return _make_mesh(axes, shape, details), shape
 
 
 def _check_axes(axes_mm: Axes, source: object) -> np.ndarray:
@@ -232,7 +240,7 @@ def _check_axes(axes_mm: Axes, source: object) -> np.ndarray:
 
 
 def _check_details(details: _Details, axes: np.ndarray, source: object) -> None:
-    """Raise InputError for an impossible taper or impossible grooves.
+    """Check taper and grooves of a grain.
 
     Parameters
     ----------
@@ -242,16 +250,23 @@ def _check_details(details: _Details, axes: np.ndarray, source: object) -> None:
         Full axes (3,) in mm, the longest first, which limit the depth of the grooves.
     source : object
         Where the numbers come from, for messages.
+
+    Raises
+    ------
+    InputError
+        If one of them is impossible, or only one of number and depth of the grooves is
+        given.
     """
     if not abs(details.taper) <= LARGEST_TAPER:
         allowed = f"from -{LARGEST_TAPER:g} to {LARGEST_TAPER:g}"
         raise InputError(source, "taper", details.taper, allowed)
     depth = details.wrinkle_depth_mm
-    deepest = LARGEST_GROOVE * axes[2] / 2
-    if not 0 <= depth <= deepest:
-        allowed = f"from 0 to {deepest:.3g}"
+    largest_depth = LARGEST_GROOVE * axes[2] / 2
+    if not 0 <= depth <= largest_depth:
+        allowed = f"from 0 to {largest_depth:.3g}"
         raise InputError(source, "wrinkle_depth_mm", depth, allowed)
-    # Number and depth of the grooves belong together.
+    # A grain without grooves has neither number nor depth of them; otherwise both must
+    # be given.
     if not details.wrinkles and not depth:
         return
     fewest, most = WRINKLES

@@ -23,7 +23,7 @@ KINDS = ("ellipsoid", "smooth", "multisphere")
 SURFACES = ("smooth", "rough", "rough_full")  # of a multisphere
 
 # The file of a particle
-WHAT = "a file of `repose stage shape`"
+DESCRIPTION = "a file of `repose stage shape`"
 TEXT_AND_DENSITY = ("kind", "density_kg_m3", "stl")  # fields of the same name
 # The other fields: their keys in the file, and the units there
 FIELDS = {
@@ -182,7 +182,7 @@ class Particle:
         record = {name: getattr(self, name) for name in TEXT_AND_DENSITY}
         for name, (key, unit) in FIELDS.items():
             value = getattr(self, name)
-            record[key] = None if value is None else _rounded(np.asarray(value) / unit)
+            record[key] = None if value is None else _round(np.asarray(value) / unit)
         return record
 
     @classmethod
@@ -192,22 +192,26 @@ class Particle:
         Parameters
         ----------
         record : mapping
-            Values by key, as `record` makes them. Lengths, volumes and others are in
-            the units of the file, and are converted.
+            Values by key, as `record` makes them. Numbers are in the units of the file.
+
+        Returns
+        -------
+        Particle
+            The particle, with its numbers in SI units.
         """
-        values = {name: record[name] for name in TEXT_AND_DENSITY}
+        fields = {name: record[name] for name in TEXT_AND_DENSITY}
         for name, (key, unit) in FIELDS.items():
             value = record[key]
             if isinstance(value, list):
-                values[name] = np.array(value, float) * unit
+                fields[name] = np.array(value, float) * unit
             elif isinstance(value, float | int):
-                values[name] = value * unit
+                fields[name] = value * unit
             else:
-                values[name] = value
+                fields[name] = value  # None, of a particle without a mesh
         # An empty list becomes a table without rows.
-        values["semi_axes_m"] = values["semi_axes_m"].reshape(-1, 3)
-        values["spheres_m"] = values["spheres_m"].reshape(-1, 4)
-        return cls(**values)
+        fields["semi_axes_m"] = fields["semi_axes_m"].reshape(-1, 3)
+        fields["spheres_m"] = fields["spheres_m"].reshape(-1, 4)
+        return cls(**fields)
 
     def save(self, path: str | PathLike) -> None:
         """Write the particle as JSON, see `record`."""
@@ -217,13 +221,23 @@ class Particle:
     def load(cls, path: str | PathLike) -> "Particle":
         """Read a particle from a file that `save` wrote.
 
+        Parameters
+        ----------
+        path : path
+            The file.
+
+        Returns
+        -------
+        Particle
+            The particle.
+
         Raises
         ------
         InputError
             If the file is another one, or has an impossible number.
         """
         number_keys = [key for key, _ in FIELDS.values()]
-        record = read_json(path, (*TEXT_AND_DENSITY, *number_keys), WHAT)
+        record = read_json(path, (*TEXT_AND_DENSITY, *number_keys), DESCRIPTION)
         if record["kind"] not in KINDS:
             raise InputError(path, "kind", record["kind"], " or ".join(KINDS))
         for key in ("density_kg_m3", *number_keys):
@@ -254,10 +268,11 @@ def _check_numbers(path: str | PathLike, key: str, value: object) -> None:
     InputError
         For a wrong shape, and for numbers that are not finite or not positive.
     """
-    error = InputError(path, key, value, f"finite numbers in {WHAT}")
+    error = InputError(path, key, value, f"finite numbers in {DESCRIPTION}")
     # NumPy would take text and booleans for numbers.
     if isinstance(value, bool | str):
         raise error
+    # Without a shape of its own, a key has a single number.
     try:
         array = np.array(value, dtype=float)
         numbers = array.reshape(SHAPES.get(key, ()))
@@ -268,7 +283,7 @@ def _check_numbers(path: str | PathLike, key: str, value: object) -> None:
     if not has_shape or not np.all(np.isfinite(numbers)):
         raise error
 
-    # Of a sphere, only the radius must be positive.
+    # The coordinates of a sphere may be negative, its radius must be positive.
     sizes = numbers[:, 3] if key == "spheres_mm" else numbers
     may_be_zero = key == "semi_axes_mm" or key.startswith("deviation")
     is_wrong = sizes < 0 if may_be_zero else sizes <= 0
@@ -276,11 +291,11 @@ def _check_numbers(path: str | PathLike, key: str, value: object) -> None:
         raise InputError(path, key, value, "sizes above 0")
 
 
-def _rounded(values: ArrayLike) -> Any:
+def _round(values: ArrayLike) -> Any:
     """Round to twelve significant digits, as a float or as nested lists.
 
     That is enough for the particle, and readable in a file.
     """
-    values = np.asarray(values, dtype=float)
-    rounded = [float(f"{value:.12g}") for value in values.ravel()]
-    return np.reshape(rounded, values.shape).tolist()
+    numbers = np.asarray(values, dtype=float)
+    rounded_numbers = [float(f"{number:.12g}") for number in numbers.ravel()]
+    return np.reshape(rounded_numbers, numbers.shape).tolist()
