@@ -16,8 +16,8 @@ from repose.common.files import read_table, write_json, write_table
 from repose.common.tables import Column
 from repose.grain import size_distribution
 from repose.grain.berry_files import (
-    SIZE_FACTOR,
     SIZE_COLUMNS,
+    SIZE_FACTOR,
     read_compression,
     read_sizes,
 )
