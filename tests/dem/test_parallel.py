@@ -141,7 +141,7 @@ def test_new_numbers_change_nothing_that_users_see(small_is_shared):
 
     before = state()
     numbers = s._engine_numbers.copy()
-    s._renumber()
+    s._renumber_bodies()
     assert not np.array_equal(numbers, s._engine_numbers)
     for first, second in zip(before, state(), strict=True):
         assert np.array_equal(first, second)

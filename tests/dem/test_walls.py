@@ -33,7 +33,7 @@ from repose.dem import (
     Simulation,
     random_quaternion,
 )
-from repose.dem.contact_lists import grown_wall_contacts
+from repose.dem.contact_lists import grow_wall_contacts
 from repose.dem.kernels import state as st
 from repose.dem.kernels.order import reorder
 from repose.dem.rotations import rotation_matrices
@@ -355,9 +355,9 @@ def test_a_berry_past_a_disc_is_kept_in_a_file_and_in_a_new_order(tmp_path):
     assert again.velocities[0] == pytest.approx((-0.5, 0.0, 0.0), abs=1e-9)
     order = reorder(s.bodies, s.grid, s.pairs, s.flat, s.curved, s.meshed, s.counts)
     assert list(s.flat.deepest[0, :2]) == [[0.0, math.inf][k] for k in order]
-    assert list(
-        grown_wall_contacts(s.flat, len(s.flat.body), 2).deepest[0, :2]
-    ) == list(s.flat.deepest[0, :2])
+    assert list(grow_wall_contacts(s.flat, len(s.flat.body), 2).deepest[0, :2]) == list(
+        s.flat.deepest[0, :2]
+    )
 
 
 @pytest.mark.parametrize("scene", ["drum", "hopper"])

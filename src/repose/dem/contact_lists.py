@@ -26,22 +26,35 @@ def new_pairs(capacity: int, most_spheres: int, n_state: int) -> Any:
         Spheres of the largest clump; 0 for smooth bodies.
     n_state : int
         Rows that the force laws keep for each contact.
+
+    Returns
+    -------
+    Pairs
+        The lists of touching and of near pairs (`kernels.state.Pairs`).
     """
     if most_spheres:
-        contacts = SPHERE_CONTACTS_PER_BODY * capacity + MOST_NEW
+        n_contacts = SPHERE_CONTACTS_PER_BODY * capacity + MOST_NEW
     else:
-        contacts = CONTACTS_PER_BODY * capacity + 64
-    near = NEAR_PER_BODY * capacity + 256
-    return _pair_lists(contacts, near, capacity, most_spheres, n_state)
+        n_contacts = CONTACTS_PER_BODY * capacity + 64
+    n_near = NEAR_PER_BODY * capacity + 256
+    return _make_pair_lists(n_contacts, n_near, capacity, most_spheres, n_state)
 
 
-def _pair_lists(
-    contacts: int, near: int, capacity: int, most_spheres: int, n_state: int
+def _make_pair_lists(
+    n_contacts: int, n_near: int, capacity: int, most_spheres: int, n_state: int
 ) -> Any:
-    """Make empty lists for numbers of touching and of near pairs."""
+    """Make empty lists with room for numbers of touching and of near pairs.
+
+    Parameters
+    ----------
+    n_contacts, n_near : int
+        Lengths of the list of touching and of the list of near pairs.
+    capacity, most_spheres, n_state : int
+        As of `new_pairs`.
+    """
     if most_spheres == 0:
-        return st.new_pairs(contacts, near, capacity, n_state)
-    return cl.new_sphere_pairs(contacts, near, most_spheres, capacity, n_state)
+        return st.new_pairs(n_contacts, n_near, capacity, n_state)
+    return cl.new_sphere_pairs(n_contacts, n_near, most_spheres, capacity, n_state)
 
 
 def new_wall_contacts(
@@ -59,52 +72,80 @@ def new_wall_contacts(
         Whether the bodies are clumps of spheres.
     n_state : int
         Rows that the force laws keep for each contact.
+
+    Returns
+    -------
+    list of WallContacts
+        The three lists (`kernels.state.WallContacts`).
     """
     n_planes, _n_curved, n_meshes = n_walls
     spare = 64 * st.MOST_SPHERES if has_clumps else 64
-    entries_of_lists = [
+    # The first list has room for contacts of every body with every plane, the others
+    # for one contact of each body.
+    lengths = [
         n_planes * capacity + spare,
         capacity + spare,
         capacity + spare if n_meshes else 1,
     ]
     # A contact keeps its geometry in the first rows, then the rows of the laws.
     first_law_row = ct.WALL_STATE if has_clumps else st.WALL_STATE
-    rows = first_law_row // st.LANES + n_state
-    ghost = capacity  # the absent body of unused entries
+    n_rows = first_law_row // st.LANES + n_state
+    absent_body = capacity  # the number of a body that unused entries have
     lists = []
-    for entries, walls in zip(entries_of_lists, n_walls, strict=True):
+    for length, count in zip(lengths, n_walls, strict=True):
         lists.append(
-            st.new_wall_contacts(entries, walls, capacity, ghost, rows, has_clumps)
+            st.new_wall_contacts(
+                length, count, capacity, absent_body, n_rows, has_clumps
+            )
         )
     return lists
 
 
-def grown_pairs(
+def grow_pairs(
     old: Any, counts: Any, capacity: int, most_spheres: int, n_state: int
 ) -> Any:
-    """Copy the lists of pairs, with twice the room where three quarters are used."""
-    contacts = _next_length(old.first, counts[st.N_PAIRS])
-    near = _next_length(old.near_limit, counts[st.N_NEAR])
-    new = _pair_lists(contacts, near, capacity, most_spheres, n_state)
+    """Copy the lists of pairs, with twice the room where three quarters are used.
+
+    Parameters
+    ----------
+    old : Pairs
+        The present lists.
+    counts : ndarray
+        Counts of the simulation, with the numbers of touching and of near pairs.
+    capacity, most_spheres, n_state : int
+        As of `new_pairs`.
+    """
+    n_contacts = _choose_length(old.first, counts[st.N_PAIRS])
+    n_near = _choose_length(old.near_limit, counts[st.N_NEAR])
+    new = _make_pair_lists(n_contacts, n_near, capacity, most_spheres, n_state)
     return _copy_lists(new, old)
 
 
-def grown_wall_contacts(contacts: Any, used: int, ghost: int) -> Any:
+def grow_wall_contacts(old: Any, n_contacts: int, absent_body: int) -> Any:
     """Copy a list of wall contacts, with twice the room where three quarters are used.
 
-    `ghost` is the number of the absent body that unused entries have.
+    Parameters
+    ----------
+    old : WallContacts
+        The present list.
+    n_contacts : int
+        Number of contacts in it.
+    absent_body : int
+        Number of a body that is not there, which unused entries have.
     """
-    entries = _next_length(contacts.body, used)
-    n_walls, n_bodies = contacts.limit.shape
-    rows = contacts.data.shape[1] // st.LANES
-    has_clumps = isinstance(contacts.known, np.ndarray)
-    new = st.new_wall_contacts(entries, n_walls, n_bodies, ghost, rows, has_clumps)
-    return _copy_lists(new, contacts)
+    length = _choose_length(old.body, n_contacts)
+    n_walls, n_bodies = old.limit.shape
+    n_rows = old.data.shape[1] // st.LANES
+    has_clumps = isinstance(old.known, np.ndarray)
+    new = st.new_wall_contacts(
+        length, n_walls, n_bodies, absent_body, n_rows, has_clumps
+    )
+    return _copy_lists(new, old)
 
 
-def _next_length(array: Any, used: int) -> int:
+def _choose_length(array: Any, n_used: int) -> int:
     """Choose the length of a list, twice the present one if three quarters are used."""
-    if used * 4 > len(array) * 3:
+    if n_used * 4 > len(array) * 3:
         return 2 * len(array)
     return len(array)
 

@@ -29,6 +29,18 @@ def pairs_of(
 ) -> Pairs:
     """Index contacts by pairs of material names, in both orders.
 
+    Parameters
+    ----------
+    contacts : mapping
+        The user's contacts, each by a pair of names in any order.
+    materials : mapping
+        The materials by name.
+
+    Returns
+    -------
+    dict
+        The contacts by (first name, second name) and by (second name, first name).
+
     Raises
     ------
     ValueError
@@ -50,6 +62,7 @@ def pairs_of(
             raise ValueError(
                 f"contacts has {pair!r}; expected pairs of {', '.join(materials)}"
             )
+        # The pair may be there already, in the other order.
         if contact_of_pair.get(pair, contact) != contact:
             raise ValueError(
                 f"contacts has {pair!r} in both orders; "
@@ -75,6 +88,22 @@ def number_materials(
 ) -> MaterialNumbers:
     """Give each material of the bodies and walls its number.
 
+    Parameters
+    ----------
+    shapes : mapping
+        The shapes of the bodies by name.
+    wall_materials : iterable of str
+        Material of each wall.
+    materials : mapping
+        All materials by name.
+    contacts : mapping
+        The contacts by pairs of materials in both orders (`pairs_of`).
+
+    Returns
+    -------
+    MaterialNumbers
+        Numbers from 0, those of the bodies' materials first.
+
     Raises
     ------
     ValueError
@@ -86,6 +115,7 @@ def number_materials(
     for name in all_names:
         if name not in materials:
             raise ValueError(f"material is {name!r}; expected {', '.join(materials)}")
+    # Bodies meet bodies and walls, but walls never meet each other.
     for a, b in product(body_names, all_names):
         if (a, b) not in contacts:
             raise ValueError(
@@ -108,7 +138,14 @@ def check_constants(law: Law, numbers: MaterialNumbers, contacts: Pairs) -> None
 
 
 def _check_constants_of_contact(law: Law, values: Mapping[str, float]) -> None:
-    """Check the constants of one contact, given by their names.
+    """Check the constants of one contact.
+
+    Parameters
+    ----------
+    law : Law
+        The contact law, which lists the constants that it needs.
+    values : mapping
+        The user's values by the names of the constants.
 
     Raises
     ------
@@ -131,7 +168,7 @@ def _check_constants_of_contact(law: Law, values: Mapping[str, float]) -> None:
             )
 
 
-def constants_of(
+def tabulate_constants(
     law: Law,
     numbers: MaterialNumbers,
     materials: Mapping[str, Material],
@@ -139,6 +176,19 @@ def constants_of(
     tension: str,
 ) -> np.ndarray:
     """Compute the constants of a force law for all pairs of materials.
+
+    Parameters
+    ----------
+    law : Law
+        The force law.
+    numbers : MaterialNumbers
+        Numbers of the materials.
+    materials : mapping
+        The materials by name.
+    contacts : mapping
+        The contacts by pairs of materials in both orders (`pairs_of`).
+    tension : str
+        How a contact ends, see `Simulation`.
 
     Returns
     -------
@@ -148,9 +198,11 @@ def constants_of(
     """
     n_materials = len(numbers.all_materials)
     table = np.zeros((n_materials, n_materials, law.n_constants))
-    for a, i in numbers.body_materials.items():
-        for b, j in numbers.all_materials.items():
-            values = law.constants(materials[a], materials[b], contacts[a, b], tension)
-            table[i, j] = values
-            table[j, i] = values
+    for body, i in numbers.body_materials.items():
+        for other, j in numbers.all_materials.items():
+            constants = law.constants(
+                materials[body], materials[other], contacts[body, other], tension
+            )
+            table[i, j] = constants
+            table[j, i] = constants
     return table

@@ -112,27 +112,35 @@ class Simulation(Observables):
         if not isinstance(motion, Motion):
             raise ValueError(f"motion is {motion!r}; expected a Motion")
         self.wall_set = self.wall_set.with_motion(wall, motion)
-        number = self.wall_set.names.index(wall)
-        self.walls = self._wall_arrays(old=self.walls, changed=number)
-        # The next step searches the walls for all bodies, as each is due at -1.
+        wall_number = self.wall_set.names.index(wall)
+        self.walls = self._make_walls(old_walls=self.walls, changed_wall=wall_number)
+
+        # The next step checks the walls for all bodies. The check of a body is due at
+        # the displacement `wall_check`, and each displacement is above -1.
         present = np.flatnonzero(self.bodies.presence[: self.n_bodies] == st.PRESENT)
         self.bodies.wall_check[present] = -1.0
         self.bodies.wall_margin[:] = 0.0
 
     def _warn_of_turning_walls(self) -> None:
-        """Warn if a wall turns while the frame of the rolling resistance does not."""
-        if not self.walls.motion[:, 3:6].any():
+        """Warn if a wall turns while the frame of the rolling resistance does not.
+
+        Only a law that resists the rotation of each body in space is affected.
+        """
+        angular_velocities = self.walls.motion[:, 3:6]
+        if not angular_velocities.any():
             return
-        law = self.rolling_law.name
-        if not (law in ROLLING_LAWS and ROLLING_LAWS.entry(law).of_each_body):
+        law_name = self.rolling_law.name
+        if law_name not in ROLLING_LAWS:
+            return
+        if not ROLLING_LAWS.entry(law_name).of_each_body:
             return
         if self.physics.rolling_frame.any():
             return
         if all(pair.rolling_friction == 0.0 for pair in self.contact_pairs.values()):
             return
         warnings.warn(
-            f"a wall turns, and rolling_law {law!r} resists each body's rotation in "
-            "space: angles and torques are wrong. Set rolling_frame_rad_s to the "
+            f"a wall turns, and rolling_law {law_name!r} resists each body's rotation "
+            "in space: angles and torques are wrong. Set rolling_frame_rad_s to the "
             "wall's angular velocity, or take rolling_law='epsd'",
             stacklevel=3,
         )
@@ -208,9 +216,11 @@ class Simulation(Observables):
         ValueError
             Naming the argument, also when the capacity is used up.
         """
-        i = self.n_bodies
-        if i >= self.capacity:
-            raise ValueError(f"capacity is {self.capacity}; body {i + 1} does not fit")
+        index = self.n_bodies
+        if index >= self.capacity:
+            raise ValueError(
+                f"capacity is {self.capacity}; body {index + 1} does not fit"
+            )
         kind = chosen("shape", shape, self.shapes)
         body = Body(
             kind=kind,
@@ -220,24 +230,26 @@ class Simulation(Observables):
             velocity=vector("velocity_m_s", velocity_m_s),
             angular_velocity=vector("angular_velocity_rad_s", angular_velocity_rad_s),
         )
-        write_body(self.bodies, i, body, self.physics.parts, self._body_tiles[0])
-        self._shape_ids[i] = list(self.shapes).index(shape)
-        self._scales[i] = scale
-        self.bodies.kind[i] = self._numbers.body_materials[kind.material]
-        self.bodies.presence[i] = st.PRESENT
-        self.counts[st.N_BODIES] = i + 1
+        write_body(self.bodies, index, body, self.physics.parts, self._body_tiles[0])
+        self._shape_ids[index] = list(self.shapes).index(shape)
+        self._scales[index] = scale
+        self.bodies.kind[index] = self._numbers.body_materials[kind.material]
+        self.bodies.presence[index] = st.PRESENT
+        self.counts[st.N_BODIES] = index + 1
 
-        # The next step moves the body's tile, and searches its neighbours and walls.
-        self.bodies.resting[i // st.LANES] = 0
-        self.bodies.wall_check[i] = -1.0
-        self.bodies.wall_margin[i // st.LANES] = 0.0
-        self.grid.moved[i] = 1
-        self.grid.moved_list[self.counts[st.N_MOVED]] = i
+        # The body may turn, so its tile of LANES bodies does not rest.
+        self.bodies.resting[index // st.LANES] = 0
+        # The next step checks the walls for this body,
+        self.bodies.wall_check[index] = -1.0
+        self.bodies.wall_margin[index // st.LANES] = 0.0
+        # and searches its neighbours, as for all bodies in the list of moved ones.
+        self.grid.moved[index] = 1
+        self.grid.moved_list[self.counts[st.N_MOVED]] = index
         self.counts[st.N_MOVED] += 1
-        return i
+        return index
 
     def _check_scale(self, shape: str, scale: float) -> float:
-        """Check the scale of a body of a shape."""
+        """Return the scale of a body; ValueError if its shape may not have it."""
         smallest = self._smallest_scales[shape]
         largest = self.largest_scale
         number(
@@ -271,20 +283,21 @@ class Simulation(Observables):
             "body",
             body,
             allowed=f"an index below {self.n_bodies}",
-            accepts=lambda k: 0 <= k < self.n_bodies and k == int(k),
+            accepts=lambda index: 0 <= index < self.n_bodies and index == int(index),
         )
-        i = self._engine_numbers[body] if self._runs_in_shares else body
-        row = self.bodies.rows[i]
+        # A large simulation numbers its bodies anew from time to time.
+        engine_number = self._engine_numbers[body] if self._runs_in_shares else body
+        row = self.bodies.rows[engine_number]
         row[st.VELOCITY : st.VELOCITY + 3] = 0.0
         row[st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3] = 0.0
         row[st.INVERSE_MASS] = 0.0
-        # The rest is in a tile of LANES bodies, in which the numbers of one body are
+        # The other numbers are in a tile of LANES bodies. In it those of one body are
         # LANES apart (`kernels.rows`).
-        tile = self.bodies.motion[i // st.LANES]
-        lane = tile[i % st.LANES :: st.LANES]
-        for place in (st.INVERSE_MOMENTS, st.ANGULAR_MOMENTUM):
-            first = place // st.LANES
-            lane[first : first + 3] = 0.0
+        tile = self.bodies.motion[engine_number // st.LANES]
+        body_numbers = tile[engine_number % st.LANES :: st.LANES]
+        for offset in (st.INVERSE_MOMENTS, st.ANGULAR_MOMENTUM):
+            first = offset // st.LANES
+            body_numbers[first : first + 3] = 0.0
 
     def run_steps(self, steps: int) -> None:
         """Advance by a number of time steps.
@@ -292,14 +305,14 @@ class Simulation(Observables):
         Parameters
         ----------
         steps : int
-            How many, 0 or more.
+            Number of steps, 0 or more.
 
         Raises
         ------
         ValueError
-            Where that is no whole number, 0 or more.
+            If that is no whole number, 0 or more.
         RuntimeError
-            Where bodies overlap so much that a contact list overflows within one step.
+            If bodies overlap so much that a contact list overflows within one step.
         """
         steps_left = whole_number("steps", steps, 0)
         if steps_left > 0:
@@ -310,13 +323,20 @@ class Simulation(Observables):
                 raise RuntimeError(
                     "a contact list overflowed within one step; bodies overlap wildly"
                 )
+            # The engine stops early when a list of contacts fills up.
             if steps_left > 0:
-                self._grow()
+                self._grow_lists()
 
     def _advance(self, steps: int) -> int:
-        """Advance by at most `steps` and return the number made.
+        """Advance by at most `steps` time steps.
 
-        A list that fills up ends the run early.
+        It ends early when a list of contacts fills up, or when the bodies of a large
+        simulation need new numbers.
+
+        Returns
+        -------
+        int
+            Number of steps made.
         """
         if self._runs_in_shares:
             return self._advance_in_shares(steps)
@@ -339,21 +359,25 @@ class Simulation(Observables):
         )
 
     def _advance_in_shares(self, steps: int) -> int:
-        """Advance a large simulation, whose threads share the work, like `_advance`."""
-        # The bodies are numbered anew every so many steps, so a run ends there.
+        """Advance a large simulation, whose threads share the work.
+
+        Argument and result are those of `_advance`.
+        """
+        # The bodies get new numbers every REORDER_EVERY steps, so this call ends before.
         steps_since_reorder = self.steps % parallel.REORDER_EVERY
         if steps_since_reorder == 0:
-            self._renumber()
+            self._renumber_bodies()
         steps = min(steps, parallel.REORDER_EVERY - steps_since_reorder)
 
-        # Arrays through which the threads work together.
+        # Counters and lists through which the threads agree on the next piece of work
         shared = st.Shared(
             counters=np.zeros(BARRIER_SIZE, np.int64),
             orders=np.zeros(1, np.int64),
             **st.each("begins numbers", parallel.SHARES, np.int64),
             due=np.zeros(len(self.pairs.near_limit), np.int64),
         )
-        arrays = (
+        # State of the simulation, which all threads use
+        state = (
             self.bodies,
             self.pairs,
             self.flat,
@@ -365,16 +389,17 @@ class Simulation(Observables):
             self.counts,
             self.physics,
         )
+        # Scratch arrays, of which each thread has its own
         scratch = (self._tiles, self._body_tiles, self._scratches)
-        return parallel.run_threads(arrays, scratch, shared, steps)
+        return parallel.run_threads(state, scratch, shared, steps)
 
-    def _renumber(self) -> None:
-        """Give the bodies numbers in spatial order.
+    def _renumber_bodies(self) -> None:
+        """Give the bodies numbers in spatial order, so that neighbours share a cache.
 
         Users see the numbers that `add` gave.
         """
         n = self.n_bodies
-        order = reorder(
+        old_numbers = reorder(
             self.bodies,
             self.grid,
             self.pairs,
@@ -383,28 +408,27 @@ class Simulation(Observables):
             self.meshed,
             self.counts,
         )
-        # `order` has the old engine number of each body in its new place.
-        self._user_numbers[:n] = self._user_numbers[:n][order]
+        # `old_numbers` has the old engine number of each body at its new one.
+        self._user_numbers[:n] = self._user_numbers[:n][old_numbers]
         self._engine_numbers[self._user_numbers[:n]] = np.arange(n)
 
-    def _grow(self) -> None:
-        """Double the lists that are filling up.
+    def _grow_lists(self) -> None:
+        """Double the lists of contacts that are filling up.
 
         Each list is replaced in one assignment, so that an interrupt leaves no list
         half grown.
         """
-        counts, capacity = self.counts, self.capacity
-        self.pairs = contact_lists.grown_pairs(
-            self.pairs, counts, capacity, self._most_spheres, self._n_state
+        self.pairs = contact_lists.grow_pairs(
+            self.pairs, self.counts, self.capacity, self._most_spheres, self._n_state
         )
-        self.flat = contact_lists.grown_wall_contacts(
-            self.flat, counts[st.N_PLANE], capacity
+        self.flat = contact_lists.grow_wall_contacts(
+            self.flat, self.counts[st.N_PLANE], self.capacity
         )
-        self.curved = contact_lists.grown_wall_contacts(
-            self.curved, counts[st.N_CURVED], capacity
+        self.curved = contact_lists.grow_wall_contacts(
+            self.curved, self.counts[st.N_CURVED], self.capacity
         )
-        meshed = contact_lists.grown_wall_contacts(
-            self.meshed, counts[st.N_MESHED], capacity
+        meshed = contact_lists.grow_wall_contacts(
+            self.meshed, self.counts[st.N_MESHED], self.capacity
         )
         if self._has_clumps:
             # `mesh_sphere` is as long as the list of contacts with meshes. It is made
@@ -426,9 +450,8 @@ class Simulation(Observables):
     ) -> None:
         """Advance by simulated time, to the nearest time step.
 
-        Ctrl-C ends it between two steps.
-
-        Of the arguments only `seconds` affects the result.
+        Ctrl-C ends it between two steps. Of the arguments only `seconds` affects the
+        result.
 
         Parameters
         ----------
@@ -454,25 +477,33 @@ class Simulation(Observables):
             Naming the argument.
         """
         time_step = self.time_step_s
-        end = self.steps + round(not_negative("seconds", seconds) / time_step)
-        recorders = _recorders(record)
-        interval = None
+        last_step = self.steps + round(not_negative("seconds", seconds) / time_step)
+        recorders = _list_recorders(record)
+        steps_per_record = None  # without recorders
         if recorders:
-            interval = _steps_between_records(record_every_s, time_step)
+            steps_per_record = _count_steps_per_record(record_every_s, time_step)
         positive("every_s", every_s)
 
+        # Steps run in chunks. A chunk ends at the next record at the latest.
         chunk = FIRST_CHUNK
         saved_at = time.monotonic()
-        with display(self.time_s, end * time_step, time_step, progress) as report:
+        end_s = last_step * time_step
+        with display(self.time_s, end_s, time_step, progress) as report:
             try:
                 if self.steps == 0:
                     self._record(recorders)
-                while self.steps < end:
-                    steps = min(end - self.steps, chunk)
-                    if interval is not None:
-                        steps = min(steps, interval - self.steps % interval)
+                while self.steps < last_step:
+                    steps = min(last_step - self.steps, chunk)
+                    if steps_per_record is not None:
+                        steps_to_record = (
+                            steps_per_record - self.steps % steps_per_record
+                        )
+                        steps = min(steps, steps_to_record)
                     chunk = self._run_chunk(steps)
-                    if interval is not None and self.steps % interval == 0:
+                    if (
+                        steps_per_record is not None
+                        and self.steps % steps_per_record == 0
+                    ):
                         self._record(recorders)
                     report(self.time_s)
                     is_due = time.monotonic() - saved_at >= every_s
@@ -490,7 +521,7 @@ class Simulation(Observables):
         """Run some steps and return how many take about `CHUNK_S`."""
         start = time.perf_counter()
         self.run_steps(steps)
-        return _next_chunk(steps, time.perf_counter() - start)
+        return _choose_next_chunk(steps, time.perf_counter() - start)
 
     def _record(self, recorders: list[Recording]) -> None:
         """Call each recorder with the simulation."""
@@ -532,8 +563,8 @@ class Simulation(Observables):
         return checkpoints.load(cls, path)
 
 
-def _recorders(record: Any) -> list[Recording]:
-    """Return the argument `record` of `Simulation.run` as a list."""
+def _list_recorders(record: Any) -> list[Recording]:
+    """Return the argument `record` of `Simulation.run` as a list; ValueError if wrong."""
     if record is None:
         return []
     recorders = list(record) if isinstance(record, list | tuple) else [record]
@@ -545,8 +576,8 @@ def _recorders(record: Any) -> list[Recording]:
     return recorders
 
 
-def _steps_between_records(record_every_s: float | None, time_step: float) -> int:
-    """Count the steps between two records, at least one."""
+def _count_steps_per_record(record_every_s: float | None, time_step: float) -> int:
+    """Count the steps between two records, at least one; ValueError without a time."""
     if record_every_s is None:
         raise ValueError(
             "record_every_s is None; "
@@ -556,11 +587,18 @@ def _steps_between_records(record_every_s: float | None, time_step: float) -> in
     return max(1, round(interval_s / time_step))
 
 
-def _next_chunk(steps: int, wall_time_s: float) -> int:
-    """Choose the steps that take about `CHUNK_S`, from the last chunk and its time.
+def _choose_next_chunk(steps: int, wall_time_s: float) -> int:
+    """Choose the number of steps that take about `CHUNK_S`.
 
-    It changes by a factor of ten at most, since the first chunk may include the time to
-    compile.
+    The number changes by a factor of ten at most, since the first chunk may include the
+    time to compile.
+
+    Parameters
+    ----------
+    steps : int
+        Steps of the last chunk.
+    wall_time_s : float
+        Wall time that they took [s].
     """
     estimate = steps * CHUNK_S / max(wall_time_s, 1e-6)
     limited = min(max(estimate, 0.1 * steps), 10.0 * steps)

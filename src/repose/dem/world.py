@@ -1,4 +1,4 @@
-"""The parts of a simulation: its force laws, materials, bodies, walls and contacts."""
+"""Make the parts of a simulation: force laws, materials, bodies, walls and contacts."""
 
 import math
 from collections.abc import Mapping
@@ -9,7 +9,12 @@ from numpy.typing import ArrayLike
 
 from . import contact_lists, time_steps
 from .checks import box, chosen, height, mapping, number, positive, vector, whole_number
-from .contact_table import check_constants, constants_of, number_materials, pairs_of
+from .contact_table import (
+    check_constants,
+    number_materials,
+    pairs_of,
+    tabulate_constants,
+)
 from .kernels import clumps as cl
 from .kernels import features, parallel
 from .kernels import state as st
@@ -80,11 +85,25 @@ class World:
         tension: str,
         friction_limit: str | None,
     ) -> None:
-        """Look up the force laws and their options by name.
+        """Look up the force laws and check their options.
 
-        ValueError for an unknown one.
+        Parameters
+        ----------
+        contact_law, rolling_law : str
+            Names of the laws.
+        tension : str
+            How a contact ends.
+        friction_limit : str or None
+            Which normal force limits friction. None chooses the one with which the
+            tension obeys Coulomb's law.
+
+        Raises
+        ------
+        ValueError
+            For an unknown name.
         """
-        # `chosen` refuses unknown names; the names themselves are kept.
+        # The kernels need the names of the options, so the results of `chosen`, which
+        # refuses unknown names, are not used.
         chosen("tension", tension, TENSIONS)
         if friction_limit is None:
             friction_limit = COULOMB[tension]
@@ -100,21 +119,22 @@ class World:
         return self.contact_law.n_state + self.rolling_law.n_state
 
     def _pair_materials(self, contacts: Mapping[tuple[str, str], Contact]) -> None:
-        """Give the materials numbers and check the contacts of pairs that can meet."""
+        """Give the materials numbers, and check the contacts of pairs that can meet."""
         self.contact_pairs = pairs_of(contacts, self.materials)
         self._numbers = number_materials(
-            self.shapes, self._wall_materials(), self.materials, self.contact_pairs
+            self.shapes, self._list_wall_materials(), self.materials, self.contact_pairs
         )
         check_constants(self.contact_law, self._numbers, self.contact_pairs)
 
-    def _wall_materials(self) -> list[str]:
+    def _list_wall_materials(self) -> list[str]:
         """List the material of each wall."""
         return [surface.material for surface in self.wall_set.surfaces.values()]
 
     def _check_time_step(self, time_step_s: float) -> float:
-        """Return the time step if it is short enough.
+        """Return the time step if it is short enough; otherwise raise ValueError.
 
-        The smallest scale of each shape for it is kept, too.
+        It also sets `scene`, on which the longest time step depends, and the smallest
+        scale that each shape may have with this time step.
         """
         self.scene = time_steps.Scene(
             law=self.contact_law,
@@ -122,7 +142,7 @@ class World:
             materials=self.materials,
             contacts=self.contact_pairs,
             shapes=self.shapes,
-            walls=frozenset(self._wall_materials()),
+            walls=frozenset(self._list_wall_materials()),
         )
         limit = time_steps.longest(self.scene)
         time_step = number(
@@ -135,9 +155,9 @@ class World:
         return time_step
 
     def _make_body_arrays(self) -> None:
-        """Make the arrays of the absent bodies and the grid of the search."""
+        """Make the arrays for bodies, of which none is there yet, and the search grid."""
         # Large simulations of smooth bodies run in shares, whatever the number of
-        # threads is. They number the bodies anew as these move; two arrays translate
+        # threads is. They number the bodies anew as these move. Two arrays translate
         # between the numbers of the engine and those of the user.
         is_large = self.capacity >= parallel.FEWEST_BODIES
         self._runs_in_shares = is_large and not self._has_clumps
@@ -152,8 +172,8 @@ class World:
 
         # The centres of two bodies that touch are at most `reach` apart. Pairs are
         # listed up to a gap of one skin.
-        radii = [shape.bounding_radius_m for shape in self.shapes.values()]
-        self.radius = self.largest_scale * max(radii)
+        bounding_radii = [shape.bounding_radius_m for shape in self.shapes.values()]
+        self.radius = self.largest_scale * max(bounding_radii)
         reach = 2.0 * self.radius
         skin = SKIN_SHARE * self.radius
         self.grid = st.new_grid(self.capacity, self.lower, self.upper, reach + skin)
@@ -162,31 +182,44 @@ class World:
 
     def _make_wall_arrays(self) -> None:
         """Make the arrays of the walls and of the features of meshes."""
-        self.walls = self._wall_arrays()
+        self.walls = self._make_walls()
+        # The kernels tell a simulation without meshes by an empty tuple.
         self.meshes: Any = ()
         mesh_walls = self.wall_set.of(Mesh)
         if mesh_walls:
             slide = max(shape.slide for shape in self.shapes.values())
             self.meshes = features.join([mesh.part for mesh in mesh_walls], slide)
 
-    def _wall_arrays(self, old: st.Walls | None = None, changed: int = -1) -> st.Walls:
-        """Make the walls as the kernels need them.
+    def _make_walls(
+        self, old_walls: st.Walls | None = None, changed_wall: int = -1
+    ) -> st.Walls:
+        """Make the arrays of the walls for the kernels.
 
-        `old` and `changed` are those of `walls.wall_arrays`.
+        Parameters
+        ----------
+        old_walls : Walls, optional
+            Arrays of the same walls, which go on from their present places. None stands
+            for the beginning of a simulation.
+        changed_wall : int
+            Number of the wall whose motion has changed; -1 for none.
         """
-        size = float(np.linalg.norm(self.upper - self.lower))
+        box_size = float(np.linalg.norm(self.upper - self.lower))
         return wall_arrays(
-            self.wall_set, self._numbers.all_materials, size, old, changed
+            self.wall_set,
+            self._numbers.all_materials,
+            box_size,
+            old_walls,
+            changed_wall,
         )
 
     def _make_contact_lists(self) -> None:
-        """Make empty lists of contacts."""
+        """Make the lists of contacts between bodies and with walls, which are empty."""
         shapes = list(self.shapes.values())
         self._most_spheres = most_spheres(shapes)
         self.pairs = contact_lists.new_pairs(
             self.capacity, self._most_spheres, self._n_state
         )
-        # There are lists of contacts with planes, with curved walls and with meshes.
+        # Contacts with planes, with curved walls and with meshes have a list each.
         n_planes = len(self.walls.planes)
         n_curved = len(self.walls.cones) + len(self.walls.rings)
         n_meshes = len(self.wall_set.of(Mesh))
@@ -196,7 +229,8 @@ class World:
             self._has_clumps,
             self._n_state,
         )
-        # The kernels tell smooth bodies from clumps by an empty tuple.
+        # The kernels tell smooth bodies from clumps by an empty tuple. `mesh_sphere` of
+        # the clumps is as long as the list of contacts with meshes.
         self.clumps: Any = ()
         if self._has_clumps:
             self.clumps = cl.new_clumps(
@@ -212,16 +246,26 @@ class World:
         curved_walls_above: float,
         floor_height: float,
     ) -> st.Physics:
-        """Make the constants of a step as the kernels need them."""
+        """Make the constants of a time step for the kernels.
+
+        Parameters
+        ----------
+        time_step : float
+            Length of a time step [s].
+        gravity : ndarray (3,)
+            Acceleration [m/s2].
+        exit_height, curved_walls_above, floor_height : float
+            Heights [m], as described in `Simulation`.
+        """
         has_mixed_bodies = len(self._numbers.body_materials) > 1
-        has_mixed_walls = len(set(self._wall_materials())) > 1
+        has_mixed_walls = len(set(self._list_wall_materials())) > 1
         return st.Physics(
             parts=parts_of(self.shapes.values()),
             gravity=gravity,
             law=self.contact_law.make_options(self.tension, self.friction_limit),
             rolling=self.rolling_law.make_options(self.tension, self.friction_limit),
-            law_constants=self._constants_of(self.contact_law),
-            rolling_constants=self._constants_of(self.rolling_law),
+            law_constants=self._tabulate_constants(self.contact_law),
+            rolling_constants=self._tabulate_constants(self.rolling_law),
             n_state=self.contact_law.n_state,
             mixed_pairs=has_mixed_bodies,
             mixed_walls=has_mixed_bodies or has_mixed_walls,
@@ -232,9 +276,9 @@ class World:
             floor_height=floor_height,
         )
 
-    def _constants_of(self, law: Law) -> np.ndarray:
+    def _tabulate_constants(self, law: Law) -> np.ndarray:
         """Compute a law's constants for all pairs of materials."""
-        return constants_of(
+        return tabulate_constants(
             law, self._numbers, self.materials, self.contact_pairs, self.tension
         )
 
@@ -248,7 +292,7 @@ class World:
         is_whole = isinstance(threads, int | np.integer)
         if not (is_whole and 1 <= threads <= parallel.SHARES):
             raise ValueError(f"threads is {threads!r}; expected 1 to {parallel.SHARES}")
-        # scratch of each thread
+        # Each thread has its own scratch arrays, so their number is that of the threads.
         rows = tl.LAW_ROW + self.contact_law.n_rows
         self._tiles = st.zeros(threads, rows * st.LANES)
         self._body_tiles = st.zeros(threads, TILE_ROWS * st.LANES)
