@@ -159,6 +159,7 @@ class Cone:
     def __post_init__(self) -> None:
         _check_common(self)
         m_r, m_z, _offset, first, last, e_r, e_z = vector("line", self.line, 7)
+        # How far both unit vectors are from the length 1
         normal_error = abs(math.hypot(m_r, m_z) - 1.0)
         direction_error = abs(math.hypot(e_r, e_z) - 1.0)
         if max(normal_error, direction_error) > 1e-6 or not first < last:
@@ -214,13 +215,14 @@ class Cone:
             raise ValueError(
                 "base_radius_m and top_radius_m are 0; expected at most one of them"
             )
-        # The line from the first circle to the second, in the half plane (r, z): the
-        # unit vector e along it, and the normal m into the wall, a quarter turn from e.
+        # In the half plane (r, z) the cone is a line from the first circle to the
+        # second: with the unit vector e along it, and the normal m into the wall, a
+        # quarter turn from e.
         length = math.hypot(height, top_radius_m - base_radius_m)
         e_r = (top_radius_m - base_radius_m) / length
         e_z = height / length
         m_r, m_z = e_z, -e_r
-        # its distance from the origin, and the places of both circles along it
+        # Distance of the line from the origin, and the places of both circles along it
         offset = m_r * base_radius_m
         first = e_r * base_radius_m
         last = e_r * top_radius_m + e_z * height
@@ -436,7 +438,7 @@ class Mesh:
         if not len(mesh.faces):
             raise InputError(path, "triangles", 0, "at least one")
         mesh.merge_vertices()
-        # A triangle of which two corners were merged is a line; it is left out.
+        # A triangle of which two corners were merged is a line and has no area.
         is_triangle = [len(set(face)) == 3 for face in mesh.faces.tolist()]
         mesh.update_faces(np.array(is_triangle))
         vertices = scale * mesh.vertices
@@ -447,7 +449,26 @@ class Mesh:
 
 
 def _check_faces(value: Any, vertices: np.ndarray) -> np.ndarray:
-    """Return the triangles of a mesh (F, 3); ValueError if they are not valid."""
+    """Check the triangles of a mesh.
+
+    Parameters
+    ----------
+    value : array_like
+        The user's value.
+    vertices : ndarray (V, 3)
+        Vertices of the mesh [m].
+
+    Returns
+    -------
+    ndarray of int (F, 3)
+        Indices of the vertices of each triangle.
+
+    Raises
+    ------
+    ValueError
+        If they are not whole numbers of this shape, name a vertex that is not there, or
+        if a triangle has no area.
+    """
     faces = np.asarray(value)
     has_shape = faces.ndim == 2 and faces.shape[1] == 3 and len(faces) > 0
     if not has_shape or faces.dtype.kind not in "iu":
@@ -476,17 +497,31 @@ def _check_faces(value: Any, vertices: np.ndarray) -> np.ndarray:
 
 
 def frame_of(surface: Any) -> np.ndarray:
-    """Return the frame of a curved wall or a mesh (12,).
+    """Compute the frame of a curved wall or a mesh.
 
-    It consists of the frame's origin [m] and the rows of its rotation to the world.
+    Parameters
+    ----------
+    surface : Cone, RingEdge or Mesh
+        The wall, with `origin_m` and `axis`.
+
+    Returns
+    -------
+    ndarray (12,)
+        The origin of the frame [m], then the rows of its rotation to the world. The z
+        axis of the frame is the axis of the wall.
+
+    Raises
+    ------
+    ValueError
+        If origin or axis are not three finite numbers, or the axis is zero.
     """
     origin = vector("origin_m", surface.origin_m)
     z = direction("axis", surface.axis)
     if np.array_equal(z, UP):
         rotation = np.eye(3)
     else:
-        # Any x axis across z will do. It is found with the axis of the world that is
-        # the least parallel to z.
+        # Curved walls are the same all around z, so any x axis across z will do. The
+        # axis of the world that is the least parallel to z gives one.
         world_axis = np.eye(3)[np.argmin(np.abs(z))]
         x = np.cross(z, world_axis)
         x /= np.linalg.norm(x)
@@ -538,9 +573,9 @@ class WallSet:
 def wall_arrays(
     wall_set: WallSet,
     material_numbers: Mapping[str, int],
-    size_m: float,
-    old: st.Walls | None = None,
-    changed: int = -1,
+    box_size_m: float,
+    old_walls: st.Walls | None = None,
+    changed_wall: int = -1,
 ) -> st.Walls:
     """Make the arrays of the walls for the kernels.
 
@@ -549,52 +584,55 @@ def wall_arrays(
     wall_set : WallSet
         The walls.
     material_numbers : mapping
-        Number of each material.
-    size_m : float
-        Size of the box of the bodies [m].
-    old : Walls, optional
-        Arrays of the same walls. Their places are taken from it, and the motions of all
-        walls but one.
-    changed : int
-        Number of the wall that has another motion than in `old`.
+        Number of each material by its name.
+    box_size_m : float
+        Size of the box in which the bodies stay [m].
+    old_walls : Walls, optional
+        Arrays of the same walls, from which the new ones go on: they keep the present
+        places, and the motions of all walls but one. None stands for the beginning of a
+        simulation.
+    changed_wall : int
+        Number of the wall that has another motion than in `old_walls`; -1 for none.
 
     Returns
     -------
     Walls
-        The arrays.
+        The arrays (`kernels.state.Walls`).
     """
+    # Planes have a point and a normal; all other walls have a frame.
     planes, cones, rings, meshes = (wall_set.of(kind) for kind in WALL_KINDS)
     walls_with_frame = [*cones, *rings, *meshes]
     surfaces = [*planes, *walls_with_frame]
-    plane_rows = _rows_of([wall.row() for wall in planes], st.PLANE_COLUMNS)
-    frames = _rows_of([frame_of(wall) for wall in walls_with_frame], 12)
-    motion = _rows_of([wall.motion.row() for wall in surfaces], 9)
+    plane_rows = _stack_rows([wall.row() for wall in planes], st.PLANE_COLUMNS)
+    frames = _stack_rows([frame_of(wall) for wall in walls_with_frame], 12)
+    motions = _stack_rows([wall.motion.row() for wall in surfaces], 9)
     path = 0.0  # how far any wall may have come nearer until now
     was_displaced = np.zeros(len(frames), bool)
-    if old is not None:
-        plane_rows = old.planes.copy()
-        frames = old.frames.copy()
+    if old_walls is not None:
+        plane_rows = old_walls.planes.copy()
+        frames = old_walls.frames.copy()
         # The pivots of the other walls stay where their motion has brought them.
-        is_other = np.arange(len(motion)) != changed
-        motion[is_other] = old.motion[is_other]
-        path = old.approach[st.WALL_PATH]
-        was_displaced = old.displaced > 0
+        is_unchanged = np.arange(len(motions)) != changed_wall
+        motions[is_unchanged] = old_walls.motion[is_unchanged]
+        path = old_walls.approach[st.WALL_PATH]
+        was_displaced = old_walls.displaced > 0
 
-    # The velocities are the first six columns. A frame that is not the world's, or will
-    # not be, is displaced: the kernels transform bodies to it.
-    moves = np.any(motion[:, :6] != 0.0, axis=1)
+    # A wall moves if one of its velocities, the first six columns, is not zero.
+    moves = np.any(motions[:, :6] != 0.0, axis=1)
+    # A frame that is not the world's, or will not be, is displaced: the kernels
+    # transform bodies to it.
     is_elsewhere = np.any(frames != WORLD_FRAME, axis=1)
-    displaced = is_elsewhere | moves[len(planes) :] | was_displaced
+    is_displaced = is_elsewhere | moves[len(planes) :] | was_displaced
 
-    speeds = _approach_speeds(surfaces, plane_rows, frames, motion, size_m)
+    speeds = _bound_approach_speeds(surfaces, plane_rows, frames, motions, box_size_m)
     materials = [material_numbers[surface.material] for surface in surfaces]
     return st.Walls(
         planes=plane_rows,
-        cones=_rows_of([wall.row() for wall in cones], st.CONE_COLUMNS),
-        rings=_rows_of([wall.row() for wall in rings], st.RING_COLUMNS),
+        cones=_stack_rows([wall.row() for wall in cones], st.CONE_COLUMNS),
+        rings=_stack_rows([wall.row() for wall in rings], st.RING_COLUMNS),
         frames=frames,
-        displaced=displaced.astype(np.uint8),
-        motion=motion,
+        displaced=is_displaced.astype(np.uint8),
+        motion=motions,
         moves=moves.astype(np.uint8),
         material=np.array(materials, np.uint8),
         approach=np.array([path, max(speeds, default=0.0), float(moves.any())]),
@@ -602,37 +640,58 @@ def wall_arrays(
     )
 
 
-def _approach_speeds(
+def _bound_approach_speeds(
     surfaces: Sequence[Wall],
     plane_rows: np.ndarray,
     frames: np.ndarray,
-    motion: np.ndarray,
-    size_m: float,
+    motions: np.ndarray,
+    box_size_m: float,
 ) -> list[float]:
-    """Compute `_approach_speed` of each wall [m/s]: planes, then the others."""
+    """Compute the upper bound `_bound_approach_speed` for each wall.
+
+    Parameters
+    ----------
+    surfaces : sequence of Wall
+        The N walls: P planes, then the C others, which have frames.
+    plane_rows : ndarray (P, 7)
+        Present point, normal and radius of the planes.
+    frames : ndarray (C, 12)
+        Present origin and rotation of the others.
+    motions : ndarray (N, 9)
+        Velocity, angular velocity and pivot of each wall.
+    box_size_m : float
+        Size of the box in which the bodies stay [m].
+
+    Returns
+    -------
+    list of float
+        The bounds [m/s].
+    """
     normals = plane_rows[:, 3:6]
     frame_axes = frames[:, 3:].reshape(-1, 3, 3)[:, :, 2]  # the z axes
     axes = [*normals, *frame_axes]
     places = [*plane_rows[:, :3], *frames[:, :3]]
     speeds = []
     for k, surface in enumerate(surfaces):
-        speeds.append(_approach_speed(surface, axes[k], places[k], motion[k], size_m))
+        speeds.append(
+            _bound_approach_speed(surface, axes[k], places[k], motions[k], box_size_m)
+        )
     return speeds
 
 
-def _rows_of(rows: list[np.ndarray], columns: int) -> np.ndarray:
+def _stack_rows(rows: list[np.ndarray], columns: int) -> np.ndarray:
     """Stack rows to an array (N, columns); there may be none."""
     return np.array(rows).reshape(-1, columns)
 
 
-def _approach_speed(
+def _bound_approach_speed(
     surface: Wall,
     axis: np.ndarray,
     place: np.ndarray,
     motion: np.ndarray,
-    size_m: float,
+    box_size_m: float,
 ) -> float:
-    """Compute an upper bound of the speed of a wall's points towards a body [m/s].
+    """Compute an upper bound of the speed of a wall's points towards a body.
 
     The rotation of a wall about its own axis does not count.
 
@@ -640,12 +699,19 @@ def _approach_speed(
     ----------
     surface : Plane, Cone, RingEdge or Mesh
         The wall.
-    axis, place : ndarray (3,)
-        Normal and point of a plane; else axis and origin of the wall's present frame.
+    axis : ndarray (3,)
+        Normal of a plane; of another wall the z axis of its present frame.
+    place : ndarray (3,)
+        Point of a plane; of another wall the origin of its present frame [m].
     motion : ndarray (9,)
         Its velocity, angular velocity and pivot.
-    size_m : float
-        Size of the box of the bodies [m].
+    box_size_m : float
+        Size of the box in which the bodies stay [m].
+
+    Returns
+    -------
+    float
+        The bound [m/s].
     """
     velocity = motion[:3]
     angular_velocity = motion[3:6]
@@ -655,17 +721,18 @@ def _approach_speed(
     if angular_speed == 0.0:
         return speed
 
+    # A point moves at most with the angular speed times its distance from the pivot.
     offset = place - pivot
     distance = np.linalg.norm(offset)
     if isinstance(surface, Mesh):
-        # A vertex is at most this far from the frame's origin.
-        reach = np.linalg.norm(surface.vertices_m, axis=1).max()
+        reach = np.linalg.norm(surface.vertices_m, axis=1).max()  # of the vertices
         return speed + angular_speed * float(reach + distance)
 
     # A wall that turns about its own axis stays where it is.
     axial_speed = abs(axis @ angular_velocity)
     is_parallel = abs(axial_speed - angular_speed) < 1e-12 * angular_speed
-    offset_across = offset - (offset @ axis) * axis
-    if is_parallel and np.linalg.norm(offset_across) < 1e-9 * size_m:
+    offset_across_axis = offset - (offset @ axis) * axis
+    if is_parallel and np.linalg.norm(offset_across_axis) < 1e-9 * box_size_m:
         return speed
-    return speed + angular_speed * float(size_m + distance)
+    # Bodies touch other walls only within the box.
+    return speed + angular_speed * float(box_size_m + distance)
