@@ -1,4 +1,4 @@
-"""The results of a simulation: its bodies, contacts, and loads on walls."""
+"""Read the results of a simulation: its bodies, contacts, and loads on walls."""
 
 from copy import deepcopy
 from typing import NamedTuple
@@ -151,14 +151,16 @@ class Observables(World):
         ndarray (M, 2)
             Indices of the two bodies, the smaller first, sorted by rows.
         """
-        n = self.counts[st.N_PAIRS]
-        engine_pairs = np.column_stack([self.pairs.first[:n], self.pairs.second[:n]])
-        pairs = self._user_numbers[engine_pairs]
+        n_pairs = self.counts[st.N_PAIRS]
+        first = self.pairs.first[:n_pairs]
+        second = self.pairs.second[:n_pairs]
+        pairs = self._user_numbers[np.column_stack([first, second])]
         pairs.sort(axis=1)
+        # Several spheres of two clumps may touch; such a pair is listed once.
         if self._has_clumps:
-            # Several spheres of two clumps may touch.
             return np.unique(pairs, axis=0)
-        return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+        order = np.lexsort((pairs[:, 1], pairs[:, 0]))  # by the first, then the second
+        return pairs[order]
 
     def sphere_contacts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """List the spheres of two clumps that touch; there are none for smooth bodies.
@@ -172,10 +174,12 @@ class Observables(World):
         normals : ndarray (M, 3)
             Unit vectors from the first body to the second.
         """
-        n = int(self.counts[st.N_PAIRS]) if self._has_clumps else 0
-        bodies = np.column_stack([self.pairs.first[:n], self.pairs.second[:n]])
-        spheres = self.pairs.spheres[:n] if n else np.zeros((0, 2))
-        normals = st.contact_rows(self.pairs.data, n)[:, :3].copy()
+        n_pairs = int(self.counts[st.N_PAIRS]) if self._has_clumps else 0
+        first = self.pairs.first[:n_pairs]
+        second = self.pairs.second[:n_pairs]
+        bodies = np.column_stack([first, second])
+        spheres = self.pairs.spheres[:n_pairs] if n_pairs else np.zeros((0, 2))
+        normals = st.contact_rows(self.pairs.data, n_pairs)[:, :3].copy()
         return bodies.astype(np.int64), spheres.astype(np.int64), normals
 
     def overlaps(self) -> tuple[np.ndarray, np.ndarray]:
@@ -188,19 +192,21 @@ class Observables(World):
         overlaps : ndarray (M,)
             The overlaps [m].
         """
-        n = int(self.counts[st.N_PAIRS])
-        first = self._user_numbers[self.pairs.first[:n]]
-        second = self._user_numbers[self.pairs.second[:n]]
-        normals = st.contact_rows(self.pairs.data, n)[:, :3]
-        first_sphere = second_sphere = None
+        n_pairs = int(self.counts[st.N_PAIRS])
+        first = self._user_numbers[self.pairs.first[:n_pairs]]
+        second = self._user_numbers[self.pairs.second[:n_pairs]]
+        # The normals point from the first body to the second.
+        normals = st.contact_rows(self.pairs.data, n_pairs)[:, :3]
+        first_spheres = second_spheres = None  # of smooth bodies
         if self._has_clumps:
-            first_sphere, second_sphere = self.pairs.spheres[:n].T
+            first_spheres, second_spheres = self.pairs.spheres[:n_pairs].T
 
-        # Along the normal, the first body reaches towards the second and vice versa.
-        first_extents = self._extents(first, normals, first_sphere)
-        second_extents = self._extents(second, -normals, second_sphere)
-        between_centres = self.positions[second] - self.positions[first]
-        distances = np.sum(between_centres * normals, axis=1)
+        # Two bodies overlap where they reach farther along the normal, towards each
+        # other, than their centres are apart.
+        first_extents = self._measure_extents(first, normals, first_spheres)
+        second_extents = self._measure_extents(second, -normals, second_spheres)
+        offsets = self.positions[second] - self.positions[first]
+        distances = np.sum(offsets * normals, axis=1)
         overlaps = first_extents + second_extents - distances
         return np.column_stack([first, second]), overlaps
 
@@ -225,7 +231,8 @@ class Observables(World):
         curved_bodies, curved_walls, curved_overlaps = self._curved_overlaps()
         mesh_bodies, meshes, _, _, mesh_overlaps = self.mesh_contacts()
 
-        # The walls of each kind are numbered from 0; here the numbers run on.
+        # The walls of each kind are numbered from 0. In `wall_set.names` planes come
+        # first, then cones and rings, then meshes.
         first_curved = len(self.walls.planes)
         first_mesh = first_curved + len(self.walls.cones) + len(self.walls.rings)
         walls = np.concatenate(
@@ -236,24 +243,41 @@ class Observables(World):
         return bodies.astype(np.int64), walls.astype(np.int64), overlaps
 
     def _plane_overlaps(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return body, number of the plane, and overlap [m] of each contact (M,)."""
-        n = int(self.counts[st.N_PLANE])
-        bodies = self._user_numbers[self.flat.body[:n]]
-        planes = self.flat.wall[:n].astype(np.int64)
-        spheres = self.flat.feature[:n]
-        rows = self.walls.planes[planes]
-        points = rows[:, st.PLANE_POINT : st.PLANE_POINT + 3]
-        normals = rows[:, st.PLANE_NORMAL : st.PLANE_NORMAL + 3]
+        """Compute the overlaps at the M contacts with planes.
+
+        Returns
+        -------
+        bodies, planes : ndarray (M,)
+            Index of the body, and number of the plane.
+        overlaps : ndarray (M,)
+            The overlaps [m].
+        """
+        n_contacts = int(self.counts[st.N_PLANE])
+        bodies = self._user_numbers[self.flat.body[:n_contacts]]
+        planes = self.flat.wall[:n_contacts].astype(np.int64)
+        spheres = self.flat.feature[:n_contacts]
+        # A plane with a point p and the normal n is n.x = n.p.
+        plane_rows = self.walls.planes[planes]
+        points = plane_rows[:, st.PLANE_POINT : st.PLANE_POINT + 3]
+        normals = plane_rows[:, st.PLANE_NORMAL : st.PLANE_NORMAL + 3]
         offsets = np.sum(normals * points, axis=1)
         overlaps = self._overlaps_with_planes(bodies, normals, offsets, spheres)
         return bodies, planes, overlaps
 
     def _curved_overlaps(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return body, curved wall, and overlap [m] of each contact (M,)."""
+        """Compute the overlaps at the M contacts with cones, tubes and rings.
+
+        Returns
+        -------
+        bodies, walls : ndarray (M,)
+            Index of the body, and number of the wall as of `curved_contacts`.
+        overlaps : ndarray (M,)
+            The overlaps [m].
+        """
         bodies, walls, normals, azimuths = self.curved_contacts()
         walls = walls.astype(np.int64)
         spheres = self.curved.feature[: len(bodies)]
-        offsets = _tangent_plane_offsets(self.walls, walls, normals, azimuths)
+        offsets = _compute_tangent_offsets(self.walls, walls, normals, azimuths)
         overlaps = self._overlaps_with_planes(bodies, normals, offsets, spheres)
         return bodies, walls, overlaps
 
@@ -264,15 +288,30 @@ class Observables(World):
         offsets: np.ndarray,
         spheres: np.ndarray,
     ) -> np.ndarray:
-        """Compute the overlaps (M,) of bodies with planes n.x = offset.
+        """Compute the overlaps of bodies with planes n.x = offset.
 
-        Of clumps `spheres` says which sphere counts.
+        Parameters
+        ----------
+        bodies : ndarray (M,)
+            Indices of the bodies.
+        normals : ndarray (M, 3)
+            Unit vectors n, from the body into the wall.
+        offsets : ndarray (M,)
+            Offset of each plane [m].
+        spheres : ndarray (M,)
+            For clumps: the sphere of each body that touches the plane.
+
+        Returns
+        -------
+        ndarray (M,)
+            The overlaps [m].
         """
-        extents = self._extents(bodies, normals, spheres if self._has_clumps else None)
+        touching_spheres = spheres if self._has_clumps else None
+        extents = self._measure_extents(bodies, normals, touching_spheres)
         distances = np.sum(normals * self.positions[bodies], axis=1)
         return extents + distances - offsets
 
-    def _extents(
+    def _measure_extents(
         self, bodies: np.ndarray, directions: np.ndarray, spheres: np.ndarray | None
     ) -> np.ndarray:
         """Compute how far bodies reach from their centres in directions of the world.
@@ -283,17 +322,19 @@ class Observables(World):
             Indices of the bodies.
         directions : ndarray (M, 3)
             Unit vectors.
-        spheres : ndarray (M,), optional
-            For clumps: the sphere of each body that counts.
+        spheres : ndarray (M,) or None
+            For clumps: the sphere of each body whose extent is computed. None for
+            smooth bodies.
 
         Returns
         -------
         ndarray (M,)
             The extents [m].
         """
-        # The shapes are known in the frames of the bodies, at scale 1.
-        turns = rotation_matrices(self.quaternions[bodies])
-        body_directions = np.einsum("nji,nj->ni", turns, directions)
+        # The shapes are known in the frames of the bodies, at scale 1. So turn the
+        # directions into these frames, by the inverse rotations.
+        rotations = rotation_matrices(self.quaternions[bodies])
+        body_directions = np.einsum("nji,nj->ni", rotations, directions)
         extents = np.zeros(len(bodies))
         for shape_id, shape in enumerate(self.shapes.values()):
             has_shape = self.shape_ids[bodies] == shape_id
@@ -301,11 +342,11 @@ class Observables(World):
             if spheres is None:
                 extents[has_shape] = shape.support(shape_directions)
             else:
-                rows = shape.spheres_m[spheres[has_shape]]
-                centres = rows[:, :3]
-                radii = rows[:, 3]
-                along = np.sum(centres * shape_directions, axis=1)
-                extents[has_shape] = along + radii
+                sphere_rows = shape.spheres_m[spheres[has_shape]]
+                centres = sphere_rows[:, :3]
+                radii = sphere_rows[:, 3]
+                centre_extents = np.sum(centres * shape_directions, axis=1)
+                extents[has_shape] = centre_extents + radii
         return extents * self.scales[bodies]
 
     def wall_loads(self, about_m: ArrayLike = (0.0, 0.0, 0.0)) -> dict[str, WallLoad]:
@@ -335,8 +376,9 @@ class Observables(World):
         The torque is that of the contact forces. Rolling resistance acts on bodies
         alone and is no part of it.
         """
-        about = vector("about_m", about_m)
+        point = vector("about_m", about_m)
         names = self.wall_set.names
+        # Force and torque about the origin of each wall, which the kernel adds up
         loads = np.zeros((len(names), 6))
         # The kernel changes its arguments, so it gets copies. In a step of no time no
         # spring moves.
@@ -357,11 +399,11 @@ class Observables(World):
             self._scratches[0].copy(),
             len(self.grid.cell),
         )
-        # The kernel gives torques about the origin.
         load_of_wall = {}
         for name, load in zip(names, loads, strict=True):
             force = load[:3].copy()
-            torque = load[3:] - np.cross(about, force)
+            # Move the torque from the origin to the point.
+            torque = load[3:] - np.cross(point, force)
             load_of_wall[name] = WallLoad(force, torque)
         return load_of_wall
 
@@ -379,36 +421,51 @@ class Observables(World):
         azimuth : ndarray (M,)
             Azimuth about the wall's axis [rad].
         """
-        n = self.counts[st.N_CURVED]
-        rows = st.contact_rows(self.curved.data, n)
-        normal = rows[:, :3].copy()
-        body = self._user_numbers[self.curved.body[:n]]
-        wall = self.curved.wall[:n].copy()
-        # Contacts of smooth bodies keep their azimuth, those of spheres do not.
+        n_contacts = self.counts[st.N_CURVED]
+        contact_rows = st.contact_rows(self.curved.data, n_contacts)
+        normal = contact_rows[:, :3].copy()
+        body = self._user_numbers[self.curved.body[:n_contacts]]
+        wall = self.curved.wall[:n_contacts].copy()
+        # The engine keeps the azimuths of other smooth bodies. Those of spheres follow
+        # from their centres.
         if self._has_clumps:
             column = ct.CENTRE // st.LANES
-            centres = rows[:, column : column + 3]
-            azimuth = self._sphere_azimuths(body, wall, centres)
+            centres = contact_rows[:, column : column + 3]
+            azimuth = self._compute_sphere_azimuths(body, wall, centres)
         elif self.physics.parts == st.SPHERES:
-            azimuth = self._sphere_azimuths(body, wall, np.zeros((n, 3)))
+            centres = np.zeros((n_contacts, 3))
+            azimuth = self._compute_sphere_azimuths(body, wall, centres)
         else:
-            azimuth = rows[:, st.AZIMUTH // st.LANES].copy()
+            azimuth = contact_rows[:, st.AZIMUTH // st.LANES].copy()
         return body, wall, normal, azimuth
 
-    def _sphere_azimuths(
-        self, body: np.ndarray, wall: np.ndarray, centres: np.ndarray
+    def _compute_sphere_azimuths(
+        self, bodies: np.ndarray, walls: np.ndarray, centres: np.ndarray
     ) -> np.ndarray:
-        """Compute the azimuths (M,) of spheres in the frames of curved walls.
+        """Compute the azimuths of spheres about the axes of curved walls.
 
-        `centres` (M, 3) are those of the spheres in the frames of their bodies.
+        Parameters
+        ----------
+        bodies, walls : ndarray (M,)
+            Index of the body of each sphere, and number of the wall as of
+            `curved_contacts`.
+        centres : ndarray (M, 3)
+            Centres of the spheres in the frames of their bodies [m].
+
+        Returns
+        -------
+        ndarray (M,)
+            The azimuths [rad].
         """
-        # From the frames of the bodies to the world, then to the frames of the walls.
-        turns = rotation_matrices(self.quaternions[body])
-        places = self.positions[body] + np.einsum("nij,nj->ni", turns, centres)
-        frames = self.walls.frames[wall]
+        # From the frames of the bodies to the world
+        rotations = rotation_matrices(self.quaternions[bodies])
+        offsets = np.einsum("nij,nj->ni", rotations, centres)
+        world_centres = self.positions[bodies] + offsets
+        # From the world to the frames of the walls, by the inverse rotations
+        frames = self.walls.frames[walls]
         origins = frames[:, :3]
-        wall_turns = frames[:, 3:].reshape(-1, 3, 3)
-        x, y, _z = np.einsum("nji,nj->ni", wall_turns, places - origins).T
+        wall_rotations = frames[:, 3:].reshape(-1, 3, 3)
+        x, y, _z = np.einsum("nji,nj->ni", wall_rotations, world_centres - origins).T
         return np.arctan2(y, x)
 
     def mesh_contacts(
@@ -428,18 +485,21 @@ class Observables(World):
         overlap : ndarray (M,)
             Overlap in the last step [m]; a contact is found before it bears a force.
         """
-        n = self.counts[st.N_MESHED]
-        rows = st.contact_rows(self.meshed.data, n)
-        body = self._user_numbers[self.meshed.body[:n]]
-        mesh = self.meshed.wall[:n].copy()
-        feature = self.meshed.feature[:n].copy()
-        normal = rows[:, :3].copy()
-        gap = rows[:, st.GAP // st.LANES]
+        n_contacts = self.counts[st.N_MESHED]
+        contact_rows = st.contact_rows(self.meshed.data, n_contacts)
+        body = self._user_numbers[self.meshed.body[:n_contacts]]
+        mesh = self.meshed.wall[:n_contacts].copy()
+        feature = self.meshed.feature[:n_contacts].copy()
+        normal = contact_rows[:, :3].copy()
+        gap = contact_rows[:, st.GAP // st.LANES]
         return body, mesh, feature, normal, -gap
 
 
-def _tangent_plane_offsets(
-    walls: st.Walls, wall: np.ndarray, normals: np.ndarray, azimuths: np.ndarray
+def _compute_tangent_offsets(
+    walls: st.Walls,
+    wall_numbers: np.ndarray,
+    normals: np.ndarray,
+    azimuths: np.ndarray,
 ) -> np.ndarray:
     """Compute the offsets c of the tangent planes n.x = c at contacts of curved walls.
 
@@ -447,7 +507,7 @@ def _tangent_plane_offsets(
     ----------
     walls : Walls
         The arrays of the walls.
-    wall : ndarray (M,)
+    wall_numbers : ndarray (M,)
         Number of the wall at each contact: the cones and tubes first, then the rings.
     normals : ndarray (M, 3)
         Unit vectors n into the walls.
@@ -459,24 +519,27 @@ def _tangent_plane_offsets(
     ndarray (M,)
         The offsets [m].
     """
-    frames = walls.frames[wall]
+    # Offset of the origin of each wall's own frame; that within the frame is added.
+    frames = walls.frames[wall_numbers]
     origins = frames[:, :3]
     offsets = np.sum(normals * origins, axis=1)
 
     # A tangent plane of a cone has the offset of the cone's line from the origin.
     n_cones = len(walls.cones)
-    is_cone = wall < n_cones
-    offsets[is_cone] += walls.cones[wall[is_cone], st.CONE_OFFSET]
+    is_cone = wall_numbers < n_cones
+    offsets[is_cone] += walls.cones[wall_numbers[is_cone], st.CONE_OFFSET]
 
-    # That of a ring lies one edge radius before the core circle, at the point of the
-    # circle that is nearest to the contact.
+    # The point of a ring's core circle that is nearest to each contact, in the frame of
+    # the ring
     is_ring = ~is_cone
-    rings = walls.rings[wall[is_ring] - n_cones]
+    rings = walls.rings[wall_numbers[is_ring] - n_cones]
     x = rings[:, st.RING_RADIUS] * np.cos(azimuths[is_ring])
     y = rings[:, st.RING_RADIUS] * np.sin(azimuths[is_ring])
     z = rings[:, st.RING_HEIGHT]
-    turns = frames[is_ring, 3:].reshape(-1, 3, 3)
-    points = np.einsum("nij,nj->ni", turns, np.column_stack([x, y, z]))
+
+    # The tangent plane lies one edge radius before this point.
+    rotations = frames[is_ring, 3:].reshape(-1, 3, 3)
+    points = np.einsum("nij,nj->ni", rotations, np.column_stack([x, y, z]))
     distances = np.sum(normals[is_ring] * points, axis=1)
     offsets[is_ring] += distances - rings[:, st.RING_EDGE_RADIUS]
     return offsets
