@@ -42,29 +42,31 @@ def tessellate(
         Indices of their points, anticlockwise seen from outside. V and T are the same
         for all bodies.
     """
-    # Points of the unit sphere.
+    # Points of the unit sphere, on circles around the x axis
     polar_angles = np.linspace(0, math.pi, rings + 1)
     azimuths = np.linspace(0, 2 * math.pi, sectors, endpoint=False)
     polar, azimuth = np.meshgrid(polar_angles, azimuths, indexing="ij")
     x = np.cos(polar)
     y = np.sin(polar) * np.cos(azimuth)
     z = np.sin(polar) * np.sin(azimuth)
-    sphere = np.stack([x, y, z], axis=-1)
+    sphere_points = np.stack([x, y, z], axis=-1)
 
     # The normals are those of an ellipsoid with the extents of the body, so that the
     # tips of a slim body are well resolved.
     extents = np.array([body.support(axis) for axis in np.eye(3)])
-    normals = (sphere / extents).reshape(-1, 3)
+    normals = (sphere_points / extents).reshape(-1, 3)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
 
-    triangles = _grid_triangles(rings, sectors)
+    # A convex body has one surface point for each normal. A clump has none in its
+    # dents, so rays in the directions of the normals find its surface.
+    triangles = _list_grid_triangles(rings, sectors)
     if isinstance(body, Clump):
-        points, normals = _visible_from_centre(body, normals)
+        points, normals = _find_visible_points(body, normals)
         return points, normals, triangles
     return body.support_point(normals), normals, triangles
 
 
-def _visible_from_centre(
+def _find_visible_points(
     clump: Clump, rays: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Find the points where rays from a clump's centre of mass leave the clump.
@@ -78,33 +80,44 @@ def _visible_from_centre(
 
     Returns
     -------
-    points, normals : ndarray (V, 3)
-        The points [m] and the unit normals there; the centre of mass, and the ray,
-        where a ray meets no sphere.
+    points : ndarray (V, 3)
+        The points [m]. A ray that meets no sphere has the centre of mass.
+    normals : ndarray (V, 3)
+        The unit normals there. A ray that meets no sphere has itself.
     """
     centres = clump.spheres_m[:, :3]
     radii = clump.spheres_m[:, 3]
     # A ray leaves a sphere at the distance t where |t ray - centre| = radius: the
-    # larger root of this quadratic equation. Where there is no root, it misses the
-    # sphere.
-    along = rays @ centres.T
-    discriminant = along**2 - np.sum(centres**2, axis=1) + radii**2
-    root = np.sqrt(np.maximum(discriminant, 0.0))
-    distances = np.where(discriminant >= 0.0, along + root, 0.0)
+    # larger root of this quadratic equation. Without a root, it misses the sphere.
+    # All arrays are (V, M): a value for each ray and sphere.
+    middles = rays @ centres.T  # the mean of both roots
+    discriminants = middles**2 - np.sum(centres**2, axis=1) + radii**2
+    half_chords = np.sqrt(np.maximum(discriminants, 0.0))
+    distances = np.where(discriminants >= 0.0, middles + half_chords, 0.0)
 
-    # The sphere that it leaves last is the one that is seen.
-    sphere = np.argmax(distances, axis=1)
-    distance = np.maximum(distances.max(axis=1), 0.0)[:, None]
-    points = distance * rays
-    normals = (points - centres[sphere]) / radii[sphere, None]
-    return points, np.where(distance > 0.0, normals, rays)
+    # The sphere that a ray leaves last is the one that is seen.
+    last_sphere = np.argmax(distances, axis=1)
+    last_distance = np.maximum(distances.max(axis=1), 0.0)[:, None]
+    points = last_distance * rays
+    normals = (points - centres[last_sphere]) / radii[last_sphere, None]
+    return points, np.where(last_distance > 0.0, normals, rays)
 
 
-def _grid_triangles(rows: int, columns: int) -> np.ndarray:
-    """Triangulate a grid of points (rows + 1, columns) whose rows are closed.
+def _list_grid_triangles(rows: int, columns: int) -> np.ndarray:
+    """Triangulate a grid of points whose rows are closed.
 
-    The points are numbered row by row. Returns the triangles (2 * rows * columns, 3).
+    Parameters
+    ----------
+    rows, columns : int
+        The grid has (rows + 1, columns) points, which are numbered row by row.
+
+    Returns
+    -------
+    ndarray of int (2 * rows * columns, 3)
+        Numbers of the corners of each triangle.
     """
+    # For each cell (rows, columns): the number of the first point of its row, and its
+    # column
     row_starts = np.arange(rows) * columns
     row_start, column = np.meshgrid(row_starts, np.arange(columns), indexing="ij")
     next_column = (column + 1) % columns  # the first one after the last one
@@ -142,28 +155,30 @@ def plane_polygon(
     ndarray (M, 3)
         The corners, anticlockwise seen from the bodies [m].
     """
+    # The engine's normals point into the wall.
     point = plane[:3]
-    towards_bodies = -plane[3:6]
+    normal = -plane[3:6]
     radius = plane[6]
-    u, w = _tangents(towards_bodies)
+    u, w = _find_tangents(normal)
     if math.isfinite(radius):
         angles = 2.0 * math.pi * np.arange(SECTORS) / SECTORS
         directions = np.cos(angles)[:, None] * u + np.sin(angles)[:, None] * w
         return point + radius * directions
 
-    # A square of the plane that is larger than the box.
-    size = np.linalg.norm(upper - lower)
-    centre = 0.5 * (lower + upper)
-    middle = centre + ((point - centre) @ towards_bodies) * towards_bodies
+    # Begin with a square of the plane that is larger than the box. Its middle is the
+    # point of the plane nearest to the centre of the box.
+    box_size = np.linalg.norm(upper - lower)
+    box_centre = 0.5 * (lower + upper)
+    middle = box_centre + ((point - box_centre) @ normal) * normal
     signs = ((-1, -1), (1, -1), (1, 1), (-1, 1))
-    polygon = np.array([middle + size * (a * u + b * w) for a, b in signs])
+    polygon = np.array([middle + box_size * (a * u + b * w) for a, b in signs])
 
-    # It is cut by the sides of the box and by the other planes.
-    for normal, corner in _box_sides(lower, upper):
+    # Cut it by the sides of the box and by the other planes.
+    for side_normal, corner in _list_box_sides(lower, upper):
         # A plane that misses the box by no more than the thickness of a wall is shown.
-        is_parallel = abs(normal @ towards_bodies) > 0.999
-        slack = 0.02 * size * is_parallel
-        polygon = _cut_polygon(polygon, normal, normal @ corner + slack)
+        is_parallel = abs(side_normal @ normal) > 0.999
+        slack = 0.02 * box_size * is_parallel
+        polygon = _cut_polygon(polygon, side_normal, side_normal @ corner + slack)
     for other in others:
         other_point = other[:3]
         other_normal = other[3:6]
@@ -171,7 +186,7 @@ def plane_polygon(
     return polygon
 
 
-def _tangents(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _find_tangents(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Find two unit vectors u and w that make (u, w, normal) a right-handed frame."""
     # the axis of the world that is the least parallel to the normal
     axis = np.eye(3)[np.argmin(np.abs(normal))]
@@ -180,7 +195,7 @@ def _tangents(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return u, np.cross(normal, u)
 
 
-def _box_sides(
+def _list_box_sides(
     lower: np.ndarray, upper: np.ndarray
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield the outward normal of each side of a box, with a corner on this side."""
@@ -190,8 +205,24 @@ def _box_sides(
 
 
 def _cut_polygon(polygon: np.ndarray, normal: np.ndarray, offset: float) -> np.ndarray:
-    """Cut a convex polygon (M, 3) to the half space normal.x <= offset.
+    """Cut a convex polygon to the half space normal.x <= offset.
 
+    Parameters
+    ----------
+    polygon : ndarray (M, 3)
+        Its corners in order around it [m].
+    normal : ndarray (3,)
+        Normal of the plane that cuts, out of the half space.
+    offset : float
+        Offset of this plane [m].
+
+    Returns
+    -------
+    ndarray (L, 3)
+        The corners of the part inside the half space; none if there is no such part.
+
+    Notes
+    -----
     Sutherland and Hodgman, Commun. ACM 17 (1974) 32.
     """
     distances = polygon @ normal - offset  # positive outside the half space
@@ -200,9 +231,10 @@ def _cut_polygon(polygon: np.ndarray, normal: np.ndarray, offset: float) -> np.n
         next_k = (k + 1) % len(polygon)
         corner, next_corner = polygon[k], polygon[next_k]
         distance, next_distance = distances[k], distances[next_k]
+        # A corner inside the half space stays.
         if distance <= 0.0:
             corners.append(corner)
-        # A side that crosses the plane has a new corner there.
+        # The side from this corner to the next one has a new corner at the plane.
         if distance * next_distance < 0.0:
             share = distance / (distance - next_distance)
             corners.append(corner + share * (next_corner - corner))
@@ -236,44 +268,66 @@ def cone_circles(line: Sequence[float] | np.ndarray) -> np.ndarray:
     )
 
 
-def _surface_of_revolution(profile: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Turn a profile (M, 2) of radius and height about the axis.
+def _revolve_profile(profile: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Turn a profile about the axis of a wall.
 
-    Returns points, and triangles that face inwards.
+    Parameters
+    ----------
+    profile : ndarray (M, 2)
+        Radius and height of its points [m].
+
+    Returns
+    -------
+    points : ndarray (V, 3)
+        Points of the surface in the frame of the wall [m].
+    triangles : ndarray of int (T, 3)
+        Indices of their points; they face the axis if the profile goes up.
     """
     angles = 2.0 * math.pi * np.arange(SECTORS) / SECTORS
     r, z = profile[:, 0, None], profile[:, 1, None]
     coordinates = np.broadcast_arrays(r * np.cos(angles), r * np.sin(angles), z)
     points = np.stack(coordinates, axis=-1).reshape(-1, 3)
-    return points, _grid_triangles(len(profile) - 1, SECTORS)
+    return points, _list_grid_triangles(len(profile) - 1, SECTORS)
 
 
-def _edge_profile(ring: RingEdge) -> np.ndarray:
-    """Compute the profile (M, 2) of the part of a `RingEdge` that bodies can touch.
+def _compute_edge_profile(ring: RingEdge) -> np.ndarray:
+    """Compute the profile of the part of a rounded edge that bodies can touch.
 
-    It is an arc of the circle in which a half plane through the axis cuts the edge. Its
-    columns are radius and height in the ring's own frame [m].
+    A half plane through the axis cuts the edge in a circle. The profile is the arc of
+    this circle that the walls beside the edge leave open.
+
+    Parameters
+    ----------
+    ring : RingEdge
+        The edge.
+
+    Returns
+    -------
+    ndarray (M, 2)
+        Radius and height of the points of the arc, in the ring's own frame [m].
     """
-    # The circle in sectors, from -pi to pi.
-    borders = np.arange(TUBE_SECTORS + 1) - 0.5 * TUBE_SECTORS
-    angles = 2.0 * math.pi * borders / TUBE_SECTORS
-    middles = 0.5 * (angles[1:] + angles[:-1])
+    # Divide the circle into sectors, from -pi to pi.
+    border_numbers = np.arange(TUBE_SECTORS + 1) - 0.5 * TUBE_SECTORS
+    border_angles = 2.0 * math.pi * border_numbers / TUBE_SECTORS
+    middle_angles = 0.5 * (border_angles[1:] + border_angles[:-1])
 
-    # A sector is open unless its contact normal, which points into the edge, opposes a
-    # gate.
+    # The contact normal of a sector points into the edge, against the outward direction
+    # of the circle. The sector is open unless this normal opposes a gate.
+    outward_r = np.cos(middle_angles)
+    outward_z = np.sin(middle_angles)
     is_open = np.ones(TUBE_SECTORS, bool)
     for gate_r, gate_z in ring.gates:
-        is_open &= -(np.cos(middles) * gate_r + np.sin(middles) * gate_z) >= -1e-12
+        is_open &= -(outward_r * gate_r + outward_z * gate_z) >= -1e-12
 
     # The open sectors are neighbours. The first one comes after a closed one; a whole
     # circle begins at -pi.
     is_first = is_open & ~np.roll(is_open, 1)
-    first_angle = angles[int(np.argmax(is_first))]
+    first_angle = border_angles[int(np.argmax(is_first))]
     n_open = int(is_open.sum())
-    arc = first_angle + 2.0 * math.pi * np.arange(n_open + 1) / TUBE_SECTORS
-    radius = ring.radius_m + ring.edge_radius_m * np.cos(arc)
-    height = ring.height_m + ring.edge_radius_m * np.sin(arc)
-    return np.column_stack([radius, height])
+    arc_angles = first_angle + 2.0 * math.pi * np.arange(n_open + 1) / TUBE_SECTORS
+    radii = ring.radius_m + ring.edge_radius_m * np.cos(arc_angles)
+    heights = ring.height_m + ring.edge_radius_m * np.sin(arc_angles)
+    return np.column_stack([radii, heights])
 
 
 def in_world(frame: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -288,6 +342,11 @@ def triangulated_walls(
 
     Endless planes end at the box of the simulation and at each other.
 
+    Parameters
+    ----------
+    simulation : Simulation
+        The simulation.
+
     Returns
     -------
     dict of str to (ndarray, ndarray)
@@ -301,35 +360,50 @@ def triangulated_walls(
         number = simulation.wall_set.names.index(name)
         if isinstance(surface, Plane):
             corners = visible_polygon(simulation, number)
-            triangulated[name] = _triangulated_polygon(corners)
+            triangulated[name] = _triangulate_polygon(corners)
         else:
-            points, triangles = _triangulated_in_frame(surface)
+            points, triangles = _triangulate_in_frame(surface)
             frame = simulation.walls.frames[number - n_planes]
             triangulated[name] = in_world(frame, points), triangles
     return triangulated
 
 
-def _triangulated_polygon(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _triangulate_polygon(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Split a convex polygon (M, 3) into triangles that share its first corner."""
     second = np.arange(1, max(len(corners) - 1, 1))
     return corners, np.column_stack([np.zeros_like(second), second, second + 1])
 
 
-def _triangulated_in_frame(
+def _triangulate_in_frame(
     surface: Cone | RingEdge | Mesh,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Triangulate a curved wall or a mesh in its own frame."""
     if isinstance(surface, Mesh):
         return surface.vertices_m, surface.faces
     if isinstance(surface, Cone):
-        return _surface_of_revolution(cone_circles(surface.line))
-    return _surface_of_revolution(_edge_profile(surface)[::-1])
+        return _revolve_profile(cone_circles(surface.line))
+    return _revolve_profile(_compute_edge_profile(surface)[::-1])
 
 
-def _all_spheres(
+def _triangulate_spheres(
     clump: Clump, rings: int, sectors: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Triangulate every sphere of a clump: points (V, 3) [m] and triangles (T, 3)."""
+    """Triangulate every sphere of a clump.
+
+    Parameters
+    ----------
+    clump : Clump
+        The clump.
+    rings, sectors : int
+        Number of latitudes and of longitudes of each sphere.
+
+    Returns
+    -------
+    points : ndarray (V, 3)
+        Points of all spheres in the frame of the clump [m].
+    triangles : ndarray of int (T, 3)
+        Indices of their points.
+    """
     unit_sphere = Clump(np.array([[0.0, 0.0, 0.0, 1.0]]), 1.0, np.ones(3), "any")
     sphere_points, _, sphere_triangles = tessellate(unit_sphere, rings, sectors)
     surfaces = []
@@ -348,6 +422,13 @@ def triangulated_bodies(
 
     Clumps have all their spheres, also where these lie inside each other.
 
+    Parameters
+    ----------
+    simulation : Simulation
+        The simulation.
+    rings, sectors : int
+        Number of latitudes and of longitudes of each body, or of each sphere.
+
     Returns
     -------
     points : ndarray (V, 3)
@@ -361,18 +442,19 @@ def triangulated_bodies(
     shape_surfaces = []
     for shape in simulation.shapes.values():
         if isinstance(shape, Clump):
-            shape_surfaces.append(_all_spheres(shape, rings, sectors))
+            shape_surfaces.append(_triangulate_spheres(shape, rings, sectors))
         else:
             points, _, triangles = tessellate(shape, rings, sectors)
             shape_surfaces.append((points, triangles))
 
+    # Each body gets a copy, scaled, turned and moved to its place.
     bodies = np.flatnonzero(simulation.present)
-    turns = rotation_matrices(simulation.quaternions[bodies])
+    rotations = rotation_matrices(simulation.quaternions[bodies])
     surfaces = []
-    for body, turn in zip(bodies, turns, strict=True):
+    for body, rotation in zip(bodies, rotations, strict=True):
         points, triangles = shape_surfaces[simulation.shape_ids[body]]
         position = simulation.positions[body]
-        world_points = position + simulation.scales[body] * points @ turn.T
+        world_points = position + simulation.scales[body] * points @ rotation.T
         surfaces.append((world_points, triangles))
     return joined(surfaces, bodies)
 
@@ -400,13 +482,13 @@ def joined(
     # The empty arrays keep the result valid where there is no surface.
     point_arrays = [np.zeros((0, 3))]
     triangle_arrays = [np.zeros((0, 3), int)]
-    n_triangles = []
-    n_points = 0
+    triangle_counts = []
+    n_points_before = 0
     for points, triangles in surfaces:
         point_arrays.append(points)
-        # the points of this surface come after those of the ones before it
-        triangle_arrays.append(triangles + n_points)
-        n_triangles.append(len(triangles))
-        n_points += len(points)
-    number = np.repeat(numbers, np.array(n_triangles, int))
+        # The points of this surface come after those of the ones before it.
+        triangle_arrays.append(triangles + n_points_before)
+        triangle_counts.append(len(triangles))
+        n_points_before += len(points)
+    number = np.repeat(numbers, np.array(triangle_counts, int))
     return np.concatenate(point_arrays), np.concatenate(triangle_arrays), number
