@@ -1,4 +1,4 @@
-"""Write the data of one body into the arrays of the kernels."""
+"""Write the state of one body into the arrays of the engine."""
 
 from typing import Any, NamedTuple
 
@@ -22,20 +22,20 @@ class Body(NamedTuple):
 
 
 def write_body(
-    bodies: Any, i: int, body: Body, parts: int, scratch: np.ndarray
+    bodies: Any, index: int, body: Body, parts: int, scratch: np.ndarray
 ) -> None:
     """Write a body into the arrays of the bodies.
 
     Parameters
     ----------
     bodies : repose.dem.kernels.state.Bodies
-        The arrays.
-    i : int
+        The arrays, which are changed.
+    index : int
         Index of the body.
     body : Body
-        Its data.
+        Its kind, place, velocities and scale.
     parts : int
-        See `shapes.parts_of`.
+        Largest number of ellipsoids of a body in the simulation (`shapes.parts_of`).
     scratch : ndarray
         Scratch tile of bodies, which is overwritten.
     """
@@ -43,40 +43,53 @@ def write_body(
     mass = body.kind.mass_kg * body.scale**3
     inertia = body.kind.inertia_kg_m2 * body.scale**5
 
-    row = bodies.rows[i]
+    # Position, velocities and mass are in a row of their own.
+    row = bodies.rows[index]
     row[st.POSITION : st.POSITION + 3] = body.position
     row[st.VELOCITY : st.VELOCITY + 3] = body.velocity
     row[st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3] = body.angular_velocity
     row[st.INVERSE_MASS] = 1.0 / mass
 
-    # The moments of inertia are about the axes of the body.
-    turn = rotation_matrix(body.quaternion)
-    body_velocity = turn.T @ body.angular_velocity
-    angular_momentum = turn @ (inertia * body_velocity)
+    # The moments of inertia are about the axes of the body. So the angular momentum is
+    # computed in the frame of the body, and turned back into that of the world.
+    rotation = rotation_matrix(body.quaternion)
+    body_velocity = rotation.T @ body.angular_velocity
+    angular_momentum = rotation @ (inertia * body_velocity)
     radius = body.kind.bounding_radius_m * body.scale
 
-    # What moves the body is in a tile of LANES bodies, in which the numbers of one body
-    # are LANES apart (`kernels.rows`).
-    motion = bodies.motion[i // st.LANES]
-    lane = motion[i % st.LANES :: st.LANES]
-    _write_rows(lane, st.QUATERNION, body.quaternion)
-    _write_rows(lane, st.ANGULAR_MOMENTUM, angular_momentum)
-    _write_rows(lane, st.INVERSE_MOMENTS, 1.0 / inertia)
-    _write_rows(lane, st.SQUARES, _squared_axes(body))
-    _write_rows(lane, st.RADIUS, np.array([radius]))
-    place_shape(bodies, i, parts, scratch)
+    # Numbers of the rotation are in a tile of LANES bodies. In it those of one body are
+    # LANES apart (`kernels.rows`).
+    tile = bodies.motion[index // st.LANES]
+    body_numbers = tile[index % st.LANES :: st.LANES]
+    _write_numbers(body_numbers, st.QUATERNION, body.quaternion)
+    _write_numbers(body_numbers, st.ANGULAR_MOMENTUM, angular_momentum)
+    _write_numbers(body_numbers, st.INVERSE_MOMENTS, 1.0 / inertia)
+    _write_numbers(body_numbers, st.SQUARES, _square_axes(body))
+    _write_numbers(body_numbers, st.RADIUS, np.array([radius]))
+    # The kernel computes from them what depends on the orientation.
+    place_shape(bodies, index, parts, scratch)
 
 
-def _write_rows(lane: np.ndarray, place: int, values: np.ndarray) -> None:
-    """Write values to the rows of a lane; `place` is where the first row begins."""
-    first = place // st.LANES
-    lane[first : first + len(values)] = values
+def _write_numbers(body_numbers: np.ndarray, offset: int, values: np.ndarray) -> None:
+    """Write values to the numbers of one body in a tile.
+
+    Parameters
+    ----------
+    body_numbers : ndarray
+        A view of the numbers, which is changed.
+    offset : int
+        Place of the first one in the tile (`kernels.state`), a multiple of LANES.
+    values : ndarray
+        The values.
+    """
+    first = offset // st.LANES
+    body_numbers[first : first + len(values)] = values
 
 
-def _squared_axes(body: Body) -> np.ndarray:
-    """Square the half axes of a smooth body's parts.
+def _square_axes(body: Body) -> np.ndarray:
+    """Square the half axes of a body's ellipsoids [m2].
 
-    Zeros for unused parts and for clumps.
+    The result has zeros for ellipsoids that the body has not, and for a clump.
     """
     squares = np.zeros(3 * st.MOST_PARTS)
     if isinstance(body.kind, Shape):

@@ -1,4 +1,4 @@
-"""The longest time step with which a simulation is stable.
+"""Compute the longest time step with which a simulation is stable.
 
 It is short enough to resolve an impact, and to keep a body stable that is pressed
 between two others.
@@ -14,8 +14,8 @@ from .shapes import Clump, Shape
 
 STEPS_PER_CONTACT = 8  # contact time of a head-on impact over the longest time step
 FASTEST_IMPACT_M_S = 2.0
-# Overlap of a soft body under a pile, over half its smallest extent.
-PRESSED = 0.1
+# Overlap of a soft body under a pile, over half its smallest extent
+OVERLAP_UNDER_PILE = 0.1
 # Speed times duration of an impact over its overlap: 2.94 by Hertz's law, pi by a
 # linear spring.
 DURATION_OVER_OVERLAP = 3.0
@@ -62,16 +62,21 @@ def longest(
         Speed of the fastest impact [m/s].
     smallest_scale : float
         Scale of the smallest body.
+
+    Returns
+    -------
+    Limit
+        The smallest limit, with its reason.
     """
     shapes = list(scene.shapes.values())
     limits = [impact(scene, a, b, speed_m_s) for a in shapes for b in shapes]
     for shape in shapes:
-        limits += _limits_of_pressed(scene, shape)
-    limit = min(limits)
+        limits += _list_pressed_limits(scene, shape)
+    shortest = min(limits)  # by the time step, the first field
     if smallest_scale == 1.0:
-        return limit
-    reason = f"{limit.reason}, at the smallest scale, {smallest_scale:.3g}"
-    return Limit(smallest_scale * limit.time_step_s, reason)
+        return shortest
+    reason = f"{shortest.reason}, at the smallest scale, {smallest_scale:.3g}"
+    return Limit(smallest_scale * shortest.time_step_s, reason)
 
 
 def smallest_scales(scene: Scene, time_step_s: float) -> dict[str, float]:
@@ -88,8 +93,17 @@ def impact(scene: Scene, a: Shape | Clump, b: Shape | Clump, speed_m_s: float) -
     """Compute the time step that resolves a head-on impact of two bodies.
 
     The impact takes `STEPS_PER_CONTACT` steps.
+
+    Parameters
+    ----------
+    scene : Scene
+        Materials and laws.
+    a, b : Shape or Clump
+        The two bodies.
+    speed_m_s : float
+        Their relative speed [m/s].
     """
-    duration = _impact_duration(scene, a, b, speed_m_s)
+    duration = _compute_impact_duration(scene, a, b, speed_m_s)
     reason = (
         f"1/{STEPS_PER_CONTACT} of the contact time of two bodies "
         f"that meet at {speed_m_s:g} m/s"
@@ -115,11 +129,16 @@ def pressed(
     other : str
         Material of the plates.
     of_body : bool
-        The plates are equal bodies that move against the body, as in a row of bodies
-        whose neighbours move against each other. This is the stiffest case.
+        Whether the plates are equal bodies that move against the body, as in a row of
+        bodies whose neighbours move against each other. This is the stiffest case.
     overlap_m : float, optional
-        Overlap with each plate [m]. By default that of a soft body under a pile or that
-        of the fastest impact, whichever is smaller.
+        Overlap with each plate [m]. None stands for that of a soft body under a pile or
+        that of the fastest impact, whichever is smaller.
+
+    Returns
+    -------
+    Limit
+        The longest time step [s], with its reason.
 
     Notes
     -----
@@ -135,7 +154,7 @@ def pressed(
     radius = shape.flattest_radius_m / n_bodies
     mass = shape.mass_kg / n_bodies
     if overlap_m is None:
-        overlap_m = _default_overlap(scene, shape)
+        overlap_m = _estimate_overlap(scene, shape)
 
     contact = scene.contacts[shape.material, other]
     assert scene.law.oscillator is not None
@@ -161,26 +180,29 @@ def pressed(
     return Limit(time_step, reason)
 
 
-def _default_overlap(scene: Scene, shape: Shape | Clump) -> float:
+def _estimate_overlap(scene: Scene, shape: Shape | Clump) -> float:
     """Estimate the largest overlap of a body under a pile [m].
 
     It is not more than in the fastest impact.
     """
     half_thickness = float(shape.half_extents_m.min())
-    duration = _impact_duration(scene, shape, shape, FASTEST_IMPACT_M_S)
-    in_impact = duration * FASTEST_IMPACT_M_S / DURATION_OVER_OVERLAP
-    return min(PRESSED * half_thickness, in_impact)
+    duration = _compute_impact_duration(scene, shape, shape, FASTEST_IMPACT_M_S)
+    overlap_in_impact = duration * FASTEST_IMPACT_M_S / DURATION_OVER_OVERLAP
+    return min(OVERLAP_UNDER_PILE * half_thickness, overlap_in_impact)
 
 
-def _limits_of_pressed(scene: Scene, shape: Shape | Clump) -> list[Limit]:
-    """Compute `pressed` for each wall and for bodies of each shape's material."""
+def _list_pressed_limits(scene: Scene, shape: Shape | Clump) -> list[Limit]:
+    """Compute the limits of a body between two walls, and between two bodies.
+
+    There is one for each material of walls, and one for each material of bodies.
+    """
     limits = [pressed(scene, shape, wall) for wall in sorted(scene.walls)]
     for material in sorted({other.material for other in scene.shapes.values()}):
         limits.append(pressed(scene, shape, material, of_body=True))
     return limits
 
 
-def _impact_duration(
+def _compute_impact_duration(
     scene: Scene, a: Shape | Clump, b: Shape | Clump, speed_m_s: float
 ) -> float:
     """Compute the duration of a head-on impact of two shapes [s]."""
