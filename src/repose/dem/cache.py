@@ -1,4 +1,4 @@
-"""Store compiled code on disk, found by the text of the sources and not by their path.
+"""Keep compiled code on disk, so that another process need not compile it again.
 
 The folder is named after a hash of all sources of this package and of laws from other
 packages. In it is a file for each kernel and signature. numba's own cache depends on
@@ -92,43 +92,78 @@ class KernelCache(NullCache):
         return folder()
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the stored code of a signature, or None, so that numba compiles it."""
+        """Return the stored code of a signature.
+
+        Parameters
+        ----------
+        sig : object
+            The types of the arguments.
+        target_context : object
+            numba's description of the processor.
+
+        Returns
+        -------
+        CompileResult or None
+            The code. With None, numba compiles it and calls `save_overload`; until then
+            this process keeps the lock of the kernel.
+        """
         # numba's own method also loads its declarations for the compiler, which takes
         # 0.3 s and is not needed here.
         rtsys.initialize(target_context)
-        path = self._path(sig, target_context.codegen())
-        stored = _read(path, sig)
+        path = self._name_file(sig, target_context.codegen())
+        stored = _read_code(path, sig)
         if stored is None:
-            # Another process may be compiling it. If not, this one keeps the lock until
-            # `save_overload`.
+            # Wait for another process that may be compiling it, and look again.
             _lock(path)
-            stored = _read(path, sig)
+            stored = _read_code(path, sig)
             if stored is None:
                 return None
             _unlock(path)
         return CompileResult._rebuild(target_context, *stored)
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Store the code that numba has compiled for a signature."""
-        path = self._path(sig, data.codegen)
+        """Store the code that numba has compiled for a signature.
+
+        It lets other processes go on that wait for this code.
+
+        Parameters
+        ----------
+        sig : object
+            The types of the arguments.
+        data : CompileResult
+            The compiled code. If only Python calls the function, its bitcode is
+            replaced by a stub.
+        """
+        path = self._name_file(sig, data.codegen)
         if not self._is_called_by_kernels:
             # No kernel links this function, so its bitcode, which takes 0.1 s to read,
             # is not needed. A stub keeps the name of the function that Python calls.
             name = data.fndesc.llvm_cpython_wrapper_name
             stub = f'define void @"{name}"() {{ ret void }}'
             data.library._shared_module = binding.parse_assembly(stub)
+        # Code with addresses in this process is of no use to another.
         if not data.library.has_dynamic_globals:
-            _write(path, dumps((sig, data._reduce())))
+            _write_code(path, dumps((sig, data._reduce())))
         _unlock(path)
 
-    def _path(self, signature: object, codegen: Any) -> str:
-        """Name the file after everything that the code depends on.
+    def _name_file(self, signature: object, codegen: Any) -> str:
+        """Name the file of a signature's code after everything that the code depends on.
 
-        The name ends with 24 digits of a hash.
+        Parameters
+        ----------
+        signature : object
+            The types of the arguments.
+        codegen : object
+            numba's generator of code, which knows the type of the processor.
+
+        Returns
+        -------
+        str
+            The path, which ends with 24 digits of a hash.
         """
         function = self._function
         name = f"{function.__module__}.{function.__qualname__}"
-        # Variables of an outer function that the function uses.
+        # Values of an outer function's variables that the function uses
         closure = dumps([cell.cell_contents for cell in function.__closure__ or ()])
         sources = (
             name,
@@ -138,17 +173,27 @@ class KernelCache(NullCache):
             self._options,
             self._text,
         )
-        # The versions of numba and Python, and the type of the processor.
+        # The versions of numba and Python, and the type of the processor
         compiler = (numba.__version__, sys.version_info[:2], codegen.magic_tuple())
         digest = hashlib.sha256(repr((sources, compiler)).encode()).hexdigest()
         file_name = name.replace("<", "").replace(">", "")
         return os.path.join(folder(), f"{file_name}-{digest[:24]}")
 
 
-def _read(path: str, signature: object) -> tuple[Any, ...] | None:
+def _read_code(path: str, signature: object) -> tuple[Any, ...] | None:
     """Read the code stored for a signature.
 
-    None if there is none, or if the file is damaged.
+    Parameters
+    ----------
+    path : str
+        The file.
+    signature : object
+        The types of the arguments.
+
+    Returns
+    -------
+    tuple or None
+        The code; None if there is none, or if the file is damaged.
     """
     try:
         with open(path, "rb") as file:
@@ -158,9 +203,19 @@ def _read(path: str, signature: object) -> tuple[Any, ...] | None:
     return stored if stored_signature == signature else None
 
 
-def _write(path: str, content: bytes) -> None:
-    """Store a file in one move; if it cannot be written, each process compiles anew."""
-    # Written under another name first, so that no process reads half a file.
+def _write_code(path: str, content: bytes) -> None:
+    """Store a file in one move.
+
+    If it cannot be written, there is a warning, and each process compiles anew.
+
+    Parameters
+    ----------
+    path : str
+        The file.
+    content : bytes
+        Its content.
+    """
+    # The file is written under another name first, so that no process reads half of it.
     temporary = f"{path}.{uuid.uuid4().hex}"
     try:
         with open(temporary, "wb") as file:
@@ -199,9 +254,16 @@ def _unlock(path: str) -> None:
 
 
 def _set_lock(path: str, operation: int) -> None:
-    """Lock or unlock a kernel's byte.
+    """Lock or unlock a kernel's byte of the lock file in its folder.
 
-    Nothing happens in a folder that has no lock file.
+    Nothing happens where no such file can be made.
+
+    Parameters
+    ----------
+    path : str
+        File of the kernel's code.
+    operation : int
+        A lock operation of `fcntl`.
     """
     parent = os.path.dirname(path)
     # The place of the byte is the end of the hash in the file's name: below 2^60, and
@@ -210,7 +272,7 @@ def _set_lock(path: str, operation: int) -> None:
     with contextlib.suppress(OSError):
         if parent not in _lock_files:
             os.makedirs(parent, exist_ok=True)
-            # It stays open, since its locks end when it is closed.
+            # The file stays open, since its locks end when it is closed.
             file = open(os.path.join(parent, "locks"), "ab")  # noqa: SIM115
             _lock_files[parent] = file
         fcntl.lockf(_lock_files[parent], operation, 1, byte_number)
@@ -239,44 +301,48 @@ def add_source(*functions: Callable[..., Any] | None) -> None:
 
     A law of this package changes nothing. A law from another package moves the cache
     folder of all kernels.
+
+    Parameters
+    ----------
+    *functions : callable or None
+        The functions. None stands for one that the law does not have.
     """
-    package = f"{__package__}."
+    package_prefix = f"{__package__}."
     law_functions = [
         cast(FunctionType, function) for function in functions if function is not None
     ]
-    if all(function.__module__.startswith(package) for function in law_functions):
+    if all(
+        function.__module__.startswith(package_prefix) for function in law_functions
+    ):
         return
     for function in law_functions:
         # A function may call others, which lie in further modules.
-        modules = {function.__module__, *_called_modules(function)}
+        modules = {function.__module__, *_list_called_modules(function)}
         for module in sorted(modules):
-            if not module.startswith(package):
+            if not module.startswith(package_prefix):
                 key = f"{module} {function.__name__}"
-                outside_sources[key] = _source(module, function)
+                outside_sources[key] = _write_source(module, function)
 
 
-def _globals_used(function: FunctionType) -> dict[str, Any]:
-    """Look up the global names that a function uses.
-
-    None for those that are not there.
-    """
+def _look_up_globals(function: FunctionType) -> dict[str, Any]:
+    """Look up the global names that a function uses; None for those without a value."""
     names = function.__code__.co_names
     return {name: function.__globals__.get(name) for name in names}
 
 
-def _called_modules(function: FunctionType) -> set[str]:
-    """Name the modules of the functions that a function calls directly."""
+def _list_called_modules(function: FunctionType) -> set[str]:
+    """List the modules of the functions that a function calls directly."""
     modules = set()
-    for value in _globals_used(function).values():
+    for value in _look_up_globals(function).values():
         if callable(value) and isinstance(value.__module__, str):
             modules.add(value.__module__)
     return modules
 
 
-def _source(module: str, function: FunctionType) -> str:
-    """Return the source of a module and the numbers that a function uses.
+def _write_source(module: str, function: FunctionType) -> str:
+    """Write the text of a module, and the global numbers that a function uses.
 
-    In a notebook the function's code.
+    Where there is no text, as in a notebook, the function's bytecode stands for it.
     """
     code = function.__code__
     try:
@@ -285,7 +351,7 @@ def _source(module: str, function: FunctionType) -> str:
         source = f"{code.co_code.hex()} {code.co_consts!r}"
     numbers = {
         name: value
-        for name, value in _globals_used(function).items()
+        for name, value in _look_up_globals(function).items()
         if isinstance(value, int | float)
     }
     return f"{source} {numbers!r}"
