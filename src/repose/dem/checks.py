@@ -19,7 +19,12 @@ NUMBER_WORDS = {3: "three", 4: "four", 7: "seven"}
 def is_number(value: Any, *, finite: bool = True) -> bool:
     """Return whether a value is a real number and not a truth value.
 
-    With `finite` False infinite numbers are accepted too, but never nan.
+    Parameters
+    ----------
+    value : object
+        Any value.
+    finite : bool
+        Whether infinite numbers are refused. Nan always is.
     """
     if not isinstance(value, Real) or isinstance(value, bool | np.bool):
         return False
@@ -27,9 +32,28 @@ def is_number(value: Any, *, finite: bool = True) -> bool:
 
 
 def number(name: str, value: Any, allowed: str, accepts: Callable[[Any], Any]) -> float:
-    """Check that a value is a finite number for which `accepts` is true.
+    """Check that a value is a finite number for which a condition holds.
 
-    `allowed` describes the accepted numbers in the message.
+    Parameters
+    ----------
+    name : str
+        The argument's name, for the message.
+    value : object
+        What the user gave.
+    allowed : str
+        Describes the accepted numbers in the message.
+    accepts : callable
+        The condition, a function of the number.
+
+    Returns
+    -------
+    float
+        The number.
+
+    Raises
+    ------
+    ValueError
+        If the value is no such number.
     """
     if not (is_number(value) and accepts(value)):
         raise ValueError(f"{name} is {shown(value)}; expected {allowed}")
@@ -71,7 +95,7 @@ def vector(name: str, value: Any, length: int = 3) -> np.ndarray:
 
 
 def box(lower: Any, upper: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Copy the lower and the upper corner of a box."""
+    """Copy the lower and the upper corner of a box; ValueError if they are no box."""
     low = vector("lower", lower)
     high = vector("upper", upper)
     if not np.all(low < high):
@@ -117,11 +141,12 @@ def array(
     ValueError
         If the value is no such array.
     """
-    least_dimensions = len(shape) if rows else 0
+    # A row without brackets gets them if two dimensions are the least.
+    fewest_dimensions = len(shape) if rows else 0
     try:
-        numbers = np.array(value, float, ndmin=least_dimensions)
+        numbers = np.array(value, float, ndmin=fewest_dimensions)
     except (TypeError, ValueError):
-        numbers = np.array(np.nan)  # refused below, as it is not finite
+        numbers = np.array(np.nan)  # not finite, so it is refused below
     is_valid = (
         _has_shape(numbers, shape) and np.all(np.isfinite(numbers)) and accepts(numbers)
     )
@@ -141,14 +166,14 @@ def _has_shape(numbers: np.ndarray, shape: tuple[int | None, ...]) -> bool:
 
 
 def direction(name: str, value: Any, length: int = 3) -> np.ndarray:
-    """Scale a vector of 3 or 4 numbers to unit length; a zero vector is refused."""
+    """Scale a vector of 3 or 4 numbers to unit length; ValueError for a zero vector."""
     numbers = vector(name, value, length)
-    size = np.linalg.norm(numbers)
-    if not size > 0.0:
+    norm = np.linalg.norm(numbers)
+    if not norm > 0.0:
         raise ValueError(
             f"{name} is {shown(value)}; expected a vector that is not zero"
         )
-    return numbers / size
+    return numbers / norm
 
 
 def is_name(value: Any) -> bool:
@@ -169,9 +194,28 @@ def name_of(argument: str, value: Any) -> str:
 
 
 def mapping(name: str, value: Any, classes: Any, description: str) -> dict[str, Any]:
-    """Copy a mapping of names to objects of the classes.
+    """Copy a mapping of names to objects.
 
-    `description` names them in the message.
+    Parameters
+    ----------
+    name : str
+        The argument's name, for the message.
+    value : object
+        What the user gave.
+    classes : class, union or tuple of classes
+        What the objects may be.
+    description : str
+        Names these classes in the message.
+
+    Returns
+    -------
+    dict
+        The copy.
+
+    Raises
+    ------
+    ValueError
+        If the value is no such mapping.
     """
     is_valid = isinstance(value, Mapping) and all(
         is_name(key) and isinstance(item, classes) for key, item in value.items()
@@ -184,7 +228,7 @@ def mapping(name: str, value: Any, classes: Any, description: str) -> dict[str, 
 
 
 def chosen(name: str, value: Any, choices: Mapping[str, Any]) -> Any:
-    """Look up a name among named choices."""
+    """Look up the object of a name; ValueError with all names for an unknown one."""
     if not (isinstance(value, str) and value in choices):
         raise ValueError(
             f"{name} is {shown(value)}; expected {', '.join(map(repr, choices))}"

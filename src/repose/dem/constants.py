@@ -36,15 +36,27 @@ class Constant(NamedTuple):
     most: float = math.inf
 
     def check(self, value: object) -> float:
-        """Return the value as a number; ValueError if it is out of bounds."""
+        """Return a value of this constant as a number.
+
+        Parameters
+        ----------
+        value : object
+            What the user gave.
+
+        Raises
+        ------
+        ValueError
+            If it is no finite number between `least` and `most`.
+        """
         try:
             number = float(value)  # type: ignore[arg-type]
         except (TypeError, ValueError):
-            number = math.nan
+            number = math.nan  # refused below
         if not (self.least <= number <= self.most and math.isfinite(number)):
-            end = f"to {self.most:g}" if self.most < math.inf else "or more"
+            upper_bound = f"to {self.most:g}" if self.most < math.inf else "or more"
             raise ValueError(
-                f"{self.name} is {value!r}; expected {self.least:g} {end} {self.unit}"
+                f"{self.name} is {value!r}; "
+                f"expected {self.least:g} {upper_bound} {self.unit}"
             )
         return number
 

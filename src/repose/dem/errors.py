@@ -20,7 +20,10 @@ def shown(value: object) -> str:
 
 
 def did_you_mean(word: str, names: Iterable[str]) -> str:
-    """Ask whether the name most like a word was meant; empty if no name is like it."""
+    """Write a question for a message: whether the name most like a word was meant.
+
+    The text is empty if no name is like the word.
+    """
     # Imported here, as processes without a fault do not need it.
     from difflib import get_close_matches
 
@@ -45,7 +48,8 @@ class InputError(ValueError):
     """
 
     def __init__(self, source: object, key: str, value: object, allowed: str) -> None:
-        names = _listed_names(allowed)
+        # Where a name is wrong, guess which of the listed names was meant.
+        names = _find_names(allowed)
         if isinstance(value, str) and len(names) > 1:
             allowed += did_you_mean(value, names)
         self.source = source
@@ -55,7 +59,7 @@ class InputError(ValueError):
         super().__init__(f"{source}: {key} is {shown(value)}; expected {allowed}")
 
 
-def _listed_names(allowed: str) -> list[str]:
+def _find_names(allowed: str) -> list[str]:
     """Find the names in a text such as "one of a, b or c"."""
     items = allowed.removeprefix("one of ").replace(" or ", ", ").split(", ")
     return [item for item in items if item.isidentifier()]

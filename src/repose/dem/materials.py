@@ -87,6 +87,7 @@ class Contact:
         not_negative("rolling_friction", self.rolling_friction)
         if self.twisting_friction is not None:
             not_negative("twisting_friction", self.twisting_friction)
+        # Which constants there must be depends on the law, which is not known here.
         has_names = isinstance(self.constants, Mapping) and all(
             is_name(name) for name in self.constants
         )

@@ -1,4 +1,4 @@
-"""Shapes of bodies: sums of ellipsoids or clumps of spheres."""
+"""Describe the shapes of bodies: sums of ellipsoids, or clumps of spheres."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -13,7 +13,7 @@ from .rotations import sphere_directions
 
 DIRECTIONS = 2000  # in which a clump's extent is calculated
 
-# What is allowed, for the messages.
+# Descriptions of what is allowed, for messages
 MOMENTS = "three moments above 0, each at most the sum of the others"
 SEMI_AXES = f"(1 to {MOST_PARTS}, 3) lengths above 0"
 SPHERE_ROWS = f"(1 to {MOST_SPHERES}, 4) finite lengths, the last of each row above 0"
@@ -22,8 +22,10 @@ SPHERE_ROWS = f"(1 to {MOST_SPHERES}, 4) finite lengths, the last of each row ab
 def _are_moments(inertia: np.ndarray) -> bool:
     """Return whether a body can have these principal moments (3,).
 
-    None may be above the sum of the others.
+    All are above 0, and none is above the sum of the others.
     """
+    # The largest is at most the sum of the others if twice the largest is at most the
+    # sum of all three.
     rounding = 1e-9
     is_possible = 2.0 * inertia.max() <= (1.0 + rounding) * inertia.sum()
     return bool(np.all(inertia > 0.0) and is_possible)
@@ -123,6 +125,7 @@ class Shape(_Solid):
             accepts=lambda axes: np.all(axes > 0.0),
         )
         positive("density_kg_m3", density_kg_m3)
+        # Mass 4/3 pi a b c rho, and moments such as m (b^2 + c^2) / 5 about a
         a, b, c = axes.tolist()
         mass = density_kg_m3 * 4.0 / 3.0 * math.pi * a * b * c
         moments = mass / 5.0 * np.array([b * b + c * c, a * a + c * c, a * a + b * b])
@@ -352,9 +355,11 @@ class Clump(_Solid):
         float
             The largest number over all sides.
         """
+        # Overlap of each sphere with a plate on each side (directions, spheres)
         extents = self._sphere_extents(sphere_directions(DIRECTIONS))
-        foremost = extents.max(axis=1, keepdims=True)
-        overlaps = np.clip(extents - foremost + overlap_m, 0.0, None)
+        largest_extents = extents.max(axis=1, keepdims=True)
+        overlaps = np.clip(extents - largest_extents + overlap_m, 0.0, None)
+        # Their stiffnesses, over that of the largest sphere at `overlap_m`
         radii = self.spheres_m[:, 3]
         stiffnesses = np.sqrt(overlaps / overlap_m * radii / self.flattest_radius_m)
         return float(stiffnesses.sum(axis=1).max())
@@ -371,9 +376,17 @@ class Clump(_Solid):
 
 
 def are_clumps(shapes: Mapping[str, Shape | Clump]) -> bool:
-    """Return whether shapes are clumps.
+    """Return whether shapes are clumps instead of smooth bodies.
 
-    ValueError if there is no shape, or if only some of them are clumps.
+    Parameters
+    ----------
+    shapes : mapping
+        The shapes of a simulation by name.
+
+    Raises
+    ------
+    ValueError
+        If there is no shape, or if only some of them are clumps.
     """
     if not shapes:
         raise ValueError(
@@ -398,7 +411,15 @@ def most_spheres(shapes: Iterable[Shape | Clump]) -> int:
 def parts_of(shapes: Iterable[Shape | Clump]) -> int:
     """Find the largest number of ellipsoids that a smooth body has.
 
-    It is 0 for clumps, and `state.SPHERES` if all bodies are spheres.
+    Parameters
+    ----------
+    shapes : iterable
+        The shapes of a simulation.
+
+    Returns
+    -------
+    int
+        The number; 0 for clumps, and `state.SPHERES` if all bodies are spheres.
     """
     smooth = [shape for shape in shapes if isinstance(shape, Shape)]
     if smooth and all(shape.is_sphere for shape in smooth):
