@@ -1,4 +1,4 @@
-"""Save a simulation in one file, from which it goes on with the same bits."""
+"""Save a simulation in one file, and load it so that it goes on with the same bits."""
 
 import dataclasses
 import json
@@ -46,15 +46,34 @@ def save(simulation: World, path: str | os.PathLike) -> None:
 
     The file holds plain arrays. One of them holds a description of the arguments, as
     bytes of JSON.
+
+    Parameters
+    ----------
+    simulation : Simulation
+        The simulation.
+    path : path
+        The file.
     """
     description = json.dumps(_describe(simulation)).encode()
     arrays: dict[str, Any] = {DESCRIPTION: np.frombuffer(description, np.uint8)}
-    arrays.update(_named_arrays(simulation))
+    arrays.update(_list_arrays(simulation))
     write_whole(path, lambda handle: np.savez_compressed(handle, **arrays))
 
 
 def load(simulation_class: type[AnyWorld], path: str | os.PathLike) -> AnyWorld:
     """Read a simulation as it was saved.
+
+    Parameters
+    ----------
+    simulation_class : type
+        Class of the simulation, such as `Simulation`.
+    path : path
+        The file.
+
+    Returns
+    -------
+    Simulation
+        A new object of this class, in the state of the saved one.
 
     Raises
     ------
@@ -63,7 +82,7 @@ def load(simulation_class: type[AnyWorld], path: str | os.PathLike) -> AnyWorld:
         other sources of the engine.
     """
     path = Path(path)
-    description, arrays = _read(path)
+    description, arrays = _read_file(path)
     version = description.get("format")
     if version != FORMAT:
         raise InputError(path, "format", version, f"{FORMAT}, what this version reads")
@@ -76,16 +95,35 @@ def load(simulation_class: type[AnyWorld], path: str | os.PathLike) -> AnyWorld:
             f"{source_hash()!r}: only the sources that wrote a checkpoint "
             "go on with the same bits",
         )
+    # Make a new simulation from the arguments, and give it the state of the saved one.
     try:
-        simulation = simulation_class(**_arguments(description))
-        _restore(simulation, arrays)
+        simulation = simulation_class(**_make_arguments(description))
+        _restore_arrays(simulation, arrays)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise InputError(path, "content", str(error), INTACT) from None
     return simulation
 
 
-def _read(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Read description and arrays of a file."""
+def _read_file(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Read a file of a simulation.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    description : dict
+        Format, sources of the engine, and arguments (`_describe`).
+    arrays : dict of str to ndarray
+        The arrays of the simulation by name.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or damaged.
+    """
     if not path.is_file():
         raise InputError(
             path, "file", None, "an existing checkpoint, written by Simulation.save"
@@ -107,11 +145,11 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     return description, arrays
 
 
-def _named_arrays(simulation: World) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield every array of a simulation with its name.
+def _list_arrays(simulation: World) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield the name and the value of every array of a simulation.
 
-    An attribute is an array, or a named tuple with arrays, such as the list of pairs;
-    these have names such as "pairs.first".
+    An array is an attribute of the simulation, or a field of an attribute that is a
+    named tuple, such as the list of pairs. Then its name is like "pairs.first".
     """
     for name, value in vars(simulation).items():
         if isinstance(value, np.ndarray):
@@ -122,8 +160,15 @@ def _named_arrays(simulation: World) -> Iterator[tuple[str, np.ndarray]]:
                 yield f"{name}.{field}", array
 
 
-def _restore(simulation: World, saved: Mapping[str, np.ndarray]) -> None:
+def _restore_arrays(simulation: World, saved_arrays: Mapping[str, np.ndarray]) -> None:
     """Give a new simulation the arrays of a saved one.
+
+    Parameters
+    ----------
+    simulation : Simulation
+        A simulation with the same arguments as the saved one, which is changed.
+    saved_arrays : mapping
+        The saved arrays by name.
 
     Raises
     ------
@@ -132,23 +177,27 @@ def _restore(simulation: World, saved: Mapping[str, np.ndarray]) -> None:
     ValueError
         If an array has another type or shape than in the new simulation.
     """
-    arrays = dict(_named_arrays(simulation))
-    if set(arrays) != set(saved):
-        raise KeyError(f"arrays {sorted(set(arrays) ^ set(saved))}")
-    for name, values in saved.items():
-        array = arrays[name]
-        if array.dtype == values.dtype and array.shape == values.shape:
-            array[...] = values
-        elif _may_replace(name, array, values):
-            _replace_array(simulation, name, values)
+    new_arrays = dict(_list_arrays(simulation))
+    if set(new_arrays) != set(saved_arrays):
+        raise KeyError(f"arrays {sorted(set(new_arrays) ^ set(saved_arrays))}")
+    for name, saved in saved_arrays.items():
+        new = new_arrays[name]
+        if new.dtype == saved.dtype and new.shape == saved.shape:
+            new[...] = saved
+        elif _may_replace(name, new, saved):
+            # The list had grown when it was saved.
+            _replace_array(simulation, name, saved)
         else:
-            raise ValueError(f"array {name} is {values.dtype}{values.shape}")
+            raise ValueError(f"array {name} is {saved.dtype}{saved.shape}")
 
 
-def _may_replace(name: str, array: np.ndarray, values: np.ndarray) -> bool:
-    """Return whether values may replace an array: it grows, and they are as wide."""
-    has_type = array.dtype == values.dtype
-    return has_type and _may_grow(name) and array.shape[1:] == values.shape[1:]
+def _may_replace(name: str, new: np.ndarray, saved: np.ndarray) -> bool:
+    """Return whether a saved array may replace a new one of another length.
+
+    It may if it belongs to a list that grows, and differs in nothing but the length.
+    """
+    has_type = new.dtype == saved.dtype
+    return has_type and _may_grow(name) and new.shape[1:] == saved.shape[1:]
 
 
 def _may_grow(name: str) -> bool:
@@ -158,13 +207,23 @@ def _may_grow(name: str) -> bool:
 
 
 def _replace_array(simulation: World, name: str, values: np.ndarray) -> None:
-    """Replace an array of a list, named "group.name", by a longer or shorter one."""
+    """Replace an array of a simulation by one of another length.
+
+    Parameters
+    ----------
+    simulation : Simulation
+        The simulation.
+    name : str
+        Name of the array: that of a list, a point, and that of a field in it.
+    values : ndarray
+        The other array, of which a copy is used.
+    """
     group, _, field = name.partition(".")
     lists = getattr(simulation, group)
-    setattr(simulation, group, lists._replace(**{field: _aligned(values)}))
+    setattr(simulation, group, lists._replace(**{field: _copy_aligned(values)}))
 
 
-def _aligned(values: np.ndarray) -> np.ndarray:
+def _copy_aligned(values: np.ndarray) -> np.ndarray:
     """Copy an array so that it begins at a cache line, as the kernels need it."""
     if values.dtype != np.float64:
         return values.copy()
@@ -176,10 +235,10 @@ def _aligned(values: np.ndarray) -> np.ndarray:
 def _describe(simulation: World) -> dict[str, Any]:
     """Describe the arguments of a simulation, in types of JSON."""
     physics = simulation.physics
-    arguments = {name: _plain(getattr(simulation, name)) for name in KEPT_ARGUMENTS}
+    arguments = {name: _convert(getattr(simulation, name)) for name in KEPT_ARGUMENTS}
     arguments |= {
         "time_step_s": physics.dt,
-        "gravity_m_s2": _plain(physics.gravity),
+        "gravity_m_s2": _convert(physics.gravity),
         "contact_law": simulation.contact_law.name,
         "rolling_law": simulation.rolling_law.name,
         "exit_height_m": physics.exit_height,
@@ -189,29 +248,31 @@ def _describe(simulation: World) -> dict[str, Any]:
     return {
         "format": FORMAT,
         "engine": source_hash(),
-        "shapes": _plain(simulation.shapes),
-        "materials": _plain(simulation.materials),
+        "shapes": _convert(simulation.shapes),
+        "materials": _convert(simulation.materials),
         "contacts": [
-            [*pair, _plain(contact)]
+            [*pair, _convert(contact)]
             for pair, contact in simulation.contact_pairs.items()
         ],
         "walls": {
-            name: [type(wall).__name__, _plain(wall)]
+            name: [type(wall).__name__, _convert(wall)]
             for name, wall in simulation.wall_set.surfaces.items()
         },
         "arguments": arguments,
     }
 
 
-def _arguments(description: Mapping[str, Any]) -> dict[str, Any]:
+def _make_arguments(description: Mapping[str, Any]) -> dict[str, Any]:
     """Make the arguments of a simulation from its description, see `_describe`."""
-    shapes = {name: _shape(fields) for name, fields in description["shapes"].items()}
+    shapes = {
+        name: _make_shape(fields) for name, fields in description["shapes"].items()
+    }
     materials = {
         name: Material(**fields) for name, fields in description["materials"].items()
     }
     contacts = {(a, b): Contact(**fields) for a, b, fields in description["contacts"]}
     walls = {
-        name: _wall(class_name, fields)
+        name: _make_wall(class_name, fields)
         for name, (class_name, fields) in description["walls"].items()
     }
     return {
@@ -223,36 +284,43 @@ def _arguments(description: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _wall(class_name: str, fields: Mapping[str, Any]) -> Any:
+def _make_wall(class_name: str, fields: Mapping[str, Any]) -> Any:
     """Make the wall of a class that has these fields."""
-    values = _tuples(fields)
+    values = _convert_lists(fields)
     values["motion"] = Motion(**values["motion"])
     return getattr(wall_types, class_name)(**values)
 
 
-def _shape(fields: Mapping[str, Any]) -> Clump | Shape:
+def _make_shape(fields: Mapping[str, Any]) -> Clump | Shape:
     """Make the shape that has these fields."""
     return Clump(**fields) if "spheres_m" in fields else Shape(**fields)
 
 
-def _plain(value: Any) -> Any:
-    """Convert a value to types of JSON; an object becomes a mapping of its fields."""
+def _convert(value: Any) -> Any:
+    """Convert a value to types of JSON.
+
+    Parameters
+    ----------
+    value : object
+        A dataclass, which becomes a mapping of its fields; an array or a sequence,
+        which becomes a list; a mapping; or a number or text, which stays.
+    """
     if dataclasses.is_dataclass(value):
         names = [field.name for field in dataclasses.fields(value)]
-        return {name: _plain(getattr(value, name)) for name in names}
+        return {name: _convert(getattr(value, name)) for name in names}
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [_convert(item) for item in value]
     if isinstance(value, Mapping):
-        return {name: _plain(item) for name, item in value.items()}
+        return {name: _convert(item) for name, item in value.items()}
     return value
 
 
-def _tuples(value: Any) -> Any:
+def _convert_lists(value: Any) -> Any:
     """Convert the lists in a value of JSON to tuples."""
     if isinstance(value, dict):
-        return {name: _tuples(item) for name, item in value.items()}
+        return {name: _convert_lists(item) for name, item in value.items()}
     if isinstance(value, list):
-        return tuple(_tuples(item) for item in value)
+        return tuple(_convert_lists(item) for item in value)
     return value
