@@ -1,4 +1,4 @@
-"""The progress of a run: a bar at a terminal, a line a minute in a log."""
+"""Show the progress of a run: a bar at a terminal, a line a minute in a log."""
 
 import sys
 import time
@@ -27,7 +27,7 @@ def display(
     progress: Any = None,
     label: str = "",
 ) -> Iterator[Callable[[float], Any]]:
-    """Show the progress of a run; yield a function to call with the simulated time [s].
+    """Show the progress of a run, as long as the context lasts.
 
     Parameters
     ----------
@@ -35,11 +35,21 @@ def display(
         Simulated time at the start and at the end [s].
     time_step_s : float
         Time step [s].
-    progress : callable or False, optional
-        By default there is a bar if stderr is a terminal, and else a line a minute.
-        False shows nothing. A function is called with the simulated time instead.
+    progress : callable, False or None
+        None shows a bar if stderr is a terminal, and else a line a minute. False shows
+        nothing. A function is called with the simulated time instead.
     label : str
         Text before the numbers.
+
+    Yields
+    ------
+    callable
+        A function of the simulated time [s], to be called after each chunk of steps.
+
+    Raises
+    ------
+    ValueError
+        For another `progress`.
     """
     if progress is False:
         yield lambda _time_s: None
@@ -51,21 +61,29 @@ def display(
             "expected None, False, or a function of the simulated time"
         )
     else:
-        with _shown_on_stderr(begin_s, end_s, time_step_s, label) as report:
+        with _report_on_stderr(begin_s, end_s, time_step_s, label) as report:
             yield report
 
 
 @contextmanager
-def _shown_on_stderr(
+def _report_on_stderr(
     begin_s: float, end_s: float, time_step_s: float, label: str
 ) -> Iterator[Callable[[float], None]]:
-    """Show the progress as a bar or as lines.
+    """Show the progress on stderr, as a bar or as lines.
 
-    Yield a function to call with the simulated time.
+    Parameters
+    ----------
+    begin_s, end_s, time_step_s, label
+        As of `display`.
+
+    Yields
+    ------
+    callable
+        A function of the simulated time [s].
     """
     is_terminal = sys.stderr.isatty()
     start = Mark(time.perf_counter(), begin_s)
-    with _display_of(is_terminal, label, begin_s, end_s) as show:
+    with _choose_display(is_terminal, label, begin_s, end_s) as show:
         yield _Reporter(show, start, end_s, time_step_s, has_bar=is_terminal)
 
 
@@ -102,27 +120,36 @@ class _Reporter:
         self._marks = deque([start])  # of the last `WINDOW_S`
 
     def __call__(self, time_s: float) -> None:
-        """Show the simulated time and the speed, if it is time for that."""
+        """Show the simulated time and the speed, if a report is due.
+
+        Parameters
+        ----------
+        time_s : float
+            Simulated time [s].
+        """
         now = time.perf_counter()
+        # The speed is measured between the first and the last mark. Marks older than
+        # the window are dropped, but two remain.
         self._marks.append(Mark(now, time_s))
         while len(self._marks) > 2 and now - self._marks[0].wall_s > WINDOW_S:
             self._marks.popleft()
 
+        # A bar is drawn at the end, too, so that it is full.
         is_last_bar = self._has_bar and time_s >= self._end_s
         if now >= self._next_report_s or is_last_bar:
             self._next_report_s = now + self._interval_s
-            text = _speed_text(
+            text = _write_speed(
                 self._marks[0], self._marks[-1], self._end_s, self._time_step_s
             )
             self._show(time_s, text)
 
 
-def _display_of(
+def _choose_display(
     is_terminal: bool, label: str, begin_s: float, end_s: float
 ) -> AbstractContextManager[Callable[[float, str], None]]:
     """Choose what shows the simulated time and a text: a bar or lines."""
     if is_terminal:
-        return _bar(label, begin_s, end_s)
+        return _draw_bar(label, begin_s, end_s)
 
     def write_line(_time_s: float, text: str) -> None:
         print(f"{label} {text}".strip(), file=sys.stderr, flush=True)
@@ -130,24 +157,45 @@ def _display_of(
     return nullcontext(write_line)
 
 
-def _speed_text(first: Mark, last: Mark, end_s: float, time_step_s: float) -> str:
-    """Write simulated time, speed and time left, with the speed between two marks."""
+def _write_speed(first: Mark, last: Mark, end_s: float, time_step_s: float) -> str:
+    """Write simulated time, speed and wall time left.
+
+    Parameters
+    ----------
+    first, last : Mark
+        The marks between which the speed is measured.
+    end_s : float
+        Simulated time at the end [s].
+    time_step_s : float
+        Time step [s].
+    """
     wall_s = max(last.wall_s - first.wall_s, 1e-9)
     speed = (last.time_s - first.time_s) / wall_s
-    left = clock((end_s - last.time_s) / speed) if speed > 0.0 else "--:--"
+    time_left = clock((end_s - last.time_s) / speed) if speed > 0.0 else "--:--"
     return (
         f"{last.time_s:.3f}/{end_s:.3f} s, {speed:.3g} s/s, "
-        f"{speed / time_step_s:.0f} steps/s, {left} left"
+        f"{speed / time_step_s:.0f} steps/s, {time_left} left"
     )
 
 
 @contextmanager
-def _bar(
+def _draw_bar(
     label: str, begin_s: float, end_s: float
 ) -> Iterator[Callable[[float, str], None]]:
-    """Draw a bar on the terminal.
+    """Draw a bar on the terminal, as long as the context lasts.
 
-    Yield a function to call with the simulated time and a text.
+    Parameters
+    ----------
+    label : str
+        Text before the bar.
+    begin_s, end_s : float
+        Simulated time at which the bar is empty and full [s].
+
+    Yields
+    ------
+    callable
+        A function of the simulated time [s] and of the text behind the bar, which draws
+        both.
     """
     # Imported here, as it takes a quarter of a second that only a bar needs.
     from rich.console import Console

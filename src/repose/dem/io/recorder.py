@@ -1,4 +1,4 @@
-"""Frames of a simulation: the places of bodies and walls."""
+"""Record frames of a simulation: the places of its bodies and walls at some times."""
 
 import os
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -44,6 +44,7 @@ class Recorder:
         # Bodies are only added, so the last call has the shapes and scales of all.
         self._shapes = simulation.shape_ids.copy()
         self._scales = simulation.scales.copy()
+        # A body that is gone has no place.
         present = simulation.present[:, None]
         positions = np.where(present, simulation.positions, np.nan)
         quaternions = np.where(present, simulation.quaternions, np.nan)
@@ -76,7 +77,7 @@ class Recorder:
         positions = np.full((n_frames, n_bodies, 3), np.nan, np.float32)
         quaternions = np.full((n_frames, n_bodies, 4), np.nan, np.float32)
         for k, frame in enumerate(self._frames):
-            # An early frame has fewer bodies: those that had been added.
+            # An early frame may have fewer bodies; the places of the others stay NaN.
             n_added = len(frame.positions)
             positions[k, :n_added] = frame.positions
             quaternions[k, :n_added] = frame.quaternions

@@ -67,12 +67,13 @@ def write_vtk(
     data.
     """
     path = _check_suffix(path, ".vtp")
-    collect = chosen("content", content, _COLLECTORS)
+    collect_data = chosen("content", content, _COLLECTORS)
+    # The numbers in the data are places among these names.
     if content == "walls":
-        names = _names_array("wall_names", simulation.wall_set.surfaces)
+        names = _write_names("wall_names", simulation.wall_set.surfaces)
     else:
-        names = _names_array("shape_names", simulation.shapes)
-    text = _vtp_text(simulation.time_s, names, collect(simulation))
+        names = _write_names("shape_names", simulation.shapes)
+    text = _write_vtp(simulation.time_s, names, collect_data(simulation))
     write_whole(path, lambda handle: handle.write(text.encode()))
 
 
@@ -85,17 +86,20 @@ def _check_suffix(path: str | os.PathLike, suffix: str) -> Path:
     return Path(path)
 
 
-def _body_points(simulation: "Observables") -> PolyData:
+def _collect_points(simulation: "Observables") -> PolyData:
     """Collect the bodies that are there as points."""
     bodies = np.flatnonzero(simulation.present)
     shape_ids = simulation.shape_ids[bodies]
     scales = simulation.scales[bodies]
     quaternions = simulation.quaternions[bodies]
-    extents = np.array([shape.half_extents_m for shape in simulation.shapes.values()])
-    semi_axes = scales[:, None] * extents[shape_ids]
-    # The tensor R diag(full extents) R', with the rotation R of each body.
-    turns = rotation_matrices(quaternions)
-    tensors = np.einsum("nij,nj,nkj->nik", turns, 2.0 * semi_axes, turns)
+    # Half the extents of each body along its axes
+    shape_extents = np.array(
+        [shape.half_extents_m for shape in simulation.shapes.values()]
+    )
+    semi_axes = scales[:, None] * shape_extents[shape_ids]
+    # The tensor R diag(full extents) R', with the rotation R of each body
+    rotations = rotation_matrices(quaternions)
+    tensors = np.einsum("nij,nj,nkj->nik", rotations, 2.0 * semi_axes, rotations)
     return PolyData(
         points=simulation.positions[bodies],
         cell_kind="Verts",
@@ -114,7 +118,7 @@ def _body_points(simulation: "Observables") -> PolyData:
     )
 
 
-def _body_surfaces(simulation: "Observables") -> PolyData:
+def _collect_surfaces(simulation: "Observables") -> PolyData:
     """Collect the bodies as triangles."""
     points, triangles, body = triangulated_bodies(simulation)
     return PolyData(
@@ -126,7 +130,7 @@ def _body_surfaces(simulation: "Observables") -> PolyData:
     )
 
 
-def _walls(simulation: "Observables") -> PolyData:
+def _collect_walls(simulation: "Observables") -> PolyData:
     """Collect the walls as triangles.
 
     A wall's number is its index among the names of the walls.
@@ -142,33 +146,51 @@ def _walls(simulation: "Observables") -> PolyData:
     )
 
 
-_COLLECTORS = {"points": _body_points, "surfaces": _body_surfaces, "walls": _walls}
+_COLLECTORS = {
+    "points": _collect_points,
+    "surfaces": _collect_surfaces,
+    "walls": _collect_walls,
+}
 
 
-def _data_array(name: str, values: np.ndarray, attributes: str = "") -> str:
-    """Write a DataArray element of numbers (N,) or (N, columns).
+def _write_array(name: str, values: np.ndarray, attributes: str = "") -> str:
+    """Write a DataArray element of numbers.
 
-    Its text is the number of bytes and then the bytes, in base64. `attributes` are
-    further attributes of the element, with a space before each.
+    Its text is the number of bytes and then the bytes, in base64.
+
+    Parameters
+    ----------
+    name : str
+        Name of the array.
+    values : ndarray (N,) or (N, columns)
+        Its numbers, of a type in `VTK_TYPES`.
+    attributes : str
+        Further attributes of the element, with a space before each.
+
+    Returns
+    -------
+    str
+        The element.
     """
     values = np.ascontiguousarray(values)
     type_code = values.dtype.str[1:]  # such as f8, without the order of the bytes
-    columns = values.shape[1] if values.ndim > 1 else 1
+    n_columns = values.shape[1] if values.ndim > 1 else 1
     n_bytes = np.uint64(values.nbytes).tobytes()
     little_endian = values.astype("<" + type_code).tobytes()
     text = base64.b64encode(n_bytes + little_endian).decode()
     return (
         f"<DataArray type={quoteattr(VTK_TYPES[type_code])} Name={quoteattr(name)} "
-        f'NumberOfComponents="{columns}"{attributes} format="binary">{text}</DataArray>'
+        f'NumberOfComponents="{n_columns}"{attributes} format="binary">{text}'
+        "</DataArray>"
     )
 
 
-def _data_arrays(arrays: Mapping[str, np.ndarray]) -> list[str]:
+def _write_arrays(arrays: Mapping[str, np.ndarray]) -> list[str]:
     """Write a DataArray element for each array."""
-    return [_data_array(name, values) for name, values in arrays.items()]
+    return [_write_array(name, values) for name, values in arrays.items()]
 
 
-def _names_array(name: str, names: Iterable[str]) -> str:
+def _write_names(name: str, names: Iterable[str]) -> str:
     """Write an array of texts: the codes of their letters, and a 0 after each text."""
     texts = list(names)
     codes = [str(byte) for text in texts for byte in [*text.encode(), 0]]
@@ -178,10 +200,22 @@ def _names_array(name: str, names: Iterable[str]) -> str:
     )
 
 
-def _vtp_text(time_s: float, names: str, data: PolyData) -> str:
+def _write_vtp(time_s: float, names: str, data: PolyData) -> str:
     """Write the text of a .vtp file.
 
-    `names` is the element with the names of shapes or walls.
+    Parameters
+    ----------
+    time_s : float
+        Simulated time [s].
+    names : str
+        The element with the names of shapes or walls.
+    data : PolyData
+        Points, cells, and their data.
+
+    Returns
+    -------
+    str
+        The text.
     """
     # The cells are one list of points, and the place in it at which each cell ends.
     n_cells, n_corners = data.cells.shape
@@ -190,31 +224,31 @@ def _vtp_text(time_s: float, names: str, data: PolyData) -> str:
         "connectivity": data.cells.reshape(-1).astype(np.int64),
         "offsets": ends.astype(np.int64),
     }
-    piece = _element(
+    piece = _write_element(
         f'Piece NumberOfPoints="{len(data.points)}" '
         f'NumberOf{data.cell_kind}="{n_cells}"',
-        *_element("Points", _data_array("position", data.points)),
-        *_element(data.cell_kind, *_data_arrays(topology)),
-        *_element("PointData", *_data_arrays(data.point_data)),
-        *_element("CellData", *_data_arrays(data.cell_data)),
+        *_write_element("Points", _write_array("position", data.points)),
+        *_write_element(data.cell_kind, *_write_arrays(topology)),
+        *_write_element("PointData", *_write_arrays(data.point_data)),
+        *_write_element("CellData", *_write_arrays(data.cell_data)),
     )
     # Time and names belong to the whole file.
-    time = _data_array("TimeValue", np.array([time_s]), ' NumberOfTuples="1"')
-    fields = _element("FieldData", time, names)
-    file = _element(
+    time = _write_array("TimeValue", np.array([time_s]), ' NumberOfTuples="1"')
+    fields = _write_element("FieldData", time, names)
+    file = _write_element(
         'VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" '
         'header_type="UInt64"',
-        *_element("PolyData", *fields, *piece),
+        *_write_element("PolyData", *fields, *piece),
     )
-    return _xml_text(file)
+    return _write_xml(file)
 
 
-def _element(tag: str, *content: str) -> list[str]:
+def _write_element(tag: str, *content: str) -> list[str]:
     """Write the lines of an element; the tag comes with its attributes."""
     return [f"<{tag}>", *content, f"</{tag.partition(' ')[0]}>"]
 
 
-def _xml_text(lines: list[str]) -> str:
+def _write_xml(lines: list[str]) -> str:
     """Write the text of an XML file."""
     return "\n".join(['<?xml version="1.0"?>', *lines]) + "\n"
 
@@ -268,13 +302,15 @@ class VtkSeries:
         ValueError
             If its time is not later than that of the last state.
         """
+        # The states must be in the order of time.
         time = simulation.time_s
         last_time = self._states[-1].time_s if self._states else -math.inf
         if not (math.isfinite(time) and time > last_time):
             raise ValueError(
                 f"time_s is {time!r}; expected later than the last one, {last_time!r}"
             )
-        # The new files first, then the .pvd that names them.
+        # The new files come first, then the .pvd that names them: so it never names a
+        # file that is not there.
         number = len(self._states)
         bodies_file = f"{self.path.stem}/bodies_{number:06d}.vtp"
         write_vtk(self.path.parent / bodies_file, simulation, self.content)
@@ -282,13 +318,23 @@ class VtkSeries:
         if simulation.wall_set.surfaces:
             files.append(self._write_walls(simulation, number))
         self._states.append(State(time, files))
-        text = self._pvd_text()
+        text = self._write_pvd()
         write_whole(self.path, lambda handle: handle.write(text.encode()))
 
     def _write_walls(self, simulation: "Observables", number: int) -> str:
         """Write the walls, unless they are still where they were last written.
 
-        Return the name of the file in which they are.
+        Parameters
+        ----------
+        simulation : Simulation
+            The simulation.
+        number : int
+            Number of the state, for the name of a new file.
+
+        Returns
+        -------
+        str
+            Name of the file in which the walls are, the new one or the last one.
         """
         walls = simulation.walls
         places = np.concatenate([walls.planes.ravel(), walls.frames.ravel()])
@@ -300,7 +346,7 @@ class VtkSeries:
         write_vtk(self.path.parent / self._walls_file, simulation, "walls")
         return self._walls_file
 
-    def _pvd_text(self) -> str:
+    def _write_pvd(self) -> str:
         """Write the text of the .pvd file."""
         data_sets = []
         for state in self._states:
@@ -309,7 +355,7 @@ class VtkSeries:
                     f'<DataSet timestep="{state.time_s!r}" part="{part}" '
                     f"file={quoteattr(file)}/>"
                 )
-        collection = _element("Collection", *data_sets)
-        return _xml_text(
-            _element('VTKFile type="Collection" version="1.0"', *collection)
+        collection = _write_element("Collection", *data_sets)
+        return _write_xml(
+            _write_element('VTKFile type="Collection" version="1.0"', *collection)
         )
