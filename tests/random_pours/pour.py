@@ -511,7 +511,7 @@ def study():
     config = PipelineConfig.load(ROOT / "config/config.yaml").config
     section = config["berry"]
     table1 = ROOT / "resources/published/table1.csv"
-    mean = berries.of_files(
+    mean = berries.compute_mean_grain(
         section["sizes"], section["compression"], table1, section["density_kg_m3"]
     )[1]
     ball = mean | dict.fromkeys(("major_mm", "minor_mm"), mean["long_mm"])
