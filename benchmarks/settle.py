@@ -29,7 +29,7 @@ ROW_S = 0.25
 def default_shape(config):
     """The body of the default berry."""
     section = config["berry"]
-    mean = berries.of_files(
+    mean = berries.compute_mean_grain(
         section["sizes"], section["compression"], TABLE1, section["density_kg_m3"]
     )[1]
     return build.of_settings(mean, section).dem_shape("berry")
