@@ -1,4 +1,4 @@
-"""The constants of two materials that force laws need, besides those of all laws.
+"""List the constants of two materials that single force laws need.
 
 This module does not load the compiler, so that a configuration can be checked quickly.
 """

@@ -1,4 +1,4 @@
-"""The exception for a fault in a user's file, and how its message shows a value."""
+"""Report a fault in a user's file, with a short text of the wrong value."""
 
 import reprlib
 from collections.abc import Iterable

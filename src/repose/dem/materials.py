@@ -1,4 +1,4 @@
-"""Elastic constants and the parameters of a contact between two materials."""
+"""Describe elastic materials, and the contact between two of them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""Rotation matrices of quaternions (w, x, y, z), and directions in space."""
+"""Compute rotation matrices of quaternions (w, x, y, z), and directions in space."""
 
 import math
 from typing import TypeVar

@@ -1,4 +1,4 @@
-"""The simulation that a user makes, fills with bodies and runs."""
+"""Run a simulation: add bodies, advance by time steps, save and load."""
 
 import os
 import time

@@ -1,4 +1,4 @@
-"""A hash of the sources of this package; it loads neither numpy nor numba."""
+"""Hash the sources of this package, without loading numpy or numba."""
 
 import hashlib
 from collections.abc import Iterator

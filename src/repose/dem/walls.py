@@ -1,6 +1,6 @@
-"""Walls: planes, cones and cylinders, rounded ring edges, meshes.
+"""Describe walls and their motion, and make their arrays for the kernels.
 
-Their motion, and their arrays for the kernels.
+A wall is a plane, a cone or a cylinder, a rounded ring edge, or a mesh.
 """
 
 import math

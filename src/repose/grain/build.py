@@ -237,11 +237,10 @@ def compare(particles: Mapping[str, Particle | InputError]) -> list[dict[str, An
     """
     rows = []
     # Each particle has the same mesh, so the first one gives its row.
-    for particle in particles.values():
-        if isinstance(particle, Particle):
-            if particle.mesh is not None:
-                rows.append(_make_row("mesh", particle.mesh))
-            break
+    possible = [body for body in particles.values() if isinstance(body, Particle)]
+    mesh = possible[0].mesh if possible else None
+    if mesh is not None:
+        rows.append(_make_row("mesh", mesh))
     # Then one row for each particle
     for name, particle in particles.items():
         if isinstance(particle, InputError):

@@ -1,6 +1,6 @@
-"""The simulated particle: a convex body by its support function, or a clump of spheres.
+"""Describe the simulated particle, and write and read its file.
 
-A clump is rigid.
+It is a convex body with a support function, or a rigid clump of spheres.
 """
 
 import math

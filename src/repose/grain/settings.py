@@ -1,4 +1,4 @@
-"""The section `berry` of the configuration: the measured grain and its particle."""
+"""Check the section `berry` of the configuration: the grain and its particle."""
 
 from typing import Annotated, Literal
 

@@ -1,6 +1,6 @@
-"""The support function of a sum of co-axial ellipsoids.
+"""Compute the support function of a body that is a sum of co-axial ellipsoids.
 
-It is the extent of the body in a direction from its centre.
+Its value in a direction is the extent of the body from its centre.
 """
 
 import numpy as np
@@ -27,7 +27,17 @@ def component_supports(semi_axes: np.ndarray, n: np.ndarray) -> np.ndarray:
 def support(semi_axes: np.ndarray, n: np.ndarray) -> np.ndarray:
     """Compute the support values (...) of the sum of ellipsoids.
 
-    The arguments are those of `component_supports`.
+    Parameters
+    ----------
+    semi_axes : ndarray
+        Half axes (K, 3) of the ellipsoids.
+    n : ndarray
+        Directions (..., 3).
+
+    Returns
+    -------
+    ndarray
+        The values, in the unit of the half axes.
     """
     return component_supports(semi_axes, n).sum(axis=-1)
 
@@ -37,6 +47,13 @@ def support_point(semi_axes: np.ndarray, n: np.ndarray) -> np.ndarray:
 
     A touching point is the gradient of the support function, which is the sum over the
     ellipsoids k of s_k^2 n / h_k.
+
+    Parameters
+    ----------
+    semi_axes : ndarray
+        Half axes s_k (K, 3) of the ellipsoids.
+    n : ndarray
+        Outward normals (..., 3) of the planes.
     """
     inverse_supports = 1.0 / component_supports(semi_axes, n)
     return n * (inverse_supports @ np.square(semi_axes))
