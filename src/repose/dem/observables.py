@@ -227,8 +227,8 @@ class Observables(World):
         At a contact a wall is replaced by its tangent plane n.x = c. The overlap of a
         body with the support function h and the centre x is h(n) + n.x - c.
         """
-        plane_bodies, planes, plane_overlaps = self._plane_overlaps()
-        curved_bodies, curved_walls, curved_overlaps = self._curved_overlaps()
+        plane_bodies, planes, plane_overlaps = self._compute_plane_overlaps()
+        curved_bodies, curved_walls, curved_overlaps = self._compute_curved_overlaps()
         mesh_bodies, meshes, _, _, mesh_overlaps = self.mesh_contacts()
 
         # The walls of each kind are numbered from 0. In `wall_set.names` planes come
@@ -242,7 +242,7 @@ class Observables(World):
         overlaps = np.concatenate([plane_overlaps, curved_overlaps, mesh_overlaps])
         return bodies.astype(np.int64), walls.astype(np.int64), overlaps
 
-    def _plane_overlaps(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _compute_plane_overlaps(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Compute the overlaps at the M contacts with planes.
 
         Returns
@@ -261,10 +261,10 @@ class Observables(World):
         points = plane_rows[:, st.PLANE_POINT : st.PLANE_POINT + 3]
         normals = plane_rows[:, st.PLANE_NORMAL : st.PLANE_NORMAL + 3]
         offsets = np.sum(normals * points, axis=1)
-        overlaps = self._overlaps_with_planes(bodies, normals, offsets, spheres)
+        overlaps = self._compute_overlaps_with_planes(bodies, normals, offsets, spheres)
         return bodies, planes, overlaps
 
-    def _curved_overlaps(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _compute_curved_overlaps(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Compute the overlaps at the M contacts with cones, tubes and rings.
 
         Returns
@@ -278,10 +278,10 @@ class Observables(World):
         walls = walls.astype(np.int64)
         spheres = self.curved.feature[: len(bodies)]
         offsets = _compute_tangent_offsets(self.walls, walls, normals, azimuths)
-        overlaps = self._overlaps_with_planes(bodies, normals, offsets, spheres)
+        overlaps = self._compute_overlaps_with_planes(bodies, normals, offsets, spheres)
         return bodies, walls, overlaps
 
-    def _overlaps_with_planes(
+    def _compute_overlaps_with_planes(
         self,
         bodies: np.ndarray,
         normals: np.ndarray,

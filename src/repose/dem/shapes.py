@@ -299,7 +299,7 @@ class Clump(_Solid):
         ndarray (...)
             The extents [m].
         """
-        return self._sphere_extents(n).max(axis=-1)
+        return self._compute_sphere_extents(n).max(axis=-1)
 
     def support_point(self, n: np.ndarray) -> np.ndarray:
         """Find the points of the convex hull that lie farthest along unit vectors.
@@ -314,10 +314,10 @@ class Clump(_Solid):
         ndarray (..., 3)
             The points [m].
         """
-        farthest = np.argmax(self._sphere_extents(n), axis=-1)
+        farthest = np.argmax(self._compute_sphere_extents(n), axis=-1)
         return self.spheres_m[farthest, :3] + self.spheres_m[farthest, 3, None] * n
 
-    def _sphere_extents(self, n: np.ndarray) -> np.ndarray:
+    def _compute_sphere_extents(self, n: np.ndarray) -> np.ndarray:
         """Compute the extent of each sphere (..., M) along unit vectors (..., 3)."""
         return n @ self.spheres_m[:, :3].T + self.spheres_m[:, 3]
 
@@ -356,7 +356,7 @@ class Clump(_Solid):
             The largest number over all sides.
         """
         # Overlap of each sphere with a plate on each side (directions, spheres)
-        extents = self._sphere_extents(sphere_directions(DIRECTIONS))
+        extents = self._compute_sphere_extents(sphere_directions(DIRECTIONS))
         largest_extents = extents.max(axis=1, keepdims=True)
         overlaps = np.clip(extents - largest_extents + overlap_m, 0.0, None)
         # Their stiffnesses, over that of the largest sphere at `overlap_m`

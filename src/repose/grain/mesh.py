@@ -241,7 +241,7 @@ def check_mesh(mesh: trimesh.Trimesh, source: object) -> trimesh.Trimesh:
     mesh.merge_vertices(merge_norm=True, merge_tex=True)
     _remove_bad_facets(mesh, source)
     if not mesh.is_watertight or not mesh.is_winding_consistent:
-        raise _open_surface_error(mesh, source)
+        raise _make_open_surface_error(mesh, source)
     if mesh.body_count > 1:
         allowed = "1: the outer surface of one grain"
         raise InputError(source, "bodies", mesh.body_count, allowed)
@@ -300,7 +300,7 @@ def _remove_bad_facets(mesh: trimesh.Trimesh, source: object) -> None:
             mesh.update_faces(is_good)
 
 
-def _open_surface_error(mesh: trimesh.Trimesh, source: object) -> InputError:
+def _make_open_surface_error(mesh: trimesh.Trimesh, source: object) -> InputError:
     """Make the error of a mesh that is not closed, with the kinds of its bad edges.
 
     An edge of a closed surface belongs to two facets that look outwards.

@@ -152,7 +152,7 @@ class Particle:
         """
         n = np.asarray(n, dtype=float)
         if self.is_clump:
-            return self._supports_of_spheres(n).max(axis=-1)
+            return self._compute_sphere_supports(n).max(axis=-1)
         return support.support(self.semi_axes_m, n)
 
     def support_point(self, n: np.ndarray) -> np.ndarray:
@@ -162,12 +162,12 @@ class Particle:
         """
         n = np.asarray(n, dtype=float)
         if self.is_clump:
-            farthest = self._supports_of_spheres(n).argmax(axis=-1)
+            farthest = self._compute_sphere_supports(n).argmax(axis=-1)
             spheres = self.spheres_m[farthest]
             return spheres[..., :3] + spheres[..., 3:] * n
         return support.support_point(self.semi_axes_m, n)
 
-    def _supports_of_spheres(self, n: np.ndarray) -> np.ndarray:
+    def _compute_sphere_supports(self, n: np.ndarray) -> np.ndarray:
         """Compute the support values (..., M) of each sphere in directions (..., 3)."""
         return n @ self.spheres_m[:, :3].T + self.spheres_m[:, 3]
 

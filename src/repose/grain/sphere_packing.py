@@ -107,7 +107,7 @@ class _Filling:
         self.mesh = mesh
         self.surface = surface
         self.surface_points, self.normals = sample_surface(mesh)
-        self.centres, self.depths = _candidate_balls(mesh, self.surface_points)
+        self.centres, self.depths = _find_candidate_balls(mesh, self.surface_points)
         self.box = np.stack([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)])
 
     def place(self, count: int) -> np.ndarray:
@@ -239,7 +239,7 @@ def sample_surface(
     return points, mesh.face_normals[faces]
 
 
-def _candidate_balls(
+def _find_candidate_balls(
     mesh: trimesh.Trimesh, points: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Find the largest inscribed ball around each point of a grid inside a mesh.
