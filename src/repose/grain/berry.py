@@ -24,7 +24,7 @@ from repose.grain.berry_files import (
 from repose.grain.particle import check_positive
 from repose.grain.settings import GrainSettings
 
-# Each column of the compression tests, and the axis of the grain that it measures
+# Columns of the compression tests, and the axes of the grain that they measure
 AXES_OF_TESTS = {
     "length_1_mm": "long_mm",
     "width_1_mm": "minor_mm",
