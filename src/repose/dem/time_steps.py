@@ -52,7 +52,7 @@ def longest(
     """Compute the longest time step of a scene.
 
     It is the smallest limit of all impacts (`impact`) and all pressed bodies
-    (`pressed`). It goes with the scale of the bodies.
+    (`pressed`), and proportional to the scale of the bodies.
 
     Parameters
     ----------

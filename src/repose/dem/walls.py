@@ -215,9 +215,10 @@ class Cone:
             raise ValueError(
                 "base_radius_m and top_radius_m are 0; expected at most one of them"
             )
-        # In the half plane (r, z) the cone is a line from the first circle to the
-        # second: with the unit vector e along it, and the normal m into the wall, a
-        # quarter turn from e.
+
+        # In the half plane (r, z) the cone is a line from the first circle, at z = 0,
+        # to the second. The unit vector e is along it, and the normal m into the wall
+        # is a quarter turn from e.
         length = math.hypot(height, top_radius_m - base_radius_m)
         e_r = (top_radius_m - base_radius_m) / length
         e_z = height / length

@@ -72,7 +72,7 @@ def read_sizes(path: str | PathLike) -> "pd.DataFrame":
         allowed = "at least 2 berries, or there is no standard deviation"
         raise InputError(path, "rows", len(sizes), allowed)
 
-    # The medians show a wrong unit.
+    # Medians that are impossible for grains show a wrong unit.
     long_mm, major_mm, minor_mm = sizes.median().tolist()
     low, high = LENGTHS_MM
     if not low <= long_mm <= high:
