@@ -188,8 +188,8 @@ class Vessel:
     def inside(self, points_m: np.ndarray, margin_m: float = 0.0) -> np.ndarray:
         """Mark points (N, 3) in the cylinder, a margin away from wall, floor and rim."""
         x, y, z = np.asarray(points_m, float).T
-        is_between = (z > margin_m) & (z < self.height_m - margin_m)
-        return is_between & (np.hypot(x, y) < self.radius_m - margin_m)
+        is_between_ends = (z > margin_m) & (z < self.height_m - margin_m)
+        return is_between_ends & (np.hypot(x, y) < self.radius_m - margin_m)
 
     def shares_inside(
         self, arrays: Mapping[str, np.ndarray], particle: "Particle", margin_m: float
@@ -215,12 +215,16 @@ class Vessel:
         """
         centres = np.asarray(arrays["position"], float)
         quaternions = np.asarray(arrays["quaternion"], float)
+        scales = arrays["scale"]
         body_points = points_of(particle)
         shares = np.empty(len(centres))
-        for k, (centre, scale) in enumerate(zip(centres, arrays["scale"], strict=True)):
-            rotation = dem.rotation_matrix(quaternions[k])
+        for grain, (centre, quaternion, scale) in enumerate(
+            zip(centres, quaternions, scales, strict=True)
+        ):
+            # Bring the points from the body's frame to that of the cylinder.
+            rotation = dem.rotation_matrix(quaternion)
             points = centre + scale * body_points @ rotation.T
-            shares[k] = self.inside(points, margin_m).mean()
+            shares[grain] = self.inside(points, margin_m).mean()
         return shares
 
 
@@ -240,12 +244,16 @@ def points_of(particle: "Particle") -> np.ndarray:
     array
         Points (POINTS, 3) [m] in the body's own frame.
     """
-    # Steps of the sequence along the axes: powers of the root of x^4 = x + 1.
+    # A Kronecker sequence takes equal steps along each axis, and its fractional parts
+    # fill the unit cube. These steps are powers of the root of x^4 = x + 1.
     steps = 1.2207440846057596 ** -np.arange(1.0, 4.0)
-    lower_corner = -particle.support(-np.eye(3))
     # A body that fills a quarter of its box still gets enough points.
-    box_shares = np.outer(np.arange(1.0, 4 * POINTS), steps) % 1.0
-    points = lower_corner + particle.axes_m * box_shares
+    point_numbers = np.arange(1.0, 4 * POINTS)
+    unit_cube_points = np.outer(point_numbers, steps) % 1.0
+
+    # Stretch the unit cube to the body's box.
+    lower_corner = -particle.support(-np.eye(3))
+    points = lower_corner + particle.axes_m * unit_cube_points
     if particle.is_clump:
         is_inside = _in_spheres(points, particle.spheres_m)
     else:
@@ -262,12 +270,19 @@ def _in_spheres(points: np.ndarray, spheres_m: np.ndarray) -> np.ndarray:
 
 
 def _in_convex_body(points: np.ndarray, particle: "Particle") -> np.ndarray:
-    """Mark the points (N, 3) that lie in a convex body, by its extent along rays."""
+    """Mark the points (N, 3) that lie in a convex body.
+
+    A point lies inside if its distance along each of `N_RAYS` directions is below the
+    extent of the body along it.
+    """
+    # Directions on a spiral over the unit sphere, turned by the golden angle each time
     azimuth = np.arange(float(N_RAYS)) * math.pi * (3.0 - math.sqrt(5.0))
     height = np.linspace(-0.999, 0.999, N_RAYS)
-    ring = np.sqrt(1.0 - height**2)
-    rays = np.column_stack([ring * np.cos(azimuth), ring * np.sin(azimuth), height])
-    return (points @ rays.T < particle.support(rays)).all(axis=1)
+    ring_radius = np.sqrt(1.0 - height**2)
+    x = ring_radius * np.cos(azimuth)
+    y = ring_radius * np.sin(azimuth)
+    directions = np.column_stack([x, y, height])
+    return (points @ directions.T < particle.support(directions)).all(axis=1)
 
 
 # --- build and run --------------------------------------------------------------------
@@ -283,22 +298,25 @@ def tap(trial: Trial, height_m: float) -> None:
     Parameters
     ----------
     trial : Trial
-        The filled cylinder, which is advanced.
+        The filled cylinder, which is advanced. Afterwards its gravity is as before.
     height_m : float
         Height of the fall.
     """
     simulation = trial.simulation
     settings = trial.scene.simulation
+
+    # The engine reads this array at each time step.
     gravity = simulation.physics.gravity
     usual_gravity = gravity.copy()
-    gravity[2] += _fall_speed(settings.gravity_m_s2, height_m) / settings.time_step_s
+    fall_speed = _fall_speed(settings.gravity_m_s2, height_m)
+    gravity[2] += fall_speed / settings.time_step_s
     trial.run_to(simulation.steps + 1)
     gravity[:] = usual_gravity
 
     # Wait until the grains have come down and rest.
     flight_s = _flight_s(settings.gravity_m_s2, height_m)
-    tap_s = flight_s + trial.scene.scale.interval_s(TAP_REST_TIMES)
-    trial.run_to(simulation.steps + settings.steps(tap_s))
+    rest_s = trial.scene.scale.interval_s(TAP_REST_TIMES)
+    trial.run_to(simulation.steps + settings.steps(flight_s + rest_s))
 
 
 def _fall_speed(gravity_m_s2: float, height_m: float) -> float:
@@ -313,12 +331,31 @@ def _flight_s(gravity_m_s2: float, height_m: float) -> float:
 
 @dataclass(frozen=True)
 class Filling(Outcome):
-    """A filled cylinder."""
+    """The grains in a filled cylinder, by which its run is judged."""
 
     centres_m: np.ndarray  # (N, 3)
-    energy_j: float  # mean of a grain
-    length_m: float  # of a grain
+    energy_j: float  # mean kinetic energy of a grain
+    length_m: float  # longest axis of a grain of the scale 1
     is_tapped: bool = False
+
+
+def _describe_filling(trial: Trial) -> Filling:
+    """Copy the present state of the grains, by which a run is judged."""
+    return Filling(
+        centres_m=trial.simulation.positions.copy(),
+        energy_j=trial.energy_j(),
+        length_m=float(trial.scene.particle.axes_m.max()),
+        unstable=trial.broken,
+        overlap_share=trial.overlap_share,
+    )
+
+
+def _tap_filling(trial: Trial, section: CylinderSettings) -> Filling:
+    """Tap a filled cylinder as often as configured, and describe the filling."""
+    with trial.bounds.guard():
+        for _ in range(section.taps):
+            tap(trial, 1e-3 * section.tap_mm)
+    return replace(_describe_filling(trial), is_tapped=True)
 
 
 @register(NAME)
@@ -417,42 +454,48 @@ class CylinderTest(BenchTest[CylinderSettings]):
             after them.
         """
         section = self.section(scene.settings)
-        vessel = Vessel.of(section)
-        trial = Trial(self.build, scene, section.berries, interval_s, progress)
-        factory = Factory(
-            Disc(vessel.radius_m - trial.largest_radius_m, vessel.top_m),
-            section.berries,
-            section.rate_per_s,
-            speed_m_s=section.speed_m_s,
-        )
-        last_step = scene.simulation.steps(section.duration_s)
-        with trial.bound(vessel.top_m, section.speed_m_s).guard():
-            fill(trial, factory, last_step)
-            trial.run_to(last_step)
-        filling = self._describe_filling(trial)
+        trial = self._fill_cylinder(scene, interval_s, progress)
+        filling = _describe_filling(trial)
         arrays = trial.grains()
         numbers = {
             "berries_poured": len(filling.centres_m),
             "kinetic_energy_J": filling.energy_j,
         }
-        # Only a filling that can be measured is tapped.
+        # Only a filling that can be measured is tapped. The last state is judged.
+        outcome = filling
         if section.taps and self.status_of(filling, scene.settings).status == "ok":
-            with trial.bounds.guard():
-                for _ in range(section.taps):
-                    tap(trial, 1e-3 * section.tap_mm)
-            filling = replace(self._describe_filling(trial), is_tapped=True)
-            arrays["tapped"] = filling.centres_m.astype(np.float32)
-        return self.make_run(scene, filling, arrays, trial.frames(), **numbers)
+            outcome = _tap_filling(trial, section)
+            arrays["tapped"] = outcome.centres_m.astype(np.float32)
+        return self.make_run(scene, outcome, arrays, trial.frames(), **numbers)
 
-    def _describe_filling(self, trial: Trial) -> Filling:
-        """Collect what the present filling of the cylinder is judged by."""
-        return Filling(
-            centres_m=trial.simulation.positions.copy(),
-            energy_j=trial.energy_j(),
-            length_m=float(trial.scene.particle.axes_m.max()),
-            unstable=trial.broken,
-            overlap_share=trial.overlap_share,
+    def _fill_cylinder(
+        self, scene: Scene, interval_s: float | None, progress: Progress | None
+    ) -> Trial:
+        """Pour grains into the cylinder for the time `cylinder.duration_s`.
+
+        Parameters
+        ----------
+        scene, interval_s, progress
+            As of `run`.
+
+        Returns
+        -------
+        Trial
+            The cylinder with its grains. It has ended early if a bound is broken.
+        """
+        section = self.section(scene.settings)
+        vessel = Vessel.of(section)
+        trial = Trial(self.build, scene, section.berries, interval_s, progress)
+        # Grains appear at the end of the collar, where none touches the wall.
+        area = Disc(vessel.radius_m - trial.largest_radius_m, vessel.top_m)
+        factory = Factory(
+            area, section.berries, section.rate_per_s, speed_m_s=section.speed_m_s
         )
+        last_step = scene.simulation.steps(section.duration_s)
+        with trial.bound(vessel.top_m, section.speed_m_s).guard():
+            fill(trial, factory, last_step)
+            trial.run_to(last_step)
+        return trial
 
     def judge(self, outcome: Filling, settings: SceneSettings) -> Verdict:
         """Judge a stable filling.
@@ -476,8 +519,10 @@ class CylinderTest(BenchTest[CylinderSettings]):
         section = self.section(settings)
         vessel = Vessel.of(section)
         x, y, z = outcome.centres_m.T
-        if np.any(np.hypot(x, y) >= vessel.radius_m) or np.any(z <= 0.0):
+        is_outside = (np.hypot(x, y) >= vessel.radius_m) | (z <= 0.0)
+        if is_outside.any():
             return Verdict("lost", "a grain lies outside the cylinder")
+
         advice = "give the grains more time by cylinder.duration_s"
         if outcome.is_tapped:
             advice = "tap the grains less by cylinder.tap_mm"
@@ -486,14 +531,16 @@ class CylinderTest(BenchTest[CylinderSettings]):
             return motion_verdict
 
         n_poured = len(outcome.centres_m)
-        n_below = int(np.count_nonzero(z < vessel.height_m))
-        # A layer as high as a grain is long, packed as the grains below the rim
-        n_layer = math.ceil(n_below * outcome.length_m / vessel.height_m)
-        if n_poured - n_below < n_layer:
+        n_below_rim = int(np.count_nonzero(z < vessel.height_m))
+        n_above_rim = n_poured - n_below_rim
+        # The layer is packed as the grains below the rim, so it has their number per
+        # length of height.
+        n_layer = math.ceil(n_below_rim * outcome.length_m / vessel.height_m)
+        if n_above_rim < n_layer:
             return Verdict(
                 "not_full",
-                f"{n_poured} of {section.berries} grains poured, {n_below} of them below "
-                f"the rim; a full cylinder has at least {n_layer} above it",
+                f"{n_poured} of {section.berries} grains poured, {n_below_rim} of them "
+                f"below the rim; a full cylinder has at least {n_layer} above it",
             )
         return OK
 
@@ -513,11 +560,13 @@ class CylinderTest(BenchTest[CylinderSettings]):
         Returns
         -------
         dict
-            The densities, the tapped one None without taps, and the number of grains.
+            The densities and the number of grains in the cylinder. The tapped density
+            is None without taps.
         """
         section = self.section(scene.settings)
         vessel = Vessel.of(section)
         margin_m = 1e-3 * section.core_margin_mm
+        # Mass goes with the cube of the relative size.
         masses = scene.particle.mass_kg * np.asarray(arrays["scale"], float) ** 3
         is_inside = vessel.inside(np.asarray(arrays["position"], float))
         core_shares = vessel.shares_inside(arrays, scene.particle, margin_m)
@@ -548,11 +597,11 @@ class CylinderTest(BenchTest[CylinderSettings]):
             A key of the configuration, and what is allowed.
         """
         section = self.section(settings)
-        last_s = last_berry_s(section)
-        if last_s >= section.duration_s:
+        last_grain_s = last_berry_s(section)
+        if last_grain_s >= section.duration_s:
             yield (
                 "cylinder.duration_s",
-                f"above {last_s:g}: the last grain appears at {last_s:g} s",
+                f"above {last_grain_s:g}: the last grain appears at {last_grain_s:g} s",
             )
         largest_margin_mm = min(section.diameter_mm, section.height_mm) / 2
         if section.core_margin_mm >= largest_margin_mm:
@@ -560,8 +609,8 @@ class CylinderTest(BenchTest[CylinderSettings]):
                 "cylinder.core_margin_mm",
                 f"below {largest_margin_mm:g}, or there is no core",
             )
-        targets = [target.get("response") for target in settings.targets_of(NAME)]
-        if TAPPED.name in targets and not section.taps:
+        target_names = [target.get("response") for target in settings.targets_of(NAME)]
+        if TAPPED.name in target_names and not section.taps:
             yield "cylinder.taps", "1 or more, for tapped_density_kg_m3 is a target"
 
     def misfits(

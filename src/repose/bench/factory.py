@@ -126,32 +126,71 @@ def free_point(
     is_high = positions[:, 2] > area.height_m - contact_distance
     neighbours = positions[simulation.present & is_high]
 
-    def is_free(point: np.ndarray) -> bool:
-        if not len(neighbours):
-            return True
-        squared_distances = np.sum((neighbours - point) ** 2, axis=1)
-        return bool(squared_distances.min() > contact_distance * contact_distance)
-
     # The first point is mostly free.
     point = np.array(area.point(*rng.random(2)))
-    if is_free(point):
+    if _is_free(point, neighbours, contact_distance):
         return point
 
-    # Draw all other points and compute their distances at once, which is quicker than
-    # one by one. A point that seems free is checked again, without rounding errors.
-    state = rng.bit_generator.state
+    # It is quicker to draw and compare all other points at once than one by one.
+    first_state = rng.bit_generator.state
     numbers = rng.random((POINTS_TRIED - 1, 2))
-    offsets = area.points(numbers)[:, None, :] - neighbours
-    squared_gaps = np.sum(offsets**2, axis=2).min(axis=1)
-    seems_free = squared_gaps > ROUNDING * contact_distance * contact_distance
-    for k in np.flatnonzero(seems_free).tolist():
-        point = np.array(area.point(*numbers[k].tolist()))
-        if is_free(point):
-            # Go back to the state before, and draw only the numbers up to this point.
-            rng.bit_generator.state = state
-            rng.random((k + 1, 2))
+    candidates = _likely_free(area.points(numbers), neighbours, contact_distance)
+    for candidate in candidates:
+        # Compute the point anew, since `Disc.points` may differ in the last digits.
+        point = np.array(area.point(*numbers[candidate].tolist()))
+        if _is_free(point, neighbours, contact_distance):
+            # Numbers beyond this point count as not drawn: go back to the state before
+            # all of them, and draw only those up to this point.
+            rng.bit_generator.state = first_state
+            rng.random((candidate + 1, 2))
             return point
     return None
+
+
+def _is_free(
+    point: np.ndarray, neighbours: np.ndarray, contact_distance: float
+) -> bool:
+    """Return whether no grain lies within the contact distance of a point.
+
+    Parameters
+    ----------
+    point : array
+        The point (3,) [m].
+    neighbours : array
+        Centres (N, 3) [m] of the grains; there may be none.
+    contact_distance : float
+        Distance [m] up to which two grains may touch.
+    """
+    if not len(neighbours):
+        return True
+    squared_distances = np.sum((neighbours - point) ** 2, axis=1)
+    return bool(squared_distances.min() > contact_distance * contact_distance)
+
+
+def _likely_free(
+    points: np.ndarray, neighbours: np.ndarray, contact_distance: float
+) -> list[int]:
+    """List the points that seem free; rounding errors may make a few of them wrong.
+
+    Parameters
+    ----------
+    points : array
+        Points (M, 3) [m], whose last digits are not sure.
+    neighbours : array
+        Centres (N, 3) [m] of at least one grain.
+    contact_distance : float
+        Distance [m] up to which two grains may touch.
+
+    Returns
+    -------
+    list of int
+        Their indices in `points`, in increasing order.
+    """
+    # Each point is paired with each grain: (M, N, 3).
+    offsets = points[:, np.newaxis, :] - neighbours
+    smallest_squares = np.sum(offsets**2, axis=2).min(axis=1)
+    is_likely_free = smallest_squares > ROUNDING * contact_distance * contact_distance
+    return np.flatnonzero(is_likely_free).tolist()
 
 
 def random_orientation(orientation: str, rng: np.random.Generator) -> np.ndarray:
@@ -172,17 +211,21 @@ def random_orientation(orientation: str, rng: np.random.Generator) -> np.ndarray
     if orientation == "random":
         return random_quaternion(rng)
     azimuth, roll = rng.uniform(0.0, 2.0 * math.pi, 2)
-    # Roll about the long axis, the body's x; so far it is level.
+
+    # Roll about the long axis, which is the body's x and still level.
     cos_roll = math.cos(roll / 2)
     sin_roll = math.sin(roll / 2)
-    rolled = np.array([cos_roll, sin_roll, 0.0, 0.0])
     if orientation == "upright":
         # Then turn by -90 degrees about y, which lifts the long axis to the vertical.
-        rolled = math.sqrt(0.5) * np.array([cos_roll, sin_roll, -cos_roll, sin_roll])
-    # Last, turn about the vertical: the product of two quaternions.
+        w, x, y, z = math.sqrt(0.5) * np.array(
+            [cos_roll, sin_roll, -cos_roll, sin_roll]
+        )
+    else:
+        w, x, y, z = np.array([cos_roll, sin_roll, 0.0, 0.0])
+
+    # Turn about the vertical: multiply by the quaternion (c, 0, 0, s) from the left.
     c = math.cos(azimuth / 2)
     s = math.sin(azimuth / 2)
-    w, x, y, z = rolled
     return np.array([c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w])
 
 
@@ -201,28 +244,40 @@ def add_above(trial: "Trial", orientation: str, height_m: float = 0.0) -> None:
     rng = np.random.default_rng(trial.scene.seed)
     quaternion = random_orientation(orientation, rng)
     scale = float(trial.scales[0])
-    # The centre lies above the lowest point by the depth of the body, which is known
-    # in the body's frame.
-    down = rotation_matrix(quaternion).T @ np.array([0.0, 0.0, -1.0])
-    lowest_point = trial.scene.particle.support_point(down[None])[0]
-    depth_m = scale * float(lowest_point @ down)
+    # The centre lies above the lowest point by the depth of the body along the vertical.
+    # The body knows its farthest point in a direction of its own frame.
+    down_in_body = rotation_matrix(quaternion).T @ np.array([0.0, 0.0, -1.0])
+    lowest_point = trial.scene.particle.support_point(down_in_body[np.newaxis])[0]
+    depth_m = scale * float(lowest_point @ down_in_body)
     centre = (0.0, 0.0, height_m + depth_m)
     trial.simulation.add("berry", centre, quaternion, scale=scale)
 
 
 def last_berry_s(section: "Poured") -> float:
-    """Compute when the last grain of a bench test appears [s]."""
+    """Compute when the last grain of a bench test appears [s]; the first does at 0."""
     return (section.berries - 1) / section.rate_per_s
 
 
 def too_early(section: "Poured", name: str, key: str) -> Iterator[tuple[str, str]]:
-    """Yield a key of the section `name` if its time is before the last grain's.
+    """Yield the key of a time that has passed before the last grain appears.
 
-    With the key comes what is allowed.
+    Parameters
+    ----------
+    section : Poured
+        Section of a bench test in the configuration.
+    name : str
+        Name of the section.
+    key : str
+        Key of the time in the section.
+
+    Yields
+    ------
+    tuple of str
+        The key with its section, and what is allowed.
     """
-    last_s = last_berry_s(section)
-    if last_s >= getattr(section, key):
-        yield f"{name}.{key}", f"above {last_s:g}, when the last grain appears"
+    last_grain_s = last_berry_s(section)
+    if last_grain_s >= getattr(section, key):
+        yield f"{name}.{key}", f"above {last_grain_s:g}, when the last grain appears"
 
 
 def fill(trial: "Trial", factory: Factory, last_step: int) -> None:
@@ -230,6 +285,16 @@ def fill(trial: "Trial", factory: Factory, last_step: int) -> None:
 
     The first appears at once, each where it touches no other. Random numbers are drawn
     from the scene's seed.
+
+    Parameters
+    ----------
+    trial : Trial
+        The empty scene, which is advanced until the last grain has appeared.
+    factory : Factory
+        The grains.
+    last_step : int
+        The time step, counted from the beginning of the simulation. Grains that are
+        due at it or later are left out.
     """
     rng = np.random.default_rng(trial.scene.seed)
     _add_grains(trial, factory, factory.n_grains, last_step, rng)
@@ -259,10 +324,10 @@ def fill_and_rest(
     is_at_rest : function, optional
         ``is_at_rest()`` tells whether they do; by default `Trial.is_at_rest`.
     """
-    step_s = trial.simulation.time_step_s
-    latest_step = round(2.0 * until_s / step_s)
+    time_step_s = trial.simulation.time_step_s
+    latest_step = round(2.0 * until_s / time_step_s)
     fill(trial, factory, latest_step)
-    trial.run_to(round(until_s / step_s))
+    trial.run_to(round(until_s / time_step_s))
     trial.wait(is_at_rest or trial.is_at_rest, latest_step, check_interval)
 
 
@@ -282,22 +347,26 @@ def fill_to_level_and_rest(
 
     Parameters
     ----------
-    trial, until_s, check_interval, is_at_rest
-        As of `fill_and_rest`.
+    trial : Trial
+        The empty scene.
     factory : Factory
-        The grains; its `n_grains` is at least their number without gaps between them.
+        The grains. Its `n_grains` is the most that are added: the number that would
+        fill the bed without gaps between them, or more.
     level_mm : float
         The level.
+    until_s : float
+        Simulated time before which the run does not go on.
+    check_interval : int
+        Time steps between two checks whether the grains rest.
+    is_at_rest : function, optional
+        ``is_at_rest()`` tells whether they do; by default `Trial.is_at_rest`.
     """
     simulation = trial.simulation
-    step_s = simulation.time_step_s
-    latest_step = round(2.0 * until_s / step_s)
-    is_at_rest = is_at_rest or trial.is_at_rest
+    time_step_s = simulation.time_step_s
+    latest_step = round(2.0 * until_s / time_step_s)
+    fall_steps = _fall_steps(trial, factory.area.height_m)
+    rest_check = is_at_rest or trial.is_at_rest
     rng = np.random.default_rng(trial.scene.seed)
-    # Time of the fall from the factory to the floor
-    gravity = float(np.linalg.norm(simulation.physics.gravity))
-    fall_s = math.sqrt(2.0 * factory.area.height_m / gravity)
-    fall_steps = math.ceil(fall_s / step_s)
 
     n_missing = max(1, round(0.5 * LIKELY_PACKING * factory.n_grains))
     while n_missing > 0 and simulation.steps < latest_step:
@@ -305,13 +374,22 @@ def fill_to_level_and_rest(
         if n_left <= 0:
             break
         _add_grains(trial, factory, min(n_missing, n_left), latest_step, rng)
+        # Let the last grain fall to the bed before its rest is checked.
         trial.run_to(min(latest_step, simulation.steps + fall_steps))
-        trial.wait(is_at_rest, latest_step, check_interval)
+        trial.wait(rest_check, latest_step, check_interval)
         # The level grows in proportion to the number of grains.
         missing_share = 1e-3 * level_mm / bed_level_m(simulation) - 1.0
         n_missing = round(simulation.n_bodies * missing_share)
-    trial.run_to(round(until_s / step_s))
-    trial.wait(is_at_rest, latest_step, check_interval)
+    trial.run_to(round(until_s / time_step_s))
+    trial.wait(rest_check, latest_step, check_interval)
+
+
+def _fall_steps(trial: "Trial", height_m: float) -> int:
+    """Compute the time steps of a fall from a height, at least until its end."""
+    simulation = trial.simulation
+    gravity = float(np.linalg.norm(simulation.physics.gravity))
+    fall_s = math.sqrt(2.0 * height_m / gravity)
+    return math.ceil(fall_s / simulation.time_step_s)
 
 
 def _add_grains(
@@ -340,21 +418,49 @@ def _add_grains(
     n_before = simulation.n_bodies
     first_step = simulation.steps
     velocity = (0.0, 0.0, -factory.speed_m_s)
-    for k in range(n_grains):
-        due_step = first_step + round(k / factory.rate_per_s / simulation.time_step_s)
+    for index in range(n_grains):
+        due_s = index / factory.rate_per_s
+        due_step = first_step + round(due_s / simulation.time_step_s)
         if due_step >= last_step:
             return
         trial.run_to(due_step)
-        # A grain that finds no room waits until those below it have fallen.
-        point = free_point(rng, simulation, factory.area)
-        while point is None and simulation.steps < last_step:
-            trial.run_to(simulation.steps + 1)
-            point = free_point(rng, simulation, factory.area)
+        point = _wait_for_point(trial, factory.area, last_step, rng)
         if point is None:
             return
         quaternion = random_orientation(factory.orientation, rng)
-        scale = trial.scales[n_before + k]
+        scale = trial.scales[n_before + index]
         simulation.add("berry", point, quaternion, velocity, scale=scale)
+
+
+def _wait_for_point(
+    trial: "Trial", area: Area, last_step: int, rng: np.random.Generator
+) -> np.ndarray | None:
+    """Wait until a new grain has room, and return a free point for its centre.
+
+    A grain that finds no room waits until those below it have fallen.
+
+    Parameters
+    ----------
+    trial : Trial
+        The trial, which is advanced step by step while there is no room.
+    area : Disc or Strip
+        Where the grain may appear.
+    last_step : int
+        The time step up to which it waits.
+    rng : Generator
+        Random numbers for the point.
+
+    Returns
+    -------
+    array or None
+        The point (3,) [m]; None if there is no room up to the last time step.
+    """
+    simulation = trial.simulation
+    point = free_point(rng, simulation, area)
+    while point is None and simulation.steps < last_step:
+        trial.run_to(simulation.steps + 1)
+        point = free_point(rng, simulation, area)
+    return point
 
 
 def bed_level_m(simulation: "Simulation") -> float:

@@ -295,7 +295,7 @@ class Pour(Outcome):
 def _is_over(
     simulation: "dem.Simulation",
     section: FunnelSettings,
-    history: Sequence[np.ndarray],
+    position_history: Sequence[np.ndarray],
 ) -> bool:
     """Return whether a pour is over: all grains have left the funnel and lie still.
 
@@ -305,30 +305,33 @@ def _is_over(
         The simulation.
     section : FunnelSettings
         The section `funnel` of the configuration.
-    history : sequence of array
+    position_history : sequence of array
         Positions (N, 3) [m] of the grains at the checks of the last rest window, the
-        present ones last.
+        present ones last. The window is complete with `CHECKS_PER_WINDOW` + 1 checks.
     """
     present = simulation.present
-    is_poured = simulation.n_bodies >= section.berries and present.any()
-    if len(history) <= CHECKS_PER_WINDOW or not is_poured:
+    all_poured = simulation.n_bodies >= section.berries and present.any()
+    is_window_complete = len(position_history) > CHECKS_PER_WINDOW
+    if not (all_poured and is_window_complete):
         return False
 
-    # The grains have hardly moved since the beginning of the window, ...
-    limit_m = 1e-3 * section.rest_motion_mm
-    motion = np.linalg.norm(history[-1] - history[0], axis=1)
-    has_stayed = motion[present].max() <= limit_m
-    # ... at their present speed would move much less in another window, ...
-    spin_speed = (
-        np.linalg.norm(simulation.angular_velocities, axis=1) * simulation.radius
-    )
-    speed = np.linalg.norm(simulation.velocities, axis=1) + spin_speed
+    # No grain has moved far since the beginning of the window.
+    largest_motion_m = 1e-3 * section.rest_motion_mm
+    motion_m = np.linalg.norm(position_history[-1] - position_history[0], axis=1)
+    has_stayed = motion_m[present].max() <= largest_motion_m
+
+    # At its present speed, no grain would move far in another window. A point of its
+    # surface moves by its rotation, too.
+    spin = np.linalg.norm(simulation.angular_velocities, axis=1)
+    surface_speed = spin * simulation.radius
+    speed = np.linalg.norm(simulation.velocities, axis=1) + surface_speed
     next_motion_m = speed[present].max() * section.rest_window_s
-    stands_still = next_motion_m <= STANDSTILL_SHARE * limit_m
-    # ... and lie below the outlet.
-    highest_m = history[-1][present, 2].max()
-    is_below = highest_m <= section.funnel.outlet_height_m - simulation.radius
-    return bool(has_stayed and stands_still and is_below)
+    stands_still = next_motion_m <= STANDSTILL_SHARE * largest_motion_m
+
+    # No grain hangs in the funnel.
+    highest_m = position_history[-1][present, 2].max()
+    is_below_outlet = highest_m <= section.funnel.outlet_height_m - simulation.radius
+    return bool(has_stayed and stands_still and is_below_outlet)
 
 
 class _StepTimer:
@@ -349,7 +352,7 @@ class _StepTimer:
 
 
 class _WallTime(NamedTuple):
-    """Wall times of a pour, as of `Pour`."""
+    """Wall times of a pour; `Pour` explains them."""
 
     wall_s: float
     us_per_step: float
@@ -358,13 +361,13 @@ class _WallTime(NamedTuple):
 def _final_state(
     trial: Trial,
     outlet_height_m: float,
-    centres_before: np.ndarray | None,
+    window_start_centres: np.ndarray | None,
     wall_time: _WallTime,
 ) -> Pour:
-    """Sort the grains at the end of a pour, and measure their motion.
+    """Describe the end of a pour: where each grain is, and how the grains move.
 
-    A grain hangs in the funnel, lies on the plate, alone or in the pile, or has fallen
-    off the plate.
+    A grain hangs in the funnel, lies on the plate, or has fallen off the plate. The
+    largest group of grains on the plate that touch each other is the pile.
 
     Parameters
     ----------
@@ -372,32 +375,29 @@ def _final_state(
         The pour.
     outlet_height_m : float
         Height of the funnel's outlet.
-    centres_before : array or None
-        Centres (N, 3) [m] at the beginning of the last rest window; None if the pour
-        ended before.
+    window_start_centres : array or None
+        Centres (N, 3) [m] of the grains at the beginning of the last rest window; None
+        if the pour ended before its first check for rest. Then no motion is known, and
+        the largest motion is 0.
     wall_time : _WallTime
         Wall times of the pour.
     """
     simulation = trial.simulation
     centres = simulation.positions.copy()
     present = simulation.present
+
     # A grain that hangs in the outlet has its centre a little below the rim.
     is_in_funnel = present & (centres[:, 2] > outlet_height_m - simulation.radius)
     is_on_plate = present & (centres[:, 2] > 0.0) & ~is_in_funnel
     is_in_pile = largest_cluster(simulation.contacts(), is_on_plate)
-    n_in_funnel = is_in_funnel.sum()
-    n_off_plate = len(centres) - n_in_funnel - is_on_plate.sum()
+    n_in_funnel = int(is_in_funnel.sum())
+    n_on_plate = int(is_on_plate.sum())
     pile_energies = simulation.kinetic_energies()[is_in_pile]
 
     largest_motion_m = 0.0
-    if centres_before is not None:
-        motion = np.linalg.norm(centres - centres_before, axis=1)
-        largest_motion_m = float(motion[is_on_plate].max(initial=0.0))
-
-    discharge_s = math.nan
-    exit_times = simulation.exit_times_s[np.isfinite(simulation.exit_times_s)]
-    if len(exit_times):
-        discharge_s = float(exit_times.max() - exit_times.min())
+    if window_start_centres is not None:
+        motion_m = np.linalg.norm(centres - window_start_centres, axis=1)
+        largest_motion_m = float(motion_m[is_on_plate].max(initial=0.0))
 
     return Pour(
         centres_m=centres,
@@ -405,16 +405,49 @@ def _final_state(
         scales=simulation.scales.copy(),
         on_plate=is_on_plate,
         in_pile=is_in_pile,
-        in_funnel=int(n_in_funnel),
-        off_plate=int(n_off_plate),
+        in_funnel=n_in_funnel,
+        off_plate=len(centres) - n_in_funnel - n_on_plate,
         kinetic_energy_j=float(pile_energies.sum()),
         largest_motion_m=largest_motion_m,
-        discharge_s=discharge_s,
+        discharge_s=_discharge_s(simulation.exit_times_s),
         wall_s=wall_time.wall_s,
         us_per_step=wall_time.us_per_step,
         frames=trial.frames(),
         unstable=trial.broken,
         overlap_share=trial.overlap_share,
+    )
+
+
+def _discharge_s(exit_times_s: np.ndarray) -> float:
+    """Compute the time from the first to the last grain that left the funnel [s].
+
+    `exit_times_s` (N,) is not finite for a grain that has not left. The result is NaN
+    if no grain has left.
+    """
+    known_times_s = exit_times_s[np.isfinite(exit_times_s)]
+    if not len(known_times_s):
+        return math.nan
+    return float(known_times_s.max() - known_times_s.min())
+
+
+def _make_factory(section: FunnelSettings, grain_radius_m: float) -> Factory:
+    """Make the factory of a pour: a disc above the inlet in which grains appear.
+
+    Parameters
+    ----------
+    section : FunnelSettings
+        The section `funnel` of the configuration.
+    grain_radius_m : float
+        Bounding radius of the largest grain. The centre of a grain stays that far from
+        the disc's edge.
+    """
+    height_m = section.funnel.inlet_height_m + 1e-3 * section.factory_height_mm
+    radius_m = 0.5e-3 * section.factory_diameter_mm - grain_radius_m
+    return Factory(
+        Disc(radius_m, height_m),
+        section.berries,
+        section.rate_per_s,
+        section.orientation,
     )
 
 
@@ -458,17 +491,35 @@ class FunnelTest(BenchTest[FunnelSettings]):
     }
 
     def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
-        """Describe funnel and plate."""
+        """Describe funnel and plate, as `repose.dem.Simulation` takes them.
+
+        The plate lies at z = 0, and all lengths are in m.
+
+        Parameters
+        ----------
+        scene : Scene
+            The settings of the funnel.
+        largest_radius_m : float
+            Bounding radius of the largest grain, for which the box has room.
+
+        Returns
+        -------
+        dict
+            Capacity in grains, walls by name, corners of the box, and the heights at
+            which grains leave the funnel and vanish.
+        """
         section = self.section(scene.settings)
         funnel = section.funnel
         plate_radius = 0.5e-3 * section.plate_diameter_mm
-        half = max(plate_radius, 0.5 * funnel.inlet_diameter_m) + 2.0 * largest_radius_m
         plate = dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", plate_radius)
+        inlet_radius = 0.5 * funnel.inlet_diameter_m
+        half_side = max(plate_radius, inlet_radius) + 2.0 * largest_radius_m
+        box_height = funnel.inlet_height_m + 4.0 * largest_radius_m
         return {
             "capacity": section.berries,
             "walls": {"plate": plate, **funnel.walls("wall")},
-            "lower": (-half, -half, 0.0),
-            "upper": (half, half, funnel.inlet_height_m + 4.0 * largest_radius_m),
+            "lower": (-half_side, -half_side, 0.0),
+            "upper": (half_side, half_side, box_height),
             "exit_height_m": funnel.outlet_height_m,
             "curved_walls_above_m": funnel.outlet_height_m - funnel.rim_radius_m,
             "floor_height_m": FLOOR_M,
@@ -485,50 +536,56 @@ class FunnelTest(BenchTest[FunnelSettings]):
 
         Parameters
         ----------
-        scene, interval_s, progress
-            As of `run`.
+        scene : Scene
+            What the pour depends on.
+        interval_s : float, optional
+            Simulated time between the frames of a film; without it none are recorded.
+        progress : function, optional
+            Called with the simulated time [s] after every advance.
         until_rest : bool, optional
             Whether the pour ends when the grains rest, at most after `duration_s`;
             otherwise it takes all of that time.
+
+        Returns
+        -------
+        Pour
+            The grains at the end of the pour.
         """
         start_s = time.perf_counter()
         section = self.section(scene.settings)
         settings = scene.simulation
-        funnel = section.funnel
         trial = Trial(self.build, scene, section.berries, interval_s, progress)
         simulation = trial.simulation
-        height_m = funnel.inlet_height_m + 1e-3 * section.factory_height_mm
-        radius_m = 0.5e-3 * section.factory_diameter_mm - trial.largest_radius_m
-        factory = Factory(
-            Disc(radius_m, height_m),
-            section.berries,
-            section.rate_per_s,
-            section.orientation,
-        )
+        factory = _make_factory(section, trial.largest_radius_m)
 
         last_step = settings.steps(section.duration_s)
-        timed_step = last_step - settings.steps(1.0)
-        window = settings.steps(section.rest_window_s)
+        window_steps = settings.steps(section.rest_window_s)
+        # The time of a step is measured over the last second of the pour.
+        timing_step = last_step - settings.steps(1.0)
         timer = _StepTimer()
-        # The last positions, at most one rest window old.
-        history: deque[np.ndarray] = deque(maxlen=CHECKS_PER_WINDOW + 1)
-        with trial.bound(height_m).guard():
-            fill(trial, factory, last_step - window)
+        # Positions at the checks of the last rest window; older ones drop out.
+        position_history: deque[np.ndarray] = deque(maxlen=CHECKS_PER_WINDOW + 1)
+        with trial.bound(factory.area.height_m).guard():
+            fill(trial, factory, last_step - window_steps)
             timer.start(simulation.steps)
-            for step in _check_steps(simulation.steps, last_step, window):
+            for step in _check_steps(simulation.steps, last_step, window_steps):
                 trial.run_to(step)
-                if step <= timed_step:
+                if step <= timing_step:
                     timer.start(step)
-                history.append(simulation.positions.copy())
-                if until_rest and _is_over(simulation, section, history):
+                position_history.append(simulation.positions.copy())
+                if until_rest and _is_over(simulation, section, position_history):
                     break
 
         wall_time = _WallTime(
             wall_s=time.perf_counter() - start_s,
             us_per_step=timer.us_per_step(simulation.steps),
         )
-        centres_before = history[0] if history else None
-        return _final_state(trial, funnel.outlet_height_m, centres_before, wall_time)
+        return _final_state(
+            trial,
+            section.funnel.outlet_height_m,
+            window_start_centres=position_history[0] if position_history else None,
+            wall_time=wall_time,
+        )
 
     def judge(self, outcome: Pour, settings: SceneSettings) -> Verdict:
         """Judge a stable pour before its pile is measured.
@@ -548,6 +605,7 @@ class FunnelTest(BenchTest[FunnelSettings]):
         """
         section = self.section(settings)
         n_grains = section.berries
+        # A grain that found no room above the inlet was never added.
         n_waiting = n_grains - len(outcome.centres_m)
         if outcome.in_funnel or n_waiting > 0:
             return Verdict(
@@ -560,6 +618,7 @@ class FunnelTest(BenchTest[FunnelSettings]):
                 "left_plate", f"{outcome.off_plate} of {n_grains} grains left the plate"
             )
 
+        # The pile is at rest if its energy is small and no grain has moved far.
         n_in_pile = int(outcome.in_pile.sum())
         mean_energy_j = outcome.kinetic_energy_j / max(1, n_in_pile)
         motion_verdict = not_at_rest(mean_energy_j, settings, advice=MORE_TIME)
@@ -592,8 +651,16 @@ class FunnelTest(BenchTest[FunnelSettings]):
     ) -> Run:
         """Pour once and judge the pour.
 
-        The arrays are ``position`` (N, 3) [m], ``quaternion`` (N, 4), ``scale`` (N,) and
-        ``in_pile`` (N,), the mask of the pile.
+        Parameters
+        ----------
+        scene, interval_s, progress
+            As of `pour`.
+
+        Returns
+        -------
+        Run
+            The arrays are ``position`` (N, 3) [m], ``quaternion`` (N, 4), ``scale``
+            (N,) and ``in_pile`` (N,), the mask of the pile.
         """
         pour = self.pour(scene, interval_s, progress)
         arrays = grain_arrays(
@@ -614,50 +681,77 @@ class FunnelTest(BenchTest[FunnelSettings]):
     def measure(
         self, record: Mapping[str, Any], arrays: Arrays, scene: Scene
     ) -> dict[str, Any]:
-        """Measure a pour.
+        """Measure the pile of a pour.
 
         Parameters
         ----------
         record : mapping
-            The record of the pour.
+            The record of the pour: seed, status, reason and numbers.
         arrays : mapping
-            Its arrays by name.
+            Its arrays by name, as from `run`.
         scene : Scene
-            What it depends on.
+            What the pour depends on.
 
         Returns
         -------
         dict
-            The verdict, the `BASIC_NUMBERS`, other responses that are targets, and the
-            numbers of the record. Of a run that is not ``ok`` nothing is measured: its
-            responses are None.
+            The record with the `BASIC_NUMBERS` and all other responses that are
+            targets. They are None in a pour that is not ``ok``. A pour whose pile has
+            no number for a target gets another status, and a reason.
         """
-        from repose.measure.saved_piles import pile_responses
-
         settings = scene.settings
         targets = self.target_responses(settings.config)
         computed_targets = [target for target in targets if target.computed_from]
-        computed_names = [target.name for target in computed_targets]
         extra_names = _extra_numbers(targets, record)
-        measured: dict[str, Any] = dict.fromkeys(
-            (*BASIC_NUMBERS, *extra_names, *computed_names)
-        )
+
+        # The columns of a table: the verdict first, then responses, then other numbers.
         verdict = {key: record[key] for key in ("seed", "status", "reason")}
-        if record["status"] == "ok":
-            plate_mm = self.section(settings).plate_diameter_mm
-            responses, reasons = pile_responses(
-                arrays, scene.particle, scene.measure, plate_mm, extra_names
-            )
-            measured |= responses
-            numbers = {**record, **measured}
-            for target in computed_targets:
-                measured[target.name] = target.of(numbers)
-            # A target without a number makes the run one that is not ok.
-            verdict |= self.check_targets({**record, **measured}, settings, reasons)
+        responses: dict[str, Any] = dict.fromkeys((*BASIC_NUMBERS, *extra_names))
+        for target in computed_targets:
+            responses[target.name] = None
         other_numbers = {
-            key: value for key, value in record.items() if key not in verdict
+            key: number for key, number in record.items() if key not in verdict
         }
-        return verdict | measured | other_numbers
+        if record["status"] != "ok":
+            return verdict | responses | other_numbers
+
+        pile_numbers, reasons = self._measure_pile(arrays, scene, extra_names)
+        responses |= pile_numbers
+        # A computed response follows from numbers of the record and of the pile.
+        known_numbers = {**record, **responses}
+        for target in computed_targets:
+            responses[target.name] = target.of(known_numbers)
+        # A pour that lacks the number of a target is no longer ok.
+        verdict |= self.check_targets({**record, **responses}, settings, reasons)
+        return verdict | responses | other_numbers
+
+    def _measure_pile(
+        self, arrays: Arrays, scene: Scene, extra_names: Sequence[str]
+    ) -> tuple[dict[str, Any], dict[str, str]]:
+        """Measure the silhouette of a pile and the places of its grains.
+
+        Parameters
+        ----------
+        arrays : mapping
+            Arrays of the pour by name.
+        scene : Scene
+            What the pour depends on.
+        extra_names : sequence of str
+            Numbers that are measured besides the `BASIC_NUMBERS`.
+
+        Returns
+        -------
+        numbers : dict
+            The numbers by name; None where one cannot be measured.
+        reasons : dict
+            Why numbers could not be measured, by name.
+        """
+        from repose.measure.saved_piles import pile_responses
+
+        plate_mm = self.section(scene.settings).plate_diameter_mm
+        return pile_responses(
+            arrays, scene.particle, scene.measure, plate_mm, extra_names
+        )
 
     def duration_s(self, settings: SceneSettings) -> float:
         """Return the longest simulated time of a pour [s]."""
@@ -710,7 +804,7 @@ class FunnelTest(BenchTest[FunnelSettings]):
 
 
 def _extra_numbers(targets: Sequence[Response], record: Mapping[str, Any]) -> list[str]:
-    """List the numbers that targets need and that are not measured on every pile.
+    """List the numbers that targets need beyond those measured on every pile.
 
     Parameters
     ----------
@@ -718,23 +812,35 @@ def _extra_numbers(targets: Sequence[Response], record: Mapping[str, Any]) -> li
         Responses that are targets. A computed one needs the numbers it is computed
         from.
     record : mapping
-        The record of the run. What it has is not measured.
+        The record of the run; numbers that it has already need no measurement.
+
+    Returns
+    -------
+    list of str
+        Each number once, in the order of the targets.
     """
-    names = []
+    extra_names: list[str] = []
     for target in targets:
-        for name in target.computed_from or (target.name,):
-            is_known = name in BASIC_NUMBERS or name in record or name in names
-            if not is_known:
-                names.append(name)
-    return names
+        # A target that is not computed is measured under its own name.
+        needed_names = target.computed_from or (target.name,)
+        for name in needed_names:
+            if name in BASIC_NUMBERS or name in record or name in extra_names:
+                continue
+            extra_names.append(name)
+    return extra_names
 
 
-def _check_steps(first_step: int, last_step: int, window: int) -> Iterator[int]:
+def _check_steps(first_step: int, last_step: int, window_steps: int) -> Iterator[int]:
     """Yield the time steps at which rest is checked, up to the last time step.
 
-    There are `CHECKS_PER_WINDOW` checks per window of time steps. The first is at most
-    one interval after `first_step`.
+    Parameters
+    ----------
+    first_step, last_step : int
+        Time steps between which the checks lie. The last check is at `last_step`, the
+        first at most one interval after `first_step`.
+    window_steps : int
+        Time steps of a rest window, in which there are `CHECKS_PER_WINDOW` checks.
     """
-    interval = max(1, window // CHECKS_PER_WINDOW)
+    interval = max(1, window_steps // CHECKS_PER_WINDOW)
     n_intervals = (last_step - first_step) // interval
     yield from range(last_step - n_intervals * interval, last_step + 1, interval)

@@ -176,13 +176,20 @@ class LiftedCylinderSettings(Poured):
             yield "filling_height_mm", "nothing: berries gives the level already"
 
     def n_solid(self, grain_m3: float) -> float:
-        """Compute how many grains fill the tube to the filling height without gaps."""
+        """Compute how many grains fill the tube to the filling height without gaps.
+
+        `grain_m3` is the volume of a grain.
+        """
         radius = 0.5e-3 * self.diameter_mm
         height = 1e-3 * self.filling_height_mm
         return math.pi * radius**2 * height / grain_m3
 
     def capacity(self, particle: "Particle") -> int:
-        """Return the number of grains; for a filling height more than it needs."""
+        """Return the largest number of grains that a run may add.
+
+        It is `berries` where that is given. For a filling height it is the number
+        without gaps between the grains, which is more than the height needs.
+        """
         return self.berries or math.ceil(self.n_solid(particle.volume_m3))
 
 
@@ -202,10 +209,134 @@ class Lifting(Outcome):
     grain_mm: float  # length of a mean grain
 
 
+class _Tube:
+    """The tube of a trial: it is filled, lifted and stopped.
+
+    Attributes
+    ----------
+    lifted_m : float
+        Height of its lower edge above the plate.
+    n_filled : int
+        Grains in the tube when it was filled.
+    filling_height_mm : float
+        Level of the bed when the tube was filled; NaN before.
+    """
+
+    def __init__(self, trial: Trial, section: LiftedCylinderSettings) -> None:
+        self.trial = trial
+        self.simulation = trial.simulation
+        self.settings = trial.scene.simulation
+        self.section = section
+        self.check_interval = max(
+            1, self.settings.steps(trial.scene.scale.interval_s())
+        )
+        self.lifted_m = 0.0
+        self.n_filled = 0
+        self.filling_height_mm = math.nan
+
+    def fill(self, factory: Factory) -> None:
+        """Fill the tube with grains, and let them rest.
+
+        The filling ends with the number of grains, or with the level of the bed,
+        whichever the configuration gives.
+        """
+        if self.section.filling_height_mm is ABSENT:
+            fill_and_rest(
+                self.trial,
+                factory,
+                self.section.lift_from_s,
+                self.check_interval,
+                self.is_at_rest,
+            )
+        else:
+            fill_to_level_and_rest(
+                self.trial,
+                factory,
+                level_mm=self.section.filling_height_mm,
+                until_s=self.section.lift_from_s,
+                check_interval=self.check_interval,
+                is_at_rest=self.is_at_rest,
+            )
+        self.n_filled = self.simulation.n_bodies
+        self.filling_height_mm = 1e3 * bed_level_m(self.simulation)
+
+    def lift(self) -> None:
+        """Lift the tube until it is empty, at most by its length, and stop it."""
+        simulation = self.simulation
+        start_s = simulation.time_s
+        lifting_m_s = 1e-3 * self.section.lifting_mm_s
+        length_m = 1e-3 * self.section.length_mm
+        last_step = simulation.steps + self.settings.steps(length_m / lifting_m_s)
+        _move_tube(simulation, lifting_m_s)
+        while self.find_grains().any() and simulation.steps < last_step:
+            next_check = simulation.steps + self.check_interval
+            self.trial.run_to(min(last_step, next_check))
+            self.lifted_m = lifting_m_s * (simulation.time_s - start_s)
+        _move_tube(simulation, 0.0)
+
+    def wait_for_rest(self) -> None:
+        """Wait until the pile rests, at most for the time `settle_s`."""
+        settle_steps = self.settings.steps(self.section.settle_s)
+        last_step = self.simulation.steps + settle_steps
+        self.trial.wait(self.is_at_rest, last_step, self.check_interval)
+
+    def find_grains(self) -> np.ndarray:
+        """Mark the grains (N,) whose centres lie above the tube's lower edge."""
+        heights = self.simulation.positions[:, 2]
+        return self.simulation.present & (heights > self.lifted_m)
+
+    def is_at_rest(self) -> bool:
+        """Return whether the grains that are on the plate or in the tube rest."""
+        energies = self.simulation.kinetic_energies()[self.simulation.present]
+        return bool(energies.mean() <= self.settings.rest_energy_j)
+
+
 def _move_tube(simulation: "dem.Simulation", speed_m_s: float) -> None:
-    """Let the tube rise at a speed."""
+    """Let the tube rise at a speed; at 0 it stands still."""
     for wall in TUBE:
         simulation.set_motion(wall, dem.Motion(velocity_m_s=(0.0, 0.0, speed_m_s)))
+
+
+def _sort_grains(trial: Trial, tube: _Tube) -> tuple[Lifting, np.ndarray]:
+    """Sort the grains at the end of a run: in the tube, on the plate, in the pile.
+
+    Parameters
+    ----------
+    trial : Trial
+        The trial.
+    tube : _Tube
+        The tube at its end.
+
+    Returns
+    -------
+    outcome : Lifting
+        The numbers by which the run is judged.
+    is_in_pile : array
+        Mask (N,) of the grains in the pile.
+    """
+    simulation = trial.simulation
+    is_in_tube = tube.find_grains()
+    is_above_plate = simulation.present & (simulation.positions[:, 2] > 0.0)
+    is_on_plate = is_above_plate & ~is_in_tube
+    is_in_pile = largest_cluster(simulation.contacts(), is_on_plate)
+    n_in_tube = int(is_in_tube.sum())
+    n_on_plate = int(is_on_plate.sum())
+
+    mean_energy_j = math.nan
+    if n_on_plate:
+        mean_energy_j = float(simulation.kinetic_energies()[is_on_plate].mean())
+    outcome = Lifting(
+        n_filled=tube.n_filled,
+        filling_height_mm=tube.filling_height_mm,
+        n_in_tube=n_in_tube,
+        n_off_plate=len(is_on_plate) - n_in_tube - n_on_plate,
+        n_in_pile=int(is_in_pile.sum()),
+        energy_j=mean_energy_j,
+        grain_mm=1e3 * float(trial.scene.particle.axes_m.max()),
+        unstable=trial.broken,
+        overlap_share=trial.overlap_share,
+    )
+    return outcome, is_in_pile
 
 
 @register(NAME)
@@ -309,87 +440,49 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
     ) -> Run:
         """Fill the tube, let the grains rest, lift it until it is empty, and wait.
 
-        The tube is lifted by at most its own length. The arrays are ``position``
-        (N, 3) [m], ``quaternion`` (N, 4), ``scale`` (N,) and ``in_pile`` (N,), as of a
-        pour of the funnel.
+        Parameters
+        ----------
+        scene : Scene
+            What the run depends on.
+        interval_s : float, optional
+            Simulated time between the frames of a film; without it none are recorded.
+        progress : function, optional
+            Called with the simulated time [s] after every advance.
+
+        Returns
+        -------
+        Run
+            The arrays are ``position`` (N, 3) [m], ``quaternion`` (N, 4), ``scale``
+            (N,) and ``in_pile`` (N,), as of a pour of the funnel.
         """
         section = self.section(scene.settings)
-        settings = scene.simulation
         capacity = section.capacity(scene.particle)
         trial = Trial(self.build, scene, capacity, interval_s, progress)
-        simulation = trial.simulation
+        tube = _Tube(trial, section)
         length_m = 1e-3 * section.length_mm
+        # Grains appear at the upper end of the tube, where none touches its wall.
         area = Disc(
             0.5e-3 * section.diameter_mm - trial.largest_radius_m,
             length_m + trial.largest_radius_m,
         )
         factory = Factory(area, capacity, section.rate_per_s)
 
-        check_interval = max(1, settings.steps(scene.scale.interval_s()))
-        lifting_m_s = 1e-3 * section.lifting_mm_s
-        n_filled = 0
-        filling_height_mm = math.nan
-        lifted_m = 0.0
-
-        def find_in_tube() -> np.ndarray:
-            return simulation.present & (simulation.positions[:, 2] > lifted_m)
-
-        def is_at_rest() -> bool:
-            energies = simulation.kinetic_energies()[simulation.present]
-            return bool(energies.mean() <= settings.rest_energy_j)
-
         # Grains that hang in the tube are lifted with it.
-        with trial.bound(area.height_m + length_m, lifting_m_s).guard():
-            if section.filling_height_mm is ABSENT:
-                fill_and_rest(
-                    trial, factory, section.lift_from_s, check_interval, is_at_rest
-                )
-            else:
-                fill_to_level_and_rest(
-                    trial,
-                    factory,
-                    level_mm=section.filling_height_mm,
-                    until_s=section.lift_from_s,
-                    check_interval=check_interval,
-                    is_at_rest=is_at_rest,
-                )
-            n_filled = simulation.n_bodies
-            filling_height_mm = 1e3 * bed_level_m(simulation)
+        highest_m = area.height_m + length_m
+        with trial.bound(highest_m, 1e-3 * section.lifting_mm_s).guard():
+            tube.fill(factory)
+            tube.lift()
+            tube.wait_for_rest()
 
-            # Lift the tube until it is empty, at most by its length.
-            start_s = simulation.time_s
-            _move_tube(simulation, lifting_m_s)
-            last_step = simulation.steps + settings.steps(length_m / lifting_m_s)
-            while find_in_tube().any() and simulation.steps < last_step:
-                trial.run_to(min(last_step, simulation.steps + check_interval))
-                lifted_m = lifting_m_s * (simulation.time_s - start_s)
-            _move_tube(simulation, 0.0)
-            last_step = simulation.steps + settings.steps(section.settle_s)
-            trial.wait(is_at_rest, last_step, check_interval)
-
-        is_in_tube = find_in_tube()
-        on_plate = simulation.present & (simulation.positions[:, 2] > 0.0) & ~is_in_tube
-        in_pile = largest_cluster(simulation.contacts(), on_plate)
-        energies = simulation.kinetic_energies()[on_plate]
-        outcome = Lifting(
-            n_filled=n_filled,
-            filling_height_mm=filling_height_mm,
-            n_in_tube=int(is_in_tube.sum()),
-            n_off_plate=int(len(on_plate) - is_in_tube.sum() - on_plate.sum()),
-            n_in_pile=int(in_pile.sum()),
-            energy_j=float(energies.mean()) if len(energies) else math.nan,
-            grain_mm=1e3 * float(scene.particle.axes_m.max()),
-            unstable=trial.broken,
-            overlap_share=trial.overlap_share,
-        )
+        outcome, in_pile = _sort_grains(trial, tube)
         return self.make_run(
             scene,
             outcome,
             trial.grains(in_pile=in_pile),
             trial.frames(walls=True),
-            berries=n_filled,
-            filling_height_mm=filling_height_mm,
-            lifted_mm=1e3 * lifted_m,
+            berries=tube.n_filled,
+            filling_height_mm=tube.filling_height_mm,
+            lifted_mm=1e3 * tube.lifted_m,
             berries_in_pile=outcome.n_in_pile,
             berries_off_plate=outcome.n_off_plate,
         )
@@ -411,20 +504,24 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
             beside the plate, motion, no pile.
         """
         section = self.section(settings)
+        # Without a configured number of grains, those that were filled are all.
         n_grains = section.berries or outcome.n_filled
         if outcome.n_filled < n_grains:
             return Verdict(
                 "not_filled",
                 f"only {outcome.n_filled} of {n_grains} grains find room in the tube",
             )
-        # Without a configured filling height any level is right.
+        # Without a configured filling height any level is right. A level that is not a
+        # number is wrong.
         level_mm = outcome.filling_height_mm
-        target_mm = section.filling_height_mm or level_mm
-        if not abs(level_mm - target_mm) <= outcome.grain_mm:
+        wanted_mm = section.filling_height_mm or level_mm
+        if not abs(level_mm - wanted_mm) <= outcome.grain_mm:
             return Verdict(
                 "not_filled",
-                f"the bed rests at {level_mm:.4g} mm, not at {target_mm:g} mm",
+                f"the bed rests at {level_mm:.4g} mm, not at {wanted_mm:g} mm",
             )
+
+        # Then the grains at the end of the run.
         if outcome.n_in_tube:
             return Verdict(
                 "jammed",
@@ -454,35 +551,37 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         return OK
 
     def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
-        """Measure the pile by the code of every pile, under the names of this test.
+        """Measure the pile as every pile, and give the numbers the names of this test.
 
         Parameters
         ----------
         arrays : mapping
-            Arrays of the run by name.
+            Arrays of the run by name, as from `run`.
         scene : Scene
             What the run depends on.
 
         Returns
         -------
         dict
-            The responses; one that cannot be measured is None. If it is a target,
-            status and reason say so.
+            The responses; one that cannot be measured is None. If it is a target, there
+            are also ``status`` and ``reason``.
         """
         from repose.measure.saved_piles import pile_responses
 
         plate_mm = self.section(scene.settings).plate_diameter_mm
-        extra_names = ("base_radius_mm", "loose_percent")
-        pile, pile_reasons = pile_responses(
+        # Foot and loose grains are not measured on every pile.
+        extra_names = (PILE_NAMES[FOOT.name], PILE_NAMES[LOOSE.name])
+        pile_numbers, pile_reasons = pile_responses(
             arrays, scene.particle, scene.measure, plate_mm, extra_names
         )
-        measured = {}
+        responses = {}
         reasons = {}
         for name, pile_name in PILE_NAMES.items():
-            measured[name] = pile.get(pile_name)
+            responses[name] = pile_numbers.get(pile_name)
             if pile_name in pile_reasons:
                 reasons[name] = pile_reasons[pile_name]
-        return {**self.check_targets(measured, scene.settings, reasons), **measured}
+        fault = self.check_targets(responses, scene.settings, reasons)
+        return {**fault, **responses}
 
     def duration_s(self, settings: SceneSettings) -> float:
         """Return the longest simulated time of a run [s]: filling, lifting and rest."""
@@ -520,14 +619,16 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
             A key of the configuration, and what is allowed.
         """
         section = self.section(settings)
-        sizes_mm = {"diameter_mm": axes_mm[0], "length_mm": axes_mm[0]}
+        grain_length_mm = axes_mm[0]
+        sizes_mm = {"diameter_mm": grain_length_mm, "length_mm": grain_length_mm}
         yield from narrow_openings(section, NAME, sizes_mm)
         level_mm = section.filling_height_mm
-        if level_mm is None:
+        if level_mm is ABSENT:
+            # The number of grains is configured, whatever their level.
             return
 
         # A grain must still find room above the bed.
-        shortest_mm = level_mm + axes_mm[0]
+        shortest_mm = level_mm + grain_length_mm
         if section.length_mm < shortest_mm:
             yield (
                 "lifted_cylinder.length_mm",
@@ -535,19 +636,20 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
                 "mean grain",
             )
 
-        # Judge the likely number of grains and the time that their filling takes.
+        # The filling must not take too many grains, nor too much time. Only their
+        # likely number is known before it.
         grain_m3 = math.pi / 6 * 1e-9 * math.prod(axes_mm)
         n_likely = LIKELY_PACKING * section.n_solid(grain_m3)
-        last_s = n_likely / section.rate_per_s
+        last_grain_s = n_likely / section.rate_per_s
         if n_likely > MOST_BERRIES:
             highest_mm = level_mm * MOST_BERRIES / n_likely
             yield (
                 "lifted_cylinder.filling_height_mm",
                 f"below {highest_mm:.4g}, which takes some {MOST_BERRIES} grains",
             )
-        elif last_s >= section.lift_from_s:
+        elif last_grain_s >= section.lift_from_s:
             yield (
                 "lifted_cylinder.lift_from_s",
-                f"above {last_s:.4g}, when the last of some {n_likely:.0f} grains "
+                f"above {last_grain_s:.4g}, when the last of some {n_likely:.0f} grains "
                 "appears",
             )
