@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field
@@ -118,6 +118,45 @@ class Discharge(Outcome):
     n_late: int  # grains that have left after that
 
 
+class _Opening(NamedTuple):
+    """The closed funnel at the moment in which its lid is taken away."""
+
+    time_s: float  # since the beginning of the run
+    energy_j: float  # mean kinetic energy of a grain
+    n_early: int  # grains below the outlet
+    grains: dict[str, np.ndarray]  # arrays of `Trial.grains`
+
+    @classmethod
+    def of(cls, trial: Trial) -> Self:
+        """Describe the present state of the funnel."""
+        simulation = trial.simulation
+        return cls(
+            time_s=simulation.time_s,
+            energy_j=trial.energy_j(),
+            n_early=int(np.isfinite(simulation.exit_times_s).sum()),
+            grains=trial.grains(),
+        )
+
+    @classmethod
+    def missing(cls, trial: Trial) -> Self:
+        """Stand for the opening of a funnel that was never opened."""
+        return cls(time_s=math.nan, energy_j=math.nan, n_early=0, grains=trial.grains())
+
+
+def _make_factory(section: DischargeSettings, grain_radius_m: float) -> Factory:
+    """Make the factory at the upper end of the collar.
+
+    Grains appear where none of the bounding radius `grain_radius_m` touches the wall.
+    """
+    radius_m = 0.5 * section.funnel.inlet_diameter_m - grain_radius_m
+    return Factory(
+        Disc(radius_m, section.top_m),
+        section.berries,
+        section.rate_per_s,
+        speed_m_s=section.speed_m_s,
+    )
+
+
 def rate_kg_s(exit_s: np.ndarray, mass_kg: np.ndarray) -> float:
     """Compute the mass flow in the middle of a discharge.
 
@@ -137,13 +176,15 @@ def rate_kg_s(exit_s: np.ndarray, mass_kg: np.ndarray) -> float:
     order = np.argsort(exit_s, kind="stable")
     sorted_exit_s = exit_s[order]
     # The mass that has left with each grain and those before it
-    mass_out = np.cumsum(mass_kg[order])
-    total = mass_out[-1]
-    first, last = np.searchsorted(mass_out, [FROM_SHARE * total, TO_SHARE * total])
+    mass_out_kg = np.cumsum(mass_kg[order])
+    total_kg = mass_out_kg[-1]
+    # The grains with which these masses are reached
+    limits_kg = [FROM_SHARE * total_kg, TO_SHARE * total_kg]
+    first, last = np.searchsorted(mass_out_kg, limits_kg)
     duration_s = sorted_exit_s[last] - sorted_exit_s[first]
     if not duration_s > 0.0:
         return math.nan
-    return float((mass_out[last] - mass_out[first]) / duration_s)
+    return float((mass_out_kg[last] - mass_out_kg[first]) / duration_s)
 
 
 @register(NAME)
@@ -195,21 +236,21 @@ class DischargeTest(BenchTest[DischargeSettings]):
         """
         section = self.section(scene.settings)
         funnel = section.funnel
-        radius = 0.5 * funnel.inlet_diameter_m
-
-        # A grain that has just appeared at the top must fit below the end of the walls.
-        wall_top = section.top_m + 2.0 * largest_radius_m
         up = (0.0, 0.0, 1.0)
         outlet = (0.0, 0.0, 0.0)
         lid = dem.Plane(outlet, up, "wall", 0.5 * funnel.outlet_diameter_m)
+
+        # A grain that has just appeared at the top must fit below the end of the walls.
         inlet = (0.0, 0.0, funnel.inlet_height_m)
-        collar_height = section.top_m - inlet[2] + 2.0 * largest_radius_m
-        collar = dem.Cylinder(inlet, up, collar_height, radius, "wall")
+        inlet_radius = 0.5 * funnel.inlet_diameter_m
+        grain_room = 2.0 * largest_radius_m
+        collar_height = section.top_m - funnel.inlet_height_m + grain_room
+        collar = dem.Cylinder(inlet, up, collar_height, inlet_radius, "wall")
         return {
             "capacity": section.berries,
             "walls": {"lid": lid, **funnel.walls("wall"), "collar": collar},
-            "lower": (-radius, -radius, FLOOR_M),
-            "upper": (radius, radius, wall_top),
+            "lower": (-inlet_radius, -inlet_radius, FLOOR_M),
+            "upper": (inlet_radius, inlet_radius, section.top_m + grain_room),
             "exit_height_m": 0.0,
             "curved_walls_above_m": -funnel.rim_radius_m,
             "floor_height_m": FLOOR_M,
@@ -223,62 +264,64 @@ class DischargeTest(BenchTest[DischargeSettings]):
     ) -> Run:
         """Fill the closed funnel, let the grains rest, and open it until it is empty.
 
-        The arrays are ``exit_s`` (N,), when each grain left after the opening [s], NaN
-        where it did not; ``scale`` (N,); and ``position`` (N, 3) [m] and ``quaternion``
-        (N, 4) when the lid was taken away.
+        Parameters
+        ----------
+        scene : Scene
+            What the run depends on.
+        interval_s : float, optional
+            Simulated time between the frames of a film; without it none are recorded.
+        progress : function, optional
+            Called with the simulated time [s] after every advance.
+
+        Returns
+        -------
+        Run
+            The arrays are ``exit_s`` (N,), when each grain left after the opening [s],
+            NaN where it did not; ``scale`` (N,); and ``position`` (N, 3) [m] and
+            ``quaternion`` (N, 4) when the lid was taken away.
         """
         section = self.section(scene.settings)
         settings = scene.simulation
         trial = Trial(self.build, scene, section.berries, interval_s, progress)
         simulation = trial.simulation
-        radius_m = 0.5 * section.funnel.inlet_diameter_m - trial.largest_radius_m
-        factory = Factory(
-            Disc(radius_m, section.top_m),
-            section.berries,
-            section.rate_per_s,
-            speed_m_s=section.speed_m_s,
-        )
+        factory = _make_factory(section, trial.largest_radius_m)
 
         def is_empty() -> bool:
             return bool(np.isfinite(simulation.exit_times_s).all())
 
         check_interval = max(1, settings.steps(scene.scale.interval_s()))
-        opened_s = math.nan
-        rest_energy_j = math.nan
-        n_early = 0
-        grains = None
-        with trial.bound(section.top_m, max(LID_M_S, section.speed_m_s)).guard():
+        fastest_m_s = max(LID_M_S, section.speed_m_s)
+        opening = None
+        with trial.bound(section.top_m, fastest_m_s).guard():
             fill_and_rest(trial, factory, section.open_from_s, check_interval)
-            opened_s = simulation.time_s
-            rest_energy_j = trial.energy_j()
-            grains = trial.grains()
-            n_early = int(np.isfinite(simulation.exit_times_s).sum())
+            opening = _Opening.of(trial)
             simulation.set_motion("lid", dem.Motion(velocity_m_s=(0.0, 0.0, -LID_M_S)))
             last_step = simulation.steps + settings.steps(section.longest_s)
             trial.wait(is_empty, last_step, check_interval)
-        if grains is None:
-            grains = trial.grains()
+        if opening is None:
+            # The run broke a bound before the opening, and is not measured.
+            opening = _Opening.missing(trial)
 
-        exit_s = simulation.exit_times_s - opened_s
+        exit_s = simulation.exit_times_s - opening.time_s
         has_left = np.isfinite(exit_s)
         outcome = Discharge(
             n_filled=simulation.n_bodies,
-            rest_energy_j=rest_energy_j,
-            n_early=n_early,
-            n_late=int(has_left.sum()) - n_early,
+            rest_energy_j=opening.energy_j,
+            n_early=opening.n_early,
+            n_late=int(has_left.sum()) - opening.n_early,
             unstable=trial.broken,
             overlap_share=trial.overlap_share,
         )
         arrays = {
             "exit_s": np.where(has_left, exit_s, np.nan),
-            "scale": grains["scale"],
+            "scale": opening.grains["scale"],
         }
         return self.make_run(
             scene,
             outcome,
-            arrays | grains,
+            arrays | opening.grains,
             trial.frames(),
-            opened_s=opened_s,
+            opened_s=opening.time_s,
             berries_out=outcome.n_late,
         )
 
@@ -315,17 +358,17 @@ class DischargeTest(BenchTest[DischargeSettings]):
         )
         if motion_verdict is not None:
             return motion_verdict
-        n_left = section.berries - outcome.n_late
-        if n_left > 0:
+        n_remaining = section.berries - outcome.n_late
+        if n_remaining > 0:
             return Verdict(
                 "jammed",
-                f"{n_left} grains are still in the funnel {section.longest_s:g} s after "
-                "the opening",
+                f"{n_remaining} grains are still in the funnel {section.longest_s:g} s "
+                "after the opening",
             )
         return OK
 
     def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
-        """Measure time and rate."""
+        """Measure the time to empty and the rate; None for a rate that is not known."""
         exit_s = np.asarray(arrays["exit_s"], float)
         masses = scene.particle.mass_kg * np.asarray(arrays["scale"], float) ** 3
         rate = rate_kg_s(exit_s, masses)

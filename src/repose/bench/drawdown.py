@@ -1,8 +1,9 @@
 """Bench test of the drawdown box: a chamber drains through a slot into one below."""
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
     from repose.measure.silhouette import Grains
 
 NAME = "drawdown"
-# Corners of the six faces of a block, see `_block`.
+# Corners of the six faces of a block, counter-clockwise from outside; see `_block`.
 FACES = (
     (0, 1, 3, 2),
     (4, 6, 7, 5),
@@ -204,6 +205,12 @@ class Box:
             Radius of the edges of the blocks.
         room_m : float
             How much higher the upper walls are than the chamber.
+
+        Returns
+        -------
+        dict
+            Planes and meshes by name, in an order that counts: the engine visits the
+            walls in it.
         """
         walls: dict[str, dem.Plane | dem.Mesh] = {
             "lower_floor": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall"),
@@ -248,22 +255,45 @@ class Box:
 def _block(
     x: Sequence[float], y: Sequence[float], z: Sequence[float], edge_radius_m: float
 ) -> "dem.Mesh":
-    """Make a rectangular block as a mesh; x, y and z are its two ends along each axis."""
-    corners = [(a, b, c) for a in sorted(x) for b in sorted(y) for c in sorted(z)]
+    """Make a rectangular block as a mesh.
+
+    Parameters
+    ----------
+    x, y, z : sequence of float
+        Its two ends along each axis [m], in any order.
+    edge_radius_m : float
+        Radius of its edges.
+    """
+    # `FACES` names the eight corners by their place in this order.
+    corners = list(itertools.product(sorted(x), sorted(y), sorted(z)))
     triangles = []
-    for a, b, c, d in FACES:
-        triangles += [(a, b, c), (a, c, d)]
+    for first, second, third, fourth in FACES:
+        triangles.append((first, second, third))
+        triangles.append((first, third, fourth))
     return dem.Mesh(np.array(corners), np.array(triangles), "wall", edge_radius_m)
 
 
 def back_to_back(centres_m: np.ndarray, box: Box) -> np.ndarray:
-    """Move the grains (N, 3) of both wedges so that they have the shape of a pile.
+    """Move the grains of both wedges so that together they have the shape of a pile.
 
     Their outer walls come to x = 0, and the floor to z = 0.
+
+    Parameters
+    ----------
+    centres_m : array
+        Centres (N, 3) of the grains in the upper chamber.
+    box : Box
+        Sizes of the box.
+
+    Returns
+    -------
+    array
+        The moved centres (N, 3).
     """
-    moved = centres_m - (0.0, 0.0, box.floor)
-    moved[:, 0] -= np.sign(moved[:, 0]) * box.half_width
-    return moved
+    moved_m = centres_m - (0.0, 0.0, box.floor)
+    # The left wedge moves to the right, the right one to the left.
+    moved_m[:, 0] -= np.sign(moved_m[:, 0]) * box.half_width
+    return moved_m
 
 
 # --- run ------------------------------------------------------------------------------
@@ -278,6 +308,80 @@ class Drained(Outcome):
     holds_all: bool  # whether all grains are inside the box
     n_over_slot: int  # grains that rest above the middle of the slot
     energy_j: float  # mean of a grain at the end
+
+
+class _Opening(NamedTuple):
+    """The upper chamber at the moment in which its gate is opened."""
+
+    time_s: float  # since the beginning of the run
+    n_filled: int  # grains in the box
+    n_early: int  # those that were below the gate already
+
+    @classmethod
+    def of(cls, simulation: "dem.Simulation") -> Self:
+        """Describe the present state of the box."""
+        return cls(
+            time_s=simulation.time_s,
+            n_filled=simulation.n_bodies,
+            n_early=int(np.isfinite(simulation.exit_times_s).sum()),
+        )
+
+
+# Stands for the opening of a run that broke a bound before it.
+_NEVER_OPENED = _Opening(time_s=np.nan, n_filled=0, n_early=0)
+
+
+def _make_factory(
+    section: DrawdownSettings, box: Box, grain_radius_m: float
+) -> Factory:
+    """Make the factory above the upper chamber.
+
+    Grains appear where none of the bounding radius `grain_radius_m` touches a wall.
+    """
+    area = Strip(
+        half_x_m=box.half_width - grain_radius_m,
+        half_y_m=box.half_depth - grain_radius_m,
+        height_m=box.top + grain_radius_m,
+    )
+    return Factory(area, section.berries, section.rate_per_s)
+
+
+def _open_gate(trial: Trial, box: Box) -> None:
+    """Move the gate down until it lies below the lower floor, and stop it there."""
+    simulation = trial.simulation
+    simulation.set_motion("gate", dem.Motion(velocity_m_s=(0.0, 0.0, -LID_M_S)))
+    opening_steps = trial.scene.simulation.steps(box.floor / LID_M_S)
+    trial.run_to(simulation.steps + opening_steps)
+    simulation.set_motion("gate", dem.Motion())
+
+
+def _describe_end(trial: Trial, box: Box, opening: _Opening) -> Drained:
+    """Collect the numbers by which a run is judged at its end.
+
+    Parameters
+    ----------
+    trial : Trial
+        The trial at its end.
+    box : Box
+        Sizes of the box.
+    opening : _Opening
+        The box when its gate was opened.
+    """
+    simulation = trial.simulation
+    centres = simulation.positions
+    is_above = centres[:, 2] > box.gate
+    # The middle of the slot is half as wide as the slot.
+    is_over_slot = is_above & (np.abs(centres[:, 0]) < 0.5 * box.half_slot)
+    holds_all = simulation.present.all() and box.holds(centres).all()
+    return Drained(
+        n_filled=opening.n_filled,
+        n_early=opening.n_early,
+        holds_all=bool(holds_all),
+        n_over_slot=int(np.sum(is_over_slot)),
+        energy_j=trial.energy_j(),
+        unstable=trial.broken,
+        overlap_share=trial.overlap_share,
+    )
 
 
 @register(NAME)
@@ -335,7 +439,16 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
     }
 
     def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
-        """Describe the box with its gate closed."""
+        """Describe the box with its gate closed, as `repose.dem.Simulation` takes it.
+
+        Parameters
+        ----------
+        scene : Scene
+            The settings of the box.
+        largest_radius_m : float
+            Bounding radius of the largest grain, which must fit below the upper end of
+            the walls.
+        """
         section = self.section(scene.settings)
         box = Box.of(section)
         room_m = 4.0 * largest_radius_m
@@ -355,55 +468,48 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
     ) -> Run:
         """Fill the upper chamber, let the grains rest, open the gate, and let them rest.
 
-        The arrays are ``position`` (N, 3) [m], ``quaternion`` (N, 4) and ``scale`` (N,)
-        at the end; ``exit_s`` (N,), when each grain left the slot after the opening [s],
-        NaN where it stayed; and ``in_pile`` (N,), the mask of the largest cluster below.
+        Parameters
+        ----------
+        scene : Scene
+            What the run depends on.
+        interval_s : float, optional
+            Simulated time between the frames of a film; without it none are recorded.
+        progress : function, optional
+            Called with the simulated time [s] after every advance.
+
+        Returns
+        -------
+        Run
+            The arrays are ``position`` (N, 3) [m], ``quaternion`` (N, 4) and ``scale``
+            (N,) at the end; ``exit_s`` (N,), when each grain left the slot after the
+            opening [s], NaN where it stayed; and ``in_pile`` (N,), the mask of the
+            largest cluster below.
         """
         section = self.section(scene.settings)
         settings = scene.simulation
         box = Box.of(section)
         trial = Trial(self.build, scene, section.berries, interval_s, progress)
         simulation = trial.simulation
-        radius = trial.largest_radius_m
-        area = Strip(box.half_width - radius, box.half_depth - radius, box.top + radius)
-        factory = Factory(area, section.berries, section.rate_per_s)
+        factory = _make_factory(section, box, trial.largest_radius_m)
 
         check_interval = max(1, settings.steps(scene.scale.interval_s()))
-        n_filled = 0
-        n_early = 0
-        opened_s = np.nan
-        with trial.bound(area.height_m, LID_M_S).guard():
+        opening = _NEVER_OPENED
+        with trial.bound(factory.area.height_m, LID_M_S).guard():
             fill_and_rest(trial, factory, section.open_from_s, check_interval)
-            n_filled = simulation.n_bodies
-            opened_s = simulation.time_s
-            n_early = int(np.isfinite(simulation.exit_times_s).sum())
-            # Move the gate down until it lies below the lower floor.
-            simulation.set_motion("gate", dem.Motion(velocity_m_s=(0.0, 0.0, -LID_M_S)))
-            trial.run_to(simulation.steps + settings.steps(box.floor / LID_M_S))
-            simulation.set_motion("gate", dem.Motion())
+            opening = _Opening.of(simulation)
+            _open_gate(trial, box)
             # Let the grains begin to fall before their rest is checked.
             trial.run_to(simulation.steps + check_interval)
             last_step = simulation.steps + settings.steps(section.longest_s)
             trial.wait(trial.is_at_rest, last_step, check_interval)
 
-        centres = simulation.positions
-        exit_times = simulation.exit_times_s
-        is_above = centres[:, 2] > box.gate
-        is_over_slot = is_above & (np.abs(centres[:, 0]) < 0.5 * box.half_slot)
-        outcome = Drained(
-            n_filled=n_filled,
-            n_early=n_early,
-            holds_all=bool(simulation.present.all() and box.holds(centres).all()),
-            n_over_slot=int(np.sum(is_over_slot)),
-            energy_j=trial.energy_j(),
-            unstable=trial.broken,
-            overlap_share=trial.overlap_share,
-        )
         arrays = trial.grains()
-        arrays["exit_s"] = exit_times - opened_s
+        exit_times_s = simulation.exit_times_s
+        arrays["exit_s"] = exit_times_s - opening.time_s
         arrays["in_pile"] = largest_cluster(
-            simulation.contacts(), np.isfinite(exit_times)
+            simulation.contacts(), np.isfinite(exit_times_s)
         )
+        outcome = _describe_end(trial, box, opening)
         return self.make_run(scene, outcome, arrays, trial.frames(walls=True))
 
     def judge(self, outcome: Drained, settings: SceneSettings) -> Verdict:
@@ -466,25 +572,13 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
             The responses and numbers; an angle that cannot be measured is None. If it
             is a target, status and reason say so.
         """
-        from repose.measure.silhouette import Grains
-
-        particle = scene.particle
-        centres = np.asarray(arrays["position"], float)
-        quaternions = arrays["quaternion"]
-        scales = np.asarray(arrays["scale"], float)
-        is_below = np.isfinite(arrays["exit_s"])
-
+        box = Box.of(self.section(scene.settings))
         # Both angles are measured in one view, that along the slot. The two wedges above
         # are one pile to the measurement, though they need not touch.
         pile_settings = scene.measure.model_copy(update={"views": 1})
         wedge_settings = pile_settings.model_copy(update={"largest_pile_only": False})
-        box = Box.of(self.section(scene.settings))
-        wedge_centres = back_to_back(centres, box)
-        wedges = Grains(wedge_centres, quaternions, particle, scales)[~is_below]
-        is_in_pile = is_below
-        if pile_settings.largest_pile_only:
-            is_in_pile = np.asarray(arrays["in_pile"], bool)
-        pile = Grains(centres, quaternions, particle, scales)[is_in_pile]
+        wedges = _select_wedges(arrays, scene.particle, box)
+        pile = _select_pile(arrays, scene.particle, pile_settings)
 
         measured: dict[str, Any] = {ABOVE.name: None, BELOW.name: None}
         reasons = {}
@@ -496,8 +590,9 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
                 measured[name] = _angle_of_repose(grains, settings)
             except NoFlankError as error:
                 reasons[name] = error.reason
-        measured |= _measure_flow(arrays, particle)
-        return {**self.check_targets(measured, scene.settings, reasons), **measured}
+        measured |= _measure_flow(arrays, scene.particle)
+        fault = self.check_targets(measured, scene.settings, reasons)
+        return {**fault, **measured}
 
     def duration_s(self, settings: SceneSettings) -> float:
         """Return the longest simulated time of a run [s]."""
@@ -516,19 +611,20 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         yield from too_early(section, NAME, "open_from_s")
         if section.slot_mm >= section.width_mm:
             yield "drawdown.slot_mm", f"below drawdown.width_mm, {section.width_mm:g}"
-        floor_mm = section.floor_mm
-        if 4 * section.edge_radius_mm > floor_mm:
+        # The blocks are as thick as the floor, and the gate lies below the floor.
+        thickness_mm = section.floor_mm
+        if 4 * section.edge_radius_mm > thickness_mm:
             yield (
                 "drawdown.edge_radius_mm",
-                f"at most a quarter of drawdown.floor_mm, {floor_mm / 4:g}",
+                f"at most a quarter of drawdown.floor_mm, {thickness_mm / 4:g}",
             )
-        if section.drop_mm <= floor_mm:
-            yield "drawdown.drop_mm", f"above drawdown.floor_mm, {floor_mm:g}"
-        outer_mm = section.width_mm + 2 * floor_mm
-        if section.lower_width_mm < outer_mm:
+        if section.drop_mm <= thickness_mm:
+            yield "drawdown.drop_mm", f"above drawdown.floor_mm, {thickness_mm:g}"
+        outer_width_mm = section.width_mm + 2 * thickness_mm
+        if section.lower_width_mm < outer_width_mm:
             yield (
                 "drawdown.lower_width_mm",
-                f"at least {outer_mm:g}, the upper chamber with its walls",
+                f"at least {outer_width_mm:g}, the upper chamber with its walls",
             )
 
     def misfits(
@@ -542,6 +638,53 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
             "height_mm": axes_mm[0],
         }
         return narrow_openings(self.section(settings), NAME, sizes_mm)
+
+
+def _select_wedges(arrays: Arrays, particle: "Particle", box: Box) -> "Grains":
+    """Select the grains that stayed above, with both wedges moved back to back.
+
+    Parameters
+    ----------
+    arrays : mapping
+        Arrays of the run by name.
+    particle : Particle
+        Body of the grains.
+    box : Box
+        Sizes of the box.
+    """
+    from repose.measure.silhouette import Grains
+
+    is_above = ~np.isfinite(arrays["exit_s"])
+    centres = np.asarray(arrays["position"], float)
+    scales = np.asarray(arrays["scale"], float)
+    wedge_centres = back_to_back(centres, box)
+    return Grains(wedge_centres, arrays["quaternion"], particle, scales)[is_above]
+
+
+def _select_pile(
+    arrays: Arrays, particle: "Particle", settings: "MeasureSettings"
+) -> "Grains":
+    """Select the grains of the pile below.
+
+    Parameters
+    ----------
+    arrays : mapping
+        Arrays of the run by name.
+    particle : Particle
+        Body of the grains.
+    settings : MeasureSettings
+        By its `largest_pile_only` the pile is the largest cluster of the grains below,
+        or all of them.
+    """
+    from repose.measure.silhouette import Grains
+
+    if settings.largest_pile_only:
+        is_in_pile = np.asarray(arrays["in_pile"], bool)
+    else:
+        is_in_pile = np.isfinite(arrays["exit_s"])
+    centres = np.asarray(arrays["position"], float)
+    scales = np.asarray(arrays["scale"], float)
+    return Grains(centres, arrays["quaternion"], particle, scales)[is_in_pile]
 
 
 def _measure_flow(arrays: Arrays, particle: "Particle") -> dict[str, Any]:
