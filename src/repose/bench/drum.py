@@ -1,6 +1,5 @@
 """Bench test of the drum that turns until its bed slips (paper, section 4.2.2)."""
 
-import contextlib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -175,15 +174,19 @@ class RotatingDrum(BenchTest[R]):
     """A bench test with a drum: its vessel, its filling and the surface of its bed."""
 
     def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
-        """Describe the drum."""
+        """Describe the drum, as `repose.dem.Simulation` takes it.
+
+        Its middle is the origin. It is as large for all grains, so `largest_radius_m`
+        has no effect.
+        """
         section = self.section(scene.settings)
         drum = Drum.of(section)
-        half = np.array([drum.radius_m, 0.5 * drum.length_m, drum.radius_m])
+        half_sides = np.array([drum.radius_m, 0.5 * drum.length_m, drum.radius_m])
         return {
             "capacity": section.berries,
             "walls": drum.walls("wall"),
-            "lower": -half,
-            "upper": half,
+            "lower": -half_sides,
+            "upper": half_sides,
         }
 
     def tilt_deg(self, section: R) -> float:
@@ -199,15 +202,21 @@ class RotatingDrum(BenchTest[R]):
         ----------
         scene : Scene
             What the run depends on.
-        largest_scale : float
+        largest_scale : float, optional
             Size of the largest grain as a multiple of the particle.
+
+        Returns
+        -------
+        repose.dem.Simulation
+            The simulation without grains.
         """
         simulation = super().build(scene, largest_scale)
         tilt = math.radians(self.tilt_deg(self.section(scene.settings)))
+        # So far gravity points along -z. Its new part along +y pulls to the low end.
         gravity = simulation.physics.gravity
-        vertical = gravity[2]
-        gravity[1] = -vertical * math.sin(tilt)
-        gravity[2] = vertical * math.cos(tilt)
+        level_gravity_z = gravity[2]
+        gravity[1] = -level_gravity_z * math.sin(tilt)
+        gravity[2] = level_gravity_z * math.cos(tilt)
         return simulation
 
     def empty_drum(
@@ -216,34 +225,35 @@ class RotatingDrum(BenchTest[R]):
         interval_s: float | None = None,
         progress: Progress | None = None,
     ) -> tuple[Trial, Factory]:
-        """Make the trial with the empty drum within its bounds, and its factory.
+        """Make the trial of a drum without grains, and the factory that fills it.
 
         Parameters
         ----------
         scene : Scene
             What the run depends on.
         interval_s : float, optional
-            Time between the frames of a film; None records none.
+            Simulated time between the frames of a film; without it none are recorded.
         progress : Progress, optional
             Called with the simulated time [s] after every advance.
 
         Returns
         -------
         trial : Trial
-            The trial without grains.
+            The trial; the bounds of its run are set.
         factory : Factory
-            What fills it.
+            The factory, inside the drum.
         """
         section = self.section(scene.settings)
         drum = Drum.of(section)
         trial = Trial(self.build, scene, section.berries, interval_s, progress)
-        # The wall gives grains at most the speed of the fastest rotation.
+        # The wall gives grains at most the speed of the fastest rotation. A drum may
+        # have one angular velocity, or a list of several.
         fastest_rad_s = float(np.max(section.angular_velocity_rad_s))
-        trial.bound(drum.radius_m, fastest_rad_s * drum.radius_m)
-        area = drum.factory_area(
-            1e-3 * section.factory_height_mm, trial.largest_radius_m
-        )
-        return trial, Factory(area, section.berries, section.rate_per_s)
+        trial.bound(top_m=drum.radius_m, speed_m_s=fastest_rad_s * drum.radius_m)
+        factory_height_m = 1e-3 * section.factory_height_mm
+        area = drum.factory_area(factory_height_m, trial.largest_radius_m)
+        factory = Factory(area, section.berries, section.rate_per_s)
+        return trial, factory
 
     def n_unplaced(self, trial: Trial) -> int:
         """Count the grains that found no place."""
@@ -280,7 +290,8 @@ class RotatingDrum(BenchTest[R]):
         Parameters
         ----------
         position, quaternion, scale : array
-            Positions (N, 3) [m], orientations (N, 4) and relative sizes (N,).
+            Positions (N, 3) [m], orientations (N, 4) and relative sizes (N,) of the
+            grains.
         scene : Scene
             The scene, with the particle and the settings of the measurement.
 
@@ -327,14 +338,16 @@ class RotatingDrum(BenchTest[R]):
         array
             Angles (T,) [degrees]; NaN where the bed has no surface.
         """
-        angles = np.full(len(position), math.nan)
-        frames = zip(position, quaternion, strict=True)
-        for frame, (centres, quaternions) in enumerate(frames):
-            # A bed without a surface keeps its NaN.
-            with contextlib.suppress(ValueError):
+        angles_deg = []
+        for centres, quaternions in zip(position, quaternion, strict=True):
+            try:
                 surface = self.surface_of(centres, quaternions, scale, scene)
-                angles[frame] = surface.angle_deg
-        return angles
+            except ValueError:
+                # The bed has no surface.
+                angles_deg.append(math.nan)
+            else:
+                angles_deg.append(surface.angle_deg)
+        return np.array(angles_deg, float)
 
     def impossible_filling(self, settings: SceneSettings) -> Contradictions:
         """Yield keys of a drum that cannot be filled or recorded as they say.
@@ -348,6 +361,7 @@ class RotatingDrum(BenchTest[R]):
             A key of the configuration, and what is allowed.
         """
         section = self.section(settings)
+        # The drum must have an inside, and grains must appear there.
         radius_mm = inner_radius_mm(section)
         if radius_mm <= 0:
             yield (
@@ -388,13 +402,15 @@ class RotatingDrum(BenchTest[R]):
             A key of the configuration, and what is allowed.
         """
         section = self.section(settings)
-        longest_mm = max(axes_mm)
-        if section.length_mm <= longest_mm:
+        grain_length_mm = max(axes_mm)
+        if section.length_mm <= grain_length_mm:
             yield (
                 f"{self.name}.length_mm",
-                f"above {longest_mm:.4g}, so that a mean grain fits",
+                f"above {grain_length_mm:.4g}, so that a mean grain fits",
             )
-        highest_mm = inner_radius_mm(section) - longest_mm / 2
+        # A grain whose centre is higher touches the shell. A drum that is narrower than
+        # a grain has room at no height.
+        highest_mm = inner_radius_mm(section) - grain_length_mm / 2
         if abs(section.factory_height_mm) >= highest_mm:
             allowed = "a wider drum"
             if highest_mm > 0:
@@ -469,7 +485,10 @@ class Rotation(DrumOutcome):
     rest_energy_j: float
 
     def rows(self) -> dict[str, int]:
-        """Return the row of the record of each state; without a slip of the first two."""
+        """Return the row of the record by state.
+
+        Without a slip there are only the states at the start and at the report.
+        """
         rows = {"start": 0, "report": self.report}
         if self.slip is not None:
             rows["before"] = self.slip.begins
@@ -477,17 +496,24 @@ class Rotation(DrumOutcome):
         return rows
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """Collect the arrays of the run: the record, and the grains of each state."""
+        """Collect the arrays of the run: the record, and the grains of each state.
+
+        A run that ended before the rotation has no state, and no arrays of states.
+        """
         arrays = {"scale": self.scales, **self.record}
-        if len(self.centres_m):
-            for state, row in self.rows().items():
-                arrays[f"position_{state}"] = self.centres_m[row]
-                arrays[f"quaternion_{state}"] = self.quaternions[row]
-                arrays[f"turned_{state}_deg"] = self.record["turned_deg"][row]
+        if not len(self.centres_m):
+            return arrays
+        for state, row in self.rows().items():
+            arrays[f"position_{state}"] = self.centres_m[row]
+            arrays[f"quaternion_{state}"] = self.quaternions[row]
+            arrays[f"turned_{state}_deg"] = self.record["turned_deg"][row]
         return arrays
 
     def state_numbers(self) -> dict[str, float]:
-        """Return the numbers of the record at each state, by STATE_COLUMN."""
+        """Return the numbers of the record at each state.
+
+        Their names are those of state and column, as ``before_bed_deg``.
+        """
         numbers = {}
         for state, row in self.rows().items():
             for column in RECORD:
@@ -508,18 +534,68 @@ class Rotation(DrumOutcome):
 
 
 class _DrumRecorder:
-    """Records a drum that turns."""
+    """Advances a turning drum, and records its bed at regular times.
 
-    def __init__(self, trial: Trial) -> None:
+    Parameters
+    ----------
+    trial : Trial
+        The drum.
+    section : DrumSettings
+        The section `drum` of the configuration, with the interval of the record.
+
+    Attributes
+    ----------
+    start_s : float
+        Simulated time at which the rotation began.
+    turned_rad : float
+        Angle by which the drum has turned since then.
+    rows : list of _Row
+        The record, a row for each time.
+    centres, quaternions : list of array
+        Positions (N, 3) and orientations (N, 4) of the grains at each time.
+    """
+
+    def __init__(self, trial: Trial, section: DrumSettings) -> None:
+        """Begin an empty record; see the class."""
         self.trial = trial
         self.simulation = trial.simulation
+        self.section = section
+        # Time steps between two rows
+        self.interval = max(1, trial.scene.simulation.steps(section.record_s))
         self.start_s = 0.0
         self.turned_rad = 0.0
         self.rows: list[_Row] = []
         self.centres: list[np.ndarray] = []
         self.quaternions: list[np.ndarray] = []
 
-    def keep(self) -> None:
+    @property
+    def last_row(self) -> _Row:
+        """The last row of the record."""
+        return self.rows[-1]
+
+    @property
+    def half_interval_s(self) -> float:
+        """Half of the time between two rows [s].
+
+        A time counts as reached at the row that is nearest to it.
+        """
+        return 0.5 * (self.interval * self.simulation.time_step_s)
+
+    def start(self) -> None:
+        """Let the drum turn, and record the bed at the beginning of its rotation."""
+        self.start_s = self.simulation.time_s
+        set_rotation(self.simulation, self.section.angular_velocity_rad_s)
+        self.keep_state()
+
+    def advance(self) -> None:
+        """Run one interval, add up the rotation, and record the bed after it."""
+        simulation = self.simulation
+        self.trial.run_to(simulation.steps + self.interval)
+        angular_velocity = simulation.rolling_frame_rad_s[1]
+        self.turned_rad -= self.interval * simulation.time_step_s * angular_velocity
+        self.keep_state()
+
+    def keep_state(self) -> None:
         """Add the present state to the record: the grains, and a row of numbers."""
         from repose.measure import bed
         from repose.measure.silhouette import Grains
@@ -545,34 +621,39 @@ class _DrumRecorder:
         self.centres.append(centres.copy())
         self.quaternions.append(quaternions)
 
-    def advance(self, steps: int) -> None:
-        """Run some time steps, add up the rotation, and record the state after them."""
-        simulation = self.simulation
-        self.trial.run_to(simulation.steps + steps)
-        angular_velocity = simulation.rolling_frame_rad_s[1]
-        self.turned_rad -= steps * simulation.time_step_s * angular_velocity
-        self.keep()
-
     def record(self) -> dict[str, np.ndarray]:
         """Return the columns of the record by name."""
         if not self.rows:
             return {name: np.zeros(0) for name in RECORD}
         return dict(zip(RECORD, np.array(self.rows).T, strict=True))
 
+    def find_slip(self) -> "bed.Slip | None":
+        """Find the first slip of the bed in the record so far; None without a slip."""
+        from repose.measure import bed
 
-def _turn_until_slip(
-    recorder: _DrumRecorder, section: DrumSettings, record_interval: int
-) -> "bed.Slip | None":
+        record = self.record()
+        return bed.find_slip(
+            record["bed_deg"],
+            record["energy_j"],
+            self.section.slip_drop_deg,
+            self.trial.scene.simulation.rest_energy_j,
+        )
+
+    def nearest_row(self, time_s: float) -> int:
+        """Find the row nearest to a simulated time [s]; 0 in an empty record."""
+        if not self.rows:
+            return 0
+        times_s = self.start_s + self.record()["time_s"]
+        return int(np.argmin(np.abs(times_s - time_s)))
+
+
+def _turn_until_slip(recorder: _DrumRecorder) -> "bed.Slip | None":
     """Turn the drum until the bed slips, stop it, and let the bed rest.
 
     Parameters
     ----------
     recorder : _DrumRecorder
         Recorder of the filled drum.
-    section : DrumSettings
-        Times and velocity.
-    record_interval : int
-        Time steps between two rows of the record.
 
     Returns
     -------
@@ -580,44 +661,61 @@ def _turn_until_slip(
         The first slip; None if the bed does not slip in the longest time of rotation, or
         if an energy is not finite.
     """
-    from repose.measure import bed
-
-    simulation = recorder.simulation
-    rest_energy_j = recorder.trial.scene.simulation.rest_energy_j
-    recorder.start_s = simulation.time_s
-    # A time is reached at the row that is nearest to it.
-    half_interval_s = 0.5 * (record_interval * simulation.time_step_s)
-    rotation_end_s = section.longest_rotation_s - half_interval_s
-    report_s = section.report_s - recorder.start_s - half_interval_s
-
-    def find_first_slip() -> "bed.Slip | None":
-        record = recorder.record()
-        return bed.find_slip(
-            record["bed_deg"], record["energy_j"], section.slip_drop_deg, rest_energy_j
-        )
-
-    # Turn the drum until the bed slips.
-    set_rotation(simulation, section.angular_velocity_rad_s)
-    recorder.keep()
+    longest_rotation_s = recorder.section.longest_rotation_s
+    rotation_end_s = longest_rotation_s - recorder.half_interval_s
+    recorder.start()
     while True:
-        row = recorder.rows[-1]
+        row = recorder.last_row
         if row.time_s >= rotation_end_s or not math.isfinite(row.energy_j):
             return None
-        if find_first_slip() is not None:
+        if recorder.find_slip() is not None:
             break
-        recorder.advance(record_interval)
+        recorder.advance()
 
-    # Stop it, and record until the bed rests and the time of the report is over.
-    set_rotation(simulation, 0.0)
-    settling_end_s = row.time_s + section.settle_s
+    _settle(recorder)
+    # The search before found where the slip begins; the record now has its end, too.
+    return recorder.find_slip()
+
+
+def _settle(recorder: _DrumRecorder) -> None:
+    """Stop the drum, and record it until the bed rests and the report is due.
+
+    The bed has at most the time `drum.settle_s`. An energy that is not finite ends the
+    record at once.
+
+    Parameters
+    ----------
+    recorder : _DrumRecorder
+        Recorder of the drum, whose bed has slipped.
+    """
+    section = recorder.section
+    rest_energy_j = recorder.trial.scene.simulation.rest_energy_j
+    settling_end_s = recorder.last_row.time_s + section.settle_s
+    # The report is due at a time since the filling began, not since the rotation.
+    report_s = section.report_s - recorder.start_s - recorder.half_interval_s
+
+    set_rotation(recorder.simulation, 0.0)
     is_over = False
-    while not is_over and math.isfinite(row.energy_j):
-        recorder.advance(record_interval)
-        row = recorder.rows[-1]
+    while not is_over and math.isfinite(recorder.last_row.energy_j):
+        recorder.advance()
+        row = recorder.last_row
         has_settled = row.energy_j < rest_energy_j or row.time_s >= settling_end_s
         is_over = has_settled and row.time_s >= report_s
-    # The search before found where the slip begins; the record now has its end, too.
-    return find_first_slip()
+
+
+def _without_surface(record: Mapping[str, Any], scene: Scene) -> dict[str, Any]:
+    """Make the record of a run whose bed has no surface before or after its slip.
+
+    It has the verdict, and of the numbers of `record` only the beginning of the
+    rotation.
+    """
+    verdict = no_surface(scene)
+    return {
+        "seed": record["seed"],
+        "status": verdict.status,
+        "reason": verdict.reason,
+        "rotation_from_s": record["rotation_from_s"],
+    }
 
 
 @register(NAME)
@@ -678,30 +776,24 @@ class DrumTest(RotatingDrum[DrumSettings]):
             none.
         """
         section = self.section(scene.settings)
-        record_interval = max(1, scene.simulation.steps(section.record_s))
         trial, factory = self.empty_drum(scene, progress=progress)
-        recorder = _DrumRecorder(trial)
+        recorder = _DrumRecorder(trial, section)
+        # Both stay as they are if the run breaks a bound before.
         rest_energy_j = math.nan
         slip = None
         with trial.bounds.guard():
-            fill_and_rest(trial, factory, section.rotate_from_s, record_interval)
+            fill_and_rest(trial, factory, section.rotate_from_s, recorder.interval)
             trial.bounds.look()
             rest_energy_j = trial.energy_j()
-            slip = _turn_until_slip(recorder, section, record_interval)
+            slip = _turn_until_slip(recorder)
 
-        record = recorder.record()
-        # A run that became unstable before the rotation has no rows.
-        report_row = 0
-        if recorder.rows:
-            times = recorder.start_s + record["time_s"]
-            report_row = int(np.argmin(np.abs(times - section.report_s)))
         return Rotation(
-            record=record,
+            record=recorder.record(),
             centres_m=np.array(recorder.centres),
             quaternions=np.array(recorder.quaternions),
             scales=trial.simulation.scales.copy(),
             slip=slip,
-            report=report_row,
+            report=recorder.nearest_row(section.report_s),
             rotation_from_s=recorder.start_s,
             rest_energy_j=rest_energy_j,
             n_unplaced=self.n_unplaced(trial),
@@ -761,8 +853,8 @@ class DrumTest(RotatingDrum[DrumSettings]):
         scene : Scene
             What the run depends on.
         interval_s : float, optional
-            With it the run has frames, at the times of the record; its value does not
-            count.
+            With any value the run has frames, at the times of the record; without it
+            there are none.
         progress : function, optional
             Called with the simulated time [s] after every advance.
 
@@ -777,6 +869,7 @@ class DrumTest(RotatingDrum[DrumSettings]):
         arrays = rotation.arrays()
         frames = None
         if interval_s is not None:
+            # The record has the bed at each of its times already.
             frames = {
                 "position": rotation.centres_m,
                 "quaternion": rotation.quaternions,
@@ -785,9 +878,10 @@ class DrumTest(RotatingDrum[DrumSettings]):
         run = self.make_run(
             scene, rotation, arrays, frames, rotation_from_s=rotation.rotation_from_s
         )
-        if run.record["status"] in MEASURABLE:
+        status = run.record["status"]
+        if status in MEASURABLE:
             run.record.update(rotation.state_numbers())
-        if run.record["status"] == "ok":
+        if status == "ok":
             run.record.update(rotation.slip_numbers())
         return run
 
@@ -819,35 +913,41 @@ class DrumTest(RotatingDrum[DrumSettings]):
         if status not in MEASURABLE:
             return dict(record), no_profile
 
-        # Without a slip there are only the first two states.
         measured = dict(record)
+        # Without a slip a run has only the states at the start and at the report.
         states = STATES if status == "ok" else STATES[:2]
-        angles = self._state_angles(states, arrays, scene)
-        for state, angle in angles.items():
-            measured[f"{state}_surface_deg"] = angle
+        angles_deg = self._state_angles(states, arrays, scene)
+        for state, angle_deg in angles_deg.items():
+            measured[f"{state}_surface_deg"] = angle_deg
         if status == "no_slip":
             return measured, no_profile
 
-        before_deg = angles["before"]
-        after_deg = angles["after"]
+        before_deg = angles_deg["before"]
+        after_deg = angles_deg["after"]
         if before_deg is None or after_deg is None:
-            verdict = no_surface(scene)
-            without_numbers = {
-                "seed": record["seed"],
-                "status": verdict.status,
-                "reason": verdict.reason,
-                "rotation_from_s": record["rotation_from_s"],
-            }
-            return without_numbers, no_profile
+            return _without_surface(record, scene), no_profile
 
         measured["surface_drop_deg"] = before_deg - after_deg
-        motion, profile = self._motion_in_slip(record, arrays, scene)
-        return measured | motion, profile
+        numbers, profile = self._motion_in_slip(record, arrays, scene)
+        return measured | numbers, profile
 
     def _state_angles(
         self, states: Sequence[str], arrays: Arrays, scene: Scene
     ) -> dict[str, float | None]:
-        """Measure the angle of the surface in each state; None where there is none."""
+        """Measure the angle of the surface in some states of the bed.
+
+        Parameters
+        ----------
+        states : sequence of str
+            The states, among `STATES`.
+        arrays, scene
+            As of `measured_run`.
+
+        Returns
+        -------
+        dict
+            Angle [degrees] by state; None where the bed has no surface.
+        """
         angles = self.surface_angles(
             np.array([arrays[f"position_{state}"] for state in states]),
             np.array([arrays[f"quaternion_{state}"] for state in states]),
@@ -880,30 +980,50 @@ class DrumTest(RotatingDrum[DrumSettings]):
         """
         from repose.measure import bed
 
-        before = arrays["position_before"]
-        after = arrays["position_after"]
+        before_m = arrays["position_before"]
+        after_m = arrays["position_after"]
+        # The depth of a grain is its distance from the surface before the slip.
         surface = self.surface_of(
-            before, arrays["quaternion_before"], arrays["scale"], scene
+            before_m, arrays["quaternion_before"], arrays["scale"], scene
         )
         # The drum turned during the slip; the bed's motion is counted relative to it.
         turned_deg = record["after_turned_deg"] - record["before_turned_deg"]
-        depth, motion = bed.slip_displacement(
-            before, after, math.radians(turned_deg), surface
+        depth_m, motion_m = bed.slip_displacement(
+            before_m, after_m, math.radians(turned_deg), surface
         )
         bin_m = 1e-3 * self.section(scene.settings).depth_bin_mm
-        profile_m = bed.depth_profile(depth, motion, bin_m)
-        profile = profile_m * (1e3, 1e3, 1e3, 1.0)
+        profile_m = bed.depth_profile(depth_m, motion_m, bin_m)
+        # Three columns are lengths; the last is a number of grains.
+        profile_mm = profile_m * (1e3, 1e3, 1e3, 1.0)
+
+        surface_moved_mm = None
+        wall_moved_mm = None
+        if len(profile_mm):
+            surface_moved_mm = float(profile_mm[0, 1])
+            wall_moved_mm = float(profile_mm[-1, 1])
         numbers = {
-            "moved_share": bed.moved_share(motion, scene.particle),
-            "surface_moved_mm": float(profile[0, 1]) if len(profile) else None,
-            "wall_moved_mm": float(profile[-1, 1]) if len(profile) else None,
+            "moved_share": bed.moved_share(motion_m, scene.particle),
+            "surface_moved_mm": surface_moved_mm,
+            "wall_moved_mm": wall_moved_mm,
         }
-        return numbers, profile
+        return numbers, profile_mm
 
     def measure(
         self, record: Mapping[str, Any], arrays: Arrays, scene: Scene
     ) -> dict[str, Any]:
-        """Return the result of `measured_run`, with the responses under their names."""
+        """Measure a run, as `measured_run`, and give the responses their names.
+
+        Parameters
+        ----------
+        record, arrays, scene
+            As of `measured_run`.
+
+        Returns
+        -------
+        dict
+            The record with all numbers. The responses are None in a run that is not
+            ``ok``.
+        """
         measured, _ = self.measured_run(record, arrays, scene)
         is_ok = measured["status"] == "ok"
         responses = {

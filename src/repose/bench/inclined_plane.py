@@ -126,7 +126,9 @@ NO_LAYER = Layer(np.empty((0, 3)), np.array([1.0, 0.0, 0.0, 0.0]), 0.0)
 
 
 def layer(particle: "Particle", azimuth: float = 0.0) -> Layer:
-    """Lay grains flat and close together around a pocket between them on the z axis.
+    """Make a layer of grains that lie flat and close together on a plane.
+
+    The z axis goes through a pocket between three of them.
 
     The layer is the closest one of spheres, stretched along x and y as the grain is.
     Grains that are no ellipsoids lie farther apart, as far as they need.
@@ -145,36 +147,47 @@ def layer(particle: "Particle", azimuth: float = 0.0) -> Layer:
     """
     from scipy.spatial.transform import Rotation
 
-    half_extents = particle.dem_shape("berry").half_extents_m
     # Turn the body's longest axis along x, and its shortest up.
-    order = np.argsort(half_extents)[::-1]
-    long_half, middle_half, short_half = half_extents[order]
-    body_axes = np.eye(3)[order]
-    # A rotation has the determinant +1; a reflection becomes one by an axis reversed.
+    half_extents = particle.dem_shape("berry").half_extents_m
+    longest_first = np.argsort(half_extents)[::-1]
+    half_x, half_y, half_z = half_extents[longest_first]
+    body_axes = np.eye(3)[longest_first]
+    # A rotation has the determinant +1. Reverse an axis where the order of the axes is a
+    # reflection, whose determinant is -1.
     body_axes[2] *= np.linalg.det(body_axes)
 
     # Stretch a layer of unit spheres, and cut a round piece out of it.
-    stretch = np.array([long_half, middle_half, 0.0])
+    stretch = np.array([half_x, half_y, 0.0])
     spacing = _layer_spacing(particle, body_axes, stretch)
     centres = spacing * _sphere_layer() * stretch
     distances = np.hypot(*centres[:, :2].T)
-    layer_centres = centres[distances < LAYER_RADIUS * particle.bounding_radius_m]
+    round_piece = centres[distances < LAYER_RADIUS * particle.bounding_radius_m]
 
+    # Turn the whole layer about z.
     turn = Rotation.from_euler("z", azimuth)
     orientation = turn * Rotation.from_matrix(body_axes)
     return Layer(
-        centres_m=turn.apply(layer_centres),
+        centres_m=turn.apply(round_piece),
         quaternion=orientation.as_quat(scalar_first=True),
-        depth_m=float(short_half),
+        depth_m=float(half_z),
     )
 
 
 def _sphere_layer() -> np.ndarray:
-    """Place spheres of radius 1 in a close layer (N, 3) about a pocket at the origin."""
+    """Place spheres of radius 1 in a close layer about a pocket at the origin.
+
+    Returns
+    -------
+    array
+        Their centres (N, 3), at z = 0.
+    """
     n = math.ceil(LAYER_RADIUS)
     numbers = np.arange(-2 * n, 2 * n + 1)
-    place, row = (grid.ravel() for grid in np.meshgrid(numbers, numbers))
-    # In each row the spheres are shifted by a radius. The pocket lies between three.
+    places, rows = np.meshgrid(numbers, numbers)
+    place = places.ravel()
+    row = rows.ravel()
+    # Each row is shifted by a radius against the row before. The pocket, which lies
+    # between three spheres, is moved to the origin.
     x = 2.0 * place + row - 1.0
     y = math.sqrt(3.0) * row - 1.0 / math.sqrt(3.0)
     return np.column_stack([x, y, 0.0 * place])
@@ -187,6 +200,21 @@ def _layer_spacing(
 
     Two ellipsoids of a stretched layer just touch. Other shapes may be wider in the
     direction in which they would touch, and need as much more room.
+
+    Parameters
+    ----------
+    particle : Particle
+        Body of the grains.
+    body_axes : array
+        Rotation matrix (3, 3) from the body's frame to that of the layer.
+    stretch : array
+        Factors (3,) by which a layer of unit spheres is stretched; that along z does
+        not count.
+
+    Returns
+    -------
+    float
+        The factor, at least `LAYER_SPACING`.
     """
     # Three neighbours of a unit sphere; the other three lie opposite.
     neighbours = np.array(
@@ -194,9 +222,10 @@ def _layer_spacing(
     )
     # Normals of the planes in which the stretched spheres touch
     normals = np.column_stack([neighbours[:, :2] / stretch[:2], np.zeros(3)])
+    # A body fits if it is no wider along a normal than the distance of its neighbour.
+    distances = (neighbours * stretch * normals).sum(axis=1)
     body_normals = normals @ body_axes
     widths = particle.support(body_normals) + particle.support(-body_normals)
-    distances = (neighbours * stretch * normals).sum(axis=1)
     return LAYER_SPACING * max(1.0, float((widths / distances).max()))
 
 
@@ -222,18 +251,34 @@ class Tilting(Outcome):
 
 
 def sled_parameters(parameters: Mapping[str, float], surface: str) -> dict[str, float]:
-    """Make the parameters of a sled, whose rolling friction is so high that it slides.
+    """Make the contact parameters of a sled: a grain that slides before it can roll.
 
-    It would only roll at twice the slope at which it slides.
+    Its rolling friction is so high that it would only roll at twice the slope at which
+    it slides.
+
+    Parameters
+    ----------
+    parameters : mapping
+        Contact parameters of the grain by name.
+    surface : str
+        Kind of the surface, by which the contact is that of a grain with the wall
+        (``gp``) or with another grain (``gg``).
+
+    Returns
+    -------
+    dict
+        The parameters with another rolling friction of that contact.
     """
     pair = "gp" if surface == "wall" else "gg"
-    rolling = max(parameters[f"mur_{pair}"], 2.0 * parameters[f"mus_{pair}"])
-    return {**parameters, f"mur_{pair}": rolling}
+    sliding_friction = parameters[f"mus_{pair}"]
+    rolling_friction = max(parameters[f"mur_{pair}"], 2.0 * sliding_friction)
+    return {**parameters, f"mur_{pair}": rolling_friction}
 
 
 def azimuth_of(seed: int) -> float:
-    """Draw the azimuth of a glued layer [rad]."""
-    return float(np.random.default_rng([seed, 1]).uniform(0.0, 2.0 * math.pi))
+    """Draw the azimuth of a glued layer [rad] by the seed of a run."""
+    rng = np.random.default_rng([seed, 1])
+    return float(rng.uniform(0.0, 2.0 * math.pi))
 
 
 def _lay_down(trial: Trial, section: InclinedPlaneSettings) -> None:
@@ -290,29 +335,39 @@ def _tilt(trial: Trial, section: InclinedPlaneSettings) -> list[_Motion]:
         return []
     simulation = trial.simulation
     settings = trial.scene.simulation
-    gravity = settings.gravity_m_s2
-    interval = max(1, settings.steps(trial.scene.scale.interval_s(TILT_TIMES)))
+    check_interval = max(1, settings.steps(trial.scene.scale.interval_s(TILT_TIMES)))
     first_step = simulation.steps
     first_position = simulation.positions[-1].copy()
-    # The distance that counts as a motion
-    half_axis_m = float(min(simulation.shapes["berry"].half_extents_m))
-    limit_m = MOVED_SHARE * 2.0 * half_axis_m * simulation.scales[-1]
+    smallest_motion_m = _smallest_motion_m(simulation)
     motions = []
     while True:
-        n_steps = simulation.steps - first_step
-        angle_deg = section.tilting_deg_s * n_steps * settings.time_step_s
+        tilting_steps = simulation.steps - first_step
+        angle_deg = section.tilting_deg_s * tilting_steps * settings.time_step_s
         motions.append(_read_motion(simulation, angle_deg, section.surface))
         displacement = simulation.positions[-1] - first_position
-        has_moved = np.hypot(*displacement[:2]) > limit_m
+        has_moved = np.hypot(*displacement[:2]) > smallest_motion_m
         if has_moved or angle_deg >= section.steepest_deg:
             return motions
-        angle = math.radians(angle_deg)
-        simulation.physics.gravity[:] = (
-            gravity * math.sin(angle),
-            0.0,
-            -gravity * math.cos(angle),
-        )
-        trial.run_to(simulation.steps + interval)
+        _tilt_gravity(simulation, settings.gravity_m_s2, math.radians(angle_deg))
+        trial.run_to(simulation.steps + check_interval)
+
+
+def _smallest_motion_m(simulation: "dem.Simulation") -> float:
+    """Compute the distance from which on the free grain counts as moved [m]."""
+    shortest_half_axis_m = float(min(simulation.shapes["berry"].half_extents_m))
+    scale = simulation.scales[-1]
+    return MOVED_SHARE * 2.0 * shortest_half_axis_m * scale
+
+
+def _tilt_gravity(
+    simulation: "dem.Simulation", gravity_m_s2: float, angle: float
+) -> None:
+    """Turn gravity by an angle [rad] from -z towards +x, down the tilted plane."""
+    simulation.physics.gravity[:] = (
+        gravity_m_s2 * math.sin(angle),
+        0.0,
+        -gravity_m_s2 * math.cos(angle),
+    )
 
 
 def _read_motion(
@@ -320,27 +375,32 @@ def _read_motion(
 ) -> _Motion:
     """Read the motion of the free grain, the last body of the simulation.
 
-    It slides at the speed of its lowest point on the plane. On a glued layer there is
-    no such point, and the speed is 0.
-
     Parameters
     ----------
     simulation : repose.dem.Simulation
         The simulation.
     angle_deg : float
-        Present angle of the plane.
+        Present angle of the plane, which is kept with the motion.
     surface : str
         Kind of the surface; ``glued`` stands for a layer of grains.
+
+    Returns
+    -------
+    _Motion
+        The motion. The grain slides at the speed of its lowest point on the plane; on a
+        glued layer there is no such point, and the speed is 0.
     """
     velocity = simulation.velocities[-1]
-    slide_m_s = 0.0
-    if surface != "glued":
-        height = simulation.positions[-1][2]
-        spin = simulation.angular_velocities[-1]
-        # The lowest point lies below the centre, which moves and turns.
-        lowest_velocity = velocity + np.cross(spin, (0.0, 0.0, -height))
-        slide_m_s = float(np.hypot(*lowest_velocity[:2]))
-    return _Motion(angle_deg, float(np.linalg.norm(velocity)), slide_m_s)
+    speed = float(np.linalg.norm(velocity))
+    if surface == "glued":
+        return _Motion(angle_deg, speed_m_s=speed, slide_m_s=0.0)
+    # The lowest point lies on the plane z = 0, below the centre, which moves and turns.
+    height = simulation.positions[-1][2]
+    angular_velocity = simulation.angular_velocities[-1]
+    from_centre = (0.0, 0.0, -height)
+    lowest_velocity = velocity + np.cross(angular_velocity, from_centre)
+    slide_speed = float(np.hypot(*lowest_velocity[:2]))
+    return _Motion(angle_deg, speed_m_s=speed, slide_m_s=slide_speed)
 
 
 def tilted_frames(
@@ -362,34 +422,51 @@ def tilted_frames(
     dict
         The frames, with the angles ``tilt_deg`` (T,).
     """
-    times = np.asarray(frames["time_s"])
+    time_s = np.asarray(frames["time_s"])
     # The plane tilts at a constant rate up to the last frame; before, it is level.
-    tilt_deg = last_deg + section.tilting_deg_s * (times - times.max(initial=0.0))
+    time_from_end_s = time_s - time_s.max(initial=0.0)
+    tilt_deg = last_deg + section.tilting_deg_s * time_from_end_s
     tilt_deg = np.maximum(tilt_deg, 0.0)
     angle = np.radians(tilt_deg)
-
-    # A row of a plane holds a point and the normal that points into the wall.
-    planes = np.array(frames["planes"], float)
-    normal = np.column_stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)])
-    height = planes[:, :1, 2]
-    planes[:, 0, :3] = height * normal
-    planes[:, 0, 3:6] = -normal
+    position = np.asarray(frames["position"], float)
+    quaternion = np.asarray(frames["quaternion"], float)
     return {
         **frames,
-        "position": _rotate_positions(np.asarray(frames["position"], float), angle),
-        "quaternion": _rotate_bodies(np.asarray(frames["quaternion"], float), angle),
-        "planes": planes,
+        "position": _rotate_positions(position, angle),
+        "quaternion": _rotate_bodies(quaternion, angle),
+        "planes": _rotate_plane(np.array(frames["planes"], float), angle),
         "tilt_deg": tilt_deg,
     }
 
 
-# --- measure --------------------------------------------------------------------------
+def _rotate_plane(planes: np.ndarray, angle: np.ndarray) -> np.ndarray:
+    """Rotate a level plane by angles (T,) [rad] about +y, which lowers +x.
+
+    Parameters
+    ----------
+    planes : array
+        The plane at T times (T, 1, 6 or more): a point, the normal that points into the
+        wall, and other columns, which stay. It is changed in place.
+    angle : array
+        The angles.
+
+    Returns
+    -------
+    array
+        The rotated plane.
+    """
+    up = np.column_stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)])
+    height = planes[:, :1, 2]
+    planes[:, 0, :3] = height * up
+    planes[:, 0, 3:6] = -up
+    return planes
 
 
 def _rotate_positions(position: np.ndarray, angle: np.ndarray) -> np.ndarray:
     """Rotate positions (T, N, 3) by angles (T,) [rad] about +y, which lowers +x."""
-    cos = np.cos(angle)[:, None]
-    sin = np.sin(angle)[:, None]
+    # One angle for the N grains of a time
+    cos = np.cos(angle)[:, np.newaxis]
+    sin = np.sin(angle)[:, np.newaxis]
     x, y, z = np.moveaxis(position, -1, 0)
     return np.stack([cos * x + sin * z, y, cos * z - sin * x], axis=-1)
 
@@ -399,12 +476,16 @@ def _rotate_bodies(quaternion: np.ndarray, angle: np.ndarray) -> np.ndarray:
 
     The rotation is the quaternion (cos a/2, 0, sin a/2, 0), multiplied from the left.
     """
-    c = np.cos(angle / 2.0)[:, None]
-    s = np.sin(angle / 2.0)[:, None]
+    # One angle for the N grains of a time
+    c = np.cos(angle / 2.0)[:, np.newaxis]
+    s = np.sin(angle / 2.0)[:, np.newaxis]
     w, x, y, z = np.moveaxis(quaternion, -1, 0)
     return np.stack(
         [c * w - s * y, c * x + s * z, c * y + s * w, c * z - s * x], axis=-1
     )
+
+
+# --- measure --------------------------------------------------------------------------
 
 
 def beginning_deg(angle_deg: np.ndarray, speed_m_s: np.ndarray) -> float | None:
@@ -426,12 +507,17 @@ def beginning_deg(angle_deg: np.ndarray, speed_m_s: np.ndarray) -> float | None:
     """
     speed_roots = np.sqrt(speed_m_s)
     # The line goes through all roots after the last small one.
-    slow = np.flatnonzero(speed_roots < FROM_SHARE * speed_roots[-1])
-    if slow.size == 0 or len(speed_roots) - slow[-1] < FEWEST_SPEEDS:
+    small_roots = np.flatnonzero(speed_roots < FROM_SHARE * speed_roots[-1])
+    if small_roots.size == 0:
         return None
-    first = slow[-1] + 1
+    last_small = small_roots[-1]
+    if len(speed_roots) - last_small < FEWEST_SPEEDS:
+        return None
+    first = last_small + 1
     slope, offset = np.polyfit(angle_deg[first:], speed_roots[first:], 1)
-    return float(-offset / slope) if slope > 0.0 else None
+    if not slope > 0.0:
+        return None
+    return float(-offset / slope)
 
 
 def _judge_motion(
@@ -455,16 +541,17 @@ def _judge_motion(
     text : str
         The motion in words.
     """
-    angle_deg, speed, slide = (
+    angle_deg, speed_m_s, slide_m_s = (
         np.asarray(arrays[f"{body}_{column}"], float) for column in COLUMNS
     )
     last_deg = angle_deg[-1]
     if last_deg >= steepest_deg:
         return None, f"the {body} stays up to {steepest_deg:g} degrees"
-    if body == GRAIN and slide[-1] > SLIDING_SHARE * speed[-1]:
+    # A grain that rolls has its lowest point nearly at rest.
+    if body == GRAIN and slide_m_s[-1] > SLIDING_SHARE * speed_m_s[-1]:
         text = f"the grain slides at {last_deg:.1f} degrees and does not roll"
         return None, text
-    first_deg = beginning_deg(angle_deg, speed)
+    first_deg = beginning_deg(angle_deg, speed_m_s)
     if first_deg is None:
         text = (
             f"the {body} moves and stops, with no steady motion up to "
@@ -472,6 +559,70 @@ def _judge_motion(
         )
         return None, text
     return first_deg, f"the {body} begins to move at {first_deg:.2f} degrees"
+
+
+def _lay_down_and_tilt(trial: Trial, section: InclinedPlaneSettings) -> list[_Motion]:
+    """Lay a body on the plane, tilt it, and return the motion of the body.
+
+    Parameters
+    ----------
+    trial : Trial
+        The plane without a free grain; it is advanced within its bounds.
+    section : InclinedPlaneSettings
+        The section `inclined_plane` of the configuration.
+
+    Returns
+    -------
+    list of _Motion
+        As of `_tilt`; also empty if a bound is broken.
+    """
+    motions: list[_Motion] = []
+    with trial.bound(4.0 * trial.largest_radius_m).guard():
+        _lay_down(trial, section)
+        motions = _tilt(trial, section)
+    return motions
+
+
+def _add_to_outcome(
+    outcome: Tilting, body: str, trial: Trial, motions: Sequence[_Motion]
+) -> Tilting:
+    """Add the trial of a body to the outcome of a run.
+
+    Parameters
+    ----------
+    outcome : Tilting
+        The outcome of the bodies before.
+    body : str
+        `SLED` or `GRAIN`.
+    trial : Trial
+        The trial of the body.
+    motions : sequence of _Motion
+        Its motion; none if it did not rest before the tilting.
+
+    Returns
+    -------
+    Tilting
+        The outcome of this body alone if it has a fault; else that of all bodies, with
+        their largest overlap.
+    """
+    if trial.broken:
+        return Tilting(
+            restless=body,
+            unstable=f"{body}: {trial.broken}",
+            overlap_share=trial.overlap_share,
+        )
+    if not motions:
+        return Tilting(restless=body, overlap_share=trial.overlap_share)
+    overlap_share = max(outcome.overlap_share, trial.overlap_share)
+    return replace(outcome, overlap_share=overlap_share)
+
+
+def _motion_arrays(body: str, motions: Sequence[_Motion]) -> dict[str, np.ndarray]:
+    """Make the arrays (T,) of a body's motion, as ``sled_angle_deg``, by name."""
+    columns = np.array(motions).reshape(-1, len(COLUMNS)).T
+    return {
+        f"{body}_{name}": column for name, column in zip(COLUMNS, columns, strict=True)
+    }
 
 
 @register(NAME)
@@ -502,10 +653,19 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
     }
 
     def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
-        """Describe the level plane; grains glued on it have their centres at height 0."""
+        """Describe the level plane, as `repose.dem.Simulation` takes it.
+
+        Parameters
+        ----------
+        scene : Scene
+            The settings of the plane.
+        largest_radius_m : float
+            Bounding radius of the largest grain.
+        """
         surface = self.section(scene.settings).surface
         material = "berry" if surface == "berry" else "wall"
         glued = self.glued_layer(scene)
+        # Grains that are glued on the plane have their centres at height 0.
         origin = (0.0, 0.0, -glued.depth_m)
         # Pictures draw the plane as far as the box reaches, also when it is tilted.
         half = 4.0 * largest_radius_m
@@ -525,7 +685,17 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
     def build(
         self, scene: Scene, largest_scale: float = 1.0, azimuth: float = 0.0
     ) -> "dem.Simulation":
-        """Make the level plane without a free grain; `azimuth` [rad] turns its layer."""
+        """Make the level plane with its glued layer, without a free grain.
+
+        Parameters
+        ----------
+        scene : Scene
+            What the run depends on.
+        largest_scale : float, optional
+            Size of the largest grain as a multiple of the particle.
+        azimuth : float, optional
+            Angle [rad] by which the glued layer is turned about z.
+        """
         simulation = super().build(scene, largest_scale)
         glued = self.glued_layer(scene, azimuth)
         for centre in glued.centres_m:
@@ -557,34 +727,24 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
             (T,) and ``BODY_slide_m_s`` (T,), the speed of its lowest point.
         """
         section = self.section(scene.settings)
-        sled = replace(
+        build = partial(self.build, azimuth=azimuth_of(scene.seed))
+        sled_scene = replace(
             scene, parameters=sled_parameters(scene.parameters, section.surface)
         )
-        outcome = Tilting()
-        arrays: dict[str, np.ndarray] = {}
-        for body, body_scene, film_s in (
-            (SLED, sled, None),
-            (GRAIN, scene, interval_s),
-        ):
-            build = partial(self.build, azimuth=azimuth_of(scene.seed))
-            trial = Trial(build, body_scene, 1, film_s, progress)
-            motions: list[_Motion] = []
-            with trial.bound(4.0 * trial.largest_radius_m).guard():
-                _lay_down(trial, section)
-                motions = _tilt(trial, section)
-            # One outcome stands for both bodies; the last fault counts.
-            if trial.broken:
-                outcome = Tilting(restless=body, unstable=f"{body}: {trial.broken}")
-            elif not motions:
-                outcome = Tilting(restless=body)
-            overlap_share = max(outcome.overlap_share, trial.overlap_share)
-            outcome = replace(outcome, overlap_share=overlap_share)
-            columns = np.array(motions).reshape(-1, len(COLUMNS)).T
-            for name, column in zip(COLUMNS, columns, strict=True):
-                arrays[f"{body}_{name}"] = column
+        sled_trial = Trial(build, sled_scene, 1, progress=progress)
+        sled_motions = _lay_down_and_tilt(sled_trial, section)
+        grain_trial = Trial(build, scene, 1, interval_s, progress)
+        grain_motions = _lay_down_and_tilt(grain_trial, section)
 
-        # The last trial is that of the grain, which is filmed.
-        frames = trial.frames(walls=True)
+        # One outcome stands for both bodies; the last fault counts.
+        outcome = Tilting()
+        outcome = _add_to_outcome(outcome, SLED, sled_trial, sled_motions)
+        outcome = _add_to_outcome(outcome, GRAIN, grain_trial, grain_motions)
+        arrays = {
+            **_motion_arrays(SLED, sled_motions),
+            **_motion_arrays(GRAIN, grain_motions),
+        }
+        frames = grain_trial.frames(walls=True)
         if frames is not None:
             last_deg = float(arrays[f"{GRAIN}_angle_deg"].max(initial=0.0))
             frames = tilted_frames(frames, section, last_deg)
@@ -618,15 +778,17 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
             the body stays or stops, or if the grain slides.
         """
         steepest_deg = self.section(scene.settings).steepest_deg
-        measured: dict[str, Any] = {SLIP.name: None, ROLL.name: None, "motion": None}
-        descriptions = {}
-        for response, body in ((SLIP, SLED), (ROLL, GRAIN)):
-            angle_deg, text = _judge_motion(arrays, body, steepest_deg)
-            measured[response.name] = angle_deg
-            descriptions[response.name] = text
-        measured["motion"] = "; ".join(descriptions.values())
-        targets = self.check_targets(measured, scene.settings, descriptions)
-        return {**targets, **measured}
+        slip_deg, sled_text = _judge_motion(arrays, SLED, steepest_deg)
+        roll_deg, grain_text = _judge_motion(arrays, GRAIN, steepest_deg)
+        measured = {
+            SLIP.name: slip_deg,
+            ROLL.name: roll_deg,
+            "motion": f"{sled_text}; {grain_text}",
+        }
+        # A target without an angle has the motion of its body as the reason.
+        reasons = {SLIP.name: sled_text, ROLL.name: grain_text}
+        fault = self.check_targets(measured, scene.settings, reasons)
+        return {**fault, **measured}
 
     def duration_s(self, settings: SceneSettings) -> float:
         """Return the longest simulated time of both tiltings [s]."""
@@ -645,11 +807,14 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
     def misfits(
         self, settings: SceneSettings, axes_mm: Sequence[float]
     ) -> Contradictions:
-        """Yield a rate of tilting that is too fast to see with such a grain."""
+        """Yield the rate of tilting if it leaves too few looks at the mean grain.
+
+        `axes_mm` are the full axes of the mean grain.
+        """
         section = self.section(settings)
         scale = GrainScale.of_axes(axes_mm, settings.simulation.gravity_m_s2)
-        look_s = scale.interval_s(TILT_TIMES)
-        fastest_deg_s = section.steepest_deg / (FEWEST_CHECKS * look_s)
+        interval_s = scale.interval_s(TILT_TIMES)
+        fastest_deg_s = section.steepest_deg / (FEWEST_CHECKS * interval_s)
         if section.tilting_deg_s > fastest_deg_s:
             yield (
                 "inclined_plane.tilting_deg_s",
