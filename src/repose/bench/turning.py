@@ -48,7 +48,16 @@ RESPONSE_NAME = re.compile(
 
 
 def _angle(name: str, speed: str | None) -> Response:
-    """Make the response of the angle at a speed; the first speed has no number."""
+    """Make the response of the angle at a speed.
+
+    Parameters
+    ----------
+    name : str
+        Name of the response.
+    speed : str or None
+        Number of the speed, from 2 on; None for the first, which has no number in its
+        texts.
+    """
     return Response(
         name=name,
         unit="deg",
@@ -62,7 +71,17 @@ def _angle(name: str, speed: str | None) -> Response:
 
 
 def _profile_score(name: str, speed: str | None, score: str) -> Response:
-    """Make the response of a score of the profile at a speed."""
+    """Make the response of a score of the profile at a speed.
+
+    Parameters
+    ----------
+    name : str
+        Name of the response.
+    speed : str or None
+        Number of the speed, as of `_angle`.
+    score : str
+        Number of the score, from 1 on.
+    """
     turning = "drum, turning" + (f", speed {speed}" if speed else "")
     return Response(
         name=name,
@@ -78,7 +97,10 @@ def _profile_score(name: str, speed: str | None, score: str) -> Response:
 
 
 def speed_index(response_name: str) -> int:
-    """Find the index of a response's speed, from 0, by its name."""
+    """Find the index of a response's speed, from 0, by its name.
+
+    The first speed has no number in the name, and other names stand for it, too.
+    """
     match = RESPONSE_NAME.fullmatch(response_name)
     if match is None or match["speed"] is None:
         return 0
@@ -166,12 +188,30 @@ class _Frames:
     speed: list[int] = field(default_factory=list)
 
     def add(self, trial: Trial, time_s: float, speed: int) -> None:
-        """Add the present state of the bed."""
+        """Add the present state of the bed.
+
+        Parameters
+        ----------
+        trial : Trial
+            The drum with its bed.
+        time_s : float
+            Time since the drum took its speed.
+        speed : int
+            Index of that speed.
+        """
         grains = trial.grains()
         self.time_s.append(time_s)
         self.position.append(grains["position"])
         self.quaternion.append(grains["quaternion"])
         self.speed.append(speed)
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Collect the frames as arrays over the times, without the speeds."""
+        return {
+            "time_s": np.array(self.time_s),
+            "position": np.array(self.position),
+            "quaternion": np.array(self.quaternion),
+        }
 
 
 class _Beds(NamedTuple):
@@ -290,12 +330,9 @@ class TurningTest(RotatingDrum[TurningSettings]):
             for index, speed in enumerate(section.speeds()):
                 set_rotation(simulation, speed.angular_velocity_rad_s)
                 self._turn(trial, speed, index, frames)
-        arrays = {
-            "time_s": np.array(frames.time_s),
-            "position": np.array(frames.position),
-            "quaternion": np.array(frames.quaternion),
-            "scale": simulation.scales.astype(np.float32),
-        }
+
+        arrays = frames.arrays()
+        arrays["scale"] = simulation.scales.astype(np.float32)
         if section.n_speeds > 1:
             arrays["speed"] = np.array(frames.speed)
         outcome = DrumOutcome(
@@ -323,11 +360,11 @@ class TurningTest(RotatingDrum[TurningSettings]):
         """
         settings = trial.scene.simulation
         section = self.section(trial.scene.settings)
-        record_interval = max(1, settings.steps(section.record_s))
+        interval = max(1, settings.steps(section.record_s))
         first_step = trial.simulation.steps
-        last_step = settings.steps(speed.until_s)
-        # Time steps are counted from the beginning of this speed.
-        for step in range(record_interval, last_step + 1, record_interval):
+        n_steps = settings.steps(speed.until_s)
+        # These time steps are counted from the beginning of this speed.
+        for step in range(interval, n_steps + 1, interval):
             trial.run_to(first_step + step)
             time_s = step * settings.time_step_s
             if time_s >= speed.from_s:
@@ -354,33 +391,28 @@ class TurningTest(RotatingDrum[TurningSettings]):
             ``ok``, or whose bed has no surface in one of its frames.
         """
         section = self.section(scene.settings)
-        profiles = {
-            target["response"]: target["profile"]
-            for target in scene.settings.targets_of(NAME)
-            if "profile" in target
-        }
-        angle_names = ["turning_deg"]
-        for number in range(2, section.n_speeds + 1):
-            angle_names.append(f"turning_{number}_deg")
+        angle_names = _angle_names(section)
+        profiles = _target_profiles(scene.settings)
         no_numbers = dict.fromkeys((*angle_names, *profiles))
         if record["status"] != "ok":
             return {**record, **no_numbers}
 
         measured: dict[str, float] = {}
-        for index, name in enumerate(angle_names):
+        for index, angle_name in enumerate(angle_names):
             beds = _Beds.at_speed(arrays, index)
-            angles = self.surface_angles(
+            angles_deg = self.surface_angles(
                 beds.position, beds.quaternion, beds.scale, scene
             )
-            if not len(angles) or not np.isfinite(angles).all():
+            has_surfaces = len(angles_deg) > 0 and np.isfinite(angles_deg).all()
+            if not has_surfaces:
                 verdict = no_surface(scene)
-                status = {"status": verdict.status, "reason": verdict.reason}
-                return {**record, **status, **no_numbers}
-            measured[name] = float(angles.mean())
+                fault = {"status": verdict.status, "reason": verdict.reason}
+                return {**record, **fault, **no_numbers}
+            measured[angle_name] = float(angles_deg.mean())
             profiles_at_speed = {
-                score: profile
-                for score, profile in profiles.items()
-                if speed_index(score) == index
+                score_name: profile
+                for score_name, profile in profiles.items()
+                if speed_index(score_name) == index
             }
             measured |= self._profile_scores(profiles_at_speed, beds, scene)
         return {**record, **measured}
@@ -414,20 +446,22 @@ class TurningTest(RotatingDrum[TurningSettings]):
             return {}
         radius_m = Drum.of(self.section(scene.settings)).radius_m
         mm_per_pixel = scene.settings.mm_per_pixel
+        # The share of the frames in which the bed covers each pixel. The mean surface
+        # lies where it is the share that the profile names.
         frames = zip(beds.position, beds.quaternion, strict=True)
-        grains = (
+        beds_of_grains = (
             Grains(position, quaternion, scene.particle, beds.scale)
             for position, quaternion in frames
         )
-        # The mean surface lies where the bed is in a given share of the frames.
-        occupied = bed.occupied_share(grains, radius_m, mm_per_pixel)
+        covered_share = bed.occupied_share(beds_of_grains, radius_m, mm_per_pixel)
         scores = {}
         for name, profile in profiles.items():
             x_m = 1e-3 * np.array(profile["x"])
             heights_m = bed.surface_heights(
-                occupied, profile["covered"], x_m, radius_m, mm_per_pixel
+                covered_share, profile["covered"], x_m, radius_m, mm_per_pixel
             )
-            scores[name] = Profile.of(profile).columns(1e3 * heights_m)[name]
+            scores_mm = Profile.of(profile).columns(1e3 * heights_m)
+            scores[name] = scores_mm[name]
         return scores
 
     def duration_s(self, settings: SceneSettings) -> float:
@@ -436,23 +470,49 @@ class TurningTest(RotatingDrum[TurningSettings]):
         return section.rotate_from_s + sum(speed.until_s for speed in section.speeds())
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
-        """Yield keys of a drum that cannot run, and targets that it cannot give."""
+        """Yield keys of a drum that cannot run, and targets that it cannot give.
+
+        Yields
+        ------
+        tuple of str
+            A key of the configuration, and what is allowed.
+        """
         yield from self.impossible_filling(settings)
         section = self.section(settings)
+        # The speeds can only be listed if all lists have one number for each of them.
         wrong_lists = list(_lists_of_other_lengths(section))
         if wrong_lists:
             yield wrong_lists[0]
             return
         for speed in section.speeds():
-            earliest_s = speed.from_s + section.record_s
-            if speed.until_s < earliest_s:
+            # There is time for at least one frame.
+            earliest_end_s = speed.from_s + section.record_s
+            if speed.until_s < earliest_end_s:
                 yield (
                     "turning.measure_until_s",
-                    f"at least {earliest_s:g}, or there is nothing to measure",
+                    f"at least {earliest_end_s:g}, or there is nothing to measure",
                 )
+        # The check of the section `targets` reports anything that is no list.
         targets = settings.config.get("targets")
         if isinstance(targets, list):
             yield from _impossible_targets(section, targets)
+
+
+def _angle_names(section: TurningSettings) -> list[str]:
+    """List the names of the angles, one for each speed; the first has no number."""
+    names = ["turning_deg"]
+    for number in range(2, section.n_speeds + 1):
+        names.append(f"turning_{number}_deg")
+    return names
+
+
+def _target_profiles(settings: SceneSettings) -> dict[str, Mapping[str, Any]]:
+    """Select the profiles of targets, by the names of their scores."""
+    return {
+        target["response"]: target["profile"]
+        for target in settings.targets_of(NAME)
+        if "profile" in target
+    }
 
 
 def _lists_of_other_lengths(section: TurningSettings) -> Contradictions:
@@ -486,7 +546,8 @@ def _impossible_targets(
     """
     radius_mm = 1e3 * Drum.of(section).radius_m
     for number, target in enumerate(targets):
-        if not isinstance(target, Mapping) or target.get("apparatus") != NAME:
+        is_of_drum = isinstance(target, Mapping) and target.get("apparatus") == NAME
+        if not is_of_drum:
             continue
         if speed_index(target["response"]) >= section.n_speeds:
             yield (
@@ -494,8 +555,10 @@ def _impossible_targets(
                 f"a response of one of {section.n_speeds} speeds "
                 "(turning.angular_velocity_rad_s)",
             )
+        # A target without a profile has no distances from the axis.
         x_mm = target.get("profile", {}).get("x", [0.0])
-        if max(map(abs, x_mm)) >= radius_mm:
+        farthest_mm = max(abs(x) for x in x_mm)
+        if farthest_mm >= radius_mm:
             yield (
                 f"targets.{number}.profile.x",
                 f"inside the drum, between -{radius_mm:g} and {radius_mm:g}",
