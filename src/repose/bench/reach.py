@@ -101,26 +101,26 @@ class Reach:
 
     @property
     def sentence(self) -> str:
-        """The result in words."""
+        """The result in words: one sentence, and up to two more for a poor target."""
         band = self.band
         state = "attainable" if self.possible else "out of reach"
-        sentence = (
+        text = (
             f"Target {state}: {self.target.value:.1f} deg at {self.pile.height_mm:.1f} "
             f"mm by the line '{self.line}'; piles of this mass reach {band.mean:.1f} "
             f"+- {band.sd:.1f} deg, at most {band.largest:.1f} ({band.source})."
         )
         if self.exceeds_bound:
             grain_mm3 = 1e9 * self.pile.particle.volume_m3
-            sentence += (
+            text += (
                 f" The mass of {self.pile.n_grains} grains of {grain_mm3:.4g} mm3 allows "
                 f"at most {self.bound_deg:.1f} deg."
             )
         if not self.possible:
-            sentence += (
+            text += (
                 " Check the line, the number and mass of the grains, and that both "
                 "targets are of the same piles."
             )
-        return sentence
+        return text
 
     def record(self) -> dict[str, Any]:
         """Return the entry of the material card."""
@@ -177,20 +177,10 @@ def assess_targets(
     }
     if "height_mm" not in targets:
         return {}
-    measure = settings.measure_of({})
-    # Without a configured height of a grain it is the geometric mean of its axes.
-    grain_mm = measure.berry_height_mm
-    if not grain_mm:
-        grain_mm = 1e3 * float(np.prod(particle.axes_m)) ** (1 / 3)
-    pile = Pile(
-        n_grains=settings.section(funnel.NAME, funnel.FunnelSettings).berries,
-        particle=particle,
-        measure=measure.with_grain_height(grain_mm),
-        height_mm=targets["height_mm"].value,
-    )
+    pile = _make_pile(settings, particle, height_mm=targets["height_mm"].value)
 
-    # The definition of the angle by each response that is one
-    definitions = {"aor_deg": measure.response}
+    # Responses that are angles, with the definition of each
+    definitions = {"aor_deg": pile.measure.response}
     for definition, name in MEAN_KEYS.items():
         definitions[name] = definition
     assessments = {}
@@ -200,13 +190,38 @@ def assess_targets(
     return assessments
 
 
+def _make_pile(settings: SceneSettings, particle: "Particle", height_mm: float) -> Pile:
+    """Make the pile of a study.
+
+    Parameters
+    ----------
+    settings : SceneSettings
+        Sections of the configuration.
+    particle : Particle
+        The mean grain.
+    height_mm : float
+        Height of the pile, which is that of the target.
+    """
+    measure = settings.measure_of({})
+    # Without a configured height of a grain it is the geometric mean of its axes.
+    grain_mm = measure.berry_height_mm
+    if not grain_mm:
+        grain_mm = 1e3 * float(np.prod(particle.axes_m)) ** (1 / 3)
+    return Pile(
+        n_grains=settings.section(funnel.NAME, funnel.FunnelSettings).berries,
+        particle=particle,
+        measure=measure.with_grain_height(grain_mm),
+        height_mm=height_mm,
+    )
+
+
 def warnings(
     config: Mapping[str, Any], particle: "Particle", dataset_csv: str | PathLike | None
 ) -> Iterator[str]:
     """Yield a line of text for each assessed target, to print before the first pour."""
-    for reach in assess_targets(config, particle, dataset_csv).values():
-        warning = "" if reach.possible else "WARNING: "
-        yield f"reach: {warning}{reach.sentence}"
+    for assessment in assess_targets(config, particle, dataset_csv).values():
+        warning = "" if assessment.possible else "WARNING: "
+        yield f"reach: {warning}{assessment.sentence}"
 
 
 def assess(
@@ -215,22 +230,41 @@ def assess(
     pile: Pile,
     dataset_csv: str | PathLike | None = None,
 ) -> Reach:
-    """Compare the target of an angle, of one definition, with real piles."""
+    """Compare the target of an angle with the angles of real piles.
+
+    Parameters
+    ----------
+    target : Target
+        The target.
+    definition : str
+        Definition of the angle.
+    pile : Pile
+        The study's pile.
+    dataset_csv : path, optional
+        Samples of the study itself. Without them, or with too few, the angles are those
+        of the table.
+    """
     band = None
     if dataset_csv is not None:
         band = band_of_samples(dataset_csv, target.name, pile.height_mm)
+    if band is None:
+        band = band_of_table(definition, pile)
     return Reach(
         target=target,
         pile=pile,
         line=line_of(pile.measure, definition),
         bound_deg=steepest_deg(definition, pile.height_mm, pile.grains_m3),
-        band=band or band_of_table(definition, pile),
+        band=band,
     )
 
 
 def cone_tan(height_mm: float, volume_m3: float) -> float:
-    """Compute the slope of a cone of a Height and a volume."""
-    return math.sqrt(math.pi * (1e-3 * height_mm) ** 3 / (3 * volume_m3))
+    """Compute the slope of a cone of a Height and a volume, the tangent of its angle.
+
+    Its volume is pi h^3 / (3 tan^2).
+    """
+    height_m = 1e-3 * height_mm
+    return math.sqrt(math.pi * height_m**3 / (3 * volume_m3))
 
 
 def steepest_deg(definition: str, height_mm: float, grains_m3: float) -> float | None:
@@ -249,9 +283,21 @@ def steepest_deg(definition: str, height_mm: float, grains_m3: float) -> float |
 def convert_to_height(
     angle_deg: "pd.Series", height_mm: "pd.Series", to_mm: float
 ) -> "pd.Series":
-    """Convert angles of piles [deg] to the Height `to_mm`, which their volume keeps.
+    """Convert angles of piles to those of piles of another Height and the same volume.
 
-    Angles go with the Height as tan(angle) ~ Height^1.5.
+    As for cones of one volume, the tangent of the angle goes with Height^1.5.
+
+    Parameters
+    ----------
+    angle_deg, height_mm : Series
+        Angles and Heights of the piles.
+    to_mm : float
+        The other Height, the same for all.
+
+    Returns
+    -------
+    Series
+        The converted angles [degrees].
     """
     tangent = np.tan(np.radians(angle_deg)) * (to_mm / height_mm) ** 1.5
     return np.degrees(np.arctan(tangent))
@@ -279,23 +325,17 @@ def band_of_table(definition: str, pile: Pile) -> Band:
     assert pile.measure.berry_height_mm is not None
     grain_share = pile.measure.berry_height_mm / pile.height_mm
     row, is_exact = nearest_row(pile.measure, definition, grain_share)
-    cone = cone_tan(pile.height_mm, pile.grains_m3 / funnel.PACKING)
-    tabulated = scene_size.TABULATED.get(definition, definition)
-    change = scene_size.change(GRAINS, pile.n_grains, tabulated)
+    mean_deg = _angle_of_ratio(row["mean"], definition, pile)
+    low_deg = _angle_of_ratio(row["mean"] - row["sd"], definition, pile)
+    high_deg = _angle_of_ratio(row["mean"] + row["sd"], definition, pile)
+    sd_deg = (high_deg - low_deg) / 2
 
-    def angle_deg(ratio: float) -> float:
-        """Convert a ratio of tangents to the angle with the pile's number of grains."""
-        changed_deg = math.degrees(math.atan(ratio * cone)) + change.angle_deg
-        # Another number also changes the Height, while the target's is given.
-        tangent = math.tan(math.radians(changed_deg)) / change.height**1.5
-        return math.degrees(math.atan(tangent))
+    # Other grains add a scatter of their own.
+    has_table_shape = _has_shape_of_table(pile.particle)
+    grain_sd_deg = 0.0 if has_table_shape else OTHER_GRAIN_DEG
 
     source = [f"{row['samples']} samples of the goji berry"]
-    low_deg = angle_deg(row["mean"] - row["sd"])
-    high_deg = angle_deg(row["mean"] + row["sd"])
-    grain_sd_deg = 0.0
-    if not _has_shape_of_table(pile.particle):
-        grain_sd_deg = OTHER_GRAIN_DEG
+    if not has_table_shape:
         source.append("not of this grain")
     if pile.n_grains != GRAINS:
         source.append(f"{GRAINS} grains each, changed to {pile.n_grains}")
@@ -304,11 +344,33 @@ def band_of_table(definition: str, pile: Pile) -> Band:
         line = line_of(pile.measure.model_copy(update=line_keys), definition)
         source.append(f"by the nearest line measured, '{line}'")
     return Band(
-        mean=angle_deg(row["mean"]),
-        sd=math.hypot((high_deg - low_deg) / 2, grain_sd_deg),
-        largest=angle_deg(row["largest"]),
+        mean=mean_deg,
+        sd=math.hypot(sd_deg, grain_sd_deg),
+        largest=_angle_of_ratio(row["largest"], definition, pile),
         source=", ".join(source),
     )
+
+
+def _angle_of_ratio(ratio: float, definition: str, pile: Pile) -> float:
+    """Convert a ratio of the table to the angle of a study's pile [deg].
+
+    Parameters
+    ----------
+    ratio : float
+        Tangent of the angle over that of the cone with the pile's Height and volume.
+    definition : str
+        Definition of the angle.
+    pile : Pile
+        The study's pile.
+    """
+    cone = cone_tan(pile.height_mm, pile.grains_m3 / funnel.PACKING)
+    tabulated = scene_size.TABULATED.get(definition, definition)
+    change = scene_size.change(GRAINS, pile.n_grains, tabulated)
+    changed_deg = math.degrees(math.atan(ratio * cone)) + change.angle_deg
+    # Another number of grains also changes the Height, but the pile has that of the
+    # target. So the angle is converted back, as by `convert_to_height`.
+    tangent = math.tan(math.radians(changed_deg)) / change.height**1.5
+    return math.degrees(math.atan(tangent))
 
 
 def _has_shape_of_table(particle: "Particle") -> bool:
@@ -378,21 +440,23 @@ def nearest_row(
     is_exact : bool
         Whether it is of this very line.
     """
-    settings = {}
+    # A setting may be the word "berry": the height of one grain.
+    line_settings = {}
     for key in LINE_KEYS[definition]:
         value = getattr(measure, key)
-        settings[key] = grain_share if value == "berry" else value
-    columns = ("definition", "samples", "mean", "sd", "largest", *settings)
+        line_settings[key] = grain_share if value == "berry" else value
+    columns = ("definition", "samples", "mean", "sd", "largest", *line_settings)
     table = read_table(TABLE, columns)
     rows = table[table["definition"] == definition].reset_index(drop=True)
 
     # The distance of a row is the sum of the differences of its settings. Another rule
     # of the flank counts as the difference 1.
     distances = np.zeros(len(rows))
-    for key, value in settings.items():
+    for key, value in line_settings.items():
         if key == "flank":
             distances += rows[key] != value
         else:
             distances += (rows[key] - value).abs()
     nearest = int(np.argmin(distances))
-    return rows.iloc[nearest], bool(distances[nearest] < LINE_TOLERANCE)
+    is_exact = bool(distances[nearest] < LINE_TOLERANCE)
+    return rows.iloc[nearest], is_exact

@@ -58,7 +58,8 @@ class Change(NamedTuple):
 
 
 @functools.cache
-def _table() -> "pd.DataFrame":
+def _read_piles() -> "pd.DataFrame":
+    """Read the table of poured piles: a row for each crop and number of grains."""
     # Hundreds of processes pour and measure without pandas, which is slow to import.
     import pandas as pd
 
@@ -67,10 +68,11 @@ def _table() -> "pd.DataFrame":
 
 def numbers() -> list[int]:
     """List the numbers of grains for which the table has piles of every crop."""
-    table = _table()
-    n_crops = table["label"].nunique()
-    crops_per_number = table.groupby("grains")["label"].nunique()
-    return crops_per_number.index[crops_per_number == n_crops].tolist()
+    piles = _read_piles()
+    n_crops = piles["label"].nunique()
+    crops_per_number = piles.groupby("grains")["label"].nunique()
+    has_every_crop = crops_per_number == n_crops
+    return crops_per_number.index[has_every_crop].tolist()
 
 
 def change(before: float, after: float, definition: str) -> Change:
@@ -92,19 +94,23 @@ def change(before: float, after: float, definition: str) -> Change:
         What is added to the angle, and the factor of the Height besides that of the
         lengths.
     """
+    log_before = np.log(before)
+    log_after = np.log(after)
     angle_changes = []
     height_ratios = []
-    for _, crop in _table().groupby("label"):
-        grains = np.log(crop["grains"])
+    for _, crop in _read_piles().groupby("label"):
+        log_numbers = np.log(crop["grains"])
         angles = crop[f"aor_{definition}_deg"]
-        heights = crop["height_scaled_mm"]
-        angle_before = np.interp(np.log(before), grains, angles)
-        angle_after = np.interp(np.log(after), grains, angles)
+        angle_before = np.interp(log_before, log_numbers, angles)
+        angle_after = np.interp(log_after, log_numbers, angles)
         angle_changes.append(angle_after - angle_before)
-        height_before = np.interp(np.log(before), grains, heights)
-        height_after = np.interp(np.log(after), grains, heights)
+        heights = crop["height_scaled_mm"]
+        height_before = np.interp(log_before, log_numbers, heights)
+        height_after = np.interp(log_after, log_numbers, heights)
         height_ratios.append(height_after / height_before)
-    return Change(float(np.mean(angle_changes)), float(np.mean(height_ratios)))
+    return Change(
+        angle_deg=float(np.mean(angle_changes)), height=float(np.mean(height_ratios))
+    )
 
 
 def scaled(
@@ -124,28 +130,33 @@ def scaled(
     diameter_mm : float
         Diameter of a grain.
     poured : int, optional
-        Number that this funnel poured; by default the section's.
+        Number of grains for which the funnel of the section has its lengths; by default
+        the section's `berries`.
 
     Returns
     -------
     dict
         The section by key. Keys that are computed are ``auto``.
     """
-    scale = (grains / (poured or funnel.berries)) ** (1 / 3)
+    n_poured = poured or funnel.berries
+    scale = (grains / n_poured) ** (1 / 3)
     inlet_mm = funnel.inlet_diameter_mm
     outlet_mm = funnel.outlet_diameter_mm
     # Grains that leave a narrower outlet one by one bounce away.
-    new_outlet_mm = max(scale * outlet_mm, min(outlet_mm, OUTLET_GRAINS * diameter_mm))
-    new_inlet_mm = max(scale * inlet_mm, min(inlet_mm, 2 * new_outlet_mm))
+    narrowest_outlet_mm = min(outlet_mm, OUTLET_GRAINS * diameter_mm)
+    new_outlet_mm = max(scale * outlet_mm, narrowest_outlet_mm)
+    # The inlet stays twice as wide as the outlet, or as it is where it is narrower.
+    narrowest_inlet_mm = min(inlet_mm, 2 * new_outlet_mm)
+    new_inlet_mm = max(scale * inlet_mm, narrowest_inlet_mm)
+    largest_rim_mm = RIM_SHARE * (new_inlet_mm - new_outlet_mm)
+
     section = funnel.model_dump()
     for key in SCALED_KEYS:
         section[key] = scale * getattr(funnel, key)
     section["inlet_diameter_mm"] = new_inlet_mm
     section["outlet_diameter_mm"] = new_outlet_mm
     section["berries"] = grains
-    section["rim_radius_mm"] = min(
-        funnel.rim_radius_mm, RIM_SHARE * (new_inlet_mm - new_outlet_mm)
-    )
+    section["rim_radius_mm"] = min(funnel.rim_radius_mm, largest_rim_mm)
     section["rate_per_s"] = funnel.rate_per_s * scale**FLOW_EXPONENT
     return section | dict.fromkeys(COMPUTED_KEYS, AUTO)
 
@@ -169,11 +180,11 @@ def fewest_grains(grains: int, definition: str) -> int | None:
         The number; None if no smaller number of the table is enough.
     """
     fewest = None
+    smaller_numbers = [number for number in numbers() if number < grains]
     # Go down the table until the angle differs too much.
-    for number in sorted(numbers(), reverse=True):
-        if number >= grains:
-            continue
-        if abs(change(grains, number, definition).angle_deg) > ANGLE_TOLERANCE_DEG:
+    for number in sorted(smaller_numbers, reverse=True):
+        angle_change_deg = change(grains, number, definition).angle_deg
+        if abs(angle_change_deg) > ANGLE_TOLERANCE_DEG:
             break
         fewest = number
     return fewest
@@ -214,17 +225,25 @@ def smaller_scene(n_grains: int, definition: str) -> SmallerScene | None:
         table has, it is then a scene of the table's largest number, whose change of the
         angle is unknown.
     """
-    largest = max(numbers())
-    n_enough = fewest_grains(min(n_grains, largest), definition)
-    if n_enough is None and n_grains <= largest:
+    largest_tabulated = max(numbers())
+    n_enough = fewest_grains(min(n_grains, largest_tabulated), definition)
+    if n_enough is not None:
+        effect = change(n_grains, n_enough, definition)
+        return SmallerScene(
+            n_grains=n_grains,
+            n_fewer=n_enough,
+            angle_change_deg=effect.angle_deg,
+            height_share=(n_enough / n_grains) ** (1 / 3) * effect.height,
+        )
+    if n_grains <= largest_tabulated:
         return None
-    n_fewer = n_enough or largest
-    effect = change(n_grains, n_fewer, definition)
+    # The table does not reach the larger scene, so the change of the angle is unknown.
+    effect = change(n_grains, largest_tabulated, definition)
     return SmallerScene(
         n_grains=n_grains,
-        n_fewer=n_fewer,
-        angle_change_deg=None if n_enough is None else effect.angle_deg,
-        height_share=(n_fewer / n_grains) ** (1 / 3) * effect.height,
+        n_fewer=largest_tabulated,
+        angle_change_deg=None,
+        height_share=(largest_tabulated / n_grains) ** (1 / 3) * effect.height,
     )
 
 
@@ -242,7 +261,13 @@ def advice(
     diameter_mm, height_mm : float
         Diameter of a grain, and Height of the pile.
     poured : int, optional
-        Number of grains that the targets need, if it is more than the configured one.
+        Number of grains that the targets need, if it is more than the configured one;
+        by default the configured one.
+
+    Yields
+    ------
+    str
+        Sentences, and lines of YAML that can be pasted into the configuration.
     """
     settings = SceneSettings(config)
     funnel = settings.section(NAME, FunnelSettings)
@@ -252,7 +277,8 @@ def advice(
 
     yield (
         f"grains: the pile is {height_mm / diameter_mm:.2g} grains high. "
-        f"{_scale_effect(n_grains, definition)} {_enough_grains(n_grains, definition)} "
+        f"{_describe_half(n_grains, definition)} "
+        f"{_describe_enough(n_grains, definition)} "
         "Simulate as many grains as were poured."
     )
     if n_grains < LARGE_SCENE:
@@ -260,38 +286,48 @@ def advice(
 
     scene = smaller_scene(n_grains, definition)
     if scene is None:
-        tabulated = numbers()
+        tabulated_numbers = numbers()
         yield (
-            f"smaller scene: none of {min(tabulated)} to {max(tabulated)} grains keeps "
-            f"the {definition} angle within {ANGLE_TOLERANCE_DEG:g} deg. Pour fewer grains by hand, "
+            f"smaller scene: none of {min(tabulated_numbers)} to "
+            f"{max(tabulated_numbers)} grains keeps the {definition} angle within "
+            f"{ANGLE_TOLERANCE_DEG:g} deg. Pour fewer grains by hand, "
             "and simulate those."
         )
         return
-    yield f"smaller scene: {_describe(scene, definition)}"
-    yield _as_yaml(NAME, _pasted_section(funnel, scene, diameter_mm))
+    yield f"smaller scene: {_describe_scene(scene, definition)}"
+    yield _write_yaml_line(NAME, _pasted_section(funnel, scene, diameter_mm))
     targets = settings.targets_of(NAME)
     if any(target["response"] == "height_mm" for target in targets):
         # A smaller pile is lower, so its Height needs another target.
         scaled_targets = [
             _scale_target(target, scene.height_share) for target in config["targets"]
         ]
-        yield _as_yaml("targets", scaled_targets)
+        yield _write_yaml_line("targets", scaled_targets)
 
 
-def _scale_effect(n_grains: int, definition: str) -> str:
-    """Describe the effect of half of the grains, in a funnel that is as much smaller."""
-    compared = min(n_grains, max(numbers()))
-    half = change(compared, compared / 2, definition)
+def _describe_half(n_grains: int, definition: str) -> str:
+    """Describe the effect of half of the grains, in a funnel that is as much smaller.
+
+    Parameters
+    ----------
+    n_grains : int
+        Number of grains to compare with. A larger number than the table has counts as
+        its largest.
+    definition : str
+        Definition of the angle, a column of the table.
+    """
+    n_reference = min(n_grains, max(numbers()))
+    half = change(n_reference, n_reference / 2, definition)
     direction = "lower" if half.angle_deg < 0 else "raise"
-    percent = 100 * (half.height - 1)
+    height_percent = 100 * (half.height - 1)
     return (
-        f"Scale effect: {compared / 2:.0f} grains instead of {compared} would {direction} "
-        f"the {definition} angle by {abs(half.angle_deg):.1f} deg and change the Height by "
-        f"{percent:+.0f} % besides its size."
+        f"Scale effect: {n_reference / 2:.0f} grains instead of {n_reference} would "
+        f"{direction} the {definition} angle by {abs(half.angle_deg):.1f} deg and "
+        f"change the Height by {height_percent:+.0f} % besides its size."
     )
 
 
-def _enough_grains(n_grains: int, definition: str) -> str:
+def _describe_enough(n_grains: int, definition: str) -> str:
     """Describe from which number of grains on the angle hardly changes.
 
     If there is no such number, it is described for the angle that depends least on it.
@@ -317,7 +353,7 @@ def _enough_grains(n_grains: int, definition: str) -> str:
     )
 
 
-def _describe(scene: SmallerScene, definition: str) -> str:
+def _describe_scene(scene: SmallerScene, definition: str) -> str:
     """Describe a smaller scene in words: its time, angle and Height.
 
     Parameters
@@ -352,7 +388,11 @@ def _pasted_section(
 
 
 def _scale_target(target: dict[str, Any], height_share: float) -> dict[str, Any]:
-    """Copy a target; that of the Height is scaled by a share."""
+    """Copy a target of a smaller scene.
+
+    The target of the Height is multiplied by `height_share`. Numbers of all targets are
+    rounded.
+    """
     share = height_share if target["response"] == "height_mm" else 1.0
     return target | {
         "value": _rounded(share * target["value"]),
@@ -366,11 +406,12 @@ def _rounded(number: object) -> object:
     return float(f"{number:.5g}") if isinstance(number, float) else number
 
 
-def _as_yaml(key: str, value: object) -> str:
+def _write_yaml_line(key: str, value: object) -> str:
     """Write a key in one line, as a configuration takes it."""
     import yaml
 
     text = yaml.safe_dump(
         {key: value}, default_flow_style=True, sort_keys=False, width=10**6
     )
+    # Leave out the braces around the key.
     return text.strip()[1:-1]
