@@ -56,15 +56,14 @@ class Bounded:
         """Compute the bounds of speed and energy from the scene; see the class."""
         self.simulation = simulation
         self.speed_m_s = speed_m_s
-        gravity = np.asarray(simulation.physics.gravity)
-        self.gravity = float(np.linalg.norm(gravity))
+        gravity_vector = np.asarray(simulation.physics.gravity)
+        self.gravity = float(np.linalg.norm(gravity_vector))
         # Without gravity no direction is up, and all heights are 0.
-        self.up = -gravity / (self.gravity or 1.0)
+        self.up = -gravity_vector / (self.gravity or 1.0)
         self.lowest_m, self.fall_m = self._find_lowest_and_fall(top_m)
         # No grain is faster than after the deepest fall with the largest given speed.
-        self.fastest_m_s = SPEED_LIMIT * (
-            math.sqrt(2.0 * self.gravity * self.fall_m) + speed_m_s
-        )
+        fall_speed_m_s = math.sqrt(2.0 * self.gravity * self.fall_m)
+        self.fastest_m_s = SPEED_LIMIT * (fall_speed_m_s + speed_m_s)
         # Smallest extent of a grain of the scale 1.
         self.thickness_m = 2.0 * min(
             float(shape.half_extents_m.min()) for shape in simulation.shapes.values()
@@ -74,11 +73,24 @@ class Bounded:
         self._last_check = 0
 
     def _find_lowest_and_fall(self, top_m: float) -> tuple[float, float]:
-        """Compute the lowest height in the box and the deepest fall through it [m].
+        """Compute the lowest height in the box and the deepest fall through it.
 
-        Heights are measured against gravity, which may be tilted.
+        Parameters
+        ----------
+        top_m : float
+            Largest z to which a grain is brought; it takes the place of the box's
+            upper end.
+
+        Returns
+        -------
+        lowest_m : float
+            The lowest height of the box. Heights are measured against gravity, which
+            may be tilted.
+        fall_m : float
+            The difference between the largest height and the lowest one.
         """
         lower_corner = self.simulation.lower.copy()
+        # Grains may fall below the box, to the height at which they vanish.
         floor_z = float(self.simulation.physics.floor_height)
         if math.isfinite(floor_z):
             lower_corner[2] = min(lower_corner[2], floor_z)
@@ -91,9 +103,10 @@ class Bounded:
 
     @contextmanager
     def guard(self) -> Iterator[None]:
-        """Run a block up to the first broken bound, and check the grains at its end.
+        """Guard the block of a ``with`` statement against broken bounds.
 
-        The message about a broken bound is kept in `broken`.
+        The grains are checked at the end of the block. The first broken bound ends the
+        block. Its message is kept in `broken`, and its error goes no further.
         """
         try:
             yield
@@ -119,14 +132,15 @@ class Bounded:
         simulation = self.simulation
         full_check_interval = SPEED_CHECKS_PER_FULL_CHECK * CHECK_INTERVAL
         while simulation.steps < step:
+            # Stop where the next check is due, or before it at the given time step.
             next_check = self._last_check + CHECK_INTERVAL
-            stop = min(step, next_check)
+            next_stop = min(step, next_check)
             try:
-                simulation.run_steps(stop - simulation.steps)
+                simulation.run_steps(next_stop - simulation.steps)
             except RuntimeError as error:
                 # The engine stops at a contact whose force is not a number.
                 raise Unstable(
-                    f"{error}, {self._time()}: {self._shorter_step()}"
+                    f"{error}, {self._describe_time()}: {self._describe_remedy()}"
                 ) from None
             if simulation.steps >= next_check:
                 is_full_check = simulation.steps % full_check_interval == 0
@@ -137,7 +151,7 @@ class Bounded:
 
         Parameters
         ----------
-        everywhere : bool
+        everywhere : bool, optional
             Whether to check energy and overlaps too, which takes longer than the
             speeds.
 
@@ -158,20 +172,23 @@ class Bounded:
         """Raise `Unstable` for a position that is not finite, or an impossible speed."""
         simulation = self.simulation
         squared_speeds = np.square(simulation.velocities).sum(axis=1)
+        # A grain without a finite state counts as infinitely fast.
         has_finite_speed = np.isfinite(squared_speeds)
         has_finite_position = np.isfinite(simulation.positions).all(axis=1)
-        # A grain without a finite state counts as infinitely fast.
-        squared_speeds[~(has_finite_speed & has_finite_position)] = np.inf
-        fastest = int(np.argmax(squared_speeds))
-        speed = math.sqrt(squared_speeds[fastest])
-        if speed <= self.fastest_m_s:
+        is_finite = has_finite_speed & has_finite_position
+        squared_speeds[~is_finite] = np.inf
+
+        fastest_grain = int(np.argmax(squared_speeds))
+        speed_m_s = math.sqrt(squared_speeds[fastest_grain])
+        if speed_m_s <= self.fastest_m_s:
             return
-        if math.isfinite(speed):
-            motion = f"moves at {speed:.3g} m/s"
+        if math.isfinite(speed_m_s):
+            motion = f"moves at {speed_m_s:.3g} m/s"
         else:
             motion = "has no finite position or speed"
         raise Unstable(
-            f"grain {fastest} {motion}, {self._time()}: {self._shorter_step()}; "
+            f"grain {fastest_grain} {motion}, {self._describe_time()}: "
+            f"{self._describe_remedy()}; "
             f"none here can be faster than {self.fastest_m_s:.3g} m/s"
         )
 
@@ -183,21 +200,21 @@ class Bounded:
         """
         simulation = self.simulation
         present = simulation.present
-        kinetic = simulation.kinetic_energies()[present]
-        masses = simulation.masses_kg[present]
-        heights = simulation.positions[present] @ self.up - self.lowest_m
-        energy = float(kinetic.sum() + self.gravity * np.sum(masses * heights))
-        energy_given = float(masses.sum()) * (
-            self.gravity * self.fall_m + 0.5 * self.speed_m_s**2
+        kinetic_j = simulation.kinetic_energies()[present]
+        masses_kg = simulation.masses_kg[present]
+        heights_m = simulation.positions[present] @ self.up - self.lowest_m
+        total_j = float(kinetic_j.sum() + self.gravity * np.sum(masses_kg * heights_m))
+        given_j_per_kg = self.gravity * self.fall_m + 0.5 * self.speed_m_s**2
+        given_j = float(masses_kg.sum()) * given_j_per_kg
+        if not total_j > (1.0 + ENERGY_TOLERANCE) * given_j:
+            return
+        # The grain with most kinetic energy is the likeliest cause.
+        suspect = int(np.flatnonzero(present)[np.argmax(kinetic_j)])
+        raise Unstable(
+            f"grain {suspect} has {kinetic_j.max():.3g} J, "
+            f"{self._describe_time()}: {self._describe_remedy()}; all grains together "
+            f"have {total_j:.3g} J and were given {given_j:.3g} J"
         )
-        if energy > (1.0 + ENERGY_TOLERANCE) * energy_given:
-            # The grain with most kinetic energy is the likeliest cause.
-            suspect = int(np.flatnonzero(present)[np.argmax(kinetic)])
-            raise Unstable(
-                f"grain {suspect} has {kinetic.max():.3g} J, "
-                f"{self._time()}: {self._shorter_step()}; all grains together have "
-                f"{energy:.3g} J and were given {energy_given:.3g} J"
-            )
 
     def _check_overlaps(self) -> None:
         """Raise `Unstable` if grains pass through each other or through walls.
@@ -207,30 +224,48 @@ class Bounded:
         simulation = self.simulation
         self.overlap_share = 0.0
 
-        # An overlap is judged by the thickness of the smaller grain.
+        # An overlap of two grains is judged by the thickness of the smaller one.
         pairs, pair_overlaps = simulation.overlaps()
         smaller_scales = simulation.scales[pairs].min(axis=1)
-        pair = self._find_excess(pair_overlaps, smaller_scales)
-        if pair is not None:
-            first, second = pairs[pair]
-            self._raise_overlap(f"grains {first} and {second}", pair_overlaps[pair])
+        deepest_pair = self._find_too_deep(pair_overlaps, smaller_scales)
+        if deepest_pair is not None:
+            first, second = pairs[deepest_pair]
+            raise self._overlap_error(
+                f"grains {first} and {second}", pair_overlaps[deepest_pair]
+            )
 
         grains, walls, wall_overlaps = simulation.wall_overlaps()
-        contact = self._find_excess(wall_overlaps, simulation.scales[grains])
-        if contact is not None:
-            wall = simulation.wall_set.names[walls[contact]]
-            bodies = f"grain {grains[contact]} and the wall {wall!r}"
-            self._raise_overlap(bodies, wall_overlaps[contact])
+        grain_scales = simulation.scales[grains]
+        deepest_contact = self._find_too_deep(wall_overlaps, grain_scales)
+        if deepest_contact is not None:
+            grain = grains[deepest_contact]
+            wall_name = simulation.wall_set.names[walls[deepest_contact]]
+            raise self._overlap_error(
+                f"grain {grain} and the wall {wall_name!r}",
+                wall_overlaps[deepest_contact],
+            )
 
     def shares(self, overlaps: np.ndarray, scales: np.ndarray) -> np.ndarray:
-        """Divide overlaps by the smallest extents of grains of these scales."""
+        """Divide overlaps (M,) [m] by the smallest extents of grains of scales (M,)."""
         return overlaps / scales / self.thickness_m
 
-    def _find_excess(self, overlaps: np.ndarray, scales: np.ndarray) -> int | None:
-        """Find the deepest of M overlaps (M,) of grains of these scales (M,).
+    def _find_too_deep(self, overlaps: np.ndarray, scales: np.ndarray) -> int | None:
+        """Find the deepest overlap, if it is too deep for a contact.
 
-        Return its index if it is above `OVERLAP_LIMIT`, else None; `overlap_share`
-        grows to it in both cases.
+        As a second effect, `overlap_share` grows to the share of the deepest overlap,
+        even if that is not too deep.
+
+        Parameters
+        ----------
+        overlaps : array
+            Overlaps (M,) [m]; there may be none.
+        scales : array
+            Relative sizes (M,) of the grains by which they are judged.
+
+        Returns
+        -------
+        int or None
+            Index of the deepest overlap; None if it is not above `OVERLAP_LIMIT`.
         """
         if not len(overlaps):
             return None
@@ -239,20 +274,20 @@ class Bounded:
         self.overlap_share = max(self.overlap_share, float(shares[deepest]))
         return deepest if shares[deepest] > OVERLAP_LIMIT else None
 
-    def _raise_overlap(self, bodies: str, overlap_m: float) -> None:
-        """Raise `Unstable` for two bodies that overlap too deeply."""
-        raise Unstable(
-            f"{bodies} overlap by {1e3 * overlap_m:.3g} mm, {self._time()}: a higher "
-            "berry.shear_modulus_pa, or a shorter simulation.time_step_s than "
+    def _overlap_error(self, bodies: str, overlap_m: float) -> Unstable:
+        """Make the error about two bodies, given in words, that overlap too deeply."""
+        return Unstable(
+            f"{bodies} overlap by {1e3 * overlap_m:.3g} mm, {self._describe_time()}: a "
+            "higher berry.shear_modulus_pa, or a shorter simulation.time_step_s than "
             f"{self.simulation.time_step_s:.3g}, helps; at most {100 * OVERLAP_LIMIT:g} % of "
             "the smallest extent is a contact"
         )
 
-    def _time(self) -> str:
+    def _describe_time(self) -> str:
         """Write the simulated time of a fault."""
         return f"after {self.simulation.time_s:.3g} s"
 
-    def _shorter_step(self) -> str:
+    def _describe_remedy(self) -> str:
         """Write the remedy for a time step that is too long."""
         step_s = self.simulation.time_step_s
         return f"a shorter simulation.time_step_s than {step_s:.3g} helps"
