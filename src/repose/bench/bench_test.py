@@ -81,17 +81,30 @@ OK = Verdict("ok")
 def not_at_rest(
     energy_j: float, settings: SceneSettings, *, advice: str, when: str = ""
 ) -> Verdict | None:
-    """Judge the mean kinetic energy of a grain; None if the grains are at rest.
+    """Judge whether the grains of a run are at rest.
 
-    An energy that is not a number is no rest. `when` and `advice`, the change that
-    brings rest, are added to the reason.
+    Parameters
+    ----------
+    energy_j : float
+        Mean kinetic energy of a grain. One that is not a number is no rest.
+    settings : SceneSettings
+        Sections of the configuration, with the limit of the energy.
+    advice : str
+        The change of the configuration that brings rest, for the reason.
+    when : str, optional
+        The moment of the energy, for the reason; it begins with a blank.
+
+    Returns
+    -------
+    Verdict or None
+        The fault; None if the grains are at rest.
     """
-    limit = settings.simulation.rest_energy_j
-    if energy_j <= limit:
+    limit_j = settings.simulation.rest_energy_j
+    if energy_j <= limit_j:
         return None
     return Verdict(
         "not_at_rest",
-        f"kinetic energy {energy_j:.2e} J a grain{when}, more than {limit:.2g}; {advice}",
+        f"kinetic energy {energy_j:.2e} J a grain{when}, more than {limit_j:.2g}; {advice}",
     )
 
 
@@ -166,7 +179,15 @@ class BenchTest(ABC, Generic[S]):
         """
 
     def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
-        """Make the empty simulation, with room for grains of a largest relative size."""
+        """Make the empty simulation.
+
+        Parameters
+        ----------
+        scene : Scene
+            The scene.
+        largest_scale : float, optional
+            Relative size of the largest grain for which there is room.
+        """
         largest_radius_m = largest_scale * scene.particle.bounding_radius_m
         return grain_simulation(
             scene, largest_scale=largest_scale, **self.world(scene, largest_radius_m)
@@ -196,7 +217,7 @@ class BenchTest(ABC, Generic[S]):
         return OK
 
     def status_of(self, outcome: Outcome, settings: SceneSettings) -> Verdict:
-        """Judge a run before it is measured; see `judge`."""
+        """Judge a run before it is measured: an unstable one here, others by `judge`."""
         if outcome.unstable:
             return Verdict("unstable", outcome.unstable)
         return self.judge(outcome, settings)
@@ -275,13 +296,15 @@ class BenchTest(ABC, Generic[S]):
             The record with every response and number; they are None where they cannot
             be measured, as in every run that is not ``ok``.
         """
-        if record["status"] == "ok":
-            measured = {**record, **self.measure_arrays(arrays, scene)}
-            for response in self.responses:
-                if response.computed_from:
-                    measured[response.name] = response.of(measured)
-            return measured
-        return {**record, **dict.fromkeys((*self.response_names, *self.numbers))}
+        if record["status"] != "ok":
+            no_numbers = dict.fromkeys((*self.response_names, *self.numbers))
+            return {**record, **no_numbers}
+        measured = {**record, **self.measure_arrays(arrays, scene)}
+        # Some responses are computed from others, which are measured by now.
+        for response in self.responses:
+            if response.computed_from:
+                measured[response.name] = response.of(measured)
+        return measured
 
     def check_targets(
         self,
@@ -319,16 +342,27 @@ class BenchTest(ABC, Generic[S]):
     ) -> dict[str, Any]:
         """Measure a run, and refuse a response outside its limits.
 
-        The arguments are those of `measure`. The result is that of `measure`; a run
-        with a response outside its limits gets the status `OUT_OF_BOUNDS` and a reason.
+        Parameters
+        ----------
+        record, arrays, scene
+            As of `measure`.
+
+        Returns
+        -------
+        dict
+            The result of `measure`. A run with a response outside its limits has the
+            status `OUT_OF_BOUNDS`, and the first such response as the reason.
         """
         measured = self.measure(record, arrays, scene)
         if measured["status"] != "ok":
             return measured
+        # Targets may be responses that are not listed, see `response_of_name`.
         targets = self.target_responses(scene.settings.config)
-        for response in dict.fromkeys((*self.responses, *targets)):
+        checked_responses = dict.fromkeys((*self.responses, *targets))
+        for response in checked_responses:
             value = response.of(measured)
-            if value is None or response.low <= value <= response.high:
+            is_within = value is None or response.low <= value <= response.high
+            if is_within:
                 continue
             limits = f"{response.low:g} to {response.high:g} {response.unit}".rstrip()
             return measured | {
@@ -352,7 +386,12 @@ class BenchTest(ABC, Generic[S]):
     ) -> Contradictions:
         """Yield keys of lengths that do not fit the mean grain, with the allowed values.
 
-        `axes_mm` are the axes of the mean grain, the longest first.
+        Parameters
+        ----------
+        settings : SceneSettings
+            Sections of the configuration.
+        axes_mm : sequence of float
+            Full axes of the mean grain, the longest first.
         """
         return iter(())
 
@@ -399,32 +438,39 @@ def register(name: str) -> Callable[[T], T]:
         If another bench test has the name, or a response of it is registered already.
     """
 
-    def add(kind: T) -> T:
+    def register_class(bench_class: T) -> T:
         """Register a subclass of `BenchTest` with its responses, and return it."""
         if name in _REGISTRY:
             raise ValueError(f"bench test {name!r} is registered already")
-        kind.name = name
-        kind.statuses = (*kind.statuses, OUT_OF_BOUNDS)
-        test = kind()
-        if not hasattr(kind, "recorded"):
-            kind.recorded = Recorded(
+        bench_class.name = name
+        bench_class.statuses = (*bench_class.statuses, OUT_OF_BOUNDS)
+        test = bench_class()
+        if not hasattr(bench_class, "recorded"):
+            bench_class.recorded = Recorded(
                 means=test.response_names,
                 single=(*test.response_names, *test.numbers),
             )
-        makes_responses = kind.response_of_name is not BenchTest.response_of_name
-        response_registry.register(
-            *test.responses, family=test.response_of_name if makes_responses else None
-        )
+        # A bench test with any number of responses makes those that it does not list.
+        family = None
+        if bench_class.response_of_name is not BenchTest.response_of_name:
+            family = test.response_of_name
+        response_registry.register(*test.responses, family=family)
         _REGISTRY[name] = test
-        return kind
+        return bench_class
 
-    return add
+    return register_class
 
 
 def bench_of(job: Mapping[str, Any], source: object = "apparatus") -> BenchTest[Any]:
     """Find the bench test of a job by its description.
 
-    A description without a name belongs to the first bench test.
+    Parameters
+    ----------
+    job : mapping
+        The description. Its key ``apparatus`` names the bench test; without it the job
+        is of the first bench test.
+    source : object, optional
+        Named in the error.
     """
     return bench(job.get("apparatus", UNNAMED), source)
 

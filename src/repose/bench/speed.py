@@ -59,15 +59,15 @@ def run(
 
     Parameters
     ----------
-    config
+    config : mapping
         The configuration of a study.
-    particles
+    particles : mapping
         The particles by name.
-    berry
+    berry : mapping
         The moduli of the grain.
-    parameters
+    parameters : mapping
         The contact parameters.
-    seed
+    seed : int, optional
         The seed of the pours.
 
     Returns
@@ -83,18 +83,19 @@ def run(
     reference_kernel(10)
 
     reference_times_us = []
-    pours: dict[str, list[Times]] = {name: [] for name in particles}
+    pour_times: dict[str, list[Times]] = {name: [] for name in particles}
     for _ in range(ROUNDS):
         reference_times_us.append(_reference_time_us())
         for name, particle in particles.items():
-            pours[name].append(timed_pour(config, parameters, seed, particle, berry))
+            times = timed_pour(config, parameters, seed, particle, berry)
+            pour_times[name].append(times)
 
     settings = SceneSettings(config)
     return {
         "berries": settings.section("funnel", FunnelSettings).berries,
         "time_step_s": settings.simulation.time_step_s,
         **machine(),
-        **summary(reference_times_us, pours),
+        **summary(reference_times_us, pour_times),
     }
 
 
@@ -107,11 +108,15 @@ def _reference_time_us() -> float:
 
 
 def machine() -> dict[str, Any]:
-    """Describe the processor of this machine: its type, and the width of its vectors.
+    """Describe the processor of this machine.
 
-    The width in bits is that of the widest instructions, as LLVM, which compiles the
-    engine, knows them.
+    Returns
+    -------
+    dict
+        ``processor``, its type, and ``vector_bits``, the width of its widest
+        instructions.
     """
+    # LLVM, which compiles the engine, knows the instructions of the processor.
     features = binding.get_host_cpu_features()
     if features.get("avx512f"):
         vector_bits = 512
@@ -132,15 +137,15 @@ def timed_pour(
 
     Parameters
     ----------
-    config
+    config : mapping
         The configuration of a study.
-    parameters
+    parameters : mapping
         The contact parameters.
-    seed
+    seed : int
         The seed of both pours.
-    particle
+    particle : Particle
         The grains' body.
-    berry
+    berry : mapping
         The moduli of the grain.
     """
     scene = Scene.of(config, parameters, berry, particle, seed)
@@ -165,10 +170,11 @@ def summary(
 
     Parameters
     ----------
-    reference_times_us
+    reference_times_us : sequence of float
         Times of the reference kernel.
-    pours
-        Results of `timed_pour`, by particle.
+    pours : mapping
+        Results of `timed_pour` by particle; the first particle is the reference of the
+        others.
 
     Returns
     -------
@@ -178,12 +184,13 @@ def summary(
         a step to that of the first particle).
     """
     reference_us = float(np.median(reference_times_us))
-    medians = {
+    median_times = {
         name: Times(*np.median(times, axis=0).tolist()) for name, times in pours.items()
     }
-    first_us = next(iter(medians.values())).us_per_step
+    first_particle = next(iter(median_times))
+    first_us = median_times[first_particle].us_per_step
     rows = []
-    for name, times in medians.items():
+    for name, times in median_times.items():
         row = {
             "name": name,
             "us_per_step": round(times.us_per_step, 2),
@@ -196,7 +203,7 @@ def summary(
 
 
 def message(result: Mapping[str, Any]) -> str:
-    """Write the table of `run` for a terminal."""
+    """Write the result of `run` as a table for a terminal, a row for each particle."""
     lines = [
         f"{result['berries']} grains, time step {result['time_step_s']:g} s, one core; "
         f"reference kernel {result['reference_us']:.1f} us; "
