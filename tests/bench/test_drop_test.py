@@ -117,11 +117,11 @@ def test_a_berry_that_sticks_is_no_rebound_and_is_not_looked_at_in_every_step(
     monkeypatch,
 ):
     looks = []
-    is_touching = drop_test._Tracker.is_touching
+    check_contact = drop_test._Tracker.check_contact
     monkeypatch.setattr(
         drop_test._Tracker,
-        "is_touching",
-        lambda self: looks.append(1) or is_touching(self),
+        "check_contact",
+        lambda self: looks.append(1) or check_contact(self),
     )
     monkeypatch.setattr(drop_test, "DENSE_STEPS", 100)
     settings = config(height_mm=20.0)

@@ -108,20 +108,34 @@ class _Height(NamedTuple):
 
 
 class _Tracker:
-    """Advances a grain above a plate: in long strides while it flies, then in steps."""
+    """Advances a grain above a plate: in long strides while it flies, then in steps.
+
+    Parameters
+    ----------
+    trial : Trial
+        The plate and its grain.
+
+    Attributes
+    ----------
+    overlap_share : float
+        Largest overlap of the hits so far, over the smallest extent of the grain.
+    """
 
     def __init__(self, trial: Trial) -> None:
+        """Prepare to follow the grain; see the class."""
         self.trial = trial
         self.simulation = trial.simulation
         self.settings = trial.scene.simulation
         self.longest_stride_s = trial.scene.scale.interval_s(STRIDE_TIMES)
         scale = float(trial.scales[0])
         self.radius_m = scale * trial.scene.particle.bounding_radius_m
-        # largest overlap of the hits, over the smallest extent of the grain
         self.overlap_share = 0.0
 
-    def is_touching(self) -> bool:
-        """Return whether the grain touches the plate, and note how deep it does."""
+    def check_contact(self) -> bool:
+        """Return whether the grain touches the plate.
+
+        If it touches, `overlap_share` grows to its overlap.
+        """
         grains, _walls, overlaps = self.simulation.wall_overlaps()
         scales = self.simulation.scales[grains]
         shares = self.trial.bounds.shares(overlaps, scales)
@@ -130,10 +144,10 @@ class _Tracker:
 
     def fly(self) -> list[_Height]:
         """Advance until the grain touches the plate; return its heights on the way."""
-        heights = [self._height()]
-        while not self.is_touching():
-            self.trial.run_to(self.simulation.steps + self._stride())
-            heights.append(self._height())
+        heights = [self._read_height()]
+        while not self.check_contact():
+            self.trial.run_to(self.simulation.steps + self._choose_stride())
+            heights.append(self._read_height())
         return heights
 
     def hit(self) -> bool:
@@ -149,34 +163,39 @@ class _Tracker:
         simulation = self.simulation
         first_step = simulation.steps
         last_step = first_step + self.settings.steps(LONGEST_HIT_S)
-        is_touching = self.is_touching()
+        is_touching = self.check_contact()
         while is_touching and simulation.steps < last_step:
-            stride = 1 + (simulation.steps - first_step) // DENSE_STEPS
+            contact_steps = simulation.steps - first_step
+            stride = 1 + contact_steps // DENSE_STEPS
             self.trial.run_to(min(last_step, simulation.steps + stride))
-            is_touching = self.is_touching()
+            is_touching = self.check_contact()
         return not is_touching
 
-    def _height(self) -> _Height:
-        """Note the present height."""
+    def _read_height(self) -> _Height:
+        """Read the present height of the grain's centre."""
         return _Height(self.simulation.time_s, self.simulation.positions[0, 2])
 
-    def _stride(self) -> int:
+    def _choose_stride(self) -> int:
         """Choose the number of time steps up to the next look at the flying grain.
 
-        They take half of the time until the ball around the grain reaches the plate.
+        They take half of the time until the ball around the grain reaches the plate, at
+        most `longest_stride_s`. Where the ball reaches it already, it is one step.
         """
         gap_m = self.simulation.positions[0, 2] - self.radius_m
-        fall_s = 0.0
-        if gap_m > 0.0:
-            gravity = self.settings.gravity_m_s2
-            up = self.simulation.velocities[0, 2]
-            fall_s = (up + math.sqrt(up**2 + 2.0 * gravity * gap_m)) / gravity
-        return max(1, self.settings.steps(min(self.longest_stride_s, 0.5 * fall_s)))
+        if not gap_m > 0.0:
+            return 1
+        # The free flight of the ball: gap + up t - g t^2 / 2 = 0
+        gravity = self.settings.gravity_m_s2
+        up_speed = self.simulation.velocities[0, 2]
+        root = math.sqrt(up_speed**2 + 2.0 * gravity * gap_m)
+        flight_s = (up_speed + root) / gravity
+        stride_s = min(self.longest_stride_s, 0.5 * flight_s)
+        return max(1, self.settings.steps(stride_s))
 
 
 @dataclass(frozen=True)
 class Rebound(Outcome):
-    """A hit."""
+    """The outcome of a hit."""
 
     has_left: bool  # whether the grain left the plate again
 
@@ -212,16 +231,29 @@ class DropTest(BenchTest[DropTestSettings]):
     }
 
     def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
-        """Describe the plate, and room for one grain above it."""
+        """Describe the plate, and room for one grain above it.
+
+        Parameters
+        ----------
+        scene : Scene
+            The material of the plate, and the height of the fall.
+        largest_radius_m : float
+            Bounding radius of the grain.
+
+        Returns
+        -------
+        dict
+            Arguments of `repose.dem.Simulation`.
+        """
         section = self.section(scene.settings)
-        half = 4.0 * largest_radius_m
         plate = dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), section.surface)
+        half_side = 4.0 * largest_radius_m
         top = 1e-3 * section.height_mm + 2.0 * largest_radius_m
         return {
             "capacity": 1,
             "walls": {"plate": plate},
-            "lower": (-half, -half, 0.0),
-            "upper": (half, half, top),
+            "lower": (-half_side, -half_side, 0.0),
+            "upper": (half_side, half_side, top),
         }
 
     def run(
@@ -253,18 +285,19 @@ class DropTest(BenchTest[DropTestSettings]):
         drop_m = 1e-3 * section.height_mm
         add_above(trial, section.orientation, drop_m)
         tracker = _Tracker(trial)
-        heights: list[_Height] = []
+        # Heights after the first hit; none if the grain does not leave the plate.
+        rebound: list[_Height] = []
         with trial.bound(drop_m + 2.0 * trial.largest_radius_m).guard():
             tracker.fly()
             if tracker.hit():
-                heights = tracker.fly()
+                rebound = tracker.fly()
         arrays = {
-            "time_s": np.array([height.time_s for height in heights]),
-            "height_m": np.array([height.height_m for height in heights]),
+            "time_s": np.array([height.time_s for height in rebound]),
+            "height_m": np.array([height.height_m for height in rebound]),
             "drop_m": np.array([drop_m]),
         }
         outcome = Rebound(
-            has_left=bool(heights),
+            has_left=bool(rebound),
             unstable=trial.broken,
             overlap_share=tracker.overlap_share,
         )
@@ -300,7 +333,9 @@ class DropTest(BenchTest[DropTestSettings]):
         height_m = np.asarray(arrays["height_m"], float)
         drop_m = float(arrays["drop_m"][0])
         gravity = scene.simulation.gravity_m_s2
+        # A speed goes with the root of the height that it reaches.
         rebound_m = float(height_m.max() - height_m[0])
+        # A grain that flies for a time T leaves with the speed g T / 2.
         flight_s = float(time_s[-1] - time_s[0])
         fall_speed = math.sqrt(2.0 * gravity * drop_m)
         return {

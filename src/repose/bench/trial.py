@@ -61,16 +61,24 @@ class Trial:
         )
         self.largest_radius_m = largest_scale * scene.particle.bounding_radius_m
         self.simulation = build(scene, largest_scale)
+        # Without an interval there is no recorder, and no frame is recorded.
         self._recorder: dem.Recorder | None = None
         self._steps_per_frame = 1
         if interval_s is not None:
             self._recorder = dem.Recorder()
-            self._steps_per_frame = max(
-                1, round(interval_s / self.simulation.time_step_s)
-            )
+            steps_per_frame = round(interval_s / self.simulation.time_step_s)
+            self._steps_per_frame = max(1, steps_per_frame)
 
     def bound(self, top_m: float, speed_m_s: float = 0.0) -> Bounded:
-        """Set the bounds of the run; see `repose.bench.bounds.Bounded`."""
+        """Set the bounds of the run from the scene as it is now, and return them.
+
+        Parameters
+        ----------
+        top_m : float
+            Largest height to which a grain is brought.
+        speed_m_s : float, optional
+            Largest speed that a grain or a wall is given.
+        """
         self.bounds = Bounded(self.simulation, top_m, speed_m_s)
         return self.bounds
 
@@ -110,8 +118,8 @@ class Trial:
         """
         step = self.simulation.steps
         while step < last_step:
-            frame = step // self._steps_per_frame
-            next_frame_step = (frame + 1) * self._steps_per_frame
+            n_frames = step // self._steps_per_frame
+            next_frame_step = (n_frames + 1) * self._steps_per_frame
             step = min(last_step, next_frame_step)
             self.bounds.run_to(step)
             if step == next_frame_step:
@@ -122,10 +130,18 @@ class Trial:
     ) -> None:
         """Advance until a condition holds, at most to a last time step.
 
-        The condition is checked at once, and then each `check_interval` time steps.
+        Parameters
+        ----------
+        condition : function
+            ``condition()`` tells whether it holds.
+        last_step : int
+            The time step, counted from the beginning of the simulation.
+        check_interval : int
+            Time steps between two checks; the first check comes at once.
         """
         while not condition() and self.simulation.steps < last_step:
-            self.run_to(min(last_step, self.simulation.steps + check_interval))
+            next_check = self.simulation.steps + check_interval
+            self.run_to(min(last_step, next_check))
 
     def frames(self, walls: bool = False) -> dict[str, np.ndarray] | None:
         """Collect the frames of the film.
@@ -147,10 +163,11 @@ class Trial:
         if self._recorder is None:
             return None
         recorded = self._recorder.frames()
-        # Grains that were never added are padded, so that all films have N grains.
+        # Grains that were never added are filled in, so that all films have N grains.
         n_missing = self.simulation.capacity - len(recorded["scale"])
-        padding = ((0, 0), (0, n_missing), (0, 0))
         scale = np.pad(recorded["scale"], (0, n_missing), constant_values=1.0)
+        # Positions and quaternions (T, N, 3 or 4) grow along the axis of the grains.
+        padding = ((0, 0), (0, n_missing), (0, 0))
         position = np.pad(recorded["position"], padding, constant_values=np.nan)
         quaternion = np.pad(recorded["quaternion"], padding, constant_values=np.nan)
         frames = {
@@ -177,7 +194,10 @@ class Trial:
         return not self.energy_j() > self.scene.simulation.rest_energy_j
 
     def grains(self, **others: np.ndarray) -> dict[str, np.ndarray]:
-        """Copy the present grains into arrays of a run; see `grain_arrays`."""
+        """Copy the state of the grains into arrays of a run.
+
+        `others` are further arrays by name, which are added; see `grain_arrays`.
+        """
         simulation = self.simulation
         return grain_arrays(
             simulation.positions, simulation.quaternions, simulation.scales, **others
@@ -190,9 +210,15 @@ def grain_arrays(
     scale: np.ndarray,
     **others: np.ndarray,
 ) -> dict[str, np.ndarray]:
-    """Name the arrays of grains in a run, with other arrays beside them.
+    """Make the arrays of a run from those of its N grains.
 
-    Those of the grains are kept in single precision: 0.03 um at the edge of a plate.
+    Parameters
+    ----------
+    position, quaternion, scale : array
+        Positions (N, 3) [m], orientations (N, 4) and relative sizes (N,). They are kept
+        in single precision: 0.03 um at the edge of a plate.
+    **others : array
+        Other arrays by name, which are added as they are.
     """
     return {
         "position": position.astype(np.float32),
