@@ -14,19 +14,19 @@ if TYPE_CHECKING:
 
 
 class ConeLine(NamedTuple):
-    """The line of a cone in the half plane (r, z), as `repose.dem.Cone` takes it; in m.
+    """The line of a cone in the half plane (r, z), as `repose.dem.Cone` takes it.
 
-    The unit normal points from the inside into the wall, and the points of the line
-    fulfil normal . (r, z) = offset. `first` and `last` are its ends, as distances along
-    the unit vector (up_r, up_z).
+    A point (r, z) of the line fulfils normal . (r, z) = offset. Places along the line
+    are distances from its point nearest to the origin, in the direction `up`. All
+    lengths are in m.
     """
 
-    normal_r: float
+    normal_r: float  # unit vector from the inside into the wall
     normal_z: float
     offset: float
-    first: float
-    last: float
-    up_r: float
+    first: float  # place of the lower end
+    last: float  # place of the upper end
+    up_r: float  # unit vector along the line
     up_z: float
 
 
@@ -46,7 +46,15 @@ class Funnel:
 
     @classmethod
     def of(cls, hopper: Hopper, outlet_height_mm: float) -> "Funnel":
-        """Make the funnel of a section, its outlet at a height above the plate."""
+        """Make the funnel of a section of the configuration.
+
+        Parameters
+        ----------
+        hopper : Hopper
+            The section.
+        outlet_height_mm : float
+            Height of the outlet above the plate.
+        """
         return cls(
             inlet_diameter_m=1e-3 * hopper.inlet_diameter_mm,
             outlet_diameter_m=1e-3 * hopper.outlet_diameter_mm,
@@ -74,7 +82,7 @@ class Funnel:
 
     @property
     def _core_m(self) -> float:
-        """Radius of the circle about which the cone's lower edge is rounded [m]."""
+        """Radius of the circle about which all edges are rounded [m]."""
         return 0.5 * self.outlet_diameter_m + self.rim_radius_m
 
     @property
@@ -101,13 +109,18 @@ class Funnel:
         sin = math.sin(self._slope)
         cos = math.cos(self._slope)
         foot_r, foot_z = self._foot
-        last = (0.5 * self.inlet_diameter_m - foot_r) / cos
-        last += cos * foot_r + sin * foot_z
+        # The line begins where it touches the rounded edge, ...
+        first = cos * self._core_m + sin * self.neck_height_m
+        # ... and ends at the radius of the inlet. The place of the foot itself is 0
+        # up to rounding.
+        inlet_radius = 0.5 * self.inlet_diameter_m
+        foot_place = cos * foot_r + sin * foot_z
+        last = (inlet_radius - foot_r) / cos + foot_place
         return ConeLine(
             normal_r=sin,
             normal_z=-cos,
             offset=self._offset,
-            first=cos * self._core_m + sin * self.neck_height_m,
+            first=first,
             last=last,
             up_r=cos,
             up_z=sin,
@@ -123,6 +136,11 @@ class Funnel:
         ----------
         material : str
             Name of the material of all walls.
+
+        Returns
+        -------
+        dict
+            ``cone``, ``outlet`` and, with a tube, ``tube`` and ``neck``.
         """
         # Directions (r, z) of the walls that meet at an edge; zeros stand for no wall.
         along_cone = (math.cos(self._slope), math.sin(self._slope))
@@ -133,7 +151,7 @@ class Funnel:
         def make_edge(
             above: tuple[float, float], below: tuple[float, float], height_m: float
         ) -> "RingEdge":
-            """Make the rounded edge between the walls above and below it."""
+            """Make the rounded edge at a height, between the walls above and below."""
             return dem.RingEdge(
                 self._core_m, self.rim_radius_m, material, (above, below), height_m
             )
@@ -182,6 +200,7 @@ def impossible_surfaces(hopper: Hopper, name: str) -> Contradictions:
             f"{name}.outlet_diameter_mm",
             f"below {name}.inlet_diameter_mm, {inlet_mm:g}",
         )
+    # On each side, twice the radius of the edge must fit between outlet and inlet.
     largest_rim_mm = (inlet_mm - outlet_mm) / 4
     if hopper.rim_radius_mm > largest_rim_mm:
         yield (
@@ -193,11 +212,25 @@ def impossible_surfaces(hopper: Hopper, name: str) -> Contradictions:
 def narrow_openings(
     section: Section, name: str, sizes_mm: Mapping[str, float]
 ) -> Contradictions:
-    """Yield keys of openings that are no wider than a grain, with what is allowed.
+    """Yield keys of openings that are no wider than a grain.
 
-    `name` is the name of the section, `sizes_mm` has the size of the mean grain for
-    each key.
+    Parameters
+    ----------
+    section : Section
+        A section of the configuration.
+    name : str
+        Name of the section.
+    sizes_mm : mapping
+        Size of the mean grain that must pass an opening, by the key of the opening.
+
+    Yields
+    ------
+    tuple of str
+        A key of the configuration, and what is allowed.
     """
-    for key, size_mm in sizes_mm.items():
-        if getattr(section, key) <= size_mm:
-            yield f"{name}.{key}", f"above {size_mm:.4g}, the size of a mean grain"
+    for key, grain_size_mm in sizes_mm.items():
+        if getattr(section, key) <= grain_size_mm:
+            yield (
+                f"{name}.{key}",
+                f"above {grain_size_mm:.4g}, the size of a mean grain",
+            )

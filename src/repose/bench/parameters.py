@@ -69,7 +69,19 @@ def _parameter(name: str) -> Parameter:
 def _law_parameter(
     constant: Constant, pair: str, laws: tuple[str, ...], needed: bool
 ) -> LawParameter:
-    """Make the parameter of a constant for one pair of bodies."""
+    """Make the parameter of a constant for one pair of bodies.
+
+    Parameters
+    ----------
+    constant : Constant
+        The constant of the engine.
+    pair : str
+        The pair, a key of `PAIRS`.
+    laws : tuple of str
+        Force laws that use the constant.
+    needed : bool
+        Whether these laws cannot do without it.
+    """
     unit = f" ({constant.unit})" if constant.unit else ""
     limits = (constant.least, constant.most)
     return LawParameter(
@@ -91,19 +103,18 @@ def _law_parameters() -> list[LawParameter]:
     Each constant of a contact law has a parameter for each pair of bodies. Those of the
     twisting resistance, which no law needs, come last.
     """
-    # The laws by each of their constants, which several laws may share
-    laws_of_constant: dict[Constant, tuple[str, ...]] = {}
+    # Several laws may share a constant.
+    laws_by_constant: dict[Constant, list[str]] = {}
     for law, constants in OF_LAWS.items():
         for constant in constants:
-            other_laws = laws_of_constant.get(constant, ())
-            laws_of_constant[constant] = (*other_laws, law)
+            laws_by_constant.setdefault(constant, []).append(law)
     parameters = []
-    for constant, laws in laws_of_constant.items():
+    for constant, laws in laws_by_constant.items():
         for pair in PAIRS:
-            parameters.append(_law_parameter(constant, pair, laws, needed=True))
-    twisting = tuple(law for law in ROLLING_LAWS if ROLLING_LAWS.entry(law).twists)
+            parameters.append(_law_parameter(constant, pair, tuple(laws), needed=True))
+    twisting_laws = tuple(law for law in ROLLING_LAWS if ROLLING_LAWS.entry(law).twists)
     for pair in PAIRS:
-        parameters.append(_law_parameter(TWISTING, pair, twisting, needed=False))
+        parameters.append(_law_parameter(TWISTING, pair, twisting_laws, needed=False))
     return parameters
 
 
@@ -125,12 +136,22 @@ def parameters_of_law(law: str) -> tuple[str, ...]:
 
 
 def parameters_among(names: Iterable[str]) -> tuple[str, ...]:
-    """List the six parameters, and those of force laws that are among some names.
+    """List the contact parameters of a study in the order of all tables.
 
-    The names may be the columns of a table.
+    Parameters
+    ----------
+    names : iterable of str
+        Names of the study's parameters, and any others, such as the columns of a table.
+
+    Returns
+    -------
+    tuple of str
+        The six parameters of every study, also where `names` lacks them, and those of
+        force laws that are among the names.
     """
-    names = set(names)
-    return (*PARAMETERS, *(name for name in LAW_PARAMETERS if name in names))
+    known_names = set(names)
+    law_names = (name for name in LAW_PARAMETERS if name in known_names)
+    return (*PARAMETERS, *law_names)
 
 
 NUMBER = re.compile(
@@ -139,10 +160,20 @@ NUMBER = re.compile(
 
 
 def plain_number(value: object) -> float:
-    """Read a number as tables write it.
+    """Read a number, or the text of one as tables write it.
 
-    Raises ValueError for any other text, and for what only Python takes for a number:
-    ``1_0`` and full-width digits.
+    Parameters
+    ----------
+    value : object
+        The number or its text.
+
+    Raises
+    ------
+    ValueError
+        For any other text, and for what only Python takes for a number: ``1_0`` and
+        full-width digits.
+    TypeError
+        For an object that is neither a number nor a text.
     """
     if isinstance(value, str) and not NUMBER.fullmatch(value):
         raise ValueError(f"{value!r} is no number")
@@ -165,17 +196,22 @@ def check_value(
     key : str, optional
         Key of the value there; named in the error, by default the name.
 
+    Returns
+    -------
+    float
+        The value as a number.
+
     Raises
     ------
     InputError
         If the value is no number, or outside `PHYSICAL_LIMITS`.
     """
-    key = name if key is None else key
+    named_key = name if key is None else key
     try:
         number = plain_number(value)
     except (TypeError, ValueError):
-        raise InputError(source, key, value, "a number") from None
+        raise InputError(source, named_key, value, "a number") from None
     low, high = PHYSICAL_LIMITS[name]
     if not low <= number <= high:
-        raise InputError(source, key, number, f"{low:g} to {high:g}")
+        raise InputError(source, named_key, number, f"{low:g} to {high:g}")
     return number

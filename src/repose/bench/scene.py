@@ -50,7 +50,15 @@ class Scene:
         particle: "Particle",
         seed: int = 0,
     ) -> Self:
-        """Make the scene of a configuration."""
+        """Make the scene of a configuration.
+
+        Parameters
+        ----------
+        config : mapping
+            The configuration, with numbers in place of every ``auto``.
+        parameters, grain, particle, seed
+            As of the class.
+        """
         return cls(SceneSettings(config), parameters, grain, particle, seed)
 
     def with_seed(self, seed: int) -> Self:
@@ -99,6 +107,7 @@ def grain_simulation(scene: Scene, capacity: int, **arguments: Any) -> "dem.Simu
             settings.time_step_s,
             limit.allowed,
         )
+    # The engine takes bodies of any kind, a shape or a clump, by the name of each.
     shapes: Any = {"berry": scene.particle.dem_shape("berry")}
     return dem.Simulation(
         shapes,
@@ -121,14 +130,20 @@ def longest_time_step(scene: Scene) -> "time_steps.Limit":
     ----------
     scene : Scene
         The grain, its contact parameters and the settings of the simulation.
+
+    Returns
+    -------
+    time_steps.Limit
+        The time step, and the reason for it in words.
     """
     from repose.dem import time_steps
     from repose.dem.contact_table import pairs_of
     from repose.dem.laws import CONTACT_LAWS
     from repose.grain import size_distribution
 
+    # What the limit depends on: all materials and contacts of the engine's scene
     materials = materials_of(scene)
-    contacts = time_steps.Scene(
+    contact_scene = time_steps.Scene(
         law=CONTACT_LAWS[scene.simulation.contact_law],
         tension=scene.simulation.tension,
         materials=materials,
@@ -139,7 +154,7 @@ def longest_time_step(scene: Scene) -> "time_steps.Limit":
     smallest_scale = size_distribution.smallest_scale(
         scene.settings.size_distribution, scene.grain
     )
-    return time_steps.longest(contacts, smallest_scale=smallest_scale)
+    return time_steps.longest(contact_scene, smallest_scale=smallest_scale)
 
 
 def materials_of(scene: Scene) -> "dict[str, dem.Material]":
@@ -163,12 +178,22 @@ def contacts_of(
 
 
 def _contact(parameters: Mapping[str, float], pair: str) -> "dem.Contact":
-    """Make the contact of a pair, ``gg`` or ``gp``, from the parameters named after it."""
+    """Make the contact of a pair of materials.
+
+    Parameters
+    ----------
+    parameters : mapping
+        Contact parameters by name. Those of the pair end with its letters.
+    pair : str
+        ``gg``, grain and grain, or ``gp``, grain and wall.
+    """
+    # Constants of force laws, as far as this study has them as parameters
     constants = {
         parameter.constant.name: parameters[name]
         for name, parameter in LAW_PARAMETERS.items()
         if parameter.pair == pair and name in parameters
     }
+    # The resistance against twisting is an argument of its own.
     twisting_friction = constants.pop(TWISTING.name, None)
     return dem.Contact(
         parameters[f"e_{pair}"],
