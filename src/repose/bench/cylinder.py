@@ -591,6 +591,11 @@ class CylinderTest(BenchTest[CylinderSettings]):
     def contradictions(self, settings: SceneSettings) -> Contradictions:
         """Yield keys of a cylinder that cannot be filled or tapped, or has no core.
 
+        Parameters
+        ----------
+        settings : SceneSettings
+            Sections of the configuration.
+
         Yields
         ------
         tuple of str

@@ -301,7 +301,20 @@ class DischargeTest(BenchTest[DischargeSettings]):
         if opening is None:
             # The run broke a bound before the opening, and is not measured.
             opening = _Opening.missing(trial)
+        return self._collect_run(trial, opening)
 
+    def _collect_run(self, trial: Trial, opening: _Opening) -> Run:
+        """Make the run of a trial that has ended.
+
+        Parameters
+        ----------
+        trial : Trial
+            The trial.
+        opening : _Opening
+            The funnel when its lid was taken away.
+        """
+        simulation = trial.simulation
+        # Exit times count from the opening; they are not finite for other grains.
         exit_s = simulation.exit_times_s - opening.time_s
         has_left = np.isfinite(exit_s)
         outcome = Discharge(
@@ -317,7 +330,7 @@ class DischargeTest(BenchTest[DischargeSettings]):
             "scale": opening.grains["scale"],
         }
         return self.make_run(
-            scene,
+            trial.scene,
             outcome,
             arrays | opening.grains,
             trial.frames(),
@@ -391,6 +404,13 @@ class DischargeTest(BenchTest[DischargeSettings]):
     def misfits(
         self, settings: SceneSettings, axes_mm: Sequence[float]
     ) -> Contradictions:
-        """Yield keys of openings that are too narrow for the mean grain."""
-        sizes_mm = {"outlet_diameter_mm": axes_mm[2], "inlet_diameter_mm": axes_mm[0]}
+        """Yield keys of openings that are too narrow for the mean grain.
+
+        A grain passes the outlet along its longest axis, and appears in any orientation.
+        """
+        longest_mm, _, shortest_mm = axes_mm
+        sizes_mm = {
+            "outlet_diameter_mm": shortest_mm,
+            "inlet_diameter_mm": longest_mm,
+        }
         return narrow_openings(self.section(settings), NAME, sizes_mm)

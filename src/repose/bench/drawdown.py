@@ -602,6 +602,11 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
     def contradictions(self, settings: SceneSettings) -> Contradictions:
         """Yield keys of a box that cannot be built or filled.
 
+        Parameters
+        ----------
+        settings : SceneSettings
+            Sections of the configuration.
+
         Yields
         ------
         tuple of str

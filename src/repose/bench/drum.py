@@ -355,6 +355,11 @@ class RotatingDrum(BenchTest[R]):
         The drum may have no room, turn before it is full, or be recorded more often
         than once a time step.
 
+        Parameters
+        ----------
+        settings : SceneSettings
+            Sections of the configuration.
+
         Yields
         ------
         tuple of str

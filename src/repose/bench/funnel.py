@@ -338,6 +338,7 @@ class _StepTimer:
     """Measures the wall time per time step since its last start."""
 
     def __init__(self) -> None:
+        """Start at the time step 0."""
         self.start(0)
 
     def start(self, step: int) -> None:
@@ -633,6 +634,7 @@ class FunnelTest(BenchTest[FunnelSettings]):
                 f"{MORE_TIME}",
             )
 
+        # Grains that lie apart are no pile.
         n_on_plate = int(outcome.on_plate.sum())
         if n_in_pile < max(FEWEST_IN_PILE, SMALLEST_PILE * n_on_plate):
             return Verdict(
@@ -760,6 +762,11 @@ class FunnelTest(BenchTest[FunnelSettings]):
     def contradictions(self, settings: SceneSettings) -> Contradictions:
         """Yield keys of a funnel that cannot be built, or of a pour that cannot end.
 
+        Parameters
+        ----------
+        settings : SceneSettings
+            Sections of the configuration.
+
         Yields
         ------
         tuple of str
@@ -767,11 +774,14 @@ class FunnelTest(BenchTest[FunnelSettings]):
         """
         section = self.section(settings)
         window_s = section.rest_window_s
+        # Rest is checked several times in a window, at different time steps.
         if settings.simulation.time_step_s > window_s / 2:
             yield (
                 "simulation.time_step_s",
                 f"at most half of funnel.rest_window_s, {window_s:g}",
             )
+
+        # The surfaces: grains appear over the inlet, and fall on the plate.
         yield from impossible_surfaces(section, NAME)
         if section.factory_diameter_mm > section.inlet_diameter_mm:
             yield (
@@ -783,23 +793,33 @@ class FunnelTest(BenchTest[FunnelSettings]):
                 "funnel.plate_diameter_mm",
                 f"at least funnel.outlet_diameter_mm, {section.outlet_diameter_mm:g}",
             )
+
+        # The times: a whole window follows the last grain.
         if window_s >= section.duration_s:
             yield (
                 "funnel.rest_window_s",
                 f"below funnel.duration_s, {section.duration_s:g}",
             )
-        last_s = last_berry_s(section)
-        if last_s >= section.duration_s - window_s:
+        last_grain_s = last_berry_s(section)
+        if last_grain_s >= section.duration_s - window_s:
             yield (
                 "funnel.duration_s",
-                f"above {last_s + window_s:g}: the last grain appears at {last_s:g} s",
+                f"above {last_grain_s + window_s:g}: the last grain appears at "
+                f"{last_grain_s:g} s",
             )
 
     def misfits(
         self, settings: SceneSettings, axes_mm: Sequence[float]
     ) -> Contradictions:
-        """Yield keys of openings that are too narrow for the mean grain."""
-        sizes_mm = {"outlet_diameter_mm": axes_mm[2], "factory_diameter_mm": axes_mm[0]}
+        """Yield keys of openings that are too narrow for the mean grain.
+
+        A grain passes the outlet along its longest axis, and appears in any orientation.
+        """
+        longest_mm, _, shortest_mm = axes_mm
+        sizes_mm = {
+            "outlet_diameter_mm": shortest_mm,
+            "factory_diameter_mm": longest_mm,
+        }
         return narrow_openings(self.section(settings), NAME, sizes_mm)
 
 

@@ -1,4 +1,4 @@
-"""Measure photographs of a turning drum or of a drawdown box, without the sheet."""
+"""Measure photographs of a turning drum or drawdown box, whose size gives the scale."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field

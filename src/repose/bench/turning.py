@@ -472,6 +472,11 @@ class TurningTest(RotatingDrum[TurningSettings]):
     def contradictions(self, settings: SceneSettings) -> Contradictions:
         """Yield keys of a drum that cannot run, and targets that it cannot give.
 
+        Parameters
+        ----------
+        settings : SceneSettings
+            Sections of the configuration.
+
         Yields
         ------
         tuple of str
