@@ -350,6 +350,39 @@ def _describe_filling(trial: Trial) -> Filling:
     )
 
 
+def _judge_level(filling: Filling, section: CylinderSettings) -> Verdict | None:
+    """Judge whether the cylinder is full.
+
+    It is if the grains above the rim would make a layer there as high as a grain is
+    long. The heap in the collar is nearly level, so the rim is then covered everywhere.
+
+    Parameters
+    ----------
+    filling : Filling
+        The filled cylinder.
+    section : CylinderSettings
+        The section `cylinder` of the configuration.
+
+    Returns
+    -------
+    Verdict or None
+        The fault; None if the cylinder is full.
+    """
+    height_m = Vessel.of(section).height_m
+    n_poured = len(filling.centres_m)
+    n_below_rim = int(np.count_nonzero(filling.centres_m[:, 2] < height_m))
+    n_above_rim = n_poured - n_below_rim
+    # The layer is packed as the grains below the rim: it has as many per height.
+    n_layer = math.ceil(n_below_rim * filling.length_m / height_m)
+    if n_above_rim < n_layer:
+        return Verdict(
+            "not_full",
+            f"{n_poured} of {section.berries} grains poured, {n_below_rim} of them "
+            f"below the rim; a full cylinder has at least {n_layer} above it",
+        )
+    return None
+
+
 def _tap_filling(trial: Trial, section: CylinderSettings) -> Filling:
     """Tap a filled cylinder as often as configured, and describe the filling."""
     with trial.bounds.guard():
@@ -500,10 +533,6 @@ class CylinderTest(BenchTest[CylinderSettings]):
     def judge(self, outcome: Filling, settings: SceneSettings) -> Verdict:
         """Judge a stable filling.
 
-        The cylinder is full if the grains above the rim would make a layer there as
-        high as a grain is long. The heap in the collar is nearly level, so the rim is
-        then covered everywhere.
-
         Parameters
         ----------
         outcome : Filling
@@ -530,19 +559,8 @@ class CylinderTest(BenchTest[CylinderSettings]):
         if motion_verdict is not None:
             return motion_verdict
 
-        n_poured = len(outcome.centres_m)
-        n_below_rim = int(np.count_nonzero(z < vessel.height_m))
-        n_above_rim = n_poured - n_below_rim
-        # The layer is packed as the grains below the rim, so it has their number per
-        # length of height.
-        n_layer = math.ceil(n_below_rim * outcome.length_m / vessel.height_m)
-        if n_above_rim < n_layer:
-            return Verdict(
-                "not_full",
-                f"{n_poured} of {section.berries} grains poured, {n_below_rim} of them "
-                f"below the rim; a full cylinder has at least {n_layer} above it",
-            )
-        return OK
+        level_verdict = _judge_level(outcome, section)
+        return OK if level_verdict is None else level_verdict
 
     def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Measure the bulk density in the cylinder, in its core, and after the taps.

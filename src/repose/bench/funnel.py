@@ -619,22 +619,12 @@ class FunnelTest(BenchTest[FunnelSettings]):
                 "left_plate", f"{outcome.off_plate} of {n_grains} grains left the plate"
             )
 
-        # The pile is at rest if its energy is small and no grain has moved far.
-        n_in_pile = int(outcome.in_pile.sum())
-        mean_energy_j = outcome.kinetic_energy_j / max(1, n_in_pile)
-        motion_verdict = not_at_rest(mean_energy_j, settings, advice=MORE_TIME)
+        motion_verdict = self._judge_motion(outcome, settings)
         if motion_verdict is not None:
             return motion_verdict
-        motion_mm = 1e3 * outcome.largest_motion_m
-        if motion_mm > section.rest_motion_mm:
-            return Verdict(
-                "not_at_rest",
-                f"a grain moved {motion_mm:.2f} mm in the last "
-                f"{section.rest_window_s:g} s, more than {section.rest_motion_mm:g}; "
-                f"{MORE_TIME}",
-            )
 
         # Grains that lie apart are no pile.
+        n_in_pile = int(outcome.in_pile.sum())
         n_on_plate = int(outcome.on_plate.sum())
         if n_in_pile < max(FEWEST_IN_PILE, SMALLEST_PILE * n_on_plate):
             return Verdict(
@@ -644,6 +634,37 @@ class FunnelTest(BenchTest[FunnelSettings]):
                 f"{100 * SMALLEST_PILE:g} % of them",
             )
         return OK
+
+    def _judge_motion(self, outcome: Pour, settings: SceneSettings) -> Verdict | None:
+        """Judge whether the pile rests: by its energy, and by the motion of each grain.
+
+        Parameters
+        ----------
+        outcome : Pour
+            The grains at the end of the pour.
+        settings : SceneSettings
+            Sections of the configuration.
+
+        Returns
+        -------
+        Verdict or None
+            The fault; None if the pile rests.
+        """
+        section = self.section(settings)
+        n_in_pile = int(outcome.in_pile.sum())
+        mean_energy_j = outcome.kinetic_energy_j / max(1, n_in_pile)
+        energy_verdict = not_at_rest(mean_energy_j, settings, advice=MORE_TIME)
+        if energy_verdict is not None:
+            return energy_verdict
+        motion_mm = 1e3 * outcome.largest_motion_m
+        if motion_mm > section.rest_motion_mm:
+            return Verdict(
+                "not_at_rest",
+                f"a grain moved {motion_mm:.2f} mm in the last "
+                f"{section.rest_window_s:g} s, more than {section.rest_motion_mm:g}; "
+                f"{MORE_TIME}",
+            )
+        return None
 
     def run(
         self,

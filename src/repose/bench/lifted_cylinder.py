@@ -297,6 +297,38 @@ def _move_tube(simulation: "dem.Simulation", speed_m_s: float) -> None:
         simulation.set_motion(wall, dem.Motion(velocity_m_s=(0.0, 0.0, speed_m_s)))
 
 
+def _judge_filling(outcome: Lifting, section: LiftedCylinderSettings) -> Verdict | None:
+    """Judge the filling of the tube: the number of its grains, and their level.
+
+    Parameters
+    ----------
+    outcome : Lifting
+        The numbers of the run.
+    section : LiftedCylinderSettings
+        The section `lifted_cylinder`, which gives either the number or the level.
+
+    Returns
+    -------
+    Verdict or None
+        The fault; None if the filling is as configured.
+    """
+    if section.berries is not ABSENT and outcome.n_filled < section.berries:
+        return Verdict(
+            "not_filled",
+            f"only {outcome.n_filled} of {section.berries} grains find room in the tube",
+        )
+    # Without a configured filling height any level is right. A level that is not a
+    # number is wrong.
+    level_mm = outcome.filling_height_mm
+    wanted_mm = section.filling_height_mm or level_mm
+    if not abs(level_mm - wanted_mm) <= outcome.grain_mm:
+        return Verdict(
+            "not_filled",
+            f"the bed rests at {level_mm:.4g} mm, not at {wanted_mm:g} mm",
+        )
+    return None
+
+
 def _sort_grains(trial: Trial, tube: _Tube) -> tuple[Lifting, np.ndarray]:
     """Sort the grains at the end of a run: in the tube, on the plate, in the pile.
 
@@ -504,24 +536,10 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
             beside the plate, motion, no pile.
         """
         section = self.section(settings)
-        # Without a configured number of grains, those that were filled are all.
-        n_grains = section.berries or outcome.n_filled
-        if outcome.n_filled < n_grains:
-            return Verdict(
-                "not_filled",
-                f"only {outcome.n_filled} of {n_grains} grains find room in the tube",
-            )
-        # Without a configured filling height any level is right. A level that is not a
-        # number is wrong.
-        level_mm = outcome.filling_height_mm
-        wanted_mm = section.filling_height_mm or level_mm
-        if not abs(level_mm - wanted_mm) <= outcome.grain_mm:
-            return Verdict(
-                "not_filled",
-                f"the bed rests at {level_mm:.4g} mm, not at {wanted_mm:g} mm",
-            )
-
-        # Then the grains at the end of the run.
+        filling_verdict = _judge_filling(outcome, section)
+        if filling_verdict is not None:
+            return filling_verdict
+        n_grains = outcome.n_filled
         if outcome.n_in_tube:
             return Verdict(
                 "jammed",
