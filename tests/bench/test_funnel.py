@@ -253,7 +253,7 @@ def of_last_positions(heights_m, exits_s, radius_m=0.005):
     trial = SimpleNamespace(
         simulation=simulation, frames=lambda: None, broken="", overlap_share=0.0
     )
-    return funnel._final_state(trial, 0.1, None, funnel._WallTime(1.0, 1.0))
+    return funnel._describe_final_state(trial, 0.1, None, funnel._WallTime(1.0, 1.0))
 
 
 def test_a_pour_is_judged_by_its_last_positions():

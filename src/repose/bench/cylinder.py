@@ -60,7 +60,9 @@ N_RAYS = 1000
 VESSEL_KEYS = ("cylinder.diameter_mm", "cylinder.height_mm")
 
 
-def _density(kind: str, label: str, symbol: str, keys: tuple[str, ...]) -> Response:
+def _make_density(
+    kind: str, label: str, symbol: str, keys: tuple[str, ...]
+) -> Response:
     """Make the response of a density; keys: of the configuration, besides the vessel's."""
     return Response(
         name=f"{kind}_density_kg_m3",
@@ -74,11 +76,11 @@ def _density(kind: str, label: str, symbol: str, keys: tuple[str, ...]) -> Respo
     )
 
 
-BULK = _density("bulk", "bulk density", "bulk density", ())
-CORE = _density(
+BULK = _make_density("bulk", "bulk density", "bulk density", ())
+CORE = _make_density(
     "core", "bulk density of the core", "core density", ("cylinder.core_margin_mm",)
 )
-TAPPED = _density(
+TAPPED = _make_density(
     "tapped", "tapped density", "tapped density", ("cylinder.taps", "cylinder.tap_mm")
 )
 

@@ -426,7 +426,7 @@ class RotatingDrum(BenchTest[R]):
             )
 
 
-def no_surface(scene: Scene) -> Verdict:
+def no_surface_verdict(scene: Scene) -> Verdict:
     """Return the verdict on a run whose bed has no surface."""
     return Verdict(
         "no_surface",
@@ -714,7 +714,7 @@ def _without_surface(record: Mapping[str, Any], scene: Scene) -> dict[str, Any]:
     It has the verdict, and of the numbers of `record` only the beginning of the
     rotation.
     """
-    verdict = no_surface(scene)
+    verdict = no_surface_verdict(scene)
     return {
         "seed": record["seed"],
         "status": verdict.status,

@@ -63,7 +63,7 @@ ANGLE_KEYS = (*LINE_KEYS, *WINDOW_KEYS, "measure.response")
 PLATE_KEYS = ("funnel.plate_diameter_mm",)
 
 
-def _angle(definition: str, label: str, keys: tuple[str, ...]) -> Response:
+def _make_angle(definition: str, label: str, keys: tuple[str, ...]) -> Response:
     """Make the response of the pile's angle by one definition."""
     return Response(
         name=f"aor_{definition}_deg",
@@ -77,7 +77,7 @@ def _angle(definition: str, label: str, keys: tuple[str, ...]) -> Response:
     )
 
 
-def _flank(part: str) -> Response:
+def _make_flank(part: str) -> Response:
     """Make the response of the slope of the lower or upper part of the flank."""
     return Response(
         name=f"{part}_deg",
@@ -112,11 +112,11 @@ RESPONSES = (
         high=2000.0,
         definition=SILHOUETTE_KEYS,
     ),
-    _angle("flank", "angle, flank", LINE_KEYS),
-    _angle("secant", "angle, secant", (GRAIN_HEIGHT_KEY,)),
-    _angle("steepest", "angle, steepest", LINE_KEYS),
-    _angle("whole", "angle, whole side", ()),
-    _angle("straightest", "angle, straightest window", WINDOW_KEYS),
+    _make_angle("flank", "angle, flank", LINE_KEYS),
+    _make_angle("secant", "angle, secant", (GRAIN_HEIGHT_KEY,)),
+    _make_angle("steepest", "angle, steepest", LINE_KEYS),
+    _make_angle("whole", "angle, whole side", ()),
+    _make_angle("straightest", "angle, straightest window", WINDOW_KEYS),
     Response(
         name="base_radius_mm",
         unit="mm",
@@ -127,8 +127,8 @@ RESPONSES = (
         high=1e4,
         definition=(*SILHOUETTE_KEYS, GRAIN_HEIGHT_KEY),
     ),
-    _flank("lower"),
-    _flank("upper"),
+    _make_flank("lower"),
+    _make_flank("upper"),
     Response(
         name="packing_percent",
         unit="%",
@@ -359,7 +359,7 @@ class _WallTime(NamedTuple):
     us_per_step: float
 
 
-def _final_state(
+def _describe_final_state(
     trial: Trial,
     outlet_height_m: float,
     window_start_centres: np.ndarray | None,
@@ -581,7 +581,7 @@ class FunnelTest(BenchTest[FunnelSettings]):
             wall_s=time.perf_counter() - start_s,
             us_per_step=timer.us_per_step(simulation.steps),
         )
-        return _final_state(
+        return _describe_final_state(
             trial,
             section.funnel.outlet_height_m,
             window_start_centres=position_history[0] if position_history else None,
@@ -725,7 +725,7 @@ class FunnelTest(BenchTest[FunnelSettings]):
         settings = scene.settings
         targets = self.target_responses(settings.config)
         computed_targets = [target for target in targets if target.computed_from]
-        extra_names = _extra_numbers(targets, record)
+        extra_names = _list_extra_numbers(targets, record)
 
         # The columns of a table: the verdict first, then responses, then other numbers.
         verdict = {key: record[key] for key in ("seed", "status", "reason")}
@@ -844,7 +844,9 @@ class FunnelTest(BenchTest[FunnelSettings]):
         return narrow_openings(self.section(settings), NAME, sizes_mm)
 
 
-def _extra_numbers(targets: Sequence[Response], record: Mapping[str, Any]) -> list[str]:
+def _list_extra_numbers(
+    targets: Sequence[Response], record: Mapping[str, Any]
+) -> list[str]:
     """List the numbers that targets need beyond those measured on every pile.
 
     Parameters

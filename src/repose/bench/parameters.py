@@ -52,7 +52,7 @@ class LawParameter(Parameter):
     needed: bool  # whether these laws cannot do without it
 
 
-def _parameter(name: str) -> Parameter:
+def _make_parameter(name: str) -> Parameter:
     """Make one of the six parameters from its name."""
     kind, pair = name.split("_")
     coefficient = _COEFFICIENTS[kind]
@@ -66,7 +66,7 @@ def _parameter(name: str) -> Parameter:
     )
 
 
-def _law_parameter(
+def _make_law_parameter(
     constant: Constant, pair: str, laws: tuple[str, ...], needed: bool
 ) -> LawParameter:
     """Make the parameter of a constant for one pair of bodies.
@@ -97,7 +97,7 @@ def _law_parameter(
     )
 
 
-def _law_parameters() -> list[LawParameter]:
+def _make_law_parameters() -> list[LawParameter]:
     """Make the parameters that force laws add to the six of every study.
 
     Each constant of a contact law has a parameter for each pair of bodies. Those of the
@@ -111,15 +111,19 @@ def _law_parameters() -> list[LawParameter]:
     parameters = []
     for constant, laws in laws_by_constant.items():
         for pair in PAIRS:
-            parameters.append(_law_parameter(constant, pair, tuple(laws), needed=True))
+            parameters.append(
+                _make_law_parameter(constant, pair, tuple(laws), needed=True)
+            )
     twisting_laws = tuple(law for law in ROLLING_LAWS if ROLLING_LAWS.entry(law).twists)
     for pair in PAIRS:
-        parameters.append(_law_parameter(TWISTING, pair, twisting_laws, needed=False))
+        parameters.append(
+            _make_law_parameter(TWISTING, pair, twisting_laws, needed=False)
+        )
     return parameters
 
 
-LAW_PARAMETERS = {parameter.name: parameter for parameter in _law_parameters()}
-_ALL: list[Parameter] = [*map(_parameter, PARAMETERS), *LAW_PARAMETERS.values()]
+LAW_PARAMETERS = {parameter.name: parameter for parameter in _make_law_parameters()}
+_ALL: list[Parameter] = [*map(_make_parameter, PARAMETERS), *LAW_PARAMETERS.values()]
 LABELS = {parameter.name: parameter.label for parameter in _ALL}
 SYMBOLS = {parameter.name: parameter.symbol for parameter in _ALL}
 PHYSICAL_LIMITS = {parameter.name: parameter.physical_limits for parameter in _ALL}

@@ -172,12 +172,12 @@ def contacts_of(
 ) -> "dict[tuple[str, str], dem.Contact]":
     """Make the contacts grain-grain and grain-wall, by the names of their materials."""
     return {
-        ("berry", "berry"): _contact(parameters, "gg"),
-        ("berry", "wall"): _contact(parameters, "gp"),
+        ("berry", "berry"): _make_contact(parameters, "gg"),
+        ("berry", "wall"): _make_contact(parameters, "gp"),
     }
 
 
-def _contact(parameters: Mapping[str, float], pair: str) -> "dem.Contact":
+def _make_contact(parameters: Mapping[str, float], pair: str) -> "dem.Contact":
     """Make the contact of a pair of materials.
 
     Parameters

@@ -23,7 +23,7 @@ from repose.bench.drum import (
     Drum,
     DrumOutcome,
     RotatingDrum,
-    no_surface,
+    no_surface_verdict,
     set_rotation,
 )
 from repose.bench.factory import fill
@@ -47,7 +47,7 @@ RESPONSE_NAME = re.compile(
 )
 
 
-def _angle(name: str, speed: str | None) -> Response:
+def _make_angle(name: str, speed: str | None) -> Response:
     """Make the response of the angle at a speed.
 
     Parameters
@@ -70,7 +70,7 @@ def _angle(name: str, speed: str | None) -> Response:
     )
 
 
-def _profile_score(name: str, speed: str | None, score: str) -> Response:
+def _make_score(name: str, speed: str | None, score: str) -> Response:
     """Make the response of a score of the profile at a speed.
 
     Parameters
@@ -78,7 +78,7 @@ def _profile_score(name: str, speed: str | None, score: str) -> Response:
     name : str
         Name of the response.
     speed : str or None
-        Number of the speed, as of `_angle`.
+        Number of the speed, as of `_make_angle`.
     score : str
         Number of the score, from 1 on.
     """
@@ -162,14 +162,14 @@ class TurningSettings(Rotating):
 
     def speeds(self) -> list[Speed]:
         """List the speeds; a single time holds for all of them."""
-        times_from = _one_for_each(self.measure_from_s, self.n_speeds)
-        times_until = _one_for_each(self.measure_until_s, self.n_speeds)
-        velocities = _one_for_each(self.angular_velocity_rad_s, self.n_speeds)
+        times_from = _repeat_for_speeds(self.measure_from_s, self.n_speeds)
+        times_until = _repeat_for_speeds(self.measure_until_s, self.n_speeds)
+        velocities = _repeat_for_speeds(self.angular_velocity_rad_s, self.n_speeds)
         rows = zip(velocities, times_from, times_until, strict=True)
         return [Speed(*row) for row in rows]
 
 
-def _one_for_each(value: float | tuple[float, ...], count: int) -> list[float]:
+def _repeat_for_speeds(value: float | tuple[float, ...], count: int) -> list[float]:
     """Repeat a single number; return a list as it is."""
     numbers = np.atleast_1d(value).tolist()
     return numbers * count if len(numbers) == 1 else numbers
@@ -240,7 +240,7 @@ class TurningTest(RotatingDrum[TurningSettings]):
     """A drum in steady turning."""
 
     settings = TurningSettings
-    responses = (_angle("turning_deg", None),)
+    responses = (_make_angle("turning_deg", None),)
     statuses = ("ok", "unstable", "lost", "no_surface")
     measured_by = ("fit_share",)
     required_arrays = ("position", "quaternion", "scale")
@@ -283,10 +283,10 @@ class TurningTest(RotatingDrum[TurningSettings]):
         if match is None:
             return None
         if name.endswith("_deg"):
-            return _angle(name, match["speed"])
+            return _make_angle(name, match["speed"])
         if match["score"] is None:
             return None
-        return _profile_score(name, match["speed"], match["score"])
+        return _make_score(name, match["speed"], match["score"])
 
     def tilt_deg(self, section: TurningSettings) -> float:
         """Return the angle by which the axis is tilted; it is low at positive y."""
@@ -405,7 +405,7 @@ class TurningTest(RotatingDrum[TurningSettings]):
             )
             has_surfaces = len(angles_deg) > 0 and np.isfinite(angles_deg).all()
             if not has_surfaces:
-                verdict = no_surface(scene)
+                verdict = no_surface_verdict(scene)
                 fault = {"status": verdict.status, "reason": verdict.reason}
                 return {**record, **fault, **no_numbers}
             measured[angle_name] = float(angles_deg.mean())
@@ -485,7 +485,7 @@ class TurningTest(RotatingDrum[TurningSettings]):
         yield from self.impossible_filling(settings)
         section = self.section(settings)
         # The speeds can only be listed if all lists have one number for each of them.
-        wrong_lists = list(_lists_of_other_lengths(section))
+        wrong_lists = list(_find_wrong_lists(section))
         if wrong_lists:
             yield wrong_lists[0]
             return
@@ -520,7 +520,7 @@ def _target_profiles(settings: SceneSettings) -> dict[str, Mapping[str, Any]]:
     }
 
 
-def _lists_of_other_lengths(section: TurningSettings) -> Contradictions:
+def _find_wrong_lists(section: TurningSettings) -> Contradictions:
     """Yield keys whose list has not one number for each speed."""
     for key in ("measure_from_s", "measure_until_s"):
         value = getattr(section, key)
