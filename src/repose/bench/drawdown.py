@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from repose.measure.silhouette import Grains
 
 NAME = "drawdown"
-# Corners of the six faces of a block, counter-clockwise from outside; see `_block`.
+# Corners of the six faces of a block, counter-clockwise from outside; see `_make_block`.
 FACES = (
     (0, 1, 3, 2),
     (4, 6, 7, 5),
@@ -221,24 +221,25 @@ class Box:
         half_length = self.half_depth + 2.0 * self.thickness
         block_y = (-half_length, half_length)
         outer_side = self.half_width + self.thickness
-        for name, sign in (("left", -1.0), ("right", 1.0)):
-            walls[f"lower_{name}"] = dem.Plane(
-                (sign * self.half_lower, 0.0, 0.0), (-sign, 0.0, 0.0), "wall"
-            )
-            walls[f"{name}_floor"] = _block(
+        # Both sides are mirror images; the sign is that of their x.
+        for side, sign in (("left", -1.0), ("right", 1.0)):
+            lower_side = (sign * self.half_lower, 0.0, 0.0)
+            inwards = (-sign, 0.0, 0.0)
+            walls[f"lower_{side}"] = dem.Plane(lower_side, inwards, "wall")
+            walls[f"{side}_floor"] = _make_block(
                 x=(sign * self.half_slot, sign * outer_side),
                 y=block_y,
                 z=(self.gate, self.floor),
                 edge_radius_m=edge_radius_m,
             )
-            walls[f"{name}_wall"] = _block(
+            walls[f"{side}_wall"] = _make_block(
                 x=(sign * self.half_width, sign * outer_side),
                 y=block_y,
                 z=(self.gate, self.top + room_m),
                 edge_radius_m=edge_radius_m,
             )
-        # The gate closes the slot from below.
-        walls["gate"] = _block(
+        # The gate closes the slot from below, and is wider than it.
+        walls["gate"] = _make_block(
             x=(-self.half_slot - self.thickness, self.half_slot + self.thickness),
             y=block_y,
             z=(self.gate - self.thickness, self.gate),
@@ -252,7 +253,7 @@ class Box:
         return (np.abs(x) < self.half_lower) & (np.abs(y) < self.half_depth) & (z > 0.0)
 
 
-def _block(
+def _make_block(
     x: Sequence[float], y: Sequence[float], z: Sequence[float], edge_radius_m: float
 ) -> "dem.Mesh":
     """Make a rectangular block as a mesh.

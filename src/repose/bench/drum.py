@@ -190,7 +190,10 @@ class RotatingDrum(BenchTest[R]):
         }
 
     def tilt_deg(self, section: R) -> float:
-        """Return the angle by which the axis is tilted; a tilted drum is low at +y."""
+        """Return the angle by which the axis is tilted; a tilted drum is low at +y.
+
+        Drums are level by default.
+        """
         return 0.0
 
     def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
@@ -266,7 +269,20 @@ class RotatingDrum(BenchTest[R]):
         return bool(drum.holds(simulation.positions).all())
 
     def judge(self, outcome: DrumOutcome, settings: SceneSettings) -> Verdict:
-        """Judge a stable run before it is measured."""
+        """Judge a stable run before it is measured: all grains must be in the drum.
+
+        Parameters
+        ----------
+        outcome : DrumOutcome
+            The grains at the end of the run.
+        settings : SceneSettings
+            Sections of the configuration.
+
+        Returns
+        -------
+        Verdict
+            `OK`, or the first fault: a grain outside the drum, grains without a place.
+        """
         if not outcome.holds_all:
             return Verdict("lost", "a grain is outside the drum")
         if outcome.n_unplaced:
@@ -825,6 +841,7 @@ class DrumTest(RotatingDrum[DrumSettings]):
         Verdict
             `OK`, or the first fault.
         """
+        # Runs of this test have more numbers than those of other drums.
         assert isinstance(outcome, Rotation)
         verdict = super().judge(outcome, settings)
         if verdict != OK:

@@ -445,11 +445,13 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         plate_radius = 1e-3 * (0.5 * section.plate_diameter_mm)
         up = (0.0, 0.0, 1.0)
         plate = dem.Plane((0.0, 0.0, 0.0), up, "wall", plate_radius)
-        # The wall is longer than the tube, so that grains that appear at its upper end
-        # stay inside. Below, it ends in a rounded rim that touches the plate.
-        wall_height = length + 2.0 * largest_radius_m
+        # The wall of the tube begins above its rim. It is longer than the tube, so that
+        # grains that appear at its upper end stay inside.
         wall_foot = (0.0, 0.0, rim_radius)
+        wall_height = length + 2.0 * largest_radius_m
         tube = dem.Cylinder(wall_foot, up, wall_height, radius, "wall")
+        # The rim is rounded and touches the plate. In the half plane (r, z) the tube
+        # goes on above it, and nothing below.
         wall_above = (0.0, 1.0)
         no_wall = (0.0, 0.0)
         rim = dem.RingEdge(

@@ -101,7 +101,7 @@ class Reach:
 
     @property
     def sentence(self) -> str:
-        """The result in words: one sentence, and up to two more for a poor target."""
+        """The result in words: a sentence, and up to two more if it is out of reach."""
         band = self.band
         state = "attainable" if self.possible else "out of reach"
         text = (
