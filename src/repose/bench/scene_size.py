@@ -281,9 +281,26 @@ def advice(
         f"{_describe_enough(n_grains, definition)} "
         "Simulate as many grains as were poured."
     )
-    if n_grains < LARGE_SCENE:
-        return
+    if n_grains >= LARGE_SCENE:
+        yield from _propose_smaller_scene(settings, n_grains, definition, diameter_mm)
 
+
+def _propose_smaller_scene(
+    settings: SceneSettings, n_grains: int, definition: str, diameter_mm: float
+) -> Iterator[str]:
+    """Yield sentences about a smaller scene, and its keys as lines of YAML.
+
+    Parameters
+    ----------
+    settings : SceneSettings
+        Sections of the configuration.
+    n_grains : int
+        Number of grains of the whole scene.
+    definition : str
+        Definition of the angle, a column of the table.
+    diameter_mm : float
+        Diameter of a grain.
+    """
     scene = smaller_scene(n_grains, definition)
     if scene is None:
         tabulated_numbers = numbers()
@@ -295,12 +312,14 @@ def advice(
         )
         return
     yield f"smaller scene: {_describe_scene(scene, definition)}"
-    yield _write_yaml_line(NAME, _pasted_section(funnel, scene, diameter_mm))
+    funnel = settings.section(NAME, FunnelSettings)
+    yield _write_yaml_line(NAME, _make_pasted_section(funnel, scene, diameter_mm))
     targets = settings.targets_of(NAME)
     if any(target["response"] == "height_mm" for target in targets):
         # A smaller pile is lower, so its Height needs another target.
         scaled_targets = [
-            _scale_target(target, scene.height_share) for target in config["targets"]
+            _scale_target(target, scene.height_share)
+            for target in settings.config["targets"]
         ]
         yield _write_yaml_line("targets", scaled_targets)
 
@@ -378,7 +397,7 @@ def _describe_scene(scene: SmallerScene, definition: str) -> str:
     return f"{text} Pour such a pile by hand, and give its targets in place of these:"
 
 
-def _pasted_section(
+def _make_pasted_section(
     funnel: FunnelSettings, scene: SmallerScene, diameter_mm: float
 ) -> dict[str, Any]:
     """Write the keys of the section `funnel` of a smaller scene."""
