@@ -1,12 +1,13 @@
-"""The inner loops of clumps: geometry of 32 contacts of single spheres at a time.
+"""Geometry of 32 contacts of single spheres of clumps at a time.
 
-Two spheres, or a sphere and a plane, touch in closed form. A contact keeps the places of
-its spheres in the axes of their bodies, and their radii; the rows of the bodies have
+Two spheres, or a sphere and a plane, touch in closed form. A contact keeps the places
+of its spheres in the axes of their bodies, and their radii; the rows of the bodies have
 positions and, in the columns of the shape, quaternions.
 
 `scratch` is the scratch tile (rows of `tile`), `contacts` the tile of numbers that the
-contacts keep. The functions read the rows of the bodies (`tl.A`, `tl.B`) and write N in
-`contacts`, GAP, RADIUS, RA and RB in `scratch`. See `rows` for the layout of a tile.
+contacts keep. The functions read the rows of the bodies (`tl.A`, `tl.B`) and write
+NORMAL in `contacts`, GAP, RADIUS, RA and RB in `scratch`. See `rows` for the layout of
+a tile.
 """
 
 import math
@@ -15,10 +16,9 @@ from . import state as st
 from . import tile as tl
 from .jit import inlined
 from .rows import LANES, Rows, lane_vector, write_vector
-from .state import OFFSET, SHAPE
+from .state import NORMAL, OFFSET, SHAPE
 from .vectors import squared_length
 
-N = st.NORMAL
 # Rows that a pair of spheres keeps, after the normal.
 _pair = Rows(st.PAIR_STATE)
 CENTRE_A = _pair.take(3)  # of each sphere, in the axes of its body
@@ -39,8 +39,12 @@ NEAREST = 1e-30  # distance of two centres that still have a direction [m]
 
 @inlined
 def rotated_vector(w, x, y, z, px, py, pz):
-    """Return a vector p rotated by a unit quaternion (w, x, y, z)."""
-    # twice the vector product of the quaternion's vector with p
+    """Return a vector p = (px, py, pz) rotated by a unit quaternion (w, x, y, z).
+
+    With the vector part q = (x, y, z) of the quaternion and u = 2 q x p, the rotated
+    vector is p + w u + q x u.
+    """
+    # u, twice the vector product of the quaternion's vector part with p
     ux = 2.0 * (y * pz - z * py)
     uy = 2.0 * (z * px - x * pz)
     uz = 2.0 * (x * py - y * px)
@@ -53,14 +57,16 @@ def rotated_vector(w, x, y, z, px, py, pz):
 
 @inlined
 def write_arms(scratch, contacts, body_row, centre_row, arm_row):
-    """Write the vector from the body's centre to the sphere's, in world axes.
+    """Write the vector from each body to the centre of its sphere, in world axes.
 
     Parameters
     ----------
-    scratch, contacts : array
-        Tiles with the bodies and with their spheres.
+    scratch : array
+        Scratch tile of LANES contacts, with the quaternions of the bodies.
+    contacts : array
+        Tile of the same contacts, with the centres of the spheres in body axes.
     body_row : int
-        First row of the bodies in `scratch`.
+        First row of the bodies in `scratch`: tl.A or tl.B.
     centre_row : int
         First of the three rows of the spheres' centres in `contacts`.
     arm_row : int
@@ -68,33 +74,48 @@ def write_arms(scratch, contacts, body_row, centre_row, arm_row):
     """
     quaternion_row = body_row + SHAPE * LANES
     for lane in range(LANES):
-        w = scratch[quaternion_row + lane]
-        x, y, z = lane_vector(scratch, quaternion_row + LANES, lane)
+        qw = scratch[quaternion_row + lane]
+        qx, qy, qz = lane_vector(scratch, quaternion_row + LANES, lane)
         centre_x, centre_y, centre_z = lane_vector(contacts, centre_row, lane)
-        arm_x, arm_y, arm_z = rotated_vector(w, x, y, z, centre_x, centre_y, centre_z)
+        arm_x, arm_y, arm_z = rotated_vector(
+            qw, qx, qy, qz, centre_x, centre_y, centre_z
+        )
         write_vector(scratch, arm_row, lane, arm_x, arm_y, arm_z)
 
 
 @inlined
 def sphere_pair_geometry(scratch, contacts):
-    """Compute normal, gap, effective radius and contact point of each pair of spheres."""
+    """Compute normal, gap, effective radius and contact point of each pair of spheres.
+
+    Each sphere belongs to a clump. Writes the normal (row NORMAL of `contacts`) and the
+    rows GAP, RADIUS, RA and RB of `scratch`; RA and RB are the vectors from the centres
+    of the two bodies to the contact point.
+
+    Parameters
+    ----------
+    scratch : array
+        Scratch tile of LANES contacts with the bodies (tl.A, tl.B).
+    contacts : array
+        Tile of the same contacts, which keep centres and radii of their spheres.
+    """
     write_arms(scratch, contacts, tl.A, CENTRE_A, ARM_A)
     write_arms(scratch, contacts, tl.B, CENTRE_B, ARM_B)
     for lane in range(LANES):
         # from the centre of body A to that of body B
-        ax, ay, az = lane_vector(scratch, tl.A, lane)
-        bx, by, bz = lane_vector(scratch, tl.B, lane)
-        dx, dy, dz = bx - ax, by - ay, bz - az
+        body_a_x, body_a_y, body_a_z = lane_vector(scratch, tl.POSITION_A, lane)
+        body_b_x, body_b_y, body_b_z = lane_vector(scratch, tl.POSITION_B, lane)
+        dx, dy, dz = body_b_x - body_a_x, body_b_y - body_a_y, body_b_z - body_a_z
         # from the centre of the sphere of A to that of the sphere of B
         arm_a_x, arm_a_y, arm_a_z = lane_vector(scratch, ARM_A, lane)
         arm_b_x, arm_b_y, arm_b_z = lane_vector(scratch, ARM_B, lane)
-        sx = dx + arm_b_x - arm_a_x
-        sy = dy + arm_b_y - arm_a_y
-        sz = dz + arm_b_z - arm_a_z
-        distance = math.sqrt(squared_length(sx, sy, sz))
+        spheres_x = dx + arm_b_x - arm_a_x
+        spheres_y = dy + arm_b_y - arm_a_y
+        spheres_z = dz + arm_b_z - arm_a_z
+        # the unit vector along this line; of spheres in one place it is zero
+        distance = math.sqrt(squared_length(spheres_x, spheres_y, spheres_z))
         inverse = 1.0 / (distance if distance > NEAREST else NEAREST)
-        nx, ny, nz = inverse * sx, inverse * sy, inverse * sz
-        write_vector(contacts, N, lane, nx, ny, nz)
+        nx, ny, nz = inverse * spheres_x, inverse * spheres_y, inverse * spheres_z
+        write_vector(contacts, NORMAL, lane, nx, ny, nz)
         gap = distance - contacts[REACH + lane]
         scratch[tl.GAP + lane] = gap
         scratch[tl.RADIUS + lane] = contacts[CURVATURE + lane]
@@ -111,13 +132,22 @@ def sphere_pair_geometry(scratch, contacts):
 def sphere_plane_geometry(scratch, contacts):
     """Compute gap, effective radius and contact point of each sphere on a plane.
 
-    Beyond the disc of the plane the gap is tl.BEYOND, as in `tile.plane_geometry`.
+    Writes the rows GAP, RADIUS and RA of `scratch`. Beyond the disc of the plane the
+    gap is tl.BEYOND, which is infinite, as in `tile.plane_geometry`.
+
+    Parameters
+    ----------
+    scratch : array
+        Scratch tile of LANES contacts with their bodies (tl.A).
+    contacts : array
+        Tile of the same contacts, which keep the plane, and centre and radius of the
+        sphere.
     """
     write_arms(scratch, contacts, tl.A, CENTRE, ARM_A)
     for lane in range(LANES):
-        nx, ny, nz = lane_vector(contacts, N, lane)
+        nx, ny, nz = lane_vector(contacts, NORMAL, lane)
         # the centre of the sphere
-        body_x, body_y, body_z = lane_vector(scratch, tl.A, lane)
+        body_x, body_y, body_z = lane_vector(scratch, tl.POSITION_A, lane)
         arm_x, arm_y, arm_z = lane_vector(scratch, ARM_A, lane)
         x, y, z = body_x + arm_x, body_y + arm_y, body_z + arm_z
         radius = contacts[RADIUS + lane]

@@ -62,7 +62,7 @@ def write_mobility(scratch, history, body, arm, parts, add):
         return
     inverse_inertia = body + st.INVERSE_INERTIA * LANES
     for lane in range(LANES):
-        nx, ny, nz = lane_vector(history, tl.N, lane)
+        nx, ny, nz = lane_vector(history, tl.NORMAL, lane)
         rx, ry, rz = lane_vector(scratch, arm, lane)
         # (x, y, z) is r x n
         x, y, z = ry * nz - rz * ny, rz * nx - rx * nz, rx * ny - ry * nx

@@ -5,9 +5,9 @@
 The arguments are the arrays of a simulation (see `state`), and every function writes to
 most of them. `flat`, `curved` and `meshed` are the contacts with planes, with curved
 walls and with meshes. `contact_tile` and `body_tile` are scratch tiles for contacts and
-bodies, `numbers` is the array of a `Scratch`. `ghost` is the number of the absent body.
-`clumps` is an empty tuple in a simulation of smooth bodies (see `forces`), and `meshes`
-where no wall is a mesh; their code is not compiled then.
+bodies. `ghost` is the number of the absent body. `clumps` is an empty tuple in a
+simulation of smooth bodies (see `forces`), and `meshes` where no wall is a mesh; their
+code is not compiled then.
 """
 
 from . import state as st
@@ -30,13 +30,32 @@ from .wall_search import update_meshes, update_walls
 
 @inlined
 def is_roomy(count, room):
-    """Return whether a list of `count` items is at most three quarters full."""
+    """Return whether a list of `count` items is at most three quarters full.
+
+    `room` is the length of its arrays. A step adds fewer items than the last quarter
+    holds.
+    """
     return count * 4 <= room * 3
 
 
 @inlined
 def has_room(pairs, flat, curved, meshed, counts):
-    """Return whether every list of contacts is at most three quarters full."""
+    """Return whether every list of pairs and contacts is at most three quarters full.
+
+    Parameters
+    ----------
+    pairs : Pairs or SpherePairs
+        The lists of pairs, of smooth bodies or of clumps.
+    flat, curved, meshed : WallContacts
+        Contacts with planes, with curved walls and with meshes.
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+
+    Returns
+    -------
+    bool
+        Where False, Python has to make longer lists before the next step.
+    """
     return (
         is_roomy(counts[st.N_PAIRS], pairs.first.shape[0])
         and is_roomy(counts[st.N_NEAR], pairs.near_limit.shape[0])
@@ -50,7 +69,31 @@ def has_room(pairs, flat, curved, meshed, counts):
 def begin_step(
     bodies, pairs, flat, curved, meshed, clumps, grid, walls, counts, physics, ghost
 ):
-    """Drop the contacts of the bodies that are gone, and move the moving walls."""
+    """Drop the contacts of bodies that are gone, and move the moving walls.
+
+    Contacts with planes keep a copy of their plane, so these copies are moved, too.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    pairs : Pairs or SpherePairs
+        The lists of pairs, of smooth bodies or of clumps.
+    flat, curved, meshed : WallContacts
+        Contacts with planes, with curved walls and with meshes.
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    physics : Physics
+        Time step, gravity and constants of the laws (`state.Physics`).
+    ghost : int
+        Number of the absent body, which unused places of lists hold.
+    """
     if counts[st.N_GONE] > 0:
         drop_gone(bodies, pairs, flat, curved, meshed, clumps, counts, grid, ghost)
     if walls.approach[st.WALLS_MOVE] > 0.0:
@@ -73,11 +116,38 @@ def wall_contacts_and_forces(
     scratch,
     ghost,
 ):
-    """Find the contacts with walls, and add their forces to the loads of the bodies."""
+    """Find the contacts with walls, and add their forces to the loads of the bodies.
+
+    The loads of the walls are added, too, where the user asked for them.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    flat, curved, meshed : WallContacts
+        Contacts with planes, with curved walls and with meshes.
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    meshes : Meshes or ()
+        The features of all meshes; an empty tuple where no wall is a mesh.
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    physics : Physics
+        Time step, gravity and constants of the laws (`state.Physics`).
+    contact_tile : array
+        Scratch tile of LANES contacts (rows of `tile`); is overwritten.
+    scratch : Scratch
+        Working memory of this thread; is overwritten.
+    ghost : int
+        Number of the absent body, which unused places of lists hold.
+    """
     geometry = scratch.geometry
     other_geometry = scratch.other_geometry
     local_row = scratch.local_row
     parts = physics.parts
+    # Find new contacts. The lists of meshes have no code where no wall is a mesh.
     update_walls(
         bodies,
         flat,
@@ -95,6 +165,7 @@ def wall_contacts_and_forces(
     # one. Where walls move or have several materials, each tile of contacts writes its own.
     still_wall(contact_tile)
     fill_laws(contact_tile, physics, 0, physics.law_constants.shape[0] - 1)
+    # Add the forces, wall kind by wall kind.
     plane_forces(bodies, flat, clumps, walls, counts, physics, contact_tile, ghost)
     curved_forces(
         bodies,
@@ -127,13 +198,39 @@ def wall_contacts_and_forces(
 
 @inlined
 def find_pair_contacts(bodies, pairs, clumps, counts, grid, physics, scratch, ghost):
-    """Find the contacts of pairs: check near pairs, and renew the neighbour list."""
+    """Bring the lists of pairs up to date: find the pairs that touch now.
+
+    First, near pairs whose bodies have moved enough to close their gap are checked;
+    those that touch become contacts. Then bodies that moved by half a skin get new near
+    pairs.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    pairs : Pairs or SpherePairs
+        The lists of pairs, of smooth bodies or of clumps.
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    physics : Physics
+        Time step, gravity and constants of the laws (`state.Physics`).
+    scratch : Scratch
+        Working memory of this thread; is overwritten.
+    ghost : int
+        Number of the absent body, which unused places of lists hold.
+    """
     parts = physics.parts
     if len(clumps) == 0:
+        # Smooth bodies: the gap of a pair is solved for its normal.
         normal = scratch.normal
         update_near(bodies, pairs, counts, grid, parts, normal)
         renew(bodies, pairs, clumps, counts, grid, parts, normal, ghost)
     else:
+        # Clumps: the gap of a pair is the smallest of all gaps of their spheres.
         spheres = scratch.spheres
         update_near_clumps(bodies, pairs, counts, grid, clumps, spheres, ghost)
         renew(bodies, pairs, clumps, counts, grid, parts, spheres, ghost)
@@ -141,7 +238,30 @@ def find_pair_contacts(bodies, pairs, clumps, counts, grid, physics, scratch, gh
 
 @inlined
 def add_pair_forces(bodies, pairs, clumps, counts, grid, physics, contact_tile, ghost):
-    """Add the forces of pairs to the loads, and retire the pairs that parted."""
+    """Add the forces of touching pairs to the loads, and retire the pairs that parted.
+
+    A pair that parted goes back to the near pairs, with its present gap.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    pairs : Pairs or SpherePairs
+        The lists of pairs, of smooth bodies or of clumps.
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    physics : Physics
+        Time step, gravity and constants of the laws (`state.Physics`).
+    contact_tile : array
+        Scratch tile of LANES contacts (rows of `tile`); is overwritten.
+    ghost : int
+        Number of the absent body, which unused places of lists hold.
+    """
+    # one thread handles all pairs, as share 0 of the loads
     n_ended = pair_forces(
         bodies, pairs, clumps, counts, physics, contact_tile, 0, 0, counts[st.N_PAIRS]
     )
@@ -166,15 +286,50 @@ def advance(
     physics,
     contact_tile,
     body_tile,
-    numbers,
+    scratch_numbers,
     steps,
 ):
-    """Advance by a number of steps, or by fewer where a list may become too short.
+    """Advance a simulation by some steps, or by fewer where a list may become short.
 
-    Returns the number of steps made.
+    The caller makes the lists longer and calls this again for the steps that are left.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    pairs : Pairs or SpherePairs
+        The lists of pairs, of smooth bodies or of clumps.
+    flat, curved, meshed : WallContacts
+        Contacts with planes, with curved walls and with meshes.
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    meshes : Meshes or ()
+        The features of all meshes; an empty tuple where no wall is a mesh.
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    physics : Physics
+        Time step, gravity and constants of the laws (`state.Physics`).
+    contact_tile, body_tile : array
+        Scratch tiles of LANES contacts (rows of `tile`) and bodies (rows of
+        `body_tile`).
+    scratch_numbers : array (SCRATCH,)
+        Memory of the other scratch arrays (`state.Scratch`).
+    steps : int
+        Number of steps.
+
+    Returns
+    -------
+    int
+        Number of steps made.
     """
+    # the arrays of the grid have one place for each body, so the body after them is
+    # absent
     ghost = grid.cell.shape[0]
-    scratch = st.scratch_of(numbers)
+    scratch = st.scratch_of(scratch_numbers)
     for step in range(steps):
         if not has_room(pairs, flat, curved, meshed, counts):
             return step
@@ -230,14 +385,37 @@ def add_wall_loads(
     counts,
     physics,
     contact_tile,
-    numbers,
+    scratch_numbers,
     ghost,
 ):
-    """Add the forces of the present state to `walls.loads`.
+    """Add the forces of the present state to `walls.loads`, without a step.
 
     The other arrays change as in a step.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    flat, curved, meshed : WallContacts
+        Contacts with planes, with curved walls and with meshes.
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    meshes : Meshes or ()
+        The features of all meshes; an empty tuple where no wall is a mesh.
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    physics : Physics
+        Time step, gravity and constants of the laws (`state.Physics`).
+    contact_tile : array
+        Scratch tile of LANES contacts (rows of `tile`); is overwritten.
+    scratch_numbers : array (SCRATCH,)
+        Memory of the other scratch arrays (`state.Scratch`).
+    ghost : int
+        Number of the absent body, which unused places of lists hold.
     """
-    scratch = st.scratch_of(numbers)
+    scratch = st.scratch_of(scratch_numbers)
     wall_contacts_and_forces(
         bodies,
         flat,

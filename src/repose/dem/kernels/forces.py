@@ -441,7 +441,7 @@ def write_lane(scratch, history, lane, geometry):
     """Copy the geometry of one contact to its lane of both tiles."""
     nx, ny, nz = normal_of(geometry)
     rx, ry, rz = arm_of(geometry)
-    write_vector(history, tl.N, lane, nx, ny, nz)
+    write_vector(history, tl.NORMAL, lane, nx, ny, nz)
     write_vector(scratch, tl.RA, lane, rx, ry, rz)
     scratch[tl.GAP + lane] = geometry[cg.GAP]
     scratch[tl.RADIUS + lane] = geometry[cg.RADIUS]

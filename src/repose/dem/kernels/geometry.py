@@ -25,7 +25,17 @@ from .state import PART, SHAPE, SPHERE_RADIUS, SPHERES
 def tangents(nx, ny, nz):
     """Return two unit vectors u and w that make (u, w, n) a right-handed frame.
 
-    Method of Duff et al. (2017); n must have unit length.
+    Method of Duff et al. (2017), which needs no case for any direction.
+
+    Parameters
+    ----------
+    nx, ny, nz : float
+        Vector n of unit length.
+
+    Returns
+    -------
+    ux, uy, uz, wx, wy, wz : float
+        The two tangents.
     """
     sign = math.copysign(1.0, nz)
     a = -1.0 / (sign + nz)
@@ -35,7 +45,20 @@ def tangents(nx, ny, nz):
 
 @inlined
 def step_normal(nx, ny, nz, step_u, step_w):
-    """Return a unit vector after a step along its `tangents`, normalised again."""
+    """Return the unit vector n after a step in its tangent plane.
+
+    Parameters
+    ----------
+    nx, ny, nz : float
+        Unit normal n.
+    step_u, step_w : float
+        Step along the two vectors of `tangents`.
+
+    Returns
+    -------
+    nx, ny, nz : float
+        The vector n + step, of length 1.
+    """
     ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
     x = nx + step_u * ux + step_w * wx
     y = ny + step_u * uy + step_w * wy
@@ -46,13 +69,17 @@ def step_normal(nx, ny, nz, step_u, step_w):
 
 @inlined
 def matrix_times(xx, xy, xz, yy, yz, zz, x, y, z):
-    """Multiply a symmetric matrix by a vector."""
+    """Multiply a symmetric matrix (xx, xy, xz, yy, yz, zz) by a vector (x, y, z)."""
     return xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z
 
 
 @inlined
 def shape_matrix(row, part):
-    """Return the matrix S (xx, xy, xz, yy, yz, zz) of one part of a body [m^2]."""
+    """Return the matrix S (xx, xy, xz, yy, yz, zz) of one ellipsoid of a body [m^2].
+
+    `row` is a row of `Bodies.rows`, `part` the number of the ellipsoid. In the axes of
+    the ellipsoid S is the diagonal matrix of its squared semi-axes.
+    """
     first = SHAPE + PART * part
     xx, xy, xz = vector_at(row, first)
     yy, yz, zz = vector_at(row, first + 3)
@@ -61,7 +88,7 @@ def shape_matrix(row, part):
 
 @inlined
 def times_shape(row, part, x, y, z):
-    """Multiply the matrix S of one part of a body by a vector."""
+    """Multiply the matrix S of one ellipsoid (see `shape_matrix`) by a vector."""
     xx, xy, xz, yy, yz, zz = shape_matrix(row, part)
     return matrix_times(xx, xy, xz, yy, yz, zz, x, y, z)
 
@@ -91,25 +118,71 @@ def extent(row, parts, nx, ny, nz):
 
 @inlined
 def part_terms(xx, xy, xz, yy, yz, zz, nx, ny, nz):
-    """Return support point (3) and curvature matrix (6) of a part with the matrix S.
+    """Return support point and curvature matrix of an ellipsoid at the normal n.
 
-    The support point is x = S n / h with h = sqrt(n.S n), the curvature (S - x x') / h.
+    The support point, its outermost point along n from its centre, is x = S n / h, with
+    the support value h = sqrt(n.S n). The curvature matrix is (S - x x') / h; its
+    eigenvalues are the principal radii of the surface there.
+
+    Parameters
+    ----------
+    xx, xy, xz, yy, yz, zz : float
+        Matrix S of the ellipsoid [m^2], see `shape_matrix`.
+    nx, ny, nz : float
+        Unit normal n.
+
+    Returns
+    -------
+    x, y, z : float
+        Support point [m].
+    xx, xy, xz, yy, yz, zz : float
+        Curvature matrix [m].
     """
     x, y, z = matrix_times(xx, xy, xz, yy, yz, zz, nx, ny, nz)
-    inv = rsqrt(nx * x + ny * y + nz * z)
-    x, y, z = inv * x, inv * y, inv * z
-    xx, xy, xz = inv * (xx - x * x), inv * (xy - x * y), inv * (xz - x * z)
-    yy, yz, zz = inv * (yy - y * y), inv * (yz - y * z), inv * (zz - z * z)
+    inverse_h = rsqrt(nx * x + ny * y + nz * z)
+    # the support point
+    x, y, z = inverse_h * x, inverse_h * y, inverse_h * z
+    # the curvature matrix takes the place of S
+    xx, xy, xz = (
+        inverse_h * (xx - x * x),
+        inverse_h * (xy - x * y),
+        inverse_h * (xz - x * z),
+    )
+    yy, yz, zz = (
+        inverse_h * (yy - y * y),
+        inverse_h * (yz - y * z),
+        inverse_h * (zz - z * z),
+    )
     return x, y, z, xx, xy, xz, yy, yz, zz
 
 
 @inlined
 def add_part(row, part, nx, ny, nz, x, y, z, xx, xy, xz, yy, yz, zz):
-    """Add the `part_terms` of one part of a body to a support point and a curvature."""
+    """Add the terms of one ellipsoid to a body's support point and curvature matrix.
+
+    Parameters
+    ----------
+    row : array
+        The body, a row of `Bodies.rows`.
+    part : int
+        Number of the ellipsoid.
+    nx, ny, nz : float
+        Unit normal n.
+    x, y, z : float
+        Support point so far [m].
+    xx, xy, xz, yy, yz, zz : float
+        Curvature matrix so far [m].
+
+    Returns
+    -------
+    tuple of 9 float
+        The sums: support point (3) and curvature matrix (6).
+    """
     sxx, sxy, sxz, syy, syz, szz = shape_matrix(row, part)
     px, py, pz, pxx, pxy, pxz, pyy, pyz, pzz = part_terms(
         sxx, sxy, sxz, syy, syz, szz, nx, ny, nz
     )
+    # the support point, then the matrix
     return (
         x + px,
         y + py,
@@ -144,9 +217,9 @@ def support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz):
     parts : int
         Ellipsoids of the body, or SPHERES for a sphere.
     nx, ny, nz : float
-        Unit vector n.
+        Unit normal n.
     ux, uy, uz, wx, wy, wz : float
-        Unit tangents u and w.
+        Unit tangents u and w; n, u and w are perpendicular.
 
     Returns
     -------
@@ -157,6 +230,7 @@ def support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz):
     q_uu, q_uw, q_ww : float
         Curvature matrix Q in the tangents u and w [m].
     """
+    # a sphere: its outermost point lies along n, and both radii are its radius
     if parts == SPHERES:
         return row[SPHERE_RADIUS], 0.0, 0.0, row[SPHERE_RADIUS], 0.0, row[SPHERE_RADIUS]
     h = 0.0
@@ -166,23 +240,24 @@ def support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz):
     q_uw = 0.0
     q_ww = 0.0
     for part in range(parts):
-        x, y, z = times_shape(row, part, nx, ny, nz)
-        square = nx * x + ny * y + nz * z
+        # (sx, sy, sz) is S times a vector, with the matrix S of this ellipsoid
+        sx, sy, sz = times_shape(row, part, nx, ny, nz)
+        square = nx * sx + ny * sy + nz * sz
         # a part that the body does not have is a matrix of zeros
         if square <= 0.0:
             continue
         # the outermost point of an ellipsoid is S n / h, with h = sqrt(n' S n)
         h_part = math.sqrt(square)
-        inv = 1.0 / h_part
-        part_u = (x * ux + y * uy + z * uz) * inv
-        part_w = (x * wx + y * wy + z * wz) * inv
+        inverse_h = 1.0 / h_part
+        part_u = (sx * ux + sy * uy + sz * uz) * inverse_h
+        part_w = (sx * wx + sy * wy + sz * wz) * inverse_h
         h += h_part
         along_u += part_u
         along_w += part_w
         # Q of this part is (S - x x') / h, here between u and u, u and w, w and w
-        x, y, z = times_shape(row, part, ux, uy, uz)
-        q_uu += (x * ux + y * uy + z * uz - part_u * part_u) * inv
-        q_uw += (x * wx + y * wy + z * wz - part_u * part_w) * inv
-        x, y, z = times_shape(row, part, wx, wy, wz)
-        q_ww += (x * wx + y * wy + z * wz - part_w * part_w) * inv
+        sx, sy, sz = times_shape(row, part, ux, uy, uz)
+        q_uu += (sx * ux + sy * uy + sz * uz - part_u * part_u) * inverse_h
+        q_uw += (sx * wx + sy * wy + sz * wz - part_u * part_w) * inverse_h
+        sx, sy, sz = times_shape(row, part, wx, wy, wz)
+        q_ww += (sx * wx + sy * wy + sz * wz - part_w * part_w) * inverse_h
     return h, along_u, along_w, q_uu, q_uw, q_ww

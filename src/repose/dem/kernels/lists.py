@@ -12,7 +12,20 @@ from .rows import LANES, write_vector
 
 @inlined
 def put_contact(data, k, nx, ny, nz):
-    """Begin contact k with a normal (nx, ny, nz); set its other rows to zero."""
+    """Begin contact k of a list with a normal; set its other rows to zero.
+
+    Zeros mean a relaxed spring, for any force law.
+
+    Parameters
+    ----------
+    data : array (tiles, rows * LANES)
+        What the contacts of the list keep; contact k is lane k % LANES of tile k //
+        LANES.
+    k : int
+        Number of the contact.
+    nx, ny, nz : float
+        Unit normal of the contact.
+    """
     tile = data[k // LANES]
     lane = k % LANES
     write_vector(tile, st.NORMAL, lane, nx, ny, nz)
@@ -22,7 +35,16 @@ def put_contact(data, k, nx, ny, nz):
 
 @inlined
 def move_contact(data, source, target):
-    """Copy the numbers of contact `source` over those of contact `target`."""
+    """Copy all that contact `source` of a list keeps over contact `target`.
+
+    Parameters
+    ----------
+    data : array (tiles, rows * LANES)
+        What the contacts of the list keep; contact k is lane k % LANES of tile k //
+        LANES.
+    source, target : int
+        Numbers of the two contacts.
+    """
     source_tile = data[source // LANES]
     target_tile = data[target // LANES]
     source_lane = source % LANES

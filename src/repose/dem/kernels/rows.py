@@ -15,7 +15,6 @@ lanes becomes vector code, which handles eight lanes (or four) at once.
 from .jit import inlined
 
 LANES = 32
-L = LANES  # short, for formulas
 
 
 class Rows:
@@ -49,13 +48,31 @@ class Rows:
 
 @inlined
 def vector_at(values, first):
-    """Return the three numbers of an array that begin at a place."""
+    """Return three neighbouring numbers of an array as a vector (x, y, z).
+
+    Parameters
+    ----------
+    values : array
+        A flat array.
+    first : int
+        Place of x; y and z follow.
+    """
     return values[first], values[first + 1], values[first + 2]
 
 
 @inlined
 def set_vector(values, first, x, y, z):
-    """Write three numbers to an array, beginning at a place."""
+    """Write a vector (x, y, z) to three neighbouring places of an array.
+
+    Parameters
+    ----------
+    values : array
+        A flat array; is written.
+    first : int
+        Place of x; y and z follow.
+    x, y, z : float
+        The vector.
+    """
     values[first] = x
     values[first + 1] = y
     values[first + 2] = z
@@ -63,41 +80,71 @@ def set_vector(values, first, x, y, z):
 
 @inlined
 def lane_vector(tile, row, lane):
-    """Return the vector (x, y, z) of a lane; `row` is its first row."""
-    return tile[row + lane], tile[row + L + lane], tile[row + 2 * L + lane]
+    """Return the vector (x, y, z) of one lane of a tile.
+
+    Parameters
+    ----------
+    tile : array (rows * LANES,)
+        One quantity in each row of LANES numbers.
+    row : int
+        Place of the first number of the row of x; the rows of y and z follow.
+    lane : int
+        The lane, 0 to LANES - 1.
+    """
+    return tile[row + lane], tile[row + LANES + lane], tile[row + 2 * LANES + lane]
 
 
 @inlined
 def write_vector(tile, row, lane, x, y, z):
-    """Write the vector of a lane; `row` is its first row."""
+    """Write the vector (x, y, z) of one lane of a tile.
+
+    Parameters
+    ----------
+    tile : array (rows * LANES,)
+        One quantity in each row of LANES numbers; is written.
+    row : int
+        Place of the first number of the row of x; the rows of y and z follow.
+    lane : int
+        The lane, 0 to LANES - 1.
+    x, y, z : float
+        The vector.
+    """
     tile[row + lane] = x
-    tile[row + L + lane] = y
-    tile[row + 2 * L + lane] = z
+    tile[row + LANES + lane] = y
+    tile[row + 2 * LANES + lane] = z
 
 
 @inlined
 def add_vector(tile, row, lane, x, y, z):
-    """Add to the vector of a lane; `row` is its first row."""
+    """Add (x, y, z) to the vector of one lane of a tile, see `write_vector`."""
     tile[row + lane] += x
-    tile[row + L + lane] += y
-    tile[row + 2 * L + lane] += z
+    tile[row + LANES + lane] += y
+    tile[row + 2 * LANES + lane] += z
 
 
 @inlined
 def lane_matrix(tile, row, lane):
-    """Return the symmetric matrix (xx, xy, xz, yy, yz, zz) of a lane."""
+    """Return the symmetric matrix (xx, xy, xz, yy, yz, zz) of one lane of a tile.
+
+    Its six numbers lie in six rows that follow each other; `row` is the place of the
+    first number of the row of xx.
+    """
     return (
         tile[row + lane],
-        tile[row + L + lane],
-        tile[row + 2 * L + lane],
-        tile[row + 3 * L + lane],
-        tile[row + 4 * L + lane],
-        tile[row + 5 * L + lane],
+        tile[row + LANES + lane],
+        tile[row + 2 * LANES + lane],
+        tile[row + 3 * LANES + lane],
+        tile[row + 4 * LANES + lane],
+        tile[row + 5 * LANES + lane],
     )
 
 
 @inlined
 def write_matrix(tile, row, lane, xx, xy, xz, yy, yz, zz):
-    """Write the symmetric matrix of a lane; `row` is the first of its six rows."""
+    """Write the symmetric matrix of one lane of a tile.
+
+    Its six numbers go to six rows that follow each other; `row` is the place of the
+    first number of the row of xx.
+    """
     write_vector(tile, row, lane, xx, xy, xz)
-    write_vector(tile, row + 3 * L, lane, yy, yz, zz)
+    write_vector(tile, row + 3 * LANES, lane, yy, yz, zz)

@@ -1,4 +1,4 @@
-"""Vector code that numba does not make of loops: transpositions, prefetches, 1 / sqrt(x).
+"""LLVM code that numba does not make of loops: transpositions, prefetches, 1 / sqrt(x).
 
 Bodies lie in rows of a table (all columns of one body, then the next body). The inner
 loops need lanes (one column of 32 bodies, then the next column; see `rows`). The change
@@ -10,6 +10,10 @@ contact, except on an AMD Zen, whose own roots are faster.
 
 The intrinsics write plain LLVM code, so they compile for any processor. They take no
 part in numba's checks: the caller answers for the bounds of the arrays.
+
+In the functions that write code, `builder` is LLVM's builder, which appends
+instructions to the function being compiled; what its methods return are LLVM values,
+the results of these instructions at run time.
 """
 
 import math
@@ -42,30 +46,74 @@ MOVE_ARGUMENTS = ("table", "column", "index", "k", "tile", "first", "stride")
 
 
 def _shuffle(builder, first, second, places):
-    """Return a vector of WIDTH numbers of two vectors.
+    """Write a shuffle: pick WIDTH numbers out of two vectors.
 
-    `places` are those of its numbers among the numbers of `first`, then of `second`.
+    Parameters
+    ----------
+    builder : ir.IRBuilder
+        LLVM's builder.
+    first, second : LLVM values
+        Two vectors of equal length.
+    places : list of int
+        Which numbers are picked: places in `first`, counted on through `second`.
+
+    Returns
+    -------
+    LLVM value
+        The vector of the picked numbers.
     """
     mask = ir.Constant(ir.VectorType(INT32, WIDTH), places)
     return builder.shuffle_vector(first, second, mask)
 
 
 def _load(builder, pointer, kind=VECTOR):
-    """Load a vector from a place that is aligned to a double only."""
+    """Write the load of a vector; return it as an LLVM value.
+
+    Parameters
+    ----------
+    builder : ir.IRBuilder
+        LLVM's builder.
+    pointer : LLVM value
+        Pointer to the first double. It is aligned to a double only, not to a vector.
+    kind : ir.VectorType
+        Type of the vector: VECTOR, or HALF of its length.
+    """
     return builder.load(builder.bitcast(pointer, kind.as_pointer()), align=8)
 
 
-def _store(builder, value, pointer):
-    """Store a vector to a place that is aligned to a double only."""
-    builder.store(value, builder.bitcast(pointer, VECTOR.as_pointer()), align=8)
+def _store(builder, vector, pointer):
+    """Write the store of a vector.
+
+    Parameters
+    ----------
+    builder : ir.IRBuilder
+        LLVM's builder.
+    vector : LLVM value
+        The vector.
+    pointer : LLVM value
+        Pointer to the first double. It is aligned to a double only, not to a vector.
+    """
+    builder.store(vector, builder.bitcast(pointer, VECTOR.as_pointer()), align=8)
 
 
 def _transposed(builder, pointers):
-    """Write code that transposes a matrix of 8 x 8 numbers; return its columns.
+    """Write code that transposes a matrix of 8 x 8 numbers in memory.
 
-    `pointers` are those to its eight rows; the result is a list of eight vectors. A
-    vector is made of halves of two rows: one instruction, which is no shuffle, loads and
-    inserts the second half. So 16 shuffles are needed instead of 24 with whole rows.
+    A vector is made of halves of two rows: one instruction, which is no shuffle, loads
+    and inserts the second half. So 16 shuffles are needed instead of 24 with whole
+    rows.
+
+    Parameters
+    ----------
+    builder : ir.IRBuilder
+        LLVM's builder.
+    pointers : list of 8 LLVM values
+        Pointers to the first numbers of the eight rows.
+
+    Returns
+    -------
+    list of 8 LLVM values
+        The columns, each a vector of 8 numbers.
     """
     columns = []
     for first_column in (0, 4):  # columns 0 to 3, then columns 4 to 7
@@ -74,19 +122,23 @@ def _transposed(builder, pointers):
             for pointer in pointers
         ]
         # Four numbers of a row, then four numbers of the row after the next one.
-        joined = {}
+        row_pairs = {}
         for row in (0, 1, 4, 5):
-            joined[row] = _shuffle(
+            row_pairs[row] = _shuffle(
                 builder, halves[row], halves[row + 2], list(range(WIDTH))
             )
         # The even and the odd columns of rows 0 to 3, and of rows 4 to 7.
-        pairs = ((joined[0], joined[1]), (joined[4], joined[5]))
-        even = [_shuffle(builder, *pair, [0, 8, 2, 10, 4, 12, 6, 14]) for pair in pairs]
-        odd = [_shuffle(builder, *pair, [1, 9, 3, 11, 5, 13, 7, 15]) for pair in pairs]
+        pairs = ((row_pairs[0], row_pairs[1]), (row_pairs[4], row_pairs[5]))
+        even_columns = [
+            _shuffle(builder, *pair, [0, 8, 2, 10, 4, 12, 6, 14]) for pair in pairs
+        ]
+        odd_columns = [
+            _shuffle(builder, *pair, [1, 9, 3, 11, 5, 13, 7, 15]) for pair in pairs
+        ]
         # The first even and odd column of all eight rows, then the second ones.
         for places in ([0, 1, 4, 5, 8, 9, 12, 13], [2, 3, 6, 7, 10, 11, 14, 15]):
-            columns.append(_shuffle(builder, *even, places))
-            columns.append(_shuffle(builder, *odd, places))
+            columns.append(_shuffle(builder, *even_columns, places))
+            columns.append(_shuffle(builder, *odd_columns, places))
     return columns
 
 
@@ -101,6 +153,17 @@ class _Move:
     """
 
     def __init__(self, context, builder, signature, values):
+        """Convert the arguments of a call to pointers and 64-bit integers.
+
+        Parameters
+        ----------
+        context, builder
+            Numba's target context and LLVM's builder.
+        signature : numba signature
+            Types of the arguments, in the order of MOVE_ARGUMENTS.
+        values : sequence of LLVM values
+            The arguments.
+        """
         self.builder = builder
         arguments = zip(MOVE_ARGUMENTS, signature.args, values, strict=True)
         for name, kind, value in arguments:
@@ -113,30 +176,33 @@ class _Move:
                 setattr(self, name, context.cast(builder, value, kind, types.int64))
 
     def row(self, lane):
-        """Return the pointer to table[index[k + lane], column]."""
+        """Write code for the address of table[index[k + lane], column]; return it.
+
+        The table may be a view, so the address is calculated in bytes, with its stride.
+        """
         builder = self.builder
-        entry = builder.gep(self.index, [builder.add(self.k, INT64(lane))])
-        number = builder.load(entry)
-        if number.type != INT64:
-            number = builder.zext(number, INT64)
+        index_pointer = builder.gep(self.index, [builder.add(self.k, INT64(lane))])
+        row_number = builder.load(index_pointer)
+        if row_number.type != INT64:
+            row_number = builder.zext(row_number, INT64)
         # the address in bytes: that of the table, of the row, and of the column in it
         address = builder.ptrtoint(self.table, INT64)
-        address = builder.add(address, builder.mul(number, self.row_bytes))
+        address = builder.add(address, builder.mul(row_number, self.row_bytes))
         address = builder.add(address, builder.mul(self.column, INT64(BYTES_OF_DOUBLE)))
         return builder.inttoptr(address, DOUBLE.as_pointer())
 
     def rows(self):
-        """Return the pointers to the rows of all lanes."""
+        """Return the pointers to the rows of the table, one for each of WIDTH lanes."""
         return [self.row(lane) for lane in range(WIDTH)]
 
     def lanes(self, quantity):
-        """Return the pointer to tile[first + quantity * stride]."""
+        """Return the pointer to a quantity's lanes: tile[first + quantity * stride]."""
         builder = self.builder
         offset = builder.mul(self.stride, INT64(quantity))
         return builder.gep(self.tile, [builder.add(self.first, offset)])
 
     def all_lanes(self):
-        """Return the pointers to the lanes of all quantities."""
+        """Return the pointers to the lanes of all WIDTH quantities of the tile."""
         return [self.lanes(quantity) for quantity in range(WIDTH)]
 
 
@@ -144,7 +210,8 @@ def _move_signature(table, column, index, k, tile, first, stride):
     """Return the signature of an intrinsic that moves numbers.
 
     The arguments are numba's types of MOVE_ARGUMENTS. Where the intrinsic cannot move
-    them the result is None, by which numba knows that no such function exists.
+    them the result is None, by which numba knows that no such function exists: the
+    table and the tile have to be arrays of doubles, and the index an array of integers.
     """
     if not all(isinstance(array, types.Array) for array in (table, tile, index)):
         return None
@@ -218,16 +285,32 @@ def add_lanes_to_rows(builder, move):
         _store(builder, builder.fadd(_load(builder, place), row), place)
 
 
-def _pointer_to_number(context, builder, sig, values):
-    """Return the pointer to table[row, column], as one to bytes.
+def _pointer_to_number(context, builder, signature, values):
+    """Write code for the address of table[row, column]; return the pointer.
 
-    `values` are the table, the row and the column as LLVM values, `sig.args` their types.
+    Parameters
+    ----------
+    context : numba target context
+        Knows how arrays and integers are stored.
+    builder : ir.IRBuilder
+        LLVM's builder, which appends instructions to the function being compiled.
+    signature : numba signature
+        Types of the three values.
+    values : sequence of LLVM values
+        The table (an array of two dimensions), the row and the column.
+
+    Returns
+    -------
+    LLVM value
+        A pointer to bytes.
     """
-    table_kind, row_kind, column_kind = sig.args
+    table_type, row_type, column_type = signature.args
     table, row, column = values
-    array = context.make_array(table_kind)(context, builder, table)
-    row = context.cast(builder, row, row_kind, types.int64)
-    column = context.cast(builder, column, column_kind, types.int64)
+    # The array's first number and strides, and both indices as 64-bit integers.
+    array = context.make_array(table_type)(context, builder, table)
+    row = context.cast(builder, row, row_type, types.int64)
+    column = context.cast(builder, column, column_type, types.int64)
+    # The number lies row * stride 0 + column * stride 1 bytes after the first one.
     row_offset = builder.mul(row, builder.extract_value(array.strides, 0))
     column_offset = builder.mul(column, builder.extract_value(array.strides, 1))
     offset = builder.add(row_offset, column_offset)
@@ -236,7 +319,23 @@ def _pointer_to_number(context, builder, sig, values):
 
 @intrinsic
 def prefetch(typingctx, table, row, column):
-    """Ask for the cache line of table[row, column] before it is read or written."""
+    """Ask for the cache line of table[row, column] before it is read or written.
+
+    The processor fetches it while the program goes on. A wrong place costs time only,
+    but changes no result.
+
+    Parameters
+    ----------
+    typingctx
+        Numba's typing context, which it passes to every intrinsic.
+    table, row, column
+        Numba's types of an array of two dimensions and of two integers.
+
+    Returns
+    -------
+    signature, function
+        The signature of the call, and the function that writes its LLVM code.
+    """
 
     def generate(context, builder, sig, values):
         place = _pointer_to_number(context, builder, sig, values)
@@ -252,12 +351,13 @@ def prefetch(typingctx, table, row, column):
 
 @intrinsic
 def _rsqrt_seed(typingctx, x):
-    """Return a first approximation of 1 / sqrt(x) from the bits of its exponent.
+    """Return a first approximation of 1 / sqrt(x) from the bits of the number x.
 
-    Its error is 3.5 % at most.
+    Its error is 3.5 % at most. The bits of a double, read as an integer, grow nearly as
+    its logarithm: halving them takes the root, and subtracting that from a constant
+    inverts it.
     """
 
-    # halving the bits halves the exponent; the difference changes its sign
     def generate(context, builder, sig, values):
         bits = builder.bitcast(values[0], INT64)
         bits = builder.sub(INT64(0x5FE6EB50C7B537A9), builder.lshr(bits, INT64(1)))
@@ -275,16 +375,17 @@ def gather(rows, columns, index, base, tile, first):
     rows : array (bodies, columns)
         Table with a row for each body.
     columns : int
-        Number of columns, in steps of WIDTH.
+        Number of columns, a multiple of WIDTH.
     index : array of int
-        Lane k of the tile is body index[base + k].
+        Body index[base + k] goes to lane k of the tile.
     base : int
         Place of lane 0 in `index`.
     tile : array
-        The tile.
+        The tile; is written.
     first : int
         Place in the tile to which column 0 goes; the next columns go to the next rows.
     """
+    # blocks of WIDTH lanes and WIDTH columns, each transposed at once
     for lane in range(0, LANES, WIDTH):
         for column in range(0, columns, WIDTH):
             rows_to_lanes(
@@ -303,7 +404,7 @@ def rsqrt_by_steps(x):
     """Return 1 / sqrt(x) by multiplications alone: a seed and two steps of third order.
 
     A step improves y by the error 1 - x y^2 and the first terms of the series of
-    1 / sqrt(1 - error).
+    1 / sqrt(1 - error) = 1 + error / 2 + 3/8 error^2 + 5/16 error^3.
     """
     y = _rsqrt_seed(x)
     error = 1.0 - (x * y) * y

@@ -5,13 +5,13 @@ from .jit import inlined
 
 @inlined
 def dot(ax, ay, az, bx, by, bz):
-    """Return the scalar product of two vectors."""
+    """Return the scalar product a . b of two vectors."""
     return ax * bx + ay * by + az * bz
 
 
 @inlined
 def squared_length(x, y, z):
-    """Return the square of the length of a vector."""
+    """Return the square of the length of a vector (x, y, z)."""
     return x * x + y * y + z * z
 
 
