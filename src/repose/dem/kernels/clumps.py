@@ -2,9 +2,9 @@
 
 A clump is a rigid body of spheres. A pair of clumps has an *entry* when two of its
 spheres that do not touch are nearer than the skin. A *contact* is a pair of touching
-spheres; it stores the place of its entry. So entries keep their places, and a place that
-becomes free is a hole, which is used again.
-`sphere_search` decides what is in the lists; the functions here keep them consistent.
+spheres; it stores the place of its entry. So entries keep their places, and a place
+that becomes free is a hole, which is used again. `sphere_search` decides what is in the
+lists; the functions here keep them consistent.
 
 Reads the shapes in `Clumps`. Writes all arrays of `SpherePairs`, `counts`, and
 `Grid.near` (the number of entries of each body).
@@ -89,8 +89,8 @@ def new_clumps(shapes, shape, scale, n_meshed):
         The arrays.
     """
     spheres = np.zeros((len(shapes), 4, MOST_SPHERES))
-    for number, clump in enumerate(shapes):
-        spheres[number, :, : len(clump.spheres_m)] = clump.spheres_m.T
+    for shape_number, clump in enumerate(shapes):
+        spheres[shape_number, :, : len(clump.spheres_m)] = clump.spheres_m.T
     return Clumps(
         spheres=spheres,
         sizes=np.array([len(clump.spheres_m) for clump in shapes]),
@@ -141,25 +141,25 @@ def new_sphere_pairs(n_contacts, n_entries, most_spheres, ghost, n_state):
 
 @inlined
 def is_set(words, bit):
-    """Return whether a bit of a row of words is set."""
+    """Return whether a bit is set in a row of 64-bit words; `bit` counts through it."""
     return (words[bit // WORD] >> np.uint64(bit % WORD)) & np.uint64(1) != np.uint64(0)
 
 
 @inlined
 def set_bit(words, bit):
-    """Set a bit of a row of words."""
+    """Set a bit in a row of 64-bit words; `bit` counts through it."""
     words[bit // WORD] |= np.uint64(1) << np.uint64(bit % WORD)
 
 
 @inlined
 def clear_bit(words, bit):
-    """Clear a bit of a row of words."""
+    """Clear a bit in a row of 64-bit words; `bit` counts through it."""
     words[bit // WORD] &= ~(np.uint64(1) << np.uint64(bit % WORD))
 
 
 @inlined
 def bits_set(word):
-    """Return the number of bits of a word that are set."""
+    """Count the bits of a 64-bit word that are set."""
     # count the bits of each pair of bits, then of each group of four, then of each byte
     word -= (word >> np.uint64(1)) & np.uint64(0x5555555555555555)
     word = (word & np.uint64(0x3333333333333333)) + (
@@ -181,7 +181,7 @@ def largest_size(clumps):
 
 @inlined
 def pair_bit(clumps, a, b):
-    """Return which bit of `known` is that of spheres a and b of the two bodies."""
+    """Return the number of the bit of spheres a and b in `SpherePairs.known`."""
     return a * largest_size(clumps) + b
 
 
@@ -189,8 +189,22 @@ def pair_bit(clumps, a, b):
 def add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b):
     """Append the contact of sphere a of body i with sphere b of body j.
 
-    `entry` is the place of the entry of the two bodies. The spring of the contact is
-    relaxed. Nothing happens where the list has no room.
+    The spring of the contact is relaxed. Nothing happens where the list has no room.
+
+    Parameters
+    ----------
+    pairs : SpherePairs
+        Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    clumps : Clumps
+        The spheres of the clumps (`clumps.Clumps`).
+    entry : int
+        Place of the entry of the two bodies.
+    i, j : int
+        The two bodies.
+    a, b : int
+        Numbers of the spheres in their bodies.
     """
     k = take_place(counts, st.N_PAIRS, pairs.first.shape[0])
     if k < 0:
@@ -223,11 +237,24 @@ def add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b):
 
 @inlined
 def drop_sphere_contact(pairs, counts, clumps, k, ghost):
-    """Remove contact k from its entry and from the list.
+    """Remove contact k of two spheres from its entry and from the list.
 
     The last contact moves to its place. The place that becomes free holds two ghosts.
     These are in the same place, but without radii they do not overlap, and without a
     law's state they do not cohere.
+
+    Parameters
+    ----------
+    pairs : SpherePairs
+        Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    clumps : Clumps
+        The spheres of the clumps (`clumps.Clumps`).
+    k : int
+        Place of the contact in the list.
+    ghost : int
+        Number of the absent body, which unused places of lists hold.
     """
     # the entry has one contact fewer
     entry = pairs.entry[k]
@@ -252,7 +279,21 @@ def drop_sphere_contact(pairs, counts, clumps, k, ghost):
 def add_entry(pairs, counts, grid, i, j):
     """Add an entry of bodies i and j, in a hole or at the end of the list.
 
-    Returns its place, or -1 where there is no room.
+    Parameters
+    ----------
+    pairs : SpherePairs
+        Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    i, j : int
+        The two bodies.
+
+    Returns
+    -------
+    int
+        Place of the entry, or -1 where there is no room.
     """
     # take a hole, if there is one
     if counts[st.N_FREE] > 0:
@@ -269,7 +310,21 @@ def add_entry(pairs, counts, grid, i, j):
 
 @inlined
 def drop_entry(pairs, counts, grid, entry, ghost):
-    """Delete an entry without contacts; its place becomes a hole, which is never due."""
+    """Delete an entry without contacts; its place becomes a hole, which is never due.
+
+    Parameters
+    ----------
+    pairs : SpherePairs
+        Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    entry : int
+        Place of the entry.
+    ghost : int
+        Number of the absent body, which unused places of lists hold.
+    """
     count_pair(grid.near, pairs.near_first[entry], pairs.near_second[entry], -1)
     write_pair(pairs.near_first, pairs.near_second, entry, ghost, ghost)
     pairs.near_limit[entry] = math.inf
@@ -282,8 +337,19 @@ def chain_entries(pairs, counts, grid, ghost):
     """Chain the partners of each body of `Grid.moved_list`, from its entries.
 
     A chain is a linked list of the bodies with which a body has an entry, see
-    `neighbours.chain_contacts`. `ghost` stands in the holes of the list of entries. The
-    last entries of the list come first; the loop ends when all links are found.
+    `neighbours.chain_partner`. The last entries of the list come first; the loop ends
+    when all links are found.
+
+    Parameters
+    ----------
+    pairs : SpherePairs
+        Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    ghost : int
+        Number of the absent body, which unused places of lists hold.
     """
     n_links = pairs_of_moved(grid.near, grid, counts)
     n_found = 0
@@ -292,6 +358,7 @@ def chain_entries(pairs, counts, grid, ghost):
         i = pairs.near_first[np.uint64(entry)]
         j = pairs.near_second[np.uint64(entry)]
         entry -= 1
+        # a hole in the list
         if i == ghost:
             continue
         # one link if i is in the list of moved bodies, and one if j is
@@ -303,7 +370,20 @@ def chain_entries(pairs, counts, grid, ghost):
 def drop_entries_of_gone(bodies, pairs, counts, grid, clumps, ghost):
     """Drop the contacts and entries of the bodies that are gone.
 
-    `ghost` is the number of the absent body, which stands in the places that become free.
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    pairs : SpherePairs
+        Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    clumps : Clumps
+        The spheres of the clumps (`clumps.Clumps`).
+    ghost : int
+        Number of the absent body, which unused places of lists hold.
     """
     presence = bodies.presence
     # from the end, since a dropped contact is replaced by the last one
@@ -313,6 +393,7 @@ def drop_entries_of_gone(bodies, pairs, counts, grid, clumps, ghost):
             or presence[pairs.second[k]] != st.PRESENT
         ):
             drop_sphere_contact(pairs, counts, clumps, k, ghost)
+    # entries without contacts stay at their places as holes
     for entry in range(counts[st.N_NEAR]):
         i = pairs.near_first[entry]
         j = pairs.near_second[entry]

@@ -30,9 +30,9 @@ LEAST_DETERMINANT = 1e-3
 def newton_step(gx, gy, gz, xx, xy, xz, yy, yz, zz, f):
     """Return the step (x, y, z) of a normal towards the maximum of f [rad].
 
-    f is the gap of two bodies along the normal. The step is one of Newton's method on the
-    unit sphere, in the tangent plane. Where the Hessian is not definite, it is a scaled
-    gradient step. A step longer than LONGEST_STEP is cut.
+    f is the gap of two bodies along the normal. The step is one of Newton's method on
+    the unit sphere, in the tangent plane. Where the Hessian is not definite, it is a
+    scaled gradient step. A step longer than LONGEST_STEP is cut.
 
     Parameters
     ----------
@@ -42,6 +42,11 @@ def newton_step(gx, gy, gz, xx, xy, xz, yy, yz, zz, f):
         Sum C of the curvature matrices of both bodies [m], a symmetric matrix.
     f : float
         Value of f [m].
+
+    Returns
+    -------
+    sx, sy, sz : float
+        The step in the tangent plane [rad].
     """
     trace = xx + yy + zz
     determinant = area(xx, xy, xz, yy, yz, zz) + f * (trace + f)  # of C + f I
@@ -54,6 +59,7 @@ def newton_step(gx, gy, gz, xx, xy, xz, yy, yz, zz, f):
         sy = inverse * (gradient_factor * gy - xy * gx - yy * gy - yz * gz)
         sz = inverse * (gradient_factor * gz - xz * gx - yz * gy - zz * gz)
     else:
+        # uphill, by the gradient over the sum of the curvatures
         inverse = 1.0 / trace
         sx, sy, sz = inverse * gx, inverse * gy, inverse * gz
     square = sx * sx + sy * sy + sz * sz
@@ -65,7 +71,19 @@ def newton_step(gx, gy, gz, xx, xy, xz, yy, yz, zz, f):
 
 @inlined
 def sphere_gap(rows, i, j, dx, dy, dz, normal):
-    """Return the gap of spheres i and j; write their normal unless centres coincide."""
+    """Return the gap of two spheres [m]; write their normal unless centres coincide.
+
+    Parameters
+    ----------
+    rows : array
+        `Bodies.rows`.
+    i, j : int
+        The two spheres.
+    dx, dy, dz : float
+        From the centre of i to that of j [m].
+    normal : array (3,)
+        The unit normal from i to j is written to it.
+    """
     distance = math.sqrt(dx * dx + dy * dy + dz * dz)
     if distance > 0.0:
         set_vector(normal, 0, dx / distance, dy / distance, dz / distance)
@@ -73,8 +91,8 @@ def sphere_gap(rows, i, j, dx, dy, dz, normal):
 
 
 @kernel
-def solve_gap(rows, parts, i, j, normal, tolerance, early):
-    """Return the gap of bodies i and j [m].
+def solve_gap(rows, parts, i, j, normal, tolerance, sufficient_gap):
+    """Return the gap of two smooth bodies [m]; negative for an overlap.
 
     Parameters
     ----------
@@ -85,7 +103,7 @@ def solve_gap(rows, parts, i, j, normal, tolerance, early):
     i, j : int
         The bodies A and B.
     normal : array (3,)
-        First guess of the normal; the solution is written to it.
+        First guess of the unit normal from A to B; the solution is written to it.
     tolerance : float
         Length of a step at which the iteration stops [rad].
     early : float
@@ -98,6 +116,7 @@ def solve_gap(rows, parts, i, j, normal, tolerance, early):
     if parts == SPHERES:
         return sphere_gap(rows, i, j, dx, dy, dz, normal)
     nx, ny, nz = vector_at(normal, 0)
+    # the best normal so far, its f, and the step from it
     best_x, best_y, best_z = nx, ny, nz
     best = -1e300
     sx = sy = sz = 0.0
@@ -111,6 +130,8 @@ def solve_gap(rows, parts, i, j, normal, tolerance, early):
             x, y, z, xx, xy, xz, yy, yz, zz = add_part(
                 rows[j], part, nx, ny, nz, x, y, z, xx, xy, xz, yy, yz, zz
             )
+        # f is the gap along n, the projection of the vector between both support
+        # points.
         x, y, z = dx - x, dy - y, dz - z
         f = nx * x + ny * y + nz * z
         if f < best - DOWNHILL:
@@ -119,12 +140,13 @@ def solve_gap(rows, parts, i, j, normal, tolerance, early):
         else:
             best = f
             best_x, best_y, best_z = nx, ny, nz
-            if f > early:
+            if f > sufficient_gap:
                 break
             gx, gy, gz = x - f * nx, y - f * ny, z - f * nz
             sx, sy, sz = newton_step(gx, gy, gz, xx, xy, xz, yy, yz, zz, f)
         if sx * sx + sy * sy + sz * sz < tolerance * tolerance:
             break
+        # the next normal, of unit length
         nx, ny, nz = best_x + sx, best_y + sy, best_z + sz
         inverse = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
         nx, ny, nz = inverse * nx, inverse * ny, inverse * nz

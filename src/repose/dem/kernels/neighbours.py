@@ -1,14 +1,14 @@
 """The neighbour (Verlet) list: the pairs of bodies that touch or are near each other.
 
 Every body has a displacement: the sum over all steps of how far any of its points may
-have moved. A near pair has a limit: the gap at its last check plus both displacements at
-that time. As long as the sum of the displacements is below the limit, the bodies cannot
-touch and are not checked.
+have moved. A near pair has a limit: the gap at its last check plus both displacements
+at that time. As long as the sum of the displacements is below the limit, the bodies
+cannot touch and are not checked.
 
 A pair with a gap of a skin or more is not listed. The pairs of a body are listed anew
-when it has moved by half a skin since the last listing (it is then in `Grid.moved_list`).
-So two bodies of an unlisted pair together move by less than the skin before the pairs of
-one of them are listed anew.
+when it has moved by half a skin since the last listing (it is then in
+`Grid.moved_list`). So two bodies of an unlisted pair together move by less than the
+skin before the pairs of one of them are listed anew.
 
 Reads `Bodies.rows` and `Bodies.displacement`. Writes all arrays of `Grid`, the lists of
 `Pairs`, `counts`, and the row RELIST of `Bodies.motion`. `renewal` calls most of this.
@@ -33,28 +33,47 @@ TOLERANCE = 1e-4  # step at which the solver of a gap stops [rad]
 
 @inlined
 def cell_of(grid, x, y, z):
-    """Return the cell of a point; the cells repeat in space (see `state.new_grid`)."""
+    """Return the number of the cell of a point in the world.
+
+    The cells repeat in space like the tiles of a floor (see `state.new_grid`).
+
+    Parameters
+    ----------
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    x, y, z : float
+        The point [m].
+    """
     edge = grid.lengths[st.CELL]
     i = math.floor((x - grid.origin[0]) / edge)
     j = math.floor((y - grid.origin[1]) / edge)
     k = math.floor((z - grid.origin[2]) / edge)
+    # a place outside the grid belongs to a cell of the repetition
     i, j, k = i % grid.shape[0], j % grid.shape[1], k % grid.shape[2]
     return (i * grid.shape[1] + j) * grid.shape[2] + k
 
 
 @kernel
 def unlink(grid, i):
-    """Take body i out of the list of its cell.
+    """Take body i out of the list of its cell, if it is in one.
 
-    The bodies of a cell are a list that is linked in both directions: `grid.head` has the
-    first body of a cell, `grid.preceding` and `grid.following` have the neighbours of a
-    body in the list. -1 stands for none.
+    The bodies of a cell are a list that is linked in both directions: `grid.head` has
+    the first body of a cell, `grid.preceding` and `grid.following` have the neighbours
+    of a body in the list. -1 stands for none.
+
+    Parameters
+    ----------
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    i : int
+        Number of the body.
     """
     cell = grid.cell[i]
     if cell < 0:
         return
     previous = grid.preceding[i]
     following = grid.following[i]
+    # the body before it, or the head of the list, now points to the body after it
     if previous >= 0:
         grid.following[previous] = following
     else:
@@ -66,7 +85,10 @@ def unlink(grid, i):
 
 @inlined
 def put_in_cell(grid, i, cell):
-    """Put body i, which is in no cell, at the head of a cell's list."""
+    """Put body i at the head of the linked list of a cell.
+
+    The body must be in no cell before, see `unlink`. `cell` is the number of the cell.
+    """
     grid.cell[i] = cell
     grid.preceding[i] = -1
     grid.following[i] = grid.head[cell]
@@ -77,9 +99,19 @@ def put_in_cell(grid, i, cell):
 
 @kernel
 def link(grid, bodies, i):
-    """Put body i into the cell of its position.
+    """Put body i, which is in no cell, into the cell of its position.
 
-    Also writes the displacement at which its neighbours are found anew.
+    Also writes the displacement at which its neighbours are found anew: half a skin
+    from now (row RELIST of `Bodies.motion`).
+
+    Parameters
+    ----------
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    i : int
+        Number of the body.
     """
     x, y, z = vector_at(bodies.rows[i], POSITION)
     cell = cell_of(grid, x, y, z)
@@ -91,7 +123,10 @@ def link(grid, bodies, i):
 
 @inlined
 def mark_moved(grid, counts, i):
-    """Add body i to the bodies whose neighbours are found anew at the next step."""
+    """Add body i to the bodies whose neighbours are found anew at the next step.
+
+    `grid.moved` is 1 for the bodies of the list, so that each is in it once.
+    """
     if grid.moved[i] == 0:
         grid.moved[i] = 1
         grid.moved_list[counts[st.N_MOVED]] = i
@@ -100,29 +135,48 @@ def mark_moved(grid, counts, i):
 
 @inlined
 def count_pair(counter, i, j, change):
-    """Add `change` (1 or -1) to the numbers of pairs of two bodies."""
+    """Change the numbers of pairs of two bodies by 1 or -1.
+
+    Parameters
+    ----------
+    counter : array of int (bodies,)
+        Number of pairs of each body: `Grid.touching` or `Grid.near`.
+    i, j : int
+        The two bodies of a pair.
+    change : int
+        1 for a new pair, -1 for a removed one.
+    """
     counter[i] += change
     counter[j] += change
 
 
 @inlined
 def write_pair(first, second, k, i, j):
-    """Write two bodies to place k of a list."""
+    """Write bodies i and j to place k of a list with the arrays `first`, `second`."""
     first[k] = i
     second[k] = j
 
 
 @inlined
-def take_place(counts, slot, room):
-    """Take the next place of a list and return it, or -1 where there is no room.
+def take_place(counts, length_slot, room):
+    """Take the next free place of a list and return it, or -1 where there is no room.
 
-    `slot` is the place of the list's length in `counts`, `room` the length of its arrays.
+    Where there is none, `counts[FULL]` is set, and Python makes the list longer.
+
+    Parameters
+    ----------
+    counts : array of int
+        Length of each list; that of this list grows by 1.
+    slot : int
+        Place in `counts` of this list's length, such as st.N_PAIRS.
+    room : int
+        Length of the list's arrays.
     """
-    k = counts[slot]
+    k = counts[length_slot]
     if k >= room:
         counts[st.FULL] = 1
         return -1
-    counts[slot] = k + 1
+    counts[length_slot] = k + 1
     return k
 
 
@@ -130,8 +184,16 @@ def take_place(counts, slot, room):
 def drop_near(pairs, counts, grid, k):
     """Remove near pair k from the list: the last pair moves to its place.
 
-    `counts[N_NEAR]` is the length of the list, `grid.near` the number of near pairs of
-    each body.
+    Parameters
+    ----------
+    pairs : Pairs
+        The lists of touching pairs and of near pairs (`state.Pairs`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    k : int
+        Place of the pair in the list of near pairs.
     """
     last = counts[st.N_NEAR] - 1
     counts[st.N_NEAR] = last
@@ -151,10 +213,25 @@ def drop_near(pairs, counts, grid, k):
 
 @inlined
 def add_near(pairs, counts, grid, i, j, limit, nx, ny, nz):
-    """Append a near pair (i, j) with its limit [m] and the normal n of its last check.
+    """Append a near pair (i, j).
 
-    The pair is due when the displacements of i and j add up to the limit. Where the list
-    is full, nothing is added, and `counts[FULL]` is set.
+    The pair is due for a check when the displacements of i and j add up to `limit`.
+    Where the list is full, nothing is added, and `counts[FULL]` is set.
+
+    Parameters
+    ----------
+    pairs : Pairs
+        The lists of touching pairs and of near pairs (`state.Pairs`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    i, j : int
+        The two bodies.
+    limit : float
+        Sum of both displacements at which the pair is checked [m].
+    nx, ny, nz : float
+        Unit normal of the last check, from which the next one starts.
     """
     k = take_place(counts, st.N_NEAR, pairs.near_limit.shape[0])
     if k < 0:
@@ -162,13 +239,30 @@ def add_near(pairs, counts, grid, i, j, limit, nx, ny, nz):
     count_pair(grid.near, i, j, 1)
     write_pair(pairs.near_first, pairs.near_second, k, i, j)
     pairs.near_limit[k] = limit
+    # the block of this place has changed, see `parallel`
     pairs.near_check[k // st.BLOCK] = 0.0
     set_vector(pairs.near_normal[k], 0, nx, ny, nz)
 
 
 @inlined
 def add_contact(pairs, counts, grid, i, j, normal):
-    """Append a touching pair with a relaxed spring; `normal` points from i to j."""
+    """Append a touching pair (i, j) with a relaxed spring.
+
+    Where the list is full, nothing is added, and `counts[FULL]` is set.
+
+    Parameters
+    ----------
+    pairs : Pairs
+        The lists of touching pairs and of near pairs (`state.Pairs`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    i, j : int
+        The two bodies.
+    normal : array (3,)
+        Unit normal from i to j.
+    """
     k = take_place(counts, st.N_PAIRS, pairs.first.shape[0])
     if k < 0:
         return
@@ -179,9 +273,22 @@ def add_contact(pairs, counts, grid, i, j, normal):
 
 @inlined
 def drop_contact(pairs, counts, grid, k, ghost):
-    """Remove touching pair k: the last pair moves to its place.
+    """Remove touching pair k from the list: the last pair moves to its place.
 
-    The place that becomes free holds two ghosts.
+    The place that becomes free holds two ghosts, so that a whole tile can be computed.
+
+    Parameters
+    ----------
+    pairs : Pairs
+        The lists of touching pairs and of near pairs (`state.Pairs`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    k : int
+        Place of the pair in the list of touching pairs.
+    ghost : int
+        Number of the absent body, which unused places of lists hold.
     """
     last = counts[st.N_PAIRS] - 1
     counts[st.N_PAIRS] = last
@@ -193,15 +300,29 @@ def drop_contact(pairs, counts, grid, k, ghost):
 
 @inlined
 def near_gap(bodies, pairs, grid, parts, k, normal):
-    """Return the gap of near pair k [m], solved from its last normal.
+    """Return the gap of near pair k [m], solved from the normal of its last check.
 
-    The new normal is written to the pair and to `normal` (3,). `parts` is the number of
-    ellipsoids of a body, or SPHERES.
+    The new normal is written to the pair.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    pairs : Pairs
+        The lists of touching pairs and of near pairs (`state.Pairs`).
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    parts : int
+        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
+    k : int
+        Place of the pair in the list of near pairs.
+    normal : array (3,)
+        Scratch for a unit normal; is overwritten.
     """
     for axis in range(3):
         normal[axis] = pairs.near_normal[k, axis]
     # above this gap the solver may stop early: the bodies are far enough apart
-    early = EARLY * grid.lengths[st.SKIN]
+    sufficient_gap = EARLY * grid.lengths[st.SKIN]
     gap = solve_gap(
         bodies.rows,
         parts,
@@ -209,7 +330,7 @@ def near_gap(bodies, pairs, grid, parts, k, normal):
         pairs.near_second[k],
         normal,
         TOLERANCE,
-        early,
+        sufficient_gap,
     )
     for axis in range(3):
         pairs.near_normal[k, axis] = normal[axis]
@@ -220,7 +341,28 @@ def near_gap(bodies, pairs, grid, parts, k, normal):
 def check_near(bodies, pairs, counts, grid, parts, k, normal):
     """Solve for the gap of near pair k: make it a contact, or give it a new limit.
 
-    `normal` (3,) is scratch. Returns whether the pair stays in the list of near pairs.
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    pairs : Pairs
+        The lists of touching pairs and of near pairs (`state.Pairs`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    parts : int
+        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
+    k : int
+        Place of the pair in the list of near pairs.
+    normal : array (3,)
+        Scratch for a unit normal; is overwritten.
+
+    Returns
+    -------
+    bool
+        Whether the pair stays in the list of near pairs. Otherwise another pair is at
+        place k now.
     """
     i = pairs.near_first[k]
     j = pairs.near_second[k]
@@ -229,39 +371,62 @@ def check_near(bodies, pairs, counts, grid, parts, k, normal):
         drop_near(pairs, counts, grid, k)
         add_contact(pairs, counts, grid, i, j, normal)
         return False
+    # the bodies cannot touch before they have moved by the gap together
     pairs.near_limit[k] = bodies.displacement[i] + bodies.displacement[j] + gap
     return True
 
 
 @kernel
 def next_due(displacement, first, second, limit, begin, end):
-    """Return the first pair of begin to end that is due, or `end`.
+    """Find the first near pair of a range that is due for a check.
 
-    A pair is due when the displacements of its bodies have reached its limit. The
-    indices are unsigned: for signed ones numba checks for negative numbers, which would
-    double the time.
+    A pair is due when the displacements of its bodies have reached its limit.
+
+    Parameters
+    ----------
+    displacement : array (bodies,)
+        How far any point of each body may have moved until now [m].
+    first, second : array of int (pairs,)
+        The two bodies of each pair.
+    limit : array (pairs,)
+        Sum of the displacements of both bodies at which the pair is due [m].
+    begin, end : int
+        First pair of the range, and its end.
+
+    Returns
+    -------
+    int
+        Place of the pair, or `end` where none is due.
     """
     for k in range(begin, end):
-        u = np.uint64(k)
-        if displacement[first[u]] + displacement[second[u]] >= limit[u]:
+        # an unsigned index: for a signed one numba checks for negative numbers, which
+        # would double the time
+        pair = np.uint64(k)
+        if displacement[first[pair]] + displacement[second[pair]] >= limit[pair]:
             return k
     return end
 
 
 @kernel
 def update_near(bodies, pairs, counts, grid, parts, normal):
-    """Check the near pairs that are due.
+    """Check all near pairs of smooth bodies that are due.
+
+    Those that touch become contacts, the others get new limits.
 
     Parameters
     ----------
-    bodies, pairs, grid : namedtuple
-        The bodies, the lists of pairs, and the grid of the neighbour search.
-    counts : array
-        Lengths of all lists.
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    pairs : Pairs
+        The lists of touching pairs and of near pairs (`state.Pairs`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
     parts : int
-        Ellipsoids of a body, or SPHERES.
+        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
     normal : array (3,)
-        Is overwritten.
+        Scratch for a unit normal; is overwritten.
     """
     first = pairs.near_first
     second = pairs.near_second
@@ -276,30 +441,48 @@ def update_near(bodies, pairs, counts, grid, parts, normal):
 
 @inlined
 def pairs_of_moved(counter, grid, counts):
-    """Return the number of pairs of the bodies of `Grid.moved_list`.
+    """Count the pairs of the bodies of `Grid.moved_list`.
 
-    `counter` has the number of pairs of each body. A pair of two such bodies counts
-    twice.
+    A pair of two such bodies counts twice.
+
+    Parameters
+    ----------
+    counter : array of int (bodies,)
+        Number of pairs of each body: `Grid.touching` or `Grid.near`.
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
     """
-    n = 0
-    for m in range(counts[st.N_MOVED]):
-        n += counter[grid.moved_list[m]]
-    return n
+    n_pairs = 0
+    for place in range(counts[st.N_MOVED]):
+        n_pairs += counter[grid.moved_list[place]]
+    return n_pairs
 
 
 @kernel
 def drop_near_of_moved(pairs, counts, grid):
     """Drop the near pairs of the bodies of `Grid.moved_list`.
 
-    The youngest pairs come first; the loop ends when all pairs of these bodies are found.
+    The youngest pairs, at the end of the list, come first; the loop ends when all pairs
+    of these bodies are found.
+
+    Parameters
+    ----------
+    pairs : Pairs
+        The lists of touching pairs and of near pairs (`state.Pairs`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
     """
-    moved = grid.moved  # of each body whether it is in `Grid.moved_list`
+    is_moved = grid.moved  # of each body whether it is in `Grid.moved_list`
     n_left = pairs_of_moved(grid.near, grid, counts)
     k = counts[st.N_NEAR] - 1
     while n_left > 0:
-        u = np.uint64(k)  # unsigned, see `next_due`
+        pair = np.uint64(k)  # unsigned, see `next_due`
         # a pair of two such bodies counts twice
-        n_moved = moved[pairs.near_first[u]] + moved[pairs.near_second[u]]
+        n_moved = is_moved[pairs.near_first[pair]] + is_moved[pairs.near_second[pair]]
         if n_moved > 0:
             n_left -= n_moved
             drop_near(pairs, counts, grid, k)
@@ -310,7 +493,24 @@ def drop_near_of_moved(pairs, counts, grid):
 def chain_partner(pairs, grid, n_used, i, j):
     """Add body j to the chain of partners of body i, if i is in `Grid.moved_list`.
 
-    Returns the number of links that are used then; `n_used` is that number before.
+    A chain is a linked list: link m holds a partner, `pairs.partner[m]`, and the next
+    link of the same body, `pairs.link[m]`; `grid.chain[i]` is the first link of body i.
+
+    Parameters
+    ----------
+    pairs : Pairs or SpherePairs
+        The lists of pairs, of smooth bodies or of clumps.
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    n_used : int
+        Number of links in use; the next one gets this number.
+    i, j : int
+        The two bodies of a pair.
+
+    Returns
+    -------
+    int
+        Number of links in use afterwards.
     """
     if grid.moved[i]:
         pairs.partner[n_used] = j
@@ -324,14 +524,24 @@ def chain_partner(pairs, grid, n_used, i, j):
 def chain_contacts(pairs, counts, grid):
     """Chain the touching partners of each body of `Grid.moved_list`.
 
-    Link number m holds a partner, `pairs.partner[m]`, and the next link of the same
-    body, `pairs.link[m]`; `grid.chain` has the first link of each body.
+    So the search for new near pairs of these bodies can skip the bodies that they
+    touch. See `chain_partner` for the chains, which must be empty before.
+
+    Parameters
+    ----------
+    pairs : Pairs
+        The lists of touching pairs and of near pairs (`state.Pairs`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
     """
     n_links = pairs_of_moved(grid.touching, grid, counts)
     n_used = 0
     # from the last pair back until all links are made
     k = counts[st.N_PAIRS] - 1
     while n_used < n_links:
+        # one link if i is in the list of moved bodies, and one if j is
         i = pairs.first[np.uint64(k)]
         j = pairs.second[np.uint64(k)]
         n_used = chain_partner(pairs, grid, n_used, i, j)
@@ -343,8 +553,24 @@ def chain_contacts(pairs, counts, grid):
 def list_pair(bodies, pairs, counts, grid, parts, a, b, normal):
     """List a pair of bodies a and b anew: as touching, as near, or not at all.
 
-    It is not listed where the gap is a skin or more. `parts` is the number of ellipsoids
-    of a body, or SPHERES; `normal` (3,) is scratch.
+    It is not listed where the gap is a skin or more.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    pairs : Pairs
+        The lists of touching pairs and of near pairs (`state.Pairs`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    parts : int
+        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
+    a, b : int
+        The two bodies; the pair must not be listed yet.
+    normal : array (3,)
+        Scratch for a unit normal; is overwritten.
     """
     rows = bodies.rows
     skin = grid.lengths[st.SKIN]
@@ -372,12 +598,27 @@ def list_pair(bodies, pairs, counts, grid, parts, a, b, normal):
 def retire_pairs(bodies, pairs, counts, grid, begin, n_ended, ghost):
     """Move the pairs that parted to the list of near pairs.
 
-    `pairs.ended` holds n_ended places of contacts, from place `begin` on, in increasing
-    order. The last one is dropped first: it is replaced by the last contact of the list,
-    so the places that are still to come stay valid.
+    The last one is dropped first: it is replaced by the last contact of the list, so
+    the places that are still to come stay valid.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    pairs : Pairs
+        The lists of touching pairs and of near pairs (`state.Pairs`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    begin, n_ended : int
+        The pairs that parted are at the places `pairs.ended[begin : begin + n_ended]` of
+        the list of touching pairs, in increasing order; their gaps are in `pairs.gap`.
+    ghost : int
+        Number of the absent body, which unused places of lists hold.
     """
-    for e in range(begin + n_ended - 1, begin - 1, -1):
-        k = pairs.ended[e]
+    for place in range(begin + n_ended - 1, begin - 1, -1):
+        k = pairs.ended[place]
         i = pairs.first[k]
         j = pairs.second[k]
         # they may touch again once both displacements have used up the gap

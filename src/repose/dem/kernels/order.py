@@ -33,23 +33,26 @@ def morton(cell, shape):
     ndarray (n,)
         The places.
     """
-    number = np.maximum(cell, 0)
+    cell_number = np.maximum(cell, 0)
     indices = (
-        number // (shape[1] * shape[2]),
-        number // shape[2] % shape[1],
-        number % shape[2],
+        cell_number // (shape[1] * shape[2]),
+        cell_number // shape[2] % shape[1],
+        cell_number % shape[2],
     )
-    place = np.zeros(len(number), np.int64)
+    place = np.zeros(len(cell_number), np.int64)
     for bit in range(int(max(shape)).bit_length()):
-        for axis, index in enumerate(indices):
-            bit_of_index = index >> bit & 1
+        for axis, axis_index in enumerate(indices):
+            bit_of_index = axis_index >> bit & 1
             place |= bit_of_index << (3 * bit + axis)
     return place
 
 
 @kernel
 def relink(grid, n):
-    """Put the first n bodies into empty lists of the cells, by `grid.cell`."""
+    """Put the first n bodies into the lists of their cells, after a renumbering.
+
+    The lists are emptied first; `grid.cell` has the cell of each body, or -1.
+    """
     grid.head[:] = -1
     for i in range(n):
         if grid.cell[i] >= 0:
@@ -57,26 +60,44 @@ def relink(grid, n):
 
 
 def permute(order, *arrays):
-    """Permute the first rows of arrays in place; row k becomes row order[k]."""
+    """Permute the first rows of arrays in place; row k becomes the old row order[k].
+
+    Parameters
+    ----------
+    order : ndarray (n,)
+        Old number of each of the first n rows.
+    *arrays : ndarray
+        Arrays with n rows or more; further rows stay.
+    """
     for array in arrays:
         array[: len(order)] = array[: len(order)][order]
 
 
 def permute_lanes(order, tiles):
-    """Permute the first lanes of an array of tiles (tiles, rows * LANES) in place.
+    """Permute the first lanes of an array of tiles in place.
 
-    Lane k, counted through all tiles, becomes lane order[k].
+    Lane k, counted through all tiles, becomes the old lane order[k].
+
+    Parameters
+    ----------
+    order : ndarray (n,)
+        Old number of each of the first n lanes.
+    tiles : ndarray (tiles, rows * LANES)
+        Numbers of bodies or contacts, one in each lane.
     """
     n_tiles = len(tiles)
     # a table with a row for each lane, then back to tiles
     table = st.contact_rows(tiles, tiles.size)
     permute(order, table)
+    # from rows of lanes back to lanes of rows
     by_tile = table.reshape(n_tiles, LANES, -1)
     tiles[:] = by_tile.transpose(0, 2, 1).reshape(tiles.shape)
 
 
 def sort_by(bodies, arrays, *tiles):
     """Sort a list of contacts by a body of each, in place.
+
+    Contacts of one body keep their order, so the result does not depend on the sort.
 
     Parameters
     ----------
@@ -94,7 +115,19 @@ def sort_by(bodies, arrays, *tiles):
 
 
 def _permute_bodies(order, bodies, grid, flat, curved, meshed):
-    """Permute all arrays that have a place for each body; body k becomes order[k]."""
+    """Permute all arrays that have a place for each body, in place.
+
+    Parameters
+    ----------
+    order : ndarray (n,)
+        Old number of each body.
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    flat, curved, meshed : WallContacts
+        Contacts with planes, with curved walls and with meshes.
+    """
     permute(
         order,
         bodies.rows,
@@ -120,7 +153,16 @@ def _permute_bodies(order, bodies, grid, flat, curved, meshed):
 def _rename_bodies(new_number, pairs, flat, curved, meshed, counts):
     """Write the new number of each body to the lists of contacts and near pairs.
 
-    `new_number` (n,) has the new number of each old one.
+    Parameters
+    ----------
+    new_number : ndarray (n,)
+        New number of each old one.
+    pairs : Pairs
+        The lists of touching pairs and of near pairs (`state.Pairs`).
+    flat, curved, meshed : WallContacts
+        Contacts with planes, with curved walls and with meshes.
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
     """
     # arrays of body numbers, and where `counts` has their length
     lists = (
@@ -138,7 +180,21 @@ def _rename_bodies(new_number, pairs, flat, curved, meshed, counts):
 
 
 def _sort_contacts(pairs, flat, counts):
-    """Sort pairs, contacts with planes and near pairs by their (lower) bodies."""
+    """Sort pairs, contacts with planes and near pairs by their bodies, in place.
+
+    A pair is sorted by its lower body. So the contacts of bodies that are near in
+    memory are near in memory, too. Contacts with curved walls and meshes are few and
+    stay.
+
+    Parameters
+    ----------
+    pairs : Pairs
+        The lists of touching pairs and of near pairs (`state.Pairs`).
+    flat : WallContacts
+        The contacts with planes.
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    """
     # pairs that touch
     n_pairs = counts[st.N_PAIRS]
     lower = np.minimum(pairs.first[:n_pairs], pairs.second[:n_pairs])
@@ -163,7 +219,20 @@ def _sort_contacts(pairs, flat, counts):
 def reorder(bodies, grid, pairs, flat, curved, meshed, counts):
     """Renumber the bodies along the Morton curve, between two steps.
 
-    The arguments are the arrays of `state`; all are changed in place.
+    All arguments are changed in place.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    pairs : Pairs
+        The lists of touching pairs and of near pairs (`state.Pairs`).
+    flat, curved, meshed : WallContacts
+        Contacts with planes, with curved walls and with meshes.
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
 
     Returns
     -------
@@ -174,6 +243,7 @@ def reorder(bodies, grid, pairs, flat, curved, meshed, counts):
     old_number = np.argsort(morton(grid.cell[:n], grid.shape), kind="stable")
     new_number = np.empty(n, np.int64)
     new_number[old_number] = np.arange(n)
+    # the arrays with a place for each body
     _permute_bodies(old_number, bodies, grid, flat, curved, meshed)
     # the lists that hold numbers of bodies
     n_moved = int(counts[st.N_MOVED])

@@ -1,8 +1,8 @@
 """Renewal of the neighbour list: bodies that moved far get new pairs, gone bodies none.
 
-Bodies that moved by half a skin are in `Grid.moved_list`; `renew` finds their neighbours
-anew. `drop_gone` removes all contacts of bodies that left the simulation. `clumps` is an
-empty tuple in a simulation of smooth bodies, see `forces`.
+Bodies that moved by half a skin are in `Grid.moved_list`; `renew` finds their
+neighbours anew. `drop_gone` removes all contacts of bodies that left the simulation.
+`clumps` is an empty tuple in a simulation of smooth bodies, see `forces`.
 
 Reads `Bodies.rows` and `Bodies.presence`. Writes all arrays of `Grid`, the lists of
 pairs and of contacts with walls, `counts`, and the columns of motion of gone bodies.
@@ -30,7 +30,24 @@ UNMARKED = -1  # value of `Grid.mark` of a body that is marked with none
 def list_bodies(bodies, pairs, clumps, counts, grid, parts, i, j, scratch):
     """List the pair of bodies i and j where they touch or are near.
 
-    `scratch` is an array (3,) for a normal, or of clumps `Scratch.spheres`.
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    pairs : Pairs or SpherePairs
+        The lists of pairs, of smooth bodies or of clumps.
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    parts : int
+        Ellipsoids of a body, at most; 0 for clumps, SPHERES for spheres.
+    i, j : int
+        The two bodies, which are not listed yet; i is the lower number.
+    scratch : array
+        Scratch for a normal (3,); of clumps `Scratch.spheres`.
     """
     if len(clumps) == 0:
         list_pair(bodies, pairs, counts, grid, parts, i, j, scratch)
@@ -40,27 +57,47 @@ def list_bodies(bodies, pairs, clumps, counts, grid, parts, i, j, scratch):
 
 @kernel
 def find_partners(bodies, pairs, clumps, counts, grid, parts, i, scratch):
-    """List the pairs of body i anew, with the bodies in its cell and the cells about it.
+    """List the pairs of body i anew, with bodies in its cell and the cells around.
 
-    Bodies that are marked with i are skipped: their pairs with i are listed already. Of
+    Bodies whose `grid.mark` is i are skipped: their pairs with i are listed already. Of
     two bodies that both moved, the one with the lower number lists the pair.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    pairs : Pairs or SpherePairs
+        The lists of pairs, of smooth bodies or of clumps.
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    parts : int
+        Ellipsoids of a body, at most; 0 for clumps, SPHERES for spheres.
+    i : int
+        Number of the body.
+    scratch : array
+        Scratch for a normal (3,); of clumps `Scratch.spheres`.
     """
-    # the indices of the body's cell along the three axes
-    nx, ny, nz = grid.shape[0], grid.shape[1], grid.shape[2]
+    # The number of cells along each axis, and the indices of the body's cell along
+    # them.
+    n_x, n_y, n_z = grid.shape[0], grid.shape[1], grid.shape[2]
     cell = grid.cell[i]
-    cell_z = cell % nz
-    cell_y = (cell // nz) % ny
-    cell_x = cell // (nz * ny)
+    cell_z = cell % n_z
+    cell_y = (cell // n_z) % n_y
+    cell_x = cell // (n_z * n_y)
     # The cell before, its own, and the next one along each axis. The cells repeat, so of
     # fewer than three cells each is visited once.
-    for step_x in range(min(nx, 3)):
-        x = (cell_x + step_x - 1) % nx
-        for step_y in range(min(ny, 3)):
-            y = (cell_y + step_y - 1) % ny
-            for step_z in range(min(nz, 3)):
-                z = (cell_z + step_z - 1) % nz
+    for step_x in range(min(n_x, 3)):
+        x = (cell_x + step_x - 1) % n_x
+        for step_y in range(min(n_y, 3)):
+            y = (cell_y + step_y - 1) % n_y
+            for step_z in range(min(n_z, 3)):
+                z = (cell_z + step_z - 1) % n_z
                 # all bodies of this cell, which form a linked list
-                j = grid.head[(x * ny + y) * nz + z]
+                j = grid.head[(x * n_y + y) * n_z + z]
                 while j >= 0:
                     is_listed_by_j = grid.moved[j] == 1 and j < i
                     if j != i and grid.mark[j] != i and not is_listed_by_j:
@@ -80,29 +117,54 @@ def find_partners(bodies, pairs, clumps, counts, grid, parts, i, scratch):
 
 @inlined
 def mark_partners(pairs, grid, i, mark):
-    """Write `mark` to all bodies in the chain of partners of body i."""
-    place = grid.chain[i]
-    while place >= 0:
-        grid.mark[pairs.partner[place]] = mark
-        place = pairs.link[place]
+    """Write a mark to all bodies with which body i has a pair already.
+
+    They are in the chain of partners of i (see `neighbours.chain_partner`).
+
+    Parameters
+    ----------
+    pairs : Pairs or SpherePairs
+        The lists of pairs, of smooth bodies or of clumps.
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    i : int
+        Number of the body.
+    mark : int
+        Is written to `grid.mark`: i while the pairs of i are listed, UNMARKED after
+        that.
+    """
+    chain_link = grid.chain[i]
+    while chain_link >= 0:
+        grid.mark[pairs.partner[chain_link]] = mark
+        chain_link = pairs.link[chain_link]
 
 
 @kernel
 def renew(bodies, pairs, clumps, counts, grid, parts, scratch, ghost):
-    """List the pairs of the bodies of `Grid.moved_list` anew.
+    """List the pairs of the bodies of `Grid.moved_list` anew, and empty this list.
 
     Near pairs of smooth bodies are dropped and found again. Touching pairs stay, since
-    they have springs, and so do the entries of clumps; their bodies are chained, so that
-    the search does not list them a second time.
+    they have springs, and so do the entries of clumps; their bodies are chained, so
+    that the search does not list them a second time.
 
     Parameters
     ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    pairs : Pairs or SpherePairs
+        The lists of pairs, of smooth bodies or of clumps.
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
     parts : int
-        That of `Physics`.
+        Ellipsoids of a body, at most; 0 for clumps, SPHERES for spheres.
     scratch : array
-        See `list_bodies`.
+        Scratch for a normal (3,); of clumps `Scratch.spheres`.
     ghost : int
-        Number of the absent body.
+        Number of the absent body, which unused places of lists hold.
     """
     n_moved = counts[st.N_MOVED]
     if n_moved == 0:
@@ -137,7 +199,23 @@ def renew(bodies, pairs, clumps, counts, grid, parts, scratch, ghost):
 
 @inlined
 def drop_pairs_of_gone(bodies, pairs, clumps, counts, grid, ghost):
-    """Drop the pairs of bodies that are gone."""
+    """Drop the touching pairs (of clumps the entries, too) of bodies that are gone.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    pairs : Pairs or SpherePairs
+        The lists of pairs, of smooth bodies or of clumps.
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    ghost : int
+        Number of the absent body, which unused places of lists hold.
+    """
     presence = bodies.presence
     if len(clumps) == 0:
         # from the end, since a dropped contact is replaced by the last one
@@ -155,7 +233,20 @@ def drop_pairs_of_gone(bodies, pairs, clumps, counts, grid, ghost):
 def drop_touches_of_gone(presence, contacts, clumps, counts, slot, ghost):
     """Drop the contacts of gone bodies with walls of one kind.
 
-    `slot` is the place of the number of these contacts in `counts`.
+    Parameters
+    ----------
+    presence : array (bodies,)
+        `Bodies.presence`: st.PRESENT for bodies that are not gone.
+    contacts : WallContacts
+        The list of contacts with walls of one kind.
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    slot : int
+        Place in `counts` of the length of this list, such as st.N_PLANE.
+    ghost : int
+        Number of the absent body, which unused places of lists hold.
     """
     # from the end, since a dropped contact is replaced by the last one
     for k in range(counts[slot] - 1, -1, -1):
@@ -167,8 +258,24 @@ def drop_touches_of_gone(presence, contacts, clumps, counts, slot, ghost):
 def drop_gone(bodies, pairs, flat, curved, meshed, clumps, counts, grid, ghost):
     """Drop all contacts of the bodies that went below the floor in the last step.
 
-    These bodies are in `Grid.moved_list`; they are stopped. `flat`, `curved` and `meshed`
-    are the contacts with planes, with curved walls and with meshes.
+    These bodies are in `Grid.moved_list`; they are stopped.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    pairs : Pairs or SpherePairs
+        The lists of pairs, of smooth bodies or of clumps.
+    flat, curved, meshed : WallContacts
+        Contacts with planes, with curved walls and with meshes.
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    ghost : int
+        Number of the absent body, which unused places of lists hold.
     """
     presence = bodies.presence
     drop_pairs_of_gone(bodies, pairs, clumps, counts, grid, ghost)

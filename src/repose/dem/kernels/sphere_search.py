@@ -1,13 +1,14 @@
 """The search for spheres of two clumps (rigid bodies of spheres) that begin to touch.
 
-An entry of `clumps.SpherePairs` is checked when the displacements of its two bodies have
-reached its limit, as in `neighbours`: the displacement of a body bounds the motion of
-each of its spheres. There are two kinds of check.
+An entry of `clumps.SpherePairs` is checked when the displacements of its two bodies
+have reached its limit, as in `neighbours`: the displacement of a body bounds the motion
+of each of its spheres. There are two kinds of check.
 
 * A full search computes the gaps of all pairs of spheres. After it, the entry *watches*
-  the nearest pairs that do not touch, each with a limit of its own. All other pairs share
-  the limit `near_rest`: the displacements at this search plus their smallest gap.
-* Until `near_rest` is reached, a check computes the gaps of only those watched pairs that
+  the nearest pairs that do not touch, each with a limit of its own. All other pairs
+  share the limit `near_rest`: the displacements at this search plus their smallest gap.
+* Until `near_rest` is reached, a check computes the gaps of only those watched pairs
+that
   have reached their own limits.
 
 A pair of spheres whose contact ends is watched, too. Where no slot is free for it, it
@@ -59,44 +60,47 @@ LARGEST_GAP = GAPS + WATCHED  # place of the largest of the smallest gaps
 
 
 @inlined
-def place_spheres(row, spheres, n, scale, x0, y0, z0, scratch, first):
-    """Write the spheres of a body to four rows of the scratch, in world axes.
+def place_spheres(row, spheres, n_spheres, scale, x0, y0, z0, scratch, first):
+    """Write centres and radii of all spheres of a clump to scratch, in world axes.
 
     Parameters
     ----------
     row : array
-        The body, a row of `Bodies.rows`.
+        The clump, a row of `Bodies.rows`, with its position and quaternion.
     spheres : array (4, MOST_SPHERES)
-        Centres and radii of its shape.
+        Centres (rows 0 to 2) and radii (row 3) of its shape, in the axes of the body.
     n : int
         Number of spheres.
     scale : float
-        Scale of the body.
+        Scale of the body: all its lengths over those of its shape.
     x0, y0, z0 : float
-        Origin of the places that are written [m].
+        Origin of the centres that are written [m].
     scratch : array
-        Is written.
+        Four rows of MOST_SPHERES numbers (x, y, z, radius) are written [m].
     first : int
         Place of the first row: PLACES_A or PLACES_B.
     """
     # The quaternion (w, x, y, z) turns the spheres' centres from the body to the world.
-    w = row[SHAPE]
-    x, y, z = vector_at(row, SHAPE + 1)
-    cx, cy, cz = vector_at(row, POSITION)
-    dx, dy, dz = cx - x0, cy - y0, cz - z0
-    for k in range(n):
-        px, py, pz = ct.rotated_vector(
-            w, x, y, z, spheres[0, k], spheres[1, k], spheres[2, k]
+    qw = row[SHAPE]
+    qx, qy, qz = vector_at(row, SHAPE + 1)
+    body_x, body_y, body_z = vector_at(row, POSITION)
+    dx, dy, dz = body_x - x0, body_y - y0, body_z - z0
+    for k in range(n_spheres):
+        turned_x, turned_y, turned_z = ct.rotated_vector(
+            qw, qx, qy, qz, spheres[0, k], spheres[1, k], spheres[2, k]
         )
-        scratch[first + k] = dx + scale * px
-        scratch[first + MOST_SPHERES + k] = dy + scale * py
-        scratch[first + 2 * MOST_SPHERES + k] = dz + scale * pz
+        scratch[first + k] = dx + scale * turned_x
+        scratch[first + MOST_SPHERES + k] = dy + scale * turned_y
+        scratch[first + 2 * MOST_SPHERES + k] = dz + scale * turned_z
         scratch[first + 3 * MOST_SPHERES + k] = scale * spheres[SPHERE_RADIUS_ROW, k]
 
 
 @inlined
 def placed_centre(scratch, first, k):
-    """Return the centre of sphere k of a body in the scratch."""
+    """Return the centre of a sphere that `place_spheres` wrote [m].
+
+    `first` is PLACES_A or PLACES_B, k the number of the sphere in its body.
+    """
     return (
         scratch[first + k],
         scratch[first + MOST_SPHERES + k],
@@ -106,23 +110,41 @@ def placed_centre(scratch, first, k):
 
 @inlined
 def placed_radius(scratch, first, k):
-    """Return the radius of sphere k of a body in the scratch."""
+    """Return the radius of a sphere that `place_spheres` wrote [m].
+
+    `first` is PLACES_A or PLACES_B, k the number of the sphere in its body.
+    """
     return scratch[first + 3 * MOST_SPHERES + k]
 
 
 @inlined
-def measure_distances(scratch, a, n, limit):
-    """Compare the distances of sphere a of A and the n spheres of B with a limit.
+def measure_distances(scratch, a, n_spheres, limit):
+    """Find which spheres of clump B have a gap below a limit to one sphere of clump A.
 
-    For each sphere of B this writes the squared distance of the centres to the row
-    SQUARES of `scratch`, and to the row EXCESS by how much it exceeds that of a pair with
-    the gap `limit` [m]. No roots are needed for this. Returns the number of spheres of B
-    whose gap to a is below the limit.
+    No roots are needed: squared distances are compared.
+
+    Parameters
+    ----------
+    scratch : array
+        The spheres of both clumps, see `place_spheres`. For each sphere of B, the
+        squared distance of the centres is written to the row SQUARES, and to the row
+        EXCESS by how much it exceeds that of a pair with the gap `limit`.
+    a : int
+        Number of the sphere of A.
+    n : int
+        Number of spheres of B.
+    limit : float
+        The gap [m].
+
+    Returns
+    -------
+    int
+        Number of spheres of B whose gap to the sphere a is below the limit.
     """
     x, y, z = placed_centre(scratch, PLACES_A, a)
     reach = placed_radius(scratch, PLACES_A, a) + limit
     n_near = 0
-    for b in range(n):
+    for b in range(n_spheres):
         bx, by, bz = placed_centre(scratch, PLACES_B, b)
         dx = bx - x
         dy = by - y
@@ -138,31 +160,47 @@ def measure_distances(scratch, a, n, limit):
 
 @inlined
 def keep_gap(scratch, gap, a, b):
-    """Sort a gap into the smallest gaps; it replaces the largest of them.
+    """Insert a gap into the sorted smallest gaps, in place of the largest of them.
 
-    The WATCHED + 1 smallest gaps [m] are in the row GAPS of `scratch`, in increasing
-    order, and the spheres a of A and b of B that have them in two more rows.
+    Parameters
+    ----------
+    scratch : array
+        The WATCHED + 1 smallest gaps [m] so far are in the row GAPS, in increasing
+        order, and the spheres of A and B that have them in the rows GAPS_SPHERE_A,
+        GAPS_SPHERE_B.
+    gap : float
+        A gap below the largest of them [m].
+    a, b : int
+        Numbers of the spheres of A and B that have it.
     """
-    k = WATCHED
+    place = WATCHED
     # move the larger gaps one place up
-    while k > 0 and scratch[GAPS + k - 1] > gap:
-        scratch[GAPS + k] = scratch[GAPS + k - 1]
-        scratch[GAPS_SPHERE_A + k] = scratch[GAPS_SPHERE_A + k - 1]
-        scratch[GAPS_SPHERE_B + k] = scratch[GAPS_SPHERE_B + k - 1]
-        k -= 1
-    scratch[GAPS + k] = gap
-    scratch[GAPS_SPHERE_A + k] = a
-    scratch[GAPS_SPHERE_B + k] = b
+    while place > 0 and scratch[GAPS + place - 1] > gap:
+        scratch[GAPS + place] = scratch[GAPS + place - 1]
+        scratch[GAPS_SPHERE_A + place] = scratch[GAPS_SPHERE_A + place - 1]
+        scratch[GAPS_SPHERE_B + place] = scratch[GAPS_SPHERE_B + place - 1]
+        place -= 1
+    scratch[GAPS + place] = gap
+    scratch[GAPS_SPHERE_A + place] = a
+    scratch[GAPS_SPHERE_B + place] = b
 
 
 @inlined
 def watch_nearest(bodies, pairs, entry, i, j, skin, scratch):
-    """Let an entry watch the pairs of spheres with the smallest gaps; write its limits.
+    """Let an entry watch the pairs of spheres with the smallest gaps.
+
+    This follows a full search.
+
+    Each watched pair gets a limit: the sum of both displacements at which its gap may
+    be used up. The entry gets the least of these limits, and the limit of all other
+    pairs.
 
     Parameters
     ----------
-    bodies, pairs : namedtuple
-        The bodies, and the list of entries (`clumps.SpherePairs`).
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    pairs : SpherePairs
+        Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
     entry, i, j : int
         Place of the entry, and its two bodies.
     skin : float
@@ -170,30 +208,43 @@ def watch_nearest(bodies, pairs, entry, i, j, skin, scratch):
     scratch : array
         Has the smallest gaps, see `keep_gap`.
     """
-    # A limit is the sum of both displacements at which a gap may be used up.
-    total = bodies.displacement[i] + bodies.displacement[j]
-    n = 0
-    while n < WATCHED and scratch[GAPS + n] < skin:
-        pairs.watched[entry, n, 0] = np.uint8(scratch[GAPS_SPHERE_A + n])
-        pairs.watched[entry, n, 1] = np.uint8(scratch[GAPS_SPHERE_B + n])
-        pairs.watched_limit[entry, n] = total + scratch[GAPS + n]
-        n += 1
-    pairs.n_watched[entry] = n
-    pairs.near_limit[entry] = total + scratch[GAPS]
-    pairs.near_rest[entry] = total + scratch[LARGEST_GAP]
+    displacements = bodies.displacement[i] + bodies.displacement[j]
+    slot = 0
+    while slot < WATCHED and scratch[GAPS + slot] < skin:
+        pairs.watched[entry, slot, 0] = np.uint8(scratch[GAPS_SPHERE_A + slot])
+        pairs.watched[entry, slot, 1] = np.uint8(scratch[GAPS_SPHERE_B + slot])
+        pairs.watched_limit[entry, slot] = displacements + scratch[GAPS + slot]
+        slot += 1
+    pairs.n_watched[entry] = slot
+    pairs.near_limit[entry] = displacements + scratch[GAPS]
+    pairs.near_rest[entry] = displacements + scratch[LARGEST_GAP]
 
 
 @kernel
 def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, scratch):
-    """Make a full search of bodies i and j, and add the new contacts to their entry.
+    """Find all touching spheres of clumps i and j, and watch those that are nearest.
+
+    New contacts are added to the entry of the two bodies.
 
     Parameters
     ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    pairs : SpherePairs
+        Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    clumps : Clumps
+        The spheres of the clumps (`clumps.Clumps`).
     entry : int
         Place of the entry. With -1 an entry is made for the first contact, or for a gap
         below the skin.
+    i, j : int
+        The two bodies A and B.
     scratch : array
-        Is overwritten.
+        `Scratch.spheres`; is overwritten.
 
     Returns
     -------
@@ -241,6 +292,7 @@ def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, scratch
         # Only gaps below the largest of the smallest ones matter.
         limit = scratch[LARGEST_GAP]
         ax, ay, az = placed_centre(scratch, PLACES_A, a)
+        # a sphere of A that is far from the bounding sphere of B is skipped
         dx, dy, dz = ax - bx, ay - by, az - bz
         radius_a = placed_radius(scratch, PLACES_A, a)
         reach = radius_a + radius_b + limit
@@ -250,6 +302,8 @@ def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, scratch
         ):
             continue
         for b in range(n_b):
+            # spheres with larger gaps, and those that are in contact already, are
+            # skipped
             if scratch[EXCESS + b] >= 0.0 or (
                 entry >= 0 and is_set(pairs.known[entry], a * largest + b)
             ):
@@ -257,6 +311,7 @@ def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, scratch
             gap = math.sqrt(scratch[SQUARES + b]) - (
                 radius_a + placed_radius(scratch, PLACES_B, b)
             )
+            # spheres that are apart: keep the gap if it is among the smallest
             if gap > 0.0:
                 if gap < scratch[LARGEST_GAP]:
                     keep_gap(scratch, gap, a, b)
@@ -274,28 +329,52 @@ def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, scratch
 
 @inlined
 def sphere_in_world(bodies, clumps, i, k):
-    """Return centre (x, y, z) and radius of sphere k of body i, in the world [m]."""
+    """Return centre (x, y, z) and radius of sphere k of body i, in the world [m].
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    clumps : Clumps
+        The spheres of the clumps (`clumps.Clumps`).
+    i : int
+        Number of the body.
+    k : int
+        Number of the sphere in its body.
+    """
     row = bodies.rows[i]
     spheres = clumps.spheres[clumps.shape[i]]
     scale = clumps.scale[i]
     # The quaternion (w, x, y, z) turns the sphere's centre from the body to the world.
-    w = row[SHAPE]
-    x, y, z = vector_at(row, SHAPE + 1)
-    cx, cy, cz = vector_at(row, POSITION)
-    px, py, pz = ct.rotated_vector(
-        w, x, y, z, spheres[0, k], spheres[1, k], spheres[2, k]
+    qw = row[SHAPE]
+    qx, qy, qz = vector_at(row, SHAPE + 1)
+    body_x, body_y, body_z = vector_at(row, POSITION)
+    turned_x, turned_y, turned_z = ct.rotated_vector(
+        qw, qx, qy, qz, spheres[0, k], spheres[1, k], spheres[2, k]
     )
     return (
-        cx + scale * px,
-        cy + scale * py,
-        cz + scale * pz,
+        body_x + scale * turned_x,
+        body_y + scale * turned_y,
+        body_z + scale * turned_z,
         scale * spheres[SPHERE_RADIUS_ROW, k],
     )
 
 
 @inlined
 def sphere_gap(bodies, clumps, i, j, a, b):
-    """Return the gap between sphere a of body i and sphere b of body j [m]."""
+    """Return the gap between sphere a of body i and sphere b of body j [m].
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    clumps : Clumps
+        The spheres of the clumps (`clumps.Clumps`).
+    i, j : int
+        The two bodies.
+    a, b : int
+        Numbers of the spheres in their bodies.
+    """
     ax, ay, az, radius_a = sphere_in_world(bodies, clumps, i, a)
     bx, by, bz, radius_b = sphere_in_world(bodies, clumps, j, b)
     dx, dy, dz = ax - bx, ay - by, az - bz
@@ -304,7 +383,19 @@ def sphere_gap(bodies, clumps, i, j, a, b):
 
 @inlined
 def forget_watched(pairs, entry, k):
-    """Remove watched pair k of an entry: the last watched pair moves to its place."""
+    """Remove a pair of spheres from those that an entry watches.
+
+    The last watched pair moves to its place.
+
+    Parameters
+    ----------
+    pairs : SpherePairs
+        Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
+    entry : int
+        Place of the entry.
+    k : int
+        Place of the pair among those that it watches.
+    """
     last = pairs.n_watched[entry] - 1
     pairs.n_watched[entry] = last
     pairs.watched[entry, k, 0] = pairs.watched[entry, last, 0]
@@ -314,63 +405,83 @@ def forget_watched(pairs, entry, k):
 
 @inlined
 def check_watched(bodies, pairs, counts, clumps, entry, i, j):
-    """Check the watched pairs of spheres that are due, and write the entry's limit.
+    """Check the watched pairs of spheres of one entry that are due.
 
     Pairs that touch become contacts, the others get new limits. A pair is due when the
-    sum of the displacements of bodies i and j has reached its limit. The function is
-    inlined: a call would take longer than the check, since the arrays are some 300
-    arguments.
+    sum of the displacements of bodies i and j has reached its limit. The least of all
+    limits is written as that of the entry.
+
+    The function is inlined: a call would take longer than the check, since the arrays
+    are some 300 arguments.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    pairs : SpherePairs
+        Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    clumps : Clumps
+        The spheres of the clumps (`clumps.Clumps`).
+    entry, i, j : int
+        Place of the entry, and its two bodies.
     """
-    total = bodies.displacement[i] + bodies.displacement[j]
+    displacements = bodies.displacement[i] + bodies.displacement[j]
     next_check = pairs.near_rest[entry]
-    k = 0
-    while k < pairs.n_watched[entry]:
-        limit = pairs.watched_limit[entry, k]
-        if total >= limit:
-            a = np.int64(pairs.watched[entry, k, 0])
-            b = np.int64(pairs.watched[entry, k, 1])
+    slot = 0
+    while slot < pairs.n_watched[entry]:
+        limit = pairs.watched_limit[entry, slot]
+        if displacements >= limit:
+            a = np.int64(pairs.watched[entry, slot, 0])
+            b = np.int64(pairs.watched[entry, slot, 1])
             gap = sphere_gap(bodies, clumps, i, j, a, b)
             if gap <= 0.0:
                 add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b)
-                # another pair is at place k now, so k does not grow
-                forget_watched(pairs, entry, k)
+                # another pair is at this slot now, so the slot does not grow
+                forget_watched(pairs, entry, slot)
                 continue
-            limit = total + gap
-            pairs.watched_limit[entry, k] = limit
+            limit = displacements + gap
+            pairs.watched_limit[entry, slot] = limit
         next_check = min(next_check, limit)
-        k += 1
+        slot += 1
     pairs.near_limit[entry] = next_check
 
 
 @inlined
 def update_near_clumps(bodies, pairs, counts, grid, clumps, scratch, ghost):
-    """Check the entries of two clumps that are due.
+    """Check all entries of two clumps that are due.
 
     An entry without contacts and with a gap of a skin or more is dropped.
 
     Parameters
     ----------
-    bodies, pairs, grid, clumps : namedtuple
-        The bodies, the list of entries and their contacts, the grid of the neighbour
-        search, and the spheres of the clumps.
-    counts : array
-        Lengths of all lists.
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    pairs : SpherePairs
+        Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    clumps : Clumps
+        The spheres of the clumps (`clumps.Clumps`).
     scratch : array
-        Is overwritten.
+        `Scratch.spheres`; is overwritten.
     ghost : int
-        Number of the absent body, which unused places of a list hold.
+        Number of the absent body, which unused places of lists hold.
     """
     first = pairs.near_first
     second = pairs.near_second
     limit = pairs.near_limit
-    n = counts[st.N_NEAR]
-    entry = next_due(bodies.displacement, first, second, limit, 0, n)
-    while entry < n:
+    n_entries = counts[st.N_NEAR]
+    entry = next_due(bodies.displacement, first, second, limit, 0, n_entries)
+    while entry < n_entries:
         i = np.int64(first[entry])
         j = np.int64(second[entry])
-        total = bodies.displacement[i] + bodies.displacement[j]
+        displacements = bodies.displacement[i] + bodies.displacement[j]
         # Until the limit of all other pairs of spheres, only watched pairs are checked.
-        if total < pairs.near_rest[entry]:
+        if displacements < pairs.near_rest[entry]:
             check_watched(bodies, pairs, counts, clumps, entry, i, j)
         else:
             gap = search_all_spheres(
@@ -378,14 +489,33 @@ def update_near_clumps(bodies, pairs, counts, grid, clumps, scratch, ghost):
             )
             if gap >= grid.lengths[st.SKIN] and pairs.live[entry] == 0:
                 drop_entry(pairs, counts, grid, entry, ghost)
-        entry = next_due(bodies.displacement, first, second, limit, entry + 1, n)
+        entry = next_due(
+            bodies.displacement, first, second, limit, entry + 1, n_entries
+        )
 
 
 @inlined
 def list_clumps(bodies, pairs, counts, grid, clumps, i, j, scratch):
     """Make an entry of two clumps that have none, where they are nearer than the skin.
 
-    Their bounding spheres are compared first. `scratch` is overwritten.
+    Their bounding spheres are compared first.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    pairs : SpherePairs
+        Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    clumps : Clumps
+        The spheres of the clumps (`clumps.Clumps`).
+    i, j : int
+        The two bodies.
+    scratch : array
+        `Scratch.spheres`; is overwritten.
     """
     ax, ay, az = vector_at(bodies.rows[i], POSITION)
     bx, by, bz = vector_at(bodies.rows[j], POSITION)
@@ -398,16 +528,30 @@ def list_clumps(bodies, pairs, counts, grid, clumps, i, j, scratch):
 
 @kernel
 def retire_spheres(bodies, pairs, counts, clumps, n_ended, ghost):
-    """Drop the contacts that ended, and let their entries watch them.
+    """Drop contacts of spheres that ended, and let their entries watch the spheres.
 
-    The first n_ended numbers of `pairs.ended` are places of contacts, in increasing
-    order. They are dropped from the last to the first: a dropped contact is replaced by
-    the last one of the list, which has not ended or is dropped already, so the places
-    that are still to come stay valid. All arrays of contacts (`first`, `second`,
-    `spheres`, `gap`) are read at the same place.
+    The contacts are dropped from the last to the first: a dropped contact is replaced
+    by the last one of the list, which has not ended or is dropped already, so the
+    places that are still to come stay valid.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    pairs : SpherePairs
+        Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    clumps : Clumps
+        The spheres of the clumps (`clumps.Clumps`).
+    n_ended : int
+        The first n_ended numbers of `pairs.ended` are places of contacts, in increasing
+        order. The other arrays of contacts are read at these places.
+    ghost : int
+        Number of the absent body, which unused places of lists hold.
     """
-    for e in range(n_ended - 1, -1, -1):
-        contact = pairs.ended[e]
+    for place in range(n_ended - 1, -1, -1):
+        contact = pairs.ended[place]
         entry = pairs.entry[contact]
         # the spheres may touch again once the two bodies have used up this gap
         limit = (
