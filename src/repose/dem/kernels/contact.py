@@ -106,7 +106,7 @@ def solve_gap(rows, parts, i, j, normal, tolerance, sufficient_gap):
         First guess of the unit normal from A to B; the solution is written to it.
     tolerance : float
         Length of a step at which the iteration stops [rad].
-    early : float
+    sufficient_gap : float
         The iteration also stops when a normal proves a gap above this one [m]: the
         bodies have a separating plane.
     """

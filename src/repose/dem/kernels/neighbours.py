@@ -167,7 +167,7 @@ def take_place(counts, length_slot, room):
     ----------
     counts : array of int
         Length of each list; that of this list grows by 1.
-    slot : int
+    length_slot : int
         Place in `counts` of this list's length, such as st.N_PAIRS.
     room : int
         Length of the list's arrays.

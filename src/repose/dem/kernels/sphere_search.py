@@ -69,7 +69,7 @@ def place_spheres(row, spheres, n_spheres, scale, x0, y0, z0, scratch, first):
         The clump, a row of `Bodies.rows`, with its position and quaternion.
     spheres : array (4, MOST_SPHERES)
         Centres (rows 0 to 2) and radii (row 3) of its shape, in the axes of the body.
-    n : int
+    n_spheres : int
         Number of spheres.
     scale : float
         Scale of the body: all its lengths over those of its shape.
@@ -131,7 +131,7 @@ def measure_distances(scratch, a, n_spheres, limit):
         EXCESS by how much it exceeds that of a pair with the gap `limit`.
     a : int
         Number of the sphere of A.
-    n : int
+    n_spheres : int
         Number of spheres of B.
     limit : float
         The gap [m].

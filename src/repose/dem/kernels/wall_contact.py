@@ -1,4 +1,4 @@
-"""Contact of one body with one curved wall: the inside of a cone or tube, or a ring edge.
+"""Contact of a body with a curved wall: the inside of a cone or tube, or a ring edge.
 
 Cones. The inside of a cone or tube is convex: an intersection of half-spaces whose
 normals m(theta) turn about the axis. So the overlap of a body is the maximum of
@@ -8,9 +8,9 @@ normals m(theta) turn about the axis. So the overlap of a body is the maximum of
 over one angle, with the centre c and the support value h. A long body in a narrow tube
 has two maxima and two contacts.
 
-Rings. The edge at the end of a cone is a torus with a small radius, tangent to the cone.
-The overlap follows from the point of the circle in its middle that is nearest to the
-body: a search over the angle theta of that point and the normal n.
+Rings. The edge at the end of a cone is a torus with a small radius, tangent to the
+cone. The overlap follows from the point of the circle in its middle that is nearest to
+the body: a search over the angle theta of that point and the normal n.
 
 The projection of the contact point onto the wall decides which of the two a body
 touches, so force and overlap are continuous there and no gap is left between them.
@@ -61,10 +61,15 @@ CONVERGED = 1e-9  # step at which a search ends [rad]
 
 @inlined
 def effective_radius(q_uu, q_uw, q_ww, wall_u, wall_w):
-    """Return R* of a body on a wall: 1 / R*^2 = det(Q^-1 + K) [m].
+    """Return the effective radius R* of a body on a wall [m]: 1 / R*^2 = det(Q^-1 + K).
 
-    Q is the curvature matrix of the body in the tangents u and w [m]. wall_u and wall_w
-    are the principal curvatures of the wall along them [1/m], negative if concave.
+    Parameters
+    ----------
+    q_uu, q_uw, q_ww : float
+        Curvature matrix Q of the body in the tangents u and w [m].
+    wall_u, wall_w : float
+        Principal curvatures of the wall along u and w, the diagonal of K [1/m];
+        negative where the wall is concave.
     """
     det = q_uu * q_ww - q_uw * q_uw
     relative = 1.0 + q_uu * wall_u + q_ww * wall_w + det * wall_u * wall_w
@@ -73,7 +78,7 @@ def effective_radius(q_uu, q_uw, q_ww, wall_u, wall_w):
 
 @inlined
 def limited_turn(turn):
-    """Cut a step of theta to the longest one."""
+    """Cut a step of an angle [rad] to LONGEST_TURN, whatever its sign."""
     return min(max(turn, -LONGEST_TURN), LONGEST_TURN)
 
 
@@ -82,8 +87,14 @@ def cone_axes(cone, theta):
     """Return cos, sin, and the unit vectors n, u and w of a cone at an angle.
 
     The normal n points into the wall, the tangent u along the circle about the axis (it
-    has no z component), and the tangent w along the line of the cone. `cone` is the row
-    of `Walls.cones`.
+    has no z component), and the tangent w along the line of the cone.
+
+    Parameters
+    ----------
+    cone : array
+        The row of `Walls.cones`.
+    theta : float
+        The angle about the axis of the cone [rad].
     """
     cos = math.cos(theta)
     sin = math.sin(theta)
@@ -97,10 +108,23 @@ def cone_axes(cone, theta):
 
 @inlined
 def cone_slope(row, parts, cone, theta):
-    """Return the first and second derivative of the overlap phi at an angle.
+    """Return the first and second derivative of the overlap of a body and a cone.
 
-    `row` is the body in the frame of the cone, `cone` the row of `Walls.cones`, `theta`
-    the angle about the cone's axis [rad].
+    The overlap phi is a function of an angle about the cone's axis.
+
+    Parameters
+    ----------
+    row, parts : array, int
+        The body in the frame of the cone, and its number of ellipsoids, or SPHERES.
+    cone : array
+        The row of `Walls.cones`.
+    theta : float
+        The angle [rad].
+
+    Returns
+    -------
+    slope, bend : float
+        First and second derivative of phi by the angle [m].
     """
     cos, sin, nx, ny, nz, ux, uy, uz, wx, wy, wz = cone_axes(cone, theta)
     normal_r = cone[CONE_NORMAL_R]
@@ -118,16 +142,7 @@ def cone_slope(row, parts, cone, theta):
 
 @inlined
 def climb_cone(row, parts, cone, theta):
-    """Return theta after one Newton step towards the nearest maximum of phi."""
-    slope, bend = cone_slope(row, parts, cone, theta)
-    # where phi is not concave, or nearly flat, a short step uphill
-    turn = -slope / bend if bend < -FLAT else math.copysign(UPHILL_TURN, slope)
-    return theta + limited_turn(turn)
-
-
-@kernel
-def cone_contact(row, parts, cone, theta, geometry):
-    """Fill `geometry` for a body that touches a cone at a maximum theta of phi.
+    """Return an angle after one Newton step towards the nearest maximum of the overlap.
 
     Parameters
     ----------
@@ -136,9 +151,28 @@ def cone_contact(row, parts, cone, theta, geometry):
     cone : array
         The row of `Walls.cones`.
     theta : float
-        Angle about the cone's axis at which the overlap phi is largest [rad].
+        The angle about the cone's axis before the step [rad].
+    """
+    slope, bend = cone_slope(row, parts, cone, theta)
+    # where phi is not concave, or nearly flat, a short step uphill
+    turn = -slope / bend if bend < -FLAT else math.copysign(UPHILL_TURN, slope)
+    return theta + limited_turn(turn)
+
+
+@kernel
+def cone_contact(row, parts, cone, theta, geometry):
+    """Fill `geometry` for a body that touches a cone, at an angle of largest overlap.
+
+    Parameters
+    ----------
+    row, parts : array, int
+        The body in the frame of the cone, and its number of ellipsoids, or SPHERES.
+    cone : array
+        The row of `Walls.cones`.
+    theta : float
+        Angle about the cone's axis at which the overlap is largest [rad].
     geometry : array (8,)
-        Is written (`contact_geometry`).
+        One contact (`contact_geometry`): normal, gap, R*, arm; is written.
 
     Returns
     -------
@@ -170,11 +204,22 @@ def cone_contact(row, parts, cone, theta, geometry):
 
 @inlined
 def ring_newton(row, parts, ring, theta, nx, ny, nz):
-    """Make one Newton step for the distance of a body to a circle.
+    """Make one Newton step for the distance of a body to the circle of a ring edge.
 
     The unknowns are the angle theta of the nearest point of the circle and the normal
     n, which changes by a step (s_u, s_w) in its tangent plane. The equations for n are
     eliminated, so that one equation for theta remains.
+
+    Parameters
+    ----------
+    row, parts : array, int
+        The body in the frame of the ring, and its number of ellipsoids, or SPHERES.
+    ring : array
+        The row of `Walls.rings`.
+    theta : float
+        Angle of the point of the circle before the step [rad].
+    nx, ny, nz : float
+        Unit normal before the step, from the body to the circle.
 
     Returns
     -------
@@ -242,9 +287,10 @@ def ring_newton(row, parts, ring, theta, nx, ny, nz):
 
 @inlined
 def ring_curvatures(ring, outward):
-    """Return the principal curvatures of a ring edge along its circle and across it.
+    """Return the curvatures of a ring edge along its circle and across it [1/m].
 
-    `outward` is the component of the contact normal away from the axis.
+    `ring` is the row of `Walls.rings`, `outward` the component of the contact normal
+    away from the axis.
     """
     edge_radius = ring[RING_EDGE_RADIUS]
     circle = max(ring[RING_RADIUS] - edge_radius * outward, edge_radius)
@@ -262,11 +308,12 @@ def ring_contact(row, parts, ring, theta, nx, ny, nz, geometry):
     ring : array
         The row of `Walls.rings`.
     theta : float
-        Angle about the axis of the point of the circle that is nearest to the body [rad].
+        Angle about the axis of the point of the circle that is nearest to the body
+        [rad].
     nx, ny, nz : float
         Unit normal n, from the body into the wall.
     geometry : array (8,)
-        Is written (`contact_geometry`).
+        One contact (`contact_geometry`): normal, gap, R*, arm; is written.
 
     Returns
     -------
@@ -310,7 +357,10 @@ def ring_contact(row, parts, ring, theta, nx, ny, nz, geometry):
 
 @inlined
 def solve_cone(row, parts, cone, theta):
-    """Climb from a start to a maximum of phi; return its theta."""
+    """Climb from a start to a maximum of the overlap with a cone; return the angle.
+
+    The arguments are those of `climb_cone`.
+    """
     for _ in range(MOST_ITERATIONS):
         turn = climb_cone(row, parts, cone, theta) - theta
         theta += turn
@@ -321,7 +371,10 @@ def solve_cone(row, parts, cone, theta):
 
 @inlined
 def solve_ring(row, parts, ring, theta, nx, ny, nz):
-    """Solve for the nearest point of a circle from a start; return theta and n."""
+    """Solve for the nearest point of a ring's circle from a start; return theta and n.
+
+    The arguments are those of `ring_newton`.
+    """
     for _ in range(MOST_ITERATIONS):
         theta, nx, ny, nz, step = ring_newton(row, parts, ring, theta, nx, ny, nz)
         if step < CONVERGED:
@@ -331,7 +384,10 @@ def solve_ring(row, parts, ring, theta, nx, ny, nz):
 
 @inlined
 def azimuth_of(x, y):
-    """Return the distance of a place from the axis, and cos and sin of its azimuth."""
+    """Return the distance of a place from the axis [m], and cos and sin of its azimuth.
+
+    (x, y) is the place as seen along the axis. On the axis the azimuth is 0.
+    """
     distance = math.sqrt(x * x + y * y)
     inverse = 1.0 / max(distance, NEAREST)
     cos, sin = (x * inverse, y * inverse) if distance > NEAREST else (1.0, 0.0)
@@ -344,14 +400,12 @@ def sphere_on_cone(x, y, z, radius, cone, geometry):
 
     Parameters
     ----------
-    x, y, z : float
-        Centre of the sphere in the frame of the cone [m].
-    radius : float
-        Radius of the sphere [m].
+    x, y, z, radius : float
+        Centre of the sphere in the frame of the cone, and its radius [m].
     cone : array
         The row of `Walls.cones`.
     geometry : array (8,)
-        Is written (`contact_geometry`).
+        One contact (`contact_geometry`): normal, gap, R*, arm; is written.
 
     Returns
     -------
@@ -379,14 +433,12 @@ def sphere_on_ring(x, y, z, radius, ring, geometry):
 
     Parameters
     ----------
-    x, y, z : float
-        Centre of the sphere in the frame of the ring [m].
-    radius : float
-        Radius of the sphere [m].
+    x, y, z, radius : float
+        Centre of the sphere in the frame of the ring, and its radius [m].
     ring : array
         The row of `Walls.rings`.
     geometry : array (8,)
-        Is written (`contact_geometry`).
+        One contact (`contact_geometry`): normal, gap, R*, arm; is written.
 
     Returns
     -------

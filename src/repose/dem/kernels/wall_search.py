@@ -25,7 +25,33 @@ from .walls import search_curved, search_plane
 def find_on_plane(bodies, flat, curved, clumps, walls, counts, parts, wall, i, scratch):
     """Find new contacts of body i with a plane.
 
-    Returns how far the body may move before the next search [m].
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    flat : WallContacts
+        The contacts with planes.
+    curved : WallContacts
+        The contacts with cones, tubes and rings.
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    parts : int
+        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
+    wall : int
+        Number of the plane.
+    i : int
+        Number of the body.
+    scratch : Scratch
+        Working memory of this thread; is overwritten.
+
+    Returns
+    -------
+    float
+        How far the body may move before the next search [m].
     """
     if len(clumps) == 0:
         plane = walls.planes[wall]
@@ -53,7 +79,33 @@ def find_on_curved(
 ):
     """Find new contacts of body i with a cone, tube or ring.
 
-    Returns how far the body may move before the next search [m].
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    curved : WallContacts
+        The contacts with cones, tubes and rings.
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    parts : int
+        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
+    wall : int
+        Number of the wall: cones and tubes first, then rings.
+    i : int
+        Number of the body.
+    path : float
+        Displacement of the body and the walls so far [m].
+    scratch : Scratch
+        Working memory of this thread; is overwritten.
+
+    Returns
+    -------
+    float
+        How far the body may move before the next search [m].
     """
     if len(clumps) == 0:
         return search_curved(
@@ -77,17 +129,26 @@ def find_on_curved(
 def search_walls(
     bodies, flat, curved, clumps, walls, counts, parts, i, path, lowest, scratch
 ):
-    """Find new contacts of body i with planes and curved walls that are due.
+    """Find new contacts of body i with those planes and curved walls that are due.
+
+    A wall is due when the path of the body has reached `WallContacts.limit`.
 
     Parameters
     ----------
-    bodies, flat, curved, clumps, walls : namedtuple
-        The bodies, their contacts with planes and with curved walls, the clumps (an
-        empty tuple for smooth bodies), and the walls.
-    counts : array
-        Lengths of all lists.
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    flat : WallContacts
+        The contacts with planes.
+    curved : WallContacts
+        The contacts with cones, tubes and rings.
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
     parts : int
-        Ellipsoids of a body, or SPHERES.
+        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
     i : int
         Number of the body.
     path : float
@@ -96,7 +157,7 @@ def search_walls(
         All curved walls lie above this height [m]. A body that was once wholly below it
         is not searched against them again.
     scratch : Scratch
-        Arrays that are overwritten.
+        Working memory of this thread; is overwritten.
 
     Returns
     -------
@@ -106,6 +167,7 @@ def search_walls(
     if len(clumps) > 0:
         place_clump(bodies, clumps, i, scratch.spheres)
     next_search = math.inf
+    # planes that are due; each gets a new limit
     for wall in range(walls.planes.shape[0]):
         if path >= flat.limit[wall, i]:
             free_distance = find_on_plane(
@@ -113,11 +175,13 @@ def search_walls(
             )
             flat.limit[wall, i] = path + free_distance
         next_search = min(next_search, flat.limit[wall, i])
+    # the highest point of the body at most
     top = bodies.rows[i, st.POSITION + 2] + bounding_radius(bodies, i)
     if top < lowest:
         bodies.passed[i] = 1
     if bodies.passed[i]:
         return next_search
+    # curved walls that are due
     for wall in range(walls.cones.shape[0] + walls.rings.shape[0]):
         if path >= curved.limit[wall, i]:
             free_distance = find_on_curved(
@@ -132,7 +196,31 @@ def search_walls(
 def search_bodies(
     bodies, flat, curved, clumps, walls, counts, parts, lowest, scratch, begin, end
 ):
-    """Search the walls for those of bodies `begin` to `end` that are due."""
+    """Search the walls for those bodies of a range that are due.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    flat : WallContacts
+        The contacts with planes.
+    curved : WallContacts
+        The contacts with cones, tubes and rings.
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    parts : int
+        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
+    lowest : float
+        All curved walls lie above this height [m].
+    scratch : Scratch
+        Working memory of this thread; is overwritten.
+    begin, end : int
+        First body of the range, and its end.
+    """
     approach = walls.approach[st.WALL_PATH]
     for i in range(begin, end):
         path = bodies.displacement[i] + approach
@@ -154,7 +242,10 @@ def search_bodies(
 
 @inlined
 def smallest_margin(bodies, approach, begin, end):
-    """Return the least way left until one of the bodies is due for walls [m]."""
+    """Return the least way left until one of some bodies is due for walls [m].
+
+    These are the bodies `begin` to `end`; `approach` is how far any wall may have come nearer until now [m].
+    """
     margin = math.inf
     for i in range(begin, end):
         path = bodies.displacement[i] + approach
@@ -164,11 +255,32 @@ def smallest_margin(bodies, approach, begin, end):
 
 @kernel
 def update_walls(bodies, flat, curved, clumps, walls, counts, parts, lowest, scratch):
-    """Find new contacts with planes, cones, tubes and rings.
+    """Find new contacts with planes, cones, tubes and rings, of bodies that are due.
 
-    A body once below `lowest` is searched on planes only. In a large simulation whose
-    walls stand still, a tile of bodies is skipped until the paths of its fastest bodies
-    may have used up its `wall_margin`. The arguments are those of `search_walls`.
+    In a large simulation whose walls stand still, a tile of LANES bodies is skipped
+    until the paths of its fastest bodies may have used up its `wall_margin`.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    flat : WallContacts
+        The contacts with planes.
+    curved : WallContacts
+        The contacts with cones, tubes and rings.
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    parts : int
+        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
+    lowest : float
+        All curved walls lie above this height [m]; a body that was once wholly below it
+        is searched on planes only.
+    scratch : Scratch
+        Working memory of this thread; is overwritten.
     """
     n = counts[st.N_BODIES]
     # A large simulation has several shares of the loads.
@@ -196,6 +308,7 @@ def update_walls(bodies, flat, curved, clumps, walls, counts, parts, lowest, scr
             base,
             end,
         )
+        # how far the bodies of this tile may move until one of them is due again
         approach = walls.approach[st.WALL_PATH]
         bodies.wall_margin[tile] = smallest_margin(bodies, approach, base, end)
 
@@ -206,7 +319,33 @@ def find_on_mesh(
 ):
     """Find new contacts of body i with a mesh.
 
-    Returns how far the body may move before the next search [m].
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    meshed : WallContacts
+        The contacts with meshes.
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    meshes : Meshes
+        The features of all meshes (`features.Meshes`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    parts : int
+        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
+    mesh : int
+        Number of the mesh.
+    i : int
+        Number of the body.
+    scratch : Scratch
+        Working memory of this thread; is overwritten.
+
+    Returns
+    -------
+    float
+        How far the body may move before the next search [m].
     """
     geometry = scratch.geometry
     other_geometry = scratch.other_geometry
@@ -245,17 +384,26 @@ def find_on_mesh(
 def update_meshes(bodies, meshed, clumps, walls, meshes, counts, parts, scratch):
     """Find new contacts with meshes, of all present bodies that are due.
 
+    A mesh is due when the path of a body has reached `WallContacts.limit`.
+
     Parameters
     ----------
-    bodies, meshed, clumps, walls, meshes : namedtuple
-        The bodies, their contacts with meshes, the clumps (an empty tuple for smooth
-        bodies), the walls, and the features of the meshes.
-    counts : array
-        Lengths of all lists.
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    meshed : WallContacts
+        The contacts with meshes.
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    meshes : Meshes
+        The features of all meshes (`features.Meshes`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
     parts : int
-        Ellipsoids of a body, or SPHERES.
+        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
     scratch : Scratch
-        Arrays that are overwritten.
+        Working memory of this thread; is overwritten.
     """
     approach = walls.approach[st.WALL_PATH]
     for mesh in range(meshes.box.shape[0]):

@@ -1,8 +1,9 @@
 """Contacts of smooth bodies with planes, cones and rings: how they begin and go on.
 
-`search_plane` and `search_curved` look for new contacts of a body; `follow_wall` keeps a
-contact with a cone or ring up to date from step to step (see `wall_contact`). Search and
-force ask for the same point of the body, the touching point, whether it lies on the wall.
+`search_plane` and `search_curved` look for new contacts of a body; `follow_wall` keeps
+a contact with a cone or ring up to date from step to step (see `wall_contact`). Search
+and force ask for the same point of the body, the touching point, whether it lies on the
+wall.
 
 A contact begins where a body in front of the wall reaches it. A body that overlaps the
 wall's surface beyond the wall's end, or from behind, is "past the wall": a contact that
@@ -67,9 +68,21 @@ X, Y, Z = st.POSITION, st.POSITION + 1, st.POSITION + 2  # columns of a body
 
 @inlined
 def towards_ring(row, ring, start):
-    """Return direction and distance from a body to a point of a ring's circle.
+    """Return direction and distance from a body's centre to a point of a ring's circle.
 
-    `start` is the number of the point, of st.STARTS.
+    Parameters
+    ----------
+    row : array
+        The body in the frame of the ring, a row of `Bodies.rows`.
+    ring : array
+        The row of `Walls.rings`.
+    start : int
+        Number of the point, of st.STARTS at equal angles about the axis.
+
+    Returns
+    -------
+    nx, ny, nz, distance : float
+        Unit vector, and the distance [m].
     """
     x, y, z = vector_at(row, st.POSITION)
     dx = ring[st.RING_RADIUS] * COSINES[start] - x
@@ -89,13 +102,28 @@ def angle_between(a, b):
 
 @inlined
 def azimuth(data, k):
-    """Return the azimuth of contact k."""
+    """Return the azimuth of contact k with a curved wall, about the wall's axis [rad].
+
+    `data` is `WallContacts.data`.
+    """
     return data[k // LANES, st.AZIMUTH + k % LANES]
 
 
 @inlined
 def is_known(contacts, n, body, wall, theta):
-    """Return whether one of the first n contacts is of this body at this azimuth."""
+    """Return whether a body has a contact with a curved wall near an azimuth.
+
+    Parameters
+    ----------
+    contacts : WallContacts
+        The list of contacts with walls of one kind.
+    n : int
+        Number of contacts in the list.
+    body, wall : int
+        Numbers of the body and of the wall.
+    theta : float
+        The azimuth [rad]; contacts nearer than SAME_AZIMUTH count.
+    """
     for k in range(n):
         if (
             contacts.body[k] == body
@@ -107,26 +135,28 @@ def is_known(contacts, n, body, wall, theta):
 
 
 @inlined
-def add_wall_contact(contacts, counts, slot, body, wall, geometry):
-    """Append a contact with a relaxed spring and the normal of `geometry`.
+def add_wall_contact(contacts, counts, length_slot, body, wall, geometry):
+    """Append a contact with a relaxed spring to a list of contacts with walls.
 
     Parameters
     ----------
     contacts : WallContacts
-        The list of contacts.
-    counts, slot : array, int
-        Lengths of all lists, and the place of this list's length.
+        The list of contacts with walls of one kind.
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    length_slot : int
+        Place in `counts` of the length of this list, such as st.N_PLANE.
     body, wall : int
         Numbers of the body and of the wall.
     geometry : array (8,)
-        The contact (`contact_geometry`).
+        The contact (`contact_geometry`), whose normal is in world axes.
 
     Returns
     -------
     int
         Number of the contact, or -1 where there is no room.
     """
-    k = take_place(counts, slot, contacts.body.shape[0])
+    k = take_place(counts, length_slot, contacts.body.shape[0])
     if k >= 0:
         contacts.body[k] = body
         contacts.wall[k] = wall
@@ -136,18 +166,33 @@ def add_wall_contact(contacts, counts, slot, body, wall, geometry):
 
 
 @inlined
-def drop_wall_contact(contacts, counts, slot, k, ghost):
+def drop_wall_contact(contacts, counts, length_slot, k, ghost):
     """Remove contact k of a list: the last contact moves to its place.
 
-    `counts[slot]` is the length of the list. The place that becomes free holds the absent
-    body `ghost`, with a gap and without a law's state, so no force acts on the ghost.
+    The place that becomes free holds the ghost, with a gap and without a law's state,
+    so no force acts on the ghost.
+
+    Parameters
+    ----------
+    contacts : WallContacts
+        The list of contacts with walls of one kind.
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    length_slot : int
+        Place in `counts` of the length of this list, such as st.N_PLANE.
+    k : int
+        Number of the contact.
+    ghost : int
+        Number of the absent body, which unused places of lists hold.
     """
-    last = counts[slot] - 1
-    counts[slot] = last
+    last = counts[length_slot] - 1
+    counts[length_slot] = last
+    # the last contact moves to place k
     contacts.body[k] = contacts.body[last]
     contacts.wall[k] = contacts.wall[last]
     contacts.feature[k] = contacts.feature[last]
     move_contact(contacts.data, last, k)
+    # its old place holds the ghost, on a plane without an edge
     contacts.body[last] = ghost
     put_contact(contacts.data, last, 0.0, 0.0, 1.0)
     contacts.data[last // LANES, st.RADIUS2 + last % LANES] = math.inf
@@ -155,7 +200,10 @@ def drop_wall_contact(contacts, counts, slot, k, ghost):
 
 @inlined
 def touches_others(contacts, n, body, ignored):
-    """Return whether a body has any of the first n contacts but number `ignored`."""
+    """Return whether a body has any of the first n contacts but number `ignored`.
+
+    With `ignored` -1 all of them count.
+    """
     for k in range(n):  # noqa: SIM110  (kernels have no generators)
         if contacts.body[k] == body and k != ignored:
             return True
@@ -164,7 +212,10 @@ def touches_others(contacts, n, body, ignored):
 
 @inlined
 def overlap_elsewhere(contacts, n, body, wall):
-    """Return the deepest overlap of a body with the curved walls but `wall`, or 0.0."""
+    """Return the deepest overlap of a body with curved walls but `wall` [m], or 0.0.
+
+    `n` is the number of contacts in the list. With `wall` -1 all curved walls count.
+    """
     depth = 0.0
     for k in range(n):
         if contacts.body[k] == body and contacts.wall[k] != wall:
@@ -181,23 +232,29 @@ def note_slide_off(bodies, contacts, walls, n, k, depth):
 
     Parameters
     ----------
-    bodies, contacts, walls : namedtuple
-        The bodies, the list of contacts with curved walls, and the walls.
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    contacts : WallContacts
+        The list of contacts with walls of one kind.
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
     n : int
         Number of contacts in the list.
+    k : int
+        Number of the contact.
     depth : float
         Overlap with which it slid off [m]. The contact with the next wall begins with
         this overlap at most, so that wall is searched in the next step.
     """
     wall = contacts.wall[k]
     i = contacts.body[k]
-    path = bodies.displacement[i] + walls.approach[st.WALL_PATH]
+    path_so_far = bodies.displacement[i] + walls.approach[st.WALL_PATH]
     # Any wall may be the next one: its contact may begin with this overlap, and all
     # walls but this one are searched now.
     for other in range(contacts.deepest.shape[0]):
         contacts.deepest[other, i] = max(contacts.deepest[other, i], depth)
         if other != wall:
-            contacts.limit[other, i] = min(contacts.limit[other, i], path)
+            contacts.limit[other, i] = min(contacts.limit[other, i], path_so_far)
     # a body that touches another wall is not past this one
     if not touches_others(contacts, n, i, k):
         contacts.deepest[wall, i] = depth
@@ -224,8 +281,12 @@ def add_if_new(
 
     Parameters
     ----------
-    contacts, counts, walls : namedtuple, array, namedtuple
-        The list of contacts with curved walls, the lengths of all lists, and the walls.
+    contacts : WallContacts
+        The list of contacts with walls of one kind.
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
     body, wall : int
         Numbers of the body and of the wall.
     theta : float
@@ -235,7 +296,7 @@ def add_if_new(
     radius : float
         Bounding radius of the body [m].
     deepest : float
-        Largest overlap with which a contact may begin [m], see the top of this file. It
+        Largest overlap with which a contact may begin [m], see `state.WallContacts`. It
         is infinite unless the body was past the wall before this search.
     distance_moved : float
         How far the body may have moved since it was searched last [m].
@@ -250,6 +311,7 @@ def add_if_new(
     """
     n = counts[st.N_CURVED]
     gap = geometry[cg.GAP]
+    # no overlap: the body cannot touch before it has moved by the gap
     if gap > 0.0:
         return gap
     # A body that is past the wall may slide onto it from another one.
@@ -261,6 +323,7 @@ def add_if_new(
             deepest = 0.0
         contacts.deepest[wall, body] = deepest
         return NEXT_LOOK_BEYOND * radius
+    # a new contact, whose spring is relaxed
     if not is_known(contacts, n, body, wall, theta):
         normal_to_world(walls, wall, geometry)
         k = add_wall_contact(contacts, counts, st.N_CURVED, body, wall, geometry)
@@ -286,22 +349,29 @@ def search_cone(
 ):
     """Search for contacts of body i with a cone, from every local maximum of overlap.
 
-    The overlap phi depends on an angle about the cone's axis. It is calculated at STARTS
-    equal angles; from each of them that is larger than both neighbours the solver climbs
-    to the maximum.
+    The overlap phi depends on an angle about the cone's axis. It is calculated at
+    STARTS equal angles; from each of them that is larger than both neighbours the
+    solver climbs to the maximum.
 
     Parameters
     ----------
     row : array
         The body in the frame of the cone, a row of `Bodies.rows`.
+    contacts, counts : WallContacts, array
+        The list of contacts with curved walls, and the lengths of all lists.
     parts : int
         Ellipsoids of the body.
+    walls, wall : Walls, int
+        All walls, and the number of the cone.
+    i : int
+        Number of the body.
+    radius, deepest, distance_moved : float
+        Its bounding radius, the largest overlap with which a contact may begin, and how
+        far the body may have moved since its last search [m], see `add_if_new`.
     profile : array (STARTS,)
-        Scratch.
+        Scratch for the overlaps; is overwritten.
     geometry : array (8,)
-        Scratch for one contact.
-    contacts, counts, walls, wall, i, radius, deepest, distance_moved
-        See `add_if_new`; i is the body.
+        Scratch for one contact (`contact_geometry`); is overwritten.
 
     Returns
     -------
@@ -322,7 +392,7 @@ def search_cone(
             + extent(row, parts, nx, ny, cone[st.CONE_NORMAL_Z])
             - cone[st.CONE_OFFSET]
         )
-    nearest = FAR
+    least_distance = FAR
     for start in range(st.STARTS):
         overlap = profile[start]
         # profile[-1] is the last start: the angles close to a circle
@@ -343,8 +413,8 @@ def search_cone(
             distance_moved,
             geometry,
         )
-        nearest = min(nearest, free_distance)
-    return nearest if nearest < FAR else 0.0
+        least_distance = min(least_distance, free_distance)
+    return least_distance if least_distance < FAR else 0.0
 
 
 @kernel
@@ -362,10 +432,36 @@ def search_ring(
     profile,
     geometry,
 ):
-    """Search for contacts of body i with a ring edge, from every local minimum.
+    """Search for contacts of body i with a ring edge, from every least distance.
 
-    The minima are those of the distance between the body and the circle in the middle of
-    the ring. The arguments and the returned distance are those of `search_cone`.
+    The distance is that between the body and points of the circle in the middle of the
+    ring. It is calculated at STARTS equal angles; from each of them that is smaller
+    than both neighbours the solver goes to the minimum.
+
+    Parameters
+    ----------
+    row : array
+        The body in the frame of the ring, a row of `Bodies.rows`.
+    contacts, counts : WallContacts, array
+        The list of contacts with curved walls, and the lengths of all lists.
+    parts : int
+        Ellipsoids of the body.
+    walls, wall : Walls, int
+        All walls, and the number of the ring among the curved walls, after the cones.
+    i : int
+        Number of the body.
+    radius, deepest, distance_moved : float
+        Its bounding radius, the largest overlap with which a contact may begin, and how
+        far the body may have moved since its last search [m], see `add_if_new`.
+    profile : array (STARTS,)
+        Scratch for the distances; is overwritten.
+    geometry : array (8,)
+        Scratch for one contact (`contact_geometry`); is overwritten.
+
+    Returns
+    -------
+    float
+        How far the body may move before the next search [m].
     """
     ring = walls.rings[wall - walls.cones.shape[0]]
     # Leave early where the body's bounding sphere does not reach the ring.
@@ -381,9 +477,10 @@ def search_ring(
     for start in range(st.STARTS):
         nx, ny, nz, distance = towards_ring(row, ring, start)
         profile[start] = distance - extent(row, parts, nx, ny, nz)
-    nearest = FAR
+    least_distance = FAR
     for start in range(st.STARTS):
         distance_here = profile[start]
+        # the starts close to a circle: profile[-1] is the last one
         if (
             distance_here > profile[start - 1]
             or distance_here > profile[(start + 1) % st.STARTS]
@@ -405,21 +502,33 @@ def search_ring(
             distance_moved,
             geometry,
         )
-        nearest = min(nearest, free_distance)
-    return nearest if nearest < FAR else 0.0
+        least_distance = min(least_distance, free_distance)
+    return least_distance if least_distance < FAR else 0.0
 
 
 @inlined
 def touching_distance(row, parts, nx, ny, nz, dx, dy, dz):
     """Return the distance of a body's touching point from the axis of a disc [m].
 
-    (nx, ny, nz) is the normal of the disc, (dx, dy, dz) the way from the body's centre
-    to the middle of the disc. The force takes the same point (`tile.plane_geometry`).
+    The touching point is the body's outermost point along the normal. The force takes
+    the same point (`tile.plane_geometry`).
+
+    Parameters
+    ----------
+    row : array
+        The body, a row of `Bodies.rows`.
+    parts : int
+        Ellipsoids of the body, or SPHERES.
+    nx, ny, nz : float
+        Unit normal of the disc.
+    dx, dy, dz : float
+        From the body's centre to the middle of the disc [m].
     """
     ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
     _h, along_u, along_w, _q_uu, _q_uw, _q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
+    # from the axis of the disc instead of the body's centre
     along_u -= ux * dx + uy * dy + uz * dz
     along_w -= wx * dx + wy * dy + wz * dz
     return math.sqrt(along_u * along_u + along_w * along_w)
@@ -427,18 +536,18 @@ def touching_distance(row, parts, nx, ny, nz, dx, dy, dz):
 
 @kernel
 def search_plane(bodies, contacts, curved, counts, parts, plane, wall, i, geometry):
-    """Search for the contact of body i with a plane.
+    """Search for the contact of body i with a plane, and add it if it is new.
 
     Parameters
     ----------
-    bodies : namedtuple
-        The bodies.
-    contacts, curved : namedtuple
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    contacts, curved : WallContacts
         The lists of contacts with planes, and with cones and rings.
-    counts : array
-        Lengths of all lists.
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
     parts : int
-        Ellipsoids of a body, or SPHERES.
+        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
     plane : array
         The row of `Walls.planes`.
     wall : int
@@ -446,7 +555,7 @@ def search_plane(bodies, contacts, curved, counts, parts, plane, wall, i, geomet
     i : int
         Number of the body.
     geometry : array (8,)
-        Scratch.
+        Scratch for one contact (`contact_geometry`); is overwritten.
 
     Returns
     -------
@@ -456,10 +565,10 @@ def search_plane(bodies, contacts, curved, counts, parts, plane, wall, i, geomet
     """
     row = bodies.rows[i]
     nx, ny, nz = vector_at(plane, st.PLANE_NORMAL)
-    px, py, pz = vector_at(plane, st.PLANE_POINT)
+    point_x, point_y, point_z = vector_at(plane, st.PLANE_POINT)
     x, y, z = vector_at(row, st.POSITION)
     # (dx, dy, dz) is the way from the body's centre to the point of the plane
-    dx, dy, dz = px - x, py - y, pz - z
+    dx, dy, dz = point_x - x, point_y - y, point_z - z
     height = nx * dx + ny * dy + nz * dz  # of the centre in front of the plane
     gap = height - extent(row, parts, nx, ny, nz)
     if gap > 0.0:
@@ -478,6 +587,7 @@ def search_plane(bodies, contacts, curved, counts, parts, plane, wall, i, geomet
         if height < 0.0 or not is_on_disc or -gap > depth:
             return -gap
         contacts.deepest[wall, i] = math.inf
+    # a new contact; it keeps a copy of the plane
     set_vector(geometry, cg.NORMAL, nx, ny, nz)
     k = add_wall_contact(contacts, counts, st.N_PLANE, i, wall, geometry)
     if k >= 0:
@@ -489,7 +599,21 @@ def search_plane(bodies, contacts, curved, counts, parts, plane, wall, i, geomet
 def row_seen_from_wall(walls, frame, row, parts, local_row):
     """Return the row of a body in the frame of a curved wall or mesh.
 
-    It is written to `local_row`, unless the frame is the world's: then it is `row`.
+    Where the frame is the world's it is `row` itself, else `local_row`, which is
+    overwritten.
+
+    Parameters
+    ----------
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    frame : int
+        Number of the frame in `Walls.frames`.
+    row : array
+        The body, a row of `Bodies.rows`.
+    parts : int
+        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
+    local_row : array
+        Scratch for the row in the frame.
     """
     if walls.displaced[frame]:
         row_in_frame(row, parts, walls.frames[frame], local_row)
@@ -499,9 +623,23 @@ def row_seen_from_wall(walls, frame, row, parts, local_row):
 
 @inlined
 def sphere_on_frame_wall(x, y, z, radius, walls, wall, geometry):
-    """Fill `geometry` for a sphere at a place in the frame of a cone or ring.
+    """Fill `geometry` for a sphere and a cone or ring, in the frame of the wall.
 
-    Returns how far the sphere is beyond the wall's end [m]; not positive on the wall.
+    Parameters
+    ----------
+    x, y, z, radius : float
+        Centre of the sphere in this frame, and its radius [m].
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    wall : int
+        Number of the wall: cones and tubes first, then rings.
+    geometry : array (8,)
+        One contact (`contact_geometry`): normal, gap, R*, arm; is written.
+
+    Returns
+    -------
+    float
+        How far the sphere is beyond the wall's end [m]; not positive on the wall.
     """
     n_cones = walls.cones.shape[0]
     if wall < n_cones:
@@ -511,7 +649,19 @@ def sphere_on_frame_wall(x, y, z, radius, walls, wall, geometry):
 
 @inlined
 def sphere_row_on_wall(row, walls, wall, geometry):
-    """Fill `geometry` for a body that is a sphere; return whether it is on the wall."""
+    """Fill `geometry` for a body that is a sphere; return whether it is on the wall.
+
+    Parameters
+    ----------
+    row : array
+        The sphere in the frame of the wall, a row of `Bodies.rows`.
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    wall : int
+        Number of the wall: cones and tubes first, then rings.
+    geometry : array (8,)
+        One contact (`contact_geometry`): normal, gap, R*, arm; is written.
+    """
     x, y, z = vector_at(row, st.POSITION)
     radius = row[st.SPHERE_RADIUS]
     distance_beyond = sphere_on_frame_wall(x, y, z, radius, walls, wall, geometry)
@@ -524,8 +674,27 @@ def search_sphere(
 ):
     """Search for the only contact of a sphere with a cone or ring.
 
-    The arguments are those of `search_cone`. Returns how far the body may move before
-    the next search [m]; while the contact lasts, no search is due.
+    Parameters
+    ----------
+    row : array
+        The sphere in the frame of the wall, a row of `Bodies.rows`.
+    contacts, counts : WallContacts, array
+        The list of contacts with curved walls, and the lengths of all lists.
+    walls, wall : Walls, int
+        All walls, and the number of this one.
+    i : int
+        Number of the body.
+    radius, deepest, distance_moved : float
+        Its radius, the largest overlap with which a contact may begin, and how far it
+        may have moved since its last search [m], see `add_if_new`.
+    geometry : array (8,)
+        Scratch for one contact (`contact_geometry`); is overwritten.
+
+    Returns
+    -------
+    float
+        How far the body may move before the next search [m]; while the contact lasts,
+        no search is due.
     """
     is_on_wall = sphere_row_on_wall(row, walls, wall, geometry)
     if geometry[cg.GAP] > 0.0:
@@ -552,8 +721,31 @@ def search_sphere(
 def search_curved(bodies, curved, walls, counts, parts, wall, i, path, scratch):
     """Search for contacts of smooth body i with a cone or ring.
 
-    `path` is the displacement of body and walls so far [m]. Returns how far the body may
-    move before the next search [m].
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    curved : WallContacts
+        The contacts with cones, tubes and rings.
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    parts : int
+        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
+    wall : int
+        Number of the wall: cones and tubes first, then rings.
+    i : int
+        Number of the body.
+    path : float
+        Displacement of the body and the walls so far [m].
+    scratch : Scratch
+        Working memory of this thread; is overwritten.
+
+    Returns
+    -------
+    float
+        How far the body may move before the next search [m].
     """
     profile = scratch.profile
     geometry = scratch.geometry
@@ -623,14 +815,14 @@ def follow_wall(parts, row, walls, wall, history, lane, geometry, local_row):
         Ellipsoids of the body, or SPHERES.
     row : array
         The body, a row of `Bodies.rows`.
-    walls, wall : namedtuple, int
-        The walls, and the number of this one.
+    walls, wall : Walls, int
+        The walls, and the number of this one: cones and tubes first, then rings.
     history, lane : array, int
-        Place of the contact in `WallContacts.data`; its azimuth is updated.
+        The contact's tile of `WallContacts.data` and its lane; its azimuth is updated.
     geometry : array (8,)
-        Is filled, in world axes.
+        The contact (`contact_geometry`); is written, in world axes.
     local_row : array
-        Scratch for the row in the frame of the wall.
+        Scratch for the row in the frame of the wall; is overwritten.
 
     Returns
     -------
