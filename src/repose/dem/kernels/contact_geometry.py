@@ -1,9 +1,8 @@
-"""One contact of a body with a wall, as eight numbers in an array.
+"""One contact of a body with a wall, as eight numbers in an array called `geometry`.
 
-The solvers of `wall_contact` and `mesh_contact` fill such an array, called `geometry`;
-a thread keeps two of them in its scratch (`state.Scratch`). `forces` copies it to a
-lane of a tile. The vectors are in the frame of the wall or in world axes, as each
-function says.
+The solvers of `wall_contact` and `mesh_contact` fill such an array; a thread keeps two
+of them in its scratch (`state.Scratch`). `forces` copies it to a lane of a tile. The
+vectors are in the frame of the wall or in world axes, as each function says.
 
     normal (3)   unit vector from the body into the wall
     gap          distance of the two surfaces [m]; negative for an overlap
@@ -20,13 +19,13 @@ SIZE = 8
 
 @inlined
 def normal_of(geometry):
-    """Return the normal."""
+    """Return the unit normal of a contact, from the body into the wall."""
     return vector_at(geometry, NORMAL)
 
 
 @inlined
 def arm_of(geometry):
-    """Return the contact point relative to the centre of the body."""
+    """Return the contact point relative to the centre of the body [m]."""
     return vector_at(geometry, ARM)
 
 
@@ -63,7 +62,20 @@ def write_contact(
 
 @inlined
 def write_sphere_contact(geometry, nx, ny, nz, gap, effective_radius, sphere_radius):
-    """Fill `geometry` for a sphere: its contact point lies along the normal."""
+    """Fill `geometry` for a sphere: its contact point lies along the normal.
+
+    Parameters
+    ----------
+    geometry : array (8,)
+        Is written.
+    nx, ny, nz : float
+        Unit normal, from the sphere into the wall.
+    gap : float
+        Distance of the two surfaces [m]; negative for an overlap.
+    effective_radius, sphere_radius : float
+        R* of the contact, and radius of the sphere [m].
+    """
+    # the contact point lies midway between the two surfaces
     reach = sphere_radius + 0.5 * gap
     set_vector(geometry, NORMAL, nx, ny, nz)
     geometry[GAP] = gap
@@ -73,14 +85,17 @@ def write_sphere_contact(geometry, nx, ny, nz, gap, effective_radius, sphere_rad
 
 @inlined
 def copy_geometry(source, target):
-    """Copy all numbers of a contact geometry."""
+    """Copy all numbers of one contact to another, both arrays (8,)."""
     for number in range(SIZE):
         target[number] = source[number]
 
 
 @inlined
 def shift_arm(geometry, x, y, z):
-    """Refer the contact point to another centre, which lies at -(x, y, z)."""
+    """Refer the contact point to another centre, at -(x, y, z) from the old one.
+
+    So the contact of a sphere becomes one of the body to which the sphere belongs.
+    """
     geometry[ARM] += x
     geometry[ARM + 1] += y
     geometry[ARM + 2] += z

@@ -6,8 +6,8 @@ The gap of a body, or minus its overlap, is the largest value of
 
 over the normals n of a feature (see `features`): one normal for a face, an arc about an
 edge, a patch of the sphere at a vertex. These sets fit together without gap or overlap.
-So do the conditions under which a feature is touched: the body's outermost point along n
-lies within the face, beyond the face's side along the arc of the edge, and so on.
+So do the conditions under which a feature is touched: the body's outermost point along
+n lies within the face, beyond the face's side along the arc of the edge, and so on.
 
 All vectors are in the frame of the mesh. Reads a row of a body and of `Meshes.data`;
 writes only `geometry` (see `contact_geometry`).
@@ -60,7 +60,7 @@ EdgeValues = namedtuple("EdgeValues", "f slope bend along")
 
 @inlined
 def ascent_step(gradient_u, gradient_w, q_uu, q_uw, q_ww, f):
-    """Return the step (step_u, step_w) of a normal towards the maximum of f [rad].
+    """Return the step of a normal towards the maximum of f [rad].
 
     f is the gap of a body and a vertex along the normal. The step is one of Newton's
     method on the unit sphere, or a scaled gradient step where the Hessian -(Q + f I) is
@@ -74,6 +74,11 @@ def ascent_step(gradient_u, gradient_w, q_uu, q_uw, q_ww, f):
         Curvature matrix Q of the body in these tangents [m].
     f : float
         Value of f [m].
+
+    Returns
+    -------
+    step_u, step_w : float
+        The step along u and w [rad].
     """
     # the matrix A = Q + f I
     a_uu = q_uu + f
@@ -98,9 +103,17 @@ def ascent_step(gradient_u, gradient_w, q_uu, q_uw, q_ww, f):
 
 @inlined
 def curvature(angle, radius):
-    """Return the curvature of a rounded edge at an angle from the nearest face's normal.
+    """Return the curvature of a rounded edge at an angle from the face's normal.
 
-    It is 0 at the normal and 1 / radius from the angle BLEND on.
+    It is 0 at the normal and 1 / radius from the angle BLEND on, with a smooth step
+    between, so that the stiffness of a contact does not jump there.
+
+    Parameters
+    ----------
+    angle : float
+        The angle from the normal of the nearest face [rad].
+    radius : float
+        Radius of the edge [m].
     """
     share = min(max(angle, 0.0) / BLEND, 1.0)
     return share * share * (3.0 - 2.0 * share) / radius
@@ -137,13 +150,13 @@ def face_contact(row, parts, face, geometry):
     )
     # The distance of the contact point p from the nearest side of the triangle.
     arm_x, arm_y, arm_z = arm_of(geometry)
-    px, py, pz = x + arm_x, y + arm_y, z + arm_z
+    point_x, point_y, point_z = x + arm_x, y + arm_y, z + arm_z
     inside_distance = 1e300
     for side in range(3):
         first = SIDES + SIDE_COLUMNS * side
         # the normal of the side, in the plane of the face and into the triangle
-        sx, sy, sz = vector_at(face, first)
-        depth = sx * px + sy * py + sz * pz - face[first + 3]
+        side_x, side_y, side_z = vector_at(face, first)
+        depth = side_x * point_x + side_y * point_y + side_z * point_z - face[first + 3]
         # a point exactly on a side belongs to one of the two faces only
         if depth == 0.0 and face[STRICT + side] > 0.0:
             depth = -1e-300
@@ -153,10 +166,20 @@ def face_contact(row, parts, face, geometry):
 
 @inlined
 def edge_axes(edge, angle):
-    """Return the normal n at an angle about an edge, and the tangent u to which it turns.
+    """Return the normal n at an angle about an edge, and its derivative u.
 
-    `edge` is the row of the edge in `Meshes.data`. It has the normal a of the first face
-    and the unit vector b to which that normal turns.
+    Parameters
+    ----------
+    edge : array
+        The row of the edge in `Meshes.data`. It has the normal a of the first face and
+        the unit vector b to which that normal turns.
+    angle : float
+        Angle of n from the normal of the first face [rad].
+
+    Returns
+    -------
+    nx, ny, nz, ux, uy, uz : float
+        n = a cos + b sin, and the tangent u = b cos - a sin to which it turns.
     """
     cos = math.cos(angle)
     sin = math.sin(angle)
@@ -171,17 +194,32 @@ def edge_axes(edge, angle):
 def edge_support(row, parts, edge, nx, ny, nz, ux, uy, uz):
     """Return `EdgeValues` for a normal n about an edge, and the body's support terms.
 
-    The tangent u is across the edge, the tangent w along it. The support terms are those
-    of `geometry.support_terms`: h, x.u, x.w, Q_uu, Q_uw and Q_ww [m].
+    Parameters
+    ----------
+    row, parts : array, int
+        The body in the frame of the mesh, and its number of ellipsoids, or SPHERES.
+    edge : array
+        The row of the edge in `Meshes.data`.
+    nx, ny, nz, ux, uy, uz : float
+        The normal n, and the tangent u across the edge, see `edge_axes`.
+
+    Returns
+    -------
+    values : EdgeValues
+        The gap along n, its first and second derivative by the angle, and the place
+        along the edge.
+    h, along_u, along_w, q_uu, q_uw, q_ww : float
+        Support terms of the body, see `geometry.support_terms`; w is along the edge
+        [m].
     """
     wx, wy, wz = vector_at(edge, EDGE_ALONG)
     h, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
-    px, py, pz = vector_at(edge, PLACE)
+    start_x, start_y, start_z = vector_at(edge, PLACE)
     x, y, z = vector_at(row, POSITION)
     # (dx, dy, dz) is the way from the body's centre to the start of the edge
-    dx, dy, dz = px - x, py - y, pz - z
+    dx, dy, dz = start_x - x, start_y - y, start_z - z
     level = nx * dx + ny * dy + nz * dz - h
     slope = ux * dx + uy * dy + uz * dz - along_u
     place_along = along_w - (wx * dx + wy * dy + wz * dz)
@@ -193,7 +231,19 @@ def edge_support(row, parts, edge, nx, ny, nz, ux, uy, uz):
 
 @inlined
 def edge_values(row, parts, edge, angle):
-    """Return `EdgeValues` at an angle about an edge."""
+    """Return the gap of a body and an edge at an angle, and its derivatives.
+
+    The result is of `EdgeValues`.
+
+    Parameters
+    ----------
+    row, parts : array, int
+        The body in the frame of the mesh, and its number of ellipsoids, or SPHERES.
+    edge : array
+        The row of the edge in `Meshes.data`.
+    angle : float
+        Angle of the normal from that of the first face [rad].
+    """
     nx, ny, nz, ux, uy, uz = edge_axes(edge, angle)
     values, _h, _along_u, _along_w, _q_uu, _q_uw, _q_ww = edge_support(
         row, parts, edge, nx, ny, nz, ux, uy, uz
@@ -203,7 +253,7 @@ def edge_values(row, parts, edge, angle):
 
 @kernel
 def edge_contact(row, parts, edge, angle, geometry):
-    """Fill `geometry` for a body and an edge, at an angle that is a maximum of f.
+    """Fill `geometry` for a body and an edge, at an angle of largest gap f.
 
     Parameters
     ----------
@@ -214,7 +264,7 @@ def edge_contact(row, parts, edge, angle, geometry):
     angle : float
         Angle of the normal from that of the first face [rad].
     geometry : array (8,)
-        Is written (`contact_geometry`).
+        One contact (`contact_geometry`): normal, gap, R*, arm; is written.
 
     Returns
     -------
@@ -226,6 +276,7 @@ def edge_contact(row, parts, edge, angle, geometry):
     values, h, along_u, along_w, q_uu, q_uw, q_ww = edge_support(
         row, parts, edge, nx, ny, nz, ux, uy, uz
     )
+    # the nearer one of both faces' normals: from there the edge's curvature grows
     to_face = min(angle, edge[EDGE_ANGLE] - angle)
     edge_curvature = curvature(to_face, edge[RADIUS_COLUMN])
     radius = effective_radius(q_uu, q_uw, q_ww, edge_curvature, 0.0)
@@ -251,13 +302,20 @@ def edge_contact(row, parts, edge, angle, geometry):
 
 @inlined
 def edge_turn(slope, bend):
-    """Return a Newton step about an edge, or a short step uphill where f is not concave."""
+    """Return the next step of an angle about an edge towards the maximum of f [rad].
+
+    It is a Newton step, or a short step uphill where f is not concave. `slope` and
+    `bend` are the first and second derivative of f by the angle [m].
+    """
     return -slope / bend if bend < 0.0 else math.copysign(UPHILL_TURN, slope)
 
 
 @inlined
 def climb_edge(row, parts, edge, angle):
-    """Return the angle after one Newton step towards the maximum of f about an edge."""
+    """Return an angle about an edge after one Newton step towards the maximum of f.
+
+    The arguments are those of `edge_values`.
+    """
     values = edge_values(row, parts, edge, angle)
     turn = edge_turn(values.slope, values.bend)
     return angle + limited_turn(turn)
@@ -267,18 +325,30 @@ def climb_edge(row, parts, edge, angle):
 def solve_edge(row, parts, edge, geometry):
     """Find the maximum of f within the arc of an edge, and fill `geometry` for it.
 
+    f is the gap of the body and the edge along the normal at an angle about the edge.
+
+    Parameters
+    ----------
+    row, parts : array, int
+        The body in the frame of the mesh, and its number of ellipsoids, or SPHERES.
+    edge : array
+        The row of the edge in `Meshes.data`.
+    geometry : array (8,)
+        One contact (`contact_geometry`): normal, gap, R*, arm; is written.
+
     Returns
     -------
     angle : float
-        Where it is [rad].
+        Where the maximum is [rad].
     inside_distance : float
         How far inside the feature it lies [m]: between the ends of the edge and between
         the normals of its two faces. OUTSIDE where the arc has no maximum.
     best : float
-        The largest f found.
+        The largest f found [m].
     """
     low = 0.0
     high = edge[EDGE_ANGLE]
+    # f and its slope at the normals of both faces
     first = edge_values(row, parts, edge, low)
     last = edge_values(row, parts, edge, high)
     best = max(first.f, last.f)
@@ -316,20 +386,35 @@ def solve_edge(row, parts, edge, geometry):
 
 @inlined
 def vertex_step(row, parts, vertex, nx, ny, nz):
-    """Return f of a vertex for a normal n [m], and the step to the next normal [rad].
+    """Return f of a vertex for a normal n, and the step to the next normal.
 
-    f is the gap of the body and the rounded vertex along n. `vertex` is the row of the
-    vertex in `Meshes.data`. The step is (step_u, step_w) along the tangents of
-    `geometry.tangents`, towards the maximum of f.
+    f is the gap of the body and the rounded vertex along n; the step is towards its
+    maximum.
+
+    Parameters
+    ----------
+    row, parts : array, int
+        The body in the frame of the mesh, and its number of ellipsoids, or SPHERES.
+    vertex : array
+        The row of the vertex in `Meshes.data`.
+    nx, ny, nz : float
+        Unit normal n.
+
+    Returns
+    -------
+    f : float
+        The gap [m].
+    step_u, step_w : float
+        The step along the two vectors of `geometry.tangents` [rad].
     """
     ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
     h, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
-    px, py, pz = vector_at(vertex, PLACE)
+    vertex_x, vertex_y, vertex_z = vector_at(vertex, PLACE)
     x, y, z = vector_at(row, POSITION)
     # (dx, dy, dz) is the way from the body's centre to the vertex
-    dx, dy, dz = px - x, py - y, pz - z
+    dx, dy, dz = vertex_x - x, vertex_y - y, vertex_z - z
     level = nx * dx + ny * dy + nz * dz - h
     gradient_u = dx * ux + dy * uy + dz * uz - along_u
     gradient_w = dx * wx + dy * wy + dz * wz - along_w
@@ -339,7 +424,18 @@ def vertex_step(row, parts, vertex, nx, ny, nz):
 
 @kernel
 def vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry):
-    """Fill `geometry` for a body and a vertex, for a normal that is a maximum of f.
+    """Fill `geometry` for a body and a vertex, for a normal of largest gap.
+
+    Parameters
+    ----------
+    row, parts : array, int
+        The body in the frame of the mesh, and its number of ellipsoids, or SPHERES.
+    meshes, feature : Meshes, int
+        The features, and the number of the vertex.
+    nx, ny, nz : float
+        Unit normal n.
+    geometry : array (8,)
+        One contact (`contact_geometry`): normal, gap, R*, arm; is written.
 
     Returns
     -------
@@ -358,10 +454,10 @@ def vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry):
             smallest_sine = sine
             ux, uy, uz = rx, ry, rz
     # The face to whose normal it is nearest.
-    nearest = -1.0
+    nearest_cosine = -1.0
     for k in range(meshes.corners[feature, 0], meshes.corners[feature, 1]):
         fx, fy, fz = vector_at(meshes.normals[k], 0)
-        nearest = max(nearest, nx * fx + ny * fy + nz * fz)
+        nearest_cosine = max(nearest_cosine, nx * fx + ny * fy + nz * fz)
     # Tangents: u along the nearest edge. Along it the curvature begins at zero, as on
     # the edge itself.
     along_n = nx * ux + ny * uy + nz * uz
@@ -373,10 +469,17 @@ def vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry):
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
     edge_radius = vertex[RADIUS_COLUMN]
-    px, py, pz = vector_at(vertex, PLACE)
+    vertex_x, vertex_y, vertex_z = vector_at(vertex, PLACE)
     x, y, z = vector_at(row, POSITION)
-    gap = nx * (px - x) + ny * (py - y) + nz * (pz - z) - h - edge_radius
-    to_face = math.acos(min(max(nearest, -1.0), 1.0))
+    gap = (
+        nx * (vertex_x - x)
+        + ny * (vertex_y - y)
+        + nz * (vertex_z - z)
+        - h
+        - edge_radius
+    )
+    # the curvatures along u and across it, by the angles from the nearest face and edge
+    to_face = math.acos(min(max(nearest_cosine, -1.0), 1.0))
     to_edge = math.asin(min(max(smallest_sine, 0.0), 1.0))
     wall_w = curvature(to_face, edge_radius)
     wall_u = min(wall_w, curvature(to_edge, edge_radius))
@@ -400,22 +503,23 @@ def solve_vertex(row, parts, meshes, feature, geometry):
     meshes, feature : Meshes, int
         The features, and the number of the vertex.
     geometry : array (8,)
-        Is written (`contact_geometry`).
+        One contact (`contact_geometry`): normal, gap, R*, arm; is written.
 
     Returns
     -------
     float
-        How far inside the vertex's set the normal lies, see `vertex_contact`.
+        How far inside the vertex's set of normals the maximum lies, see
+        `vertex_contact`.
     """
     vertex = meshes.data[feature]
     # (x, y, z) is the way from the body's centre to the vertex
-    px, py, pz = vector_at(vertex, PLACE)
-    cx, cy, cz = vector_at(row, POSITION)
-    x, y, z = px - cx, py - cy, pz - cz
+    vertex_x, vertex_y, vertex_z = vector_at(vertex, PLACE)
+    centre_x, centre_y, centre_z = vector_at(row, POSITION)
+    x, y, z = vertex_x - centre_x, vertex_y - centre_y, vertex_z - centre_z
     # Start from the direction of the vertex, or from the best of its faces' normals.
     inverse = 1.0 / max(math.sqrt(x * x + y * y + z * z), 1e-300)
     best_x, best_y, best_z = x * inverse, y * inverse, z * inverse
-    best = (
+    best_gap = (
         x * best_x
         + y * best_y
         + z * best_z
@@ -423,22 +527,22 @@ def solve_vertex(row, parts, meshes, feature, geometry):
     )
     for k in range(meshes.corners[feature, 0], meshes.corners[feature, 1]):
         nx, ny, nz = vector_at(meshes.normals[k], 0)
-        value = x * nx + y * ny + z * nz - extent(row, parts, nx, ny, nz)
-        if value > best:
-            best = value
+        gap = x * nx + y * ny + z * nz - extent(row, parts, nx, ny, nz)
+        if gap > best_gap:
+            best_gap = gap
             best_x, best_y, best_z = nx, ny, nz
     # Climb from there. A step that makes f smaller is halved and tried again.
-    best, step_u, step_w = vertex_step(row, parts, vertex, best_x, best_y, best_z)
+    best_gap, step_u, step_w = vertex_step(row, parts, vertex, best_x, best_y, best_z)
     for _ in range(VERTEX_ITERATIONS):
         if step_u * step_u + step_w * step_w < VERTEX_CONVERGED:
             break
         nx, ny, nz = step_normal(best_x, best_y, best_z, step_u, step_w)
-        value, next_u, next_w = vertex_step(row, parts, vertex, nx, ny, nz)
-        if value < best - DOWNHILL:
+        gap, next_u, next_w = vertex_step(row, parts, vertex, nx, ny, nz)
+        if gap < best_gap - DOWNHILL:
             step_u *= 0.5
             step_w *= 0.5
         else:
-            best = value
+            best_gap = gap
             step_u, step_w = next_u, next_w
             best_x, best_y, best_z = nx, ny, nz
     return vertex_contact(row, parts, meshes, feature, best_x, best_y, best_z, geometry)
@@ -457,7 +561,7 @@ def solve_feature(row, parts, meshes, feature, radius, geometry):
     radius : float
         Bounding radius of the body [m].
     geometry : array (8,)
-        Is written (`contact_geometry`).
+        One contact (`contact_geometry`): normal, gap, R*, arm; is written.
 
     Returns
     -------
@@ -478,9 +582,9 @@ def solve_feature(row, parts, meshes, feature, radius, geometry):
     is_edge = meshes.kind[feature] == EDGE
     # Leave early where the body's bounding sphere does not reach the feature. (x, y, z)
     # is the way from the body's centre to the nearest point of the feature.
-    px, py, pz = vector_at(data, PLACE)
-    cx, cy, cz = vector_at(row, POSITION)
-    x, y, z = px - cx, py - cy, pz - cz
+    place_x, place_y, place_z = vector_at(data, PLACE)
+    centre_x, centre_y, centre_z = vector_at(row, POSITION)
+    x, y, z = place_x - centre_x, place_y - centre_y, place_z - centre_z
     if is_edge:
         wx, wy, wz = vector_at(data, EDGE_ALONG)
         place_along = min(max(-(x * wx + y * wy + z * wz), 0.0), data[EDGE_LENGTH])

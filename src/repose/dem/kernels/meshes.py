@@ -5,9 +5,10 @@ contact that leaves its feature is handed over, with its spring, to the feature 
 body touches now. The solvers are those of `mesh_contact`.
 
 A body is a smooth body, or the sphere of a clump (see `clump_walls`). `row` is its row
-in the frame of the mesh. `contacts` is the list of contacts with meshes, `n` its length.
-Reads `Bodies.rows` and `Meshes`. Writes the lists of `WallContacts` (body, wall,
-feature, data), `counts`, and the marks `Meshes.seen` and `Meshes.stamp` of a search.
+in the frame of the mesh. `contacts` is the list of contacts with meshes, `n` its
+length. Reads `Bodies.rows` and `Meshes`. Writes the lists of `WallContacts` (body,
+wall, feature, data), `counts`, and the marks `Meshes.seen` and `Meshes.stamp` of a
+search.
 """
 
 import math
@@ -53,7 +54,17 @@ CellBlock = namedtuple("CellBlock", "x0 x1 y0 y1 z0 z1")
 
 @inlined
 def are_neighbours(meshes, face, other):
-    """Return whether a feature is a face that meets another in a gentle concave kink."""
+    """Return whether a feature is a face that meets another in a gentle concave kink.
+
+    Of such faces a body touches only the one that it overlaps most.
+
+    Parameters
+    ----------
+    meshes : Meshes
+        The features of all meshes (`features.Meshes`).
+    face, other : int
+        Numbers of the two features.
+    """
     if meshes.kind[face] != FACE:
         return False
     # the neighbours of a face are one part of a list
@@ -67,7 +78,16 @@ def are_neighbours(meshes, face, other):
 def is_touched(contacts, meshes, n, body, feature, ignored):
     """Return whether a body touches a feature or a gentle neighbour of it already.
 
-    The contact `ignored` does not count.
+    Parameters
+    ----------
+    contacts, meshes : WallContacts, Meshes
+        The list of contacts with meshes, and the features.
+    n : int
+        Number of contacts in the list.
+    body, feature : int
+        Numbers of the body and of the feature.
+    ignored : int
+        Number of a contact that does not count, or -1.
     """
     for k in range(n):
         if contacts.body[k] == body and k != ignored:
@@ -79,7 +99,19 @@ def is_touched(contacts, meshes, n, body, feature, ignored):
 
 @inlined
 def cell_range(meshes, mesh, axis, low, high):
-    """Return the first and last cell of a mesh that an interval of an axis meets."""
+    """Return the first and last cell of a mesh that an interval of one axis meets.
+
+    Cells beyond the mesh's box are left out.
+
+    Parameters
+    ----------
+    meshes : Meshes
+        The features of all meshes (`features.Meshes`).
+    mesh, axis : int
+        Number of the mesh, and the axis: 0, 1 or 2.
+    low, high : float
+        Ends of the interval, in the frame of the mesh [m].
+    """
     edge = meshes.box[mesh, 6]
     lower = meshes.box[mesh, axis]
     first = math.floor((low - lower) / edge)
@@ -89,7 +121,24 @@ def cell_range(meshes, mesh, axis, low, high):
 
 @inlined
 def cells_about(meshes, mesh, x, y, z, reach_x, reach_y, reach_z):
-    """Return the block of cells of a mesh that a box about a place meets."""
+    """Return the block of cells of a mesh that a box about a place meets.
+
+    Parameters
+    ----------
+    meshes : Meshes
+        The features of all meshes (`features.Meshes`).
+    mesh : int
+        Number of the mesh.
+    x, y, z : float
+        The place, in the frame of the mesh [m].
+    reach_x, reach_y, reach_z : float
+        Half the edges of the box [m].
+
+    Returns
+    -------
+    CellBlock
+        The first and last cell along each axis.
+    """
     x0, x1 = cell_range(meshes, mesh, 0, x - reach_x, x + reach_x)
     y0, y1 = cell_range(meshes, mesh, 1, y - reach_y, y + reach_y)
     z0, z1 = cell_range(meshes, mesh, 2, z - reach_z, z + reach_z)
@@ -97,17 +146,31 @@ def cells_about(meshes, mesh, x, y, z, reach_x, reach_y, reach_z):
 
 
 @inlined
-def cell_number(meshes, mesh, x, y, z):
-    """Return the place of a cell of a mesh in `Meshes.begin`."""
+def cell_number(meshes, mesh, cell_x, cell_y, cell_z):
+    """Return the place in `Meshes.begin` of cell (x, y, z) of a mesh.
+
+    `Meshes.begin` has the first feature of each cell, for all meshes one after another.
+    """
     first = meshes.cells[mesh, 3]
-    return first + (x * meshes.cells[mesh, 1] + y) * meshes.cells[mesh, 2] + z
+    return (
+        first
+        + (cell_x * meshes.cells[mesh, 1] + cell_y) * meshes.cells[mesh, 2]
+        + cell_z
+    )
 
 
 @inlined
 def distance_from_box(row, parts, meshes, mesh):
     """Return a lower bound of the distance of a body from the box of a mesh [m].
 
-    It is 0.0 where the two overlap. `row` is the body in the frame of the mesh.
+    It is 0.0 where the body's own box and that of the mesh overlap.
+
+    Parameters
+    ----------
+    row, parts : array, int
+        The body in the frame of the mesh, and its number of ellipsoids, or SPHERES.
+    meshes, mesh : Meshes, int
+        The features with the boxes of all meshes, and the number of the mesh.
     """
     distance = 0.0
     for axis in range(3):
@@ -140,14 +203,14 @@ def search_feature(
         The list of contacts with meshes, and the lengths of all lists.
     parts : int
         Ellipsoids of the body, or SPHERES.
-    walls, meshes : namedtuple
+    walls, meshes : Walls, Meshes
         The walls, and the features of the meshes.
     mesh, feature, i : int
         Numbers of the mesh, the feature and the body.
     radius : float
         Bounding radius of the body [m].
     geometry : array (8,)
-        Scratch for one contact (`contact_geometry`).
+        Scratch for one contact (`contact_geometry`); is overwritten.
 
     Returns
     -------
@@ -167,6 +230,7 @@ def search_feature(
     if gap < -DEEPEST_NEW * radius:
         # the body is inside the mesh
         return max(-gap - DEEPEST_NEW * radius, NEXT_LOOK_BEYOND * radius)
+    # a new contact with a relaxed spring
     if not is_touched(contacts, meshes, counts[st.N_MESHED], i, feature, -1):
         normal_to_world(walls, mesh_frame(walls, mesh), geometry)
         k = add_wall_contact(contacts, counts, st.N_MESHED, i, mesh, geometry)
@@ -180,8 +244,27 @@ def search_feature(
 def search_mesh(row, contacts, counts, parts, walls, meshes, mesh, i, radius, geometry):
     """Search for contacts of body i with a mesh, in the cells about the body.
 
-    The arguments are those of `search_feature`. Returns how far the body may move before
-    the next search [m].
+    Parameters
+    ----------
+    row : array
+        The body, or the sphere of one, in the frame of the mesh.
+    contacts, counts : WallContacts, array
+        The list of contacts with meshes, and the lengths of all lists.
+    parts : int
+        Ellipsoids of the body, or SPHERES.
+    walls, meshes : Walls, Meshes
+        The walls, and the features of the meshes.
+    mesh, i : int
+        Numbers of the mesh and the body.
+    radius : float
+        Bounding radius of the body [m].
+    geometry : array (8,)
+        Scratch for one contact (`contact_geometry`); is overwritten.
+
+    Returns
+    -------
+    float
+        How far the body may move before the next search [m].
     """
     distance = distance_from_box(row, parts, meshes, mesh)
     if distance > 0.0:
@@ -235,14 +318,17 @@ def follow_on_feature(row, parts, meshes, history, lane, feature, nx, ny, nz, ge
     ----------
     row, parts : array, int
         The body in the frame of the mesh, and its number of ellipsoids, or SPHERES.
-    meshes, feature : Meshes, int
-        The features, and the number of this one.
+    meshes : Meshes
+        The features of all meshes (`features.Meshes`).
     history, lane : array, int
-        Place of the contact in `WallContacts.data`; the angle about an edge is updated.
+        The contact's tile of `WallContacts.data` and its lane; the angle about an edge
+        is updated.
+    feature : int
+        Number of the feature.
     nx, ny, nz : float
         The last normal, in the frame of the mesh.
     geometry : array (8,)
-        Is filled (`contact_geometry`).
+        One contact (`contact_geometry`): normal, gap, R*, arm; is written.
 
     Returns
     -------
@@ -271,7 +357,7 @@ def follow_on_feature(row, parts, meshes, history, lane, feature, nx, ny, nz, ge
 
 @kernel
 def hand_over(
-    row, parts, meshes, contacts, n, k, radius, end, geometry, other_geometry
+    row, parts, meshes, contacts, n, k, radius, end_gap, geometry, other_geometry
 ):
     """Find the feature to which contact k has moved, and hand it over with its spring.
 
@@ -280,27 +366,33 @@ def hand_over(
 
     Parameters
     ----------
+    row, parts : array, int
+        The body in the frame of the mesh, and its number of ellipsoids, or SPHERES.
+    meshes, contacts : Meshes, WallContacts
+        The features, and the list of contacts with meshes.
+    n, k : int
+        Number of contacts in the list, and number of this contact.
     radius : float
         Bounding radius of the body [m].
-    end : float
+    end_gap : float
         Gap at which the contact ends [m].
     geometry : array (8,)
         The contact with the old feature; the one with the new feature is written to it.
     other_geometry : array (8,)
-        Scratch.
+        Scratch for a second contact; is overwritten.
 
     Returns
     -------
     bool
-        Whether there is such a feature; feature and angle of the contact are its.
+        Whether there is such a feature. Then feature and angle of the contact are its.
     """
     mesh = contacts.wall[k]
     old_feature = contacts.feature[k]
     reach = NEARBY * radius
     x, y, z = vector_at(row, st.POSITION)
     arm_x, arm_y, arm_z = arm_of(geometry)
-    px, py, pz = x + arm_x, y + arm_y, z + arm_z
-    block = cells_about(meshes, mesh, px, py, pz, reach, reach, reach)
+    point_x, point_y, point_z = x + arm_x, y + arm_y, z + arm_z
+    block = cells_about(meshes, mesh, point_x, point_y, point_z, reach, reach, reach)
     nx, ny, nz = normal_of(geometry)
     best_cosine = SAME_NORMAL
     has_feature = False
@@ -316,14 +408,16 @@ def hand_over(
                         row, parts, meshes, feature, radius, other_geometry
                     )
                     gap = other_geometry[cg.GAP]
+                    # a contact outside this feature, or one that has ended, or is far
+                    # inside the mesh
                     if (
                         inside_distance < -SLACK
-                        or gap > end
+                        or gap > end_gap
                         or gap < -DEEPEST_NEW * radius
                     ):
                         continue
-                    mx, my, mz = normal_of(other_geometry)
-                    cosine = nx * mx + ny * my + nz * mz
+                    other_nx, other_ny, other_nz = normal_of(other_geometry)
+                    cosine = nx * other_nx + ny * other_ny + nz * other_nz
                     if cosine > best_cosine and not is_touched(
                         contacts, meshes, n, contacts.body[k], feature, k
                     ):
@@ -340,12 +434,24 @@ def keep_deepest_face(row, parts, meshes, contacts, k, geometry, other_geometry)
     """Where faces meet in a gentle concave kink, keep the face of the largest overlap.
 
     Contact k is with a face. Its feature and `geometry` are replaced by those of a
-    neighbour that the body overlaps more. `row` is the body in the frame of the mesh,
-    `other_geometry` (8,) is scratch.
+    neighbour of this face that the body overlaps more.
+
+    Parameters
+    ----------
+    row, parts : array, int
+        The body in the frame of the mesh, and its number of ellipsoids, or SPHERES.
+    meshes, contacts : Meshes, WallContacts
+        The features, and the list of contacts with meshes.
+    k : int
+        Number of the contact.
+    geometry : array (8,)
+        The contact in the frame of the mesh (`contact_geometry`).
+    other_geometry : array (8,)
+        Scratch for a second contact; is overwritten.
     """
     face = contacts.feature[k]
-    for m in range(meshes.span[face, 0], meshes.span[face, 1]):
-        neighbour = meshes.near[m]
+    for place in range(meshes.span[face, 0], meshes.span[face, 1]):
+        neighbour = meshes.near[place]
         data = meshes.data[neighbour]
         inside_distance = face_contact(row, parts, data, other_geometry)
         if inside_distance >= 0.0 and other_geometry[cg.GAP] < geometry[cg.GAP]:
@@ -364,7 +470,7 @@ def follow_feature(
     contacts,
     n,
     k,
-    end,
+    end_gap,
     geometry,
     other_geometry,
 ):
@@ -378,18 +484,18 @@ def follow_feature(
         Its bounding radius [m].
     parts : int
         Its number of ellipsoids, or SPHERES.
-    walls, frame : namedtuple, int
+    walls, frame : Walls, int
         The walls, and the number of the frame of the mesh.
-    meshes, contacts : namedtuple
+    meshes, contacts : Meshes, WallContacts
         The features of the meshes, and the list of contacts with meshes.
     n, k : int
-        Length of this list, and number of the contact.
-    end : float
+        Number of contacts in the list, and number of this contact.
+    end_gap : float
         Gap at which the contact ends [m].
     geometry : array (8,)
-        Is filled, in world axes.
+        The contact (`contact_geometry`); is written, in world axes.
     other_geometry : array (8,)
-        Scratch.
+        Scratch for a second contact; is overwritten.
 
     Returns
     -------
@@ -408,13 +514,23 @@ def follow_feature(
     # A contact that has left its feature goes on with another one, if there is one.
     if not is_touching:
         is_touching = hand_over(
-            row, parts, meshes, contacts, n, k, radius, end, geometry, other_geometry
+            row,
+            parts,
+            meshes,
+            contacts,
+            n,
+            k,
+            radius,
+            end_gap,
+            geometry,
+            other_geometry,
         )
+    # where faces meet in a gentle kink, only one of them has the contact
     is_face = meshes.kind[contacts.feature[k]] == FACE
     if is_touching and geometry[cg.GAP] < 0.0 and is_face:
         keep_deepest_face(row, parts, meshes, contacts, k, geometry, other_geometry)
     contact_to_world(walls, frame, geometry)
-    return is_touching and geometry[cg.GAP] <= end
+    return is_touching and geometry[cg.GAP] <= end_gap
 
 
 @inlined
@@ -426,12 +542,41 @@ def follow_mesh(
     contacts,
     n,
     k,
-    end,
+    end_gap,
     geometry,
     other_geometry,
     local_row,
 ):
-    """Follow contact k of a smooth body with a mesh, as `follow_feature`."""
+    """Follow contact k of a smooth body with a mesh by one time step.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    parts : int
+        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    meshes : Meshes
+        The features of all meshes (`features.Meshes`).
+    contacts : WallContacts
+        The list of contacts with meshes.
+    n, k : int
+        Number of contacts in the list, and number of this contact.
+    end_gap : float
+        Gap at which the contact ends [m].
+    geometry : array (8,)
+        The contact (`contact_geometry`); is written, in world axes.
+    other_geometry : array (8,)
+        Scratch for a second contact; is overwritten.
+    local_row : array
+        Scratch for a row of a body in the frame of a wall; is overwritten.
+
+    Returns
+    -------
+    bool
+        Whether the contact lasts.
+    """
     i = contacts.body[k]
     frame = mesh_frame(walls, contacts.wall[k])
     row = row_seen_from_wall(walls, frame, bodies.rows[i], parts, local_row)
@@ -446,7 +591,7 @@ def follow_mesh(
         contacts,
         n,
         k,
-        end,
+        end_gap,
         geometry,
         other_geometry,
     )
@@ -469,6 +614,27 @@ def update_contacts(
     """Bring the contacts of body i with a mesh to their present features and normals.
 
     A search after this does not find them as new contacts.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    parts : int
+        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    meshes : Meshes
+        The features of all meshes (`features.Meshes`).
+    contacts : WallContacts
+        The list of contacts with meshes.
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    mesh, i : int
+        Numbers of the mesh and the body.
+    geometry, other_geometry : array (8,)
+        Scratch for two contacts; is overwritten.
+    local_row : array
+        Scratch for a row of a body in the frame of a wall; is overwritten.
     """
     n = counts[st.N_MESHED]
     for k in range(n):
@@ -506,7 +672,31 @@ def body_at_mesh(
 ):
     """Find new contacts of smooth body i with a mesh.
 
-    Returns how far the body may move before the next search [m].
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    meshed : WallContacts
+        The contacts with meshes.
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    meshes : Meshes
+        The features of all meshes (`features.Meshes`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    parts : int
+        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
+    mesh, i : int
+        Numbers of the mesh and the body.
+    geometry, other_geometry : array (8,)
+        Scratch for two contacts; is overwritten.
+    local_row : array
+        Scratch for a row of a body in the frame of a wall; is overwritten.
+
+    Returns
+    -------
+    float
+        How far the body may move before the next search [m].
     """
     frame = mesh_frame(walls, mesh)
     update_contacts(

@@ -244,7 +244,8 @@ def search_bodies(
 def smallest_margin(bodies, approach, begin, end):
     """Return the least way left until one of some bodies is due for walls [m].
 
-    These are the bodies `begin` to `end`; `approach` is how far any wall may have come nearer until now [m].
+    These are the bodies `begin` to `end`; `approach` is how far any wall may have come
+    nearer until now [m].
     """
     margin = math.inf
     for i in range(begin, end):
