@@ -8,10 +8,10 @@ the velocity
 along n, with the inverse inertia J. The sum over both bodies is the inverse of their
 mass at the contact: there and in this direction they move as two spheres of that mass
 would. Two clumps may touch with several spheres at once. Stiffnesses S in one place add
-up to N S, so for the damping ratio of one contact the dampings 2 beta sqrt(S m) must add
-up to 2 beta sqrt(N S m): each of the N contacts has the mass m / N. All contacts of two
-clumps share the mass in this way, and so do all spheres of a clump on one wall, wherever
-they touch.
+up to N S, so for the damping ratio of one contact the dampings 2 beta sqrt(S m) must
+add up to 2 beta sqrt(N S m): each of the N contacts has the mass m / N. All contacts of
+two clumps share the mass in this way, and so do all spheres of a clump on one wall,
+wherever they touch.
 
 Reads the bodies and the contact points in the tile `scratch` (rows of `tile`), and the
 normals in `history`, the tile of the numbers that contacts keep. Writes the row
@@ -33,59 +33,80 @@ from .rows import LANES, lane_matrix, lane_vector
 
 
 @inlined
-def write_mobility(scratch, history, body, arm, parts, add):
+def write_mobility(scratch, history, body_row, arm_row, parts, keep):
     """Write or add the velocity that a unit impulse along the normal gives each body.
 
-    This is 1 / m + (r x n) . J (r x n), with the mass m of the body, its inverse inertia
-    J, the contact point r from its centre, and the normal n.
+    This is 1 / m + (r x n) . J (r x n), with the mass m of the body, its inverse
+    inertia J, the contact point r from its centre, and the normal n.
 
     Parameters
     ----------
     scratch, history : array
         Scratch tile and tile of the contacts; the row INVERSE_MASS of `scratch` is
         written.
-    body, arm : int
+    body_row, arm_row : int
         First row of the body and of its contact point in `scratch`: tl.A and tl.RA, or
         tl.B and tl.RB.
     parts : int
         Ellipsoids of a body. A contact of SPHERES does not turn them.
-    add : float
-        1.0 to add to the row, 0.0 to overwrite it. A number instead of a branch keeps
-        the loop vector code.
+    keep : float
+        1.0 to keep what the row holds and add to it, 0.0 to overwrite it. A number
+        instead of a branch keeps the loop vector code.
     """
-    inverse_mass = body + st.INVERSE_MASS * LANES
+    inverse_mass_row = body_row + st.INVERSE_MASS * LANES
     if parts == st.SPHERES:
         for lane in range(LANES):
             scratch[tl.INVERSE_MASS + lane] = (
-                add * scratch[tl.INVERSE_MASS + lane] + scratch[inverse_mass + lane]
+                keep * scratch[tl.INVERSE_MASS + lane]
+                + scratch[inverse_mass_row + lane]
             )
         return
-    inverse_inertia = body + st.INVERSE_INERTIA * LANES
+    inverse_inertia_row = body_row + st.INVERSE_INERTIA * LANES
     for lane in range(LANES):
         nx, ny, nz = lane_vector(history, tl.NORMAL, lane)
-        rx, ry, rz = lane_vector(scratch, arm, lane)
+        rx, ry, rz = lane_vector(scratch, arm_row, lane)
+        # the vector product r x n
         # (x, y, z) is r x n
-        x, y, z = ry * nz - rz * ny, rz * nx - rx * nz, rx * ny - ry * nx
-        xx, xy, xz, yy, yz, zz = lane_matrix(scratch, inverse_inertia, lane)
+        cross_x, cross_y, cross_z = (
+            ry * nz - rz * ny,
+            rz * nx - rx * nz,
+            rx * ny - ry * nx,
+        )
+        xx, xy, xz, yy, yz, zz = lane_matrix(scratch, inverse_inertia_row, lane)
         turning = (
-            xx * x * x
-            + yy * y * y
-            + zz * z * z
-            + 2.0 * (xy * x * y + xz * x * z + yz * y * z)
+            xx * cross_x * cross_x
+            + yy * cross_y * cross_y
+            + zz * cross_z * cross_z
+            + 2.0
+            * (xy * cross_x * cross_y + xz * cross_x * cross_z + yz * cross_y * cross_z)
         )
         scratch[tl.INVERSE_MASS + lane] = (
-            add * scratch[tl.INVERSE_MASS + lane]
-            + scratch[inverse_mass + lane]
+            keep * scratch[tl.INVERSE_MASS + lane]
+            + scratch[inverse_mass_row + lane]
             + turning
         )
 
 
 @inlined
 def write_mass_of_pairs(scratch, history, pairs, parts, clumps, base, lanes):
-    """Write the row INVERSE_MASS of a tile of pairs.
+    """Write the inverse of the mass of each pair at its contact: the row INVERSE_MASS.
 
-    The tile begins with contact `base` and uses its first `lanes` lanes. All contacts
-    of two clumps share their mass.
+    All contacts of two clumps share their mass.
+
+    Parameters
+    ----------
+    scratch : array
+        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
+    history : array
+        Tile of the numbers that these contacts keep from step to step.
+    pairs : Pairs or SpherePairs
+        The lists of pairs, of smooth bodies or of clumps.
+    parts : int
+        Ellipsoids of a body, at most; 0 for clumps, SPHERES for spheres.
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    base, lanes : int
+        First contact of the tile, and number of lanes in use.
     """
     write_mobility(scratch, history, tl.A, tl.RA, parts, 0.0)
     write_mobility(scratch, history, tl.B, tl.RB, parts, 1.0)
@@ -97,9 +118,24 @@ def write_mass_of_pairs(scratch, history, pairs, parts, clumps, base, lanes):
 
 @inlined
 def write_mass_on_wall(scratch, history, contacts, parts, clumps, base, lanes):
-    """Write the row INVERSE_MASS of a tile of contacts with walls, as `write_mass_of_pairs`.
+    """Write the inverse of the mass of each body at its contact with a wall.
 
-    All spheres of a clump on one wall share its mass.
+    This is the row INVERSE_MASS. All spheres of a clump on one wall share its mass.
+
+    Parameters
+    ----------
+    scratch : array
+        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
+    history : array
+        Tile of the numbers that these contacts keep from step to step.
+    contacts : WallContacts
+        The list of contacts with walls of one kind.
+    parts : int
+        Ellipsoids of a body, at most; 0 for clumps, SPHERES for spheres.
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    base, lanes : int
+        First contact of the tile, and number of lanes in use.
     """
     write_mobility(scratch, history, tl.A, tl.RA, parts, 0.0)
     if len(clumps) > 0:
@@ -111,7 +147,7 @@ def write_mass_on_wall(scratch, history, contacts, parts, clumps, base, lanes):
 
 @inlined
 def mark_spheres_on_meshes(meshed, mesh_sphere, n):
-    """Write `meshed.known`: which spheres of each body touch each mesh, as bits.
+    """Write `meshed.known`: which spheres of each clump touch each mesh, as bits.
 
     A sphere may touch a mesh in several places and still has one bit.
 

@@ -1,23 +1,24 @@
 """Contact forces of one time step, computed for tiles of 32 contacts.
 
-The same loops serve smooth bodies and clumps of spheres. A tile has LANES lanes, one for
-each contact. For each tile: copy the rows of its bodies into the tile `scratch` (gather),
-compute the geometry, apply the force laws, handle the contacts that ended, and add the
-forces to the loads of the bodies (scatter). The kernels are `pair_forces`, and
-`plane_forces`, `curved_forces` and `mesh_forces` for walls.
+The same loops serve smooth bodies and clumps of spheres. A tile has LANES lanes, one
+for each contact. For each tile: copy the rows of its bodies into the tile `scratch`
+(gather), compute the geometry, apply the force laws, handle the contacts that ended,
+and add the forces to the loads of the bodies (scatter). The kernels are `pair_forces`,
+and `plane_forces`, `curved_forces` and `mesh_forces` for walls.
 
 `clumps` is an empty tuple in a simulation of smooth bodies, else a `clumps.Clumps`. The
-length of a tuple is part of its type, so numba compiles only the branch for the bodies of
-the simulation. The geometry of a contact is in `tile`, `walls` and `meshes` for smooth
-bodies, in `clump_tile` and `clump_walls` for spheres.
+length of a tuple is part of its type, so numba compiles only the branch for the bodies
+of the simulation. The geometry of a contact is in `tile`, `walls` and `meshes` for
+smooth bodies, in `clump_tile` and `clump_walls` for spheres.
 
-Names: `history` is a tile of the numbers that contacts keep, `contacts` a list of contacts with
-walls; `flat`, `curved` and `meshed` are these lists for planes, curved walls and meshes.
+Names: `history` is a tile of the numbers that contacts keep, `contacts` a list of
+contacts with walls; `flat`, `curved` and `meshed` are these lists for planes, curved
+walls and meshes.
 
 Reads `Bodies.rows`, the walls and `Physics`. Writes `Bodies.load` and `Bodies.touched`,
 the tiles `data` of the contacts, their `ended` and `gap`, the limits of contacts with
-walls that ended, and `Walls.loads`. Contacts with walls that ended are removed here, pairs
-that parted by `neighbours.retire_pairs` and `sphere_search.retire_spheres`.
+walls that ended, and `Walls.loads`. Contacts with walls that ended are removed here,
+pairs that parted by `neighbours.retire_pairs` and `sphere_search.retire_spheres`.
 """
 
 from ..laws.law import contact_forces, reach, rolling_resistance, surfaces
@@ -57,7 +58,18 @@ OPEN = 1.0  # gap of a lane whose contact has no forces [m]
 def scatter(load, index, base, scratch, first):
     """Add the forces and torques of a tile to the loads of its bodies.
 
-    Lane k belongs to body index[base + k]; `first` is tl.TO_A or tl.TO_B.
+    Parameters
+    ----------
+    load : array (bodies, LOAD_COLUMNS)
+        One share of `Bodies.load`; is added to.
+    index : array of int
+        Lane k of the tile belongs to body index[base + k].
+    base : int
+        Place of lane 0 in `index`.
+    scratch : array
+        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
+    first : int
+        First row of the loads in the tile: tl.TO_A or tl.TO_B.
     """
     for lane in range(0, LANES, WIDTH):
         add_lanes_to_rows(load, 0, index, base + lane, scratch, first + lane, LANES)
@@ -65,20 +77,41 @@ def scatter(load, index, base, scratch, first):
 
 @inlined
 def gather_bodies(rows, index, base, scratch, first):
-    """Copy the rows of the bodies of a tile to the lanes of `scratch`; see `scatter`."""
+    """Copy the rows of the bodies of a tile to its lanes.
+
+    Parameters
+    ----------
+    rows : array (bodies, columns)
+        `Bodies.rows`.
+    index : array of int
+        Lane k of the tile belongs to body index[base + k].
+    base : int
+        Place of lane 0 in `index`.
+    scratch : array
+        Scratch tile of LANES contacts; is written.
+    first : int
+        First row of the bodies in the tile: tl.A or tl.B.
+    """
     gather(rows, rows.shape[1], index, base, scratch, first)
 
 
 @inlined
 def mark_touched(bodies, share, index, base):
-    """Note that a share of the loads of a tile's bodies is no longer zero."""
+    """Note that a share of the loads of a tile's bodies is no longer zero.
+
+    Shares that are zero are skipped when the loads are summed. `share` is the number of
+    the share; the bodies are index[base] and the LANES - 1 after it.
+    """
     for k in range(base, base + LANES):
         bodies.touched[share, index[k] // LANES] = 1
 
 
 @inlined
 def fetch_bodies(rows, load, index, base):
-    """Prefetch the rows and loads of the bodies of a tile of contacts."""
+    """Prefetch the rows and loads of the bodies of a tile of contacts.
+
+    The bodies are index[base] and the LANES - 1 after it.
+    """
     for k in range(base, base + LANES):
         for column in range(0, rows.shape[1], WIDTH):
             prefetch(rows, index[k], column)
@@ -91,6 +124,15 @@ def fetch_contacts(pairs, load, rows, base):
 
     That is the tile of contacts after the next one, and the second bodies of the next
     tile; the first bodies come nearly in order, so the processor fetches them itself.
+
+    Parameters
+    ----------
+    pairs : Pairs or SpherePairs
+        The lists of pairs, of smooth bodies or of clumps.
+    load, rows : array
+        A share of `Bodies.load`, and `Bodies.rows`.
+    base : int
+        First contact of the present tile.
     """
     if base + 2 * LANES < pairs.first.shape[0]:
         for column in range(0, pairs.data.shape[1], WIDTH):
@@ -101,7 +143,7 @@ def fetch_contacts(pairs, load, rows, base):
 
 @inlined
 def zero_lane(scratch, lane):
-    """Zero the forces of a lane."""
+    """Zero the forces, torques and budgets of both bodies of one lane."""
     for column in range(st.LOAD_COLUMNS):
         scratch[tl.TO_A + column * LANES + lane] = 0.0
         scratch[tl.TO_B + column * LANES + lane] = 0.0
@@ -109,14 +151,36 @@ def zero_lane(scratch, lane):
 
 @inlined
 def fill_laws(scratch, physics, a, b):
-    """Write the constants of the force laws for materials a and b to all lanes."""
+    """Write the constants of the force laws for two materials to all lanes of a tile.
+
+    Parameters
+    ----------
+    scratch : array
+        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
+    physics : Physics
+        Time step, gravity and constants of the laws (`state.Physics`).
+    a, b : int
+        Numbers of the materials of the bodies A and B.
+    """
     tl.fill_constants(scratch, tl.LAW, physics.law_constants[a, b])
     tl.fill_constants(scratch, tl.ROLLING, physics.rolling_constants[a, b])
 
 
 @inlined
 def fill_lane_laws(scratch, lane, physics, a, b):
-    """Write the constants of the force laws for materials a and b to one lane."""
+    """Write the constants of the force laws for two materials to one lane of a tile.
+
+    Parameters
+    ----------
+    scratch : array
+        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
+    lane : int
+        Lane of the contact in its tile, 0 to LANES - 1.
+    physics : Physics
+        Time step, gravity and constants of the laws (`state.Physics`).
+    a, b : int
+        Numbers of the materials of the bodies A and B.
+    """
     for number in range(physics.law_constants.shape[2]):
         constant = physics.law_constants[a, b, number]
         scratch[tl.LAW + number * LANES + lane] = constant
@@ -127,7 +191,18 @@ def fill_lane_laws(scratch, lane, physics, a, b):
 
 @inlined
 def law_rows(clumps, on_wall):
-    """Return the first row of the force laws in the tile of a contact."""
+    """Return the first row of the force laws in the tile that contacts keep.
+
+    The rows before it hold the geometry, which depends on the kind of body and on
+    whether the contact is with a wall.
+
+    Parameters
+    ----------
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    on_wall : int
+        ON_WALL or OF_PAIR.
+    """
     if len(clumps) == 0:
         return st.WALL_STATE if on_wall else st.PAIR_STATE
     return ct.WALL_STATE if on_wall else ct.PAIR_STATE
@@ -135,12 +210,27 @@ def law_rows(clumps, on_wall):
 
 @inlined
 def apply_laws(scratch, history, physics, clumps, on_wall):
-    """Compute forces and torques of each lane by the force laws.
+    """Compute forces and torques on both bodies of each lane by the force laws.
 
-    `history` is the tile of the contacts, in which the laws keep their rows.
+    The geometry of the lanes has to be in the tiles. Writes the rows TO_A and TO_B of
+    `scratch` and the rows of the laws in `history`.
+
+    Parameters
+    ----------
+    scratch : array
+        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
+    history : array
+        Tile of the numbers that these contacts keep from step to step.
+    physics : Physics
+        Time step, gravity and constants of the laws (`state.Physics`).
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    on_wall : int
+        ON_WALL or OF_PAIR.
     """
     first = law_rows(clumps, on_wall)
     of_spheres = 0 if len(clumps) == 0 else 1
+    # the contact law first: force on A, and the torques that follow from it
     surfaces(physics.law, scratch, history, of_spheres, on_wall)
     contact_forces(physics.law, scratch, history, first, physics.dt)
     tl.torques(scratch)
@@ -152,13 +242,41 @@ def apply_laws(scratch, history, physics, clumps, on_wall):
 
 @inlined
 def end_gap(history, physics, clumps, on_wall, lane):
-    """Return the gap at which the contact of a lane ends [m]."""
+    """Return the gap at which the contact of a lane ends [m].
+
+    It is 0.0 unless the law attracts across a gap.
+
+    Parameters
+    ----------
+    history : array
+        Tile of the numbers that these contacts keep from step to step.
+    physics : Physics
+        Time step, gravity and constants of the laws (`state.Physics`).
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    on_wall : int
+        ON_WALL or OF_PAIR.
+    lane : int
+        Lane of the contact in its tile, 0 to LANES - 1.
+    """
     return reach(physics.law, history, law_rows(clumps, on_wall), lane)
 
 
 @inlined
 def pair_geometry(scratch, history, parts, clumps):
-    """Compute normal, gap, effective radius and contact point of each lane's pair."""
+    """Compute normal, gap, effective radius and contact point of each lane's pair.
+
+    Parameters
+    ----------
+    scratch : array
+        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
+    history : array
+        Tile of the numbers that these contacts keep from step to step.
+    parts : int
+        Ellipsoids of a body, at most; 0 for clumps, SPHERES for spheres.
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    """
     if len(clumps) == 0:
         tl.pair_geometry(scratch, history, parts)
     else:
@@ -171,10 +289,18 @@ def pair_forces(bodies, pairs, clumps, counts, physics, scratch, share, begin, e
 
     Parameters
     ----------
-    bodies, pairs, clumps, counts, physics
-        The bodies, the list of pairs, and the rest of the simulation's state (`state`).
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    pairs : Pairs or SpherePairs
+        The lists of pairs, of smooth bodies or of clumps.
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    physics : Physics
+        Time step, gravity and constants of the laws (`state.Physics`).
     scratch : array
-        Scratch tile of LANES contacts.
+        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
     share : int
         Number of the share, the first index of `bodies.load`.
     begin, end : int
@@ -186,28 +312,32 @@ def pair_forces(bodies, pairs, clumps, counts, physics, scratch, share, begin, e
         Number of the pairs that parted. They are written to `pairs.ended` from place
         `begin` on, and their gaps to `pairs.gap`.
     """
-    n = min(counts[st.N_PAIRS], end)
+    n_pairs = min(counts[st.N_PAIRS], end)
     load = bodies.load[share]
     n_ended = 0
     fill_laws(scratch, physics, 0, 0)
     share_row = st.share_column(physics.parts) * LANES
     # A large simulation has several shares and does not fit into the caches.
-    large = bodies.load.shape[0] > 1
-    for base in range(begin, n, LANES):
+    is_large = bodies.load.shape[0] > 1
+    for base in range(begin, n_pairs, LANES):
         history = pairs.data[base // LANES]
-        lanes = min(LANES, n - base)
-        if large:
+        n_lanes = min(LANES, n_pairs - base)
+        if is_large:
             fetch_contacts(pairs, load, bodies.rows, base)
+        # each lane has the constants of its own two materials
         if physics.mixed_pairs:
             for lane in range(LANES):
                 k = base + lane
                 kind_a = bodies.kind[pairs.first[k]]
                 kind_b = bodies.kind[pairs.second[k]]
                 fill_lane_laws(scratch, lane, physics, kind_a, kind_b)
+        # copies of both bodies, the geometry, and the effective mass
         gather_bodies(bodies.rows, pairs.first, base, scratch, tl.A)
         gather_bodies(bodies.rows, pairs.second, base, scratch, tl.B)
         pair_geometry(scratch, history, physics.parts, clumps)
-        write_mass_of_pairs(scratch, history, pairs, physics.parts, clumps, base, lanes)
+        write_mass_of_pairs(
+            scratch, history, pairs, physics.parts, clumps, base, n_lanes
+        )
         # A contact takes the smaller share of its bodies, see `laws.tangential`.
         for lane in range(LANES):
             scratch[tl.SHARE + lane] = min(
@@ -216,16 +346,17 @@ def pair_forces(bodies, pairs, clumps, counts, physics, scratch, share, begin, e
         apply_laws(scratch, history, physics, clumps, OF_PAIR)
         # Few tiles have a lane with a gap, so the others skip the loop over the lanes.
         if tl.open_lanes(scratch) > 0:
-            for lane in range(lanes):
+            for lane in range(n_lanes):
                 gap = scratch[tl.GAP + lane]
                 if gap > end_gap(history, physics, clumps, OF_PAIR, lane):
                     zero_lane(scratch, lane)
                     pairs.gap[base + lane] = gap
                     pairs.ended[begin + n_ended] = base + lane
                     n_ended += 1
+        # add the forces to both bodies
         scatter(load, pairs.first, base, scratch, tl.TO_A)
         scatter(load, pairs.second, base, scratch, tl.TO_B)
-        if large:
+        if is_large:
             mark_touched(bodies, share, pairs.first, base)
             mark_touched(bodies, share, pairs.second, base)
     return n_ended
@@ -233,7 +364,13 @@ def pair_forces(bodies, pairs, clumps, counts, physics, scratch, share, begin, e
 
 @kernel
 def still_wall(scratch):
-    """Make body B of each lane a wall: of infinite mass, neither moving nor turning."""
+    """Make body B of each lane a wall: of infinite mass, neither moving nor turning.
+
+    Parameters
+    ----------
+    scratch : array
+        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
+    """
     for lane in range(LANES):
         for column in range(st.SHAPE):
             scratch[tl.B + column * LANES + lane] = 0.0
@@ -251,28 +388,33 @@ def fill_walls(bodies, contacts, walls, physics, first_wall, base, n, scratch):
 
     Parameters
     ----------
-    bodies, contacts, walls, physics : namedtuple
-        The bodies, a list of contacts with walls of one kind, the walls, and the
-        constants of a step, see `state`.
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    contacts : WallContacts
+        The list of contacts with walls of one kind.
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    physics : Physics
+        Time step, gravity and constants of the laws (`state.Physics`).
     first_wall : int
-        Number of the first wall of this kind.
+        Number of the first wall of this kind among all walls.
     base, n : int
         The first contact of the tile, and the number of contacts in the list.
     scratch : array
-        The tile; the walls are its bodies B.
+        Scratch tile of LANES contacts (rows of `tile`); the walls are its bodies B.
     """
     if not (physics.mixed_walls or walls.approach[st.WALLS_MOVE] > 0.0):
         return
     for lane in range(LANES):
         k = base + lane
         # velocity and angular velocity of the wall; zero in a lane without a contact
-        vx = vy = vz = wx = wy = wz = 0.0
+        vx = vy = vz = omega_x = omega_y = omega_z = 0.0
         if k < n:
             wall = first_wall + contacts.wall[k]
-            wx, wy, wz = vector_at(walls.motion[wall], st.WALL_SPIN)
+            omega_x, omega_y, omega_z = vector_at(walls.motion[wall], st.WALL_SPIN)
             if physics.mixed_walls:
-                kind = bodies.kind[contacts.body[k]]
-                fill_lane_laws(scratch, lane, physics, kind, walls.material[wall])
+                material = bodies.kind[contacts.body[k]]
+                fill_lane_laws(scratch, lane, physics, material, walls.material[wall])
             # a wall's velocity depends on the place of the contact point
             x = scratch[tl.A + lane] + scratch[tl.RA + lane]
             y = scratch[tl.A + LANES + lane] + scratch[tl.RA + LANES + lane]
@@ -280,14 +422,30 @@ def fill_walls(bodies, contacts, walls, physics, first_wall, base, n, scratch):
             vx, vy, vz = surface_velocity(walls.motion[wall], x, y, z)
         write_vector(scratch, tl.B + st.VELOCITY * LANES, lane, vx, vy, vz)
         # only laws of rolling use the angular velocity, since a wall has no arm
-        write_vector(scratch, tl.B + st.ANGULAR_VELOCITY * LANES, lane, wx, wy, wz)
+        write_vector(
+            scratch, tl.B + st.ANGULAR_VELOCITY * LANES, lane, omega_x, omega_y, omega_z
+        )
 
 
 @inlined
 def search_soon(bodies, contacts, walls, k, gap):
-    """Let the body and the wall of contact k be searched when they may have closed a gap.
+    """Let body and wall of contact k be searched when they may have closed a gap.
 
-    Writes their limit, and when the body is due for walls.
+    The contact ended. Writes their limit, and when the body is due for walls.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    contacts : WallContacts
+        The list of contacts with walls of one kind.
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    k : int
+        Number of the contact.
+    gap : float
+        How far they are apart [m]; negative counts as 0, so the search is in the next
+        step.
     """
     wall = contacts.wall[k]
     i = contacts.body[k]
@@ -301,8 +459,26 @@ def search_soon(bodies, contacts, walls, k, gap):
 def wall_forces(bodies, contacts, clumps, walls, physics, first_wall, base, n, scratch):
     """Compute the forces of a tile of contacts with walls whose geometry is known.
 
-    The arguments are those of `fill_walls`, and `clumps`, see the top of this file. The
-    forces are written to the rows `TO_A` of `scratch`.
+    The forces are written to the rows `TO_A` of `scratch`.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    contacts : WallContacts
+        The list of contacts with walls of one kind.
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    physics : Physics
+        Time step, gravity and constants of the laws (`state.Physics`).
+    first_wall : int
+        Number of the first wall of this kind among all walls.
+    base, n : int
+        The first contact of the tile, and the number of contacts in the list.
+    scratch : array
+        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
     """
     history = contacts.data[base // LANES]
     fill_walls(bodies, contacts, walls, physics, first_wall, base, n, scratch)
@@ -318,7 +494,23 @@ def wall_forces(bodies, contacts, clumps, walls, physics, first_wall, base, n, s
 
 @inlined
 def add_wall_forces(bodies, contacts, walls, first_wall, base, n, scratch):
-    """Add the forces of a tile of contacts with walls to the loads of bodies and walls."""
+    """Add the forces of a tile of contacts to the loads of the bodies and the walls.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    contacts : WallContacts
+        The list of contacts with walls of one kind.
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    first_wall : int
+        Number of the first wall of this kind among all walls.
+    base, n : int
+        The first contact of the tile, and the number of contacts in the list.
+    scratch : array
+        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
+    """
     load_walls(walls, first_wall, contacts, base, n, scratch)
     # contacts with walls use the first share of the loads
     scatter(bodies.load[0], contacts.body, base, scratch, tl.TO_A)
@@ -327,26 +519,71 @@ def add_wall_forces(bodies, contacts, walls, first_wall, base, n, scratch):
 
 
 @inlined
-def drop_touch(contacts, clumps, counts, slot, k, ghost):
-    """Remove contact k with a wall from its list; `slot`: its length in `counts`."""
+def drop_touch(contacts, clumps, counts, length_slot, k, ghost):
+    """Remove contact k with a wall from its list; of clumps, its sphere is free again.
+
+    Parameters
+    ----------
+    contacts : WallContacts
+        The list of contacts with walls of one kind.
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    length_slot : int
+        Place in `counts` of the length of this list, such as st.N_PLANE.
+    k : int
+        Number of the contact.
+    ghost : int
+        Number of the absent body, which unused places of lists hold.
+    """
     if len(clumps) > 0:
-        forget_sphere(contacts, clumps, counts, slot, k)
-    drop_wall_contact(contacts, counts, slot, k, ghost)
+        forget_sphere(contacts, clumps, counts, length_slot, k)
+    drop_wall_contact(contacts, counts, length_slot, k, ghost)
 
 
 @inlined
-def drop_ended(contacts, clumps, counts, slot, n_ended, ghost):
-    """Remove the contacts with walls that ended, the last first.
+def drop_ended(contacts, clumps, counts, length_slot, n_ended, ghost):
+    """Remove the contacts with walls that ended in this step, the last first.
 
-    A removed contact is replaced by the last one, so the places of the others stay valid.
+    A removed contact is replaced by the last one, so the places of the others stay
+    valid.
+
+    Parameters
+    ----------
+    contacts : WallContacts
+        The list; its first n_ended numbers `ended` are places of these contacts, in
+        increasing order.
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    length_slot : int
+        Place in `counts` of the length of this list, such as st.N_PLANE.
+    n_ended : int
+        Number of the contacts that ended.
+    ghost : int
+        Number of the absent body, which unused places of lists hold.
     """
-    for e in range(n_ended - 1, -1, -1):
-        drop_touch(contacts, clumps, counts, slot, contacts.ended[e], ghost)
+    for place in range(n_ended - 1, -1, -1):
+        drop_touch(contacts, clumps, counts, length_slot, contacts.ended[place], ghost)
 
 
 @inlined
 def plane_geometry(scratch, history, parts, clumps):
-    """Compute gap, effective radius and contact point of each lane on a plane."""
+    """Compute gap, effective radius and contact point of each lane's body on its plane.
+
+    Parameters
+    ----------
+    scratch : array
+        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
+    history : array
+        Tile of the numbers that these contacts keep from step to step.
+    parts : int
+        Ellipsoids of a body, at most; 0 for clumps, SPHERES for spheres.
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    """
     if len(clumps) == 0:
         tl.plane_geometry(scratch, history, parts)
     else:
@@ -361,30 +598,40 @@ def plane_forces(bodies, flat, clumps, walls, counts, physics, scratch, ghost):
 
     Parameters
     ----------
-    bodies, flat, clumps, walls, counts, physics
-        The bodies, their contacts with planes, and the rest of the simulation's state
-        (`state`).
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    flat : WallContacts
+        The contacts with planes.
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    physics : Physics
+        Time step, gravity and constants of the laws (`state.Physics`).
     scratch : array
-        Scratch tile of LANES contacts.
+        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
     ghost : int
-        Number of the absent body, which unused places of a list hold.
+        Number of the absent body, which unused places of lists hold.
     """
-    n = counts[st.N_PLANE]
+    n_contacts = counts[st.N_PLANE]
     # A large simulation has several shares of the loads, and does not fit into the
     # caches.
-    large = bodies.load.shape[0] > 1
+    is_large = bodies.load.shape[0] > 1
     n_ended = 0
     # One tile after another; `base` is the number of its first contact.
-    for base in range(0, n, LANES):
+    for base in range(0, n_contacts, LANES):
         history = flat.data[base // LANES]
-        if large and base + LANES < n:
+        if is_large and base + LANES < n_contacts:
             fetch_bodies(bodies.rows, bodies.load[0], flat.body, base + LANES)
+        # copies of the bodies, the geometry, and the forces
         gather_bodies(bodies.rows, flat.body, base, scratch, tl.A)
         plane_geometry(scratch, history, physics.parts, clumps)
-        wall_forces(bodies, flat, clumps, walls, physics, 0, base, n, scratch)
+        wall_forces(bodies, flat, clumps, walls, physics, 0, base, n_contacts, scratch)
         # Few tiles have a lane with a gap, so the others skip the loop over the lanes.
         if tl.open_lanes(scratch) > 0:
-            for lane in range(min(LANES, n - base)):
+            for lane in range(min(LANES, n_contacts - base)):
                 gap = scratch[tl.GAP + lane]
                 if gap > end_gap(history, physics, clumps, ON_WALL, lane):
                     zero_lane(scratch, lane)
@@ -395,13 +642,26 @@ def plane_forces(bodies, flat, clumps, walls, counts, physics, scratch, ghost):
                         note_past_edge(flat, clumps, base + lane)
                     flat.ended[n_ended] = base + lane
                     n_ended += 1
-        add_wall_forces(bodies, flat, walls, 0, base, n, scratch)
+        add_wall_forces(bodies, flat, walls, 0, base, n_contacts, scratch)
     drop_ended(flat, clumps, counts, st.N_PLANE, n_ended, ghost)
 
 
 @inlined
 def note_past_edge(flat, clumps, k):
-    """Note that contact k slid over the edge of a disc: it is past the wall."""
+    """Note that the body of contact k slid over the edge of a disc.
+
+    It is past the wall now: no contact of it (of a clump, of this sphere) begins until it is clear of the
+    plane, see `walls`.
+
+    Parameters
+    ----------
+    flat : WallContacts
+        The contacts with planes.
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    k : int
+        Number of the contact.
+    """
     wall = flat.wall[k]
     i = flat.body[k]
     if len(clumps) == 0:
@@ -412,7 +672,23 @@ def note_past_edge(flat, clumps, k):
 
 @inlined
 def note_past_end(bodies, curved, clumps, walls, n, k, depth):
-    """Note that contact k slid over the end of a curved wall, with an overlap of depth."""
+    """Note that the body of contact k slid over the end of a curved wall.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    curved : WallContacts
+        The contacts with cones, tubes and rings.
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    n, k : int
+        Number of contacts in the list, and number of this contact.
+    depth : float
+        Overlap with which it slid off [m].
+    """
     if len(clumps) == 0:
         note_slide_off(bodies, curved, walls, n, k, depth)
     else:
@@ -423,14 +699,23 @@ def note_past_end(bodies, curved, clumps, walls, n, k, depth):
 def is_double(contacts, k):
     """Return whether an earlier contact of the same body and wall is at the same place.
 
-    Two contacts of a long body merge when the body turns across the wall.
+    Two contacts of a long body with a curved wall merge when the body turns across it.
+
+    Parameters
+    ----------
+    contacts : WallContacts
+        The list of contacts with walls of one kind.
+    k : int
+        Number of the contact; those before it are compared.
     """
-    for m in range(k):
+    for other in range(k):
         if (
-            contacts.body[m] == contacts.body[k]
-            and contacts.wall[m] == contacts.wall[k]
+            contacts.body[other] == contacts.body[k]
+            and contacts.wall[other] == contacts.wall[k]
         ):
-            angle = angle_between(azimuth(contacts.data, m), azimuth(contacts.data, k))
+            angle = angle_between(
+                azimuth(contacts.data, other), azimuth(contacts.data, k)
+            )
             if angle < 0.5 * SAME_AZIMUTH:
                 return True
     return False
@@ -438,7 +723,19 @@ def is_double(contacts, k):
 
 @inlined
 def write_lane(scratch, history, lane, geometry):
-    """Copy the geometry of one contact to its lane of both tiles."""
+    """Copy the geometry of one contact to its lane of both tiles.
+
+    Parameters
+    ----------
+    scratch : array
+        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
+    history : array
+        Tile of the numbers that these contacts keep from step to step.
+    lane : int
+        Lane of the contact in its tile, 0 to LANES - 1.
+    geometry : array (8,)
+        The contact in world axes (`contact_geometry`).
+    """
     nx, ny, nz = normal_of(geometry)
     rx, ry, rz = arm_of(geometry)
     write_vector(history, tl.NORMAL, lane, nx, ny, nz)
@@ -448,9 +745,12 @@ def write_lane(scratch, history, lane, geometry):
 
 
 @inlined
-def open_unused_lanes(scratch, lanes):
-    """Give the lanes after the first `lanes` a gap: they hold another tile's geometry."""
-    for lane in range(lanes, LANES):
+def open_unused_lanes(scratch, n_lanes):
+    """Give the lanes without a contact a gap, so that they have no force.
+
+    They may hold the geometry of another tile. `lanes` is the number of lanes in use.
+    """
+    for lane in range(n_lanes, LANES):
         scratch[tl.GAP + lane] = OPEN
 
 
@@ -460,9 +760,34 @@ def curved_geometry(
 ):
     """Write the geometry of contact k with a cone, tube or ring to its lane.
 
-    `geometry` (see `contact_geometry`) and `local_row` are overwritten. Returns whether
-    the contact ended: the gap is too large, the contact lies beyond the wall's end, or
-    two contacts of a body have merged.
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    curved : WallContacts
+        The contacts with cones, tubes and rings.
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    physics : Physics
+        Time step, gravity and constants of the laws (`state.Physics`).
+    scratch : array
+        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
+    lane : int
+        Lane of the contact in its tile, 0 to LANES - 1.
+    k : int
+        Number of the contact.
+    geometry : array (8,)
+        One contact (`contact_geometry`): normal, gap, R*, arm; is written.
+    local_row : array
+        Scratch for a row of a body in the frame of a wall; is overwritten.
+
+    Returns
+    -------
+    bool
+        Whether the contact ended: the gap is too large, the contact lies beyond the
+        wall's end, or two contacts of a body have merged.
     """
     history = curved.data[k // LANES]
     row = bodies.rows[curved.body[k]]
@@ -514,26 +839,37 @@ def curved_forces(
 
     Parameters
     ----------
-    bodies, curved, clumps, walls, counts, physics
-        The bodies, their contacts with these walls, and the rest of the simulation's
-        state (`state`).
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    curved : WallContacts
+        The contacts with cones, tubes and rings.
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    physics : Physics
+        Time step, gravity and constants of the laws (`state.Physics`).
     scratch : array
-        Scratch tile of LANES contacts.
-    geometry, local_row : array
-        Scratch: one contact (`contact_geometry`), and a body in the frame of a wall.
+        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
+    geometry : array (8,)
+        Scratch for one contact (`contact_geometry`); is overwritten.
+    local_row : array
+        Scratch for a row of a body in the frame of a wall; is overwritten.
     ghost : int
-        Number of the absent body, which unused places of a list hold.
+        Number of the absent body, which unused places of lists hold.
     """
-    n = counts[st.N_CURVED]
+    n_contacts = counts[st.N_CURVED]
     first_wall = walls.planes.shape[0]
     n_ended = 0
-    for base in range(0, n, LANES):
-        lanes = min(LANES, n - base)
+    for base in range(0, n_contacts, LANES):
+        n_lanes = min(LANES, n_contacts - base)
         history = curved.data[base // LANES]
         gather_bodies(bodies.rows, curved.body, base, scratch, tl.A)
-        open_unused_lanes(scratch, lanes)
+        open_unused_lanes(scratch, n_lanes)
         # The geometry is found contact by contact, the forces for the whole tile.
-        for lane in range(lanes):
+        for lane in range(n_lanes):
             k = base + lane
             if curved_geometry(
                 bodies,
@@ -552,19 +888,27 @@ def curved_forces(
                 # it ended with an overlap, so it slid over the wall's end
                 if scratch[tl.GAP + lane] <= 0.0:
                     depth = -scratch[tl.GAP + lane]
-                    note_past_end(bodies, curved, clumps, walls, n, k, depth)
+                    note_past_end(bodies, curved, clumps, walls, n_contacts, k, depth)
                 scratch[tl.GAP + lane] = OPEN
         wall_forces(
-            bodies, curved, clumps, walls, physics, first_wall, base, n, scratch
+            bodies,
+            curved,
+            clumps,
+            walls,
+            physics,
+            first_wall,
+            base,
+            n_contacts,
+            scratch,
         )
         # Contacts that ended have no force, and their bodies are searched again.
-        for lane in range(lanes):
+        for lane in range(n_lanes):
             if scratch[tl.GAP + lane] > end_gap(
                 history, physics, clumps, ON_WALL, lane
             ):
                 zero_lane(scratch, lane)
                 search_soon(bodies, curved, walls, base + lane, 0.0)
-        add_wall_forces(bodies, curved, walls, first_wall, base, n, scratch)
+        add_wall_forces(bodies, curved, walls, first_wall, base, n_contacts, scratch)
     drop_ended(curved, clumps, counts, st.N_CURVED, n_ended, ghost)
 
 
@@ -584,7 +928,28 @@ def mesh_geometry(
 ):
     """Fill `geometry` for contact k with a mesh; return whether the contact lasts.
 
-    `other_geometry` and `local_row` are scratch.
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    meshed : WallContacts
+        The contacts with meshes.
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    meshes : Meshes
+        The features of all meshes (`features.Meshes`).
+    physics : Physics
+        Time step, gravity and constants of the laws (`state.Physics`).
+    n, k : int
+        Number of contacts in the list, and number of this contact.
+    geometry : array (8,)
+        The contact (`contact_geometry`); is written, in world axes.
+    other_geometry : array (8,)
+        Scratch for a second contact; is overwritten.
+    local_row : array
+        Scratch for a row of a body in the frame of a wall; is overwritten.
     """
     end = end_gap(meshed.data[k // LANES], physics, clumps, ON_WALL, k % LANES)
     if len(clumps) == 0:
@@ -637,28 +1002,42 @@ def mesh_forces(
 
     Parameters
     ----------
-    bodies, meshed, clumps, walls, meshes, counts, physics
-        The bodies, their contacts with meshes, and the rest of the simulation's state
-        (`state`).
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    meshed : WallContacts
+        The contacts with meshes.
+    clumps : Clumps or ()
+        The spheres of the clumps; an empty tuple where all bodies are smooth.
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    meshes : Meshes
+        The features of all meshes (`features.Meshes`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    physics : Physics
+        Time step, gravity and constants of the laws (`state.Physics`).
     scratch : array
-        Scratch tile of LANES contacts.
-    geometry, other_geometry, local_row : array
-        Scratch: two contacts (`contact_geometry`), and a body in the frame of a mesh.
+        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
+    geometry, other_geometry : array (8,)
+        Scratch for two contacts (`contact_geometry`); is overwritten.
+    local_row : array
+        Scratch for a row of a body in the frame of a wall; is overwritten.
     ghost : int
-        Number of the absent body, which unused places of a list hold.
+        Number of the absent body, which unused places of lists hold.
     """
-    n = counts[st.N_MESHED]
+    n_contacts = counts[st.N_MESHED]
     n_curved = walls.cones.shape[0] + walls.rings.shape[0]
     first_wall = walls.planes.shape[0] + n_curved
     n_ended = 0
     if len(clumps) > 0:
-        mark_spheres_on_meshes(meshed, clumps.mesh_sphere, n)
-    for base in range(0, n, LANES):
-        lanes = min(LANES, n - base)
+        mark_spheres_on_meshes(meshed, clumps.mesh_sphere, n_contacts)
+    for base in range(0, n_contacts, LANES):
+        n_lanes = min(LANES, n_contacts - base)
         history = meshed.data[base // LANES]
         gather_bodies(bodies.rows, meshed.body, base, scratch, tl.A)
-        open_unused_lanes(scratch, lanes)
-        for lane in range(lanes):
+        open_unused_lanes(scratch, n_lanes)
+        # The geometry is found contact by contact, the forces for the whole tile.
+        for lane in range(n_lanes):
             k = base + lane
             is_touching = mesh_geometry(
                 bodies,
@@ -667,7 +1046,7 @@ def mesh_forces(
                 walls,
                 meshes,
                 physics,
-                n,
+                n_contacts,
                 k,
                 geometry,
                 other_geometry,
@@ -680,9 +1059,17 @@ def mesh_forces(
                 n_ended += 1
                 scratch[tl.GAP + lane] = OPEN
         wall_forces(
-            bodies, meshed, clumps, walls, physics, first_wall, base, n, scratch
+            bodies,
+            meshed,
+            clumps,
+            walls,
+            physics,
+            first_wall,
+            base,
+            n_contacts,
+            scratch,
         )
-        for lane in range(lanes):
+        for lane in range(n_lanes):
             if scratch[tl.GAP + lane] > end_gap(
                 history, physics, clumps, ON_WALL, lane
             ):
@@ -690,5 +1077,5 @@ def mesh_forces(
                 # search the mesh in the next step
                 k = base + lane
                 meshed.limit[meshed.wall[k], meshed.body[k]] = -1.0
-        add_wall_forces(bodies, meshed, walls, first_wall, base, n, scratch)
+        add_wall_forces(bodies, meshed, walls, first_wall, base, n_contacts, scratch)
     drop_ended(meshed, clumps, counts, st.N_MESHED, n_ended, ghost)

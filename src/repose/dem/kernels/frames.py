@@ -22,7 +22,11 @@ XX, XY, XZ, YX, YY, YZ, ZX, ZY, ZZ = range(FRAME_ROTATION, FRAME_ROTATION + 9)
 
 @inlined
 def into_frame(frame, x, y, z):
-    """Return a vector of the world in the axes of a frame."""
+    """Return a vector (x, y, z) of the world in the axes of a frame.
+
+    `frame` is a row of `Walls.frames`: the origin, then the rotation R from the frame's
+    axes to the world's. The result is R' times the vector.
+    """
     return (
         frame[XX] * x + frame[YX] * y + frame[ZX] * z,
         frame[XY] * x + frame[YY] * y + frame[ZY] * z,
@@ -32,7 +36,7 @@ def into_frame(frame, x, y, z):
 
 @inlined
 def out_of_frame(frame, x, y, z):
-    """Return a vector of a frame in world axes."""
+    """Return a vector (x, y, z) of a frame in world axes; see `into_frame`."""
     return (
         frame[XX] * x + frame[XY] * y + frame[XZ] * z,
         frame[YX] * x + frame[YY] * y + frame[YZ] * z,
@@ -42,14 +46,17 @@ def out_of_frame(frame, x, y, z):
 
 @inlined
 def place_in_frame(frame, x, y, z):
-    """Return a place in the world as seen from a frame."""
+    """Return a place in the world as seen from the origin and axes of a frame."""
     x0, y0, z0 = vector_at(frame, FRAME_ORIGIN)
     return into_frame(frame, x - x0, y - y0, z - z0)
 
 
 @inlined
 def rotate_to_world(frame, values, first):
-    """Rotate three numbers of an array from a frame into world axes, in place."""
+    """Rotate a vector in an array from a frame into world axes, in place.
+
+    `frame` is a row of `Walls.frames`, `first` the place of the vector in `values`.
+    """
     x, y, z = vector_at(values, first)
     x, y, z = out_of_frame(frame, x, y, z)
     set_vector(values, first, x, y, z)
@@ -57,16 +64,33 @@ def rotate_to_world(frame, values, first):
 
 @inlined
 def normal_to_world(walls, frame, geometry):
-    """Rotate the normal of a contact geometry from a frame into world axes."""
+    """Rotate the normal of a contact from a frame into world axes, in place.
+
+    Parameters
+    ----------
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    frame : int
+        Number of the wall's frame: curved walls first, then meshes.
+    geometry : array (8,)
+        The contact (`contact_geometry`).
+    """
     if walls.displaced[frame]:
         rotate_to_world(walls.frames[frame], geometry, cg.NORMAL)
 
 
 @inlined
 def contact_to_world(walls, frame, geometry):
-    """Rotate normal and arm of a contact geometry from a frame into world axes.
+    """Rotate normal and arm of a contact from a frame into world axes, in place.
 
-    `frame` is the number of the wall's frame: curved walls first, then meshes.
+    Parameters
+    ----------
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    frame : int
+        Number of the wall's frame: curved walls first, then meshes.
+    geometry : array (8,)
+        The contact (`contact_geometry`).
     """
     if walls.displaced[frame]:
         rotate_to_world(walls.frames[frame], geometry, cg.NORMAL)
@@ -75,18 +99,27 @@ def contact_to_world(walls, frame, geometry):
 
 @inlined
 def mesh_frame(walls, mesh):
-    """Return the number of the frame of a mesh in `Walls.frames`."""
+    """Return the number of a mesh's frame in `Walls.frames`, after the curved walls."""
     return walls.cones.shape[0] + walls.rings.shape[0] + mesh
 
 
 @kernel
 def row_in_frame(row, parts, frame, local_row):
-    """Write position and shape of a body, as seen from a frame, to `local_row`.
+    """Write position and shape of a body, as seen from a frame, to another row.
 
-    `row` and `local_row` are rows of `Bodies.rows`; the other columns of `local_row` keep
-    their values. `parts` is the number of ellipsoids of the body, or SPHERES. Each has a
-    symmetric matrix S of six columns: xx, xy, xz, yy, yz, zz. In the frame it is R' S R,
-    with the rotation R of the frame.
+    Each ellipsoid of the body has a symmetric matrix S of six columns: xx, xy, xz, yy,
+    yz, zz. In the frame it is R' S R, with the rotation R of the frame.
+
+    Parameters
+    ----------
+    row : array
+        The body, a row of `Bodies.rows`.
+    parts : int
+        Ellipsoids of the body, or SPHERES.
+    frame : array (12,)
+        The row of `Walls.frames`.
+    local_row : array
+        Is written; its other columns keep their values.
     """
     x, y, z = vector_at(row, st.POSITION)
     x, y, z = place_in_frame(frame, x, y, z)
@@ -109,10 +142,14 @@ def row_in_frame(row, parts, frame, local_row):
 
 @inlined
 def surface_velocity(motion, x, y, z):
-    """Return the velocity of a moving wall at a place (x, y, z): v + omega x r.
+    """Return the velocity of a moving wall at a place [m/s]: v + omega x r.
 
-    `motion` is a row of `Walls.motion`; r is the vector from the wall's pivot to the
-    place.
+    Parameters
+    ----------
+    motion : array (9,)
+        The row of `Walls.motion`: velocity v, angular velocity omega, pivot.
+    x, y, z : float
+        The place in the world [m]; r is the vector from the wall's pivot to it.
     """
     vx, vy, vz = vector_at(motion, st.WALL_VELOCITY)
     omega_x, omega_y, omega_z = vector_at(motion, st.WALL_SPIN)
@@ -127,7 +164,17 @@ def surface_velocity(motion, x, y, z):
 
 @inlined
 def rotated_about(angle, ux, uy, uz, x, y, z):
-    """Return a vector rotated by an angle [rad] about a unit axis u (Rodrigues)."""
+    """Return a vector rotated about an axis, by the formula of Rodrigues.
+
+    Parameters
+    ----------
+    angle : float
+        The angle [rad].
+    ux, uy, uz : float
+        Unit vector along the axis.
+    x, y, z : float
+        The vector.
+    """
     cos = math.cos(angle)
     sin = math.sin(angle)
     along = (ux * x + uy * y + uz * z) * (1.0 - cos)
@@ -140,7 +187,17 @@ def rotated_about(angle, ux, uy, uz, x, y, z):
 
 @inlined
 def turn_frame(frame, angle, ux, uy, uz):
-    """Turn the rotation of a frame by an angle [rad] about a unit axis u, in place."""
+    """Turn the rotation of a frame about an axis, in place; its origin stays.
+
+    Parameters
+    ----------
+    frame : array (12,)
+        The row of `Walls.frames`.
+    angle : float
+        The angle [rad].
+    ux, uy, uz : float
+        Unit vector along the axis.
+    """
     # the columns of the rotation are the axes of the frame
     for axis in range(3):
         column = FRAME_ROTATION + axis
@@ -160,10 +217,17 @@ def turn_frame(frame, angle, ux, uy, uz):
 
 @kernel
 def move_walls(walls, dt):
-    """Move all moving walls by one time step [s].
+    """Move all moving walls by one time step.
 
     A wall turns about its pivot, and the pivot moves. Writes the planes and frames of
     these walls, their pivots, and how far any wall may have come nearer.
+
+    Parameters
+    ----------
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    dt : float
+        Time step [s].
     """
     planes = walls.planes
     n_planes = planes.shape[0]
@@ -189,11 +253,13 @@ def move_walls(walls, dt):
             surface[1] - pivot_y,
             surface[2] - pivot_z,
         )
+        # the pivot moves, and the wall's place lies at the rotated arm from it
         for axis in range(3):
             motion[st.WALL_PIVOT + axis] += dt * motion[st.WALL_VELOCITY + axis]
         surface[0] = motion[st.WALL_PIVOT] + arm_x
         surface[1] = motion[st.WALL_PIVOT + 1] + arm_y
         surface[2] = motion[st.WALL_PIVOT + 2] + arm_z
+        # the direction of the wall: of a plane its normal, of others the frame's axes
         if wall < n_planes:
             nx, ny, nz = vector_at(surface, st.PLANE_NORMAL)
             nx, ny, nz = rotated_about(angle, ux, uy, uz, nx, ny, nz)
@@ -205,7 +271,19 @@ def move_walls(walls, dt):
 
 @kernel
 def move_plane_contacts(flat, walls, n):
-    """Write the present place of moving planes to the first n contacts with planes."""
+    """Write the present place of moving planes to the first n contacts with planes.
+
+    Each contact keeps a copy of its plane, which is vector code's view of it.
+
+    Parameters
+    ----------
+    flat : WallContacts
+        The contacts with planes.
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    n : int
+        Number of contacts.
+    """
     for k in range(n):
         wall = flat.wall[k]
         if walls.moves[wall]:
@@ -216,8 +294,16 @@ def move_plane_contacts(flat, walls, n):
 def write_plane(tile, lane, plane):
     """Write a plane to the lane of a contact: normal, offset, middle, squared radius.
 
-    `tile` is the contact's tile, `plane` a row of `Walls.planes`. The offset is the
-    distance of the plane from the origin along its normal.
+    The offset is the distance of the plane from the origin along its normal.
+
+    Parameters
+    ----------
+    tile : array (rows * LANES,)
+        The contact's tile of `WallContacts.data`; its lane is written.
+    lane : int
+        Lane of the contact in its tile, 0 to LANES - 1.
+    plane : array
+        The row of `Walls.planes`.
     """
     offset = 0.0
     for axis in range(3):
@@ -241,9 +327,9 @@ def load_walls(walls, first_wall, contacts, base, n, scratch):
     Parameters
     ----------
     walls : Walls
-        All walls.
+        Shapes, frames and motion of all walls (`state.Walls`).
     first_wall : int
-        Number of the first wall of this kind.
+        Number of the first wall of this kind among all walls.
     contacts : WallContacts
         Contacts with walls of one kind; the tile begins with contact `base`.
     base : int
