@@ -19,20 +19,35 @@ PATIENCE = 4000  # reads of a counter before the processor is offered to others
 
 
 def _place(context, builder, signature, values):
-    """Return the pointer to element values[1] of the array values[0] (LLVM values)."""
+    """Write code for the address of an element of an array; return the pointer.
+
+    Parameters
+    ----------
+    context, builder
+        Numba's target context and LLVM's builder.
+    signature : numba signature
+        Types of the values.
+    values : sequence of LLVM values
+        The array and the index; further values do not count.
+    """
     array = context.make_array(signature.args[0])(context, builder, values[0])
     index = context.cast(builder, values[1], signature.args[1], types.int64)
     return builder.gep(array.data, [index])
 
 
 def _is_counter(array):
-    """Return whether a type is that of an array of int64 numbers."""
+    """Return whether a numba type is that of an array of int64 numbers."""
     return isinstance(array, types.Array) and array.dtype == types.int64
 
 
 @intrinsic
 def atomic_add(typingctx, array, index, value):
-    """Add to an element of an int64 array; return its value before."""
+    """Add to an element of an int64 array; return its value before.
+
+    Reading, adding and writing are one step that no other thread can interrupt. Of
+    other types of arrays the result is None, by which numba knows that no such function
+    exists.
+    """
     if not _is_counter(array):
         return None
 
@@ -87,12 +102,14 @@ def wait_for_all(counters, threads):
     """
     if threads == 1:
         return
+    # read the round first: after the last arrival it is the next one
     this_round = atomic_load(counters, ROUND)
     n_before = atomic_add(counters, ARRIVED, 1)
     if n_before == threads - 1:
         atomic_add(counters, ARRIVED, -threads)
         atomic_add(counters, ROUND, 1)
         return
+    # wait for the next round; after many reads let other threads of the machine run
     n_reads = 0
     while atomic_load(counters, ROUND) == this_round:
         n_reads += 1

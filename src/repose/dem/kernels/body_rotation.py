@@ -9,8 +9,8 @@ The functions work on two tiles of 32 bodies, one body in each lane (see `rows`)
 `Bodies.motion` (rows of `state`). They read the torques and the budgets of the rolling
 resistance in the rows LOAD of `scratch`. They write angular momentum and quaternion in
 `motion`; angular velocity, inverse inertia, shape and share of the dashpots in
-`scratch`; they add to its row PATH. Loops over the lanes have no branches that depend on
-a lane, so that they become vector code.
+`scratch`; they add to its row PATH. Loops over the lanes have no branches that depend
+on a lane, so that they become vector code.
 
 The budget of a body is the angular momentum that rolling resistance can take away from
 it in a step. `omega` is an angular velocity [rad/s]. Vectors are in world axes unless
@@ -47,7 +47,7 @@ DASHPOTS = LOAD + st.DASHPOTS * LANES
 
 @inlined
 def quaternion_of(motion, lane):
-    """Return the quaternion (w, x, y, z) of a lane's body."""
+    """Return the quaternion (w, x, y, z) of a lane's body, from its axes to the world's."""
     return (
         motion[QUATERNION + lane],
         motion[QUATERNION + LANES + lane],
@@ -60,7 +60,16 @@ def quaternion_of(motion, lane):
 def rotated_quaternion(qw, qx, qy, qz, omega_x, omega_y, omega_z, half_dt):
     """Return a quaternion after a rotation with constant angular velocity, normalised.
 
-    It is q + dt / 2 (0, omega) q, by the product of quaternions; `half_dt` is dt / 2.
+    It is q + dt / 2 (0, omega) q, by the product of quaternions.
+
+    Parameters
+    ----------
+    qw, qx, qy, qz : float
+        The unit quaternion q before.
+    omega_x, omega_y, omega_z : float
+        Angular velocity in world axes [rad/s].
+    half_dt : float
+        Half the time step [s].
     """
     w = qw - half_dt * (omega_x * qx + omega_y * qy + omega_z * qz)
     x = qx + half_dt * (omega_x * qw + omega_y * qz - omega_z * qy)
@@ -77,9 +86,22 @@ def rotated_quaternion(qw, qx, qy, qz, omega_x, omega_y, omega_z, half_dt):
 
 @inlined
 def turn_quaternion(motion, lane, omega_x, omega_y, omega_z, half_dt, is_turning):
-    """Turn the quaternion of a lane's body by `rotated_quaternion`.
+    """Turn the quaternion of a lane's body by `rotated_quaternion`, in place.
 
     A body that does not turn keeps its quaternion to the bit.
+
+    Parameters
+    ----------
+    motion : array
+        The same bodies in `Bodies.motion` (rows of `state`): quaternion, momentum.
+    lane : int
+        Lane of the body.
+    omega_x, omega_y, omega_z : float
+        Angular velocity in world axes [rad/s].
+    half_dt : float
+        Half the time step [s].
+    is_turning : bool
+        Whether the body turns.
     """
     qw, qx, qy, qz = quaternion_of(motion, lane)
     w, x, y, z = rotated_quaternion(qw, qx, qy, qz, omega_x, omega_y, omega_z, half_dt)
@@ -127,6 +149,7 @@ def write_rotated_diagonal(scratch, row, motion, diagonal_row):
         zx = 2.0 * (qx * qz - qw * qy)
         zy = 2.0 * (qy * qz + qw * qx)
         zz = 1.0 - 2.0 * (qx * qx + qy * qy)
+        # R diag R': the upper triangle of the symmetric matrix
         write_matrix(
             scratch,
             row,
@@ -142,54 +165,82 @@ def write_rotated_diagonal(scratch, row, motion, diagonal_row):
 
 @inlined
 def inverse_inertia_times(scratch, lane, x, y, z):
-    """Multiply the inverse inertia of a lane's body by a vector; both in world axes."""
+    """Multiply a body's inverse inertia by a vector (x, y, z), both in world axes."""
     xx, xy, xz, yy, yz, zz = lane_matrix(scratch, INVERSE_INERTIA, lane)
     return matrix_times(xx, xy, xz, yy, yz, zz, x, y, z)
 
 
 @inlined
 def into_body(motion, lane, x, y, z):
-    """Return a vector (x, y, z) of the world in the axes of a lane's body."""
+    """Return a vector (x, y, z) of the world in the axes of a lane's body.
+
+    It is rotated by the inverse of the body's quaternion.
+    """
     qw, qx, qy, qz = quaternion_of(motion, lane)
     # twice the vector product with the quaternion's vector
-    tx = 2.0 * (y * qz - z * qy)
-    ty = 2.0 * (z * qx - x * qz)
-    tz = 2.0 * (x * qy - y * qx)
+    twice_x = 2.0 * (y * qz - z * qy)
+    twice_y = 2.0 * (z * qx - x * qz)
+    twice_z = 2.0 * (x * qy - y * qx)
     return (
-        x + qw * tx + ty * qz - tz * qy,
-        y + qw * ty + tz * qx - tx * qz,
-        z + qw * tz + tx * qy - ty * qx,
+        x + qw * twice_x + twice_y * qz - twice_z * qy,
+        y + qw * twice_y + twice_z * qx - twice_x * qz,
+        z + qw * twice_z + twice_x * qy - twice_y * qx,
     )
 
 
 @inlined
 def into_world(motion, lane, x, y, z):
-    """Return a vector (x, y, z), in the axes of a lane's body, in world axes."""
+    """Return a vector (x, y, z), in the axes of a lane's body, in world axes.
+
+    It is rotated by the body's quaternion.
+    """
     qw, qx, qy, qz = quaternion_of(motion, lane)
     # twice the vector product of the quaternion's vector with it
-    tx = 2.0 * (qy * z - qz * y)
-    ty = 2.0 * (qz * x - qx * z)
-    tz = 2.0 * (qx * y - qy * x)
+    twice_x = 2.0 * (qy * z - qz * y)
+    twice_y = 2.0 * (qz * x - qx * z)
+    twice_z = 2.0 * (qx * y - qy * x)
     return (
-        x + qw * tx + qy * tz - qz * ty,
-        y + qw * ty + qz * tx - qx * tz,
-        z + qw * tz + qx * ty - qy * tx,
+        x + qw * twice_x + qy * twice_z - qz * twice_y,
+        y + qw * twice_y + qz * twice_x - qx * twice_z,
+        z + qw * twice_z + qx * twice_y - qy * twice_x,
     )
 
 
 @inlined
 def exceeds_budget(scratch, lane, lx, ly, lz, dt):
-    """Return whether an angular momentum may exceed a lane's budget, but for rounding."""
+    """Return whether an angular momentum exceeds a lane's budget of rolling resistance.
+
+    Rounding is left out: a budget counts as slightly smaller than it is, so that a body
+    that may turn is never missed.
+
+    Parameters
+    ----------
+    scratch : array
+        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
+    lane : int
+        Lane of the body.
+    lx, ly, lz : float
+        The angular momentum [kg m2/s].
+    dt : float
+        Time step [s].
+    """
     budget = CERTAIN * dt * scratch[BUDGET + lane]
     return budget * budget < squared_length(lx, ly, lz)
 
 
 @kernel
 def count_disturbed(scratch, dt):
-    """Return how many bodies of a tile at rest may begin to turn.
+    """Count the bodies of a tile at rest that may begin to turn.
 
-    These are the bodies whose torque, times `dt` [s], exceeds their budget of rolling
-    resistance.
+    These are the bodies whose torque, times the time step, exceeds their budget of
+    rolling resistance.
+
+    Parameters
+    ----------
+    scratch : array
+        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
+    dt : float
+        Time step [s].
     """
     n_disturbed = 0
     for lane in range(LANES):
@@ -203,10 +254,22 @@ def count_disturbed(scratch, dt):
 
 @kernel
 def add_torques(scratch, motion, dt):
-    """Add the torque of each lane's body, times `dt` [s], to its angular momentum.
+    """Add the torque of each lane's body, times the time step, to its angular momentum.
 
-    Returns how many bodies may turn after rolling resistance: those whose momentum
-    exceeds their budget.
+    Parameters
+    ----------
+    scratch : array
+        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
+    motion : array
+        The same bodies in `Bodies.motion` (rows of `state`): quaternion, momentum.
+    dt : float
+        Time step [s].
+
+    Returns
+    -------
+    int
+        Number of bodies that may turn after rolling resistance: their momentum exceeds
+        their budget.
     """
     n_turning = 0
     for lane in range(LANES):
@@ -223,7 +286,15 @@ def add_torques(scratch, motion, dt):
 
 @kernel
 def stop_rotations(scratch, motion):
-    """End the rotation of all bodies of a tile."""
+    """End the rotation of all bodies of a tile.
+
+    Parameters
+    ----------
+    scratch : array
+        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
+    motion : array
+        The same bodies in `Bodies.motion` (rows of `state`): quaternion, momentum.
+    """
     for place in range(3 * LANES):
         motion[ANGULAR_MOMENTUM + place] = 0.0
         scratch[OMEGA + place] = 0.0
@@ -233,21 +304,21 @@ def stop_rotations(scratch, motion):
 def resistance_direction(l1, l2, l3, j1, j2, j3, momentum, budget):
     """Return the direction of rolling resistance on a body that it does not stop.
 
-    Everything is along the principal axes of the body, and relative to the frame against
-    which rolling is resisted.
+    Everything is along the principal axes of the body, and relative to the frame
+    against which rolling is resisted.
 
-    The rotation that remains has the angular velocity s n, with the unit vector n, which
-    is returned. The resistance takes the angular momentum B n. With the angular momentum
-    l before and the inertia I, I s n = l - B n. So n = J l / (s + B J) along each axis,
-    with J = 1 / I, and the speed s is the root of |n(s)| = 1. Newton's method on
-    1 / |n(s)|, which is concave, converges to it from below.
+    The rotation that remains has the angular velocity s n, with the unit vector n,
+    which is returned. The resistance takes the angular momentum B n. With the angular
+    momentum l before and the inertia I, I s n = l - B n. So n = J l / (s + B J) along
+    each axis, with J = 1 / I, and the speed s is the root of |n(s)| = 1. Newton's
+    method on 1 / |n(s)|, which is concave, converges to it from below.
 
     Parameters
     ----------
     l1, l2, l3 : float
-        Angular momentum l.
+        Angular momentum l [kg m2/s].
     j1, j2, j3 : float
-        Inverse moments of inertia J.
+        Inverse moments of inertia J [1/(kg m2)].
     momentum : float
         Length of l.
     budget : float
@@ -256,6 +327,7 @@ def resistance_direction(l1, l2, l3, j1, j2, j3, momentum, budget):
     Returns
     -------
     n1, n2, n3 : float
+        The unit vector n.
     """
     # The numerators J l and the terms B J of the denominators, divided by the speed
     # without resistance: the root s is then between 0 and 1.
@@ -272,6 +344,7 @@ def resistance_direction(l1, l2, l3, j1, j2, j3, momentum, budget):
     )
     speed = max(speed, 0.0)
     for _ in range(NEWTON_STEPS):
+        # the denominators s + B J of the three axes
         den1, den2, den3 = speed + loss1, speed + loss2, speed + loss3
         # All fractions of n are multiplied by the product of the three denominators, so
         # that a step has one division.
@@ -293,13 +366,29 @@ def resistance_direction(l1, l2, l3, j1, j2, j3, momentum, budget):
 
 @kernel
 def resist_rolling(scratch, motion, dt):
-    """Apply rolling resistance to each lane's body; return how many bodies turn.
+    """Apply rolling resistance to each lane's body.
 
-    The budget B, the sum of mu_r F_n R over a body's contacts times dt, acts against the
-    rotation that remains after it: l' = l - B o' / |o'|, with the angular momentum l and
-    the angular velocity o' of l'. This has one solution. The body stands still where
-    |l| <= B in any orientation, and its rotation is never reversed, so a settled pile is
-    at rest.
+    The budget B, the sum of mu_r F_n R over a body's contacts times dt, acts against
+    the rotation that remains after it: l' = l - B o' / |o'|, with the angular momentum
+    l and the angular velocity o' of l'. This has one solution. The body stands still
+    where |l| <= B in any orientation, and its rotation is never reversed, so a settled
+    pile is at rest.
+
+    Writes the angular momentum in `motion` and the angular velocity in `scratch`.
+
+    Parameters
+    ----------
+    scratch : array
+        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
+    motion : array
+        The same bodies in `Bodies.motion` (rows of `state`): quaternion, momentum.
+    dt : float
+        Time step [s].
+
+    Returns
+    -------
+    int
+        Number of bodies that turn.
     """
     n_turning = 0
     for lane in range(LANES):
@@ -329,10 +418,22 @@ def resist_rolling(scratch, motion, dt):
 
 @kernel
 def resist_rolling_in_frame(scratch, motion, dt, frame_x, frame_y, frame_z):
-    """Apply rolling resistance relative to a frame that turns.
+    """Apply rolling resistance to each lane's body, relative to a frame that turns.
 
     It is that of `resist_rolling`, but a body that the resistance stops turns with the
-    frame, whose angular velocity is (frame_x, frame_y, frame_z) [rad/s].
+    frame. Writes the angular momentum in `motion` and the angular velocity in
+    `scratch`.
+
+    Parameters
+    ----------
+    scratch : array
+        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
+    motion : array
+        The same bodies in `Bodies.motion` (rows of `state`): quaternion, momentum.
+    dt : float
+        Time step [s].
+    frame_x, frame_y, frame_z : float
+        Angular velocity of the frame [rad/s].
     """
     for lane in range(LANES):
         lx, ly, lz = lane_vector(motion, ANGULAR_MOMENTUM, lane)
@@ -372,6 +473,18 @@ def advance_orientation(scratch, motion, dt):
     The angular momentum l is constant within the step. With the inverse inertia J the
     angular velocity is o = J l. J turns with the body, so o changes at the rate
     -J (o x l).
+
+    Writes the quaternion in `motion`, the angular velocity in `scratch`, and adds the
+    way of the farthest point of the body to the row PATH.
+
+    Parameters
+    ----------
+    scratch : array
+        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
+    motion : array
+        The same bodies in `Bodies.motion` (rows of `state`): quaternion, momentum.
+    dt : float
+        Time step [s].
     """
     for lane in range(LANES):
         lx, ly, lz = lane_vector(motion, ANGULAR_MOMENTUM, lane)
@@ -394,7 +507,15 @@ def advance_orientation(scratch, motion, dt):
 
 @kernel
 def write_inverse_inertia(scratch, motion):
-    """Write the inverse inertia of each lane's body as it is oriented now."""
+    """Write the inverse inertia of each lane's body in world axes.
+
+    Parameters
+    ----------
+    scratch : array
+        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
+    motion : array
+        The same bodies in `Bodies.motion` (rows of `state`): quaternion, momentum.
+    """
     write_rotated_diagonal(scratch, INVERSE_INERTIA, motion, INVERSE_MOMENTS)
 
 
@@ -402,9 +523,18 @@ def write_inverse_inertia(scratch, motion):
 def write_shapes(scratch, motion, parts):
     """Write inverse inertia and shape of each lane's body as it is oriented now.
 
-    The shape of a smooth body is a symmetric matrix for each of its `parts`, that of a
-    clump (parts == 0) its quaternion. The loop over the parts is written out, so that
-    their rows are constants in the compiled code.
+    The shape of a smooth body is a symmetric matrix for each of its ellipsoids, that of
+    a clump its quaternion. The loop over the ellipsoids is written out, so that their
+    rows are constants in the compiled code.
+
+    Parameters
+    ----------
+    scratch : array
+        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
+    motion : array
+        The same bodies in `Bodies.motion` (rows of `state`): quaternion, momentum.
+    parts : int
+        Ellipsoids of a body, at most; 0 for clumps.
     """
     write_inverse_inertia(scratch, motion)
     first = ROWS + SHAPE * LANES
@@ -426,11 +556,23 @@ def write_dashpot_shares(scratch, motion, dt, parts):
     """Write the share of its tangential dashpots that each body takes in the next step.
 
     All of them together stop at most the body's whole rotation, see `laws.tangential`.
+
+    Parameters
+    ----------
+    scratch : array
+        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
+    motion : array
+        The same bodies in `Bodies.motion` (rows of `state`): quaternion, momentum.
+    dt : float
+        Time step [s].
+    parts : int
+        Ellipsoids of a body, at most; 0 for clumps, SPHERES for spheres.
     """
     share_row = ROWS + st.share_column(parts) * LANES
     for lane in range(LANES):
         j1, j2, j3 = lane_vector(motion, INVERSE_MOMENTS, lane)
         largest = max(j1, max(j2, j3))
+        # what the dashpots take from the fastest rotation, as a share of it
         rotation_loss = dt * largest * scratch[DASHPOTS + lane]
         scratch[share_row + lane] = 1.0 / max(1.0, rotation_loss)
 
@@ -443,6 +585,14 @@ def rotate_bodies(scratch, motion, dt, parts, is_resting, frame_x, frame_y, fram
 
     Parameters
     ----------
+    scratch : array
+        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
+    motion : array
+        The same bodies in `Bodies.motion` (rows of `state`): quaternion, momentum.
+    dt : float
+        Time step [s].
+    parts : int
+        Ellipsoids of a body, at most; 0 for clumps.
     is_resting : bool
         Whether no body of the tile turned in the last step. Then only the first columns
         of the bodies are in the scratch tile.
@@ -476,18 +626,34 @@ def rotate_bodies(scratch, motion, dt, parts, is_resting, frame_x, frame_y, fram
 
 @kernel
 def turn_spheres(scratch, motion, dt, frame_x, frame_y, frame_z):
-    """Turn each lane's sphere against its rolling resistance; return how many turn.
+    """Turn the sphere of each lane by one step, against its rolling resistance.
 
-    It is the motion of `resist_rolling_in_frame` and `advance_orientation`. Momentum and
-    angular velocity of a sphere are parallel: the resistance shortens both, and the
-    velocity is constant within the step. No path is added, since the surface of a turning
-    sphere stays in its place.
+    It is the motion of `resist_rolling_in_frame` and `advance_orientation`. Momentum
+    and angular velocity of a sphere are parallel: the resistance shortens both, and the
+    velocity is constant within the step. No path is added, since the surface of a
+    turning sphere stays in its place.
+
+    Parameters
+    ----------
+    scratch : array
+        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
+    motion : array
+        The same bodies in `Bodies.motion` (rows of `state`): quaternion, momentum.
+    dt : float
+        Time step [s].
+    frame_x, frame_y, frame_z : float
+        Angular velocity of the frame against which rolling is resisted [rad/s].
+
+    Returns
+    -------
+    int
+        Number of spheres that turn.
     """
     n_turning = 0
     for lane in range(LANES):
-        inverse = motion[INVERSE_MOMENTS + lane]
-        is_present = inverse > 0.0
-        moment = 1.0 / (inverse if is_present else 1.0)
+        inverse_moment = motion[INVERSE_MOMENTS + lane]
+        is_present = inverse_moment > 0.0
+        moment = 1.0 / (inverse_moment if is_present else 1.0)
         # the angular momentum relative to the frame, after the torque of this step
         torque_x, torque_y, torque_z = lane_vector(scratch, TORQUE, lane)
         lx, ly, lz = lane_vector(motion, ANGULAR_MOMENTUM, lane)
@@ -504,21 +670,36 @@ def turn_spheres(scratch, motion, dt, frame_x, frame_y, frame_z):
         lx = alive(share * lx + moment * frame_x if is_present else 0.0)
         ly = alive(share * ly + moment * frame_y if is_present else 0.0)
         lz = alive(share * lz + moment * frame_z if is_present else 0.0)
-        omega_x = alive(inverse * lx)
-        omega_y = alive(inverse * ly)
-        omega_z = alive(inverse * lz)
+        omega_x = alive(inverse_moment * lx)
+        omega_y = alive(inverse_moment * ly)
+        omega_z = alive(inverse_moment * lz)
         write_vector(motion, ANGULAR_MOMENTUM, lane, lx, ly, lz)
         write_vector(scratch, OMEGA, lane, omega_x, omega_y, omega_z)
         is_turning = squared_length(omega_x, omega_y, omega_z) > 0.0
         n_turning += 1 if is_turning else 0
         turn_quaternion(motion, lane, omega_x, omega_y, omega_z, 0.5 * dt, is_turning)
+        # the only column of the shape
         scratch[ROWS + st.SPHERE_RADIUS * LANES + lane] = motion[st.RADIUS + lane]
     return n_turning
 
 
 @inlined
 def rotate_spheres(scratch, motion, dt, is_resting, frame_x, frame_y, frame_z):
-    """Turn the spheres of a tile by one step; see `rotate_bodies`."""
+    """Turn the spheres of a tile by one step; return whether any of them turns.
+
+    Parameters
+    ----------
+    scratch : array
+        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
+    motion : array
+        The same bodies in `Bodies.motion` (rows of `state`): quaternion, momentum.
+    dt : float
+        Time step [s].
+    is_resting : bool
+        Whether no sphere of the tile turned in the last step.
+    frame_x, frame_y, frame_z : float
+        Angular velocity of the frame against which rolling is resisted [rad/s].
+    """
     has_frame = frame_x != 0.0 or frame_y != 0.0 or frame_z != 0.0
     if is_resting and not has_frame and count_disturbed(scratch, dt) == 0:
         return False

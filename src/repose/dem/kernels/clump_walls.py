@@ -33,23 +33,40 @@ from .walls import add_wall_contact, sphere_on_frame_wall
 
 @inlined
 def sphere_arm(row, tile, lane):
-    """Return the vector from a body's centre to that of its sphere, in world axes.
+    """Return the vector from a clump's centre to that of a sphere, in world axes.
 
-    `row` is the body's row of `Bodies.rows`, `tile` and `lane` the place of the sphere's
-    contact, which keeps the centre in the body's axes.
+    Parameters
+    ----------
+    row : array
+        The clump, a row of `Bodies.rows`, with its quaternion.
+    tile, lane : array, int
+        The tile of `WallContacts.data` and the lane of the sphere's contact, which
+        keeps the sphere's centre in the body's axes.
     """
-    w = row[SHAPE]
-    x, y, z = vector_at(row, SHAPE + 1)
+    qw = row[SHAPE]
+    qx, qy, qz = vector_at(row, SHAPE + 1)
     centre_x, centre_y, centre_z = lane_vector(tile, ct.CENTRE, lane)
-    return ct.rotated_vector(w, x, y, z, centre_x, centre_y, centre_z)
+    return ct.rotated_vector(qw, qx, qy, qz, centre_x, centre_y, centre_z)
 
 
 @inlined
 def sphere_on_plane(x, y, z, radius, plane, geometry):
-    """Fill `geometry` for a sphere with the centre (x, y, z) and a plane.
+    """Fill `geometry` for a sphere and a plane, in world axes.
 
-    `plane` is a row of `Walls.planes`. Returns how far the sphere's centre is beyond the
-    edge of the plane's disc [m], which is negative inside.
+    Parameters
+    ----------
+    x, y, z, radius : float
+        Centre and radius of the sphere [m].
+    plane : array
+        The row of `Walls.planes`.
+    geometry : array (8,)
+        One contact (`contact_geometry`): normal, gap, R*, arm; is written.
+
+    Returns
+    -------
+    float
+        How far the sphere's centre is beyond the edge of the plane's disc [m]; negative
+        inside.
     """
     nx, ny, nz = vector_at(plane, PLANE_NORMAL)
     point_x, point_y, point_z = vector_at(plane, PLANE_POINT)
@@ -64,9 +81,16 @@ def sphere_on_plane(x, y, z, radius, plane, geometry):
 
 @inlined
 def seen_place(walls, frame, x, y, z):
-    """Return a place (x, y, z) in the world as seen from a curved wall's or mesh's frame.
+    """Return a place in the world as seen from the frame of a curved wall or mesh.
 
-    `frame` is the number of the frame in `Walls.frames`.
+    Parameters
+    ----------
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    frame : int
+        Number of the frame in `Walls.frames`.
+    x, y, z : float
+        The place [m].
     """
     if walls.displaced[frame]:
         return place_in_frame(walls.frames[frame], x, y, z)
@@ -77,7 +101,21 @@ def seen_place(walls, frame, x, y, z):
 def sphere_on_curved(walls, wall, x, y, z, radius, geometry):
     """Fill `geometry`, in world axes, for a sphere and a cone or ring.
 
-    Returns how far the sphere is beyond the wall's end [m].
+    Parameters
+    ----------
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    wall : int
+        Number of the wall: cones and tubes first, then rings.
+    x, y, z, radius : float
+        Centre of the sphere in the world, and its radius [m].
+    geometry : array (8,)
+        One contact (`contact_geometry`): normal, gap, R*, arm; is written.
+
+    Returns
+    -------
+    float
+        How far the sphere is beyond the wall's end [m]; not positive on the wall.
     """
     x, y, z = seen_place(walls, wall, x, y, z)
     distance_beyond = sphere_on_frame_wall(x, y, z, radius, walls, wall, geometry)
@@ -90,6 +128,15 @@ def write_sphere(contacts, clumps, k, i, sphere):
     """Write centre and radius of a sphere of body i to the lane of contact k.
 
     The shape of the body has them in the body's axes; they are multiplied by its scale.
+
+    Parameters
+    ----------
+    contacts : WallContacts
+        The list of contacts with walls of one kind.
+    clumps : Clumps
+        The spheres of the clumps (`clumps.Clumps`).
+    k, i, sphere : int
+        Numbers of the contact, of the body, and of the sphere in the body.
     """
     tile = contacts.data[k // LANES]
     lane = k % LANES
@@ -101,28 +148,62 @@ def write_sphere(contacts, clumps, k, i, sphere):
 
 
 @inlined
-def add_sphere(contacts, counts, slot, clumps, i, wall, sphere, geometry):
+def add_sphere(contacts, counts, length_slot, clumps, i, wall, sphere, geometry):
     """Append the contact of a sphere of body i with a plane, cone or ring.
 
-    Returns the number of the contact, or -1 where there is no room.
+    Parameters
+    ----------
+    contacts : WallContacts
+        The list of contacts with walls of one kind.
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    length_slot : int
+        Place in `counts` of the length of this list: st.N_PLANE or st.N_CURVED.
+    clumps : Clumps
+        The spheres of the clumps (`clumps.Clumps`).
+    i, wall, sphere : int
+        Numbers of the body, of the wall, and of the sphere in the body.
+    geometry : array (8,)
+        The contact (`contact_geometry`), in world axes.
+
+    Returns
+    -------
+    int
+        Number of the contact, or -1 where there is no room.
     """
-    k = add_wall_contact(contacts, counts, slot, i, wall, geometry)
+    k = add_wall_contact(contacts, counts, length_slot, i, wall, geometry)
     if k >= 0:
         contacts.feature[k] = sphere
         write_sphere(contacts, clumps, k, i, sphere)
+        # the sphere has a contact with this wall now (a view of one word of bits)
         set_bit(contacts.known[wall, i : i + 1], sphere)
     return k
 
 
 @inlined
-def forget_sphere(contacts, clumps, counts, slot, k):
-    """Note that the sphere of contact k, which is removed next, does not touch the wall.
+def forget_sphere(contacts, clumps, counts, length_slot, k):
+    """Note that the sphere of contact k no longer touches the wall.
+
+    The contact is removed next.
 
     Of contacts with meshes, only the sphere of the last contact moves to place k: their
     bits are written anew in every step.
+
+    Parameters
+    ----------
+    contacts : WallContacts
+        The list of contacts with walls of one kind.
+    clumps : Clumps
+        The spheres of the clumps (`clumps.Clumps`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    length_slot : int
+        Place in `counts` of the length of this list, such as st.N_PLANE.
+    k : int
+        Number of the contact.
     """
-    if slot == st.N_MESHED:
-        clumps.mesh_sphere[k] = clumps.mesh_sphere[counts[slot] - 1]
+    if length_slot == st.N_MESHED:
+        clumps.mesh_sphere[k] = clumps.mesh_sphere[counts[length_slot] - 1]
     else:
         bit = np.uint64(1) << np.uint64(contacts.feature[k])
         contacts.known[contacts.wall[k], contacts.body[k]] &= ~bit
@@ -165,7 +246,10 @@ def free_way(gap, distance_beyond, radius, past, sphere, is_leaning):
 
 @inlined
 def touching_spheres(known, i):
-    """Return the spheres of body i that touch any wall of this kind, as bits."""
+    """Return which spheres of body i touch any wall of one kind, as bits.
+
+    `known` (walls, bodies) is `WallContacts.known`.
+    """
     bits = np.uint64(0)
     for wall in range(known.shape[0]):
         bits |= known[wall, i]
@@ -178,6 +262,17 @@ def sphere_slid_off(bodies, contacts, walls, k):
 
     The next wall takes it over: the sphere is no longer past that wall, which is
     searched in the next step.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    contacts : WallContacts
+        The list of contacts with walls of one kind.
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    k : int
+        Number of the contact.
     """
     i = contacts.body[k]
     sphere = contacts.feature[k]
@@ -194,7 +289,7 @@ def sphere_slid_off(bodies, contacts, walls, k):
 
 @kernel
 def spheres_at_wall(
-    bodies, contacts, slot, clumps, walls, counts, wall, i, places, geometry
+    bodies, contacts, length_slot, clumps, walls, counts, wall, i, places, geometry
 ):
     """Find the spheres of body i that begin to touch a plane, cone or ring.
 
@@ -202,27 +297,39 @@ def spheres_at_wall(
 
     Parameters
     ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
     contacts : WallContacts
-        The contacts with walls of this kind.
-    slot : int
-        Place of the number of contacts in `counts`: st.N_PLANE or st.N_CURVED.
+        The list of contacts with walls of one kind.
+    length_slot : int
+        Place in `counts` of the length of this list: st.N_PLANE or st.N_CURVED.
+    clumps : Clumps
+        The spheres of the clumps (`clumps.Clumps`).
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
     wall : int
         Number of the wall among those of its kind.
+    i : int
+        Number of the body.
     places : array
-        Scratch that holds the spheres of the body, see `place_clump`.
+        The spheres of the body in the world, see `place_clump`.
     geometry : array (8,)
-        Scratch.
+        Scratch for one contact (`contact_geometry`); is overwritten.
 
     Returns
     -------
     float
         How far the body may move before the next search [m].
     """
-    nearest = math.inf
-    if slot == st.N_CURVED:
+    least_distance = math.inf
+    if length_slot == st.N_CURVED:
         touching_bits = touching_spheres(contacts.known, i)
     else:
         touching_bits = np.uint64(0)
+    # a body that touches a curved wall leans on it: its other spheres may slide onto
+    # this one
     is_leaning = touching_bits != np.uint64(0)
     for sphere in range(clumps.sizes[clumps.shape[i]]):
         # a sphere that touches the wall has a contact already
@@ -231,12 +338,13 @@ def spheres_at_wall(
             continue
         x, y, z = placed_centre(places, PLACES_A, sphere)
         radius = placed_radius(places, PLACES_A, sphere)
-        if slot == st.N_CURVED:
+        if length_slot == st.N_CURVED:
             distance_beyond = sphere_on_curved(walls, wall, x, y, z, radius, geometry)
         else:
             distance_beyond = sphere_on_plane(
                 x, y, z, radius, walls.planes[wall], geometry
             )
+        # which spheres of the body are past this wall, as bits
         past = contacts.past[wall, i : i + 1]
         if (touching_bits >> np.uint64(sphere)) & np.uint64(1) != np.uint64(0):
             # the sphere touches another wall, which hands it over
@@ -245,20 +353,29 @@ def spheres_at_wall(
             geometry[cg.GAP], distance_beyond, radius, past, sphere, is_leaning
         )
         if free_distance > 0.0:
-            nearest = min(nearest, free_distance)
+            least_distance = min(least_distance, free_distance)
             continue
-        k = add_sphere(contacts, counts, slot, clumps, i, wall, sphere, geometry)
+        k = add_sphere(contacts, counts, length_slot, clumps, i, wall, sphere, geometry)
         # a contact with a plane keeps a copy of the plane
-        if slot == st.N_PLANE and k >= 0:
+        if length_slot == st.N_PLANE and k >= 0:
             write_plane(contacts.data[k // LANES], k % LANES, walls.planes[wall])
-    return nearest
+    return least_distance
 
 
 @inlined
 def place_clump(bodies, clumps, i, places):
-    """Write the spheres of body i, in world axes, to the rows PLACES_A of `places`.
+    """Write centres and radii of the spheres of body i, in world axes, to scratch.
 
-    `places` is the scratch array `Scratch.spheres`.
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    clumps : Clumps
+        The spheres of the clumps (`clumps.Clumps`).
+    i : int
+        Number of the body.
+    places : array
+        The scratch array `Scratch.spheres`; its rows PLACES_A are written.
     """
     shape = clumps.shape[i]
     row = bodies.rows[i]
@@ -269,10 +386,20 @@ def place_clump(bodies, clumps, i, places):
 
 @inlined
 def sphere_row(walls, frame, x, y, z, radius, local_row):
-    """Write a sphere in a frame to `local_row`, as the row of a body of one ellipsoid.
+    """Write a sphere as the row of a body of one ellipsoid, in the frame of a wall.
 
-    This is the form in which `meshes` takes bodies. (x, y, z) is the sphere's centre in
-    the world.
+    This is the form in which `meshes` takes bodies.
+
+    Parameters
+    ----------
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    frame : int
+        Number of the frame in `Walls.frames`.
+    x, y, z, radius : float
+        Centre of the sphere in the world, and its radius [m].
+    local_row : array
+        Position and shape are written to it.
     """
     x, y, z = seen_place(walls, frame, x, y, z)
     set_vector(local_row, st.POSITION, x, y, z)
@@ -284,7 +411,18 @@ def sphere_row(walls, frame, x, y, z, radius, local_row):
 
 @inlined
 def by_sphere(meshed, clumps):
-    """Return the contacts with meshes, with numbers of spheres in place of bodies."""
+    """Return the contacts with meshes, with numbers of spheres in place of bodies.
+
+    So a sphere of a clump takes part in a search as if it was a body. The arrays are
+    the same, not copies.
+
+    Parameters
+    ----------
+    meshed : WallContacts
+        The contacts with meshes.
+    clumps : Clumps
+        The spheres of the clumps (`clumps.Clumps`).
+    """
     return st.WallContacts(
         clumps.mesh_sphere,
         meshed.wall,
@@ -307,16 +445,43 @@ def follow_sphere(
     clumps,
     n,
     k,
-    end,
+    end_gap,
     geometry,
     other_geometry,
     local_row,
 ):
-    """Follow contact k of a sphere with a mesh by one step, as `meshes.follow_feature`.
+    """Follow contact k of a clump's sphere with a mesh by one step.
 
-    The arguments after `n`, the number of contacts with meshes, and the result are those
-    of that function. The arm of `geometry` begins at the centre of the body, not at that
-    of the sphere.
+    It is `meshes.follow_feature` with the sphere as the body. The arm of `geometry`
+    begins at the centre of the clump, not at that of the sphere.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    meshes : Meshes
+        The features of all meshes (`features.Meshes`).
+    meshed : WallContacts
+        The contacts with meshes.
+    clumps : Clumps
+        The spheres of the clumps (`clumps.Clumps`).
+    n, k : int
+        Number of contacts in the list, and number of this contact.
+    end_gap : float
+        Gap at which the contact ends [m].
+    geometry : array (8,)
+        The contact (`contact_geometry`); is written, in world axes.
+    other_geometry : array (8,)
+        Scratch for a second contact; is overwritten.
+    local_row : array
+        Scratch for a row of a body in the frame of a wall; is overwritten.
+
+    Returns
+    -------
+    bool
+        Whether the contact lasts.
     """
     contacts = by_sphere(meshed, clumps)
     frame = mesh_frame(walls, meshed.wall[k])
@@ -338,7 +503,7 @@ def follow_sphere(
         contacts,
         n,
         k,
-        end,
+        end_gap,
         geometry,
         other_geometry,
     )
@@ -363,7 +528,33 @@ def spheres_at_mesh(
 ):
     """Find the spheres of body i that begin to touch a mesh; each gets a contact.
 
-    Returns how far the body may move before the next search [m].
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    meshed : WallContacts
+        The contacts with meshes.
+    clumps : Clumps
+        The spheres of the clumps (`clumps.Clumps`).
+    walls : Walls
+        Shapes, frames and motion of all walls (`state.Walls`).
+    meshes : Meshes
+        The features of all meshes (`features.Meshes`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    mesh, i : int
+        Numbers of the mesh and the body.
+    places : array
+        The scratch array `Scratch.spheres`; is overwritten.
+    geometry, other_geometry : array (8,)
+        Scratch for two contacts (`contact_geometry`); is overwritten.
+    local_row : array
+        Scratch for a row of a body in the frame of a wall; is overwritten.
+
+    Returns
+    -------
+    float
+        How far the body may move before the next search [m].
     """
     n = counts[st.N_MESHED]
     contacts = by_sphere(meshed, clumps)
@@ -388,14 +579,15 @@ def spheres_at_mesh(
             write_vector(meshed.data[k // LANES], st.NORMAL, k % LANES, nx, ny, nz)
     place_clump(bodies, clumps, i, places)
     frame = mesh_frame(walls, mesh)
-    nearest = math.inf
+    least_distance = math.inf
     for sphere in range(clumps.sizes[clumps.shape[i]]):
         x, y, z = placed_centre(places, PLACES_A, sphere)
         radius = placed_radius(places, PLACES_A, sphere)
+        # the sphere in the frame of the mesh, as a body of one ellipsoid
         sphere_row(walls, frame, x, y, z, radius, local_row)
         n_before = counts[st.N_MESHED]
         # the search knows a sphere by one number, as if it was a body
-        number = MOST_SPHERES * i + sphere
+        sphere_number = MOST_SPHERES * i + sphere
         free_distance = search_mesh(
             local_row,
             contacts,
@@ -404,13 +596,13 @@ def spheres_at_mesh(
             walls,
             meshes,
             mesh,
-            number,
+            sphere_number,
             radius,
             geometry,
         )
-        nearest = min(nearest, free_distance)
+        least_distance = min(least_distance, free_distance)
         # it wrote this number to `mesh_sphere` of its new contacts: write the body, too
         for k in range(n_before, counts[st.N_MESHED]):
             meshed.body[k] = i
             write_sphere(meshed, clumps, k, i, sphere)
-    return nearest
+    return least_distance

@@ -273,7 +273,7 @@ def move_walls(walls, dt):
 def move_plane_contacts(flat, walls, n):
     """Write the present place of moving planes to the first n contacts with planes.
 
-    Each contact keeps a copy of its plane, which is vector code's view of it.
+    Each contact keeps a copy of its plane, which vector code reads lane by lane.
 
     Parameters
     ----------

@@ -48,7 +48,14 @@ STOP = 0  # place in `Shared.orders` that ends the run
 def share_of(n, share, size):
     """Return the first item of a share of n items, and the end of the share.
 
-    A share has whole groups of `size` items, but for the last group.
+    Parameters
+    ----------
+    n : int
+        Number of items.
+    share : int
+        Number of the share, 0 to SHARES - 1.
+    size : int
+        A share has whole groups of this many items, but for the last group.
     """
     n_groups = (n + size - 1) // size
     begin = n_groups * share // SHARES * size
@@ -87,8 +94,8 @@ def least_slack(displacement, first, second, limit, begin, end):
 def group_bits(bodies):
     """Return the shift of bits that turns a body's number into that of its group.
 
-    A group has 2^bits bodies, which are whole tiles, and there are at most st.MOST_GROUPS
-    groups.
+    A group has 2^bits bodies, which are whole tiles, and there are at most
+    st.MOST_GROUPS groups: so a set of groups fits into the bits of one number.
     """
     bits = 5  # one tile of 32 bodies
     while bodies.displacement.shape[0] >> bits >= st.MOST_GROUPS:
@@ -98,9 +105,16 @@ def group_bits(bodies):
 
 @kernel
 def groups_of(first, second, begin, end, bits):
-    """Return the groups of all bodies of the pairs `begin` to `end`, as bits.
+    """Return the groups of all bodies of some pairs: bit g is set for group g.
 
-    `first` and `second` (pairs,) are the bodies of the pairs, `bits` is `group_bits`.
+    Parameters
+    ----------
+    first, second : array of int (pairs,)
+        The two bodies of each pair.
+    begin, end : int
+        First of these pairs, and their end.
+    bits : int
+        The shift from a body's number to that of its group, see `group_bits`.
     """
     groups = 0
     for k in range(begin, end):
@@ -114,7 +128,12 @@ def groups_of(first, second, begin, end, bits):
 def paths_of(paths, groups):
     """Return the sum of the paths of some groups [m].
 
-    `paths` has the path of each group, and bit g of `groups` is set for group g.
+    Parameters
+    ----------
+    paths : array (MOST_GROUPS,)
+        Path of each group [m], a row of `Grid.paths`.
+    groups : int
+        Bit g is set for each of these groups g.
     """
     total = 0.0
     group = 0
@@ -129,7 +148,16 @@ def paths_of(paths, groups):
 def note_paths(bodies, counts, grid):
     """Write the longest path of each group's bodies in this step to `Grid.paths`.
 
-    The longest paths of the single tiles are in `Bodies.longest`.
+    A group is several tiles; the longest path of each tile is in `Bodies.longest`.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
     """
     n_tiles = (counts[st.N_BODIES] + LANES - 1) // LANES
     tiles_per_group = (1 << group_bits(bodies)) // LANES
@@ -144,11 +172,34 @@ def note_paths(bodies, counts, grid):
 
 @inlined
 def check_block(bodies, pairs, grid, parts, begin, end, due, place, normal):
-    """Find the near pairs `begin` to `end` that touch.
+    """Find the near pairs of one block that touch.
 
-    Pairs that are due are checked. Those that touch are written to `due` from `place` on;
-    the others get new limits. Returns the number of pairs that touch. `normal` (3,) is
-    scratch.
+    Pairs that are due are checked; those that do not touch get new limits. The lists
+    are not changed, since other threads read them.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    pairs : Pairs
+        The lists of touching pairs and of near pairs (`state.Pairs`).
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    parts : int
+        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
+    begin, end : int
+        First pair of the block, and its end.
+    due : array of int
+        The pairs that touch are written to it.
+    place : int
+        Place in `due` of the first one.
+    normal : array (3,)
+        Scratch for a unit normal; is overwritten.
+
+    Returns
+    -------
+    int
+        Number of pairs that touch.
     """
     displacement = bodies.displacement
     first = pairs.near_first
@@ -204,6 +255,7 @@ def check_share(bodies, pairs, grid, parts, begin, end, due, normal):
         block = block_begin // st.BLOCK
         groups = pairs.near_groups[block]
         path = paths_of(grid.paths[UP_TO_NOW], groups)
+        # the bodies of this block have moved too little to be due
         if path < pairs.near_check[block]:
             continue
         block_end = min(block_begin + st.BLOCK, end)
@@ -236,11 +288,23 @@ def check_share(bodies, pairs, grid, parts, begin, end, due, normal):
 
 @inlined
 def add_found_contacts(pairs, counts, grid, due, n_due, begins):
-    """Turn the near pairs that touch into contacts.
+    """Turn the near pairs that touch into contacts, in an order that no thread changes.
 
-    Share s found n_due[s] pairs; their places in the list of near pairs are in `due`
-    from begins[s] on, in increasing order. The last pair is dropped first: the last near
-    pair of the list takes its place, so the places that are still to come stay valid.
+    The last pair is dropped first: the last near pair of the list takes its place, so
+    the places that are still to come stay valid.
+
+    Parameters
+    ----------
+    pairs : Pairs
+        The lists of touching pairs and of near pairs (`state.Pairs`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    due : array of int
+        Places of these pairs in the list of near pairs, in increasing order.
+    n_due, begins : array of int (SHARES,)
+        Number of pairs that each share found, and where they begin in `due`.
     """
     for share in range(SHARES - 1, -1, -1):
         begin = begins[share]
@@ -406,6 +470,7 @@ def run_threads(arrays, tiles, shared, steps):
         The steps made.
     """
 
+    # every thread runs the same function, with its own number
     def run(thread):
         return advance_shared(*arrays, *tiles, shared, thread, steps)
 

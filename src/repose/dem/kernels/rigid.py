@@ -2,9 +2,9 @@
 
 The centres move by semi-implicit Euler (`move_centres`), the rotation is in
 `body_rotation`. Bodies are handled in tiles of 32, in a scratch tile with one body in
-each lane (rows of `body_tile`): copy the columns of `Bodies.rows` and the loads into it,
-move the bodies, and copy the columns back. `scratch` is this scratch tile, `motion` the
-bodies' tile of `Bodies.motion`, `base` the number of the tile's first body.
+each lane (rows of `body_tile`): copy the columns of `Bodies.rows` and the loads into
+it, move the bodies, and copy the columns back. `scratch` is this scratch tile, `motion`
+the bodies' tile of `Bodies.motion`, `base` the number of the tile's first body.
 
 Reads and clears `Bodies.load`. Writes `Bodies.rows`, `motion`, `displacement`,
 `resting`, `touched`, `longest`, `wall_margin`, `event`, `events`, `exit_time` and
@@ -46,9 +46,18 @@ INVERSE_MASS = ROWS + st.INVERSE_MASS * LANES
 def move_centres(scratch, gx, gy, gz, dt):
     """Move the centres of a tile's bodies by one step under their loads and gravity.
 
-    (gx, gy, gz) is the acceleration of gravity [m/s2], `dt` the time step [s]. Writes
-    their velocities and positions, the height before the step (row BEFORE) and the
+    Semi-implicit Euler: first the velocity changes, then the new one moves the centre.
+    Writes the velocities and positions, the height before the step (row BEFORE) and the
     length of the path (row PATH). Absent bodies have no mass and do not move.
+
+    Parameters
+    ----------
+    scratch : array
+        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
+    gx, gy, gz : float
+        Acceleration of gravity [m/s2].
+    dt : float
+        Time step [s].
     """
     for lane in range(LANES):
         inverse_mass = scratch[INVERSE_MASS + lane]
@@ -69,8 +78,27 @@ def move_centres(scratch, gx, gy, gz, dt):
 def count_events(scratch, motion, displacement, base, exit_height, floor_height):
     """Add the paths of a tile's bodies to their displacements, and count events.
 
-    `base` is the first body of the tile. Returns the number of bodies with an event (see
-    `event_of`). The loop has no branches, so it is vector code; events are rare.
+    An event is a fall through the exit height, a motion by half a skin, or a fall below
+    the floor, see `event_of`. The loop has no branches, so it is vector code; events
+    are rare.
+
+    Parameters
+    ----------
+    scratch : array
+        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
+    motion : array
+        The same bodies in `Bodies.motion` (rows of `state`): quaternion, momentum.
+    displacement : array (bodies,)
+        `Bodies.displacement` [m]; is updated.
+    base : int
+        Number of the tile's first body.
+    exit_height, floor_height : float
+        Heights of the exit and of the floor [m].
+
+    Returns
+    -------
+    int
+        Number of bodies with an event.
     """
     n_events = 0
     for lane in range(LANES):
@@ -88,10 +116,15 @@ def count_events(scratch, motion, displacement, base, exit_height, floor_height)
 
 @inlined
 def longest_path(scratch):
-    """Return the longest path of a tile's bodies in this step [m]; overwrites the paths.
+    """Return the longest path of a tile's bodies in this step; overwrite the paths.
 
     Each round keeps the longer one of every two paths. Unlike a plain maximum, this
     becomes vector code.
+
+    Parameters
+    ----------
+    scratch : array
+        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
     """
     half = LANES // 2
     while half > 0:
@@ -107,8 +140,23 @@ def longest_path(scratch):
 def event_of(bodies, physics, scratch, motion, lane, i):
     """Return the events of body i as bits FELL, MOVED_FAR and BELOW_FLOOR; 0 for none.
 
-    The body is in lane `lane` of the scratch tile and of `motion`. A body falls in the
-    step in which its centre goes from above the exit height to below it.
+    A body falls in the step in which its centre goes from above the exit height to
+    below it.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    physics : Physics
+        Time step, gravity and constants of the laws (`state.Physics`).
+    scratch : array
+        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
+    motion : array
+        The same bodies in `Bodies.motion` (rows of `state`): quaternion, momentum.
+    lane : int
+        Lane of the body in both tiles.
+    i : int
+        Number of the body.
     """
     z = scratch[HEIGHT + lane]
     event = 0
@@ -122,13 +170,27 @@ def event_of(bodies, physics, scratch, motion, lane, i):
 
 
 @kernel
-def act_on_events(bodies, grid, counts, begin, n, time):
-    """Handle the events of n bodies, listed in `bodies.events` from place `begin` on.
+def act_on_events(bodies, grid, counts, begin, n_events, time):
+    """Handle the events of bodies in this step.
 
-    A body that fell gets `time` [s] as its exit time. One below the floor is gone. Those
-    that moved far or are gone are marked: their neighbours are found anew.
+    A body that fell gets an exit time. One below the floor is gone. Those that moved
+    far or are gone are marked: their neighbours are found anew.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    begin, n_events : int
+        The bodies with events are `bodies.events[begin : begin + n_events]`; their
+        events are in `bodies.event`.
+    time : float
+        Time of the simulation [s].
     """
-    for place in range(begin, begin + n):
+    for place in range(begin, begin + n_events):
         i = bodies.events[place]
         event = bodies.event[i]
         if event & FELL:
@@ -141,19 +203,27 @@ def act_on_events(bodies, grid, counts, begin, n, time):
 
 
 @inlined
-def sum_loads(bodies, tile, scratch):
+def sum_loads(bodies, tile_number, scratch):
     """Write the sum of the shares of a tile's loads to the rows LOAD, and clear them.
 
-    `tile` is the number of the tile. A share that no contact touched is zero and is
-    skipped. The shares are added in their order, whichever thread made them, so the sum
-    has the same bits.
+    A share that no contact touched is zero and is skipped. The shares are added in
+    their order, whichever thread made them, so the sum has the same bits.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    tile_number : int
+        Number of the tile.
+    scratch : array
+        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
     """
-    base = tile * LANES
+    base = tile_number * LANES
     for place in range(st.LOAD_COLUMNS * LANES):
         scratch[LOAD + place] = 0.0
     for share in range(bodies.load.shape[0]):
-        if bodies.touched[share, tile]:
-            bodies.touched[share, tile] = 0
+        if bodies.touched[share, tile_number]:
+            bodies.touched[share, tile_number] = 0
             load = bodies.load[share]
             # copy the share to the rows MORE, and add these to the sum
             gather(load, st.LOAD_COLUMNS, bodies.every, base, scratch, MORE)
@@ -163,22 +233,39 @@ def sum_loads(bodies, tile, scratch):
 
 
 @inlined
-def move_only_load(bodies, tile, scratch):
-    """Move the loads of tile number `tile` to the rows LOAD: there is only one share."""
-    base = tile * LANES
+def move_only_load(bodies, tile_number, scratch):
+    """Move the only share of a tile's loads to the rows LOAD.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    tile_number : int
+        Number of the tile.
+    scratch : array
+        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
+    """
+    base = tile_number * LANES
     load = bodies.load[0]
     gather(load, st.LOAD_COLUMNS, bodies.every, base, scratch, LOAD)
     load[base : base + LANES] = 0.0
 
 
 @inlined
-def fetch_next(bodies, tile):
+def fetch_next(bodies, tile_number):
     """Ask for the data of the tile after the next one: its rows, loads and motion.
 
     In a large simulation they are not in the cache. When the step comes to that tile,
     they have arrived. A line of the cache holds WIDTH numbers.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    tile_number : int
+        Number of the present tile.
     """
-    next_tile = tile + 2
+    next_tile = tile_number + 2
     if next_tile >= bodies.resting.shape[0]:
         return
     is_turning = bodies.resting[next_tile] == 0
@@ -202,7 +289,19 @@ def fetch_next(bodies, tile):
 
 @inlined
 def scatter_rows(bodies, base, scratch, columns):
-    """Copy the first columns of a tile's bodies from the scratch tile to `Bodies.rows`."""
+    """Copy the first columns of a tile's bodies from the scratch tile to `Bodies.rows`.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    base : int
+        Number of the tile's first body.
+    scratch : array
+        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
+    columns : int
+        Number of columns, a multiple of WIDTH.
+    """
     for lane in range(0, LANES, WIDTH):
         for column in range(0, columns, WIDTH):
             lanes_to_rows(
@@ -225,10 +324,17 @@ def integrate(bodies, counts, physics, scratch, begin, end):
 
     Parameters
     ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    physics : Physics
+        Time step, gravity and constants of the laws (`state.Physics`).
     scratch : array
-        Scratch tile.
+        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
     begin, end : int
-        The bodies; `begin` is the first one of a tile. `end` may be beyond the last one.
+        The bodies; `begin` is the first one of a tile. `end` may be beyond the last
+        one.
 
     Returns
     -------
@@ -240,10 +346,10 @@ def integrate(bodies, counts, physics, scratch, begin, end):
     gx, gy, gz = vector_at(physics.gravity, 0)
     frame_x, frame_y, frame_z = vector_at(physics.rolling_frame, 0)
     columns = bodies.rows.shape[1]
-    stop = min(counts[st.N_BODIES], end)
-    shares = bodies.load.shape[0]
+    last = min(counts[st.N_BODIES], end)
+    n_shares = bodies.load.shape[0]
     n_events = 0
-    for base in range(begin, stop, LANES):
+    for base in range(begin, last, LANES):
         tile = base // LANES
         motion = bodies.motion[tile]
         is_resting = bodies.resting[tile] == 1
@@ -251,7 +357,7 @@ def integrate(bodies, counts, physics, scratch, begin, end):
         # written: position, velocity, inverse mass.
         n_read = WIDTH if is_resting else columns
         gather(bodies.rows, n_read, bodies.every, base, scratch, ROWS)
-        if shares > 1:
+        if n_shares > 1:
             fetch_next(bodies, tile)
             sum_loads(bodies, tile, scratch)
         else:
@@ -272,6 +378,7 @@ def integrate(bodies, counts, physics, scratch, begin, end):
                 frame_y,
                 frame_z,
             )
+        # a tile that begins to turn has all its columns written
         bodies.resting[tile] = 0 if is_turning else 1
         n_written = columns if is_turning else n_read
         scatter_rows(bodies, base, scratch, n_written)
@@ -283,14 +390,15 @@ def integrate(bodies, counts, physics, scratch, begin, end):
             physics.exit_height,
             physics.floor_height,
         )
+        # few tiles have events, so the others skip the loop over the lanes
         if n_in_tile > 0:
-            for lane in range(min(LANES, stop - base)):
+            for lane in range(min(LANES, last - base)):
                 event = event_of(bodies, physics, scratch, motion, lane, base + lane)
                 if event:
                     bodies.event[base + lane] = event
                     bodies.events[begin + n_events] = base + lane
                     n_events += 1
-        if shares > 1:
+        if n_shares > 1:
             longest = longest_path(scratch)
             bodies.longest[tile] = longest
             bodies.wall_margin[tile] -= longest
@@ -301,8 +409,18 @@ def integrate(bodies, counts, physics, scratch, begin, end):
 def place_shape(bodies, i, parts, scratch):
     """Write inverse inertia and shape of body i to its row, as it is oriented now.
 
-    No body moves, and no other row changes. `scratch` is a scratch tile, `parts` that of
-    `Physics`.
+    No body moves, and no other row changes. It is called when a body is added.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    i : int
+        Number of the body.
+    parts : int
+        Ellipsoids of a body, at most; 0 for clumps, SPHERES for spheres.
+    scratch : array
+        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
     """
     motion = bodies.motion[i // LANES]
     lane = i % LANES
@@ -317,7 +435,7 @@ def place_shape(bodies, i, parts, scratch):
 
 @kernel
 def stop_body(bodies, i):
-    """Stop a body that is gone: without mass no force moves it."""
+    """Stop body i, which is gone: without mass no force moves it."""
     row = bodies.rows[i]
     set_vector(row, st.VELOCITY, 0.0, 0.0, 0.0)
     set_vector(row, st.ANGULAR_VELOCITY, 0.0, 0.0, 0.0)

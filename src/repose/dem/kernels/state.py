@@ -273,17 +273,20 @@ SCRATCH = _SPHERES_BEGIN + 10 * MOST_SPHERES + 3 * SMALLEST_GAPS
 
 
 @inlined
-def alive(x):
-    """Return a velocity or a path, or 0.0 where its size is below DEAD.
+def alive(value):
+    """Return a velocity, spring or path, or 0.0 where its size is below DEAD.
 
     Decay leads to denormal numbers, with which processors are slow.
     """
-    return 0.0 if abs(x) < DEAD else x
+    return 0.0 if abs(value) < DEAD else value
 
 
 @inlined
 def scratch_of(numbers):
-    """Return the `Scratch` whose arrays are parts of an array of SCRATCH numbers."""
+    """Return the `Scratch` whose arrays are views of one array of SCRATCH numbers.
+
+    Kernels allocate nothing, so Python makes this array for each thread.
+    """
     return Scratch(
         numbers[_NORMAL_BEGIN : _NORMAL_BEGIN + 3],
         numbers[_GEOMETRY_BEGIN:_OTHER_BEGIN],
@@ -310,20 +313,20 @@ def share_column(parts):
 
 
 def row_end(parts):
-    """Return the number of columns of `Bodies.rows` that are used."""
+    """Return the number of columns of `Bodies.rows` in use; `parts` as in `Physics`."""
     return share_column(parts) + 1
 
 
 def zeros(*shape):
-    """Return an array of zeros that begins at a cache line.
+    """Return an array of zeros that begins at a cache line, of the given shape.
 
     A vector that straddles two cache lines costs twice.
     """
     size = int(np.prod(shape))
     # a longer array, of which the first numbers up to the cache line are skipped
-    store = np.zeros(size + CACHE_LINE)
-    skip = -store.ctypes.data % (8 * CACHE_LINE) // 8
-    return store[skip : skip + size].reshape(shape)
+    padded = np.zeros(size + CACHE_LINE)
+    skip = -padded.ctypes.data % (8 * CACHE_LINE) // 8
+    return padded[skip : skip + size].reshape(shape)
 
 
 def each(names, shape, kind, value=0):
@@ -338,7 +341,7 @@ def each(names, shape, kind, value=0):
     kind : data type
         Type of the numbers.
     value : number
-        Value of all numbers.
+        Value of all numbers; 0 by default.
     """
     arrays = {}
     for name in names.split():
@@ -401,14 +404,14 @@ def new_bodies(n, parts, shares=1):
 
 
 def lanes_of(motion, row, columns, n):
-    """Copy a quantity of the first n bodies from `Bodies.motion`.
+    """Copy a quantity of the first n bodies from `Bodies.motion` to a table.
 
     Parameters
     ----------
     motion : ndarray (tiles, MOTION_ROWS * LANES)
         `Bodies.motion`.
     row : int
-        First row of the quantity in a tile.
+        First row of the quantity in a tile, such as QUATERNION.
     columns : int
         Number of its rows: its components.
     n : int
@@ -417,7 +420,9 @@ def lanes_of(motion, row, columns, n):
     Returns
     -------
     ndarray (n, columns)
+        One row for each body.
     """
+    # as an array (tiles, rows, lanes), of which the rows of the quantity are taken
     first = row // LANES
     tiles = motion.reshape(len(motion), MOTION_ROWS, LANES)[:, first : first + columns]
     return tiles.transpose(0, 2, 1).reshape(-1, columns)[:n].copy()
@@ -461,7 +466,22 @@ def new_grid(n, lower, upper, cell):
 
 
 def new_contacts(n, rows):
-    """Make tiles for n contacts; unused lanes hold a valid normal, (0, 0, 1)."""
+    """Make tiles for n contacts, all unused.
+
+    Unused lanes hold a valid normal, (0, 0, 1), so that their geometry is finite.
+
+    Parameters
+    ----------
+    n : int
+        Number of contacts, a multiple of LANES.
+    rows : int
+        Rows of a tile.
+
+    Returns
+    -------
+    ndarray (tiles, rows * LANES)
+        The tiles.
+    """
     data = zeros(-(-n // LANES), rows * LANES)
     normal_z = NORMAL + 2 * LANES
     data[:, normal_z : normal_z + LANES] = 1.0
@@ -469,13 +489,16 @@ def new_contacts(n, rows):
 
 
 def contact_rows(data, n):
-    """Return the first n contacts of tiles as an array (n, rows of a tile)."""
+    """Copy the first n contacts of an array of tiles to a table (n, rows of a tile).
+
+    `data` (tiles, rows * LANES) has one contact in each lane.
+    """
     rows = data.shape[1] // LANES
     return data.reshape(-1, rows, LANES).transpose(0, 2, 1).reshape(-1, rows)[:n]
 
 
 def whole_tiles(n):
-    """Round a number of contacts up to whole tiles."""
+    """Return a number of contacts, rounded up to whole tiles of LANES contacts."""
     return LANES * -(-n // LANES)
 
 
@@ -485,11 +508,16 @@ def new_pairs(n_contacts, n_near, ghost, n_state):
     Parameters
     ----------
     n_contacts, n_near : int
-        Room of the lists.
+        Room of the lists: the largest numbers of pairs.
     ghost : int
         The absent body, with which unused contacts are filled.
     n_state : int
-        Rows that the force laws keep.
+        Rows of a contact that the force laws keep.
+
+    Returns
+    -------
+    Pairs
+        The lists.
     """
     n_contacts = whole_tiles(n_contacts)
     return Pairs(
@@ -512,7 +540,7 @@ def new_wall_contacts(n_contacts, n_walls, n_bodies, ghost, rows, of_clumps):
     Parameters
     ----------
     n_contacts : int
-        Room of the list.
+        Room of the list: the largest number of contacts.
     n_walls, n_bodies : int
         Number of walls of this kind, and of bodies.
     ghost : int
@@ -521,9 +549,15 @@ def new_wall_contacts(n_contacts, n_walls, n_bodies, ghost, rows, of_clumps):
         Rows of a tile.
     of_clumps : bool
         Whether the bodies are clumps.
+
+    Returns
+    -------
+    WallContacts
+        The list.
     """
     n_contacts = whole_tiles(n_contacts)
     data = new_contacts(n_contacts, rows)
+    # a plane without an edge, until a contact with a disc begins
     data[:, RADIUS2 : RADIUS2 + LANES] = np.inf
     if of_clumps:
         bits = each("known past", (n_walls, n_bodies), np.uint64)
