@@ -2,17 +2,18 @@
 
 Features are faces, convex edges and convex vertices. The mesh is *eroded* by the edge
 radius: every vertex moves inwards until it lies that deep below all its faces; the
-eroded mesh is called the core. The wall is the core dilated by the edge radius. So faces
-return to their old places, edges become cylinders and vertices spheres, tangent to the
-faces. The normals of neighbouring features fit together without gap or overlap, for any
-mesh. Edges between coplanar triangles and concave edges bound no set of normals and are
-no features. An open border is a rim, rounded down to the back of its face.
+eroded mesh is called the core. The wall is the core dilated by the edge radius. So
+faces return to their old places, edges become cylinders and vertices spheres, tangent
+to the faces. The normals of neighbouring features fit together without gap or overlap,
+for any mesh. Edges between coplanar triangles and concave edges bound no set of normals
+and are no features. An open border is a rim, rounded down to the back of its face.
 
-`split` makes a `Part`, the features of one mesh; `join` puts the parts of all meshes into
-a `Meshes`, which the kernels take. This is Python but for `put_in_cells`.
+`split` makes a `Part`, the features of one mesh; `join` puts the parts of all meshes
+into a `Meshes`, which the kernels take. This is Python but for `put_in_cells`.
 
-Names: V, F and E are the numbers of vertices, faces and edges of the mesh. A *plane* is a
-group of coplanar triangles (or stands upright on a rim), with one outward unit normal.
+Names: V, F and E are the numbers of vertices, faces and edges of the mesh. A *plane* is
+a group of coplanar triangles (or stands upright on a rim), with one outward unit
+normal.
 """
 
 from typing import Any, NamedTuple
@@ -106,17 +107,30 @@ class Part(NamedTuple):
 
 
 def _unit(vectors):
-    """Return vectors (n, 3) with unit length."""
+    """Divide vectors (n, 3) by their lengths; none of them may be zero."""
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
 def _unit_or_zero(vectors):
-    """Return vectors (n, 3) with unit length; zeros stay zeros."""
+    """Divide vectors (n, 3) by their lengths; zeros stay zeros."""
     return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), TINY)
 
 
 def _area_vectors(vertices, faces):
-    """Return the area vectors of triangles (F, 3): outward normals times areas."""
+    """Compute the area vectors of triangles: their outward normals times their areas.
+
+    Parameters
+    ----------
+    vertices : ndarray (V, 3)
+        Places of the vertices [m].
+    faces : ndarray (F, 3)
+        Vertices of each triangle, counterclockwise as seen from outside.
+
+    Returns
+    -------
+    ndarray (F, 3)
+        The area vectors [m2].
+    """
     a = vertices[faces[:, 0]]
     b = vertices[faces[:, 1]]
     c = vertices[faces[:, 2]]
@@ -160,6 +174,7 @@ def edge_table(faces):
             f"faces has several triangles on one side of edge {edge}; expected at most "
             "two triangles at an edge, both with their normals outwards"
         )
+    # each side enters its face at its edge
     edge_faces = np.full((len(edges), 2), -1)
     edge_faces[side_edge, direction] = side_face
     return edges, edge_faces
@@ -168,9 +183,19 @@ def edge_table(faces):
 def _coplanar_pairs(vertices, faces, edges, edge_faces, face_normals):
     """Find the pairs of faces that share an edge and lie in one plane.
 
-    `edges` and `edge_faces` are those of `edge_table`, `face_normals` (F, 3) are outward
-    unit vectors. Returns the first faces and the second faces of the pairs, as two
-    arrays.
+    Parameters
+    ----------
+    vertices, faces : ndarray (V, 3), (F, 3)
+        Places of the vertices [m], and vertices of each triangle.
+    edges, edge_faces : ndarray (E, 2)
+        Vertices and faces of each edge, see `edge_table`.
+    face_normals : ndarray (F, 3)
+        Outward unit normals.
+
+    Returns
+    -------
+    first, second : ndarray (n,)
+        The first and the second face of each pair.
     """
     # The edges between two faces, and a vertex of each of them.
     is_shared = (edge_faces >= 0).all(axis=1)
@@ -194,7 +219,22 @@ def _coplanar_pairs(vertices, faces, edges, edge_faces, face_normals):
 
 
 def _thicknesses(vertices, faces, group, group_normals):
-    """Compute how far the corners of each group spread along its normal (G,) [m]."""
+    """Compute how far the corners of each group of triangles spread along its normal.
+
+    Parameters
+    ----------
+    vertices, faces : ndarray (V, 3), (F, 3)
+        Places of the vertices [m], and vertices of each triangle.
+    group : ndarray (F,)
+        Number of the group of each triangle.
+    group_normals : ndarray (G, 3)
+        Unit normal of each group.
+
+    Returns
+    -------
+    ndarray (G,)
+        The thicknesses [m]; 0 for a flat group.
+    """
     heights = np.einsum("fki,fi->fk", vertices[faces], group_normals[group])
     lowest = np.full(len(group_normals), np.inf)
     highest = np.full(len(group_normals), -np.inf)
@@ -232,6 +272,7 @@ def planes_of_faces(vertices, faces, edges, edge_faces):
         (np.ones(len(first)), (first, second)), shape=(n_faces, n_faces)
     )
     n_groups, group = csgraph.connected_components(connections, directed=False)
+    # the normal of a group is that of the sum of its area vectors
     group_normals = np.zeros((n_groups, 3))
     np.add.at(group_normals, group, area_vectors)
     group_normals = _unit_or_zero(group_normals)
@@ -250,12 +291,17 @@ def planes_of_faces(vertices, faces, edges, edge_faces):
 
 
 def _planes_of_vertices(planes_at):
-    """Sort pairs (vertex, plane), drop repetitions, and number the planes of a vertex.
+    """Sort pairs (vertex, plane), drop repetitions, and number those of each vertex.
+
+    Parameters
+    ----------
+    planes_at : ndarray (m, 2)
+        Pairs of a vertex and one of its planes, in any order.
 
     Returns
     -------
     pairs : ndarray (n, 2)
-        The pairs.
+        The pairs, sorted, each once.
     rank : ndarray (n,)
         Number of each pair among those of its vertex.
     """
@@ -312,14 +358,31 @@ def inward_steps(vertices, faces, edges, edge_faces, face_plane, plane_normals):
     return -np.einsum("vij,vj->vi", inverses, depths), pairs, normals
 
 
-def _areas_and_sides(corners, faces):
-    """Return the area vectors and the three sides of all triangles (4 F, 3)."""
-    sides = [corners[faces[:, k]] - corners[faces[:, k - 1]] for k in range(3)]
-    return np.vstack([_area_vectors(corners, faces), *sides])
+def _areas_and_sides(vertices, faces):
+    """Compute the area vectors and the three sides of all triangles (4 F, 3).
+
+    Parameters
+    ----------
+    vertices, faces : ndarray (V, 3), (F, 3)
+        Places of the vertices [m], and vertices of each triangle.
+    """
+    sides = [vertices[faces[:, k]] - vertices[faces[:, k - 1]] for k in range(3)]
+    return np.vstack([_area_vectors(vertices, faces), *sides])
 
 
 def _keeps_triangles(vertices, faces, displacement):
-    """Return whether no triangle turns over when its vertices are displaced."""
+    """Return whether no triangle turns over when the vertices of a mesh are displaced.
+
+    A triangle has turned over when its area vector or a side, projected on the old one,
+    is too short or points the other way.
+
+    Parameters
+    ----------
+    vertices, faces : ndarray (V, 3), (F, 3)
+        Places of the vertices [m], and vertices of each triangle.
+    displacement : ndarray (V, 3)
+        Displacement of each vertex [m].
+    """
     original = _areas_and_sides(vertices, faces)
     displaced = _areas_and_sides(vertices + displacement, faces)
     projected = np.sum(original * displaced, axis=1)
@@ -327,7 +390,22 @@ def _keeps_triangles(vertices, faces, displacement):
 
 
 def _largest_radius(vertices, faces, steps, radius):
-    """Find the largest edge radius below `radius` with which no triangle turns over."""
+    """Find the largest edge radius with which no triangle turns over, by bisection.
+
+    Parameters
+    ----------
+    vertices, faces : ndarray (V, 3), (F, 3)
+        Places of the vertices [m], and vertices of each triangle.
+    steps : ndarray (V, 3)
+        Displacement of each vertex for an edge radius of 1.
+    radius : float
+        An edge radius that is too large [m].
+
+    Returns
+    -------
+    float
+        The radius [m].
+    """
     low = 0.0
     high = radius
     for _ in range(BISECTIONS):
@@ -340,9 +418,21 @@ def _largest_radius(vertices, faces, steps, radius):
 
 
 def erode(vertices, faces, steps, radius):
-    """Return the vertices (V, 3) of the mesh eroded by an edge radius [m].
+    """Return the vertices of the mesh eroded by an edge radius: those of the core.
 
-    `steps` (V, 3) is the displacement of each vertex for a radius of 1.
+    Parameters
+    ----------
+    vertices, faces : ndarray (V, 3), (F, 3)
+        Places of the vertices [m], and vertices of each triangle.
+    steps : ndarray (V, 3)
+        Displacement of each vertex for a radius of 1, see `inward_steps`.
+    radius : float
+        The edge radius [m].
+
+    Returns
+    -------
+    ndarray (V, 3)
+        The places of the vertices [m].
 
     Raises
     ------
@@ -359,13 +449,26 @@ def erode(vertices, faces, steps, radius):
 
 
 def _face_rows(core, faces, edges, edge_faces, face_plane, plane_normals, radius):
-    """Return the rows of `Meshes.data` of the faces (F, COLUMNS).
+    """Make the rows of `Meshes.data` of the faces.
 
-    `core` (V, 3) has the places of the vertices [m], `radius` is the edge radius [m]; the
-    other arguments are those of `_edge_rows`.
+    Parameters
+    ----------
+    core, faces : ndarray (V, 3), (F, 3)
+        Places of the eroded vertices [m], and vertices of each triangle.
+    edges, edge_faces : ndarray (E, 2)
+        Vertices and faces of each edge, see `edge_table`.
+    face_plane, plane_normals : ndarray (F,), (P, 3)
+        Plane of each face, and outward normal of each plane.
+    radius : float
+        Edge radius [m]: the wall lies this far above the eroded faces.
+
+    Returns
+    -------
+    ndarray (F, COLUMNS)
     """
     rows = np.zeros((len(faces), COLUMNS))
     outward = plane_normals[face_plane]
+    # normals in the engine point from the body into the wall
     rows[:, FACE_NORMAL : FACE_NORMAL + 3] = -outward
     # All faces of a plane have the offset of one of them, bit for bit.
     plane_offsets = np.zeros(len(plane_normals))
@@ -385,9 +488,9 @@ def _edges_by_face(edge_face):
 
     Returns
     -------
-    edge, face : ndarray
+    edge, face : ndarray (n,)
         Number of each edge, and its face.
-    number : ndarray
+    number : ndarray (n,)
         Number of each edge among those of its face.
     """
     edge = np.flatnonzero(edge_face >= 0)
@@ -400,7 +503,16 @@ def _edges_by_face(edge_face):
 def _write_sides(rows, core, edges, edge_faces, outward):
     """Write the three sides of each face to its row of `Meshes.data`.
 
-    `outward` (F, 3) has the normals of the faces.
+    Parameters
+    ----------
+    rows : ndarray (F, COLUMNS)
+        Is written.
+    core : ndarray (V, 3)
+        Places of the eroded vertices [m].
+    edges, edge_faces : ndarray (E, 2)
+        Vertices and faces of each edge, see `edge_table`.
+    outward : ndarray (F, 3)
+        Outward unit normals of the faces.
     """
     along = _unit(core[edges[:, 1]] - core[edges[:, 0]])
     n_sides = np.zeros(len(rows), int)  # sides of each face that are written
@@ -409,9 +521,11 @@ def _write_sides(rows, core, edges, edge_faces, outward):
     for direction, sign in ((0, 1.0), (1, -1.0)):
         edge, face, number = _edges_by_face(edge_faces[:, direction])
         side = n_sides[face] + number
+        # the normal of the edge in the plane of the face, to the left of the edge
         left = np.cross(outward[face], along[edge])
         offset = np.sum(left * core[edges[edge, 0]], axis=1)
 
+        # the side's inward normal, and its offset along it
         column = SIDES + SIDE_COLUMNS * side
         for axis in range(3):
             rows[face, column + axis] = sign * left[:, axis]
@@ -422,17 +536,21 @@ def _write_sides(rows, core, edges, edge_faces, outward):
 
 
 def _edge_rows(core, edges, edge_faces, face_plane, plane_normals):
-    """Return the rows of `Meshes.data` of the convex edges and rims (n, COLUMNS).
+    """Make the rows of `Meshes.data` of the convex edges and rims.
 
     Parameters
     ----------
     core : ndarray (V, 3)
-        Places of the vertices [m].
+        Places of the eroded vertices [m].
     edges, edge_faces : ndarray (E, 2)
         Vertices and faces of each edge, see `edge_table`. A rim has one face, and -1 in
         place of the other.
     face_plane, plane_normals : ndarray (F,), (P, 3)
         Plane of each face, and outward normal of each plane.
+
+    Returns
+    -------
+    ndarray (n, COLUMNS)
     """
     start = core[edges[:, 0]]
     difference = core[edges[:, 1]] - start
@@ -463,6 +581,7 @@ def _edge_rows(core, edges, edge_faces, face_plane, plane_normals):
     sign = np.where(left >= 0, 1.0, -1.0)
     turn = _unit(np.cross(-first_normal, along)) * sign[:, None]
 
+    # edges between coplanar faces and concave edges are no features
     rows = np.zeros((is_convex.sum(), COLUMNS))
     rows[:, PLACE : PLACE + 3] = start[is_convex]
     rows[:, EDGE_ALONG : EDGE_ALONG + 3] = along[is_convex]
@@ -474,7 +593,20 @@ def _edge_rows(core, edges, edge_faces, face_plane, plane_normals):
 
 
 def _ranges(owner, n):
-    """Return begin and end of each of n owners in a sorted list of owners (n, 2)."""
+    """Find where the items of each owner lie in a list sorted by owners.
+
+    Parameters
+    ----------
+    owner : ndarray (items,)
+        Number of the owner of each item, in increasing order.
+    n : int
+        Number of owners; some may have no item.
+
+    Returns
+    -------
+    ndarray (n, 2)
+        Begin and end of each owner's items.
+    """
     numbers = np.arange(n)
     begin = np.searchsorted(owner, numbers, "left")
     end = np.searchsorted(owner, numbers, "right")
@@ -482,10 +614,21 @@ def _ranges(owner, n):
 
 
 def _steepest(directions, ray_vertex, rays):
-    """Return how much each ray leads along the direction of its vertex, and the maximum.
+    """Compute how much each ray leads along the direction of its vertex.
 
-    The first array has a number for each ray, the second one for each vertex; -inf for
-    a vertex without rays.
+    Parameters
+    ----------
+    directions : ndarray (V, 3)
+        A direction for each vertex.
+    ray_vertex, rays : ndarray (R,), (R, 3)
+        Vertex and unit vector of each ray; a vertex may have several.
+
+    Returns
+    -------
+    lead : ndarray (R,)
+        Component of each ray along the direction of its vertex.
+    largest : ndarray (V,)
+        The largest lead of each vertex; -inf for a vertex without rays.
     """
     lead = np.sum(directions[ray_vertex] * rays, axis=1)
     largest = np.full(len(directions), -np.inf)
@@ -497,7 +640,18 @@ def _turn_from_rays(directions, ray_vertex, rays):
     """Turn the direction of each vertex until all its rays recede from it, if possible.
 
     Perceptron steps: each one turns a direction away from the ray that leads most.
-    Returns the unit vectors (V, 3) after the last step.
+
+    Parameters
+    ----------
+    directions : ndarray (V, 3)
+        A unit vector for each vertex; is overwritten.
+    ray_vertex, rays : ndarray (R,), (R, 3)
+        Vertex and unit vector of each ray; a vertex may have several.
+
+    Returns
+    -------
+    ndarray (V, 3)
+        The unit vectors after the last step.
     """
     for _ in range(PERCEPTRON_STEPS):
         lead, largest = _steepest(directions, ray_vertex, rays)
@@ -533,6 +687,7 @@ def _convex_vertices(core, edges, pairs, normals):
     rays : ndarray (2 E, 3)
         Direction of that edge, away from the vertex.
     """
+    # each edge is a ray from either of its ends to the other
     near_end = edges.ravel()
     far_end = edges[:, ::-1].ravel()
     order = np.argsort(near_end, kind="stable")
@@ -544,6 +699,7 @@ def _convex_vertices(core, edges, pairs, normals):
     np.add.at(sums, pairs[:, 0], normals[pairs[:, 1]])
     directions = _turn_from_rays(_unit_or_zero(sums), ray_vertex, rays)
 
+    # convex: every ray recedes from the direction that was found
     _lead, largest = _steepest(directions, ray_vertex, rays)
     has_edges = np.isfinite(largest)
     convex_vertices = np.flatnonzero((largest < -LEAST_CONE) & has_edges)
@@ -597,10 +753,26 @@ def _gentle_neighbours(core, faces, face_plane, plane_normals):
 def _planes_of_core(core, vertices, faces, face_plane, plane_normals, radius):
     """Give triangles planes of their own where the erosion has bent their plane.
 
-    A plane is bent when its corners are not all one edge radius below it. Returns
-    `face_plane` and `plane_normals` as `planes_of_faces`.
+    A plane is bent when its corners are not all one edge radius below it.
+
+    Parameters
+    ----------
+    core, vertices : ndarray (V, 3)
+        Places of the vertices after and before the erosion [m].
+    faces : ndarray (F, 3)
+        Vertices of each triangle.
+    face_plane, plane_normals : ndarray (F,), (P, 3)
+        Plane of each face, and outward normal of each plane, before the erosion.
+    radius : float
+        Edge radius [m].
+
+    Returns
+    -------
+    face_plane, plane_normals : ndarray (F,), (Q, 3)
+        The same with the new planes at the end.
     """
     displacement = core - vertices
+    # how far each corner has moved along the normal of its plane
     heights = np.einsum("fki,fi->fk", displacement[faces], plane_normals[face_plane])
     errors = np.abs(heights + radius).max(axis=1)
     is_bent = np.zeros(len(plane_normals), bool)
@@ -689,7 +861,22 @@ def split(vertices, faces, radius):
 
 
 def _boxes(core, faces, data, radius):
-    """Return the lower and upper corners of the boxes of all features, (n, 3) each."""
+    """Compute the lower and upper corners of the boxes of all features.
+
+    Parameters
+    ----------
+    core, faces : ndarray (V, 3), (F, 3)
+        Places of the eroded vertices [m], and vertices of each triangle.
+    data : ndarray (n, COLUMNS)
+        The features: faces first, then edges and vertices, see `Meshes`.
+    radius : float
+        Edge radius [m].
+
+    Returns
+    -------
+    lower, upper : ndarray (n, 3)
+        The corners [m].
+    """
     face_rows = data[: len(faces)]
     other_rows = data[len(faces) :]
     # a face's wall lies one radius above its triangle
@@ -752,7 +939,15 @@ def _cells(core, faces, kind, data, radius):
 
 @inlined
 def cell_at(place, lower, cell):
-    """Return the numbers along each axis of the cell that a place (3,) lies in."""
+    """Return the indices along each axis of the cell in which a place lies.
+
+    Parameters
+    ----------
+    place, lower : array (3,)
+        The place, and the lower corner of the cells [m].
+    cell : float
+        Edge of a cell [m].
+    """
     i = int((place[0] - lower[0]) / cell)
     j = int((place[1] - lower[1]) / cell)
     k = int((place[2] - lower[2]) / cell)
@@ -761,7 +956,19 @@ def cell_at(place, lower, cell):
 
 @inlined
 def plane_misses_cell(face, lower, cell, i, j, k):
-    """Return whether the plane of a face, a row of `Meshes.data`, misses a cell."""
+    """Return whether the plane of a face misses a cell.
+
+    Parameters
+    ----------
+    face : array
+        The row of the face in `Meshes.data`.
+    lower : array (3,)
+        Lower corner of the cells [m].
+    cell : float
+        Edge of a cell [m].
+    i, j, k : int
+        Indices of the cell along the three axes.
+    """
     nx = face[FACE_NORMAL]
     ny = face[FACE_NORMAL + 1]
     nz = face[FACE_NORMAL + 2]
@@ -770,21 +977,24 @@ def plane_misses_cell(face, lower, cell, i, j, k):
     y = lower[1] + (j + 0.5) * cell
     z = lower[2] + (k + 0.5) * cell
     distance = abs(nx * x + ny * y + nz * z - face[FACE_OFFSET])
-    # a little more than half a cell, for rounding
+    # how far the farthest corner is from the middle along the normal, and a little more
+    # for rounding
     reach = 0.500001 * cell * (abs(nx) + abs(ny) + abs(nz))
     return distance > reach
 
 
 @kernel
 def put_in_cells(low, high, kind, data, lower, cell, n_cells, place, items):
-    """Count the features of each cell, or write them.
+    """Count the features of each cell, or write them to the lists of the cells.
+
+    It is called twice: first with an empty `items`, to count.
 
     Parameters
     ----------
     low, high : array (n, 3)
         Corners of the features' boxes [m].
     kind, data : array
-        See `Meshes`.
+        The features, see `Meshes`.
     lower, cell, n_cells : array (3,), float, array (3,)
         Lower corner of the cells [m], their edge [m], and their number along each axis.
     place : array
@@ -811,20 +1021,35 @@ def put_in_cells(low, high, kind, data, lower, cell, n_cells, place, items):
 
 
 def _begins(parts, name):
-    """Return where the array `name` of each part begins in the joined array, and its end."""
+    """Return where an array of each part begins in the joined array, and its end.
+
+    `name` is the field of `Part`.
+    """
     lengths = [len(getattr(part, name)) for part in parts]
     return np.cumsum([0, *lengths])
 
 
 def _joined(parts, name):
-    """Return the arrays `name` of all parts, one after another."""
+    """Return the arrays of one field (`name`) of all parts, one after another."""
     return np.concatenate([getattr(part, name) for part in parts])
 
 
 def _shifted(parts, name, begins):
-    """Return the arrays `name` of all parts; numbers of rows count on from part to part.
+    """Join arrays of numbers of rows; the numbers count on from part to part.
 
-    `begins` says where the array that these numbers refer to begins, for each part.
+    Parameters
+    ----------
+    parts : sequence of Part
+        The features of each mesh.
+    name : str
+        The field of `Part` with these arrays.
+    begins : ndarray
+        Where the rows of each part begin in the joined array that the numbers refer to.
+
+    Returns
+    -------
+    ndarray
+        The arrays of all parts, one after another.
     """
     arrays = []
     for part, begin in zip(parts, begins, strict=False):

@@ -60,7 +60,10 @@ _MATH = SimpleNamespace(**{**vars(math), "sqrt": lambda x: np.sqrt(np.float64(x)
 
 
 def _as_python(function):
-    """Return a kernel as a Python function that divides by zero as compiled code does."""
+    """Return a kernel as a Python function that divides by zero as compiled code does.
+
+    The function's module gets another `math`, whose root is a number of numpy.
+    """
     function.__globals__["math"] = _MATH
     return function
 
@@ -101,7 +104,13 @@ class Kernel:
         return self._dispatcher(FROM_KERNELS)
 
     def _dispatcher(self, caller_options):
-        """Make numba's function of these options, with the cache of this package."""
+        """Make numba's function of these options, with the cache of this package.
+
+        Parameters
+        ----------
+        caller_options : dict
+            FROM_PYTHON or FROM_KERNELS, added to the options of the kernel.
+        """
         options = {**self._options, **caller_options}
         dispatcher = numba.njit(**options)(self.py_func)
         if self._text:

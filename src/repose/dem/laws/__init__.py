@@ -67,7 +67,7 @@ class RollingLaws(Laws):
 
 
 def _load(law: "str | Law") -> "Law":
-    """Return a law, or import the module of this name for its law."""
+    """Return a law; a name is that of the module in this folder whose `LAW` it is."""
     if isinstance(law, str):
         module_law: Law = import_module(f".{law}", __name__).LAW
         return module_law

@@ -57,8 +57,20 @@ def kernel(
 ) -> None:
     """Compute the torques on both bodies of each lane's contact.
 
-    The arguments are those of `law.rolling_resistance`. The torques oppose the angular
-    velocity of A relative to B: (wx, wy, wz) across the normal, `spin` along it.
+    They oppose the angular velocity of A relative to B: (wx, wy, wz) across the normal,
+    `spin` along it. Reads the rows of this law and PUSH, CIRCLE, RA and RB of
+    `scratch`; adds to the torques of TO_A and TO_B.
+
+    Parameters
+    ----------
+    law : namedtuple
+        The options of the law; not used.
+    scratch, history : numpy.ndarray
+        The tiles of 32 contacts, one in each lane, see `law.rolling_resistance`.
+    first : int
+        Place of the law's first row in `history`; not used.
+    dt : float
+        Time step [s].
     """
     for lane in range(LANES):
         nx, ny, nz = lane_vector(history, st.NORMAL, lane)
@@ -81,6 +93,7 @@ def kernel(
         )
         twist = max(-twisting_limit, min(twisting_limit, stopping * spin))
 
+        # the sum of both, across the normal and along it
         x = rolling * wx + twist * nx
         y = rolling * wy + twist * ny
         z = rolling * wz + twist * nz

@@ -90,16 +90,29 @@ PLASTIC = RESCALED.n_state * LANES
 def constants(
     a: Material, b: Material, contact: Contact, tension: str = "keep"
 ) -> np.ndarray:
-    """Compute the constants of the law for two materials (n,), in SI units.
+    """Compute the constants of the law for two materials, in SI units.
 
-    They are those of `hertz_mindlin`, zeros for the other rows of that law, and those
-    of the rows PLASTIC_SHARE, STIFFENING and ADHESION.
+    Parameters
+    ----------
+    a, b : Material
+        The two materials.
+    contact : Contact
+        Their contact, with plasticity ratio and surface energy.
+    tension : {"keep", "release", "cut"}
+        How a contact ends, see `Simulation`.
+
+    Returns
+    -------
+    ndarray (n,)
+        Those of `hertz_mindlin`, zeros for the other rows of that law, and those of the
+        rows PLASTIC_SHARE, STIFFENING and ADHESION.
     """
     plasticity = contact.constants[PLASTICITY_RATIO.name]
     gamma = contact.constants[SURFACE_ENERGY.name]
     hertz_constants = hertz_mindlin.constants(a, b, contact, tension)
     values = np.zeros(hertz_mindlin.LAW.n_rows + 3)
     values[: hertz_mindlin.LAW.n_constants] = hertz_constants
+    # L^(2/3), k2 / k1 and the strongest pull over sqrt(R* d_p)
     values[-3] = plasticity ** (2.0 / 3.0)
     values[-2] = 1.0 / (1.0 - plasticity)
     values[-1] = 3.0 * math.pi * gamma * math.sqrt(2.0)
@@ -126,9 +139,21 @@ def restitution(plasticity: float) -> float:
 def contact_time(
     a: Material, b: Material, contact: Contact, mass: float, radius: float, speed: float
 ) -> float:
-    """Compute the contact time, that of `hertz_mindlin` times sqrt(1 - L).
+    """Compute the contact time of a head-on impact [s].
 
-    Unloading is faster than loading. The arguments are those of `hertz_mindlin`.
+    Unloading is faster than loading: it is that of `hertz_mindlin` times sqrt(1 - L),
+    with the plasticity ratio L.
+
+    Parameters
+    ----------
+    a, b : Material
+        Materials of the two bodies.
+    contact : Contact
+        Their contact.
+    mass, radius : float
+        Effective mass m* [kg] and effective radius R* [m].
+    speed : float
+        Relative speed [m/s].
     """
     share = math.sqrt(1.0 - contact.constants[PLASTICITY_RATIO.name])
     return share * hertz_mindlin.contact_time(a, b, contact, mass, radius, speed)
@@ -142,9 +167,23 @@ def oscillator(
     radius: float,
     overlap: float,
 ) -> tuple[float, float]:
-    """Compute the stiffness of unloading and its damping ratio.
+    """Compute the stiffness of unloading at an overlap, and its damping ratio.
 
-    Arguments as of `hertz_mindlin.oscillator`.
+    Parameters
+    ----------
+    a, b : Material
+        Materials of the two bodies.
+    contact : Contact
+        Their contact.
+    tension : {"keep", "release", "cut"}
+        How a contact ends, see `Simulation`.
+    radius, overlap : float
+        R* and the overlap [m].
+
+    Returns
+    -------
+    stiffness, ratio : float
+        See `hertz_mindlin.oscillator` [N/m].
     """
     stiffness, ratio = hertz_mindlin.oscillator(a, b, contact, tension, radius, overlap)
     share = math.sqrt(1.0 - contact.constants[PLASTICITY_RATIO.name])
@@ -160,16 +199,16 @@ def branches(
     Parameters
     ----------
     stiffness, stiffening, adhesion : float
-        4/3 E*, k2 / k1, and the strongest pull over sqrt(R* d_p).
+        4/3 E* [Pa], k2 / k1, and the strongest pull over sqrt(R* d_p) [N/m].
     radius, plastic : float
-        R* and d_p.
+        R* and d_p [m].
 
     Returns
     -------
     pressed : float
-        k1 d_p^1.5.
+        k1 d_p^1.5 [N].
     lowest : float
-        k1 d^1.5 where unloading meets adhesion.
+        k1 d^1.5 where unloading meets adhesion [N].
     share : float
         k_a / k1.
     """
@@ -236,7 +275,19 @@ def push(
     tension: int,
     friction_limit: int,
 ) -> None:
-    """Compute the forces of each lane; arguments as of `hertz_mindlin.push`."""
+    """Compute the forces of each lane from velocities, springs and the plastic force.
+
+    Call `plastic_forces` first. Writes the rows TO_A and PUSH.
+
+    Parameters
+    ----------
+    scratch, history : numpy.ndarray
+        The tiles of 32 contacts, one in each lane, see `law.contact_forces`.
+    spring : int
+        Place of the tangential spring's first row in `history`.
+    tension, friction_limit : int
+        Numbers of `law.TENSIONS` and `law.FRICTION_LIMITS`.
+    """
     for lane in range(LANES):
         circle = scratch[tl.CIRCLE + lane]
         viscous = scratch[VISCOUS + lane]
@@ -270,7 +321,16 @@ def kernel(
 ) -> None:
     """Compute the forces of 32 contacts, one in each lane, of this time step.
 
-    The arguments are those of `law.contact_forces`.
+    Parameters
+    ----------
+    law : namedtuple
+        The options of the law.
+    scratch, history : numpy.ndarray
+        The tiles of the contacts, see `law.contact_forces`.
+    first : int
+        Place of the law's first row in `history`.
+    dt : float
+        Time step [s].
     """
     contact_sizes(scratch)
     plastic_forces(scratch, history, first + LAST_CIRCLE, first + PLASTIC)

@@ -79,7 +79,23 @@ INVERSE_MASS_B = tl.B + st.INVERSE_MASS * LANES
 def constants(
     a: Material, b: Material, contact: Contact, _tension: str = "keep"
 ) -> np.ndarray:
-    """Compute the constants of two materials: mu_r, mu_t, 2 E* and 4 G* (4,)."""
+    """Compute the constants of two materials: mu_r, mu_t, 2 E* and 4 G*.
+
+    Parameters
+    ----------
+    a, b : Material
+        The two materials.
+    contact : Contact
+        Their contact; without a twisting friction mu_t follows from the static
+        friction.
+    _tension : str
+        How a contact ends; not used.
+
+    Returns
+    -------
+    ndarray (4,)
+        In the order of the law's rows, in SI units.
+    """
     young, shear = effective_moduli(a, b)
     twisting_friction = contact.twisting_friction
     if twisting_friction is None:
@@ -91,18 +107,32 @@ def constants(
 
 @inlined
 def lever(x: float, y: float, z: float) -> float:
-    """Compute the length of an arm; that of a wall is 0 and counts as infinite."""
+    """Compute the length of an arm (x, y, z); that of a wall, 0, counts as infinite."""
     square = x * x + y * y + z * z
     return math.sqrt(square) if square > 0.0 else 1e30
 
 
 @inlined
 def levers(scratch: np.ndarray, lane: int) -> tuple[float, float]:
-    """Compute the inverse lever 1/R and the mobility of a lane's contact.
+    """Compute the inverse lever and the mobility of a lane's contact.
 
     The mobility 1/(m_a r_a^2) + 1/(m_b r_b^2) is that of two spheres of the bodies'
     masses, with the distances r of their centres from the contact. A wall has no
     inverse mass and an infinite r.
+
+    Parameters
+    ----------
+    scratch : numpy.ndarray
+        Scratch tile of 32 contacts (rows of `kernels.tile`).
+    lane : int
+        Lane of the contact.
+
+    Returns
+    -------
+    inverse_lever : float
+        1/R = 1/r_a + 1/r_b [1/m].
+    mobility : float
+        In 1/(kg m2).
     """
     ax, ay, az = lane_vector(scratch, tl.RA, lane)
     bx, by, bz = lane_vector(scratch, tl.RB, lane)
@@ -117,9 +147,23 @@ def levers(scratch: np.ndarray, lane: int) -> tuple[float, float]:
 def relative_rotation(
     scratch: np.ndarray, lane: int, nx: float, ny: float, nz: float
 ) -> tuple[float, float, float, float]:
-    """Compute the angular velocity of A relative to B in a lane.
+    """Compute the angular velocity of A relative to B, along and across the normal.
 
-    Returns its part along the normal, and the vector across it.
+    Parameters
+    ----------
+    scratch : numpy.ndarray
+        Scratch tile of 32 contacts (rows of `kernels.tile`).
+    lane : int
+        Lane of the contact.
+    nx, ny, nz : float
+        Unit normal from A to B.
+
+    Returns
+    -------
+    spin : float
+        The part along the normal [rad/s].
+    wx, wy, wz : float
+        The vector across it [rad/s].
     """
     ax, ay, az = lane_vector(scratch, SPIN_A, lane)
     bx, by, bz = lane_vector(scratch, SPIN_B, lane)
@@ -130,7 +174,17 @@ def relative_rotation(
 
 @inlined
 def oppose(scratch: np.ndarray, lane: int, x: float, y: float, z: float) -> None:
-    """Apply a torque against A and along B, with budgets of zero."""
+    """Apply a torque against A and along B in a lane, with budgets of zero.
+
+    Parameters
+    ----------
+    scratch : numpy.ndarray
+        Scratch tile of 32 contacts; the torques of its loads are added to.
+    lane : int
+        Lane of the contact.
+    x, y, z : float
+        The torque on B [N m].
+    """
     add_vector(scratch, TORQUE_A, lane, -x, -y, -z)
     add_vector(scratch, TORQUE_B, lane, x, y, z)
     scratch[BUDGET_A + lane] = 0.0
@@ -150,8 +204,12 @@ def resist(
 
     Parameters
     ----------
-    scratch, history, first, dt
-        As of `law.rolling_resistance`.
+    scratch, history : numpy.ndarray
+        The tiles of 32 contacts, one in each lane, see `law.rolling_resistance`.
+    first : int
+        Place of the law's first row in `history`.
+    dt : float
+        Time step [s].
     tangential : int
         1 where k_r follows from the tangential stiffness (`epsd2`), else 0.
     eta : float
@@ -212,7 +270,16 @@ def kernel(
 ) -> None:
     """Compute the torques on both bodies of 32 contacts, one in each lane.
 
-    The arguments are those of `law.rolling_resistance`.
+    Parameters
+    ----------
+    law : namedtuple
+        The options of the law; not used.
+    scratch, history : numpy.ndarray
+        The tiles of the contacts, see `law.rolling_resistance`.
+    first : int
+        Place of the law's first row in `history`.
+    dt : float
+        Time step [s].
     """
     resist(scratch, history, first, dt, 0, ETA)
 

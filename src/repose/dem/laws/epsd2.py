@@ -30,7 +30,16 @@ def kernel(
 ) -> None:
     """Compute the torques on both bodies of 32 contacts, one in each lane.
 
-    The arguments are those of `law.rolling_resistance`.
+    Parameters
+    ----------
+    law : namedtuple
+        The options of the law; not used.
+    scratch, history : numpy.ndarray
+        The tiles of the contacts, see `law.rolling_resistance`.
+    first : int
+        Place of the law's first row in `history`.
+    dt : float
+        Time step [s].
     """
     resist(scratch, history, first, dt, 1, 0.0)
 

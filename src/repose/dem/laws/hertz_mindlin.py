@@ -108,6 +108,16 @@ def _log_restitution(beta: float) -> float:
     With y = delta^(5/4) the damped Hertz contact is a linear oscillator. Schwager and
     Poeschel (2007) find when its force vanishes: ln e = -2 beta arccos(beta) / sqrt(1 -
     beta^2), and for beta above 1 the same with arccosh(beta) and sqrt(beta^2 - 1).
+
+    Parameters
+    ----------
+    beta : float
+        Damping ratio, 0 or more.
+
+    Returns
+    -------
+    float
+        The logarithm of the coefficient of restitution, 0 or less.
     """
     if abs(beta - 1.0) < 1e-6:
         return -2.0 * beta  # the limit of both
@@ -219,8 +229,14 @@ def oscillator(
 def contact_sizes(scratch: np.ndarray) -> None:
     """Compute the radius a of the contact circle, and sqrt(a m), of each contact.
 
-    They are written to the rows CIRCLE and VISCOUS. The roots have a loop of their own,
-    of which the processor runs several lanes at once.
+    They are written to the rows CIRCLE and VISCOUS, and are 0 where nothing touches.
+    The roots have a loop of their own, of which the processor runs several lanes at
+    once.
+
+    Parameters
+    ----------
+    scratch : numpy.ndarray
+        Scratch tile of 32 contacts, with the rows GAP, RADIUS and INVERSE_MASS.
     """
     for lane in range(LANES):
         gap = scratch[tl.GAP + lane]
@@ -244,11 +260,12 @@ def push(
 ) -> None:
     """Compute the forces of each lane from velocities and springs of this step.
 
+    Call `contact_sizes` and `tangential.slip` first. Writes the rows TO_A and PUSH.
+
     Parameters
     ----------
     scratch : numpy.ndarray
-        What is computed in this step for 32 contacts, one in each lane; the rows TO_A
-        and PUSH are written.
+        What is computed in this step for 32 contacts, one in each lane.
     history : numpy.ndarray
         What the contacts keep from step to step.
     spring : int
@@ -261,11 +278,13 @@ def push(
         overlap = -gap if gap < 0.0 else 0.0
         circle = scratch[tl.CIRCLE + lane]
         viscous = scratch[VISCOUS + lane]
+        # the normal force: Hertz's elastic part, and the dashpot
         elastic = scratch[NORMAL_STIFFNESS + lane] * circle * overlap
         damped = (
             elastic + scratch[NORMAL_DAMPING + lane] * viscous * scratch[tl.VN + lane]
         )
         normal_force, limit = normal_forces(elastic, damped, tension, friction_limit)
+        # the tangential spring and dashpot at the same contact circle
         stiffness = scratch[TANGENTIAL_STIFFNESS + lane] * circle
         damping = scratch[TANGENTIAL_DAMPING + lane] * viscous
         add_forces(
@@ -286,10 +305,19 @@ def kernel(
 ) -> None:
     """Compute the forces of 32 contacts, one in each lane, of this time step.
 
-    The arguments are those of `law.contact_forces`.
-
     There are several short loops, because a processor runs as many lanes at once as its
     window holds.
+
+    Parameters
+    ----------
+    law : namedtuple
+        The options of the law.
+    scratch, history : numpy.ndarray
+        The tiles of the contacts, see `law.contact_forces`.
+    first : int
+        Place of the law's first row in `history`.
+    dt : float
+        Time step [s].
     """
     contact_sizes(scratch)
     slip(scratch, history, first + SPRING, dt)

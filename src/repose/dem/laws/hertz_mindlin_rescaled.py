@@ -62,6 +62,7 @@ def keep_force(
     for lane in range(LANES):
         circle = scratch[tl.CIRCLE + lane]
         old_circle = history[last_circle + lane]
+        # a spring of a contact that was pressed becomes shorter as its stiffness grows
         share = old_circle / circle if circle > old_circle else 1.0
         history[last_circle + lane] = circle
         history[spring + lane] *= share
@@ -74,7 +75,16 @@ def kernel(
 ) -> None:
     """Compute the forces of 32 contacts, one in each lane, of this time step.
 
-    The arguments are those of `law.contact_forces`.
+    Parameters
+    ----------
+    law : namedtuple
+        The options of the law.
+    scratch, history : numpy.ndarray
+        The tiles of the contacts, see `law.contact_forces`.
+    first : int
+        Place of the law's first row in `history`.
+    dt : float
+        Time step [s].
     """
     contact_sizes(scratch)
     keep_force(scratch, history, first + SPRING, first + LAST_CIRCLE)

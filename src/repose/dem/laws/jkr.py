@@ -102,9 +102,21 @@ def pull_off_force(contact: Contact, radius: float) -> float:
 def constants(
     a: Material, b: Material, contact: Contact, tension: str = "keep"
 ) -> np.ndarray:
-    """Compute the constants of the law for two materials (7,), in SI units.
+    """Compute the constants of the law for two materials, in SI units.
 
-    They are those of `hertz_mindlin`, then BOND and ADHESION.
+    Parameters
+    ----------
+    a, b : Material
+        The two materials.
+    contact : Contact
+        Their contact, with its surface energy.
+    tension : {"keep", "release", "cut"}
+        How a contact ends, see `Simulation`.
+
+    Returns
+    -------
+    ndarray (7,)
+        Those of `hertz_mindlin`, then BOND and ADHESION.
     """
     young, _ = effective_moduli(a, b)
     work = work_of_adhesion(contact)
@@ -116,7 +128,7 @@ def constants(
 def circle_radius(
     a: Material, b: Material, contact: Contact, radius: float, overlap: float
 ) -> float:
-    """Compute the radius of the contact circle [m] at an overlap.
+    """Compute the radius of the contact circle at an overlap.
 
     Parameters
     ----------
@@ -128,6 +140,11 @@ def circle_radius(
         Effective radius R* [m].
     overlap : float
         Overlap, negative for a gap [m].
+
+    Returns
+    -------
+    float
+        The radius a [m].
 
     Raises
     ------
@@ -155,9 +172,26 @@ def oscillator(
     radius: float,
     overlap: float,
 ) -> tuple[float, float]:
-    """Compute 2 E* a, which dF_n / d delta does not exceed, and its damping ratio.
+    """Compute stiffness and damping ratio for small motions about an overlap.
 
-    See `hertz_mindlin.oscillator`.
+    The stiffness is 2 E* a, which the slope of the force over the overlap does not
+    exceed.
+
+    Parameters
+    ----------
+    a, b : Material
+        Materials of the two bodies.
+    contact : Contact
+        Their contact.
+    tension : {"keep", "release", "cut"}
+        How a contact ends, see `Simulation`.
+    radius, overlap : float
+        R*, and the overlap, negative for a gap [m].
+
+    Returns
+    -------
+    stiffness, ratio : float
+        See `hertz_mindlin.oscillator` [N/m].
     """
     young, _ = effective_moduli(a, b)
     ratio = math.sqrt(5.0 / 6.0) * damping_ratio(contact.restitution, tension)
@@ -166,11 +200,21 @@ def oscillator(
 
 @inlined
 def _root(excess: float) -> float:
-    """Compute the largest s with s^4 - s + DEPTH = excess > 0, to 2e-12.
+    """Compute the largest s with s^4 - s + DEPTH = excess, to 2e-12.
 
     With u = s - S_END the equation is u^4 + 4 S_END u^3 + 6 S_END^2 u^2 = excess. The
     root of (u^2 + 2 sqrt(q) u)^2 = excess with q = 3/2 S_END^2 is near it, and three
     steps of Newton's method follow.
+
+    Parameters
+    ----------
+    excess : float
+        The right side, above 0.
+
+    Returns
+    -------
+    float
+        The root s of the dimensionless radius of the contact circle.
     """
     u = math.sqrt(START + math.sqrt(excess)) - math.sqrt(START)
     for _ in range(3):
@@ -183,8 +227,15 @@ def _root(excess: float) -> float:
 def begin_cohesion(scratch: np.ndarray, history: np.ndarray, root: int) -> None:
     """Compute the row ROOT of contacts that begin: (R* sqrt(2 pi w / E*))^(1/3).
 
-    `cohesive_sizes` updates it when R* changes. `root` is the place of the row in
-    `history`.
+    A contact begins where its row is still 0 and the bodies overlap; later
+    `cohesive_sizes` updates the row when R* changes.
+
+    Parameters
+    ----------
+    scratch, history : numpy.ndarray
+        The tiles of 32 contacts, one in each lane, see `law.contact_forces`.
+    root : int
+        Place of the row in `history`.
     """
     for lane in range(LANES):
         if (
@@ -222,15 +273,19 @@ def cohesive_sizes(
 
         # The root of A. One step of Newton's method for the cube root is enough, as R*
         # changes little in a time step.
-        unit = root_a * root_a if coheres else 1.0
-        root_a -= (root_a - radius * scratch[BOND + lane] / unit) / 3.0
-        unit = root_a * root_a  # A
-        length = unit * unit / radius if coheres else 1.0  # A^2 / R*
-        end = DEPTH * length if coheres else 0.0  # gap at which the contact ends
-        touching = 1.0 if gap <= end else 0.0
+        circle_unit = root_a * root_a if coheres else 1.0
+        root_a -= (root_a - radius * scratch[BOND + lane] / circle_unit) / 3.0
+        circle_unit = root_a * root_a  # A
+        overlap_unit = (
+            circle_unit * circle_unit / radius if coheres else 1.0
+        )  # A^2 / R*
+        end_gap = (
+            DEPTH * overlap_unit if coheres else 0.0
+        )  # gap at which the contact ends
+        touching = 1.0 if gap <= end_gap else 0.0
 
         # The force with cohesion, from the root s of the radius of the contact circle.
-        excess = DEPTH - gap / length
+        excess = DEPTH - gap / overlap_unit
         s = _root(excess if excess > SMALLEST_EXCESS else SMALLEST_EXCESS)
         cube = s * s * s
         work_radius = touching * scratch[ADHESION + lane] * radius if coheres else 0.0
@@ -241,7 +296,7 @@ def cohesive_sizes(
         dry_circle = math.sqrt(radius * overlap)
         dry = scratch[NORMAL_STIFFNESS + lane] * dry_circle * overlap
 
-        circle = touching * unit * s * s if coheres else dry_circle
+        circle = touching * circle_unit * s * s if coheres else dry_circle
         scratch[tl.CIRCLE + lane] = circle
         scratch[VISCOUS + lane] = math.sqrt(circle) * rsqrt(
             scratch[tl.INVERSE_MASS + lane]
@@ -249,7 +304,7 @@ def cohesive_sizes(
         scratch[ELASTIC + lane] = adhesive if coheres else dry
         scratch[PULL_OFF + lane] = 1.5 * work_radius
         history[root + lane] = root_a if coheres else 0.0
-        history[reach + lane] = end
+        history[reach + lane] = end_gap
 
 
 @inlined
@@ -260,11 +315,20 @@ def push(
     tension: int,
     friction_limit: int,
 ) -> None:
-    """Compute the forces of each lane; arguments as of `hertz_mindlin.push`.
+    """Compute the forces of each lane from velocities, springs and the elastic force.
 
-    The pull-off force is added before the rules of `tangential.normal_forces` and
-    subtracted after them, so a contact that releases ends at the pull-off force instead
-    of at 0.
+    Call `cohesive_sizes` first. The pull-off force is added before the rules of
+    `tangential.normal_forces` and subtracted after them, so a contact that releases
+    ends at the pull-off force instead of at 0. Writes the rows TO_A and PUSH.
+
+    Parameters
+    ----------
+    scratch, history : numpy.ndarray
+        The tiles of 32 contacts, one in each lane, see `law.contact_forces`.
+    spring : int
+        Place of the tangential spring's first row in `history`.
+    tension, friction_limit : int
+        Numbers of `law.TENSIONS` and `law.FRICTION_LIMITS`.
     """
     for lane in range(LANES):
         viscous, pull_off = scratch[VISCOUS + lane], scratch[PULL_OFF + lane]
@@ -296,7 +360,16 @@ def kernel(
 ) -> None:
     """Compute the forces of 32 contacts, one in each lane, of this time step.
 
-    The arguments are those of `law.contact_forces`.
+    Parameters
+    ----------
+    law : namedtuple
+        The options of the law.
+    scratch, history : numpy.ndarray
+        The tiles of the contacts, see `law.contact_forces`.
+    first : int
+        Place of the law's first row in `history`.
+    dt : float
+        Time step [s].
     """
     begin_cohesion(scratch, history, first + ROOT)
     cohesive_sizes(scratch, history, first + ROOT, first + REACH)
@@ -306,7 +379,19 @@ def kernel(
 
 
 def reach(law: Any, history: np.ndarray, first: int, lane: int) -> float:
-    """Return the gap at which the contact of a lane ends [m]."""
+    """Return the gap at which the contact of a lane ends [m].
+
+    Parameters
+    ----------
+    law : namedtuple
+        The options of the law; not used.
+    history : numpy.ndarray
+        What the contacts keep from step to step.
+    first : int
+        Place of the law's first row in `history`.
+    lane : int
+        Lane of the contact.
+    """
     return history[first + REACH + lane]
 
 

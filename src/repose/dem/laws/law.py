@@ -209,22 +209,50 @@ def rolling_resistance(
 
 
 def _no_reach(law, history, first, lane):
+    """Return the gap at which contacts end under a law without attraction: 0.0 [m]."""
     return 0.0
 
 
 def _no_geometry(law, scratch, history, of_spheres, on_wall):
+    """Do nothing: the law needs no other geometry than gap, normal and R*."""
     return None
 
 
 def reach(law: Any, history: np.ndarray, first: int, lane: int) -> float:
-    """Return the gap at which the contact of a lane ends [m]."""
+    """Return the gap at which the contact of a lane ends [m].
+
+    Parameters
+    ----------
+    law : namedtuple
+        The options of a contact law.
+    history : ndarray
+        What the contacts keep from step to step.
+    first : int
+        Place of the law's first row in `history`.
+    lane : int
+        Lane of the contact.
+    """
     return _REACHES[type(law)](law, history, first, lane)
 
 
 def surfaces(
     law: Any, scratch: np.ndarray, history: np.ndarray, of_spheres: int, on_wall: int
 ) -> None:
-    """Compute quantities of each lane's surfaces that a law needs besides R*."""
+    """Compute quantities of each lane's surfaces that a law needs besides R*.
+
+    It is called before `contact_forces`.
+
+    Parameters
+    ----------
+    law : namedtuple
+        The options of a contact law.
+    scratch, history : ndarray
+        The tiles of 32 contacts, see `contact_forces`.
+    of_spheres : int
+        1 for contacts of spheres of clumps, 0 for those of smooth bodies.
+    on_wall : int
+        1 where body B is a wall, else 0.
+    """
     _GEOMETRIES[type(law)](law, scratch, history, of_spheres, on_wall)
 
 
@@ -234,6 +262,13 @@ def _dispatch_in_kernels(
     """Let numba put the implementation of a law in place of each call of a function.
 
     The implementation is found by the type of the options, the call's first argument.
+
+    Parameters
+    ----------
+    function : callable
+        A function that kernels call, such as `contact_forces`.
+    implementations : mapping
+        Function of each law, by the type of its options. Laws may be added later.
     """
 
     def choose(law: Any, *_arguments: Any) -> Callable | None:

@@ -96,10 +96,14 @@ def contact_time(
     ----------
     a, b : Material
         Materials of the two bodies.
+    _contact : Contact
+        Their contact; only laws with further constants need it.
     mass : float
         Effective mass m* [kg].
     radius : float
         Effective radius R* [m].
+    _speed : float
+        Relative speed [m/s]; not used.
 
     Returns
     -------
@@ -119,9 +123,7 @@ def oscillator(
     radius: float,
     _overlap: float,
 ) -> tuple[float, float]:
-    """Compute stiffness and damping ratio of a contact.
-
-    They are the same at any overlap.
+    """Compute stiffness and damping ratio of a contact, the same at any overlap.
 
     Parameters
     ----------
@@ -133,6 +135,8 @@ def oscillator(
         How a contact ends, see `Simulation`.
     radius : float
         R* [m].
+    _overlap : float
+        Overlap [m]; not used.
 
     Returns
     -------
@@ -151,7 +155,18 @@ def kernel(
 ) -> None:
     """Compute the forces of 32 contacts, one in each lane, of this time step.
 
-    The arguments are those of `law.contact_forces`.
+    Writes the rows TO_A, PUSH and CIRCLE of `scratch`, and the springs in `history`.
+
+    Parameters
+    ----------
+    law : namedtuple
+        The options of the law.
+    scratch, history : numpy.ndarray
+        The tiles of the contacts, see `law.contact_forces`.
+    first : int
+        Place of the law's first row in `history`.
+    dt : float
+        Time step [s].
     """
     spring = first + SPRING
     slip(scratch, history, spring, dt)

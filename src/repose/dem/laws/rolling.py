@@ -52,15 +52,26 @@ def kernel(
 ) -> None:
     """Compute the budgets of both bodies of 32 contacts, one in each lane.
 
-    A budget is a torque: mu_r times the force that limits friction times the arm. The
-    arguments are those of `law.rolling_resistance`.
+    A budget is a torque: mu_r times the force that limits friction times the arm, the
+    distance of the contact from the centre of the body. Writes the rows ROLL of TO_A
+    and TO_B.
+
+    Parameters
+    ----------
+    law : namedtuple
+        The options of the law; not used.
+    scratch : numpy.ndarray
+        Scratch tile of the contacts, see `law.rolling_resistance`.
+    history, first, dt
+        What contacts keep, its first row, and the time step; not used.
     """
     for lane in range(LANES):
         torque_per_arm = scratch[ROLLING_FRICTION + lane] * scratch[tl.PUSH + lane]
-        # square * rsqrt(square) is the length of the arm, and 0 for the arm of a wall
+        # Body A. square * rsqrt(square) is the length of the arm.
         x, y, z = lane_vector(scratch, tl.RA, lane)
         square = x * x + y * y + z * z
         scratch[BUDGET_A + lane] = torque_per_arm * square * rsqrt(square)
+        # Body B; the arm of a wall is 0, and so is its budget.
         x, y, z = lane_vector(scratch, tl.RB, lane)
         square = x * x + y * y + z * z
         scratch[BUDGET_B + lane] = torque_per_arm * square * rsqrt(square)

@@ -59,9 +59,21 @@ INVERSE_SUM = _rows.take()
 def constants(
     a: Material, b: Material, contact: Contact, tension: str = "keep"
 ) -> np.ndarray:
-    """Compute the constants of the law for two materials (n,), in SI units.
+    """Compute the constants of the law for two materials, in SI units.
 
-    They are those of `hertz_mindlin`, zeros for the other rows of that law, and k.
+    Parameters
+    ----------
+    a, b : Material
+        The two materials.
+    contact : Contact
+        Their contact, with its cohesion energy density.
+    tension : {"keep", "release", "cut"}
+        How a contact ends, see `Simulation`.
+
+    Returns
+    -------
+    ndarray (n,)
+        Those of `hertz_mindlin`, zeros for the other rows of that law, and k.
     """
     hertz_constants = hertz_mindlin.constants(a, b, contact, tension)
     values = np.zeros(hertz_mindlin.LAW.n_rows + 1)
@@ -72,10 +84,17 @@ def constants(
 
 @inlined
 def area(overlap: float, radius: float, inverse_sum: float) -> float:
-    """Compute the area A of the circle in which two spheres cut each other.
+    """Compute the area A of the circle in which two spheres cut each other [m2].
 
-    `radius` is R*, `inverse_sum` 1/S. The formula is that of the header, divided by S
-    in the numerator and in the denominator, with share = delta / S.
+    The formula is that of the module's docstring, divided by S in the numerator and in
+    the denominator, with share = delta / S.
+
+    Parameters
+    ----------
+    overlap, radius : float
+        The overlap delta, 0 or more, and the effective radius R* [m].
+    inverse_sum : float
+        1/S, with the sum S of both radii [1/m]; 0 on a wall.
     """
     # The limit keeps unused lanes finite, in which both bodies are in one place.
     share = min(overlap * inverse_sum, 0.5)
@@ -87,11 +106,19 @@ def area(overlap: float, radius: float, inverse_sum: float) -> float:
 def geometry(
     law: Any, scratch: np.ndarray, history: np.ndarray, of_spheres: int, on_wall: int
 ) -> None:
-    """Compute the inverse sum of the two radii of each lane's contact, row INVERSE_SUM.
+    """Compute the inverse sum of the radii of each lane's contact: row INVERSE_SUM.
 
-    The arguments are those of `law.surfaces`.
+    Parameters
+    ----------
+    law : namedtuple
+        The options of the law; not used.
+    scratch, history : numpy.ndarray
+        The tiles of 32 contacts, one in each lane, see `law.surfaces`.
+    of_spheres, on_wall : int
+        1 for contacts of spheres of clumps, and 1 where body B is a wall; else 0.
     """
     for lane in range(LANES):
+        # a wall has an infinite radius
         if on_wall:
             scratch[INVERSE_SUM + lane] = 0.0
         elif of_spheres:
@@ -110,7 +137,15 @@ def geometry(
 
 @inlined
 def pull(scratch: np.ndarray, history: np.ndarray) -> None:
-    """Add the cohesion k A to the force on body A of each lane, towards B."""
+    """Add the cohesion k A to the force on body A of each lane, towards B.
+
+    Call it after `push`, which writes this force.
+
+    Parameters
+    ----------
+    scratch, history : numpy.ndarray
+        The tiles of 32 contacts, one in each lane, see `law.contact_forces`.
+    """
     for lane in range(LANES):
         gap = scratch[tl.GAP + lane]
         overlap = -gap if gap < 0.0 else 0.0
@@ -126,7 +161,16 @@ def kernel(
 ) -> None:
     """Compute the forces of 32 contacts, one in each lane, of this time step.
 
-    The arguments are those of `law.contact_forces`.
+    Parameters
+    ----------
+    law : namedtuple
+        The options of the law.
+    scratch, history : numpy.ndarray
+        The tiles of the contacts, see `law.contact_forces`.
+    first : int
+        Place of the law's first row in `history`.
+    dt : float
+        Time step [s].
     """
     contact_sizes(scratch)
     keep_force(scratch, history, first + SPRING, first + LAST_CIRCLE)

@@ -56,6 +56,9 @@ def slip(
 ) -> None:
     """Compute the velocity of A against B in each lane, and move the tangential spring.
 
+    The spring is the path of the contact point of A over that of B, as long as they
+    touch.
+
     Parameters
     ----------
     scratch : numpy.ndarray
@@ -94,6 +97,7 @@ def slip(
         write_vector(scratch, tl.V, lane, vx, vy, vz)
         scratch[tl.VN + lane] = vn
 
+        # 1.0 while the contact lasts; a spring that ended is relaxed
         if reach > 0:  # a law without reach must compile to one comparison
             touching = 1.0 if scratch[tl.GAP + lane] <= history[reach + lane] else 0.0
         else:
@@ -127,8 +131,9 @@ def normal_forces(
     Returns
     -------
     force, limit : float
-        In N.
+        The normal force, and the one that limits friction and rolling [N].
     """
+    # a contact may pull only where its tension is kept
     smallest = -math.inf if tension == KEEP else 0.0
     force = damped if damped > smallest else smallest
     limit = elastic if friction_limit == ELASTIC else abs(force)
