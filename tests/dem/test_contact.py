@@ -33,14 +33,14 @@ UPPER = np.triu_indices(3)
 def pair_tile(t, contacts, rows, first, second, parts, dt, law, rolling, load):
     gather(rows, rows.shape[1], first, 0, t, tl.A)
     gather(rows, rows.shape[1], second, 0, t, tl.B)
-    tl.pair_geometry(t, contacts, parts)
+    tl.write_pair_geometry(t, contacts, parts)
     write_mobility(t, contacts, tl.A, tl.RA, parts, 0.0)
     write_mobility(t, contacts, tl.B, tl.RB, parts, 1.0)
     column = st.share_column(parts) * LANES
     for k in range(LANES):
         t[tl.SHARE + k] = min(t[tl.A + column + k], t[tl.B + column + k])
     contact_forces(law, t, contacts, st.PAIR_STATE, dt)
-    tl.torques(t)
+    tl.write_torques(t)
     rolling_resistance(rolling, t, contacts, st.PAIR_STATE, dt)
     scatter(load, first, 0, t, tl.TO_A)
     scatter(load, second, 0, t, tl.TO_B)

@@ -106,7 +106,7 @@ def test_pairs_that_are_left_alone_still_meet_in_time(small_is_shared, monkeypat
         for _ in range(100):
             s.run_steps(50)
             found.append(s.contacts())
-            path = parallel.paths_of(
+            path = parallel.sum_paths(
                 s.grid.paths[parallel.UP_TO_NOW], s.pairs.near_groups[0]
             )
             left_alone += int(path < s.pairs.near_check[0])

@@ -47,7 +47,7 @@ DASHPOTS = LOAD + st.DASHPOTS * LANES
 
 @inlined
 def quaternion_of(motion, lane):
-    """Return the quaternion (w, x, y, z) of a lane's body, from its axes to the world's."""
+    """Return the quaternion (w, x, y, z) that turns a lane's body into the world."""
     return (
         motion[QUATERNION + lane],
         motion[QUATERNION + LANES + lane],

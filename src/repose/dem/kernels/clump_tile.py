@@ -84,7 +84,7 @@ def write_arms(scratch, contacts, body_row, centre_row, arm_row):
 
 
 @inlined
-def sphere_pair_geometry(scratch, contacts):
+def write_sphere_pair_geometry(scratch, contacts):
     """Compute normal, gap, effective radius and contact point of each pair of spheres.
 
     Each sphere belongs to a clump. Writes the normal (row NORMAL of `contacts`) and the
@@ -129,11 +129,11 @@ def sphere_pair_geometry(scratch, contacts):
 
 
 @inlined
-def sphere_plane_geometry(scratch, contacts):
+def write_sphere_plane_geometry(scratch, contacts):
     """Compute gap, effective radius and contact point of each sphere on a plane.
 
     Writes the rows GAP, RADIUS and RA of `scratch`. Beyond the disc of the plane the
-    gap is tl.BEYOND, which is infinite, as in `tile.plane_geometry`.
+    gap is tl.BEYOND, which is infinite, as in `tile.write_plane_geometry`.
 
     Parameters
     ----------

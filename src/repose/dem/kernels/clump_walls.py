@@ -28,7 +28,7 @@ from .meshes import follow_feature, search_mesh
 from .rows import LANES, lane_vector, set_vector, vector_at, write_vector
 from .sphere_search import PLACES_A, place_spheres, placed_centre, placed_radius
 from .state import MOST_SPHERES, PLANE_NORMAL, PLANE_POINT, PLANE_RADIUS, SHAPE
-from .walls import add_wall_contact, sphere_on_frame_wall
+from .walls import add_wall_contact, write_sphere_on_frame_wall
 
 
 @inlined
@@ -50,7 +50,7 @@ def sphere_arm(row, tile, lane):
 
 
 @inlined
-def sphere_on_plane(x, y, z, radius, plane, geometry):
+def write_sphere_on_plane(x, y, z, radius, plane, geometry):
     """Fill `geometry` for a sphere and a plane, in world axes.
 
     Parameters
@@ -80,7 +80,7 @@ def sphere_on_plane(x, y, z, radius, plane, geometry):
 
 
 @inlined
-def seen_place(walls, frame, x, y, z):
+def place_seen_from_frame(walls, frame, x, y, z):
     """Return a place in the world as seen from the frame of a curved wall or mesh.
 
     Parameters
@@ -98,7 +98,7 @@ def seen_place(walls, frame, x, y, z):
 
 
 @inlined
-def sphere_on_curved(walls, wall, x, y, z, radius, geometry):
+def write_sphere_on_curved(walls, wall, x, y, z, radius, geometry):
     """Fill `geometry`, in world axes, for a sphere and a cone or ring.
 
     Parameters
@@ -117,8 +117,8 @@ def sphere_on_curved(walls, wall, x, y, z, radius, geometry):
     float
         How far the sphere is beyond the wall's end [m]; not positive on the wall.
     """
-    x, y, z = seen_place(walls, wall, x, y, z)
-    distance_beyond = sphere_on_frame_wall(x, y, z, radius, walls, wall, geometry)
+    x, y, z = place_seen_from_frame(walls, wall, x, y, z)
+    distance_beyond = write_sphere_on_frame_wall(x, y, z, radius, walls, wall, geometry)
     contact_to_world(walls, wall, geometry)
     return distance_beyond
 
@@ -288,7 +288,7 @@ def sphere_slid_off(bodies, contacts, walls, k):
 
 
 @kernel
-def spheres_at_wall(
+def find_spheres_at_wall(
     bodies, contacts, length_slot, clumps, walls, counts, wall, i, places, geometry
 ):
     """Find the spheres of body i that begin to touch a plane, cone or ring.
@@ -339,9 +339,11 @@ def spheres_at_wall(
         x, y, z = placed_centre(places, PLACES_A, sphere)
         radius = placed_radius(places, PLACES_A, sphere)
         if length_slot == st.N_CURVED:
-            distance_beyond = sphere_on_curved(walls, wall, x, y, z, radius, geometry)
+            distance_beyond = write_sphere_on_curved(
+                walls, wall, x, y, z, radius, geometry
+            )
         else:
-            distance_beyond = sphere_on_plane(
+            distance_beyond = write_sphere_on_plane(
                 x, y, z, radius, walls.planes[wall], geometry
             )
         # which spheres of the body are past this wall, as bits
@@ -385,7 +387,7 @@ def place_clump(bodies, clumps, i, places):
 
 
 @inlined
-def sphere_row(walls, frame, x, y, z, radius, local_row):
+def write_sphere_row(walls, frame, x, y, z, radius, local_row):
     """Write a sphere as the row of a body of one ellipsoid, in the frame of a wall.
 
     This is the form in which `meshes` takes bodies.
@@ -401,7 +403,7 @@ def sphere_row(walls, frame, x, y, z, radius, local_row):
     local_row : array
         Position and shape are written to it.
     """
-    x, y, z = seen_place(walls, frame, x, y, z)
+    x, y, z = place_seen_from_frame(walls, frame, x, y, z)
     set_vector(local_row, st.POSITION, x, y, z)
     # the matrix of a sphere: its squared radius on the diagonal
     square = radius * radius
@@ -410,7 +412,7 @@ def sphere_row(walls, frame, x, y, z, radius, local_row):
 
 
 @inlined
-def by_sphere(meshed, clumps):
+def contacts_by_sphere(meshed, clumps):
     """Return the contacts with meshes, with numbers of spheres in place of bodies.
 
     So a sphere of a clump takes part in a search as if it was a body. The arrays are
@@ -483,7 +485,7 @@ def follow_sphere(
     bool
         Whether the contact lasts.
     """
-    contacts = by_sphere(meshed, clumps)
+    contacts = contacts_by_sphere(meshed, clumps)
     frame = mesh_frame(walls, meshed.wall[k])
     # the sphere in the frame of the mesh
     tile = meshed.data[k // LANES]
@@ -492,7 +494,7 @@ def follow_sphere(
     arm_x, arm_y, arm_z = sphere_arm(row, tile, lane)
     radius = tile[ct.RADIUS + lane]
     x, y, z = vector_at(row, st.POSITION)
-    sphere_row(walls, frame, x + arm_x, y + arm_y, z + arm_z, radius, local_row)
+    write_sphere_row(walls, frame, x + arm_x, y + arm_y, z + arm_z, radius, local_row)
     is_lasting = follow_feature(
         local_row,
         radius,
@@ -512,7 +514,7 @@ def follow_sphere(
 
 
 @inlined
-def spheres_at_mesh(
+def find_spheres_at_mesh(
     bodies,
     meshed,
     clumps,
@@ -557,7 +559,7 @@ def spheres_at_mesh(
         How far the body may move before the next search [m].
     """
     n = counts[st.N_MESHED]
-    contacts = by_sphere(meshed, clumps)
+    contacts = contacts_by_sphere(meshed, clumps)
     # Bring the body's contacts to their present features, so that the search does not
     # find them as new.
     for k in range(n):
@@ -584,7 +586,7 @@ def spheres_at_mesh(
         x, y, z = placed_centre(places, PLACES_A, sphere)
         radius = placed_radius(places, PLACES_A, sphere)
         # the sphere in the frame of the mesh, as a body of one ellipsoid
-        sphere_row(walls, frame, x, y, z, radius, local_row)
+        write_sphere_row(walls, frame, x, y, z, radius, local_row)
         n_before = counts[st.N_MESHED]
         # the search knows a sphere by one number, as if it was a body
         sphere_number = MOST_SPHERES * i + sphere

@@ -22,7 +22,7 @@ from .lists import move_contact, put_contact
 from .neighbours import (
     chain_partner,
     count_pair,
-    pairs_of_moved,
+    count_pairs_of_moved,
     take_place,
     write_pair,
 )
@@ -351,7 +351,7 @@ def chain_entries(pairs, counts, grid, ghost):
     ghost : int
         Number of the absent body, which unused places of lists hold.
     """
-    n_links = pairs_of_moved(grid.near, grid, counts)
+    n_links = count_pairs_of_moved(grid.near, grid, counts)
     n_found = 0
     entry = counts[st.N_NEAR] - 1
     while n_found < n_links:

@@ -17,7 +17,7 @@ from .forces import (
     mesh_forces,
     pair_forces,
     plane_forces,
-    still_wall,
+    write_still_wall,
 )
 from .frames import move_plane_contacts, move_walls
 from .jit import inlined, kernel
@@ -163,7 +163,7 @@ def wall_contacts_and_forces(
         update_meshes(bodies, meshed, clumps, walls, meshes, counts, parts, scratch)
     # Prepare the tile for walls that stand still and are all of one material, the last
     # one. Where walls move or have several materials, each tile of contacts writes its own.
-    still_wall(contact_tile)
+    write_still_wall(contact_tile)
     fill_laws(contact_tile, physics, 0, physics.law_constants.shape[0] - 1)
     # Add the forces, wall kind by wall kind.
     plane_forces(bodies, flat, clumps, walls, counts, physics, contact_tile, ghost)

@@ -106,17 +106,17 @@ class Part(NamedTuple):
     items: Any
 
 
-def _unit(vectors):
+def _normalise(vectors):
     """Divide vectors (n, 3) by their lengths; none of them may be zero."""
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
-def _unit_or_zero(vectors):
+def _normalise_or_zero(vectors):
     """Divide vectors (n, 3) by their lengths; zeros stay zeros."""
     return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), TINY)
 
 
-def _area_vectors(vertices, faces):
+def _compute_area_vectors(vertices, faces):
     """Compute the area vectors of triangles: their outward normals times their areas.
 
     Parameters
@@ -180,7 +180,7 @@ def edge_table(faces):
     return edges, edge_faces
 
 
-def _coplanar_pairs(vertices, faces, edges, edge_faces, face_normals):
+def _find_coplanar_pairs(vertices, faces, edges, edge_faces, face_normals):
     """Find the pairs of faces that share an edge and lie in one plane.
 
     Parameters
@@ -218,7 +218,7 @@ def _coplanar_pairs(vertices, faces, edges, edge_faces, face_normals):
     return first[is_coplanar], second[is_coplanar]
 
 
-def _thicknesses(vertices, faces, group, group_normals):
+def _measure_thicknesses(vertices, faces, group, group_normals):
     """Compute how far the corners of each group of triangles spread along its normal.
 
     Parameters
@@ -263,11 +263,13 @@ def planes_of_faces(vertices, faces, edges, edge_faces):
     from scipy.sparse import coo_array, csgraph  # slow to import: where there is a mesh
 
     n_faces = len(faces)
-    area_vectors = _area_vectors(vertices, faces)
-    face_normals = _unit(area_vectors)
+    area_vectors = _compute_area_vectors(vertices, faces)
+    face_normals = _normalise(area_vectors)
 
     # Triangles that coplanar pairs connect are a group.
-    first, second = _coplanar_pairs(vertices, faces, edges, edge_faces, face_normals)
+    first, second = _find_coplanar_pairs(
+        vertices, faces, edges, edge_faces, face_normals
+    )
     connections = coo_array(
         (np.ones(len(first)), (first, second)), shape=(n_faces, n_faces)
     )
@@ -275,12 +277,12 @@ def planes_of_faces(vertices, faces, edges, edge_faces):
     # the normal of a group is that of the sum of its area vectors
     group_normals = np.zeros((n_groups, 3))
     np.add.at(group_normals, group, area_vectors)
-    group_normals = _unit_or_zero(group_normals)
+    group_normals = _normalise_or_zero(group_normals)
 
     # A group that is flat only from triangle to triangle, not as a whole, falls apart:
     # each of its triangles becomes a group with a number from `n_groups` on.
     size = np.linalg.norm(np.ptp(vertices, axis=0))
-    thicknesses = _thicknesses(vertices, faces, group, group_normals)
+    thicknesses = _measure_thicknesses(vertices, faces, group, group_normals)
     is_curved = (thicknesses > FLAT_GROUP * size)[group]
     group[is_curved] = n_groups + np.arange(is_curved.sum())
     normals = np.vstack([group_normals, face_normals[is_curved]])
@@ -290,7 +292,7 @@ def planes_of_faces(vertices, faces, edges, edge_faces):
     return face_plane.ravel(), normals[groups_in_use]
 
 
-def _planes_of_vertices(planes_at):
+def _sort_planes_of_vertices(planes_at):
     """Sort pairs (vertex, plane), drop repetitions, and number those of each vertex.
 
     Parameters
@@ -338,7 +340,7 @@ def inward_steps(vertices, faces, edges, edge_faces, face_plane, plane_normals):
     # face runs along the rim or against it.
     rims = np.flatnonzero((edge_faces < 0).any(axis=1))
     rim_faces = edge_faces[rims].max(axis=1)
-    along = _unit(vertices[edges[rims, 1]] - vertices[edges[rims, 0]])
+    along = _normalise(vertices[edges[rims, 1]] - vertices[edges[rims, 0]])
     along[edge_faces[rims, 0] < 0] *= -1.0
     rim_normals = np.cross(along, plane_normals[face_plane[rim_faces]])
     normals = np.vstack([plane_normals, rim_normals])
@@ -347,7 +349,7 @@ def inward_steps(vertices, faces, edges, edge_faces, face_plane, plane_normals):
     rim_planes = len(plane_normals) + np.arange(len(rims))
     at_corners = [np.column_stack([faces[:, k], face_plane]) for k in range(3)]
     at_rim_ends = [np.column_stack([edges[rims, k], rim_planes]) for k in range(2)]
-    pairs, rank = _planes_of_vertices(np.vstack(at_corners + at_rim_ends))
+    pairs, rank = _sort_planes_of_vertices(np.vstack(at_corners + at_rim_ends))
 
     # One linear system for each vertex: each of its normals times the step is -1. Rows
     # of zeros fill up the systems of vertices with fewer planes than others.
@@ -358,7 +360,7 @@ def inward_steps(vertices, faces, edges, edge_faces, face_plane, plane_normals):
     return -np.einsum("vij,vj->vi", inverses, depths), pairs, normals
 
 
-def _areas_and_sides(vertices, faces):
+def _compute_areas_and_sides(vertices, faces):
     """Compute the area vectors and the three sides of all triangles (4 F, 3).
 
     Parameters
@@ -367,7 +369,7 @@ def _areas_and_sides(vertices, faces):
         Places of the vertices [m], and vertices of each triangle.
     """
     sides = [vertices[faces[:, k]] - vertices[faces[:, k - 1]] for k in range(3)]
-    return np.vstack([_area_vectors(vertices, faces), *sides])
+    return np.vstack([_compute_area_vectors(vertices, faces), *sides])
 
 
 def _keeps_triangles(vertices, faces, displacement):
@@ -383,13 +385,13 @@ def _keeps_triangles(vertices, faces, displacement):
     displacement : ndarray (V, 3)
         Displacement of each vertex [m].
     """
-    original = _areas_and_sides(vertices, faces)
-    displaced = _areas_and_sides(vertices + displacement, faces)
+    original = _compute_areas_and_sides(vertices, faces)
+    displaced = _compute_areas_and_sides(vertices + displacement, faces)
     projected = np.sum(original * displaced, axis=1)
     return bool(np.all(projected > LEAST_SHARE * np.sum(original * original, axis=1)))
 
 
-def _largest_radius(vertices, faces, steps, radius):
+def _find_largest_radius(vertices, faces, steps, radius):
     """Find the largest edge radius with which no triangle turns over, by bisection.
 
     Parameters
@@ -440,7 +442,7 @@ def erode(vertices, faces, steps, radius):
         Where a triangle would turn over; the message says the largest possible radius.
     """
     if not _keeps_triangles(vertices, faces, radius * steps):
-        largest = _largest_radius(vertices, faces, steps, radius)
+        largest = _find_largest_radius(vertices, faces, steps, radius)
         raise ValueError(
             f"edge_radius_m is {radius!r}; expected below {largest:.3g}, "
             "the smallest triangles leave no room for more"
@@ -448,7 +450,7 @@ def erode(vertices, faces, steps, radius):
     return vertices + radius * steps
 
 
-def _face_rows(core, faces, edges, edge_faces, face_plane, plane_normals, radius):
+def _make_face_rows(core, faces, edges, edge_faces, face_plane, plane_normals, radius):
     """Make the rows of `Meshes.data` of the faces.
 
     Parameters
@@ -478,7 +480,7 @@ def _face_rows(core, faces, edges, edge_faces, face_plane, plane_normals, radius
     return rows
 
 
-def _edges_by_face(edge_face):
+def _sort_edges_by_face(edge_face):
     """Sort edges by their face; edges without a face are left out.
 
     Parameters
@@ -514,12 +516,12 @@ def _write_sides(rows, core, edges, edge_faces, outward):
     outward : ndarray (F, 3)
         Outward unit normals of the faces.
     """
-    along = _unit(core[edges[:, 1]] - core[edges[:, 0]])
+    along = _normalise(core[edges[:, 1]] - core[edges[:, 0]])
     n_sides = np.zeros(len(rows), int)  # sides of each face that are written
     # First the edges along which a face runs, then those against which it runs. The
     # inside of the face is to the left of the former and to the right of the latter.
     for direction, sign in ((0, 1.0), (1, -1.0)):
-        edge, face, number = _edges_by_face(edge_faces[:, direction])
+        edge, face, number = _sort_edges_by_face(edge_faces[:, direction])
         side = n_sides[face] + number
         # the normal of the edge in the plane of the face, to the left of the edge
         left = np.cross(outward[face], along[edge])
@@ -535,7 +537,7 @@ def _write_sides(rows, core, edges, edge_faces, outward):
         np.add.at(n_sides, face, 1)
 
 
-def _edge_rows(core, edges, edge_faces, face_plane, plane_normals):
+def _make_edge_rows(core, edges, edge_faces, face_plane, plane_normals):
     """Make the rows of `Meshes.data` of the convex edges and rims.
 
     Parameters
@@ -579,7 +581,7 @@ def _edge_rows(core, edges, edge_faces, face_plane, plane_normals):
     # The normal turns inwards from the face on the left. On a rim whose face is on the
     # right it turns the other way.
     sign = np.where(left >= 0, 1.0, -1.0)
-    turn = _unit(np.cross(-first_normal, along)) * sign[:, None]
+    turn = _normalise(np.cross(-first_normal, along)) * sign[:, None]
 
     # edges between coplanar faces and concave edges are no features
     rows = np.zeros((is_convex.sum(), COLUMNS))
@@ -592,7 +594,7 @@ def _edge_rows(core, edges, edge_faces, face_plane, plane_normals):
     return rows
 
 
-def _ranges(owner, n):
+def _find_ranges(owner, n):
     """Find where the items of each owner lie in a list sorted by owners.
 
     Parameters
@@ -613,7 +615,7 @@ def _ranges(owner, n):
     return np.column_stack([begin, end])
 
 
-def _steepest(directions, ray_vertex, rays):
+def _compute_leads(directions, ray_vertex, rays):
     """Compute how much each ray leads along the direction of its vertex.
 
     Parameters
@@ -654,17 +656,17 @@ def _turn_from_rays(directions, ray_vertex, rays):
         The unit vectors after the last step.
     """
     for _ in range(PERCEPTRON_STEPS):
-        lead, largest = _steepest(directions, ray_vertex, rays)
+        lead, largest = _compute_leads(directions, ray_vertex, rays)
         is_worst = (lead == largest[ray_vertex]) & (lead > -LEAST_CONE)
         if not is_worst.any():
             break
         step = (lead[is_worst, None] + 1e-3) * rays[is_worst]
         directions[ray_vertex[is_worst]] -= step
-        directions = _unit_or_zero(directions)
+        directions = _normalise_or_zero(directions)
     return directions
 
 
-def _convex_vertices(core, edges, pairs, normals):
+def _find_convex_vertices(core, edges, pairs, normals):
     """Find the vertices that have a set of normals of their own.
 
     These are the vertices with a direction that all their edges recede from.
@@ -692,21 +694,21 @@ def _convex_vertices(core, edges, pairs, normals):
     far_end = edges[:, ::-1].ravel()
     order = np.argsort(near_end, kind="stable")
     ray_vertex = near_end[order]
-    rays = _unit(core[far_end] - core[near_end])[order]
+    rays = _normalise(core[far_end] - core[near_end])[order]
 
     # The search begins with the sum of the normals of a vertex.
     sums = np.zeros((len(core), 3))
     np.add.at(sums, pairs[:, 0], normals[pairs[:, 1]])
-    directions = _turn_from_rays(_unit_or_zero(sums), ray_vertex, rays)
+    directions = _turn_from_rays(_normalise_or_zero(sums), ray_vertex, rays)
 
     # convex: every ray recedes from the direction that was found
-    _lead, largest = _steepest(directions, ray_vertex, rays)
+    _lead, largest = _compute_leads(directions, ray_vertex, rays)
     has_edges = np.isfinite(largest)
     convex_vertices = np.flatnonzero((largest < -LEAST_CONE) & has_edges)
     return convex_vertices, ray_vertex, rays
 
 
-def _gentle_neighbours(core, faces, face_plane, plane_normals):
+def _find_gentle_neighbours(core, faces, face_plane, plane_normals):
     """Find faces that share a vertex and meet in a concave kink below GENTLE.
 
     Parameters
@@ -750,7 +752,7 @@ def _gentle_neighbours(core, faces, face_plane, plane_normals):
     return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
 
 
-def _planes_of_core(core, vertices, faces, face_plane, plane_normals, radius):
+def _split_bent_planes(core, vertices, faces, face_plane, plane_normals, radius):
     """Give triangles planes of their own where the erosion has bent their plane.
 
     A plane is bent when its corners are not all one edge radius below it.
@@ -781,7 +783,7 @@ def _planes_of_core(core, vertices, faces, face_plane, plane_normals, radius):
     # The triangles of bent planes get new planes, numbered on from the old ones.
     is_loose = is_bent[face_plane]
     new_planes = len(plane_normals) + np.cumsum(is_loose) - 1
-    new_normals = _unit(_area_vectors(core, faces[is_loose]))
+    new_normals = _normalise(_compute_area_vectors(core, faces[is_loose]))
     face_plane = np.where(is_loose, new_planes, face_plane)
     return face_plane, np.vstack([plane_normals, new_normals])
 
@@ -814,16 +816,18 @@ def split(vertices, faces, radius):
         vertices, faces, edges, edge_faces, face_plane, plane_normals
     )
     core = erode(vertices, faces, steps, radius)
-    face_plane, plane_normals = _planes_of_core(
+    face_plane, plane_normals = _split_bent_planes(
         core, vertices, faces, face_plane, plane_normals, radius
     )
 
     # The rows of all features.
-    face_rows = _face_rows(
+    face_rows = _make_face_rows(
         core, faces, edges, edge_faces, face_plane, plane_normals, radius
     )
-    edge_rows = _edge_rows(core, edges, edge_faces, face_plane, plane_normals)
-    convex_vertices, ray_vertex, rays = _convex_vertices(core, edges, pairs, normals)
+    edge_rows = _make_edge_rows(core, edges, edge_faces, face_plane, plane_normals)
+    convex_vertices, ray_vertex, rays = _find_convex_vertices(
+        core, edges, pairs, normals
+    )
     vertex_rows = np.zeros((len(convex_vertices), COLUMNS))
     vertex_rows[:, PLACE : PLACE + 3] = core[convex_vertices]
     data = np.concatenate([face_rows, edge_rows, vertex_rows])
@@ -837,14 +841,14 @@ def split(vertices, faces, radius):
     # The neighbours of faces, and the edges and normals of vertices.
     span = np.zeros((len(data), 2), np.int64)
     corners = np.zeros((len(data), 2), np.int64)
-    neighbours = _gentle_neighbours(core, faces, face_plane, plane_normals)
+    neighbours = _find_gentle_neighbours(core, faces, face_plane, plane_normals)
     first_vertex = n_faces + n_edges
-    span[:n_faces] = _ranges(neighbours[:, 0], n_faces)
-    span[first_vertex:] = _ranges(ray_vertex, len(core))[convex_vertices]
+    span[:n_faces] = _find_ranges(neighbours[:, 0], n_faces)
+    span[first_vertex:] = _find_ranges(ray_vertex, len(core))[convex_vertices]
     planes_at = np.column_stack([faces.ravel(), np.repeat(face_plane, 3)])
     planes_at = np.unique(planes_at, axis=0)
-    corners[first_vertex:] = _ranges(planes_at[:, 0], len(core))[convex_vertices]
-    box, cells, begin, items = _cells(core, faces, kind, data, radius)
+    corners[first_vertex:] = _find_ranges(planes_at[:, 0], len(core))[convex_vertices]
+    box, cells, begin, items = _make_cells(core, faces, kind, data, radius)
     return Part(
         kind=kind,
         data=data,
@@ -860,7 +864,7 @@ def split(vertices, faces, radius):
     )
 
 
-def _boxes(core, faces, data, radius):
+def _make_boxes(core, faces, data, radius):
     """Compute the lower and upper corners of the boxes of all features.
 
     Parameters
@@ -891,7 +895,7 @@ def _boxes(core, faces, data, radius):
     return np.concatenate(lower), np.concatenate(upper)
 
 
-def _cells(core, faces, kind, data, radius):
+def _make_cells(core, faces, kind, data, radius):
     """Divide the mesh's box into cells, about as many as there are features.
 
     Parameters
@@ -914,7 +918,7 @@ def _cells(core, faces, kind, data, radius):
     items : ndarray
         The features that reach into each cell, one cell after another.
     """
-    low, high = _boxes(core, faces, data, radius)
+    low, high = _make_boxes(core, faces, data, radius)
     lower = low.min(axis=0)
     upper = high.max(axis=0)
     # a flat mesh gets a box with some thickness
@@ -1020,7 +1024,7 @@ def put_in_cells(low, high, kind, data, lower, cell, n_cells, place, items):
                     place[number] += 1
 
 
-def _begins(parts, name):
+def _find_begins(parts, name):
     """Return where an array of each part begins in the joined array, and its end.
 
     `name` is the field of `Part`.
@@ -1029,12 +1033,12 @@ def _begins(parts, name):
     return np.cumsum([0, *lengths])
 
 
-def _joined(parts, name):
+def _join_arrays(parts, name):
     """Return the arrays of one field (`name`) of all parts, one after another."""
     return np.concatenate([getattr(part, name) for part in parts])
 
 
-def _shifted(parts, name, begins):
+def _join_shifted(parts, name, begins):
     """Join arrays of numbers of rows; the numbers count on from part to part.
 
     Parameters
@@ -1075,10 +1079,10 @@ def join(parts, slide):
     Meshes
         The features of all meshes.
     """
-    feature_begins = _begins(parts, "kind")
-    ray_begins = _begins(parts, "rays")
-    near_begins = _begins(parts, "near")
-    cell_begins = _begins(parts, "begin")
+    feature_begins = _find_begins(parts, "kind")
+    ray_begins = _find_begins(parts, "rays")
+    near_begins = _find_begins(parts, "near")
+    cell_begins = _find_begins(parts, "begin")
     # the spans of vertices are places in `rays`, all others in `near`
     spans = []
     for number, part in enumerate(parts):
@@ -1086,18 +1090,18 @@ def join(parts, slide):
         spans.append(part.span + begin[:, None])
     n_features = feature_begins[-1]
     return Meshes(
-        kind=_joined(parts, "kind"),
-        data=_joined(parts, "data"),
+        kind=_join_arrays(parts, "kind"),
+        data=_join_arrays(parts, "data"),
         mesh=np.repeat(np.arange(len(parts)), np.diff(feature_begins)),
         span=np.concatenate(spans),
-        corners=_shifted(parts, "corners", _begins(parts, "normals")),
-        near=_shifted(parts, "near", feature_begins),
-        rays=_joined(parts, "rays"),
-        normals=_joined(parts, "normals"),
+        corners=_join_shifted(parts, "corners", _find_begins(parts, "normals")),
+        near=_join_shifted(parts, "near", feature_begins),
+        rays=_join_arrays(parts, "rays"),
+        normals=_join_arrays(parts, "normals"),
         box=np.array([part.box for part in parts]),
         cells=np.column_stack([[part.cells for part in parts], cell_begins[:-1]]),
-        begin=_shifted(parts, "begin", _begins(parts, "items")),
-        items=_shifted(parts, "items", feature_begins),
+        begin=_join_shifted(parts, "begin", _find_begins(parts, "items")),
+        items=_join_shifted(parts, "items", feature_begins),
         seen=np.zeros(n_features, np.int64),
         stamp=np.zeros(1, np.int64),
         slide=np.array([slide]),

@@ -30,8 +30,8 @@ from .clump_walls import (
     follow_sphere,
     forget_sphere,
     sphere_arm,
-    sphere_on_curved,
     sphere_slid_off,
+    write_sphere_on_curved,
 )
 from .clumps import set_bit
 from .contact_geometry import arm_of, normal_of, shift_arm
@@ -233,7 +233,7 @@ def apply_laws(scratch, history, physics, clumps, on_wall):
     # the contact law first: force on A, and the torques that follow from it
     surfaces(physics.law, scratch, history, of_spheres, on_wall)
     contact_forces(physics.law, scratch, history, first, physics.dt)
-    tl.torques(scratch)
+    tl.write_torques(scratch)
     # the rows of the rolling law follow those of the contact law
     rolling_resistance(
         physics.rolling, scratch, history, first + physics.n_state * LANES, physics.dt
@@ -263,7 +263,7 @@ def end_gap(history, physics, clumps, on_wall, lane):
 
 
 @inlined
-def pair_geometry(scratch, history, parts, clumps):
+def write_pair_geometry(scratch, history, parts, clumps):
     """Compute normal, gap, effective radius and contact point of each lane's pair.
 
     Parameters
@@ -278,9 +278,9 @@ def pair_geometry(scratch, history, parts, clumps):
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     """
     if len(clumps) == 0:
-        tl.pair_geometry(scratch, history, parts)
+        tl.write_pair_geometry(scratch, history, parts)
     else:
-        ct.sphere_pair_geometry(scratch, history)
+        ct.write_sphere_pair_geometry(scratch, history)
 
 
 @kernel
@@ -334,7 +334,7 @@ def pair_forces(bodies, pairs, clumps, counts, physics, scratch, share, begin, e
         # copies of both bodies, the geometry, and the effective mass
         gather_bodies(bodies.rows, pairs.first, base, scratch, tl.A)
         gather_bodies(bodies.rows, pairs.second, base, scratch, tl.B)
-        pair_geometry(scratch, history, physics.parts, clumps)
+        write_pair_geometry(scratch, history, physics.parts, clumps)
         write_mass_of_pairs(
             scratch, history, pairs, physics.parts, clumps, base, n_lanes
         )
@@ -345,7 +345,7 @@ def pair_forces(bodies, pairs, clumps, counts, physics, scratch, share, begin, e
             )
         apply_laws(scratch, history, physics, clumps, OF_PAIR)
         # Few tiles have a lane with a gap, so the others skip the loop over the lanes.
-        if tl.open_lanes(scratch) > 0:
+        if tl.count_open_lanes(scratch) > 0:
             for lane in range(n_lanes):
                 gap = scratch[tl.GAP + lane]
                 if gap > end_gap(history, physics, clumps, OF_PAIR, lane):
@@ -363,7 +363,7 @@ def pair_forces(bodies, pairs, clumps, counts, physics, scratch, share, begin, e
 
 
 @kernel
-def still_wall(scratch):
+def write_still_wall(scratch):
     """Make body B of each lane a wall: of infinite mass, neither moving nor turning.
 
     Parameters
@@ -384,7 +384,7 @@ def fill_walls(bodies, contacts, walls, physics, first_wall, base, n, scratch):
     """Write law constants and motion of the walls of a tile of contacts.
 
     Nothing is written where all walls stand still and are of one material; then the
-    tile holds what `still_wall` and `fill_laws` wrote.
+    tile holds what `write_still_wall` and `fill_laws` wrote.
 
     Parameters
     ----------
@@ -570,7 +570,7 @@ def drop_ended(contacts, clumps, counts, length_slot, n_ended, ghost):
 
 
 @inlined
-def plane_geometry(scratch, history, parts, clumps):
+def write_plane_geometry(scratch, history, parts, clumps):
     """Compute gap, effective radius and contact point of each lane's body on its plane.
 
     Parameters
@@ -585,9 +585,9 @@ def plane_geometry(scratch, history, parts, clumps):
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     """
     if len(clumps) == 0:
-        tl.plane_geometry(scratch, history, parts)
+        tl.write_plane_geometry(scratch, history, parts)
     else:
-        ct.sphere_plane_geometry(scratch, history)
+        ct.write_sphere_plane_geometry(scratch, history)
 
 
 @kernel
@@ -627,10 +627,10 @@ def plane_forces(bodies, flat, clumps, walls, counts, physics, scratch, ghost):
             fetch_bodies(bodies.rows, bodies.load[0], flat.body, base + LANES)
         # copies of the bodies, the geometry, and the forces
         gather_bodies(bodies.rows, flat.body, base, scratch, tl.A)
-        plane_geometry(scratch, history, physics.parts, clumps)
+        write_plane_geometry(scratch, history, physics.parts, clumps)
         wall_forces(bodies, flat, clumps, walls, physics, 0, base, n_contacts, scratch)
         # Few tiles have a lane with a gap, so the others skip the loop over the lanes.
-        if tl.open_lanes(scratch) > 0:
+        if tl.count_open_lanes(scratch) > 0:
             for lane in range(min(LANES, n_contacts - base)):
                 gap = scratch[tl.GAP + lane]
                 if gap > end_gap(history, physics, clumps, ON_WALL, lane):
@@ -755,7 +755,7 @@ def open_unused_lanes(scratch, n_lanes):
 
 
 @inlined
-def curved_geometry(
+def write_curved_geometry(
     bodies, curved, clumps, walls, physics, scratch, lane, k, geometry, local_row
 ):
     """Write the geometry of contact k with a cone, tube or ring to its lane.
@@ -812,7 +812,7 @@ def curved_geometry(
     # The same for the sphere of a clump, at the end of its arm.
     arm_x, arm_y, arm_z = sphere_arm(row, history, lane)
     x, y, z = vector_at(row, st.POSITION)
-    distance_beyond = sphere_on_curved(
+    distance_beyond = write_sphere_on_curved(
         walls,
         curved.wall[k],
         x + arm_x,
@@ -871,7 +871,7 @@ def curved_forces(
         # The geometry is found contact by contact, the forces for the whole tile.
         for lane in range(n_lanes):
             k = base + lane
-            if curved_geometry(
+            if write_curved_geometry(
                 bodies,
                 curved,
                 clumps,
@@ -913,7 +913,7 @@ def curved_forces(
 
 
 @inlined
-def mesh_geometry(
+def write_mesh_geometry(
     bodies,
     meshed,
     clumps,
@@ -1039,7 +1039,7 @@ def mesh_forces(
         # The geometry is found contact by contact, the forces for the whole tile.
         for lane in range(n_lanes):
             k = base + lane
-            is_touching = mesh_geometry(
+            is_touching = write_mesh_geometry(
                 bodies,
                 meshed,
                 clumps,

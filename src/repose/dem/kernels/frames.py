@@ -104,7 +104,7 @@ def mesh_frame(walls, mesh):
 
 
 @kernel
-def row_in_frame(row, parts, frame, local_row):
+def write_row_in_frame(row, parts, frame, local_row):
     """Write position and shape of a body, as seen from a frame, to another row.
 
     Each ellipsoid of the body has a symmetric matrix S of six columns: xx, xy, xz, yy,

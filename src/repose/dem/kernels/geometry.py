@@ -3,7 +3,7 @@
 A body is a Minkowski sum of ellipsoids ("parts") with common axes. Its support function
 is h(n) = sum_k sqrt(n' S_k n) with S_k = R diag(a_k^2) R', smooth and convex for any
 number of parts. The functions read a row of `Bodies.rows`, which holds the matrices S_k
-in world axes (or in those of a wall, see `frames.row_in_frame`), and write nothing.
+in world axes (or in those of a wall, see `frames.write_row_in_frame`), and write nothing.
 
 Names used here and in the solvers:
 

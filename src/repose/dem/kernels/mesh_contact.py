@@ -120,7 +120,7 @@ def curvature(angle, radius):
 
 
 @kernel
-def face_contact(row, parts, face, geometry):
+def write_face_contact(row, parts, face, geometry):
     """Fill `geometry` for a body and a face of a mesh.
 
     Parameters
@@ -252,7 +252,7 @@ def edge_values(row, parts, edge, angle):
 
 
 @kernel
-def edge_contact(row, parts, edge, angle, geometry):
+def write_edge_contact(row, parts, edge, angle, geometry):
     """Fill `geometry` for a body and an edge, at an angle of largest gap f.
 
     Parameters
@@ -377,7 +377,7 @@ def solve_edge(row, parts, edge, geometry):
         angle += turn
         if abs(turn) < EDGE_CONVERGED:
             break
-    place_along = edge_contact(row, parts, edge, angle, geometry)
+    place_along = write_edge_contact(row, parts, edge, angle, geometry)
     inside_distance = min(
         inside_distance, min(place_along, edge[EDGE_LENGTH] - place_along)
     )
@@ -423,7 +423,7 @@ def vertex_step(row, parts, vertex, nx, ny, nz):
 
 
 @kernel
-def vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry):
+def write_vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry):
     """Fill `geometry` for a body and a vertex, for a normal of largest gap.
 
     Parameters
@@ -509,7 +509,7 @@ def solve_vertex(row, parts, meshes, feature, geometry):
     -------
     float
         How far inside the vertex's set of normals the maximum lies, see
-        `vertex_contact`.
+        `write_vertex_contact`.
     """
     vertex = meshes.data[feature]
     # (x, y, z) is the way from the body's centre to the vertex
@@ -545,7 +545,9 @@ def solve_vertex(row, parts, meshes, feature, geometry):
             best_gap = gap
             step_u, step_w = next_u, next_w
             best_x, best_y, best_z = nx, ny, nz
-    return vertex_contact(row, parts, meshes, feature, best_x, best_y, best_z, geometry)
+    return write_vertex_contact(
+        row, parts, meshes, feature, best_x, best_y, best_z, geometry
+    )
 
 
 @inlined
@@ -574,7 +576,7 @@ def solve_feature(row, parts, meshes, feature, radius, geometry):
     """
     data = meshes.data[feature]
     if meshes.kind[feature] == FACE:
-        inside_distance = face_contact(row, parts, data, geometry)
+        inside_distance = write_face_contact(row, parts, data, geometry)
         free_distance = max(
             geometry[cg.GAP], -inside_distance / (1.0 + meshes.slide[0])
         )

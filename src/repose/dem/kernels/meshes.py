@@ -24,11 +24,11 @@ from .jit import inlined, kernel
 from .mesh_contact import (
     SLACK,
     climb_edge,
-    edge_contact,
-    face_contact,
     solve_feature,
-    vertex_contact,
     vertex_step,
+    write_edge_contact,
+    write_face_contact,
+    write_vertex_contact,
 )
 from .rows import LANES, lane_vector, vector_at, write_vector
 from .state import bounding_radius
@@ -338,13 +338,13 @@ def follow_on_feature(row, parts, meshes, history, lane, feature, nx, ny, nz, ge
     """
     data = meshes.data[feature]
     if meshes.kind[feature] == FACE:
-        return face_contact(row, parts, data, geometry)
+        return write_face_contact(row, parts, data, geometry)
     if meshes.kind[feature] == EDGE:
         angle = history[st.AZIMUTH + lane]
         for _ in range(FOLLOWING_STEPS):
             angle = climb_edge(row, parts, data, angle)
         history[st.AZIMUTH + lane] = angle
-        place_along = edge_contact(row, parts, data, angle, geometry)
+        place_along = write_edge_contact(row, parts, data, angle, geometry)
         inside_arc = min(angle, data[EDGE_ANGLE] - angle)
         inside_ends = min(place_along, data[EDGE_LENGTH] - place_along)
         return min(inside_arc, inside_ends)
@@ -352,7 +352,7 @@ def follow_on_feature(row, parts, meshes, history, lane, feature, nx, ny, nz, ge
     for _ in range(FOLLOWING_STEPS):
         _f, step_u, step_w = vertex_step(row, parts, data, nx, ny, nz)
         nx, ny, nz = step_normal(nx, ny, nz, step_u, step_w)
-    return vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry)
+    return write_vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry)
 
 
 @kernel
@@ -453,7 +453,7 @@ def keep_deepest_face(row, parts, meshes, contacts, k, geometry, other_geometry)
     for place in range(meshes.span[face, 0], meshes.span[face, 1]):
         neighbour = meshes.near[place]
         data = meshes.data[neighbour]
-        inside_distance = face_contact(row, parts, data, other_geometry)
+        inside_distance = write_face_contact(row, parts, data, other_geometry)
         if inside_distance >= 0.0 and other_geometry[cg.GAP] < geometry[cg.GAP]:
             contacts.feature[k] = neighbour
             copy_geometry(other_geometry, geometry)
@@ -657,7 +657,7 @@ def update_contacts(
 
 
 @inlined
-def body_at_mesh(
+def find_body_at_mesh(
     bodies,
     meshed,
     walls,

@@ -299,7 +299,7 @@ def drop_contact(pairs, counts, grid, k, ghost):
 
 
 @inlined
-def near_gap(bodies, pairs, grid, parts, k, normal):
+def solve_near_gap(bodies, pairs, grid, parts, k, normal):
     """Return the gap of near pair k [m], solved from the normal of its last check.
 
     The new normal is written to the pair.
@@ -366,7 +366,7 @@ def check_near(bodies, pairs, counts, grid, parts, k, normal):
     """
     i = pairs.near_first[k]
     j = pairs.near_second[k]
-    gap = near_gap(bodies, pairs, grid, parts, k, normal)
+    gap = solve_near_gap(bodies, pairs, grid, parts, k, normal)
     if gap <= 0.0:
         drop_near(pairs, counts, grid, k)
         add_contact(pairs, counts, grid, i, j, normal)
@@ -377,7 +377,7 @@ def check_near(bodies, pairs, counts, grid, parts, k, normal):
 
 
 @kernel
-def next_due(displacement, first, second, limit, begin, end):
+def find_next_due(displacement, first, second, limit, begin, end):
     """Find the first near pair of a range that is due for a check.
 
     A pair is due when the displacements of its bodies have reached its limit.
@@ -431,16 +431,18 @@ def update_near(bodies, pairs, counts, grid, parts, normal):
     first = pairs.near_first
     second = pairs.near_second
     limit = pairs.near_limit
-    k = next_due(bodies.displacement, first, second, limit, 0, counts[st.N_NEAR])
+    k = find_next_due(bodies.displacement, first, second, limit, 0, counts[st.N_NEAR])
     while k < counts[st.N_NEAR]:
         # where the pair leaves the list, another one is at its place now
         if check_near(bodies, pairs, counts, grid, parts, k, normal):
             k += 1
-        k = next_due(bodies.displacement, first, second, limit, k, counts[st.N_NEAR])
+        k = find_next_due(
+            bodies.displacement, first, second, limit, k, counts[st.N_NEAR]
+        )
 
 
 @inlined
-def pairs_of_moved(counter, grid, counts):
+def count_pairs_of_moved(counter, grid, counts):
     """Count the pairs of the bodies of `Grid.moved_list`.
 
     A pair of two such bodies counts twice.
@@ -477,10 +479,10 @@ def drop_near_of_moved(pairs, counts, grid):
         Cells of the neighbour search, and marks of bodies (`state.Grid`).
     """
     is_moved = grid.moved  # of each body whether it is in `Grid.moved_list`
-    n_left = pairs_of_moved(grid.near, grid, counts)
+    n_left = count_pairs_of_moved(grid.near, grid, counts)
     k = counts[st.N_NEAR] - 1
     while n_left > 0:
-        pair = np.uint64(k)  # unsigned, see `next_due`
+        pair = np.uint64(k)  # unsigned, see `find_next_due`
         # a pair of two such bodies counts twice
         n_moved = is_moved[pairs.near_first[pair]] + is_moved[pairs.near_second[pair]]
         if n_moved > 0:
@@ -536,7 +538,7 @@ def chain_contacts(pairs, counts, grid):
     grid : Grid
         Cells of the neighbour search, and marks of bodies (`state.Grid`).
     """
-    n_links = pairs_of_moved(grid.touching, grid, counts)
+    n_links = count_pairs_of_moved(grid.touching, grid, counts)
     n_used = 0
     # from the last pair back until all links are made
     k = counts[st.N_PAIRS] - 1

@@ -26,7 +26,13 @@ from .atomics import wait_for_all
 from .engine import begin_step, has_room, wall_contacts_and_forces
 from .forces import pair_forces
 from .jit import inlined, kernel, kernel_without_gil
-from .neighbours import add_contact, drop_near, near_gap, next_due, retire_pairs
+from .neighbours import (
+    add_contact,
+    drop_near,
+    find_next_due,
+    retire_pairs,
+    solve_near_gap,
+)
 from .renewal import renew
 from .rigid import act_on_events, integrate
 from .rows import LANES
@@ -45,7 +51,7 @@ STOP = 0  # place in `Shared.orders` that ends the run
 
 
 @inlined
-def share_of(n, share, size):
+def find_share(n, share, size):
     """Return the first item of a share of n items, and the end of the share.
 
     Parameters
@@ -104,7 +110,7 @@ def group_bits(bodies):
 
 
 @kernel
-def groups_of(first, second, begin, end, bits):
+def find_groups(first, second, begin, end, bits):
     """Return the groups of all bodies of some pairs: bit g is set for group g.
 
     Parameters
@@ -125,7 +131,7 @@ def groups_of(first, second, begin, end, bits):
 
 
 @kernel
-def paths_of(paths, groups):
+def sum_paths(paths, groups):
     """Return the sum of the paths of some groups [m].
 
     Parameters
@@ -206,16 +212,16 @@ def check_block(bodies, pairs, grid, parts, begin, end, due, place, normal):
     second = pairs.near_second
     limit = pairs.near_limit
     n_found = 0
-    k = next_due(displacement, first, second, limit, begin, end)
+    k = find_next_due(displacement, first, second, limit, begin, end)
     while k < end:
-        gap = near_gap(bodies, pairs, grid, parts, k, normal)
+        gap = solve_near_gap(bodies, pairs, grid, parts, k, normal)
         if gap <= 0.0:
             due[place + n_found] = k
             n_found += 1
         else:
             # the pair cannot touch before its bodies have moved by the gap
             limit[k] = displacement[first[k]] + displacement[second[k]] + gap
-        k = next_due(displacement, first, second, limit, k + 1, end)
+        k = find_next_due(displacement, first, second, limit, k + 1, end)
     return n_found
 
 
@@ -254,7 +260,7 @@ def check_share(bodies, pairs, grid, parts, begin, end, due, normal):
     for block_begin in range(begin, end, st.BLOCK):
         block = block_begin // st.BLOCK
         groups = pairs.near_groups[block]
-        path = paths_of(grid.paths[UP_TO_NOW], groups)
+        path = sum_paths(grid.paths[UP_TO_NOW], groups)
         # the bodies of this block have moved too little to be due
         if path < pairs.near_check[block]:
             continue
@@ -272,16 +278,16 @@ def check_share(bodies, pairs, grid, parts, begin, end, due, normal):
         )
         # a block that has other pairs than at the last check may have other groups
         if pairs.near_check[block] == CHANGED:
-            groups = groups_of(first, second, block_begin, block_end, bits)
+            groups = find_groups(first, second, block_begin, block_end, bits)
             pairs.near_groups[block] = groups
         # where the bodies are nearly at rest, the next check is when half of the slack
         # is used up; else it is in the next step
         pairs.near_check[block] = DUE
-        if 2.0 * paths_of(grid.paths[LAST_STEP], groups) < calm_path:
+        if 2.0 * sum_paths(grid.paths[LAST_STEP], groups) < calm_path:
             slack = least_slack(
                 bodies.displacement, first, second, limit, block_begin, block_end
             )
-            path = paths_of(grid.paths[UP_TO_NOW], groups)
+            path = sum_paths(grid.paths[UP_TO_NOW], groups)
             pairs.near_check[block] = path + 0.5 * slack - st.ROUNDING
     return n_found
 
@@ -388,7 +394,7 @@ def advance_shared(
 
         # Find the near pairs that touch; then change the lists, and handle the walls.
         for share in range(thread, SHARES, threads):
-            begin, end = share_of(counts[st.N_NEAR], share, st.BLOCK)
+            begin, end = find_share(counts[st.N_NEAR], share, st.BLOCK)
             begins[share] = begin
             numbers[share] = check_share(
                 bodies,
@@ -422,7 +428,7 @@ def advance_shared(
 
         # Forces of the pairs; then retire the pairs that parted.
         for share in range(thread, SHARES, threads):
-            begin, end = share_of(counts[st.N_PAIRS], share, LANES)
+            begin, end = find_share(counts[st.N_PAIRS], share, LANES)
             begins[share] = begin
             numbers[share] = pair_forces(
                 bodies, pairs, (), counts, physics, contact_tile, share, begin, end
@@ -438,7 +444,7 @@ def advance_shared(
 
         # Move the bodies; then handle their events.
         for share in range(thread, SHARES, threads):
-            begin, end = share_of(counts[st.N_BODIES], share, LANES)
+            begin, end = find_share(counts[st.N_BODIES], share, LANES)
             begins[share] = begin
             numbers[share] = integrate(bodies, counts, physics, body_tile, begin, end)
         wait_for_all(shared.counters, threads)

@@ -79,7 +79,7 @@ def count_events(scratch, motion, displacement, base, exit_height, floor_height)
     """Add the paths of a tile's bodies to their displacements, and count events.
 
     An event is a fall through the exit height, a motion by half a skin, or a fall below
-    the floor, see `event_of`. The loop has no branches, so it is vector code; events
+    the floor, see `find_events`. The loop has no branches, so it is vector code; events
     are rare.
 
     Parameters
@@ -137,7 +137,7 @@ def longest_path(scratch):
 
 
 @inlined
-def event_of(bodies, physics, scratch, motion, lane, i):
+def find_events(bodies, physics, scratch, motion, lane, i):
     """Return the events of body i as bits FELL, MOVED_FAR and BELOW_FLOOR; 0 for none.
 
     A body falls in the step in which its centre goes from above the exit height to
@@ -393,7 +393,7 @@ def integrate(bodies, counts, physics, scratch, begin, end):
         # few tiles have events, so the others skip the loop over the lanes
         if n_in_tile > 0:
             for lane in range(min(LANES, last - base)):
-                event = event_of(bodies, physics, scratch, motion, lane, base + lane)
+                event = find_events(bodies, physics, scratch, motion, lane, base + lane)
                 if event:
                     bodies.event[base + lane] = event
                     bodies.events[begin + n_events] = base + lane

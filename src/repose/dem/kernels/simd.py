@@ -96,7 +96,7 @@ def _store(builder, vector, pointer):
     builder.store(vector, builder.bitcast(pointer, VECTOR.as_pointer()), align=8)
 
 
-def _transposed(builder, pointers):
+def _write_transposition(builder, pointers):
     """Write code that transposes a matrix of 8 x 8 numbers in memory.
 
     A vector is made of halves of two rows: one instruction, which is no shuffle, loads
@@ -258,7 +258,7 @@ def rows_to_lanes(builder, move):
     tile[first + c * stride + lane] = table[index[k + lane], column + c], for c and lane
     of 0..7.
     """
-    for quantity, lanes in enumerate(_transposed(builder, move.rows())):
+    for quantity, lanes in enumerate(_write_transposition(builder, move.rows())):
         _store(builder, lanes, move.lanes(quantity))
 
 
@@ -269,7 +269,7 @@ def lanes_to_rows(builder, move):
     table[index[k + lane], column + c] = tile[first + c * stride + lane], for c and lane
     of 0..7.
     """
-    for lane, row in enumerate(_transposed(builder, move.all_lanes())):
+    for lane, row in enumerate(_write_transposition(builder, move.all_lanes())):
         _store(builder, row, move.row(lane))
 
 
@@ -280,7 +280,7 @@ def add_lanes_to_rows(builder, move):
     This is `lanes_to_rows` with a sum. Lane after lane is added, since a body may come
     twice.
     """
-    for lane, row in enumerate(_transposed(builder, move.all_lanes())):
+    for lane, row in enumerate(_write_transposition(builder, move.all_lanes())):
         place = move.row(lane)
         _store(builder, builder.fadd(_load(builder, place), row), place)
 

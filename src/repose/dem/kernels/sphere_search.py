@@ -39,7 +39,7 @@ from .clumps import (
     largest_size,
 )
 from .jit import inlined, kernel
-from .neighbours import next_due
+from .neighbours import find_next_due
 from .rows import vector_at
 from .state import MOST_SPHERES, POSITION, SHAPE, bounding_radius
 
@@ -118,7 +118,7 @@ def placed_radius(scratch, first, k):
 
 
 @inlined
-def measure_distances(scratch, a, n_spheres, limit):
+def compare_distances(scratch, a, n_spheres, limit):
     """Find which spheres of clump B have a gap below a limit to one sphere of clump A.
 
     No roots are needed: squared distances are compared.
@@ -298,7 +298,7 @@ def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, scratch
         reach = radius_a + radius_b + limit
         if (
             dx * dx + dy * dy + dz * dz >= reach * reach
-            or measure_distances(scratch, a, n_b, limit) == 0
+            or compare_distances(scratch, a, n_b, limit) == 0
         ):
             continue
         for b in range(n_b):
@@ -475,7 +475,7 @@ def update_near_clumps(bodies, pairs, counts, grid, clumps, scratch, ghost):
     second = pairs.near_second
     limit = pairs.near_limit
     n_entries = counts[st.N_NEAR]
-    entry = next_due(bodies.displacement, first, second, limit, 0, n_entries)
+    entry = find_next_due(bodies.displacement, first, second, limit, 0, n_entries)
     while entry < n_entries:
         i = np.int64(first[entry])
         j = np.int64(second[entry])
@@ -489,7 +489,7 @@ def update_near_clumps(bodies, pairs, counts, grid, clumps, scratch, ghost):
             )
             if gap >= grid.lengths[st.SKIN] and pairs.live[entry] == 0:
                 drop_entry(pairs, counts, grid, entry, ghost)
-        entry = next_due(
+        entry = find_next_due(
             bodies.displacement, first, second, limit, entry + 1, n_entries
         )
 

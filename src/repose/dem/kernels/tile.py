@@ -229,7 +229,7 @@ def add_terms_of_b(scratch, contacts, parts):
 
 
 @inlined
-def newton_step(scratch, contacts):
+def write_newton_step(scratch, contacts):
     """Compute how far each pair's normal turns in this step, and its gap after that.
 
     The gap f along a normal n is n times the vector between the support points. The
@@ -283,11 +283,11 @@ def newton_step(scratch, contacts):
 
 
 @inlined
-def contact_points(scratch, contacts):
+def write_contact_points(scratch, contacts):
     """Turn each normal by its step, and compute the contact point.
 
     The contact point is an expansion at the old normal, to second order in the step.
-    Call `newton_step` first. Writes the normal (row NORMAL of `contacts`), and the
+    Call `write_newton_step` first. Writes the normal (row NORMAL of `contacts`), and the
     vectors from the centres of both bodies to the contact point (rows RA and RB of
     `scratch`).
 
@@ -346,11 +346,11 @@ def write_terms(scratch, contacts, parts):
 
 
 @inlined
-def sphere_pair_geometry(scratch, contacts):
+def write_sphere_pair_geometry(scratch, contacts):
     """Compute the geometry of 32 pairs of spheres, in closed form.
 
     Writes the normal (row NORMAL of `contacts`) and the rows of `scratch` that
-    `pair_geometry` writes, too: GAP, RADIUS, AREA_A, AREA_B, RA and RB. Where two
+    `write_pair_geometry` writes, too: GAP, RADIUS, AREA_A, AREA_B, RA and RB. Where two
     centres coincide, the last normal stays.
 
     Parameters
@@ -393,7 +393,7 @@ def sphere_pair_geometry(scratch, contacts):
 
 
 @inlined
-def pair_geometry(scratch, contacts, parts):
+def write_pair_geometry(scratch, contacts, parts):
     """Compute gap, effective radius and contact point of each pair of smooth bodies.
 
     One Newton step from the last normal is enough, since bodies move little in a step.
@@ -410,7 +410,7 @@ def pair_geometry(scratch, contacts, parts):
         Ellipsoids of a body, at most; SPHERES where every body is a sphere.
     """
     if parts == st.SPHERES:
-        sphere_pair_geometry(scratch, contacts)
+        write_sphere_pair_geometry(scratch, contacts)
         return
     # The number of parts is a constant in each call, so that the loops are vector code.
     if parts == 1:
@@ -419,8 +419,8 @@ def pair_geometry(scratch, contacts, parts):
         write_terms(scratch, contacts, 2)
     else:
         write_terms(scratch, contacts, MOST_PARTS)
-    newton_step(scratch, contacts)
-    contact_points(scratch, contacts)
+    write_newton_step(scratch, contacts)
+    write_contact_points(scratch, contacts)
 
 
 @inlined
@@ -469,7 +469,7 @@ def is_on_disc(contacts, lane, x, y, z, nx, ny, nz):
 
 
 @inlined
-def plane_geometry(scratch, contacts, parts):
+def write_plane_geometry(scratch, contacts, parts):
     """Compute gap, effective radius and contact point of each body on a plane.
 
     Writes the rows GAP, RADIUS and RA of `scratch`. Beyond the edge of the plane's disc
@@ -516,7 +516,7 @@ def plane_geometry(scratch, contacts, parts):
 
 
 @inlined
-def torques(scratch):
+def write_torques(scratch):
     """Complete the loads of both bodies of each lane, from the force on A.
 
     Reads the force on A (row TO_A), the vectors RA and RB from the centres to the
@@ -553,7 +553,7 @@ def torques(scratch):
 
 
 @inlined
-def open_lanes(scratch):
+def count_open_lanes(scratch):
     """Count the lanes of a tile whose bodies are apart: their gap is positive."""
     n_open = 0
     for lane in range(LANES):

@@ -160,7 +160,7 @@ def climb_cone(row, parts, cone, theta):
 
 
 @kernel
-def cone_contact(row, parts, cone, theta, geometry):
+def write_cone_contact(row, parts, cone, theta, geometry):
     """Fill `geometry` for a body that touches a cone, at an angle of largest overlap.
 
     Parameters
@@ -298,7 +298,7 @@ def ring_curvatures(ring, outward):
 
 
 @kernel
-def ring_contact(row, parts, ring, theta, nx, ny, nz, geometry):
+def write_ring_contact(row, parts, ring, theta, nx, ny, nz, geometry):
     """Fill `geometry` for a body that touches a ring edge, at a solved theta and n.
 
     Parameters
@@ -395,7 +395,7 @@ def azimuth_of(x, y):
 
 
 @inlined
-def sphere_on_cone(x, y, z, radius, cone, geometry):
+def write_sphere_on_cone(x, y, z, radius, cone, geometry):
     """Fill `geometry` for a sphere and a cone, in closed form.
 
     Parameters
@@ -428,7 +428,7 @@ def sphere_on_cone(x, y, z, radius, cone, geometry):
 
 
 @inlined
-def sphere_on_ring(x, y, z, radius, ring, geometry):
+def write_sphere_on_ring(x, y, z, radius, ring, geometry):
     """Fill `geometry` for a sphere and a ring edge, in closed form.
 
     Parameters

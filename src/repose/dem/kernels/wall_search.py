@@ -13,9 +13,9 @@ the lists and limits of `WallContacts`, `counts`, and scratch arrays.
 import math
 
 from . import state as st
-from .clump_walls import place_clump, spheres_at_mesh, spheres_at_wall
+from .clump_walls import find_spheres_at_mesh, find_spheres_at_wall, place_clump
 from .jit import inlined, kernel
-from .meshes import body_at_mesh
+from .meshes import find_body_at_mesh
 from .rows import LANES
 from .state import bounding_radius
 from .walls import search_curved, search_plane
@@ -59,7 +59,7 @@ def find_on_plane(bodies, flat, curved, clumps, walls, counts, parts, wall, i, s
         return search_plane(
             bodies, flat, curved, counts, parts, plane, wall, i, geometry
         )
-    return spheres_at_wall(
+    return find_spheres_at_wall(
         bodies,
         flat,
         st.N_PLANE,
@@ -111,7 +111,7 @@ def find_on_curved(
         return search_curved(
             bodies, curved, walls, counts, parts, wall, i, path, scratch
         )
-    return spheres_at_wall(
+    return find_spheres_at_wall(
         bodies,
         curved,
         st.N_CURVED,
@@ -352,7 +352,7 @@ def find_on_mesh(
     other_geometry = scratch.other_geometry
     local_row = scratch.local_row
     if len(clumps) == 0:
-        return body_at_mesh(
+        return find_body_at_mesh(
             bodies,
             meshed,
             walls,
@@ -365,7 +365,7 @@ def find_on_mesh(
             other_geometry,
             local_row,
         )
-    return spheres_at_mesh(
+    return find_spheres_at_mesh(
         bodies,
         meshed,
         clumps,

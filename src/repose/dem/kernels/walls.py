@@ -27,8 +27,8 @@ from .frames import (
     contact_to_world,
     into_frame,
     normal_to_world,
-    row_in_frame,
     write_plane,
+    write_row_in_frame,
 )
 from .geometry import extent, support_terms, tangents
 from .jit import inlined, kernel
@@ -38,13 +38,13 @@ from .rows import LANES, set_vector, vector_at
 from .state import bounding_radius
 from .wall_contact import (
     climb_cone,
-    cone_contact,
-    ring_contact,
     ring_newton,
     solve_cone,
     solve_ring,
-    sphere_on_cone,
-    sphere_on_ring,
+    write_cone_contact,
+    write_ring_contact,
+    write_sphere_on_cone,
+    write_sphere_on_ring,
 )
 
 COSINES = np.cos(2.0 * np.pi * np.arange(st.STARTS) / st.STARTS)
@@ -399,7 +399,7 @@ def search_cone(
         if overlap < profile[start - 1] or overlap < profile[(start + 1) % st.STARTS]:
             continue
         theta = solve_cone(row, parts, cone, start * spacing)
-        is_on_wall = cone_contact(row, parts, cone, theta, geometry)
+        is_on_wall = write_cone_contact(row, parts, cone, theta, geometry)
         free_distance = add_if_new(
             contacts,
             counts,
@@ -488,7 +488,7 @@ def search_ring(
             continue
         nx, ny, nz, _distance = towards_ring(row, ring, start)
         theta, nx, ny, nz = solve_ring(row, parts, ring, start * spacing, nx, ny, nz)
-        is_open = ring_contact(row, parts, ring, theta, nx, ny, nz, geometry)
+        is_open = write_ring_contact(row, parts, ring, theta, nx, ny, nz, geometry)
         free_distance = add_if_new(
             contacts,
             counts,
@@ -511,7 +511,7 @@ def touching_distance(row, parts, nx, ny, nz, dx, dy, dz):
     """Return the distance of a body's touching point from the axis of a disc [m].
 
     The touching point is the body's outermost point along the normal. The force takes
-    the same point (`tile.plane_geometry`).
+    the same point (`tile.write_plane_geometry`).
 
     Parameters
     ----------
@@ -616,13 +616,13 @@ def row_seen_from_wall(walls, frame, row, parts, local_row):
         Scratch for the row in the frame.
     """
     if walls.displaced[frame]:
-        row_in_frame(row, parts, walls.frames[frame], local_row)
+        write_row_in_frame(row, parts, walls.frames[frame], local_row)
         return local_row
     return row
 
 
 @inlined
-def sphere_on_frame_wall(x, y, z, radius, walls, wall, geometry):
+def write_sphere_on_frame_wall(x, y, z, radius, walls, wall, geometry):
     """Fill `geometry` for a sphere and a cone or ring, in the frame of the wall.
 
     Parameters
@@ -643,12 +643,12 @@ def sphere_on_frame_wall(x, y, z, radius, walls, wall, geometry):
     """
     n_cones = walls.cones.shape[0]
     if wall < n_cones:
-        return sphere_on_cone(x, y, z, radius, walls.cones[wall], geometry)
-    return sphere_on_ring(x, y, z, radius, walls.rings[wall - n_cones], geometry)
+        return write_sphere_on_cone(x, y, z, radius, walls.cones[wall], geometry)
+    return write_sphere_on_ring(x, y, z, radius, walls.rings[wall - n_cones], geometry)
 
 
 @inlined
-def sphere_row_on_wall(row, walls, wall, geometry):
+def write_sphere_row_on_wall(row, walls, wall, geometry):
     """Fill `geometry` for a body that is a sphere; return whether it is on the wall.
 
     Parameters
@@ -664,7 +664,7 @@ def sphere_row_on_wall(row, walls, wall, geometry):
     """
     x, y, z = vector_at(row, st.POSITION)
     radius = row[st.SPHERE_RADIUS]
-    distance_beyond = sphere_on_frame_wall(x, y, z, radius, walls, wall, geometry)
+    distance_beyond = write_sphere_on_frame_wall(x, y, z, radius, walls, wall, geometry)
     return distance_beyond <= 0.0
 
 
@@ -696,7 +696,7 @@ def search_sphere(
         How far the body may move before the next search [m]; while the contact lasts,
         no search is due.
     """
-    is_on_wall = sphere_row_on_wall(row, walls, wall, geometry)
+    is_on_wall = write_sphere_row_on_wall(row, walls, wall, geometry)
     if geometry[cg.GAP] > 0.0:
         return geometry[cg.GAP]
     free_distance = add_if_new(
@@ -833,12 +833,12 @@ def follow_wall(parts, row, walls, wall, history, lane, geometry, local_row):
     theta = history[st.AZIMUTH + lane]
     row = row_seen_from_wall(walls, wall, row, parts, local_row)
     if parts == st.SPHERES:
-        is_on_wall = sphere_row_on_wall(row, walls, wall, geometry)
+        is_on_wall = write_sphere_row_on_wall(row, walls, wall, geometry)
     elif wall < n_cones:
         cone = walls.cones[wall]
         for _ in range(FOLLOWING_STEPS):
             theta = climb_cone(row, parts, cone, theta)
-        is_on_wall = cone_contact(row, parts, cone, theta, geometry)
+        is_on_wall = write_cone_contact(row, parts, cone, theta, geometry)
     else:
         ring = walls.rings[wall - n_cones]
         # read number by number, as `lane_vector` changes last bits here, see `jit`
@@ -848,7 +848,7 @@ def follow_wall(parts, row, walls, wall, history, lane, geometry, local_row):
             nx, ny, nz = into_frame(walls.frames[wall], nx, ny, nz)
         for _ in range(FOLLOWING_STEPS):
             theta, nx, ny, nz, _step = ring_newton(row, parts, ring, theta, nx, ny, nz)
-        is_on_wall = ring_contact(row, parts, ring, theta, nx, ny, nz, geometry)
+        is_on_wall = write_ring_contact(row, parts, ring, theta, nx, ny, nz, geometry)
     history[st.AZIMUTH + lane] = theta
     contact_to_world(walls, wall, geometry)
     return is_on_wall

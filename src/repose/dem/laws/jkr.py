@@ -275,13 +275,10 @@ def cohesive_sizes(
         # changes little in a time step.
         circle_unit = root_a * root_a if coheres else 1.0
         root_a -= (root_a - radius * scratch[BOND + lane] / circle_unit) / 3.0
-        circle_unit = root_a * root_a  # A
-        overlap_unit = (
-            circle_unit * circle_unit / radius if coheres else 1.0
-        )  # A^2 / R*
-        end_gap = (
-            DEPTH * overlap_unit if coheres else 0.0
-        )  # gap at which the contact ends
+        # the units A of the circle and A^2 / R* of the overlap, and the end of the contact
+        circle_unit = root_a * root_a
+        overlap_unit = circle_unit * circle_unit / radius if coheres else 1.0
+        end_gap = DEPTH * overlap_unit if coheres else 0.0
         touching = 1.0 if gap <= end_gap else 0.0
 
         # The force with cohesion, from the root s of the radius of the contact circle.
