@@ -9,7 +9,10 @@ WIDTH = 8
 
 
 def _places(first, stride):
-    """Return the places of WIDTH numbers in a tile, `stride` apart, as a slice."""
+    """Return the places of WIDTH numbers in a tile as a slice.
+
+    `first` is the place of the first one, `stride` the distance between neighbours.
+    """
     return slice(first, first + WIDTH * stride, stride)
 
 
@@ -18,6 +21,19 @@ def rows_to_lanes(table, column, index, k, tile, first, stride):
 
     tile[first + c * stride + lane] = table[index[k + lane], column + c], for c and lane
     of 0..7.
+
+    Parameters
+    ----------
+    table : array (rows, columns)
+        Such as `Bodies.rows`.
+    column : int
+        First of the eight columns.
+    index, k : array of int, int
+        Lane `lane` is row index[k + lane] of the table.
+    tile : array
+        A flat array; is written.
+    first, stride : int
+        Place of the first number in the tile, and distance of its rows.
     """
     for lane in range(WIDTH):
         row = table[index[k + lane], column : column + WIDTH]
@@ -28,7 +44,7 @@ def lanes_to_rows(table, column, index, k, tile, first, stride):
     """Copy eight rows of eight lanes of a tile to columns of a table.
 
     table[index[k + lane], column + c] = tile[first + c * stride + lane], for c and lane
-    of 0..7.
+    of 0..7. The arguments are those of `rows_to_lanes`; the table is written.
     """
     for lane in range(WIDTH):
         numbers = tile[_places(first + lane, stride)]
@@ -38,8 +54,8 @@ def lanes_to_rows(table, column, index, k, tile, first, stride):
 def add_lanes_to_rows(table, column, index, k, tile, first, stride):
     """Add eight rows of eight lanes of a tile to columns of a table.
 
-    This is `lanes_to_rows` with a sum. Lane after lane is added, since a body may come
-    twice.
+    This is `lanes_to_rows` with a sum, with the same arguments. Lane after lane is
+    added, since a body may come twice.
     """
     for lane in range(WIDTH):
         numbers = tile[_places(first + lane, stride)]

@@ -172,9 +172,18 @@ def inverse_inertia_times(scratch, lane, x, y, z):
 
 @inlined
 def into_body(motion, lane, x, y, z):
-    """Return a vector (x, y, z) of the world in the axes of a lane's body.
+    """Return a vector of the world in the axes of a lane's body.
 
     It is rotated by the inverse of the body's quaternion.
+
+    Parameters
+    ----------
+    motion : array
+        The same bodies in `Bodies.motion` (rows of `state`): quaternion, momentum.
+    lane : int
+        Lane of the body.
+    x, y, z : float
+        The vector in world axes.
     """
     qw, qx, qy, qz = quaternion_of(motion, lane)
     # twice the vector product with the quaternion's vector
@@ -190,9 +199,18 @@ def into_body(motion, lane, x, y, z):
 
 @inlined
 def into_world(motion, lane, x, y, z):
-    """Return a vector (x, y, z), in the axes of a lane's body, in world axes.
+    """Return a vector that is in the axes of a lane's body in world axes.
 
     It is rotated by the body's quaternion.
+
+    Parameters
+    ----------
+    motion : array
+        The same bodies in `Bodies.motion` (rows of `state`): quaternion, momentum.
+    lane : int
+        Lane of the body.
+    x, y, z : float
+        The vector in the axes of the body.
     """
     qw, qx, qy, qz = quaternion_of(motion, lane)
     # twice the vector product of the quaternion's vector with it
@@ -331,16 +349,31 @@ def resistance_direction(l1, l2, l3, j1, j2, j3, momentum, budget):
     """
     # The numerators J l and the terms B J of the denominators, divided by the speed
     # without resistance: the root s is then between 0 and 1.
-    num1, num2, num3 = j1 * l1, j2 * l2, j3 * l3
-    length = math.sqrt(num1 * num1 + num2 * num2 + num3 * num3)
-    unit = 1.0 / max(length, SLOWEST)
-    num1, num2, num3 = unit * num1, unit * num2, unit * num3
-    loss1, loss2, loss3 = unit * budget * j1, unit * budget * j2, unit * budget * j3
+    numerator1, numerator2, numerator3 = j1 * l1, j2 * l2, j3 * l3
+    length = math.sqrt(
+        numerator1 * numerator1 + numerator2 * numerator2 + numerator3 * numerator3
+    )
+    inverse_speed = 1.0 / max(length, SLOWEST)
+    numerator1, numerator2, numerator3 = (
+        inverse_speed * numerator1,
+        inverse_speed * numerator2,
+        inverse_speed * numerator3,
+    )
+    loss1, loss2, loss3 = (
+        inverse_speed * budget * j1,
+        inverse_speed * budget * j2,
+        inverse_speed * budget * j3,
+    )
     # Begin with the higher one of two bounds of the root from below: by the budget along
     # the rotation, and by the largest moment of inertia.
     speed = max(
-        1.0 - (num1 * num1 * loss1 + num2 * num2 * loss2 + num3 * num3 * loss3),
-        unit * (momentum - budget) * min(j1, j2, j3),
+        1.0
+        - (
+            numerator1 * numerator1 * loss1
+            + numerator2 * numerator2 * loss2
+            + numerator3 * numerator3 * loss3
+        ),
+        inverse_speed * (momentum - budget) * min(j1, j2, j3),
     )
     speed = max(speed, 0.0)
     for _ in range(NEWTON_STEPS):
@@ -349,18 +382,18 @@ def resistance_direction(l1, l2, l3, j1, j2, j3, momentum, budget):
         # All fractions of n are multiplied by the product of the three denominators, so
         # that a step has one division.
         pair1, pair2, pair3 = den2 * den3, den3 * den1, den1 * den2
-        square1 = num1 * num1 * pair1 * pair1
-        square2 = num2 * num2 * pair2 * pair2
-        square3 = num3 * num3 * pair3 * pair3
+        square1 = numerator1 * numerator1 * pair1 * pair1
+        square2 = numerator2 * numerator2 * pair2 * pair2
+        square3 = numerator3 * numerator3 * pair3 * pair3
         square = square1 + square2 + square3
         slope = square1 * pair1 + square2 * pair2 + square3 * pair3
         speed = max(speed + square * (math.sqrt(square) - den1 * pair1) / slope, 0.0)
     den1, den2, den3 = speed + loss1, speed + loss2, speed + loss3
     inverse = 1.0 / (den1 * den2 * den3)
     return (
-        num1 * inverse * den2 * den3,
-        num2 * inverse * den3 * den1,
-        num3 * inverse * den1 * den2,
+        numerator1 * inverse * den2 * den3,
+        numerator2 * inverse * den3 * den1,
+        numerator3 * inverse * den1 * den2,
     )
 
 

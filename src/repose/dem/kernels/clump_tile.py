@@ -39,10 +39,17 @@ NEAREST = 1e-30  # distance of two centres that still have a direction [m]
 
 @inlined
 def rotated_vector(w, x, y, z, px, py, pz):
-    """Return a vector p = (px, py, pz) rotated by a unit quaternion (w, x, y, z).
+    """Return a vector rotated by a unit quaternion.
 
-    With the vector part q = (x, y, z) of the quaternion and u = 2 q x p, the rotated
-    vector is p + w u + q x u.
+    With the vector part q of the quaternion and u = 2 q x p, the vector p becomes
+    p + w u + q x u.
+
+    Parameters
+    ----------
+    w, x, y, z : float
+        The quaternion.
+    px, py, pz : float
+        The vector p.
     """
     # u, twice the vector product of the quaternion's vector part with p
     ux = 2.0 * (y * pz - z * py)

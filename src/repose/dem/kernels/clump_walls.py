@@ -248,7 +248,12 @@ def free_way(gap, distance_beyond, radius, past, sphere, is_leaning):
 def touching_spheres(known, i):
     """Return which spheres of body i touch any wall of one kind, as bits.
 
-    `known` (walls, bodies) is `WallContacts.known`.
+    Parameters
+    ----------
+    known : array of uint64 (walls, bodies)
+        `WallContacts.known`: of each wall and body, the spheres that touch, as bits.
+    i : int
+        Number of the body.
     """
     bits = np.uint64(0)
     for wall in range(known.shape[0]):

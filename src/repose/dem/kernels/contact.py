@@ -11,7 +11,7 @@ Reads rows of `Bodies.rows`; writes only the array `normal`.
 
 import math
 
-from .geometry import add_part, area
+from .geometry import add_part, radii_product
 from .jit import inlined, kernel
 from .rows import set_vector, vector_at
 from .state import POSITION, SPHERE_RADIUS, SPHERES
@@ -49,7 +49,7 @@ def newton_step(gx, gy, gz, xx, xy, xz, yy, yz, zz, f):
         The step in the tangent plane [rad].
     """
     trace = xx + yy + zz
-    determinant = area(xx, xy, xz, yy, yz, zz) + f * (trace + f)  # of C + f I
+    determinant = radii_product(xx, xy, xz, yy, yz, zz) + f * (trace + f)  # of C + f I
     if trace + 2.0 * f > 0.0 and determinant > LEAST_DETERMINANT * trace * trace:
         # T = C + f I is a 2 x 2 matrix in the tangent plane. By Cayley and Hamilton
         # T^-1 g = (tr T g - T g) / det T, so no tangents are needed.

@@ -66,7 +66,6 @@ def write_mobility(scratch, history, body_row, arm_row, parts, keep):
         nx, ny, nz = lane_vector(history, tl.NORMAL, lane)
         rx, ry, rz = lane_vector(scratch, arm_row, lane)
         # the vector product r x n
-        # (x, y, z) is r x n
         cross_x, cross_y, cross_z = (
             ry * nz - rz * ny,
             rz * nx - rx * nz,

@@ -650,8 +650,8 @@ def plane_forces(bodies, flat, clumps, walls, counts, physics, scratch, ghost):
 def note_past_edge(flat, clumps, k):
     """Note that the body of contact k slid over the edge of a disc.
 
-    It is past the wall now: no contact of it (of a clump, of this sphere) begins until it is clear of the
-    plane, see `walls`.
+    It is past the wall now: no contact of it (of a clump, of this sphere) begins until
+    it is clear of the plane, see `walls`.
 
     Parameters
     ----------
@@ -748,7 +748,7 @@ def write_lane(scratch, history, lane, geometry):
 def open_unused_lanes(scratch, n_lanes):
     """Give the lanes without a contact a gap, so that they have no force.
 
-    They may hold the geometry of another tile. `lanes` is the number of lanes in use.
+    They may hold the geometry of another tile. `n_lanes` is the number of lanes in use.
     """
     for lane in range(n_lanes, LANES):
         scratch[tl.GAP + lane] = OPEN

@@ -197,11 +197,11 @@ def add_part(row, part, nx, ny, nz, x, y, z, xx, xy, xz, yy, yz, zz):
 
 
 @inlined
-def area(xx, xy, xz, yy, yz, zz):
+def radii_product(xx, xy, xz, yy, yz, zz):
     """Return the product of the two principal radii of a curvature matrix [m^2].
 
     The third eigenvalue, along the normal, is zero, so the product is the second
-    invariant of the matrix.
+    invariant of the matrix (xx, xy, xz, yy, yz, zz).
     """
     return xx * yy - xy * xy + (xx * zz - xz * xz) + (yy * zz - yz * yz)
 

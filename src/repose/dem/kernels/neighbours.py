@@ -85,9 +85,17 @@ def unlink(grid, i):
 
 @inlined
 def put_in_cell(grid, i, cell):
-    """Put body i at the head of the linked list of a cell.
+    """Put body i at the head of the linked list of a cell, see `unlink` for the list.
 
-    The body must be in no cell before, see `unlink`. `cell` is the number of the cell.
+    Parameters
+    ----------
+    grid : Grid
+        Cells of the neighbour search; `grid.cell` of the body, and the list, are
+        written.
+    i : int
+        Number of the body, which is in no cell.
+    cell : int
+        Number of the cell.
     """
     grid.cell[i] = cell
     grid.preceding[i] = -1
@@ -126,6 +134,15 @@ def mark_moved(grid, counts, i):
     """Add body i to the bodies whose neighbours are found anew at the next step.
 
     `grid.moved` is 1 for the bodies of the list, so that each is in it once.
+
+    Parameters
+    ----------
+    grid : Grid
+        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+    counts : array of int
+        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    i : int
+        Number of the body.
     """
     if grid.moved[i] == 0:
         grid.moved[i] = 1

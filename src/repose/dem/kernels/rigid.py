@@ -435,7 +435,17 @@ def place_shape(bodies, i, parts, scratch):
 
 @kernel
 def stop_body(bodies, i):
-    """Stop body i, which is gone: without mass no force moves it."""
+    """Stop body i, which is gone: without mass no force moves it.
+
+    No wall is searched for it any more, as it is never due.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    i : int
+        Number of the body.
+    """
     row = bodies.rows[i]
     set_vector(row, st.VELOCITY, 0.0, 0.0, 0.0)
     set_vector(row, st.ANGULAR_VELOCITY, 0.0, 0.0, 0.0)

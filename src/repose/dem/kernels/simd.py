@@ -209,9 +209,17 @@ class _Move:
 def _move_signature(table, column, index, k, tile, first, stride):
     """Return the signature of an intrinsic that moves numbers.
 
-    The arguments are numba's types of MOVE_ARGUMENTS. Where the intrinsic cannot move
-    them the result is None, by which numba knows that no such function exists: the
-    table and the tile have to be arrays of doubles, and the index an array of integers.
+    Where the intrinsic cannot move them the result is None, by which numba knows that
+    no such function exists.
+
+    Parameters
+    ----------
+    table, column : numba type
+        The table has to be an array of doubles.
+    index, k : numba type
+        The index has to be an array of integers.
+    tile, first, stride : numba type
+        The tile has to be an array of doubles.
     """
     if not all(isinstance(array, types.Array) for array in (table, tile, index)):
         return None
@@ -256,7 +264,14 @@ def rows_to_lanes(builder, move):
     """Copy eight columns of eight rows of a table to lanes of a tile.
 
     tile[first + c * stride + lane] = table[index[k + lane], column + c], for c and lane
-    of 0..7.
+    of 0..7. Kernels call it with MOVE_ARGUMENTS.
+
+    Parameters
+    ----------
+    builder : ir.IRBuilder
+        LLVM's builder.
+    move : _Move
+        The arguments of the call.
     """
     for quantity, lanes in enumerate(_write_transposition(builder, move.rows())):
         _store(builder, lanes, move.lanes(quantity))
@@ -267,7 +282,14 @@ def lanes_to_rows(builder, move):
     """Copy eight rows of eight lanes of a tile to columns of a table.
 
     table[index[k + lane], column + c] = tile[first + c * stride + lane], for c and lane
-    of 0..7.
+    of 0..7. Kernels call it with MOVE_ARGUMENTS.
+
+    Parameters
+    ----------
+    builder : ir.IRBuilder
+        LLVM's builder.
+    move : _Move
+        The arguments of the call.
     """
     for lane, row in enumerate(_write_transposition(builder, move.all_lanes())):
         _store(builder, row, move.row(lane))
@@ -279,6 +301,13 @@ def add_lanes_to_rows(builder, move):
 
     This is `lanes_to_rows` with a sum. Lane after lane is added, since a body may come
     twice.
+
+    Parameters
+    ----------
+    builder : ir.IRBuilder
+        LLVM's builder.
+    move : _Move
+        The arguments of the call.
     """
     for lane, row in enumerate(_write_transposition(builder, move.all_lanes())):
         place = move.row(lane)

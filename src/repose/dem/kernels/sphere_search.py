@@ -80,7 +80,7 @@ def place_spheres(row, spheres, n_spheres, scale, x0, y0, z0, scratch, first):
     first : int
         Place of the first row: PLACES_A or PLACES_B.
     """
-    # The quaternion (w, x, y, z) turns the spheres' centres from the body to the world.
+    # The quaternion (qw, qx, qy, qz) turns the spheres' centres into the world.
     qw = row[SHAPE]
     qx, qy, qz = vector_at(row, SHAPE + 1)
     body_x, body_y, body_z = vector_at(row, POSITION)
@@ -345,7 +345,7 @@ def sphere_in_world(bodies, clumps, i, k):
     row = bodies.rows[i]
     spheres = clumps.spheres[clumps.shape[i]]
     scale = clumps.scale[i]
-    # The quaternion (w, x, y, z) turns the sphere's centre from the body to the world.
+    # The quaternion (qw, qx, qy, qz) turns the sphere's centre into the world.
     qw = row[SHAPE]
     qx, qy, qz = vector_at(row, SHAPE + 1)
     body_x, body_y, body_z = vector_at(row, POSITION)

@@ -15,7 +15,7 @@ are not used.
 import math
 
 from . import state as st
-from .geometry import area, matrix_times, part_terms
+from .geometry import matrix_times, part_terms, radii_product
 from .jit import inlined
 from .rows import LANES, Rows, lane_matrix, lane_vector, write_matrix, write_vector
 from .simd import rsqrt
@@ -175,7 +175,7 @@ def write_terms_of_a(scratch, contacts, parts):
         )
         write_vector(scratch, SUPPORT, lane, support_x, support_y, support_z)
         write_matrix(scratch, CURVED, lane, xx, xy, xz, yy, yz, zz)
-        scratch[AREA_A + lane] = area(xx, xy, xz, yy, yz, zz)
+        scratch[AREA_A + lane] = radii_product(xx, xy, xz, yy, yz, zz)
 
 
 @inlined
@@ -213,7 +213,7 @@ def add_terms_of_b(scratch, contacts, parts):
         between_z = centre_b_z - centre_a_z - support_a_z - support_b_z
         write_vector(scratch, BETWEEN, lane, between_x, between_y, between_z)
         # Curvatures: the product of the radii of B, and the sum of both matrices.
-        scratch[AREA_B + lane] = area(xx, xy, xz, yy, yz, zz)
+        scratch[AREA_B + lane] = radii_product(xx, xy, xz, yy, yz, zz)
         axx, axy, axz, ayy, ayz, azz = lane_matrix(scratch, CURVED, lane)
         write_matrix(
             scratch,
@@ -260,7 +260,7 @@ def write_newton_step(scratch, contacts):
         gap = dot(nx, ny, nz, between_x, between_y, between_z)
         gx, gy, gz = between_x - gap * nx, between_y - gap * ny, between_z - gap * nz
         # the effective radius sqrt(det C_A det C_B / det(C_A + C_B))
-        area_both = area(xx, xy, xz, yy, yz, zz)
+        area_both = radii_product(xx, xy, xz, yy, yz, zz)
         product = scratch[AREA_A + lane] * scratch[AREA_B + lane]
         scratch[RADIUS + lane] = product * rsqrt(product * area_both)
         # the step; where T is not definite, it is g / tr C instead

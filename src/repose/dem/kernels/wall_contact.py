@@ -289,8 +289,12 @@ def ring_newton(row, parts, ring, theta, nx, ny, nz):
 def ring_curvatures(ring, outward):
     """Return the curvatures of a ring edge along its circle and across it [1/m].
 
-    `ring` is the row of `Walls.rings`, `outward` the component of the contact normal
-    away from the axis.
+    Parameters
+    ----------
+    ring : array
+        The row of `Walls.rings`.
+    outward : float
+        Component of the contact's unit normal away from the axis.
     """
     edge_radius = ring[RING_EDGE_RADIUS]
     circle = max(ring[RING_RADIUS] - edge_radius * outward, edge_radius)
@@ -357,9 +361,21 @@ def write_ring_contact(row, parts, ring, theta, nx, ny, nz, geometry):
 
 @inlined
 def solve_cone(row, parts, cone, theta):
-    """Climb from a start to a maximum of the overlap with a cone; return the angle.
+    """Climb from a start to a maximum of the overlap with a cone.
 
-    The arguments are those of `climb_cone`.
+    Parameters
+    ----------
+    row, parts : array, int
+        The body in the frame of the cone, and its number of ellipsoids, or SPHERES.
+    cone : array
+        The row of `Walls.cones`.
+    theta : float
+        Angle about the cone's axis at the start [rad].
+
+    Returns
+    -------
+    float
+        The angle of the maximum [rad].
     """
     for _ in range(MOST_ITERATIONS):
         turn = climb_cone(row, parts, cone, theta) - theta

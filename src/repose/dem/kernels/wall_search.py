@@ -244,8 +244,14 @@ def search_bodies(
 def smallest_margin(bodies, approach, begin, end):
     """Return the least way left until one of some bodies is due for walls [m].
 
-    These are the bodies `begin` to `end`; `approach` is how far any wall may have come
-    nearer until now [m].
+    Parameters
+    ----------
+    bodies : Bodies
+        Columns and loads of all bodies (`state.Bodies`).
+    approach : float
+        How far any wall may have come nearer until now [m].
+    begin, end : int
+        First of these bodies, and their end.
     """
     margin = math.inf
     for i in range(begin, end):

@@ -200,9 +200,18 @@ def drop_wall_contact(contacts, counts, length_slot, k, ghost):
 
 @inlined
 def touches_others(contacts, n, body, ignored):
-    """Return whether a body has any of the first n contacts but number `ignored`.
+    """Return whether a body has any contact of a list but one.
 
-    With `ignored` -1 all of them count.
+    Parameters
+    ----------
+    contacts : WallContacts
+        The list of contacts with walls of one kind.
+    n : int
+        Number of contacts in the list.
+    body : int
+        Number of the body.
+    ignored : int
+        Number of the contact that does not count; -1 for none.
     """
     for k in range(n):  # noqa: SIM110  (kernels have no generators)
         if contacts.body[k] == body and k != ignored:
@@ -212,9 +221,18 @@ def touches_others(contacts, n, body, ignored):
 
 @inlined
 def overlap_elsewhere(contacts, n, body, wall):
-    """Return the deepest overlap of a body with curved walls but `wall` [m], or 0.0.
+    """Return the deepest overlap of a body with curved walls but one [m], or 0.0.
 
-    `n` is the number of contacts in the list. With `wall` -1 all curved walls count.
+    Parameters
+    ----------
+    contacts : WallContacts
+        The list of contacts with cones, tubes and rings.
+    n : int
+        Number of contacts in the list.
+    body : int
+        Number of the body.
+    wall : int
+        Number of the wall that does not count; -1 for none.
     """
     depth = 0.0
     for k in range(n):

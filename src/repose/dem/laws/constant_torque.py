@@ -48,7 +48,10 @@ ROLLING_FRICTION, TWISTING_FRICTION = _rows.take_each(2)
 def constants(
     a: Material, b: Material, contact: Contact, _tension: str = "keep"
 ) -> np.ndarray:
-    """Return mu_r and mu_t of two materials (2,)."""
+    """Return the constants of two materials: mu_r and mu_t (2,).
+
+    The arguments are those of `epsd.constants`.
+    """
     return epsd.constants(a, b, contact)[:2]
 
 

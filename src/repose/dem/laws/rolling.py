@@ -43,7 +43,10 @@ BUDGET_B = tl.TO_B + st.ROLL * LANES
 def constants(
     _a: Material, _b: Material, contact: Contact, _tension: str = "keep"
 ) -> np.ndarray:
-    """Return mu_r of two materials (1,)."""
+    """Return the constant of two materials: mu_r (1,).
+
+    The materials and the tension do not count.
+    """
     return np.array([contact.rolling_friction])
 
 
