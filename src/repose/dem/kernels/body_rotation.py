@@ -297,6 +297,7 @@ def add_torques(scratch, motion, dt):
         ly = ly + dt * torque_y
         lz = lz + dt * torque_z
         write_vector(motion, ANGULAR_MOMENTUM, lane, lx, ly, lz)
+        # rolling resistance may not stop this body
         may_turn = exceeds_budget(scratch, lane, lx, ly, lz, dt)
         n_turning += 1 if may_turn else 0
     return n_turning
@@ -440,6 +441,7 @@ def resist_rolling(scratch, motion, dt):
         )
         # a body that stops has a direction, too, which is not used
         nx, ny, nz = into_world(motion, lane, n1, n2, n3)
+        # what is left of the angular momentum, and the angular velocity with it
         lx = lx - budget * nx if is_turning else 0.0
         ly = ly - budget * ny if is_turning else 0.0
         lz = lz - budget * nz if is_turning else 0.0

@@ -205,6 +205,7 @@ def forget_sphere(contacts, clumps, counts, length_slot, k):
     if length_slot == st.N_MESHED:
         clumps.mesh_sphere[k] = clumps.mesh_sphere[counts[length_slot] - 1]
     else:
+        # clear the bit of this sphere
         bit = np.uint64(1) << np.uint64(contacts.feature[k])
         contacts.known[contacts.wall[k], contacts.body[k]] &= ~bit
 
@@ -279,6 +280,7 @@ def sphere_slid_off(bodies, contacts, walls, k):
     k : int
         Number of the contact.
     """
+    # every wall of this kind that the sphere was past may be the next one
     i = contacts.body[k]
     sphere = contacts.feature[k]
     for wall in range(contacts.limit.shape[0]):
@@ -500,6 +502,7 @@ def follow_sphere(
     radius = tile[ct.RADIUS + lane]
     x, y, z = vector_at(row, st.POSITION)
     write_sphere_row(walls, frame, x + arm_x, y + arm_y, z + arm_z, radius, local_row)
+    # the sphere is followed as a body of one ellipsoid
     is_lasting = follow_feature(
         local_row,
         radius,
@@ -514,6 +517,7 @@ def follow_sphere(
         geometry,
         other_geometry,
     )
+    # the arm of the contact from the clump's centre
     shift_arm(geometry, arm_x, arm_y, arm_z)
     return is_lasting
 
@@ -592,6 +596,7 @@ def find_spheres_at_mesh(
         radius = placed_radius(places, PLACES_A, sphere)
         # the sphere in the frame of the mesh, as a body of one ellipsoid
         write_sphere_row(walls, frame, x, y, z, radius, local_row)
+        # contacts from this place on are those of this sphere
         n_before = counts[st.N_MESHED]
         # the search knows a sphere by one number, as if it was a body
         sphere_number = MOST_SPHERES * i + sphere

@@ -388,6 +388,7 @@ def drop_entries_of_gone(bodies, pairs, counts, grid, clumps, ghost):
     presence = bodies.presence
     # from the end, since a dropped contact is replaced by the last one
     for k in range(counts[st.N_PAIRS] - 1, -1, -1):
+        # one of the two bodies is gone
         if (
             presence[pairs.first[k]] != st.PRESENT
             or presence[pairs.second[k]] != st.PRESENT

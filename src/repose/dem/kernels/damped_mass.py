@@ -109,6 +109,7 @@ def write_mass_of_pairs(scratch, history, pairs, parts, clumps, base, lanes):
     """
     write_mobility(scratch, history, tl.A, tl.RA, parts, 0.0)
     write_mobility(scratch, history, tl.B, tl.RB, parts, 1.0)
+    # the number of contacts of the two clumps is that of their entry
     if len(clumps) > 0:
         for lane in range(lanes):
             n_contacts = pairs.live[pairs.entry[base + lane]]
@@ -137,6 +138,7 @@ def write_mass_on_wall(scratch, history, contacts, parts, clumps, base, lanes):
         First contact of the tile, and number of lanes in use.
     """
     write_mobility(scratch, history, tl.A, tl.RA, parts, 0.0)
+    # the number of spheres of the clump on this wall
     if len(clumps) > 0:
         for lane in range(lanes):
             k = base + lane
@@ -159,6 +161,7 @@ def mark_spheres_on_meshes(meshed, mesh_sphere, n):
     n : int
         Number of contacts.
     """
+    # clear the bits of all these bodies and meshes, then set those that touch
     known = meshed.known
     for k in range(n):
         known[meshed.wall[k], meshed.body[k]] = np.uint64(0)

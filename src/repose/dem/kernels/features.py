@@ -166,6 +166,7 @@ def edge_table(faces):
     # 0 where the face runs from the lower to the higher vertex, else 1
     direction = (sides[:, 0] > sides[:, 1]).astype(int)
 
+    # each edge has at most one face in either direction
     n_faces = np.zeros((len(edges), 2), int)
     np.add.at(n_faces, (side_edge, direction), 1)
     if n_faces.max() > 1:
@@ -408,6 +409,7 @@ def _find_largest_radius(vertices, faces, steps, radius):
     float
         The radius [m].
     """
+    # no triangle turns over with `low`, one does with `high`
     low = 0.0
     high = radius
     for _ in range(BISECTIONS):
@@ -633,6 +635,7 @@ def _compute_leads(directions, ray_vertex, rays):
         The largest lead of each vertex; -inf for a vertex without rays.
     """
     lead = np.sum(directions[ray_vertex] * rays, axis=1)
+    # the largest lead of each vertex
     largest = np.full(len(directions), -np.inf)
     np.maximum.at(largest, ray_vertex, lead)
     return lead, largest
@@ -657,6 +660,7 @@ def _turn_from_rays(directions, ray_vertex, rays):
     """
     for _ in range(PERCEPTRON_STEPS):
         lead, largest = _compute_leads(directions, ray_vertex, rays)
+        # of each vertex the ray that leads most, if it does not recede
         is_worst = (lead == largest[ray_vertex]) & (lead > -LEAST_CONE)
         if not is_worst.any():
             break
@@ -777,6 +781,7 @@ def _split_bent_planes(core, vertices, faces, face_plane, plane_normals, radius)
     # how far each corner has moved along the normal of its plane
     heights = np.einsum("fki,fi->fk", displacement[faces], plane_normals[face_plane])
     errors = np.abs(heights + radius).max(axis=1)
+    # one corner with another depth bends the whole plane
     is_bent = np.zeros(len(plane_normals), bool)
     is_bent[face_plane[errors > SAME_DEPTH * radius]] = True
 
@@ -890,6 +895,7 @@ def _make_boxes(core, faces, data, radius):
     start = other_rows[:, PLACE : PLACE + 3]
     along = other_rows[:, EDGE_ALONG : EDGE_ALONG + 3]
     end = start + other_rows[:, EDGE_LENGTH, None] * along
+    # the corners of faces, then those of edges and vertices
     lower = [corners.min(axis=1), np.minimum(start, end) - radius]
     upper = [corners.max(axis=1), np.maximum(start, end) + radius]
     return np.concatenate(lower), np.concatenate(upper)
@@ -1007,6 +1013,7 @@ def put_in_cells(low, high, kind, data, lower, cell, n_cells, place, items):
         Is written, unless it is empty.
     """
     for feature in range(low.shape[0]):
+        # the block of cells that the box of the feature meets
         i0, j0, k0 = cell_at(low[feature], lower, cell)
         i1, j1, k1 = cell_at(high[feature], lower, cell)
         is_face = kind[feature] == FACE
@@ -1018,6 +1025,7 @@ def put_in_cells(low, high, kind, data, lower, cell, n_cells, place, items):
                         data[feature], lower, cell, i, j, k
                     ):
                         continue
+                    # the first call only counts, the second one writes
                     number = (i * n_cells[1] + j) * n_cells[2] + k
                     if items.shape[0] > 0:
                         items[place[number]] = feature

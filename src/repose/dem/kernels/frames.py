@@ -353,6 +353,7 @@ def load_walls(walls, first_wall, contacts, base, n, scratch):
         body_x, body_y, body_z = lane_vector(scratch, tl.A, lane)
         arm_x, arm_y, arm_z = lane_vector(scratch, tl.RA, lane)
         x, y, z = body_x + arm_x, body_y + arm_y, body_z + arm_z
+        # the force, then the torque: contact point x force
         load[0] += fx
         load[1] += fy
         load[2] += fz

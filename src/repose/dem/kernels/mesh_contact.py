@@ -220,6 +220,7 @@ def edge_support(row, parts, edge, nx, ny, nz, ux, uy, uz):
     x, y, z = vector_at(row, POSITION)
     # (dx, dy, dz) is the way from the body's centre to the start of the edge
     dx, dy, dz = start_x - x, start_y - y, start_z - z
+    # f and its derivatives by the angle, and the place along the edge
     level = nx * dx + ny * dy + nz * dz - h
     slope = ux * dx + uy * dy + uz * dz - along_u
     place_along = along_w - (wx * dx + wy * dy + wz * dz)
@@ -377,6 +378,7 @@ def solve_edge(row, parts, edge, geometry):
         angle += turn
         if abs(turn) < EDGE_CONVERGED:
             break
+    # the contact there, which has to lie between the ends of the edge
     place_along = write_edge_contact(row, parts, edge, angle, geometry)
     inside_distance = min(
         inside_distance, min(place_along, edge[EDGE_LENGTH] - place_along)
@@ -415,6 +417,7 @@ def vertex_step(row, parts, vertex, nx, ny, nz):
     x, y, z = vector_at(row, POSITION)
     # (dx, dy, dz) is the way from the body's centre to the vertex
     dx, dy, dz = vertex_x - x, vertex_y - y, vertex_z - z
+    # the distance of the vertex from the body along n, and its gradient
     level = nx * dx + ny * dy + nz * dz - h
     gradient_u = dx * ux + dy * uy + dz * uz - along_u
     gradient_w = dx * wx + dy * wy + dz * wz - along_w

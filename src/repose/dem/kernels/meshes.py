@@ -114,6 +114,7 @@ def cell_range(meshes, mesh, axis, low, high):
     """
     edge = meshes.box[mesh, 6]
     lower = meshes.box[mesh, axis]
+    # cells are cubes with the same edge along all axes
     first = math.floor((low - lower) / edge)
     last = math.floor((high - lower) / edge)
     return max(first, 0), min(last, meshes.cells[mesh, axis] - 1)
@@ -182,6 +183,7 @@ def distance_from_box(row, parts, meshes, mesh):
             1.0 if axis == 1 else 0.0,
             1.0 if axis == 2 else 0.0,
         )
+        # the gap between both boxes along this axis, on either side
         lower = meshes.box[mesh, axis]
         upper = meshes.box[mesh, 3 + axis]
         distance = max(distance, lower - row[axis] - reach)
@@ -340,11 +342,13 @@ def follow_on_feature(row, parts, meshes, history, lane, feature, nx, ny, nz, ge
     if meshes.kind[feature] == FACE:
         return write_face_contact(row, parts, data, geometry)
     if meshes.kind[feature] == EDGE:
+        # climb along the arc of normals about the edge, from the last angle
         angle = history[st.AZIMUTH + lane]
         for _ in range(FOLLOWING_STEPS):
             angle = climb_edge(row, parts, data, angle)
         history[st.AZIMUTH + lane] = angle
         place_along = write_edge_contact(row, parts, data, angle, geometry)
+        # inside both the arc of normals and the two ends of the edge
         inside_arc = min(angle, data[EDGE_ANGLE] - angle)
         inside_ends = min(place_along, data[EDGE_LENGTH] - place_along)
         return min(inside_arc, inside_ends)
@@ -386,6 +390,7 @@ def hand_over(
     bool
         Whether there is such a feature. Then feature and angle of the contact are its.
     """
+    # the cells about the contact point
     mesh = contacts.wall[k]
     old_feature = contacts.feature[k]
     reach = NEARBY * radius
@@ -417,6 +422,8 @@ def hand_over(
                     ):
                         continue
                     other_nx, other_ny, other_nz = normal_of(other_geometry)
+                    # keep the one whose normal is nearest to the last one, unless
+                    # another contact has it
                     cosine = nx * other_nx + ny * other_ny + nz * other_nz
                     if cosine > best_cosine and not is_touched(
                         contacts, meshes, n, contacts.body[k], feature, k
@@ -453,6 +460,7 @@ def keep_deepest_face(row, parts, meshes, contacts, k, geometry, other_geometry)
     for place in range(meshes.span[face, 0], meshes.span[face, 1]):
         neighbour = meshes.near[place]
         data = meshes.data[neighbour]
+        # the contact that the body would have with the neighbour
         inside_distance = write_face_contact(row, parts, data, other_geometry)
         if inside_distance >= 0.0 and other_geometry[cg.GAP] < geometry[cg.GAP]:
             contacts.feature[k] = neighbour

@@ -215,6 +215,7 @@ def drop_near(pairs, counts, grid, k):
     last = counts[st.N_NEAR] - 1
     counts[st.N_NEAR] = last
     count_pair(grid.near, pairs.near_first[k], pairs.near_second[k], -1)
+    # the last pair of the list moves to place k
     write_pair(
         pairs.near_first,
         pairs.near_second,
@@ -310,6 +311,7 @@ def drop_contact(pairs, counts, grid, k, ghost):
     last = counts[st.N_PAIRS] - 1
     counts[st.N_PAIRS] = last
     count_pair(grid.touching, pairs.first[k], pairs.second[k], -1)
+    # the last contact of the list moves to place k, and ghosts to the last place
     write_pair(pairs.first, pairs.second, k, pairs.first[last], pairs.second[last])
     move_contact(pairs.data, last, k)
     write_pair(pairs.first, pairs.second, last, ghost, ghost)
@@ -384,6 +386,7 @@ def check_near(bodies, pairs, counts, grid, parts, k, normal):
     i = pairs.near_first[k]
     j = pairs.near_second[k]
     gap = solve_near_gap(bodies, pairs, grid, parts, k, normal)
+    # the bodies touch: the pair moves to the list of contacts
     if gap <= 0.0:
         drop_near(pairs, counts, grid, k)
         add_contact(pairs, counts, grid, i, j, normal)
@@ -605,6 +608,7 @@ def list_pair(bodies, pairs, counts, grid, parts, a, b, normal):
     distance = math.sqrt(square)
     set_vector(normal, 0, dx / distance, dy / distance, dz / distance)
     gap = solve_gap(rows, parts, a, b, normal, TOLERANCE, EARLY * skin)
+    # touching, near, or too far apart to be listed
     if gap <= 0.0:
         add_contact(pairs, counts, grid, a, b, normal)
     elif gap < skin:

@@ -141,6 +141,7 @@ def sum_paths(paths, groups):
     groups : int
         Bit g is set for each of these groups g.
     """
+    # from the lowest bit to the highest one that is set
     total = 0.0
     group = 0
     while groups >> group > 0:
@@ -172,6 +173,7 @@ def note_paths(bodies, counts, grid):
         for tile in range(begin, min(begin + tiles_per_group, n_tiles)):
             path = max(path, bodies.longest[tile])
         group = begin // tiles_per_group
+        # the sum over all steps, and that of this step alone
         grid.paths[UP_TO_NOW, group] += path
         grid.paths[LAST_STEP, group] = path
 
@@ -214,6 +216,7 @@ def check_block(bodies, pairs, grid, parts, begin, end, due, place, normal):
     n_found = 0
     k = find_next_due(displacement, first, second, limit, begin, end)
     while k < end:
+        # a pair that is due: solve for its gap
         gap = solve_near_gap(bodies, pairs, grid, parts, k, normal)
         if gap <= 0.0:
             due[place + n_found] = k

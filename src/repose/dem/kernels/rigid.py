@@ -70,6 +70,7 @@ def move_centres(scratch, gx, gy, gz, dt):
         vz = alive(vz + kick * fz + is_present * dt * gz)
         write_vector(scratch, VELOCITY, lane, vx, vy, vz)
         scratch[BEFORE + lane] = scratch[HEIGHT + lane]
+        # the new velocity moves the centre
         add_vector(scratch, POSITION, lane, dt * vx, dt * vy, dt * vz)
         scratch[PATH + lane] = dt * math.sqrt(squared_length(vx, vy, vz))
 
@@ -105,6 +106,7 @@ def count_events(scratch, motion, displacement, base, exit_height, floor_height)
         new_displacement = displacement[base + lane] + scratch[PATH + lane]
         displacement[base + lane] = new_displacement
         z = scratch[HEIGHT + lane]
+        # the conditions of `find_events`, for all lanes at once
         has_fallen = (scratch[BEFORE + lane] >= exit_height) & (z < exit_height)
         is_present = scratch[INVERSE_MASS + lane] > 0.0
         has_moved_far = new_displacement >= motion[RELIST + lane]
@@ -158,6 +160,7 @@ def find_events(bodies, physics, scratch, motion, lane, i):
     i : int
         Number of the body.
     """
+    # heights of the centre after and before the step
     z = scratch[HEIGHT + lane]
     event = 0
     if scratch[BEFORE + lane] >= physics.exit_height and z < physics.exit_height:
@@ -198,6 +201,7 @@ def act_on_events(bodies, grid, counts, begin, n_events, time):
         if event & BELOW_FLOOR:
             bodies.presence[i] = st.GONE
             counts[st.N_GONE] += 1
+        # a body that is gone loses its neighbours by the same way
         if event & (MOVED_FAR | BELOW_FLOOR):
             mark_moved(grid, counts, i)
 
@@ -451,4 +455,5 @@ def stop_body(bodies, i):
     set_vector(row, st.ANGULAR_VELOCITY, 0.0, 0.0, 0.0)
     row[st.INVERSE_MASS] = 0.0
     write_vector(bodies.motion[i // LANES], ANGULAR_MOMENTUM, i % LANES, 0.0, 0.0, 0.0)
+    # no wall is searched again
     bodies.wall_check[i] = math.inf

@@ -149,6 +149,7 @@ def compare_distances(scratch, a, n_spheres, limit):
         dx = bx - x
         dy = by - y
         dz = bz - z
+        # the distance of two centres whose spheres have the gap `limit`
         distance = reach + placed_radius(scratch, PLACES_B, b)
         square = dx * dx + dy * dy + dz * dz
         excess = square - distance * distance
@@ -523,6 +524,7 @@ def list_clumps(bodies, pairs, counts, grid, clumps, i, j, scratch):
     radii = bounding_radius(bodies, i) + bounding_radius(bodies, j)
     reach = radii + grid.lengths[st.SKIN]
     if dx * dx + dy * dy + dz * dz < reach * reach:
+        # -1: there is no entry yet
         search_all_spheres(bodies, pairs, counts, grid, clumps, -1, i, j, scratch)
 
 

@@ -100,6 +100,7 @@ def cone_axes(cone, theta):
     sin = math.sin(theta)
     normal_r = cone[CONE_NORMAL_R]
     normal_z = cone[CONE_NORMAL_Z]
+    # n is (normal_r, normal_z) in the half plane (r, z) at this angle, u and w follow
     nx, ny, nz = normal_r * cos, normal_r * sin, normal_z
     ux, uy, uz = -sin, cos, 0.0
     wx, wy, wz = -normal_z * cos, -normal_z * sin, normal_r
@@ -135,6 +136,8 @@ def cone_slope(row, parts, cone, theta):
     # the body's outermost point along n, seen from above
     px = x + h * nx + along_u * ux + along_w * wx
     py = y + h * ny + along_u * uy + along_w * wy
+    # phi changes as the normal turns along u; the surface's curvature adds to the
+    # second derivative
     slope = normal_r * (ux * px + uy * py)
     bend = normal_r * normal_r * q_uu - normal_r * (cos * px + sin * py)
     return slope, bend
@@ -429,6 +432,7 @@ def write_sphere_on_cone(x, y, z, radius, cone, geometry):
         How far the sphere's centre is beyond the wall's ends along its line [m];
         negative between them.
     """
+    # in the half plane through the axis and the sphere
     distance, cos, sin = azimuth_of(x, y)
     normal_r = cone[CONE_NORMAL_R]
     normal_z = cone[CONE_NORMAL_Z]
@@ -439,6 +443,7 @@ def write_sphere_on_cone(x, y, z, radius, cone, geometry):
     write_sphere_contact(
         geometry, normal_r * cos, normal_r * sin, normal_z, gap, effective, radius
     )
+    # the sphere's place along the line of the cone, between its two ends
     place_along = distance * cone[CONE_UP_R] + z * cone[CONE_UP_Z]
     return max(cone[CONE_START] - place_along, place_along - cone[CONE_END])
 
@@ -469,6 +474,7 @@ def write_sphere_on_ring(x, y, z, radius, ring, geometry):
     to_circle = math.sqrt(dr * dr + dz * dz)
     inverse = 1.0 / max(to_circle, NEAREST)
     nr, nz = dr * inverse, dz * inverse  # the normal
+    # the curvatures of the edge at this normal, then R* and the gap
     wall_u, wall_w = ring_curvatures(ring, nr)
     effective = effective_radius(radius, 0.0, radius, wall_u, wall_w)
     gap = to_circle - radius - ring[RING_EDGE_RADIUS]

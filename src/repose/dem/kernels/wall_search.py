@@ -164,6 +164,7 @@ def search_walls(
     float
         The path at the body's next search [m].
     """
+    # all searches of this body use the places of its spheres
     if len(clumps) > 0:
         place_clump(bodies, clumps, i, scratch.spheres)
     next_search = math.inf
@@ -223,6 +224,7 @@ def search_bodies(
     """
     approach = walls.approach[st.WALL_PATH]
     for i in range(begin, end):
+        # body and wall may have come nearer by this path in all
         path = bodies.displacement[i] + approach
         if path >= bodies.wall_check[i]:
             bodies.wall_check[i] = search_walls(
@@ -415,6 +417,7 @@ def update_meshes(bodies, meshed, clumps, walls, meshes, counts, parts, scratch)
     approach = walls.approach[st.WALL_PATH]
     for mesh in range(meshes.box.shape[0]):
         for i in range(counts[st.N_BODIES]):
+            # body and mesh may have come nearer by this path in all
             path = bodies.displacement[i] + approach
             if path < meshed.limit[mesh, i] or bodies.presence[i] != st.PRESENT:
                 continue

@@ -237,6 +237,7 @@ def overlap_elsewhere(contacts, n, body, wall):
     depth = 0.0
     for k in range(n):
         if contacts.body[k] == body and contacts.wall[k] != wall:
+            # curved walls keep the gap of each contact
             gap = contacts.data[k // LANES, st.GAP + k % LANES]
             depth = max(depth, -gap)
     return depth
@@ -266,6 +267,7 @@ def note_slide_off(bodies, contacts, walls, n, k, depth):
     """
     wall = contacts.wall[k]
     i = contacts.body[k]
+    # a wall is due for a search when its limit is not above this path
     path_so_far = bodies.displacement[i] + walls.approach[st.WALL_PATH]
     # Any wall may be the next one: its contact may begin with this overlap, and all
     # walls but this one are searched now.
@@ -504,6 +506,7 @@ def search_ring(
             or distance_here > profile[(start + 1) % st.STARTS]
         ):
             continue
+        # from this start to the nearest point of the circle
         nx, ny, nz, _distance = towards_ring(row, ring, start)
         theta, nx, ny, nz = solve_ring(row, parts, ring, start * spacing, nx, ny, nz)
         is_open = write_ring_contact(row, parts, ring, theta, nx, ny, nz, geometry)

@@ -301,6 +301,7 @@ def push(
         # Friction is limited by the normal force and the adhesion at this overlap.
         carrying = force if friction_limit == ELASTIC else normal_force
         limit = abs(carrying + scratch[FLOOR + lane])
+        # the tangential spring and dashpot at this contact circle
         stiffness = scratch[TANGENTIAL_STIFFNESS + lane] * circle
         damping = scratch[TANGENTIAL_DAMPING + lane] * viscous
         add_forces(

@@ -138,6 +138,7 @@ def levers(scratch: np.ndarray, lane: int) -> tuple[float, float]:
     bx, by, bz = lane_vector(scratch, tl.RB, lane)
     r_a = lever(ax, ay, az)
     r_b = lever(bx, by, bz)
+    # a wall has no inverse mass, so it adds nothing
     mobility = scratch[INVERSE_MASS_A + lane] / (r_a * r_a)
     mobility += scratch[INVERSE_MASS_B + lane] / (r_b * r_b)
     return 1.0 / r_a + 1.0 / r_b, mobility
@@ -168,6 +169,7 @@ def relative_rotation(
     ax, ay, az = lane_vector(scratch, SPIN_A, lane)
     bx, by, bz = lane_vector(scratch, SPIN_B, lane)
     wx, wy, wz = ax - bx, ay - by, az - bz
+    # the part along the normal is twisting, the rest is rolling
     spin = wx * nx + wy * ny + wz * nz
     return spin, wx - spin * nx, wy - spin * ny, wz - spin * nz
 

@@ -147,6 +147,7 @@ def constants(
     """
     young, shear = effective_moduli(a, b)
     damping = 2.0 * math.sqrt(5.0 / 6.0) * damping_ratio(contact.restitution, tension)
+    # times sqrt(a m), the row VISCOUS, these are the constants of the dashpots
     normal_damping = damping * math.sqrt(2.0 * young)
     tangential_damping = damping * math.sqrt(8.0 * shear)
     return np.array(

@@ -337,6 +337,7 @@ def push(
         # Friction is limited by the normal force and twice the pull-off force.
         normal_force -= pull_off
         limit += pull_off
+        # the tangential spring and dashpot at this contact circle
         stiffness = scratch[TANGENTIAL_STIFFNESS + lane] * scratch[tl.CIRCLE + lane]
         damping = scratch[TANGENTIAL_DAMPING + lane] * viscous
         add_forces(

@@ -71,6 +71,7 @@ def constants(
         The values of the rows of the law: k_n / R* [Pa], k_t / k_n, 2 beta and mu_s.
     """
     young, shear = effective_moduli(a, b)
+    # the dashpot constant follows from the restitution
     beta = damping_ratio(contact.restitution, tension)
     return np.array(
         [
