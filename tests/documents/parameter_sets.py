@@ -386,7 +386,7 @@ def open_intervals():
     pooled, secant, exact = open_shares()
     return (
         f"With a discrepancy of {pooled.size}, the default, each interval keeps {pooled.all} of its width. "
-        f"With {secant.size}, which is as plausible, `{NARROWEST}` keeps {secant.narrowest}; with a perfect simulator it would "
+        f"With {secant.size}, from the models of one line, `{NARROWEST}` keeps {secant.narrowest}; with a perfect simulator it would "
         f"keep {exact.narrowest}.\n"
         f"The other five parameters keep {exact.others} even with a perfect simulator. So the piles leave five parameters open "
         "in any case. "
@@ -422,7 +422,7 @@ def design():
         "A statistical analysis gives the 95 % interval that ten measured piles leave each parameter. It depends on the error "
         "of the simulator that is assumed, the discrepancy. "
         f"With {pooled.size}, the default, the intervals keep {pooled.all} of their width. "
-        f"With {secant.size} `{NARROWEST}` keeps {secant.narrowest}, and with a perfect simulator {exact.narrowest}; "
+        f"With {secant.size}, by one line, `{NARROWEST}` keeps {secant.narrowest}, and with a perfect simulator {exact.narrowest}; "
         f"the other five keep at least {exact.others.split()[0]} %.\n"
         f"So the pile leaves five of the six parameters open. How far it determines `{NARROWEST}` depends on the discrepancy, "
         "which is not well known.\n"

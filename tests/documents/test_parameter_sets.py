@@ -31,6 +31,46 @@ def test_the_paper_states_the_solutions_at_a_bound():
     assert f"{at_bound} of the {len(solutions)} solutions" in paper
 
 
+def test_the_paper_states_the_intervals_with_their_discrepancy():
+    paper = " ".join((parameter_sets.ROOT / "paper.md").read_text().split())
+    pooled, secant, exact = parameter_sets.open_shares()
+    assert f"each 95 % interval keeps {pooled.all} of its prior width" in paper
+    assert (
+        f"keeps {secant.narrowest}, and with a perfect simulator {exact.narrowest}"
+        in paper
+    )
+    assert f"keep at least {exact.others.split()[0]} %" in paper
+    assert pooled.size.replace("°", " degrees") in paper
+
+
+def test_the_pooled_discrepancy_is_that_of_the_kept_posterior():
+    stated, by_line = parameter_sets.discrepancy_rows()
+    posterior = parameter_sets.posterior_of(parameter_sets.DEFAULT)
+    pooled = by_line.loc["all six"]
+    assert pooled["aor_sd_deg"] == pytest.approx(posterior["discrepancy_sd"][0], 1e-4)
+    assert pooled["height_sd_mm"] == pytest.approx(posterior["discrepancy_sd"][1], 1e-4)
+    last = parameter_sets.DEFAULT.table("posterior/discrepancy.csv").iloc[-1]
+    for column in ("information_bits", "mus_gg_low", "mus_gg_high"):
+        assert pooled[column] == pytest.approx(last[column], 1e-4)
+    assert set(stated["evidence"]) == {"stated"}
+
+
+def test_a_check_inside_both_ranges_is_sure_only_with_small_errors(monkeypatch):
+    table = pd.DataFrame(
+        {
+            "response": ["aor_deg", "height_mm"],
+            "n_seeds": 32,
+            "simulated": [32.5, 66.5],
+            "simulated_se": [0.01, 0.01],
+        }
+    )
+    monkeypatch.setattr(parameter_sets, "check_of", lambda run: table)
+    assert parameter_sets.probability_inside(None) == pytest.approx(1)
+    # On the edge of both ranges half of the probability of each is inside.
+    table["simulated"] = [31.0, 69.0]
+    assert parameter_sets.probability_inside(None) == pytest.approx(0.25)
+
+
 def test_a_changed_answer_changes_the_page(monkeypatch):
     page = "<!-- made by tests/documents/parameter_sets.py: answers -->\n\nold\n\n<!-- end -->"
     run = parameter_sets.DEFAULT

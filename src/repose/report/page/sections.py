@@ -178,12 +178,14 @@ def _describe_determination(study: Results) -> str:
     narrowest = 100 * min(shares.min(), 1.0)
     if n_determined == 0:
         return (
-            f"The measurements determine none of the {n_parameters} parameters: each "
-            f"95 % interval covers {narrowest:.0f} % or more of what was possible before."
+            "With the assumed error of the simulator, the measurements determine none of "
+            f"the {n_parameters} parameters: each 95 % interval covers {narrowest:.0f} % "
+            "or more of what was possible before."
         )
     return (
-        f"The measurements narrow {n_determined} of the {n_parameters} parameters: the "
-        f"narrowest 95 % interval covers {narrowest:.0f} % of what was possible before."
+        "With the assumed error of the simulator, the measurements narrow "
+        f"{n_determined} of the {n_parameters} parameters: the narrowest 95 % interval "
+        f"covers {narrowest:.0f} % of what was possible before."
     )
 
 
@@ -551,8 +553,9 @@ def make_drum(study: Results) -> DrumSection | None:
     if len(study.published_sets) and {*SLIP_KEYS} <= set(summary.index):
         slip_deg, report_deg = summary.loc[list(SLIP_KEYS), "mean"]
         comparison = (
-            f"The article's run ends when its drum has turned by {report_deg:.0f}°, and "
-            f"it shows the bed after a slip. Here the bed first slips at {slip_deg:.0f}°."
+            "By its times, the article's run ends when its drum has turned by "
+            f"{report_deg:.0f}°. It shows the bed after a slip and states no angle. Here "
+            f"the bed first slips at {slip_deg:.0f}°."
         )
         # A bed that slips later was still whole at the end of the article's run.
         if slip_deg > report_deg:
