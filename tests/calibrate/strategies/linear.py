@@ -33,6 +33,9 @@ class Linear:
             (len(X), *2 * (len(self.outputs),)),
         )
 
+    def moments(self, X):
+        return self.predict(X), self.covariance(X)
+
     def shifted(self, offset):
         moved = copy.copy(self)
         moved.constant = self.constant + offset

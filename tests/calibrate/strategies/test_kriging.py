@@ -7,6 +7,7 @@ import pytest
 from refusals import value_error
 from scipy.stats import multivariate_normal, norm
 
+from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.probability import probability_in_box
 from repose.calibrate.strategies.sequential.kriging import (
     DRAWS,
@@ -14,6 +15,7 @@ from repose.calibrate.strategies.sequential.kriging import (
     PRIOR_FREEDOM,
     Kriging,
     Observed,
+    SpaceKriging,
     _estimate_factor,
 )
 from repose.calibrate.surrogates.process import Process
@@ -225,7 +227,17 @@ def test_a_mean_alone_has_the_bits_of_a_prediction():
     values = means[:, None] + 0.1 * random.normal(size=(12, 2, 2))
     model = Kriging(Observed(unit, values))
     points = random.random((20, 2))
-    np.testing.assert_array_equal(model.mean(points), model.predict(points)[0])
+    mean, covariance = model.predict(points)
+    np.testing.assert_array_equal(model.mean(points), mean)
+    # The posterior takes both at once, and other code one after the other.
+    space = ParameterSpace.of({"a": [0.0, 1.0], "b": [0.0, 1.0]})
+    surrogate = SpaceKriging(model, space)
+    for found in (
+        surrogate.moments(points),
+        (surrogate.predict(points), surrogate.covariance(points)),
+    ):
+        np.testing.assert_array_equal(found[0], mean)
+        np.testing.assert_array_equal(found[1], covariance)
 
 
 def test_a_nugget_is_estimated_once(monkeypatch):

@@ -66,6 +66,21 @@ def test_moments_are_those_of_the_conditional_distribution(noise_of):
         assert variances[i] == pytest.approx(variance[0], rel=1e-6)
 
 
+def test_a_process_of_known_hyperparameters_has_the_bits_of_scikit_learns():
+    random = np.random.default_rng(3)
+    for n in (2, 7, 40):
+        x = random.random((n, 2))
+        values = random.normal(size=n)
+        errors = random.uniform(0.01, 0.1, n)
+        # The bounds of this kernel leave scikit-learn nothing to estimate.
+        slow = Process(KERNEL, x, values, errors)
+        process = Process(KERNEL, x, values, errors, optimizer=None)
+        np.testing.assert_array_equal(process.root, slow.root)
+        np.testing.assert_array_equal(process.weights, slow.weights)
+        assert process.log_likelihood == slow.log_likelihood
+        assert (process.noise_level, slow.noise_level) == (0.0, 0.0)
+
+
 def test_a_covariance_is_that_of_the_textbook():
     """Matérn's covariance of smoothness 5/2 is s^2 (1 + r + r^2 / 3) exp(-r), r: sqrt(5) times the scaled distance."""
     random = np.random.default_rng(3)

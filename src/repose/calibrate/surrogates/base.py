@@ -47,6 +47,9 @@ class Predictor(Protocol):
     def covariance(self, X: ArrayLike) -> np.ndarray:
         """Compute the covariance of the means, as `Surrogate.covariance`."""
 
+    def moments(self, X: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+        """Predict means with their covariance, as `Surrogate.moments`."""
+
 
 class Noise(TypedDict, total=False):
     """Knowledge about the noise of samples; `Surrogate.fit` explains the entries."""
@@ -202,6 +205,13 @@ class Surrogate(ABC):
     @abstractmethod
     def covariance(self, X: ArrayLike) -> np.ndarray:
         """Compute the covariance (n, k, k) of the predicted means, without noise."""
+
+    def moments(self, X: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+        """Predict means (n, k) and their covariance (n, k, k).
+
+        A model that computes both at once overrides this method.
+        """
+        return self.predict(X), self.covariance(X)
 
     @property
     def knows_its_errors(self) -> bool:

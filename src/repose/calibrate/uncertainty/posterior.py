@@ -241,10 +241,8 @@ def infer(
     space = parameters
 
     def likelihood(unit: np.ndarray) -> np.ndarray:
-        X = space.values(unit)
-        return log_likelihood(
-            model.predict(X), model.covariance(X), measurement.observed
-        )
+        means, covariances = model.moments(space.values(unit))
+        return log_likelihood(means, covariances, measurement.observed)
 
     def log_density(unit: np.ndarray) -> np.ndarray:
         return likelihood(unit) + space.log_prior(unit)

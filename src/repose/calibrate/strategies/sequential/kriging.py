@@ -308,17 +308,17 @@ class SpaceKriging:
         """
         if not return_std:
             return self.model.mean(self.space.unit(np.asarray(X, dtype=float)))
-        mean, covariance = self._predict(X)
+        mean, covariance = self.moments(X)
         variances = np.diagonal(covariance + noise * self.model.noise, axis1=1, axis2=2)
         return mean, np.sqrt(variances)
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
         """Compute the covariance (n, k, k) of the predicted means."""
-        _, covariance = self._predict(X)
+        _, covariance = self.moments(X)
         return covariance
 
-    def _predict(self, X: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        """Predict means and their covariance at parameter sets."""
+    def moments(self, X: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+        """Predict mean responses (n, k) and their covariance (n, k, k) at once."""
         return self.model.predict(self.space.unit(np.asarray(X, dtype=float)))
 
 
