@@ -19,21 +19,30 @@ print(*[code_hash(name) for name in sys.argv[1:]])
 """
 
 
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory):
+    """A cache folder with summaries of the package, so that a test parses only what it edits."""
+    cache = tmp_path_factory.mktemp("kept")
+    hashes(PACKAGE, "stages", "report", "dem", cache=cache)
+    return cache
+
+
 @pytest.fixture
-def package(tmp_path):
+def package(tmp_path, kept):
     """A copy of the package that a test may edit."""
     folder = tmp_path / "repose"
     shutil.copytree(
         PACKAGE, folder, ignore=shutil.ignore_patterns("__pycache__", "data")
     )
+    shutil.copytree(kept, tmp_path / "cache")
     return folder
 
 
-def hashes(package, *modules):
+def hashes(package, *modules, cache=None):
     """Hash modules of the copy in a process of its own."""
     environment = os.environ | {
         "PYTHONPATH": str(package.parent),
-        "XDG_CACHE_HOME": str(package.parent / "cache"),
+        "XDG_CACHE_HOME": str(cache or package.parent / "cache"),
     }
     done = subprocess.run(
         [sys.executable, "-c", HASHES, *modules],
@@ -118,7 +127,6 @@ def test_the_caption_of_a_figure_changes_nothing_and_its_inputs_do(package):
 
 def test_old_summaries_are_dropped(package):
     store = package.parent / "cache/repose/source_code.json"
-    store.parent.mkdir(parents=True)
     most = source_code.MOST_SUMMARIES
     store.write_text(json.dumps({f"old {number}": {} for number in range(most)}))
     (package / "probe.py").write_text("NUMBER = 1\n")
@@ -142,11 +150,13 @@ def test_a_data_file_counts_where_a_module_of_its_folder_names_it(package):
 
 
 def test_what_is_kept_between_calls_gives_the_same_hash(package):
-    first = hashes(package, "stages.dataset")
-    assert (package.parent / "cache/repose/source_code.json").is_file()
-    assert hashes(package, "stages.dataset") == first
-    (package.parent / "cache/repose/source_code.json").write_text("{")
-    assert hashes(package, "stages.dataset") == first
+    store = package.parent / "cache/repose/source_code.json"
+    store.unlink()
+    first = hashes(package, "calibrate.designs.exchange_search")
+    assert store.is_file()
+    assert hashes(package, "calibrate.designs.exchange_search") == first
+    store.write_text("{")
+    assert hashes(package, "calibrate.designs.exchange_search") == first
 
 
 def test_an_import_for_type_checkers_alone_counts_nothing(package):
@@ -159,7 +169,8 @@ def test_an_import_for_type_checkers_alone_counts_nothing(package):
     assert hashes(package, "probe") == [before]
 
 
-def test_modules_that_compute_no_number_exist_and_are_no_dependency():
+def test_modules_that_compute_no_number_exist_and_are_no_dependency(kept, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(kept))
     for name in WITHOUT_NUMBERS:
         assert source_code._list_modules_of(name), name
     for module in find_dependencies("stages", "report"):
