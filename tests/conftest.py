@@ -4,6 +4,7 @@ import importlib
 import os
 import re
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -40,6 +41,35 @@ def config(_studies):
 @pytest.fixture
 def quick(_studies):
     return _studies["quick"]
+
+
+@contextmanager
+def _fewer_rounds_and_draws():
+    from repose.calibrate.designs import latin_hypercube
+    from repose.calibrate.uncertainty import sampler
+
+    latin_hypercube._optimal_lhs.cache_clear()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(latin_hypercube, "ROUNDS_PER_POWER", 5)
+        patch.setattr(sampler, "ENSEMBLES", 2)
+        patch.setattr(sampler, "POPULATION", 128)
+        patch.setattr(sampler, "PRIOR_DRAWS", 2 * sampler.CHUNK)
+        yield
+    latin_hypercube._optimal_lhs.cache_clear()
+
+
+@pytest.fixture(scope="module")
+def short_searches():
+    """Designs and posteriors of fewer rounds and draws, in a module that says nothing of how good they are."""
+    with _fewer_rounds_and_draws():
+        yield
+
+
+@pytest.fixture
+def short_search():
+    """The same for a single test."""
+    with _fewer_rounds_and_draws():
+        yield
 
 
 @pytest.fixture

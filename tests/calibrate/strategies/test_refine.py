@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy import stats
+from scipy.spatial.distance import cdist
 from shared import target
 from test_strategies import STUDY, simulate
 
@@ -15,6 +16,7 @@ from repose.calibrate.strategies.refined import places
 from repose.calibrate.strategies.refined.places import places_near_targets
 from repose.calibrate.targets import Targets
 
+pytestmark = pytest.mark.usefixtures("short_searches")
 SPACE = ParameterSpace(("a", "b"), np.array([0.0, 10.0]), np.array([1.0, 20.0]))
 TARGETS = Targets.of(
     [target("aor_deg", 30.0, 2.0, 28, 32), target("height_mm", 60.0, 2.0, 57, 63)]
@@ -67,12 +69,23 @@ def test_places_are_drawn_by_the_probability_to_meet_the_targets(monkeypatch):
         law = stats.multivariate_normal(mean, cov)
         slow.append(law.cdf([30.6, 61.2], lower_limit=[29.4, 58.8]))
     slow = np.array(slow) / np.sum(slow)
-    counts = np.zeros(64)
-    for seed in range(2000):
-        (place,) = drawn(count=1, seed=seed)
-        counts[np.abs(unit - place).sum(axis=1).argmin()] += 1
-    error = np.sqrt(np.maximum(slow * (1 - slow), 1e-4) / 2000)
-    assert np.abs((counts / 2000 - slow) / error).max() < 4.5
+
+    class AllPlaces:
+        """Draws all places, and keeps the probabilities with which it should draw them."""
+
+        def choice(self, n, size, replace, p):
+            assert (size, replace) == (1, False)
+            self.probabilities = p
+            return np.arange(n)
+
+    random = AllPlaces()
+    found = places_near_targets(
+        Plane(), SPACE, TARGETS, count=1, tolerance_percent=2.0, random=random
+    )
+    rows = cdist(found, unit).argmin(axis=1)
+    assert sorted(rows) == list(range(64))
+    # The probabilities are integrals to 0.001.
+    assert random.probabilities == pytest.approx(slow[rows], abs=1e-3)
 
 
 def test_a_target_out_of_reach_takes_the_nearest_places():
