@@ -44,31 +44,58 @@ def quick(_studies):
 
 
 @contextmanager
-def _fewer_rounds_and_draws():
+def _few_rounds():
+    """Designs of few exchanges."""
     from repose.calibrate.designs import latin_hypercube
-    from repose.calibrate.uncertainty import sampler
 
     latin_hypercube._optimal_lhs.cache_clear()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(latin_hypercube, "ROUNDS_PER_POWER", 5)
-        patch.setattr(sampler, "ENSEMBLES", 2)
-        patch.setattr(sampler, "POPULATION", 128)
-        patch.setattr(sampler, "PRIOR_DRAWS", 2 * sampler.CHUNK)
         yield
     latin_hypercube._optimal_lhs.cache_clear()
 
 
+@contextmanager
+def _few_points():
+    """Designs of few exchanges, and proposals, answers and posteriors from few points and draws."""
+    from repose.calibrate import calibration
+    from repose.calibrate.strategies.sequential import advise, reach
+    from repose.calibrate.uncertainty import sampler
+
+    infer = calibration.infer
+
+    def infer_briefly(*arguments, settings, **others):
+        few = settings.model_copy(update={"steps": 20})
+        return infer(*arguments, settings=few, **others)
+
+    with _few_rounds(), pytest.MonkeyPatch.context() as patch:
+        patch.setattr(advise, "CANDIDATES", 256)
+        patch.setattr(advise, "AROUND", 16)
+        patch.setattr(reach, "CANDIDATES", 64)
+        patch.setattr(reach, "FUNCTIONS", 32)
+        patch.setattr(calibration, "infer", infer_briefly)
+        patch.setattr(sampler, "ENSEMBLES", 2)
+        patch.setattr(sampler, "POPULATION", 128)
+        patch.setattr(sampler, "PRIOR_DRAWS", 2 * sampler.CHUNK)
+        yield
+
+
+# For tests that say nothing of how good designs, answers and posteriors are: a whole module, or a single test.
+@pytest.fixture(scope="module")
+def short_designs():
+    with _few_rounds():
+        yield
+
+
 @pytest.fixture(scope="module")
 def short_searches():
-    """Designs and posteriors of fewer rounds and draws, in a module that says nothing of how good they are."""
-    with _fewer_rounds_and_draws():
+    with _few_points():
         yield
 
 
 @pytest.fixture
 def short_search():
-    """The same for a single test."""
-    with _fewer_rounds_and_draws():
+    with _few_points():
         yield
 
 

@@ -33,6 +33,7 @@ from repose.report.figures import (
     surrogate,
     testbench,
 )
+from repose.report.figures.registry import Drawn
 from repose.report.renderer.scenery import look_at
 from repose.report.study_view import StudyView
 
@@ -153,12 +154,26 @@ def test_figures_have_titles_and_captions_with_numbers():
     )
 
 
-def test_figures_have_their_formats_bytes_and_fonts(inputs, tmp_path):
-    files_of_figure = inputs_of("sobol", inputs)
+def draw_a_line(inputs, config):
+    """A figure with what figures are made of: a line in an axes, a legend, a text with a symbol."""
+    figure = style.new_figure(style.PAGE, 1.5)
+    panel = figure.subplots()
+    panel.plot([0, 1, 3], [1, 0, 2], label="a line")
+    panel.set(xlabel="θ (°)", ylabel="$x^2$", xlim=(0, 2))
+    panel.legend()
+    return figure
+
+
+def test_figures_have_their_formats_bytes_and_fonts(tmp_path):
+    line = {"line": Drawn(draw_a_line, inputs={})}
     config = CONFIG | {"figures": {"format": ["png", "pdf", "svg"], "dpi": 90}}
+
+    def draw(path):
+        figures.draw("line", {}, path, config, known=line)
+
     found = []
     for folder in (tmp_path / "first", tmp_path / "second"):
-        figures.draw("sobol", files_of_figure, folder / "it.png", config)
+        draw(folder / "it.png")
         found.append(
             {
                 path.suffix: path.read_bytes()
@@ -174,12 +189,10 @@ def test_figures_have_their_formats_bytes_and_fonts(inputs, tmp_path):
     assert b"/FontFile2" in files[".pdf"]
     assert b"/Type3" not in files[".pdf"], "a journal wants text of TrueType"
     assert b"<text" not in files[".svg"], "its letters are outlines"
-    figures.draw("sobol", files_of_figure, tmp_path / "alone" / "it.pdf", config)
+    draw(tmp_path / "alone" / "it.pdf")
     assert [path.name for path in (tmp_path / "alone").glob("it*")] == ["it.pdf"]
     ending = r"it\.eps: ending is '\.eps'; expected \.png or \.pdf or \.svg"
-    input_error(
-        ending, figures.draw, "sobol", files_of_figure, tmp_path / "it.eps", config
-    )
+    input_error(ending, draw, tmp_path / "it.eps")
 
 
 @pytest.mark.parametrize("name", ["figure02", "figure13", "convergence"])
@@ -335,7 +348,7 @@ def test_the_pile_shows_the_definitions_of_its_angle(drawn):
     settings = MeasureSettings.with_defaults(**CONFIG["measure"])
     figure, _ = drawn("definitions")
     # texts have their places only after drawing
-    figure.canvas.draw()
+    figure.draw_without_rendering()
     text = texts_of(figure)
     assert "80 % of the height" in text
     assert "fit_" not in text
@@ -426,7 +439,7 @@ def test_a_search_without_result_has_its_axes(inputs, tmp_path):
         figure = search.convergence(
             {"history": tmp_path / "history.csv"}, StudyView(CONFIG)
         )
-        figure.canvas.draw()
+        figure.draw_without_rendering()
     (panel,) = figure.axes
     assert panel.get_title(loc="left") == "no feasible solution was met"
     assert sum(bool(tick.get_text()) for tick in panel.get_yticklabels()) > 1
@@ -442,7 +455,7 @@ def test_predicted_and_simulated_responses_have_equal_axes(fresh, inputs, drawn)
         }
         with style.applied():
             figure = surrogate.predicted_against_simulated(files, StudyView(CONFIG))
-            figure.canvas.draw()
+            figure.draw_without_rendering()
     for panel in figure.axes:
         assert panel.get_xlim() == panel.get_ylim()
         assert panel.get_aspect() == 1

@@ -43,7 +43,7 @@ def files(tmp_path_factory):
 def test_figures_name_the_shares_and_no_index(files, name):
     with style.applied():
         figure = getattr(sensitivity, name)(files, StudyView(CONFIG))
-        figure.canvas.draw()
+        figure.draw_without_rendering()
     words = " ".join(" ".join(text.get_text().split()) for text in figure.findobj(Text))
     assert "Var(E[y|x]) / Var(y)" in words
     assert "constraints allow" in words

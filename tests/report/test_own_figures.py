@@ -13,6 +13,7 @@ from repose import Study
 from repose.report.figures import own
 from repose.report.page import own as page_own
 
+pytestmark = pytest.mark.usefixtures("short_searches")
 QUICK = {"posterior": {"walkers": 32, "steps": 100}}
 QUICK["sequential"] = {
     "start_samples": 8,
